@@ -1,0 +1,1 @@
+"""Sample campaigns: the published one and the synthetic room."""

@@ -1,0 +1,1 @@
+"""Robot poses from laser scans (not built yet)."""

@@ -1,0 +1,1 @@
+"""Hand-laser survey: distances to world points and robot frames, the validation poses."""

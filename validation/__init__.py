@@ -1,0 +1,1 @@
+"""Front door of gtval and what all systems share: poses, campaigns, statistics, reports."""

@@ -1,0 +1,61 @@
+"""The ``gtval`` command: a click group whose commands are found by entry points.
+
+Nothing heavy is imported here or when the commands are loaded; a command imports what it needs
+when it is called.
+"""
+
+from importlib.metadata import entry_points, version
+
+import click
+
+from validation.errors import GtvalError
+
+
+class DiscoveredGroup(click.Group):
+    """A group with the commands of all installed packages; known errors end plainly."""
+
+    def __init__(self, **settings: object) -> None:
+        super().__init__(**settings)  # type: ignore[arg-type]
+        self._found = False
+
+    def _discover(self) -> None:
+        if self._found:
+            return
+        self._found = True
+        for entry in sorted(entry_points(group="gtval.commands"), key=lambda e: e.name):
+            try:
+                commands = entry.load()
+            except Exception as error:  # noqa: BLE001  (one broken plug-in must not take the rest)
+                click.echo(f"Warning: plug-in '{entry.name}' cannot be loaded: {error}", err=True)
+                continue
+            for command in commands:
+                self.add_command(command)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of all commands."""
+        self._discover()
+        return super().list_commands(ctx)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The named command."""
+        self._discover()
+        return super().get_command(ctx, cmd_name)
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Run the command; a known error becomes plain sentences and exit status 2."""
+        try:
+            return super().invoke(ctx)
+        except GtvalError as error:
+            click.echo(f"Error: {error}", err=True)
+            ctx.exit(2)
+
+
+@click.command(
+    cls=DiscoveredGroup, context_settings={"help_option_names": ["-h", "--help"]}
+)
+@click.version_option(version("gtval"), prog_name="gtval")
+def main() -> None:
+    """Prove how good a ground truth is.
+
+    Start with `gtval demo`, then `gtval run CAMPAIGN` on a campaign folder of your own.
+    """

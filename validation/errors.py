@@ -1,0 +1,78 @@
+"""Known errors: what went wrong, where, and what to do next.
+
+Every error a user can cause ends in a :class:`GtvalError`, which the command line prints as
+plain sentences with exit status 2. Bad files raise an :class:`InputError` that lists *all* the
+bad places of the files read, not just the first.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+MAX_SHOWN_PROBLEMS = 20
+_MAX_SHOWN_VALUE = 60
+
+
+class GtvalError(Exception):
+    """A known error, told in plain words."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One bad place in an input file.
+
+    Parameters
+    ----------
+    file : Path or str
+        The file, as the user named it.
+    expected : str
+        What should have been there, in words.
+    line : int, optional
+        Line number, from 1; None where the whole file is meant.
+    field : str, optional
+        Column or key.
+    value : str, optional
+        What was found there.
+    """
+
+    file: Path | str
+    expected: str
+    line: int | None = None
+    field: str | None = None
+    value: str | None = None
+
+    def __str__(self) -> str:
+        where = f"{self.file}"
+        if self.line is not None:
+            where += f", line {self.line}"
+        if self.field is not None:
+            where += f", field '{self.field}'"
+        if self.value is None:
+            return f"{where}: {self.expected}"
+        return f"{where}: {_shown(self.value)} — {self.expected}"
+
+
+def _shown(value: str) -> str:
+    """The value in quotes, shortened, with unprintable characters escaped."""
+    short = value if len(value) <= _MAX_SHOWN_VALUE else value[: _MAX_SHOWN_VALUE - 1] + "…"
+    return "'" + short.encode("unicode_escape").decode("ascii") + "'" if not (
+        short.isprintable()
+    ) else f"'{short}'"
+
+
+class InputError(GtvalError):
+    """Bad input files, with every bad place found.
+
+    Parameters
+    ----------
+    problems : iterable of Problem
+        At least one.
+    """
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(problems)
+        shown = [str(problem) for problem in self.problems[:MAX_SHOWN_PROBLEMS]]
+        more = len(self.problems) - len(shown)
+        if more > 0:
+            shown.append(f"… and {more} more.")
+        super().__init__("\n".join(shown))

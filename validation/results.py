@@ -1,0 +1,124 @@
+"""What a system hands over: poses, findings, and blocks for the report."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from validation.poses import PoseTable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+Severity = Literal["good", "note", "warning", "error"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One sentence that a person should read.
+
+    Parameters
+    ----------
+    severity : {"good", "note", "warning", "error"}
+        'error' means that numbers must not be used before it is settled.
+    text : str
+        What was found and what to do about it.
+    subject : str
+        What it is about: 'pose 7', 'vframe', 'vision'.
+    code : str
+        Stable short name for scripts: 'blunder', 'mirror', ...
+    """
+
+    severity: Severity
+    text: str
+    subject: str = ""
+    code: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table for terminal, HTML, Markdown and LaTeX; rendered in ``validation.report``.
+
+    Parameters
+    ----------
+    title : str
+        What it shows; also its caption.
+    columns : sequence of str
+        Headings with their units: 'x [m]'.
+    rows : sequence of sequences
+        str, int, float or None (no value).
+    formats : sequence of str, optional
+        Format of the numbers of each column, as for `format`: '.4f'. Empty: as they are.
+    note : str
+        A sentence under the table.
+    """
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str | int | float | None]]
+    formats: Sequence[str] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure that is drawn only when a report wants it.
+
+    Parameters
+    ----------
+    name : str
+        File name without ending, unique in the report.
+    caption : str
+        What it shows, in a sentence.
+    alternative : str
+        What a reader who cannot see it should know.
+    draw : callable
+        Returns a matplotlib Figure.
+    """
+
+    name: str
+    caption: str
+    alternative: str
+    draw: "Callable[[], MatplotlibFigure]"
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph of plain text."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the report."""
+
+    title: str
+    blocks: Sequence[Table | Figure | Text]
+
+
+@dataclass(frozen=True)
+class SystemResult:
+    """All that one system makes of a campaign.
+
+    Parameters
+    ----------
+    tables : sequence of PoseTable
+        One for each variant of the system; written to results/poses_<system>.csv.
+    findings : sequence of Finding
+        In the order in which they should be read.
+    sections : sequence of Section
+        For the report.
+    files : mapping of str to str or bytes
+        Further files, named relative to results/.
+    facts : mapping
+        Numbers for ``--json`` and results/run.json.
+    landmarks : mapping of str to (float, float)
+        Named points of the room map, in the GTV frame.
+    """
+
+    tables: Sequence[PoseTable] = ()
+    findings: Sequence[Finding] = ()
+    sections: Sequence[Section] = ()
+    files: Mapping[str, str | bytes] = field(default_factory=dict)
+    facts: Mapping[str, object] = field(default_factory=dict)
+    landmarks: Mapping[str, tuple[float, float]] = field(default_factory=dict)

@@ -1,0 +1,1 @@
+"""Robot poses from cameras and markers (not built yet)."""
