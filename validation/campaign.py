@@ -66,7 +66,7 @@ class Vframe(Settings):
             a = self.pole_length
             square = {"O": (0.0, 0.0), "X": (a, 0.0), "Y": (0.0, a), "XY": (a, a)}
             object.__setattr__(self, "points", square)
-        if len(self.points) < 2:  # noqa: PLR2004
+        if len(self.points) < 2:
             raise ValueError("at least two Vframe points are needed")
         return self
 
@@ -88,7 +88,7 @@ class RobotFrame(Settings):
 
     @model_validator(mode="after")
     def _heading_is_determined(self) -> "RobotFrame":
-        if len(set(self.points.values())) < 2:  # noqa: PLR2004
+        if len(set(self.points.values())) < 2:
             raise ValueError("at least two different rig points are needed to find a heading")
         return self
 
@@ -243,8 +243,13 @@ def _parse(path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_bytes().decode())
     except FileNotFoundError:
         raise InputError(
-            [Problem(path, "there is no such file; a campaign folder needs one. "
-                     "`gtval simulate DIR` writes an example")]
+            [
+                Problem(
+                    path,
+                    "there is no such file; a campaign folder needs one. "
+                    "`gtval simulate DIR` writes an example",
+                )
+            ]
         ) from None
     except UnicodeDecodeError as error:
         line = path.read_bytes()[: error.start].count(b"\n") + 1
@@ -255,9 +260,7 @@ def _parse(path: Path) -> dict[str, Any]:
         raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
 
 
-def _input_error(
-    path: Path, error: ValidationError, prefix: tuple[str, ...] = ()
-) -> InputError:
+def _input_error(path: Path, error: ValidationError, prefix: tuple[str, ...] = ()) -> InputError:
     """The same faults with file, line and dotted key."""
     problems = []
     for fault in error.errors():

@@ -50,9 +50,7 @@ class DiscoveredGroup(click.Group):
             ctx.exit(2)
 
 
-@click.command(
-    cls=DiscoveredGroup, context_settings={"help_option_names": ["-h", "--help"]}
-)
+@click.command(cls=DiscoveredGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(version("gtval"), prog_name="gtval")
 def main() -> None:
     """Prove how good a ground truth is.

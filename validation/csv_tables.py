@@ -184,9 +184,7 @@ def _rows(path: Path, text: str) -> list[tuple[int, list[str]]]:
     return rows
 
 
-def _check_header(
-    path: Path, line: int, header: Sequence[str], columns: Iterable[Column]
-) -> None:
+def _check_header(path: Path, line: int, header: Sequence[str], columns: Iterable[Column]) -> None:
     """Raise for missing or repeated columns."""
     problems = [
         Problem(

@@ -55,9 +55,11 @@ class Problem:
 def _shown(value: str) -> str:
     """The value in quotes, shortened, with unprintable characters escaped."""
     short = value if len(value) <= _MAX_SHOWN_VALUE else value[: _MAX_SHOWN_VALUE - 1] + "…"
-    return "'" + short.encode("unicode_escape").decode("ascii") + "'" if not (
-        short.isprintable()
-    ) else f"'{short}'"
+    return (
+        "'" + short.encode("unicode_escape").decode("ascii") + "'"
+        if not (short.isprintable())
+        else f"'{short}'"
+    )
 
 
 class InputError(GtvalError):

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from validation.angles import Array, wrap
 from validation.csv_tables import Column, read_csv
@@ -94,8 +95,10 @@ class PoseTable:
 
     def __post_init__(self) -> None:
         n, k = len(self.ids), len(self.components)
-        poses = np.asarray(self.poses, dtype=float).reshape(-1, k) if n == 0 else np.asarray(
-            self.poses, dtype=float
+        poses = (
+            np.asarray(self.poses, dtype=float).reshape(-1, k)
+            if n == 0
+            else np.asarray(self.poses, dtype=float)
         )
         covariances = np.asarray(self.covariances, dtype=float)
         if covariances.size == 0:
@@ -129,9 +132,9 @@ class PoseTable:
         return len(self.ids)
 
     @property
-    def has_covariance(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def has_covariance(self) -> npt.NDArray[np.bool_]:
         """(n,) True where a covariance is stated."""
-        return np.isfinite(self.covariances).all((1, 2))
+        return np.asarray(np.isfinite(self.covariances).all((1, 2)))
 
     def select(self, ids: Iterable[str]) -> Self:
         """The rows of the named stops, in that order."""
@@ -174,7 +177,7 @@ def covariance_fault(covariance: Array) -> str | None:
 
 
 def pose_difference(a: Array, b: Array, components: Sequence[Component] = PLANAR) -> Array:
-    """a - b per component, angles wrapped to (-pi, pi].
+    """Difference a - b per component, angles wrapped to (-pi, pi].
 
     Parameters
     ----------
@@ -207,9 +210,7 @@ def to_csv(table: PoseTable) -> str:
         stated = np.isfinite(covariance).all()
         cells = [repr(float(v)) if stated else "" for v in covariance[upper]]
         lines.append(
-            ",".join(
-                [_quoted(name), *(repr(float(v)) for v in pose), *cells, _quoted(source)]
-            )
+            ",".join([_quoted(name), *(repr(float(v)) for v in pose), *cells, _quoted(source)])
         )
     return "\n".join(lines) + "\n"
 
@@ -270,8 +271,12 @@ def from_csv(
         fault = covariance_fault(covariances[row])
         if fault:
             csv.problems.append(
-                Problem(path, f"the covariance of pose {csv.text['pose'][row]} {fault}",
-                        csv.lines[row], names[0])
+                Problem(
+                    path,
+                    f"the covariance of pose {csv.text['pose'][row]} {fault}",
+                    csv.lines[row],
+                    names[0],
+                )
             )
     if n == 0:
         csv.problems.append(Problem(path, "the file has a header but no pose", 1))
@@ -342,7 +347,5 @@ def in_common(tables: Sequence[PoseTable]) -> list[str]:
     shared = set(tables[0].ids).intersection(*(table.ids for table in tables[1:]))
     if not shared:
         names = " and ".join(f"'{table.system}'" for table in tables)
-        raise InputError(
-            [Problem("poses", f"the systems {names} have no pose id in common")]
-        )
+        raise InputError([Problem("poses", f"the systems {names} have no pose id in common")])
     return [name for name in tables[0].ids if name in shared]

@@ -1,0 +1,1 @@
+"""Tables, findings and figures for people: terminal, HTML, Markdown and LaTeX."""
