@@ -29,9 +29,7 @@ def reading_sigma(instrument: Instrument, distance: npt.ArrayLike) -> Array:
     """
     beyond = np.maximum(np.asarray(distance, dtype=float) - instrument.tolerance_up_to, 0.0)
     tolerance = instrument.tolerance + instrument.tolerance_per_metre * beyond
-    return np.sqrt(
-        (tolerance / 2) ** 2 + instrument.setup_sigma**2 + instrument.resolution**2 / 12
-    )
+    return np.sqrt((tolerance / 2) ** 2 + instrument.setup_sigma**2 + instrument.resolution**2 / 12)
 
 
 def corrected(instrument: Instrument, reading: npt.ArrayLike) -> Array:
