@@ -116,6 +116,8 @@ class PoseTable:
             raise GtvalError(f"{who}: expected {(n, k)} numbers, got {self.poses.shape}")
         if self.covariances.shape != (n, k, k):
             raise GtvalError(f"{who}: covariances {self.covariances.shape}, not {(n, k, k)}")
+        if self.joint is not None and self.joint.shape != (n * k, n * k):
+            raise GtvalError(f"{who}: joint covariance {self.joint.shape}, not {(n * k, n * k)}")
         if len(self.sources) != n:
             raise GtvalError(f"{who}: {len(self.sources)} sources for {n} poses")
         if len(set(self.ids)) != n:
