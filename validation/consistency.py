@@ -89,7 +89,7 @@ def normalised_errors(errors: npt.ArrayLike, covariances: npt.ArrayLike) -> Arra
         Their covariances.
     """
     variances = np.diagonal(np.asarray(covariances, dtype=float), axis1=-2, axis2=-1)
-    return np.asarray(errors, dtype=float) / np.sqrt(variances)
+    return np.asarray(np.asarray(errors, dtype=float) / np.sqrt(variances))
 
 
 def chi_squared_interval(dof: int, confidence: float = 0.95, n: int = 1) -> Interval:
