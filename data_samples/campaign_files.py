@@ -156,9 +156,7 @@ def _campaign_toml(simulated: SimulatedCampaign, seed: int | None) -> str:
         "[vframe]\n" + _entries(room.vframe.model_dump()),
         "[robot_frame]\n" + _entries(simulated.robot_frame.model_dump()),
         "[survey]\n" + _entries({"world_points": room.world_names}),
-        "[room]
-" + _walls(room),
-        + _entries({"walls": _walls(room)}),
+        "[room]\n" + _walls(room),
     ]
     tables += [
         "[[published]]\n"
