@@ -113,7 +113,7 @@ def rotate(theta: Array, points: Array) -> Array:
     """
     c, s = np.cos(theta), np.sin(theta)
     x, y = points[..., 0], points[..., 1]
-    return np.stack([c * x - s * y, s * x + c * y], axis=-1)
+    return np.moveaxis(np.stack([c * x - s * y, s * x + c * y]), 0, -1)
 
 
 def mirror_in_line(points: Array, line_points: Array) -> Array:

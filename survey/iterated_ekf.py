@@ -19,6 +19,9 @@ from validation.angles import Array
 PASSES = 20
 STEP_TOLERANCE = 1e-9
 """A pass that moves the estimate by less (metres, radians) is the last."""
+WORKING_ELEMENTS = 15_000
+"""Starts times readings iterated at a time: enough to make the cost of a call small, few enough
+for the cache and for the allocator to keep the memory from one operation to the next."""
 
 Model = Callable[[Array], tuple[Array, Array, Array]]
 """State (n,) -> h (m,), H (m, n), R (m, m)."""
@@ -84,7 +87,7 @@ def iterated_ekf(model: Model, start: Array, prior_sigma: Array, passes: int = P
     prior = np.diag(np.square(prior_sigma))
     ekf.R = np.eye(n)
     converged, done = False, 0
-    for done in range(1, passes + 1):
+    for done in range(1, passes + 1):  # noqa: B007  (reported below)
         at = ekf.x
         residual, jacobian, _ = _compressed(model, at)
         ekf.P = prior.copy()
@@ -97,7 +100,7 @@ def iterated_ekf(model: Model, start: Array, prior_sigma: Array, passes: int = P
 
 
 def _compressed(model: Model, state: Array) -> tuple[Array, Array, float]:
-    """n whitened combinations of the readings, their derivative, and the whole cost."""
+    """As many whitened combinations of the readings as unknowns, their derivative, and the cost."""
     h, H, R = model(state)
     root = np.linalg.cholesky(R)
     white = np.linalg.solve(root, np.column_stack([H, h]))
@@ -124,7 +127,7 @@ def iterated_ekf_batch(
     ----------
     model : callable
         States (b, n) to h (b, m), H (b, m, n) and the variances (b, m) of h, readings being
-        independent.
+        independent. It is quickest where each column of H lies in memory in one piece.
     starts : (b, n) array
         First guesses.
     prior_sigma : (n,) array
@@ -135,44 +138,80 @@ def iterated_ekf_batch(
     Notes
     -----
     The same iteration as `iterated_ekf`, in its information form: the step is
-    -(H^T R^-1 H + P0^-1)^-1 H^T R^-1 h. Starts that have settled leave the batch.
+    -(H^T R^-1 H + P0^-1)^-1 H^T R^-1 h. Only so many starts are iterated at a time; those that
+    have settled make room for the next, so that a few slow ones keep nobody waiting and the
+    arrays stay small.
     """
     state = np.array(starts, dtype=float)
-    b, n = state.shape
-    used = np.full(b, passes, dtype=np.intp)
+    b = len(state)
+    used = np.zeros(b, dtype=np.intp)
     converged = np.zeros(b, dtype=bool)
     cost = np.full(b, np.nan)
-    active = np.arange(b)
-    prior = np.diag(1 / np.square(prior_sigma))
-    with np.errstate(over="ignore", invalid="ignore"):
-        for done in range(1, passes + 1):
-            h, H, variance = model(state[active])
-            weighted = H / variance[..., None]
-            information = np.swapaxes(weighted, -1, -2) @ H + prior
-            gradient = (weighted * h[..., None]).sum(-2)
-            step = _solve_small(information, gradient)
-            cost[active] = (h**2 / variance).sum(-1)
+    prior = 1 / np.square(np.asarray(prior_sigma, dtype=float))
+    room = _working_set(model, state)
+    active = np.arange(min(room, b))
+    following = active.size
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        while active.size:
+            step, cost[active] = _gauss_newton_step(model, state[active], prior)
             state[active] -= step
+            used[active] += 1
             size = np.abs(step).max(-1)
-            settled = size < STEP_TOLERANCE
-            converged[active[settled]] = True
-            used[active[settled]] = done
-            active = active[~settled & np.isfinite(size)]
-            if active.size == 0:
-                break
-        if active.size:
-            h, _, variance = model(state[active])
-            cost[active] = (h**2 / variance).sum(-1)
+            converged[active] = size < STEP_TOLERANCE
+            stays = (size >= STEP_TOLERANCE) & (size < np.inf) & (used[active] < passes)
+            last = min(following + room - int(stays.sum()), b)
+            active = np.append(active[stays], np.arange(following, last))
+            following = last
+        for rows in np.array_split(np.flatnonzero(~converged), b // room + 1):
+            h, _, variance = model(state[rows])
+            cost[rows] = (h**2 / variance).sum(-1)  # the last pass of these moved far
     return Estimates(state, cost, used, converged)
 
 
-def _solve_small(A: Array, b: Array) -> Array:
-    """Solutions of (b, n, n) symmetric systems; NaN where singular."""
-    if A.shape[-1] == 2:
-        det = A[..., 0, 0] * A[..., 1, 1] - A[..., 0, 1] ** 2
-        x = A[..., 1, 1] * b[..., 0] - A[..., 0, 1] * b[..., 1]
-        y = A[..., 0, 0] * b[..., 1] - A[..., 0, 1] * b[..., 0]
-        return np.stack([x, y], axis=-1) / np.where(det > 0, det, np.nan)[..., None]
-    finite = np.isfinite(A).all((-1, -2))
-    safe = np.where(finite[..., None, None], A, np.eye(A.shape[-1]))
-    return np.where(finite[..., None], np.linalg.solve(safe, b[..., None])[..., 0], np.nan)
+def _working_set(model: BatchModel, state: Array) -> int:
+    """How many starts to iterate at a time."""
+    readings = model(state[:1])[0].size if len(state) else 1
+    return max(WORKING_ELEMENTS // max(readings, 1), 1)
+
+
+def _gauss_newton_step(model: BatchModel, state: Array, prior: Array) -> tuple[Array, Array]:
+    """What to subtract from each state (b, n), and the cost (b,) before that."""
+    h, H, variance = model(state)
+    n = state.shape[-1]
+    weight = 1 / variance
+    columns = [H[..., i] for i in range(n)]
+    information: list[list[Array]] = []
+    gradient = []
+    for i in range(n):
+        weighted = weight * columns[i]
+        gradient.append(np.einsum("bm,bm->b", weighted, h))
+        row = [np.einsum("bm,bm->b", weighted, columns[j]) for j in range(i + 1)]
+        row[i] += prior[i]
+        information.append(row)
+    step = np.stack(_solve_small(information, gradient), axis=-1)
+    return step, np.einsum("bm,bm->b", weight * h, h)
+
+
+def _solve_small(lower: list[list[Array]], right: list[Array]) -> list[Array]:
+    """Solutions of b symmetric n x n systems at once by Cholesky; NaN where not positive.
+
+    ``lower[i][j]`` (b,), j <= i, are the elements of the matrices, ``right[i]`` (b,) the right
+    sides. Loops over the few elements, so that each operation runs over the whole batch.
+    """
+    n = len(right)
+    root: list[list[Array]] = []
+    middle: list[Array] = []
+    for i in range(n):
+        row: list[Array] = []
+        for j in range(i):
+            rest = sum((row[k] * root[j][k] for k in range(j)), start=np.float64(0.0))
+            row.append((lower[i][j] - rest) / root[j][j])
+        row.append(np.sqrt(lower[i][i] - sum((r * r for r in row), start=np.float64(0.0))))
+        root.append(row)
+        rest = sum((row[k] * middle[k] for k in range(i)), start=np.float64(0.0))
+        middle.append((right[i] - rest) / row[i])
+    solution = middle
+    for i in reversed(range(n)):
+        rest = sum((root[k][i] * solution[k] for k in range(i + 1, n)), start=np.float64(0.0))
+        solution[i] = (middle[i] - rest) / root[i][i]
+    return solution
