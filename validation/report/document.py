@@ -1,0 +1,154 @@
+"""What the report says, in order, before any format: the one source of HTML, Markdown, LaTeX."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+from validation.evaluation import Evaluation
+from validation.report.evaluation_tables import (
+    coverage_table,
+    magnitude_table,
+    overview_table,
+    pose_table,
+    statistics_table,
+)
+from validation.report.terminal import most_severe_first
+from validation.results import Figure, Finding, Section, Table, Text
+from validation.run import RunResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+FAULTY = (
+    "The survey itself found errors (listed first below). Until they are settled, neither the "
+    "validation poses nor any error computed from them may be used."
+)
+
+
+@dataclass(frozen=True)
+class Document:
+    """The report, ready to be set.
+
+    Parameters
+    ----------
+    title : str
+        Name of the campaign.
+    description : str
+        One sentence on it.
+    alarm : str
+        What has to be read before anything else; mostly empty.
+    facts : sequence of (str, str)
+        What, and its value.
+    findings : sequence of Finding
+        The most severe first.
+    sections : sequence of Section
+        In reading order.
+    """
+
+    title: str
+    description: str
+    alarm: str
+    facts: Sequence[tuple[str, str]]
+    findings: Sequence[Finding]
+    sections: Sequence[Section]
+
+    @property
+    def tables(self) -> list[Table]:
+        """All tables in reading order."""
+        return [b for section in self.sections for b in section.blocks if isinstance(b, Table)]
+
+
+def build_document(run: RunResult) -> Document:
+    """The report of a run."""
+    settings = run.campaign.settings
+    overview = [_overview_section(run.evaluations)] if run.evaluations else []
+    return Document(
+        title=settings.name,
+        description=settings.description,
+        alarm=FAULTY if run.validation_is_faulty else "",
+        facts=_facts(run),
+        findings=most_severe_first(run.findings),
+        sections=[
+            *overview,
+            *run.sections,
+            *(_evaluation_section(run, evaluation) for evaluation in run.evaluations),
+            _inputs_section(run),
+        ],
+    )
+
+
+def _facts(run: RunResult) -> list[tuple[str, str]]:
+    """What a reader must know of the campaign, as far as it is stated."""
+    settings = run.campaign.settings
+    instrument = settings.instrument
+    poses = "none" if run.validation is None else str(len(run.validation))
+    stated = [
+        ("place", settings.place),
+        ("date", settings.date),
+        ("instrument", f"{instrument.model}, ±{1000 * instrument.tolerance:g} mm"),
+        ("validation poses", poses),
+        ("systems compared", ", ".join(one.system for one in run.evaluations) or "none"),
+        *settings.facts.items(),
+        ("made with", f"gtval {version('gtval')}"),
+    ]
+    return [(name, value) for name, value in stated if value]
+
+
+def _overview_section(evaluations: Sequence[Evaluation]) -> Section:
+    strips = Figure(
+        "error_strips",
+        "Every error, with the mean (tick) and its interval (bar) below the points.",
+        "Errors of each component as points, one row for each system. The numbers are in the "
+        "tables of the systems.",
+        partial(_draw, "error_strips", evaluations),
+    )
+    return Section(
+        "All systems", [overview_table(evaluations), strips, coverage_table(evaluations)]
+    )
+
+
+def _evaluation_section(run: RunResult, evaluation: Evaluation) -> Section:
+    """Tables and figures of one system."""
+    comparison, system = evaluation.comparison, evaluation.system
+    blocks: list[Table | Figure | Text] = [statistics_table(evaluation)]
+    lengths = [component for component in comparison.components if component.kind == "length"]
+    if len(lengths) >= 2:
+        walls, landmarks = run.campaign.settings.room.walls, run.landmarks
+        blocks.append(
+            Figure(
+                f"error_map_{system}",
+                "Errors on the map of the room. Dots: validation poses; arrows: from there "
+                "towards the GT pose, enlarged by the factor in the title.",
+                f"Map with an arrow for each of the {len(comparison)} poses of {system}. The "
+                "numbers are in the table of its poses.",
+                partial(_draw, "error_map", comparison, walls, landmarks),
+            )
+        )
+    if any(component.name in {"theta", "yaw"} for component in comparison.components):
+        blocks.append(
+            Figure(
+                f"error_heading_{system}",
+                "Errors against the heading of the robot. A wrong sensor mount shows as a wave "
+                "of one period; noise does not.",
+                f"Scatter plots of the errors of {system} over the heading, a component each.",
+                partial(_draw, "error_against_heading", comparison),
+            )
+        )
+    blocks += [pose_table(comparison), magnitude_table(comparison)]
+    return Section(f"System {system}", blocks)
+
+
+def _draw(name: str, *arguments: object) -> "MatplotlibFigure":
+    """A figure of `validation.figures`, which is imported only when something is drawn."""
+    from validation import figures  # noqa: PLC0415  (half a second that other formats do without)
+
+    draw: Callable[..., MatplotlibFigure] = getattr(figures, name)
+    return draw(*arguments)
+
+
+def _inputs_section(run: RunResult) -> Section:
+    rows = [[name, digest] for name, digest in run.inputs.items()]
+    note = "Versions, settings and seeds are in results/run.json."
+    return Section("Inputs", [Table("Files read", ["file", "SHA-256"], rows, note=note)])

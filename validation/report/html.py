@@ -1,0 +1,56 @@
+"""The report as one HTML file that needs nothing else: no network, no script, no other file."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from validation.report.cells import is_number_column, rows_of_text
+from validation.report.document import Document
+from validation.report.svg import inline_svg
+from validation.results import Figure, Table, Text
+
+
+def html_report(document: Document) -> str:
+    """The report as HTML. All text is escaped; only the figures' SVG goes in as it is."""
+    environment = Environment(
+        loader=PackageLoader("validation.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    sections = [
+        {
+            "id": f"section-{number}",
+            "title": section.title,
+            "blocks": [
+                _block(block, f"s{number}b{place}") for place, block in enumerate(section.blocks)
+            ],
+        }
+        for number, section in enumerate(document.sections, 1)
+    ]
+    return environment.get_template("report.html.j2").render(document=document, sections=sections)
+
+
+def _block(block: Table | Figure | Text, identifier: str) -> dict[str, Any]:
+    """What the template needs of a block."""
+    if isinstance(block, Text):
+        return {"kind": "text", "text": block.text}
+    if isinstance(block, Figure):
+        # The SVG is made by us from escaped text; everything else is escaped by the template.
+        svg = Markup(inline_svg(block, identifier))  # noqa: S704
+        return {"kind": "figure", "caption": block.caption, "svg": svg}
+    return {
+        "kind": "table",
+        "id": identifier,
+        "table": block,
+        "rows": rows_of_text(block),
+        "right": _right(block),
+    }
+
+
+def _right(table: Table) -> Sequence[bool]:
+    """Which columns hold numbers."""
+    return [is_number_column(table.rows, column) for column in range(len(table.columns))]

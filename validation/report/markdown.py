@@ -1,0 +1,47 @@
+"""Tables and findings as Markdown (the pipe tables of GitHub and pandoc)."""
+
+import re
+from collections.abc import Sequence
+
+from validation.report.cells import is_number_column, rows_of_text
+from validation.report.document import Document
+from validation.results import Table
+
+_SPECIAL = re.compile(r"([\\`*_{}\[\]<>#|~$])")
+
+
+def markdown_report(document: Document) -> str:
+    """Title, findings and all tables as Markdown."""
+    lines = [f"# {escaped(document.title)}", ""]
+    if document.alarm:
+        lines += [f"**{escaped(document.alarm)}**", ""]
+    lines += ["## Findings", ""]
+    lines += [
+        f"- **{finding.severity}** {escaped(f'{finding.subject}: ' if finding.subject else '')}"
+        f"{escaped(finding.text)}"
+        for finding in document.findings
+    ] or ["None."]
+    tables = [markdown_table(table) for table in document.tables]
+    return "\n".join(lines) + "\n\n" + "\n".join(tables)
+
+
+def markdown_table(table: Table) -> str:
+    """The table with its title above and its note below."""
+    columns = range(len(table.columns))
+    right = [is_number_column(table.rows, column) for column in columns]
+    lines = [f"**{escaped(table.title)}**", ""]
+    lines.append(_row(table.columns))
+    lines.append("|" + "|".join("---:" if number else "---" for number in right) + "|")
+    lines += [_row(cells) for cells in rows_of_text(table)]
+    if table.note:
+        lines += ["", escaped(table.note)]
+    return "\n".join(lines) + "\n"
+
+
+def _row(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(escaped(cell) for cell in cells) + " |"
+
+
+def escaped(text: str) -> str:
+    """The text on one line, with nothing in it taken as Markdown."""
+    return _SPECIAL.sub(r"\\\1", " ".join(text.split()))
