@@ -1,0 +1,157 @@
+"""What speaks for and against a pose: points explained, points where there must be nothing.
+
+A sum of residuals cannot tell a right match from a wrong one, for it looks only at points that
+found a partner. Here every point of both sweeps is asked: is there a surface where you are, are
+you hidden from the other sensor, outside of its view, or in a place that its beams have crossed?
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from laser_gt.planar import inverse, transform
+from laser_gt.scans import Flags, Sweep, View
+from laser_gt.surfaces import Surface, surface
+from validation.angles import Array, wrap
+
+MARGIN = 0.06
+"""Distances up to this plus 4 sigma count as explained, in metres."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A sweep made ready for matching: everything that depends on it alone.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        The sweep.
+    """
+
+    sweep: Sweep
+
+    @property
+    def name(self) -> str:
+        """Of the stop."""
+        return self.sweep.name
+
+    @cached_property
+    def surface(self) -> Surface:
+        """Its points with their lines."""
+        return surface(self.sweep)
+
+    @cached_property
+    def tolerance(self) -> float:
+        """Largest distance in metres at which a point is explained by a surface."""
+        return MARGIN + 4 * self.sweep.range_sigma
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Shares of the points of both sweeps, one value for each pose.
+
+    Parameters
+    ----------
+    explained : (k,) array
+        Share of all points that lie on a surface of the other sweep.
+    violating : (k,) array
+        Share of all points in space that the other sensor's beams have crossed.
+    hidden : (k,) array
+        Share of all points that the other sensor could not see.
+    """
+
+    explained: Array
+    violating: Array
+    hidden: Array
+
+    @property
+    def overlap(self) -> Array:
+        """(k,) share of the points that the other sensor could have seen."""
+        return 1 - self.hidden
+
+    @property
+    def score(self) -> Array:
+        """(k,) explained less violating shares; 1 for a perfect match with full overlap."""
+        return self.explained - self.violating
+
+
+def evidence(reference: Prepared, moving: Prepared, pose: Array, stride: int = 1) -> Evidence:
+    """How well each pose agrees with all that both sweeps saw.
+
+    Parameters
+    ----------
+    reference, moving : Prepared
+        The two sweeps.
+    pose : (k, 3) array
+        Moving frame in the reference frame.
+    stride : int
+        Only every so many points are asked.
+    """
+    pose = np.atleast_2d(pose)
+    tolerance = max(reference.tolerance, moving.tolerance)
+    counts = np.zeros((3, len(pose)))
+    total = 0
+    for target, source, motion in (
+        (reference, moving, pose),
+        (moving, reference, inverse(pose)),
+    ):
+        points = transform(motion, source.sweep.points[::stride])
+        explained, violating, hidden = _asked(target, points, tolerance)
+        counts += np.stack([explained.sum(-1), violating.sum(-1), hidden.sum(-1)])
+        total += points.shape[1]
+    return Evidence(*(counts / total))
+
+
+def _asked(target: Prepared, points: Array, tolerance: float) -> tuple[Flags, Flags, Flags]:
+    """(k, n) which points are explained, violate free space, are hidden from a sweep."""
+    grid = target.surface.grid
+    explained = grid.squared_distance(points[..., 0], points[..., 1]) < tolerance**2
+    seen = np.zeros(explained.shape, dtype=bool)
+    crossed = np.zeros(explained.shape, dtype=bool)
+    for view in target.sweep.views:
+        near, far, there = measured_limits(view, points)
+        offset = points - view.mount[:2]
+        distance = np.sqrt(np.einsum("...i,...i->...", offset, offset))
+        crossed |= there & (distance < near - tolerance)
+        seen |= there & (distance < far + tolerance)
+    violating = crossed & ~explained
+    return explained, violating, ~explained & ~violating & ~seen
+
+
+def measured_limits(view: View, points: Array) -> tuple[Array, Array, Flags]:
+    """Least and greatest range that a scanner measured around the direction of each point.
+
+    Parameters
+    ----------
+    view : View
+        Scan and mount.
+    points : (..., 2) array
+        In the sweep's frame.
+
+    Returns
+    -------
+    near, far : (...) arrays
+        Over three neighbouring beams, metres. ``near`` is 0 where one of them did not return
+        (glass, black cloth: nothing is known), ``far`` then is the farthest that did, or 0.
+    there : (...) bool array
+        Whether the direction is in the field of view.
+    """
+    scan = view.scan
+    offset = points - view.mount[:2]
+    azimuth = wrap(np.arctan2(offset[..., 1], offset[..., 0]) - view.mount[2])
+    turned = scan.angles[0] + np.mod(azimuth - scan.angles[0] + scan.step / 2, 2 * np.pi)
+    beam = np.searchsorted(scan.angles, turned, side="right") - 1
+    there = (beam >= 0) & (turned < scan.angles[-1] + scan.step)
+    near, far = _beam_limits(scan.ranges, scan.returned)
+    beam = np.clip(beam, 0, len(scan) - 1)
+    return near[beam], far[beam], there
+
+
+def _beam_limits(ranges: Array, returned: Flags) -> tuple[Array, Array]:
+    """Least and greatest of each range and its two neighbours."""
+    low, high = np.where(returned, ranges, 0.0), np.where(returned, ranges, 0.0)
+    padded_low, padded_high = np.pad(low, 1, mode="edge"), np.pad(high, 1, mode="edge")
+    near = np.minimum(np.minimum(padded_low[:-2], padded_low[1:-1]), padded_low[2:])
+    far = np.maximum(np.maximum(padded_high[:-2], padded_high[1:-1]), padded_high[2:])
+    return near, far
