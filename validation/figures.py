@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MultipleLocator
 
@@ -27,21 +28,21 @@ Landmarks = Mapping[str, tuple[float, float]]
 
 
 def arrow_scale(distances: Array, extent: float) -> int:
-    """Factor by which errors are enlarged: 1, 2 or 5 times a power of ten, at least 1.
+    """Factor by which errors are enlarged: 1, 2, 3 or 5 times a power of ten.
 
     Parameters
     ----------
     distances : (n,) array
         Lengths of the errors, in metres.
     extent : float
-        Size of what is drawn, in metres. The 90 % quantile of the arrows is to be an eighth.
+        Size of what is drawn, in metres. A seventh of it is the 90 % quantile of the arrows.
     """
     typical = float(np.quantile(distances, 0.9)) if len(distances) else 0.0
     if typical <= 0 or extent <= 0:
         return 1
-    wanted = max(extent / 8 / typical, 1.0)
+    wanted = max(extent / 7 / typical, 1.0)
     power = 10 ** int(np.floor(np.log10(wanted)))
-    return int(power * max(step for step in (1, 2, 5) if step * power <= wanted))
+    return int(power * max(step for step in (1, 2, 3, 5) if step * power <= wanted))
 
 
 def error_map(
@@ -143,10 +144,9 @@ def error_against_heading(comparison: Comparison) -> Figure:
         axes.plot(
             heading, comparison.errors[:, number], MARKERS[number % 6], color=COLOURS[0], ms=4
         )
-        for name, at, error in zip(
-            comparison.ids, heading, comparison.errors[:, number], strict=True
-        ):
-            axes.annotate(name, (at, error), (4, 2), textcoords="offset points", fontsize=7)
+        for row in _worth_a_label(comparison.errors[:, number]):
+            at = (heading[row], comparison.errors[row, number])
+            axes.annotate(comparison.ids[row], at, (4, 2), textcoords="offset points", fontsize=8)
         axes.set_ylabel(f"{component.name} error [{component.unit}]")
         axes.grid(visible=True, linewidth=0.3)
         axes.margins(y=0.15)
@@ -156,6 +156,13 @@ def error_against_heading(comparison: Comparison) -> Figure:
     panels[-1].xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f}°"))
     panels[0].set_title(f"{comparison.system}: error against heading")
     return figure
+
+
+def _worth_a_label(errors: Array) -> npt.NDArray[np.intp]:
+    """Rows to be named: all of a few, else the third that is farthest from the median."""
+    apart = np.abs(errors - np.median(errors))
+    count = len(errors) if len(errors) <= 8 else len(errors) // 3
+    return np.argsort(-apart, kind="stable")[:count]
 
 
 def error_strips(evaluations: Sequence[Evaluation]) -> Figure:

@@ -131,7 +131,7 @@ def _evaluation_section(run: RunResult, evaluation: Evaluation) -> Section:
             Figure(
                 f"error_heading_{system}",
                 "Errors against the heading of the robot. A wrong sensor mount shows as a wave "
-                "of one period; noise does not.",
+                "of one period; noise does not. Named are the poses farthest from the median.",
                 f"Scatter plots of the errors of {system} over the heading, a component each.",
                 partial(_draw, "error_against_heading", comparison),
             )

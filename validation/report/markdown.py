@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from validation.report.cells import is_number_column, rows_of_text
 from validation.report.document import Document
-from validation.results import Table
+from validation.results import Finding, Table
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]<>#|~$])")
 
@@ -16,11 +16,7 @@ def markdown_report(document: Document) -> str:
     if document.alarm:
         lines += [f"**{escaped(document.alarm)}**", ""]
     lines += ["## Findings", ""]
-    lines += [
-        f"- **{finding.severity}** {escaped(f'{finding.subject}: ' if finding.subject else '')}"
-        f"{escaped(finding.text)}"
-        for finding in document.findings
-    ] or ["None."]
+    lines += [_finding(finding) for finding in document.findings] or ["None."]
     tables = [markdown_table(table) for table in document.tables]
     return "\n".join(lines) + "\n\n" + "\n".join(tables)
 
@@ -36,6 +32,11 @@ def markdown_table(table: Table) -> str:
     if table.note:
         lines += ["", escaped(table.note)]
     return "\n".join(lines) + "\n"
+
+
+def _finding(finding: Finding) -> str:
+    text = f"{finding.subject}: {finding.text}" if finding.subject else finding.text
+    return f"- **{finding.severity}** {escaped(text)}"
 
 
 def _row(cells: Sequence[str]) -> str:

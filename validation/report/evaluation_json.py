@@ -1,0 +1,36 @@
+"""Comparisons as nested dicts, for ``--json``."""
+
+from validation.evaluation import Evaluation
+
+
+def evaluation_json(evaluation: Evaluation) -> dict[str, object]:
+    """Everything known of one system's errors, keyed by stop and component.
+
+    Lengths in metres, angles in radians; what is not available is NaN, which
+    `validation.json_text.as_json` turns into null.
+    """
+    comparison = evaluation.comparison
+    names = [component.name for component in comparison.components]
+    return {
+        "system": evaluation.system,
+        "n": len(comparison),
+        "errors": {
+            pose: dict(zip(names, errors, strict=True))
+            for pose, errors in zip(comparison.ids, comparison.errors, strict=True)
+        },
+        "nees": dict(zip(comparison.ids, comparison.nees, strict=True)),
+        "nees_interval": list(comparison.nees_interval),
+        "nees_not_available": comparison.unavailable,
+        "nees_test": comparison.test,
+        "missing_in_gt": comparison.missing_in_gt,
+        "missing_in_validation": comparison.missing_in_validation,
+        "statistics": {
+            one.component.name: {
+                "unit": one.component.unit,
+                **{key: value for key, value in vars(one).items() if key != "component"},
+                "bias_is_significant": one.bias_is_significant,
+                "bias_below_limit": one.bias.holds,
+            }
+            for one in evaluation.statistics
+        },
+    }
