@@ -1,0 +1,49 @@
+# What there is: make demo, make test, make test-full, make bench, make clean.
+# All they need is python3 (3.11 or later) with its venv module; the rest goes to .venv.
+
+VENV := .venv
+PYTHON := $(VENV)/bin/python
+TESTED := validation survey vision_gt laser_gt data_samples tests benchmarks
+
+# One thread a process: the tests run side by side, and small matrices gain nothing from more.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+
+.PHONY: demo test test-full check-code check-wheel bench clean
+
+demo: $(VENV)/installed
+	$(VENV)/bin/gtval demo
+
+test: check-code check-wheel
+	$(PYTHON) -m pytest -n 2 -m "not full"
+
+test-full: test
+	$(PYTHON) -m pytest -n 2 -m full
+
+check-code: $(VENV)/installed-for-tests
+	$(PYTHON) -m ruff check $(TESTED)
+	$(PYTHON) -m ruff format --check $(TESTED)
+	$(PYTHON) -m mypy
+
+# What users get is the wheel: the demo must run from it, far from this folder.
+check-wheel: $(VENV)/installed-for-tests
+	.ci/check-wheel $(PYTHON)
+
+bench: $(VENV)/installed-for-tests
+	for question in benchmarks/*.py; do $(PYTHON) $$question || exit 1; done
+
+clean:
+	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
+
+# Installed editable, so that the commands always run the sources as they are.
+$(VENV)/installed: pyproject.toml | $(VENV)/bin/python
+	$(PYTHON) -m pip install --quiet --disable-pip-version-check --editable .
+	touch $@
+
+$(VENV)/installed-for-tests: pyproject.toml | $(VENV)/bin/python
+	$(PYTHON) -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	touch $@ $(VENV)/installed
+
+$(VENV)/bin/python:
+	python3 -m venv $(VENV)
