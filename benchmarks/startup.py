@@ -1,4 +1,4 @@
-"""How long does `gtval --help` take, beside Python itself and Python with click?
+"""Start-up: how long `gtval --help` takes, beside Python itself and Python with click.
 
 Whole processes, timed in turn so that a busy machine is busy for all of them; the median and
 the fastest of each are printed, and their ratios to bare Python.
@@ -21,13 +21,14 @@ COMMANDS = {
 }
 
 
-def seconds(command):
+def seconds(command: list[str]) -> float:
+    """Wall time of a whole process."""
     started = time.perf_counter()
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     return time.perf_counter() - started
 
 
-def main():
+def main() -> None:
     for command in COMMANDS.values():
         seconds(command)  # the first run fills the caches
     taken = {name: [] for name in COMMANDS}
