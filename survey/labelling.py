@@ -1,0 +1,340 @@
+"""Are the Vframe points what their labels say?
+
+Exchanging labels of a symmetric frame turns or mirrors the whole room and fits the readings to
+the Vframe points just as well: for the square O, X, Y, XY there are eight such labellings. Only
+something that breaks the symmetry can tell: coordinates from elsewhere, or readings of robot
+frames, whose rig has a handedness. This module finds the labellings that fit, asks everything
+that could tell them apart, and refuses the given one if it is contradicted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import permutations
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from scipy.special import chdtrc
+
+from survey.geometry import rigid_alignment
+from survey.robot_frames import RobotFrameFit, solve_robot_frames
+from survey.vframe import estimate_vframe
+from survey.world_points import WorldPoints, locate_world_points
+from validation.errors import GtvalError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from survey.readings import Readings
+    from survey.solve import Evidence
+    from validation.angles import Array
+    from validation.campaign import RobotFrame, Vframe
+
+MOST_POINTS = 5
+"""Frames of more points are too many labellings to try, and hardly symmetric."""
+MOST_POSES = 4
+"""Robot frames asked for their opinion."""
+DECISIVE = 30.0
+"""Difference of chi-squared (natural odds of millions) from which evidence decides."""
+PUBLISHED_SIGMA = 0.02
+"""Standard deviation, in metres, granted to published coordinates: another computation, misprints."""
+MOST_POINTS_TRIED = 6
+"""World points with which exchanged labels are tried."""
+_HOPELESS = 1e-6
+"""p-value of the world points below which the given labels are doubted without any symmetry."""
+
+Kind = Literal["given", "mirrored", "turned", "exchanged"]
+
+
+@dataclass(frozen=True)
+class Labelling:
+    """One way of reading the labels.
+
+    Parameters
+    ----------
+    meaning : mapping of str to str
+        Label in the readings to the point it would stand for; only where the two differ.
+    kind : {"given", "mirrored", "turned", "exchanged"}
+        As given; a mirror image or a turn of the given one; or labels exchanged without symmetry.
+    cost : float
+        Chi-squared of the world points.
+    evidence : mapping of str to float
+        Chi-squared of each thing that could tell.
+    """
+
+    meaning: Mapping[str, str]
+    kind: Kind
+    cost: float
+    evidence: Mapping[str, float]
+
+    @property
+    def total(self) -> float:
+        """Chi-squared with all the evidence."""
+        return self.cost + sum(self.evidence.values())
+
+    def __str__(self) -> str:
+        if not self.meaning:
+            return "labels as given"
+        return "labels read as " + ", ".join(f"{a} = {b}" for a, b in self.meaning.items())
+
+
+@dataclass(frozen=True)
+class LabellingVerdict:
+    """What can be said of the labels.
+
+    Parameters
+    ----------
+    status : {"confirmed", "unconfirmed", "unambiguous", "not tested"}
+        'confirmed': others fit the readings, evidence decides for the given one;
+        'unconfirmed': nothing tells it from a mirror image; 'unambiguous': no other fits.
+    given : Labelling
+        The labels as they are.
+    others : tuple of Labelling
+        Those that fit the readings to the Vframe points as well.
+    decided_by : tuple of str
+        What told.
+    """
+
+    status: Literal["confirmed", "unconfirmed", "unambiguous", "not tested"]
+    given: Labelling
+    others: tuple[Labelling, ...] = ()
+    decided_by: tuple[str, ...] = ()
+
+    @property
+    def open_mirrors(self) -> list[Labelling]:
+        """Mirror images that nothing excludes."""
+        return [
+            other
+            for other in self.others
+            if other.kind == "mirrored" and other.total - self.given.total < DECISIVE
+        ]
+
+
+def judge_labelling(
+    vframe: Vframe,
+    rig: RobotFrame,
+    readings: Readings,
+    world: WorldPoints,
+    evidence: Evidence,
+) -> LabellingVerdict:
+    """Whether the given labels can be believed.
+
+    Raises
+    ------
+    GtvalError
+        If another labelling fits decisively better: the given one must not be used.
+
+    Notes
+    -----
+    AD2.3 prints its table of readings with X and Y exchanged; the printed coordinates follow
+    only from the corrected labels.
+    """
+    names = tuple(vframe.points)
+    given = Labelling({}, "given", 0.0, {})
+    if len(names) > MOST_POINTS:
+        return LabellingVerdict("not tested", given)
+    candidates = _labellings_that_fit(vframe, rig, readings, world, evidence)
+    given = next(c for c in candidates if c.kind == "given")
+    best = min(candidates, key=lambda c: c.total)
+    if given.total - best.total > DECISIVE:
+        _refuse(given, best, candidates)
+    others = tuple(c for c in candidates if c is not given and c.cost - given.cost < DECISIVE)
+    if not others:
+        return LabellingVerdict("unambiguous", given)
+    verdict = LabellingVerdict("confirmed", given, others, _deciders(given, others))
+    if verdict.open_mirrors:
+        return LabellingVerdict("unconfirmed", given, others, verdict.decided_by)
+    return verdict
+
+
+def _deciders(given: Labelling, others: Sequence[Labelling]) -> tuple[str, ...]:
+    """Evidence that speaks decisively against at least one mirror image."""
+    return tuple(
+        name
+        for name, cost in given.evidence.items()
+        if any(o.evidence[name] - cost > DECISIVE for o in others if o.kind == "mirrored")
+    )
+
+
+def _labellings_that_fit(
+    vframe: Vframe,
+    rig: RobotFrame,
+    readings: Readings,
+    world: WorldPoints,
+    evidence: Evidence,
+) -> list[Labelling]:
+    """The given labelling and those that fit the readings no worse, with their evidence.
+
+    A labelling that is a symmetry of the frame needs no solving: it carries the world points
+    along and leaves every residual as it is. The others matter only if the given one fits badly.
+    """
+    names = tuple(vframe.points)
+    nominal = np.array(list(vframe.points.values()))
+    cost = sum(point.cost for point in world.points)
+    freedom = sum(point.redundancy for point in world.points)
+    images: list[_Image] = []
+    for order in permutations(range(len(names))):
+        meaning = {names[i]: names[j] for i, j in enumerate(order) if i != j}
+        motion = _symmetry(nominal, nominal[list(order)])
+        if motion is not None:
+            images.append(_Image(meaning, motion, cost))
+    frames = _some_frames(readings, world, rig)
+    mirrored = next((i for i in images if i.motion.is_mirror), None)
+    turned_over = [] if mirrored is None else _some_frames(readings, mirrored.of(world), rig)
+    found = [
+        _weighed(image, world, evidence, turned_over if image.motion.is_mirror else frames)
+        for image in images
+    ]
+    if freedom and chdtrc(freedom, cost) < _HOPELESS:
+        found += _exchanged(vframe, readings, world, rig, evidence, images)
+    return found
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """A symmetry of the frame: p -> matrix p + shift."""
+
+    matrix: Array
+    shift: Array
+
+    @property
+    def is_mirror(self) -> bool:
+        return bool(np.linalg.det(self.matrix) < 0)
+
+
+@dataclass(frozen=True)
+class _Image:
+    """A labelling and what it does to the world points."""
+
+    meaning: Mapping[str, str]
+    motion: _Motion
+    cost: float
+
+    @property
+    def kind(self) -> Kind:
+        if not self.meaning:
+            return "given"
+        return "mirrored" if self.motion.is_mirror else "turned"
+
+    def of(self, world: WorldPoints) -> WorldPoints:
+        """World points where this labelling would put them."""
+        A = self.motion.matrix
+        points = tuple(
+            replace(
+                p, position=A @ p.position + self.motion.shift, covariance=A @ p.covariance @ A.T
+            )
+            for p in world.points
+        )
+        blocks = np.kron(np.eye(len(points)), A)
+        return WorldPoints(points, blocks @ world.covariance @ blocks.T, ())
+
+
+def _symmetry(a: Array, b: Array) -> _Motion | None:
+    """The turn or mirror image that carries points a onto b; None if there is none."""
+    for flip in (np.eye(2), np.diag([1.0, -1.0])):
+        x, y, theta = rigid_alignment(a @ flip, b)
+        c, s = np.cos(theta), np.sin(theta)
+        matrix = np.array([[c, -s], [s, c]]) @ flip
+        if np.allclose(a @ matrix.T + [x, y], b, atol=1e-6):
+            return _Motion(matrix, np.array([x, y]))
+    return None
+
+
+def _exchanged(
+    vframe: Vframe,
+    readings: Readings,
+    world: WorldPoints,
+    rig: RobotFrame,
+    evidence: Evidence,
+    images: Sequence[_Image],
+) -> list[Labelling]:
+    """Labellings without symmetry that fit decisively better than a given one that does not."""
+    names = tuple(vframe.points)
+    tried = [dict(image.meaning) for image in images]
+    some = [point.name for point in world.points[:MOST_POINTS_TRIED]]
+    given_cost = sum(point.cost for point in world.points[:MOST_POINTS_TRIED])
+    identity = _Motion(np.eye(2), np.zeros(2))
+    found = []
+    for order in permutations(names):
+        meaning = {a: b for a, b in zip(names, order, strict=True) if a != b}
+        if meaning in tried:
+            continue
+        relabelled = _relabelled(readings, meaning)
+        fit = locate_world_points(some, relabelled, estimate_vframe(vframe, relabelled))
+        cost = sum(point.cost for point in fit.points)
+        if len(fit.points) == len(some) and given_cost - cost > DECISIVE:
+            whole = sum(p.cost for p in world.points) * cost / given_cost
+            frames = _some_frames(relabelled, fit, rig)
+            weighed = _weighed(_Image(meaning, identity, whole), fit, evidence, frames)
+            found.append(replace(weighed, kind="exchanged"))
+    return found
+
+
+def _relabelled(readings: Readings, meaning: Mapping[str, str]) -> Readings:
+    """Readings with their Vframe labels replaced."""
+    return replace(
+        readings,
+        start=tuple(meaning.get(name, name) for name in readings.start),
+        end=tuple(meaning.get(name, name) for name in readings.end),
+    )
+
+
+def _weighed(
+    image: _Image, world: WorldPoints, evidence: Evidence, frames: Sequence[RobotFrameFit]
+) -> Labelling:
+    """A labelling with what everything else says of it.
+
+    ``frames`` are robot frames solved with world points of the same handedness; a turn carries
+    them along without changing their cost.
+    """
+    moved = image.of(world)
+    chi2: dict[str, float] = {}
+    where = dict(zip(moved.names, moved.positions, strict=True))
+    for name, points, sigma in (
+        ("published coordinates", evidence.published, PUBLISHED_SIGMA),
+        ("hand-measured points", evidence.hand, evidence.hand_sigma),
+    ):
+        shared = [p for p in points if p in where]
+        if shared:
+            chi2[name] = _capped(np.array([(where[p] - points[p]) / sigma for p in shared]))
+    if frames:
+        chi2["robot-frame readings"] = float(sum(frame.cost for frame in frames))
+    return Labelling(dict(image.meaning), image.kind, image.cost, chi2)
+
+
+def _capped(normalised: Array) -> float:
+    """Chi-squared in which no single number counts for more than a hundred sigmas."""
+    return float((np.minimum(np.abs(normalised), 100.0) ** 2).sum())
+
+
+def _some_frames(readings: Readings, world: WorldPoints, rig: RobotFrame) -> list[RobotFrameFit]:
+    """A few robot frames, those with the most readings, solved with given world points."""
+    count = {pose: len(readings.of_pose(pose)) for pose in readings.poses}
+    some = sorted(count, key=lambda pose: -count[pose])[:MOST_POSES]
+    found, _ = solve_robot_frames(some, readings, world, rig, {})
+    return found
+
+
+def _refuse(given: Labelling, best: Labelling, candidates: Sequence[Labelling]) -> None:
+    """Raise, saying which labelling fits and how to state it."""
+    del candidates
+    settings = ", ".join(f'{a} = "{b}"' for a, b in best.meaning.items())
+    reasons = [
+        f"{name} (chi-squared {best.evidence[name]:.3g} instead of {cost:.3g})"
+        for name, cost in given.evidence.items()
+        if cost - best.evidence.get(name, np.inf) > DECISIVE
+    ]
+    if given.cost - best.cost > DECISIVE:
+        reasons.insert(
+            0, f"readings to the Vframe points (chi-squared {best.cost:.3g}, not {given.cost:.3g})"
+        )
+    also = " The readings to the Vframe points alone fit both: the frame is symmetric." * (
+        abs(given.cost - best.cost) < DECISIVE
+    )
+    what = {"mirrored": "a mirror image", "turned": "a turned image"}.get(best.kind, "other places")
+    raise GtvalError(
+        f"the labels of the Vframe points are exchanged: as given, all points would be {what} of "
+        f"where they are, metres off.{also} The other labelling is supported by "
+        f"{'; '.join(reasons)}. If the labels were exchanged on the form, state it in "
+        f"campaign.toml, table [survey.labels]: {settings}"
+    )
