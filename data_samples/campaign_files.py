@@ -18,7 +18,7 @@ from validation.poses import to_csv
 SETTINGS_FILE = "truth/settings.json"
 """Names what the folder was made from; a folder that holds it is a simulated campaign."""
 
-_OPTIONAL = ("survey/hand_points.csv",)
+_OPTIONAL = ("survey/hand_points.csv", "survey/initial_guesses.csv")
 _FIRST_READING = datetime(2024, 3, 4, 9, 0, 0)  # noqa: DTZ001  (people note local time)
 _BETWEEN_READINGS = timedelta(seconds=20)
 
@@ -51,7 +51,6 @@ def campaign_files(simulated: SimulatedCampaign, seed: int | None = None) -> dic
     """Texts of all files of a simulated campaign, by their names relative to its folder."""
     room, truth = simulated.room, simulated.truth
     rig, vframe = list(simulated.robot_frame.points), list(room.vframe.points)
-    guesses = simulated.initial_guesses
     marks = [
         [stop, point, *xy]
         for stop, points in zip(room.stop_names, truth.marks, strict=True)
@@ -60,13 +59,6 @@ def campaign_files(simulated: SimulatedCampaign, seed: int | None = None) -> dic
     files = {
         "campaign.toml": _campaign_toml(simulated, seed),
         "survey/readings.csv": _readings(simulated),
-        "survey/initial_guesses.csv": _csv(
-            ["pose", "x", "y", "theta"],
-            [
-                [name, *(f"{v:.3f}" for v in pose)]
-                for name, pose in zip(guesses.ids, guesses.poses, strict=True)
-            ],
-        ),
         "truth/world_points.csv": _named_points("world_point", room.world_names, room.world_points),
         "truth/vframe_points.csv": _named_points("point", vframe, truth.vframe_points),
         "truth/rig_points.csv": _named_points("point", rig, truth.rig_points),
@@ -75,6 +67,12 @@ def campaign_files(simulated: SimulatedCampaign, seed: int | None = None) -> dic
         "truth/blunders.csv": _faults(simulated),
         SETTINGS_FILE: _settings_json(simulated, seed),
     }
+    if simulated.initial_guesses is not None:
+        guesses = zip(simulated.initial_guesses.ids, simulated.initial_guesses.poses, strict=True)
+        files["survey/initial_guesses.csv"] = _csv(
+            ["pose", "x", "y", "theta"],
+            [[name, *(f"{v:.3f}" for v in pose)] for name, pose in guesses],
+        )
     if simulated.hand_points:
         files["survey/hand_points.csv"] = _csv(
             ["world_point", "x", "y", "sigma"],

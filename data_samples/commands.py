@@ -70,6 +70,9 @@ def _run_command(ctx: click.Context) -> click.Command:
     help="World points also measured roughly, which tells a mirror image.",
 )
 @click.option(
+    "--initial-guesses", is_flag=True, help="Poses also measured roughly, to 0.1 m and 0.1 rad."
+)
+@click.option(
     "--bias",
     type=(float, float, float),
     default=(0.0, 0.0, 0.0),
@@ -91,6 +94,7 @@ def simulate(
     typos: int,
     mirror_trap: bool,
     hand_points: int,
+    initial_guesses: bool,
     bias: tuple[float, float, float],
     force: bool,
     as_json: bool,
@@ -116,6 +120,7 @@ def simulate(
         typos=typos,
         mirror_trap=mirror_trap,
         hand_points=hand_points,
+        guess_sigmas=(0.1, 0.1, 0.1) if initial_guesses else None,
     )
     simulated = simulate_survey(room, settings, rng)
     write_campaign(folder, simulated, seed)

@@ -60,8 +60,6 @@ class SimulationSettings:
         As campaign.toml will state it.
     robot_frame : RobotFrame
         The same; its ``sides`` are measured in the simulation.
-    guess_sigmas : (float, float, float)
-        Standard deviations of the initial guesses: x, y (metres), theta (radians).
     systems : tuple of ExampleSystem
         Ground truths to compare with.
     missing : float
@@ -74,6 +72,9 @@ class SimulationSettings:
         The labels X and Y of the Vframe points are exchanged in the file, and nothing says so.
     hand_points : int
         World points whose coordinates were also measured roughly, with ``hand_sigma`` metres.
+    guess_sigmas : (float, float, float), optional
+        Standard deviations of initial guesses: x, y (metres), theta (radians); there are no
+        guesses where not given.
     spot_height : float
         The laser spot is off by up to this height, metres, up or down: a longer distance.
     tail_freedom : float, optional
@@ -83,7 +84,6 @@ class SimulationSettings:
 
     instrument: Instrument = HAND_LASER
     robot_frame: RobotFrame = RIG
-    guess_sigmas: tuple[float, float, float] = (0.1, 0.1, 0.1)
     systems: tuple[ExampleSystem, ...] = ()
     missing: float = 0.0
     blunders: int = 0
@@ -92,6 +92,7 @@ class SimulationSettings:
     mirror_trap: bool = False
     hand_points: int = 0
     hand_sigma: float = 0.1
+    guess_sigmas: tuple[float, float, float] | None = None
     spot_height: float = 0.0
     tail_freedom: float | None = None
 
@@ -137,7 +138,7 @@ class SimulatedCampaign:
         What the instrument showed, metres, typing errors included.
     readings : Readings
         The same, corrected and with the standard deviations that the instrument states.
-    initial_guesses : PoseTable
+    initial_guesses : PoseTable or None
         Rough poses.
     hand_points : dict of str to (float, float)
         World points measured roughly.
@@ -152,7 +153,7 @@ class SimulatedCampaign:
     robot_frame: RobotFrame
     shown: Array
     readings: Readings
-    initial_guesses: PoseTable
+    initial_guesses: PoseTable | None
     hand_points: dict[str, tuple[float, float]]
     systems: tuple[PoseTable, ...]
     truth: SurveyTruth
@@ -197,7 +198,9 @@ def simulate_survey(
         robot_frame=robot_frame,
         shown=shown,
         readings=_as_readings([names[i] for i in start], [names[i] for i in end], shown, settings),
-        initial_guesses=_noisy_poses(room, "hand", settings.guess_sigmas, rng),
+        initial_guesses=None
+        if settings.guess_sigmas is None
+        else _noisy_poses(room, "hand", settings.guess_sigmas, rng),
         hand_points=_hand_points(room, settings, rng),
         systems=tuple(
             _noisy_poses(room, example.system, example.sigmas, rng, example.bias)

@@ -22,7 +22,12 @@ def simulated():
     rng = np.random.default_rng(11)
     room = make_room(RoomSettings(stops=4, world_points=6, pillars=1), rng)
     settings = SimulationSettings(
-        systems=(ExampleSystem(),), blunders=2, typos=1, hand_points=2, missing=0.05
+        systems=(ExampleSystem(),),
+        blunders=2,
+        typos=1,
+        hand_points=2,
+        missing=0.05,
+        guess_sigmas=(0.1, 0.1, 0.1),
     )
     return simulate_survey(room, settings, rng)
 
@@ -110,11 +115,11 @@ def test_initial_guesses_are_a_pose_table(campaign, simulated):
 
 def test_files_of_an_earlier_simulation_that_are_not_written_again_go(simulated, tmp_path):
     write_campaign(tmp_path, simulated)
-    hand_points = tmp_path / "survey" / "hand_points.csv"
-    assert hand_points.exists()
+    optional = [tmp_path / "survey" / f"{n}.csv" for n in ("hand_points", "initial_guesses")]
+    assert all(path.exists() for path in optional)
     room = simulated.room
     write_campaign(tmp_path, simulate_survey(room, SimulationSettings(), np.random.default_rng(0)))
-    assert not hand_points.exists()
+    assert not any(path.exists() for path in optional)
 
 
 def test_a_campaign_states_nothing_of_the_truth(simulated):

@@ -138,11 +138,16 @@ def test_an_example_system_errs_as_its_covariances_state_about_its_bias():
 
 def test_initial_guesses_scatter_as_asked():
     errors = []
-    for campaign in many():
+    for seed in range(60):
+        campaign = simulated(seed, guess_sigmas=(0.1, 0.05, 0.2))
         gap = campaign.initial_guesses.poses - campaign.room.stops
         gap[:, 2] = np.angle(np.exp(1j * gap[:, 2]))
         errors.append(gap / campaign.settings.guess_sigmas)
     assert_standard_normal(errors)
+
+
+def test_there_are_no_initial_guesses_unless_asked_for():
+    assert simulated().initial_guesses is None
 
 
 def test_hand_points_are_rough_places_of_world_points_far_apart():
