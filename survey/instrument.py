@@ -7,6 +7,24 @@ from validation.angles import Array
 from validation.campaign import Instrument
 
 
+def tolerance_at(instrument: Instrument, distance: npt.ArrayLike) -> Array:
+    """Half width that the maker states for a distance, metres.
+
+    Parameters
+    ----------
+    instrument : Instrument
+        Its specification.
+    distance : (...) array_like
+        Metres.
+
+    Notes
+    -----
+    AD2.3, "Hand-laser distance measuring device": +-1.5 mm to 30 m, +-5 mm at 50 m.
+    """
+    beyond = np.maximum(np.asarray(distance, dtype=float) - instrument.tolerance_up_to, 0.0)
+    return np.asarray(instrument.tolerance + instrument.tolerance_per_metre * beyond)
+
+
 def reading_sigma(instrument: Instrument, distance: npt.ArrayLike) -> Array:
     """Standard deviation of a reading.
 
@@ -24,12 +42,10 @@ def reading_sigma(instrument: Instrument, distance: npt.ArrayLike) -> Array:
 
     Notes
     -----
-    AD2.3, "Hand-laser distance measuring device": +-1.5 mm to 30 m, +-5 mm at 50 m. The
-    resolution r adds r^2 / 12, the variance of rounding.
+    The resolution r adds r^2 / 12, the variance of rounding.
     """
-    beyond = np.maximum(np.asarray(distance, dtype=float) - instrument.tolerance_up_to, 0.0)
-    tolerance = instrument.tolerance + instrument.tolerance_per_metre * beyond
-    return np.sqrt((tolerance / 2) ** 2 + instrument.setup_sigma**2 + instrument.resolution**2 / 12)
+    half = tolerance_at(instrument, distance) / 2
+    return np.sqrt(half**2 + instrument.setup_sigma**2 + instrument.resolution**2 / 12)
 
 
 def corrected(instrument: Instrument, reading: npt.ArrayLike) -> Array:
