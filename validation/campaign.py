@@ -240,7 +240,7 @@ def _parse(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > MAX_TOML_BYTES:
             raise InputError([Problem(path, "larger than 1 MB; this cannot be a campaign.toml")])
-        return tomllib.loads(path.read_bytes().decode())
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except FileNotFoundError:
         raise InputError(
             [
@@ -256,6 +256,10 @@ def _parse(path: Path) -> dict[str, Any]:
         raise InputError([Problem(path, "not UTF-8; save the file as UTF-8", line)]) from None
     except tomllib.TOMLDecodeError as error:
         raise InputError([Problem(path, f"not valid TOML: {error}")]) from None
+    except RecursionError:
+        raise InputError([Problem(path, "not valid TOML: nested too deeply")]) from None
+    except ValueError as error:  # a NUL byte in the name, or a number of thousands of digits
+        raise InputError([Problem(path, f"cannot be read: {error}")]) from None
     except OSError as error:
         raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
 

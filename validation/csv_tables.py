@@ -13,9 +13,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from validation.errors import GtvalError, InputError, Problem
+from validation.errors import MAX_SHOWN_PROBLEMS, GtvalError, InputError, Problem, shown
 
 MAX_BYTES = 20_000_000
+MAX_PROBLEMS = 1000
+"""After so many bad places a file is given up: it is something else."""
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 
 
@@ -81,7 +83,13 @@ class CsvTable:
     def flag(self, row: int, name: str, expected: str) -> None:
         """Record that a cell is bad; `raise_problems` reports it."""
         value = self.raw[name][row] if name in self.raw else None
-        self.problems.append(Problem(self.path, expected, self.lines[row], name, value))
+        self.add(Problem(self.path, expected, self.lines[row], name, value))
+
+    def add(self, problem: Problem) -> None:
+        """Record a problem; raise what there is once there are far too many."""
+        self.problems.append(problem)
+        if len(self.problems) >= MAX_PROBLEMS:
+            self.raise_problems()
 
     def flag_duplicates(
         self, names: Sequence[str], key: Callable[[int], object] | None = None
@@ -93,7 +101,7 @@ class CsvTable:
             identity = cells if key is None else key(row)
             if identity in first:
                 said = ", ".join(f"{n} = {c}" for n, c in zip(names, cells, strict=True))
-                self.problems.append(
+                self.add(
                     Problem(
                         self.path,
                         f"the same as line {first[identity]} ({said}); remove one of the two",
@@ -149,6 +157,8 @@ def read_csv(path: Path, columns: Sequence[Column], *, max_bytes: int = MAX_BYTE
 def _decode(path: Path, max_bytes: int) -> str:
     """Text of a file, undecodable bytes kept as lone surrogates."""
     try:
+        if path.exists() and not path.is_file():
+            raise InputError([Problem(path, "this is no file, but a folder or a device")])
         size = path.stat().st_size
         if size > max_bytes:
             raise InputError(
@@ -160,11 +170,16 @@ def _decode(path: Path, max_bytes: int) -> str:
                     )
                 ]
             )
-        return path.read_bytes().decode("utf-8-sig", errors="surrogateescape")
+        data = path.read_bytes()
     except FileNotFoundError:
         raise InputError([Problem(path, "there is no such file")]) from None
     except OSError as error:
         raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
+    except ValueError as error:  # a NUL byte in the name
+        raise GtvalError(f"cannot read {str(path)!r}: {error}") from error
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError([Problem(path, "saved as UTF-16; save the file as UTF-8", 1)])
+    return data.decode("utf-8-sig", errors="surrogateescape")
 
 
 def _rows(path: Path, text: str) -> list[tuple[int, list[str]]]:
@@ -189,7 +204,7 @@ def _check_header(path: Path, line: int, header: Sequence[str], columns: Iterabl
     problems = [
         Problem(
             path,
-            f"the column is missing; the header has: {', '.join(header) or 'nothing'}",
+            f"the column is missing; the header has: {_shown_header(header)}",
             line,
             column.name,
         )
@@ -205,12 +220,19 @@ def _check_header(path: Path, line: int, header: Sequence[str], columns: Iterabl
         raise InputError(problems)
 
 
+def _shown_header(header: Sequence[str]) -> str:
+    """The headings as far as a person would read them."""
+    named = [shown(name) for name in header[:MAX_SHOWN_PROBLEMS] if name]
+    more = ", …" if len(header) > MAX_SHOWN_PROBLEMS else ""
+    return ", ".join(named) + more if named else "nothing"
+
+
 def _add_row(table: CsvTable, line: int, cells: list[str], header: Sequence[str]) -> None:
     """Append a row's raw cells; a row of the wrong length is a problem and left out."""
     while len(cells) > len(header) and not cells[-1].strip():
         cells = cells[:-1]
     if len(cells) > len(header):
-        table.problems.append(
+        table.add(
             Problem(
                 table.path,
                 f"{len(cells)} cells under {len(header)} headings (a decimal comma needs quotes, "

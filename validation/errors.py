@@ -46,20 +46,18 @@ class Problem:
         if self.line is not None:
             where += f", line {self.line}"
         if self.field is not None:
-            where += f", field '{self.field}'"
+            where += f", field {shown(self.field)}"
         if self.value is None:
             return f"{where}: {self.expected}"
-        return f"{where}: {_shown(self.value)} — {self.expected}"
+        return f"{where}: {shown(self.value)} — {self.expected}"
 
 
-def _shown(value: str) -> str:
+def shown(value: str) -> str:
     """The value in quotes, shortened, with unprintable characters escaped."""
     short = value if len(value) <= _MAX_SHOWN_VALUE else value[: _MAX_SHOWN_VALUE - 1] + "…"
-    return (
-        "'" + short.encode("unicode_escape").decode("ascii") + "'"
-        if not (short.isprintable())
-        else f"'{short}'"
-    )
+    if not short.isprintable():
+        short = short.encode("unicode_escape").decode("ascii")
+    return f"'{short}'"
 
 
 class InputError(GtvalError):

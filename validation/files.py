@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,8 +14,9 @@ def write_files(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]
     """The paths of a set of files, all written before the first is put in place.
 
     Each file goes to a temporary neighbour, is flushed to the disk, and only when all of them
-    are there do they take their names. An error or a power cut leaves the old files as they
-    were.
+    are there do they take their names. After an error the old files are as they were. Each
+    single file is old or new at every moment, also in a power cut; only a power cut between
+    two renames leaves some files old and some new.
 
     Parameters
     ----------
@@ -28,24 +30,32 @@ def write_files(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]
     GtvalError
         If the folder cannot be written; the old files are untouched.
     """
-    staged: list[tuple[Path, Path]] = []
+    staged: dict[Path, Path] = {}
+    kept: dict[Path, Path | None] = {}
     try:
         for name, content in contents.items():
             target = folder / name
             target.parent.mkdir(parents=True, exist_ok=True)
-            staged.append((_stage(target, content), target))
-        for temporary, target in staged:
+            staged[target] = _stage(target, content)
+        for target, temporary in staged.items():
+            kept[target] = _keep(target)
             temporary.replace(target)
-    except OSError as error:
-        for temporary, _ in staged:
-            temporary.unlink(missing_ok=True)
-        raise GtvalError(f"cannot write to {folder}: {error.strerror or error}") from error
-    return [target for _, target in staged]
+    except BaseException as error:
+        _undo(kept, staged)
+        if isinstance(error, OSError):
+            reason = error.strerror or error
+            raise GtvalError(f"cannot write to {folder}: {reason}") from error
+        raise
+    for copy in kept.values():
+        if copy:
+            copy.unlink()
+    return list(staged)
 
 
 def _stage(target: Path, content: str | bytes) -> Path:
     """A flushed temporary file beside the target; removed again if it cannot be filled."""
-    data = content.encode() if isinstance(content, str) else content
+    # A file name that is no UTF-8 may have got into the text: it is written with escapes.
+    data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
     handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
     try:
         with os.fdopen(handle, "wb") as stream:
@@ -60,3 +70,32 @@ def _stage(target: Path, content: str | bytes) -> Path:
     os.umask(umask)
     Path(name).chmod(0o666 & ~umask)
     return Path(name)
+
+
+def _keep(target: Path) -> Path | None:
+    """A second name for the file that is about to be replaced; None if there is none."""
+    if not target.exists():
+        return None
+    copy = target.with_name(f".{target.name}.{os.getpid()}.old.tmp")
+    copy.unlink(missing_ok=True)
+    try:
+        copy.hardlink_to(target)
+    except OSError:  # a file system without hard links
+        shutil.copy2(target, copy)
+    return copy
+
+
+def _undo(kept: Mapping[Path, Path | None], staged: Mapping[Path, Path]) -> None:
+    """The files as they were before, and no temporary one left."""
+    for target, temporary in staged.items():
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        if target not in kept:
+            continue
+        with contextlib.suppress(OSError):
+            copy = kept[target]
+            if copy is None:
+                target.unlink(missing_ok=True)
+            else:
+                copy.replace(target)
+                copy.unlink(missing_ok=True)  # two names of one file are not renamed

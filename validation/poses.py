@@ -1,5 +1,6 @@
 """Poses with covariances, named components and where they came from."""
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,7 +13,7 @@ import numpy.typing as npt
 
 from validation.angles import Array, wrap
 from validation.csv_tables import Column, read_csv
-from validation.errors import GtvalError, InputError, Problem
+from validation.errors import GtvalError, InputError, Problem, shown
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,9 @@ class PoseTable:
             raise GtvalError(f"{who}: joint covariance {self.joint.shape}, not {(n * k, n * k)}")
         if len(self.sources) != n:
             raise GtvalError(f"{who}: {len(self.sources)} sources for {n} poses")
+        bad = [name for name in self.ids if not name.isprintable() or name.strip() != name]
+        if bad or "" in self.ids:
+            raise GtvalError(f"{who}: not a name for a stop: {shown(bad[0] if bad else '')}")
         if len(set(self.ids)) != n:
             twice = sorted({name for name in self.ids if self.ids.count(name) > 1})
             raise GtvalError(f"{who}: these ids occur more than once: {', '.join(twice)}")
@@ -170,10 +174,11 @@ def covariance_fault(covariance: Array) -> str | None:
     scale = np.sqrt(np.abs(np.diagonal(covariance)))
     if (np.diagonal(covariance) <= 0).any():
         return "has a variance that is not positive"
-    correlation = covariance / np.outer(scale, scale)
-    if np.abs(correlation - correlation.T).max() > 1e-6:
+    with np.errstate(over="ignore"):
+        correlation = covariance / scale[:, None] / scale
+    if not np.allclose(correlation, correlation.T, rtol=0, atol=1e-6):
         return "is not symmetric"
-    if np.linalg.eigvalsh(correlation).min() <= 1e-12:
+    if np.abs(correlation).max() > 1 + 1e-6 or np.linalg.eigvalsh(correlation).min() <= 1e-12:
         return "is not positive definite"
     return None
 
@@ -212,7 +217,14 @@ def to_csv(table: PoseTable) -> str:
         stated = np.isfinite(covariance).all()
         cells = [repr(float(v)) if stated else "" for v in covariance[upper]]
         lines.append(
-            ",".join([_quoted(name), *(repr(float(v)) for v in pose), *cells, _quoted(source)])
+            ",".join(
+                [
+                    _quoted(name),
+                    *(repr(float(v)) for v in pose),
+                    *cells,
+                    _quoted(" ".join(source.split())),
+                ]
+            )
         )
     return "\n".join(lines) + "\n"
 
@@ -307,15 +319,16 @@ def to_tum(table: PoseTable, times: Mapping[str, float] | None = None) -> str:
     Raises
     ------
     GtvalError
-        If an id has no time and is not a number.
+        If an id has no time and is not a number; if the poses have other components.
     """
     if times is None:
-        try:
-            times = {name: float(name) for name in table.ids}
-        except ValueError:
-            raise GtvalError(
-                f"system '{table.system}' has stops that are not numbered; give their times"
-            ) from None
+        times = {name: _number_or_nan(name) for name in table.ids}
+    if not all(math.isfinite(times.get(name, math.nan)) for name in table.ids):
+        raise GtvalError(
+            f"system '{table.system}' has stops that are not numbered; give their times"
+        )
+    if table.components not in {PLANAR, SPATIAL}:
+        raise GtvalError(f"system '{table.system}' has poses that the TUM format cannot hold")
     order = sorted(range(len(table)), key=lambda row: times[table.ids[row]])
     lines = []
     for row in order:
@@ -323,6 +336,13 @@ def to_tum(table: PoseTable, times: Mapping[str, float] | None = None) -> str:
         numbers = [times[table.ids[row]], *position, *quaternion]
         lines.append(" ".join(repr(float(number)) for number in numbers))
     return "\n".join(lines) + "\n"
+
+
+def _number_or_nan(name: str) -> float:
+    try:
+        return float(name)
+    except ValueError:
+        return math.nan
 
 
 def _position_and_quaternion(table: PoseTable, row: int) -> tuple[list[float], Array]:

@@ -1,5 +1,6 @@
 """What a run leaves under results/, as text."""
 
+import contextlib
 import csv
 import io
 import math
@@ -30,17 +31,10 @@ def pose_files(tables: Iterable[PoseTable]) -> dict[str, str]:
                 "digits, '_', '-' and '.'"
             )
         files[f"poses_{table.system}.csv"] = to_csv(table)
-        if is_numbered(table):
+        # Stops without numbers have no time to stand in a trajectory.
+        with contextlib.suppress(GtvalError):
             files[f"poses_{table.system}.tum"] = to_tum(table)
     return files
-
-
-def is_numbered(table: PoseTable) -> bool:
-    """Whether all stops have finite numbers for names, which can stand for times."""
-    try:
-        return all(math.isfinite(float(name)) for name in table.ids)
-    except ValueError:
-        return False
 
 
 def errors_csv(evaluations: Sequence[Evaluation]) -> str:

@@ -213,16 +213,18 @@ def mean_interval(
     confidence : float
         Of the interval.
     method : {"student", "normal"}
-        Student's t with n - 1 degrees of freedom, or the normal quantile, which is right only
-        for large n.
+        Student's t with n - 1 degrees of freedom, or the normal quantile to two decimals (1.96
+        for 95 %), which is right only for large n.
     """
     mean, std = np.asarray(mean, dtype=float), np.asarray(std, dtype=float)
     if n < 2:
         return np.full_like(mean, np.nan), np.full_like(mean, np.nan)
     probability = (1 + confidence) / 2
-    quantile = (
-        special.stdtrit(n - 1, probability) if method == "student" else (special.ndtri(probability))
-    )
+    if method == "student":
+        quantile = float(special.stdtrit(n - 1, probability))
+    else:
+        # As the document's tables have it, 1.96: the last printed digit depends on it.
+        quantile = round(float(special.ndtri(probability)), 2)
     half = quantile * std / np.sqrt(n)
     return mean - half, mean + half
 
