@@ -1,15 +1,15 @@
-# What there is: make demo, make test, make test-full, make bench, make clean.
+# What there is: make demo, make test, make test-full, make bench, make images, make clean.
 # All they need is python3 (3.11 or later) with its venv module; the rest goes to .venv.
 
 VENV := .venv
 PYTHON := $(VENV)/bin/python
-TESTED := validation survey vision_gt laser_gt data_samples tests benchmarks
+TESTED := validation survey vision_gt laser_gt data_samples tests benchmarks docs
 
 # One thread a process: the tests run side by side, and small matrices gain nothing from more.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: demo test test-full check-code check-wheel bench clean
+.PHONY: demo test test-full check-code check-wheel bench images clean
 
 demo: $(VENV)/installed
 	$(VENV)/bin/gtval demo
@@ -31,6 +31,9 @@ check-wheel: $(VENV)/installed-for-tests
 
 bench: $(VENV)/installed-for-tests
 	for question in benchmarks/*.py; do $(PYTHON) $$question || exit 1; done
+
+images: $(VENV)/installed
+	$(PYTHON) docs/make_images.py
 
 clean:
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
