@@ -1,4 +1,4 @@
-"""Are the Vframe points what their labels say?
+"""Whether the Vframe points are what their labels say.
 
 Exchanging labels of a symmetric frame turns or mirrors the whole room and fits the readings to
 the Vframe points just as well: for the square O, X, Y, XY there are eight such labellings. Only
@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from survey.geometry import rigid_alignment
-from survey.robot_frames import RobotFrameFit, solve_robot_frames
+from survey.robot_frames import best_fit, pose_readings
 from survey.vframe import estimate_vframe
 from survey.world_points import WorldPoints, locate_world_points
 from validation.errors import GtvalError
@@ -37,12 +37,16 @@ MOST_POSES = 4
 DECISIVE = 30.0
 """Difference of chi-squared (natural odds of millions) from which evidence decides."""
 PUBLISHED_SIGMA = 0.02
-"""Standard deviation, in metres, granted to published coordinates: another computation, misprints."""
+"""Standard deviation, in metres, granted to published coordinates."""
+GUESS_SIGMA = 0.3
+"""The same for the place of a stop measured by steps and by eye."""
 MOST_POINTS_TRIED = 6
 """World points with which exchanged labels are tried."""
 _HOPELESS = 1e-6
 """p-value of the world points below which the given labels are doubted without any symmetry."""
 
+_Frame = tuple[str, "Array", float]
+"""Pose, its best state (3,), and the cost there."""
 Kind = Literal["given", "mirrored", "turned", "exchanged"]
 
 
@@ -152,7 +156,7 @@ def _deciders(given: Labelling, others: Sequence[Labelling]) -> tuple[str, ...]:
     return tuple(
         name
         for name, cost in given.evidence.items()
-        if any(o.evidence[name] - cost > DECISIVE for o in others if o.kind == "mirrored")
+        if any(o.evidence.get(name, cost) - cost > DECISIVE for o in others if o.kind == "mirrored")
     )
 
 
@@ -181,10 +185,13 @@ def _labellings_that_fit(
     frames = _some_frames(readings, world, rig)
     mirrored = next((i for i in images if i.motion.is_mirror), None)
     turned_over = [] if mirrored is None else _some_frames(readings, mirrored.of(world), rig)
-    found = [
-        _weighed(image, world, evidence, turned_over if image.motion.is_mirror else frames)
-        for image in images
-    ]
+    found = []
+    for image in images:
+        if image.motion.is_mirror and mirrored is not None:
+            carried = image.motion.after(mirrored.motion)
+            found.append(_weighed(image, world, evidence, turned_over, carried))
+        else:
+            found.append(_weighed(image, world, evidence, frames, image.motion))
     if freedom and chdtrc(freedom, cost) < _HOPELESS:
         found += _exchanged(vframe, readings, world, rig, evidence, images)
     return found
@@ -200,6 +207,14 @@ class _Motion:
     @property
     def is_mirror(self) -> bool:
         return bool(np.linalg.det(self.matrix) < 0)
+
+    def __call__(self, point: Array) -> Array:
+        return np.asarray(self.matrix @ point + self.shift)
+
+    def after(self, other: _Motion) -> _Motion:
+        """The motion that takes the image under ``other`` to the image under this one."""
+        matrix = self.matrix @ other.matrix.T
+        return _Motion(matrix, self.shift - matrix @ other.shift)
 
 
 @dataclass(frozen=True)
@@ -220,9 +235,7 @@ class _Image:
         """World points where this labelling would put them."""
         A = self.motion.matrix
         points = tuple(
-            replace(
-                p, position=A @ p.position + self.motion.shift, covariance=A @ p.covariance @ A.T
-            )
+            replace(p, position=self.motion(p.position), covariance=A @ p.covariance @ A.T)
             for p in world.points
         )
         blocks = np.kron(np.eye(len(points)), A)
@@ -265,7 +278,7 @@ def _exchanged(
         if len(fit.points) == len(some) and given_cost - cost > DECISIVE:
             whole = sum(p.cost for p in world.points) * cost / given_cost
             frames = _some_frames(relabelled, fit, rig)
-            weighed = _weighed(_Image(meaning, identity, whole), fit, evidence, frames)
+            weighed = _weighed(_Image(meaning, identity, whole), fit, evidence, frames, identity)
             found.append(replace(weighed, kind="exchanged"))
     return found
 
@@ -280,12 +293,16 @@ def _relabelled(readings: Readings, meaning: Mapping[str, str]) -> Readings:
 
 
 def _weighed(
-    image: _Image, world: WorldPoints, evidence: Evidence, frames: Sequence[RobotFrameFit]
+    image: _Image,
+    world: WorldPoints,
+    evidence: Evidence,
+    frames: Sequence[_Frame],
+    carried: _Motion,
 ) -> Labelling:
     """A labelling with what everything else says of it.
 
-    ``frames`` are robot frames solved with world points of the same handedness; a turn carries
-    them along without changing their cost.
+    ``frames`` are robot frames solved with world points of the same handedness; the turn
+    ``carried`` takes them to this labelling without changing their cost.
     """
     moved = image.of(world)
     chi2: dict[str, float] = {}
@@ -298,7 +315,11 @@ def _weighed(
         if shared:
             chi2[name] = _capped(np.array([(where[p] - points[p]) / sigma for p in shared]))
     if frames:
-        chi2["robot-frame readings"] = float(sum(frame.cost for frame in frames))
+        chi2["robot-frame readings"] = float(sum(cost for _, _, cost in frames))
+    guessed = [(pose, state) for pose, state, _ in frames if pose in evidence.guesses]
+    if guessed:
+        off = [carried(state[:2]) - evidence.guesses[pose][:2] for pose, state in guessed]
+        chi2["hand-measured poses"] = _capped(np.array(off) / GUESS_SIGMA)
     return Labelling(dict(image.meaning), image.kind, image.cost, chi2)
 
 
@@ -307,12 +328,12 @@ def _capped(normalised: Array) -> float:
     return float((np.minimum(np.abs(normalised), 100.0) ** 2).sum())
 
 
-def _some_frames(readings: Readings, world: WorldPoints, rig: RobotFrame) -> list[RobotFrameFit]:
-    """A few robot frames, those with the most readings, solved with given world points."""
+def _some_frames(readings: Readings, world: WorldPoints, rig: RobotFrame) -> list[_Frame]:
+    """The best fit of a few robot frames, those with the most readings, however bad it is."""
     count = {pose: len(readings.of_pose(pose)) for pose in readings.poses}
     some = sorted(count, key=lambda pose: -count[pose])[:MOST_POSES]
-    found, _ = solve_robot_frames(some, readings, world, rig, {})
-    return found
+    fits = [(pose, best_fit(pose_readings(pose, readings, world, rig))) for pose in some]
+    return [(pose, *fit) for pose, fit in fits if fit is not None]
 
 
 def _refuse(given: Labelling, best: Labelling, candidates: Sequence[Labelling]) -> None:
@@ -322,7 +343,7 @@ def _refuse(given: Labelling, best: Labelling, candidates: Sequence[Labelling]) 
     reasons = [
         f"{name} (chi-squared {best.evidence[name]:.3g} instead of {cost:.3g})"
         for name, cost in given.evidence.items()
-        if cost - best.evidence.get(name, np.inf) > DECISIVE
+        if name in best.evidence and cost - best.evidence[name] > DECISIVE
     ]
     if given.cost - best.cost > DECISIVE:
         reasons.insert(

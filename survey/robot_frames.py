@@ -201,6 +201,21 @@ def _solve(
     )
 
 
+def best_fit(own: PoseReadings) -> tuple[Array, float] | None:
+    """The pose that fits best and its cost, however bad; None if readings are too few to tell.
+
+    Readings are taken as independent, and no tie is looked for.
+    """
+    if _undetermined(own) or len(own) == 3:  # three readings fit any labelling
+        return None
+    starts = _starts(own, closed_form_guess(own), None)
+    minima, costs = _minima(starts, own)
+    if len(minima):
+        return minima[0], float(costs[0])
+    at_starts = _costs(starts, own)
+    return starts[at_starts.argmin()], float(at_starts.min())
+
+
 def _undetermined(own: PoseReadings) -> str | None:
     """Why the readings cannot give a pose, by counting; None if they can."""
     if len(own) < 3:

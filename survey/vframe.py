@@ -1,6 +1,6 @@
 """The frame on the floor: its four points from poles and diagonals, and whether it is square."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -10,8 +10,6 @@ from scipy.special import erfc
 from survey.readings import Readings
 from validation.angles import Array
 from validation.campaign import Vframe
-
-_PASSES = 10
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class FrameCheck:
 
 @dataclass(frozen=True)
 class VframeEstimate:
-    """Coordinates of the Vframe points.
+    """Coordinates of the Vframe points before the joint adjustment.
 
     Parameters
     ----------
@@ -63,57 +61,31 @@ class VframeEstimate:
 
 
 def estimate_vframe(vframe: Vframe, readings: Readings) -> VframeEstimate:
-    """The frame's points from their nominal places and the distances measured between them.
+    """The frame's nominal points, how well they are marked, and the tests of its shape.
 
     Parameters
     ----------
     vframe : Vframe
         Nominal points and the standard deviation of marking each coordinate.
     readings : Readings
-        All readings; those between two Vframe points are used.
+        All readings; those between two Vframe points are tested.
 
     Notes
     -----
     AD2.3, "Definition of the validation frame". The nominal frame is the GTV frame; marks stand
-    off it by ``sigma`` in each coordinate, and measured poles and diagonals narrow that down.
+    off it by ``sigma`` in each coordinate. Poles and diagonals are tested here; they improve the
+    points only in the joint adjustment, so that trilateration rests on the same coordinates as
+    in the document.
     """
     names = tuple(vframe.points)
     nominal = np.array([vframe.points[name] for name in names], dtype=float)
     inner = readings.touching(names, names)
-    prior = np.full(2 * len(names), vframe.sigma**2)
-    points, covariance = _adjust(names, nominal, prior, inner)
     checks = (
         *_length_checks(vframe, inner),
         *_right_angle_checks(vframe, inner),
         *_diagonal_checks(vframe, inner),
     )
-    return VframeEstimate(names, points, covariance, checks)
-
-
-def _adjust(
-    names: Sequence[str], nominal: Array, prior_variance: Array, inner: Readings
-) -> tuple[Array, Array]:
-    """Points and their covariance by least squares over nominal places and distances."""
-    index = {name: i for i, name in enumerate(names)}
-    a = np.array([index[name] for name in inner.start], dtype=int)
-    b = np.array([index[name] for name in inner.end], dtype=int)
-    rows = np.arange(len(inner))
-    points: Array = nominal.copy()
-    covariance: Array = np.diag(prior_variance)
-    for _ in range(_PASSES if len(inner) else 0):
-        delta = points[a] - points[b]
-        length = np.linalg.norm(delta, axis=1)
-        unit = delta / length[:, None]
-        jacobian = np.zeros((len(inner), nominal.size))
-        for axis in range(2):
-            jacobian[rows, 2 * a + axis] = unit[:, axis]
-            jacobian[rows, 2 * b + axis] = -unit[:, axis]
-        weighted = jacobian / np.square(inner.sigma)[:, None]
-        covariance = np.linalg.inv(np.diag(1 / prior_variance) + jacobian.T @ weighted)
-        gradient = weighted.T @ (inner.distance - length)
-        gradient += (nominal - points).ravel() / prior_variance
-        points = np.asarray(points + (covariance @ gradient).reshape(-1, 2))
-    return points, covariance
+    return VframeEstimate(names, nominal, np.eye(nominal.size) * vframe.sigma**2, checks)
 
 
 def _mean_distances(inner: Readings) -> Mapping[frozenset[str], tuple[float, float]]:

@@ -1,0 +1,112 @@
+"""The survey as a system of gtval: campaign folder to validation poses."""
+
+from typing import TYPE_CHECKING
+
+from survey.settings import SurveySettings
+
+if TYPE_CHECKING:
+    from survey.outcome import SurveyOutcome
+    from validation.campaign import Campaign
+    from validation.results import SystemResult
+    from validation.systems import Progress
+
+
+class SurveySystem:
+    """Validation poses from hand-laser readings."""
+
+    name = "survey"
+
+    def has_data(self, campaign: "Campaign") -> bool:
+        """Whether there are readings or published poses."""
+        settings = campaign.section("survey", SurveySettings)
+        wanted = (settings.readings, settings.published_poses)
+        return any((campaign.folder / name).exists() for name in wanted)
+
+    def solve(self, campaign: "Campaign", progress: "Progress") -> "SystemResult":
+        """Validation poses, findings and report sections."""
+        from survey.outcome import solve_campaign
+
+        return result_of(solve_campaign(campaign, progress))
+
+
+def result_of(outcome: "SurveyOutcome") -> "SystemResult":
+    """An outcome in the form that all systems share."""
+    from survey.findings import survey_findings
+    from survey.result_files import survey_files
+    from survey.sections import survey_sections
+    from validation.results import SystemResult
+
+    return SystemResult(
+        tables=[outcome.poses] if outcome.poses is not None else [],
+        findings=survey_findings(outcome),
+        sections=survey_sections(outcome),
+        files=survey_files(outcome),
+        facts=survey_facts(outcome),
+        landmarks=_landmarks(outcome),
+    )
+
+
+def survey_facts(outcome: "SurveyOutcome") -> dict[str, object]:
+    """Numbers of a survey for scripts."""
+    solution = outcome.solution
+    if solution is None:
+        return {"source": "published"}
+    from survey.findings import fitted_reading_sigma
+
+    return {
+        "source": "readings" if solution.frames else "published",
+        "readings": len(solution.used),
+        "world_points": {
+            name: [float(v) for v in place]
+            for name, place in zip(solution.world.names, solution.world.positions, strict=True)
+        },
+        "world_points_open": [point.name for point in solution.world.missing],
+        "poses_open": [pose.pose for pose in solution.not_posed],
+        "labelling": {
+            "status": solution.labelling.status,
+            "decided_by": list(solution.labelling.decided_by),
+            "mirror_images_open": [dict(o.meaning) for o in solution.labelling.open_mirrors]
+            if solution.labelling.status == "unconfirmed"
+            else [],
+        },
+        "degrees_of_freedom": solution.adjustment.degrees_of_freedom,
+        "m0": solution.adjustment.m0,
+        "reading_sigma_stated": float(solution.used.sigma.mean()) if len(solution.used) else None,
+        "reading_sigma_from_residuals": fitted_reading_sigma(solution),
+        "published_inconsistent": [
+            name
+            for name, bad in zip(
+                outcome.published.names, outcome.published.inconsistent, strict=True
+            )
+            if bad
+        ]
+        if outcome.published is not None
+        else [],
+        "suspected_blunders": [
+            [
+                {
+                    "from": solution.used.start[i],
+                    "to": solution.used.end[i],
+                    "line": solution.used.line[i],
+                    "size": float(size),
+                    "w": float(w),
+                }
+                for i, size, w in zip(s.candidates, s.size, s.w, strict=True)
+            ]
+            for s in solution.suspicions
+        ],
+    }
+
+
+def _landmarks(outcome: "SurveyOutcome") -> dict[str, tuple[float, float]]:
+    """World points for the room map."""
+    if outcome.solution is None:
+        return {}
+    world = outcome.solution.world
+    return {
+        name: (float(x), float(y))
+        for name, (x, y) in zip(world.names, world.positions, strict=True)
+    }
+
+
+SYSTEM = SurveySystem()
