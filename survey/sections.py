@@ -115,8 +115,8 @@ def world_table(solution: SurveySolution) -> Table:
         ("", ".6f", ".6f", ".1f", ".1f", ".1f", "", "+.1f", "+.1f", ".1f", ".1f", "", ".3g"),
         note=(
             "x, y by trilateration from the nominal Vframe, chi² of the point's own readings; "
-            "'joint' is what the joint adjustment of all readings adds. The rejected solution is the "
-            "best of the others that two circles offer."
+            "'joint' is what the joint adjustment of all readings adds. The rejected solution is "
+            "the best of the others that two circles offer."
         ),
     )
 
