@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import three_stops
+from small_campaigns import three_stops
 
 from validation.comparison import compare
 from validation.errors import GtvalError, InputError
@@ -18,7 +18,7 @@ def test_the_error_is_validation_minus_gt(ad23_poses):
 
 def test_the_angle_of_an_error_is_wrapped():
     validation = three_stops("survey")
-    turned = validation.poses + [0, 0, 2 * np.pi]
+    turned = validation.poses + np.array([0, 0, 2 * np.pi])
     comparison = compare(validation, three_stops("other", poses=turned))
     assert comparison.errors == pytest.approx(np.zeros((3, 3)), abs=1e-15)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import three_stops
+from small_campaigns import three_stops
 
 from validation.campaign import Comparison
 from validation.conclusions import conclusions
