@@ -359,34 +359,55 @@ def take_sweep(
     return merge(scans, [scanner.mount for scanner in scanners], name)
 
 
-def furnished_room(
-    rng: np.random.Generator, length: float = 8.0, width: float = 7.0, pieces: int = 7
-) -> Panels:
-    """A room with a niche, a pillar and pieces of furniture along its walls, corner at (0, 0)."""
+def bare_room(rng: np.random.Generator, length: float = 8.0, width: float = 7.0) -> Panels:
+    """Walls of a room with a niche and a step, lower left corner at (0, 0)."""
     niche = rng.uniform(0.25, 0.45) * length
     depth = rng.uniform(0.3, 0.7)
     outline = [
-        [0, 0],
-        [niche, 0],
-        [niche, -depth],
-        [niche + 1.2, -depth],
-        [niche + 1.2, 0],
-        [length, 0],
-        [length, width],
-        [0.6 * length, width],
-        [0.6 * length, width - 0.4],
+        [0, 0], [niche, 0], [niche, -depth], [niche + 1.2, -depth], [niche + 1.2, 0],
+        [length, 0], [length, width], [0.6 * length, width], [0.6 * length, width - 0.4],
         [0, width - 0.4],
     ]
-    room = polyline(outline, closed=True)
+    return polyline(outline, closed=True)
+
+
+def furniture(
+    rng: np.random.Generator, length: float = 8.0, width: float = 7.0, pieces: int = 7
+) -> Panels:
+    """Boxes along the walls of a `bare_room` of that size."""
+    boxes = []
     for _ in range(pieces):
         side = rng.integers(4)
         along, away = rng.uniform(0.1, 0.9), rng.uniform(0.15, 0.6)
         x, y = [
-            (along * length, away),
-            (along * length, width - 0.4 - away),
-            (away, along * width),
-            (length - away, along * width),
+            (along * length, away), (along * length, width - 0.4 - away),
+            (away, along * width), (length - away, along * width),
         ][side]
         size = rng.uniform(0.25, 0.9, 2)
-        room = room + box((x, y, rng.normal(0, 0.15)), size[0], size[1], high=1.2)
-    return room
+        boxes.append(box((x, y, rng.normal(0, 0.15)), size[0], size[1], high=1.2))
+    return sum(boxes[1:], boxes[0])
+
+
+def furnished_room(
+    rng: np.random.Generator, length: float = 8.0, width: float = 7.0, pieces: int = 7
+) -> Panels:
+    """A room with furniture."""
+    return bare_room(rng, length, width) + furniture(rng, length, width, pieces)
+
+
+def corridor(
+    rng: np.random.Generator, length: float = 40.0, width: float = 2.0, doors: int = 0
+) -> Panels:
+    """A corridor along x through the origin, with door recesses of 10 cm drawn at random."""
+    half = length / 2
+    places = np.sort(rng.uniform(-half + 2, half - 2, doors))
+    walls = []
+    for side in (-1.0, 1.0):
+        y = side * width / 2
+        corners = [[-half, y]]
+        for place in places[rng.random(doors) < 0.5]:
+            deep = y + 0.1 * side
+            corners += [[place, y], [place, deep], [place + 0.9, deep], [place + 0.9, y]]
+        walls.append(polyline([*corners, [half, y]]))
+    ends = panels([[-half, -width], [half, -width]], [[-half, width], [half, width]])
+    return walls[0] + walls[1] + ends

@@ -72,8 +72,13 @@ class Evidence:
 
     @property
     def score(self) -> Array:
-        """(k,) explained less violating shares; 1 for a perfect match with full overlap."""
-        return self.explained - self.violating
+        """(k,) what speaks for a pose less what speaks against it; 1 for a perfect match.
+
+        Points that the other sensor could not see speak for nothing and count one half.
+        Without that, poses that lay one scan over the other as a whole would win: in a corridor
+        the ends of the two views would be taken for ends of the walls.
+        """
+        return self.explained - self.violating + 0.5 * self.hidden
 
 
 def evidence(reference: Prepared, moving: Prepared, pose: Array, stride: int = 1) -> Evidence:
@@ -105,8 +110,7 @@ def evidence(reference: Prepared, moving: Prepared, pose: Array, stride: int = 1
 
 def _asked(target: Prepared, points: Array, tolerance: float) -> tuple[Flags, Flags, Flags]:
     """(k, n) which points are explained, violate free space, are hidden from a sweep."""
-    grid = target.surface.grid
-    explained = grid.squared_distance(points[..., 0], points[..., 1]) < tolerance**2
+    explained = _on_surface(target.surface, points, tolerance)
     seen = np.zeros(explained.shape, dtype=bool)
     crossed = np.zeros(explained.shape, dtype=bool)
     for view in target.sweep.views:
@@ -117,6 +121,23 @@ def _asked(target: Prepared, points: Array, tolerance: float) -> tuple[Flags, Fl
         seen |= there & (distance < far + tolerance)
     violating = crossed & ~explained
     return explained, violating, ~explained & ~violating & ~seen
+
+
+def _on_surface(target: Surface, points: Array, tolerance: float) -> Flags:
+    """(...) whether points lie on a surface: near a point of it, or on its line between two.
+
+    Far away and at grazing angles the points of a wall are further apart than the tolerance;
+    there a point may lie anywhere between them, if it is on the line.
+    """
+    x, y = points[..., 0], points[..., 1]
+    index = target.grid.index(x, y)
+    dx, dy = x - target.points[:, 0].take(index), y - target.points[:, 1].take(index)
+    squared = dx * dx + dy * dy
+    normal_x, normal_y = target.normals[:, 0].take(index), target.normals[:, 1].take(index)
+    across = np.abs(normal_x * dx + normal_y * dy)
+    along = tolerance + 0.6 * target.spacing.take(index)
+    between = target.flat.take(index) & (across < tolerance) & (squared < along**2)
+    return np.asarray((squared < tolerance**2) | between)
 
 
 def measured_limits(view: View, points: Array) -> tuple[Array, Array, Flags]:

@@ -23,6 +23,8 @@ FACING = 0.7
 SMALL_STEP = 2e-5
 """A step below this, in metres and radians, ends the iteration."""
 MIN_PAIRS = 10
+MOSTLY_FAKE = 0.5
+"""No step is made in a direction in which more than this share of the information is fake."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ def align(
     step = 0
     for step in range(1, max_steps + 1):
         pairing = _pair(target, source, pose, gate)
-        change = _gauss_newton(pairing)
+        change = _gauss_newton(target, pairing)
         pose += change
         settled = gate <= 8 * noise
         gate = max(gate * 0.55, 8 * noise)
@@ -196,15 +198,26 @@ def _pair(target: _Target, source: _Source, pose: Array, gate: float) -> Pairing
     return Pairing(index, residual, weight, variance, jacobian, tangent)
 
 
-def _gauss_newton(pairing: Pairing) -> Array:
-    """(k, 3) steps; zero where too few points are paired."""
+def _gauss_newton(target: _Target, pairing: Pairing) -> Array:
+    """(k, 3) steps; none where too few points are paired, nor along what is not determined.
+
+    In coordinates in which the Hessian is the identity, directions whose information is mostly
+    fake (`_fake_information`) are left out, so that along a corridor the guess stays where it is
+    instead of drifting with the noise.
+    """
     weighted = pairing.jacobian * pairing.weight[:, None]
     hessian = weighted @ np.swapaxes(pairing.jacobian, -1, -2)
     gradient = weighted @ pairing.residual[..., None]
     enough = np.count_nonzero(pairing.weight, axis=-1) >= MIN_PAIRS
     damping = 1e-9 * np.trace(hessian, axis1=-2, axis2=-1) + 1e-9
     hessian += damping[:, None, None] * np.eye(3)
-    change = -np.linalg.solve(hessian, gradient)[..., 0]
+    whitener = np.linalg.inv(np.linalg.cholesky(hessian))
+    whitener_t = np.swapaxes(whitener, -1, -2)
+    fake = whitener @ _fake_information(target.surface, pairing) @ whitener_t
+    share, axes = np.linalg.eigh(fake)
+    along = np.swapaxes(axes, -1, -2) @ (whitener @ gradient)
+    along *= (share < MOSTLY_FAKE)[..., None]
+    change = -(whitener_t @ (axes @ along))[..., 0]
     return np.maximum(np.minimum(np.where(enough[:, None], change, 0.0), 0.5), -0.5)
 
 

@@ -24,6 +24,13 @@ MODEL_SIGMA = 0.0015
 """Standard deviation of a surface about a line, in metres: plaster, quantisation."""
 
 
+SELECTION = 1.3
+"""Factor on the standard deviation of a normal for having picked the best of many windows.
+
+Measured: normals of straight walls scatter by 1.15 to 1.3 times the formula's value.
+"""
+
+
 @dataclass(frozen=True)
 class Surface:
     """Points of a sweep with the lines fitted around them.
@@ -46,6 +53,9 @@ class Surface:
         Standard deviation of the direction of the normal, in radians.
     flat : (n,) bool array
         True where there is such a line; elsewhere centre and normal mean nothing.
+    spacing : (n,) array
+        Larger distance to the neighbours before and after in the same run, metres; 0 where
+        there is none.
     """
 
     points: Array
@@ -58,6 +68,7 @@ class Surface:
     last: Indices
     normal_sigmas: Array
     flat: Flags
+    spacing: Array
 
     def __len__(self) -> int:
         return len(self.points)
@@ -98,9 +109,17 @@ def surface(sweep: Sweep) -> Surface:
     sigmas = np.concatenate(
         [np.full(len(view.scan.points), view.scan.range_sigma) for view in sweep.views]
     )
-    first, last = _windows(_run_of(sweep, points, ranges, sigmas))
+    run = _run_of(sweep, points, ranges, sigmas)
+    first, last = _windows(run)
     moments = _window_moments(points, first, last)
-    return _best_lines(points, beams, ranges, sigmas, first, last, moments)
+    spacing = _spacing(points, run)
+    return _best_lines(points, beams, ranges, sigmas, first, last, moments, spacing)
+
+
+def _spacing(points: Array, run: Indices) -> Array:
+    """(n,) larger distance to the neighbours in the same run."""
+    chord = np.sqrt((np.diff(points, axis=0) ** 2).sum(-1)) * (run[1:] == run[:-1])
+    return np.maximum(np.append(chord, 0.0), np.append(0.0, chord))
 
 
 def _run_of(sweep: Sweep, points: Array, ranges: Array, sigmas: Array) -> Indices:
@@ -155,6 +174,7 @@ def _best_lines(
     first: Indices,
     last: Indices,
     moments: tuple[Array, ...],
+    spacing: Array,
 ) -> Surface:
     """The surface with the best acceptable window of each point."""
     count, mean_x, mean_y, xx, xy, yy = moments
@@ -184,8 +204,9 @@ def _best_lines(
         normals=normals,
         first=np.where(flat, first[pick], column),
         last=np.where(flat, last[pick], column),
-        normal_sigmas=1 / np.sqrt(np.where(flat, known[pick], 1.0)),
+        normal_sigmas=SELECTION / np.sqrt(np.where(flat, known[pick], 1.0)),
         flat=flat,
+        spacing=spacing,
     )
 
 

@@ -1,0 +1,110 @@
+"""Pairs of scans with known relative poses: good ones, and ones without a right answer."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from data_samples.scanners import (
+    FULL_TURN,
+    HALF_TURN,
+    Panels,
+    Scanner,
+    bare_room,
+    corridor,
+    furnished_room,
+    furniture,
+    take_sweep,
+)
+from laser_gt.planar import between
+from laser_gt.scans import Sweep
+from validation.angles import Array
+
+KINDS = ("room", "little_overlap", "corridor", "moved_furniture")
+
+
+@dataclass(frozen=True)
+class ScanPair:
+    """Two sweeps, the true pose of the second in the first, and a guess of it.
+
+    Parameters
+    ----------
+    reference, moving : Sweep
+        The sweeps.
+    truth, guess : (3,) array
+        Pose of the moving frame in the reference frame.
+    kind : str
+        One of `KINDS`.
+    """
+
+    reference: Sweep
+    moving: Sweep
+    truth: Array
+    guess: Array
+    kind: str
+
+
+def draw_pair(
+    rng: np.random.Generator,
+    kind: str = "room",
+    scanner: Scanner = FULL_TURN,
+    *,
+    sigma: float = 0.01,
+    apart: float = 1.0,
+    turned: float = 0.6,
+    guess_length: float = 0.1,
+    guess_angle: float = float(np.deg2rad(5)),
+) -> ScanPair:
+    """A pair of the kind.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of all chance.
+    kind : str
+        'room': one furnished room. 'little_overlap': two different rooms, or the same one seen
+        with half-turn scanners back to back. 'corridor': parallel walls as far as the scanner
+        sees. 'moved_furniture': the same walls with all furniture elsewhere.
+    scanner : Scanner
+        Which takes both; its noise is replaced by ``sigma``.
+    sigma : float
+        Range noise in metres.
+    apart, turned : float
+        Largest displacement along each axis, and largest turn, between the two.
+    guess_length, guess_angle : float
+        Largest error of the guess in each axis and in heading.
+    """
+    scanner = replace(scanner, sigma=sigma, resolution=0.0)
+    other_room = None
+    if kind == "corridor":
+        room = corridor(rng, length=rng.uniform(40, 60))
+        scanner = replace(scanner, range_max=12.0)
+        first = np.array([rng.uniform(-3, 3), rng.uniform(-0.4, 0.4), rng.normal(0, 0.3)])
+        step = np.array([rng.uniform(-1, 1), rng.uniform(-0.2, 0.2), rng.uniform(-0.3, 0.3)])
+        second = first + step * [apart, 1, 1]
+    else:
+        room, other_room = _rooms(rng, kind)
+        first = np.array([*rng.uniform([2.2, 2.0], [5.8, 4.6]), rng.uniform(-np.pi, np.pi)])
+        second = first + [*rng.uniform(-apart, apart, 2), rng.uniform(-turned, turned)]
+        if kind == "little_overlap" and other_room is None:
+            second[2] = first[2] + np.pi + rng.uniform(-0.2, 0.2)
+            scanner = replace(HALF_TURN, sigma=sigma, resolution=0.0)
+    truth = between(first, second)
+    guess = truth + [
+        *rng.uniform(-guess_length, guess_length, 2), rng.uniform(-guess_angle, guess_angle)
+    ]
+    reference = take_sweep(room, [scanner], first, rng, name="reference")
+    moving = take_sweep(
+        room if other_room is None else other_room, [scanner], second, rng, name="moving"
+    )
+    return ScanPair(reference, moving, truth, guess, kind)
+
+
+def _rooms(rng: np.random.Generator, kind: str) -> tuple[Panels, Panels | None]:
+    """The room of the first scan, and that of the second where it is another."""
+    if kind == "moved_furniture":
+        walls = bare_room(rng)
+        return walls + furniture(rng), walls + furniture(rng)
+    room = furnished_room(rng)
+    if kind == "little_overlap" and rng.random() < 0.5:
+        return room, furnished_room(rng, rng.uniform(4, 12), rng.uniform(5.2, 9))
+    return room, None
