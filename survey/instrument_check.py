@@ -209,7 +209,8 @@ def _noise_interval(fit: _Fit, typical: float) -> tuple[float, float]:
     dof = fit.degrees_of_freedom
     if dof == 0:
         return np.nan, np.nan
-    low, high = chi2.ppf([(1 + CONFIDENCE) / 2, (1 - CONFIDENCE) / 2], dof)
+    low = float(chi2.ppf((1 + CONFIDENCE) / 2, dof))
+    high = float(chi2.ppf((1 - CONFIDENCE) / 2, dof))
     return typical * _ratio(fit.chi_squared, low), typical * _ratio(fit.chi_squared, high)
 
 

@@ -156,13 +156,16 @@ def settings_snippet(check: InstrumentCheck, instrument: Instrument) -> str:
     lines = [
         "[instrument]",
         f'model = "{_toml_text(instrument.model)}"',
-        f"# From {check.readings} readings between {covered}.",
+        f"# From {check.readings} reading(s) between {covered}.",
     ]
     if correction.offset == 0.0 and correction.scale == 1.0:
-        lines.append("# No significant offset or scale error.")
+        enough = "too_few" not in {finding.code for finding in verdict(check)}
+        seen = "No significant offset or scale error" if enough else "Too few to see an error"
+        lines.append(f"# {seen}.")
     else:
         sigma = np.sqrt(np.diagonal(correction.covariance))
-        lines.append(f"# Standard deviations: offset {sigma[0]:.6f} m, scale {sigma[1]:.7f}.")
+        scale = f"scale {sigma[1]:.7f}" if sigma[1] > 0 else "scale held at 1"
+        lines.append(f"# Standard deviations: offset {sigma[0]:.6f} m, {scale}.")
     lines += [f"offset = {correction.offset:.6f}", f"scale = {correction.scale:.7f}"]
     if check.p_noise < 1 - CONFIDENCE:
         more = np.sqrt(max(check.noise**2 - check.expected_noise**2, 0.0))
