@@ -211,13 +211,19 @@ def _unit_weight(solution: SurveySolution) -> Iterator[Finding]:
     fitting = fitted_reading_sigma(solution)
     n = len(adjustment.network.sigma)
     stated = float(np.sqrt(np.mean(np.square(adjustment.network.sigma))))
+    k = len(solution.suspicions)
     if m0 > high:
+        without = ""
+        if 0 < k < dof:
+            rest = adjustment.chi_squared - sum(float(s.w[0] ** 2) for s in solution.suspicions)
+            without = f"; without the {k} suspected reading(s) it would be "
+            without += f"{np.sqrt(max(rest, 0.0) / (dof - k)):.3f}"
         yield Finding(
             "warning",
-            f"the readings scatter more than stated: {said}. Standard deviation of a reading from "
-            f"the residuals {1e3 * fitting:.1f} mm, stated {1e3 * stated:.1f} mm. Look for "
-            "blunders first; if there are none, state the larger value: all covariances are too "
-            "small now",
+            f"the readings scatter more than stated: {said}{without}. Standard deviation of a "
+            f"reading from the residuals {1e3 * fitting:.1f} mm, stated {1e3 * stated:.1f} mm. "
+            "Settle the suspected blunders first; if there are none, state the larger value: all "
+            "covariances are too small now",
             "survey",
             "m0",
         )

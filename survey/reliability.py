@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import ndtri
 
 from survey.network import Adjustment, distance_entries
 from validation.angles import Array
@@ -16,8 +17,10 @@ CRITICAL_W = 3.29
 """|w| above which a reading is suspect: two-sided 0.1 % of the normal distribution."""
 DETECTABLE = 4.13
 """Non-centrality of a blunder found with 80 % power at 0.1 % (Baarda)."""
-TIE = 10.8
-"""w^2 within this of the largest (chi-squared, 1 degree of freedom, 0.1 %) is not told apart."""
+FALSE_ALARM = 0.05
+"""Chance that a campaign without any blunder is accused of one."""
+TOLD_APART = 2.33
+"""Normal deviate (1 %, one-sided) from which the worst reading is told apart from another."""
 MIN_REDUNDANCY = 1e-6
 """A reading that the others check by less than this share has no w."""
 
@@ -87,6 +90,11 @@ def reading_tests(adjustment: Adjustment) -> Reliability:
     )
 
 
+def critical_w(readings: int) -> float:
+    """|w| that the largest of so many readings exceeds by chance in one campaign of twenty."""
+    return max(CRITICAL_W, float(-ndtri(FALSE_ALARM / (2 * max(readings, 1)))))
+
+
 def suspected_blunders(adjustment: Adjustment, most: int = 20) -> list[BlunderSuspicion]:
     """Blunders one after the other, each with all readings that could be it.
 
@@ -100,35 +108,46 @@ def suspected_blunders(adjustment: Adjustment, most: int = 20) -> list[BlunderSu
     Notes
     -----
     After the worst reading is found its error is taken as one more unknown, which the following
-    search allows for, so that one blunder does not accuse its neighbours. With Q_v the
-    cofactor of the residuals, the test value of reading i is (Q_v-projected residual)_i; adding
-    an unknown for reading k is the rank-one downdate of residuals and Q_v.
+    search allows for, so that one blunder does not accuse its neighbours. With Q the cofactor of
+    the residuals v, w_i = v_i / sqrt(Q_ii); an unknown for reading k is the rank-one downdate of
+    v and Q.
+
+    Were reading j the culprit, |w_i| - |w_j| would be normal with mean -(1 - rho) |w_j| and
+    variance 2 (1 - rho), rho being the correlation of w_i and w_j; j stays a candidate beside the
+    worst reading i unless that is excluded at 1 %.
     """
     n = len(adjustment.network.distance)
     J = adjustment.jacobian[:n].toarray() * np.sqrt(adjustment.weight)[:, None]
-    normal_inverse = adjustment.covariance
-    Q = np.eye(n) - J @ normal_inverse @ J.T
+    Q = np.eye(n) - J @ adjustment.covariance @ J.T
     v = adjustment.residual[:n].copy()
-    sigma = adjustment.network.sigma
+    critical = critical_w(n)
     suspicions: list[BlunderSuspicion] = []
-    used: list[int] = []
-    while len(suspicions) < most:
-        r = np.diagonal(Q)
-        live = r > MIN_REDUNDANCY
-        live[used] = False
-        w = np.where(live, v / np.sqrt(np.where(live, r, 1.0)), 0.0)
-        if not live.any():
-            break
+    live = np.diagonal(Q) > MIN_REDUNDANCY
+    while len(suspicions) < most and live.any():
+        root = np.sqrt(np.where(live, np.diagonal(Q), 1.0))
+        w = np.where(live, v / root, 0.0)
         worst = int(np.abs(w).argmax())
-        if abs(w[worst]) < CRITICAL_W:
+        if abs(w[worst]) < critical:
             break
-        tied = np.flatnonzero(live & (w[worst] ** 2 - w**2 < TIE) & (np.abs(w) > CRITICAL_W / 2))
-        order = tied[np.argsort(-np.abs(w[tied]))]
-        suspicions.append(BlunderSuspicion(order, w[order], v[order] * sigma[order] / r[order]))
-        used.append(worst)
-        v = v - Q[:, worst] * (v[worst] / r[worst])
-        Q = Q - np.outer(Q[:, worst], Q[worst]) / r[worst]
+        rho = np.abs(Q[worst]) / (root[worst] * root)
+        order = _candidates(worst, np.abs(w), np.where(live, rho, 0.0))
+        size = v[order] * adjustment.network.sigma[order] / root[order] ** 2
+        suspicions.append(BlunderSuspicion(order, w[order], size))
+        v = v - Q[:, worst] * (v[worst] / Q[worst, worst])
+        Q = Q - np.outer(Q[:, worst], Q[worst]) / Q[worst, worst]
+        live &= np.diagonal(Q) > MIN_REDUNDANCY
+        live[worst] = False
     return suspicions
+
+
+def _candidates(worst: int, w: Array, rho: Array) -> npt.NDArray[np.intp]:
+    """The worst reading and those that cannot be told apart from it, the likeliest first."""
+    spread = np.sqrt(2 * np.maximum(1 - rho, 0.0))
+    excess = w[worst] - w + (1 - rho) * w
+    tied = (w > 0) & (excess <= TOLD_APART * spread + 1e-9)
+    tied[worst] = True
+    rows = np.flatnonzero(tied)
+    return rows[np.argsort(-w[rows], kind="stable")]
 
 
 def added_reading_gain(
