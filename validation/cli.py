@@ -4,7 +4,7 @@ Nothing heavy is imported here or when the commands are loaded; a command import
 when it is called.
 """
 
-from importlib.metadata import entry_points, version
+from importlib.metadata import entry_points
 
 import click
 
@@ -51,7 +51,7 @@ class DiscoveredGroup(click.Group):
 
 
 @click.command(cls=DiscoveredGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(version("gtval"), prog_name="gtval")
+@click.version_option(package_name="gtval", prog_name="gtval")
 def main() -> None:
     """Prove how good a ground truth is.
 

@@ -1,0 +1,135 @@
+"""The front door: quick, discovering, and plain about errors."""
+
+import os
+import resource
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from validation import cli
+from validation.cli import DiscoveredGroup, main
+from validation.errors import GtvalError
+
+HEAVY = (
+    "numpy",
+    "scipy",
+    "cv2",
+    "matplotlib",
+    "filterpy",
+    "kiss_icp",
+    "pydantic",
+    "rich",
+    "jinja2",
+)
+
+HELP = "import sys; from validation.cli import main; main(['--help'], standalone_mode=False)"
+
+
+def python(code: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+
+
+def test_help_imports_nothing_heavy():
+    code = f"{HELP}; print('LOADED', *[m for m in {HEAVY!r} if m in sys.modules])"
+    assert python(code).stdout.splitlines()[-1].strip() == "LOADED"
+
+
+def test_help_of_every_command_imports_nothing_heavy():
+    code = (
+        "import sys, click; from validation.cli import main; ctx = click.Context(main)\n"
+        "for name in main.list_commands(ctx):\n"
+        "    main.get_command(ctx, name).get_help(ctx)\n"
+        f"print('LOADED', *[m for m in {HEAVY!r} if m in sys.modules])"
+    )
+    assert python(code).stdout.splitlines()[-1].strip() == "LOADED"
+
+
+def cpu_seconds(code: str) -> float:
+    """CPU time of a fresh interpreter, the best of five, as other work only adds to it."""
+    times = []
+    for _ in range(5):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        python(code)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        times.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return min(times)
+
+
+def test_help_takes_little_longer_than_what_it_cannot_do_without():
+    # On an idle machine of 2020 that is below 0.15 s; the ratio holds on a busy one as well.
+    floor = cpu_seconds("import click, importlib.metadata, inspect")
+    assert cpu_seconds(HELP) < 1.8 * floor + 0.02
+
+
+def test_the_commands_are_there():
+    result = CliRunner().invoke(main, ["--help"])
+    assert result.exit_code == 0
+    for command in ("run", "compare", "report"):
+        assert f"\n  {command}" in result.output
+
+
+def test_the_version_is_told():
+    assert CliRunner().invoke(main, ["--version"]).output.startswith("gtval, version ")
+
+
+def group_with(monkeypatch, *entries: EntryPoint) -> DiscoveredGroup:
+    monkeypatch.setattr(cli, "entry_points", lambda **_: list(entries))
+    return DiscoveredGroup(name="gtval")
+
+
+def test_a_broken_plug_in_is_a_warning_only(monkeypatch):
+    broken = EntryPoint("rig", "no_such_module:COMMANDS", "gtval.commands")
+    good = EntryPoint("validation", "validation.commands:COMMANDS", "gtval.commands")
+    result = CliRunner().invoke(group_with(monkeypatch, broken, good), ["--help"])
+    assert result.exit_code == 0
+    assert "Warning: plug-in 'rig' cannot be loaded: No module named 'no_such_module'" in (
+        result.stderr
+    )
+    assert "compare" in result.stdout
+
+
+def failing(error: Exception) -> click.Command:
+    @click.command()
+    def fail() -> None:
+        raise error
+
+    return fail
+
+
+@pytest.mark.parametrize("text", ["a.csv, line 3: bad", "two\nlines"])
+def test_a_known_error_is_told_without_traceback(monkeypatch, text):
+    group = group_with(monkeypatch)
+    group.add_command(failing(GtvalError(text)))
+    result = CliRunner().invoke(group, ["fail"])
+    assert result.exit_code == 2
+    assert result.stderr == f"Error: {text}\n"
+    assert result.stdout == ""
+
+
+def test_an_unknown_error_is_not_hidden(monkeypatch):
+    group = group_with(monkeypatch)
+    group.add_command(failing(ZeroDivisionError("a bug")))
+    assert isinstance(CliRunner().invoke(group, ["fail"]).exception, ZeroDivisionError)
+
+
+def test_an_unknown_command_is_a_usage_error():
+    result = CliRunner().invoke(main, ["no-such-command"])
+    assert result.exit_code == 2
+    assert "No such command" in result.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes are closed so on POSIX only")
+def test_a_closed_pipe_is_no_traceback():
+    code = f"{sys.executable} -m validation --help | head -1"
+    assert (
+        "Traceback"
+        not in subprocess.run(
+            code, shell=True, capture_output=True, text=True, check=False, timeout=60
+        ).stderr
+    )

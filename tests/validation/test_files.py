@@ -1,0 +1,116 @@
+"""Files are written whole or not at all."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from validation import files
+from validation.errors import GtvalError
+from validation.files import write_files
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def test_new_files_are_made_with_their_folders(tmp_path):
+    paths = write_files(tmp_path / "results", {"a.csv": "ä\n", "deep/er/b.bin": b"\0\1"})
+    assert paths == [tmp_path / "results/a.csv", tmp_path / "results/deep/er/b.bin"]
+    assert contents(tmp_path / "results") == {"a.csv": "ä\n".encode(), "deep/er/b.bin": b"\0\1"}
+
+
+def test_old_files_are_replaced_and_no_other_is_touched(tmp_path):
+    (tmp_path / "a").write_text("old")
+    (tmp_path / "mine").write_text("mine")
+    write_files(tmp_path, {"a": "new"})
+    assert contents(tmp_path) == {"a": b"new", "mine": b"mine"}
+
+
+def test_files_have_the_permissions_of_any_new_file(tmp_path):
+    (tmp_path / "usual").write_text("")
+    [path] = write_files(tmp_path, {"a": "x"})
+    assert path.stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+@pytest.mark.parametrize("failing", [0, 1, 2])
+def test_a_failure_in_the_middle_of_the_renames_leaves_everything_as_it_was(
+    tmp_path, monkeypatch, failing
+):
+    before = {"0": b"old 0", "2": b"old 2"}
+    for name, content in before.items():
+        (tmp_path / name).write_bytes(content)
+    original = Path.replace
+
+    def replace(self: Path, target: Path) -> Path:
+        if Path(target).name == str(failing) and ".old." not in self.name:
+            raise OSError(28, "No space left on device")
+        return original(self, target)
+
+    monkeypatch.setattr(Path, "replace", replace)
+    with pytest.raises(GtvalError, match=r"cannot write to .*: No space left on device"):
+        write_files(tmp_path, {"0": "new 0", "1": "new 1", "2": "new 2"})
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("with_links", [True, False])
+def test_a_success_leaves_no_temporary_file(tmp_path, monkeypatch, with_links):
+    if not with_links:
+
+        def refuse(_self: Path, _target: Path) -> None:
+            raise OSError(95, "Operation not supported")
+
+        monkeypatch.setattr(Path, "hardlink_to", refuse)
+    for generation in ("one", "two"):
+        write_files(tmp_path, {"a": generation, "b": generation})
+        assert contents(tmp_path) == {"a": generation.encode(), "b": generation.encode()}
+
+
+def test_a_full_disk_while_filling_leaves_the_old_files(tmp_path, monkeypatch):
+    (tmp_path / "a").write_text("old")
+    calls = iter(range(9))
+
+    def full(_handle: int) -> None:
+        if next(calls) == 1:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(GtvalError, match="No space left"):
+        write_files(tmp_path, {"a": "new", "b": "new"})
+    assert contents(tmp_path) == {"a": b"old"}
+
+
+def test_an_interrupt_leaves_the_old_files_and_goes_through(tmp_path, monkeypatch):
+    (tmp_path / "a").write_text("old")
+
+    def interrupted(_target: Path, _content: str | bytes) -> Path:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(files, "_stage", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_files(tmp_path, {"a": "new"})
+    assert contents(tmp_path) == {"a": b"old"}
+
+
+def test_a_file_in_the_way_of_the_folder_is_told(tmp_path):
+    (tmp_path / "results").write_text("I am a file")
+    with pytest.raises(GtvalError, match="cannot write to"):
+        write_files(tmp_path / "results", {"a": "x"})
+    assert contents(tmp_path) == {"results": b"I am a file"}
+
+
+def test_a_folder_in_the_way_of_a_file_is_told(tmp_path):
+    (tmp_path / "b").mkdir()
+    (tmp_path / "a").write_text("old")
+    with pytest.raises(GtvalError, match="cannot write to"):
+        write_files(tmp_path, {"a": "new", "b": "new"})
+    assert contents(tmp_path) == {"a": b"old"}
+
+
+def test_text_that_is_no_unicode_is_written_with_escapes(tmp_path):
+    [path] = write_files(tmp_path, {"a": "bad \udce9 name"})
+    assert path.read_bytes() == b"bad \\udce9 name"

@@ -1,0 +1,239 @@
+"""A whole run: what it collects, what it writes, and that it writes all or nothing."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from small_campaigns import FixedSystem, three_stops
+
+from validation.campaign import load_campaign
+from validation.errors import GtvalError, InputError, Problem
+from validation.results import Finding, SystemResult
+from validation.run import result_files, run_campaign, write_results
+
+
+def survey(**changes) -> FixedSystem:
+    return FixedSystem("survey", SystemResult(tables=[three_stops("survey")], **changes))
+
+
+def rig(name="rig", **changes) -> FixedSystem:
+    table = three_stops(name, shift=0.01)
+    return FixedSystem(name, SystemResult(tables=[table], **changes))
+
+
+def run(folder, **settings):
+    return run_campaign(load_campaign(folder), **settings)
+
+
+def test_every_system_is_compared_with_the_survey(campaign_folder, with_systems):
+    with_systems(survey(landmarks={"W1": (0.0, 1.0)}), rig(landmarks={"tag": (2.0, 3.0)}))
+    done = run(campaign_folder)
+    assert [table.system for table in done.tables] == ["survey", "rig"]
+    [evaluation] = done.evaluations
+    assert evaluation.comparison.errors == pytest.approx(np.full((3, 3), -0.01))
+    assert done.landmarks == {"W1": (0.0, 1.0), "tag": (2.0, 3.0)}
+    assert list(done.inputs) == ["campaign.toml"]
+
+
+def test_progress_rises_from_0_to_1(campaign_folder, with_systems):
+    with_systems(survey(), rig())
+    shares: list[float] = []
+    run(campaign_folder, progress=lambda _what, share: shares.append(share))
+    assert shares == sorted(shares)
+    assert shares[0] == 0
+    assert shares[-1] == 1
+
+
+def test_published_tables_are_systems_too(campaign_folder, with_systems):
+    with_systems(survey())
+    (campaign_folder / "campaign.toml").write_text(
+        'name = "x"\n[[published]]\nsystem = "book"\nfile = "b.csv"\n'
+    )
+    (campaign_folder / "b.csv").write_text("pose,x,y,theta\n1,0,0,0.1\n")
+    done = run(campaign_folder)
+    assert [evaluation.system for evaluation in done.evaluations] == ["book"]
+    assert "b.csv" in done.inputs
+
+
+def test_faults_of_all_systems_are_told_at_once(campaign_folder, with_systems):
+    shared = Problem("shared.csv", "bad")
+    with_systems(
+        FixedSystem("survey", fails_with=InputError([shared, Problem("a.csv", "bad")])),
+        FixedSystem("rig", fails_with=InputError([shared, Problem("b.csv", "worse")])),
+    )
+    with pytest.raises(InputError) as caught:
+        run(campaign_folder)
+    assert str(caught.value).splitlines() == ["shared.csv: bad", "a.csv: bad", "b.csv: worse"]
+
+
+def test_faults_of_different_kinds_are_told_at_once_too(campaign_folder, with_systems):
+    with_systems(
+        FixedSystem("survey", fails_with=InputError([Problem("a.csv", "bad")])),
+        FixedSystem("rig", fails_with=GtvalError("the rig sees nothing")),
+    )
+    with pytest.raises(GtvalError, match=r"a.csv: bad\nthe rig sees nothing"):
+        run(campaign_folder)
+
+
+def test_a_bug_is_not_hidden(campaign_folder, with_systems):
+    with_systems(FixedSystem("survey", fails_with=ZeroDivisionError()))
+    with pytest.raises(ZeroDivisionError):
+        run(campaign_folder)
+
+
+def test_a_campaign_without_data_is_an_error(campaign_folder, with_systems):
+    with_systems()
+    with pytest.raises(InputError, match="holds no data for any installed system"):
+        run(campaign_folder)
+
+
+def test_two_systems_of_one_name_are_an_error(campaign_folder, with_systems):
+    with_systems(survey(), rig(), rig())
+    with pytest.raises(InputError, match="'rig' — poses of this system come twice"):
+        run(campaign_folder)
+
+
+def test_without_survey_nothing_is_compared_and_that_is_said(campaign_folder, with_systems):
+    with_systems(rig())
+    done = run(campaign_folder)
+    assert done.evaluations == ()
+    assert done.validation is None
+    assert [finding.code for finding in done.findings] == ["no_validation"]
+    assert set(result_files(done)) == {"poses_rig.csv", "poses_rig.tum"}
+
+
+def test_a_system_without_common_stops_is_an_error_in_the_findings(campaign_folder, with_systems):
+    other = FixedSystem("rig", SystemResult(tables=[three_stops("rig", ids=("a", "b", "c"))]))
+    with_systems(survey(), other)
+    done = run(campaign_folder)
+    assert done.evaluations == ()
+    assert [(finding.severity, finding.code) for finding in done.findings] == [
+        ("error", "not_comparable")
+    ]
+
+
+@pytest.mark.parametrize(("severity", "faulty"), [("error", True), ("warning", False)])
+def test_errors_of_the_survey_make_the_run_unusable(
+    campaign_folder, with_systems, severity, faulty
+):
+    with_systems(survey(findings=[Finding(severity, "blunder")]), rig())
+    assert run(campaign_folder).validation_is_faulty is faulty
+
+
+def read_rows(path):
+    with path.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_errors_and_statistics_are_written_with_all_digits(campaign_folder, with_systems):
+    with_systems(survey(), rig())
+    done = run(campaign_folder)
+    write_results(done)
+    errors = read_rows(campaign_folder / "results/errors.csv")
+    [evaluation] = done.evaluations
+    assert [row["pose"] for row in errors] == ["1", "2", "3"]
+    assert [float(row["dx"]) for row in errors] == evaluation.comparison.errors[:, 0].tolist()
+    assert [float(row["nees"]) for row in errors] == evaluation.comparison.nees.tolist()
+    assert list(errors[0])[:5] == ["system", "pose", "dx", "dy", "dtheta"]
+    statistics = read_rows(campaign_folder / "results/statistics.csv")
+    assert [row["component"] for row in statistics] == ["x", "y", "theta"]
+    assert float(statistics[0]["ci95_low"]) == evaluation.statistics[0].ci_low
+    assert statistics[0]["interval"] == "student"
+
+
+def test_what_is_not_available_is_blank_and_explained(campaign_folder, with_systems):
+    silent = three_stops("rig", covariances=np.full((3, 3, 3), np.nan))
+    with_systems(survey(), FixedSystem("rig", SystemResult(tables=[silent.select(["2"])])))
+    write_results(run(campaign_folder))
+    [error] = read_rows(campaign_folder / "results/errors.csv")
+    assert (error["nees"], error["nx"], error["nees_low"]) == ("", "", "")
+    assert error["not_available"] == "'rig' states no covariance"
+    statistics = read_rows(campaign_folder / "results/statistics.csv")
+    assert {row["std"] for row in statistics} == {""}
+    assert {row["reason"] for row in statistics} == {"a single error has no spread"}
+
+
+def test_the_record_tells_where_numbers_came_from(campaign_folder, with_systems):
+    with_systems(survey(facts={"seed": 7}), rig())
+    write_results(run(campaign_folder))
+    record = json.loads((campaign_folder / "results/run.json").read_text())
+    assert record["systems"]["survey"] == {"seed": 7}
+    assert set(record["inputs"]) == {"campaign.toml"}
+    assert record["libraries"]["numpy"] == np.__version__
+    assert record["settings"]["name"] == "three stops"
+    assert record["comparisons"]["rig"]["nees_test"]["poses"] == 3
+    assert "errors.csv" in record["outputs"]
+
+
+def all_files(folder):
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def test_the_same_inputs_give_the_same_bytes(campaign_folder, with_systems):
+    with_systems(survey(), rig())
+    write_results(run(campaign_folder))
+    first = all_files(campaign_folder)
+    write_results(run(campaign_folder))
+    assert all_files(campaign_folder) == first
+
+
+def test_stale_files_of_the_run_before_are_removed_and_no_other(campaign_folder, with_systems):
+    with_systems(survey(), rig("old_rig", files={"old/evidence.csv": "x\n"}))
+    write_results(run(campaign_folder))
+    results = campaign_folder / "results"
+    (results / "mine.csv").write_text("mine")
+    with_systems(survey(), rig("new_rig"))
+    write_results(run(campaign_folder))
+    names = set(all_files(results))
+    assert {"mine.csv", "poses_new_rig.csv", "run.json"} <= names
+    assert not any("old" in name for name in names)
+
+
+@pytest.mark.parametrize(
+    "outputs",
+    ['["../campaign.toml", "/etc/none", "a\\u0000b", 3, ".", ""]', '"run.json"', "null", "{}"],
+)
+def test_a_forged_record_removes_nothing_outside(campaign_folder, with_systems, outputs):
+    with_systems(survey(), rig())
+    results = campaign_folder / "results"
+    results.mkdir()
+    (results / "run.json").write_text(f'{{"outputs": {outputs}}}')
+    write_results(run(campaign_folder))
+    assert (campaign_folder / "campaign.toml").exists()
+
+
+@pytest.mark.parametrize("name", ["../evil", "/evil", "a/../../evil", "a\\b"])
+def test_no_system_writes_outside_of_results(campaign_folder, with_systems, name):
+    with_systems(survey(), rig(files={name: "x"}))
+    with pytest.raises(GtvalError, match="'rig' wants to write outside results/"):
+        write_results(run(campaign_folder))
+    assert not (campaign_folder / "results").exists()
+
+
+def test_no_two_systems_write_the_same_file(campaign_folder, with_systems):
+    with_systems(survey(files={"a.csv": "1"}), rig(files={"a.csv": "2"}))
+    with pytest.raises(GtvalError, match=r"both write results/a\.csv"):
+        write_results(run(campaign_folder))
+
+
+def test_a_system_name_that_is_no_file_name_is_an_error(campaign_folder, with_systems):
+    with_systems(survey(), rig("../rig"))
+    with pytest.raises(GtvalError, match="cannot be part of a file name"):
+        write_results(run(campaign_folder))
+
+
+def test_a_failed_write_leaves_the_old_results(campaign_folder, with_systems):
+    with_systems(survey(), rig())
+    write_results(run(campaign_folder))
+    before = all_files(campaign_folder)
+    with_systems(survey(), rig("new_rig"))
+    # A folder stands where a file should go.
+    (campaign_folder / "results/poses_new_rig.csv").mkdir()
+    with pytest.raises(GtvalError, match="cannot write to"):
+        write_results(run(campaign_folder))
+    assert all_files(campaign_folder) == before

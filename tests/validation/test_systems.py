@@ -1,0 +1,32 @@
+"""Plug-ins found by their entry points."""
+
+from importlib.metadata import EntryPoint
+
+import pytest
+from small_campaigns import FixedSystem
+
+from validation import systems
+from validation.errors import GtvalError
+from validation.systems import installed_systems
+
+
+def entry(name: str, value: str = "small_campaigns:SYSTEM") -> EntryPoint:
+    return EntryPoint(name, value, "gtval.systems")
+
+
+def test_the_survey_comes_first_and_the_others_by_name(monkeypatch):
+    made = {name: FixedSystem(name) for name in ("vision", "laser", "survey")}
+    monkeypatch.setattr(EntryPoint, "load", lambda self: made[self.name])
+    monkeypatch.setattr(systems, "entry_points", lambda **_: [entry(name) for name in made])
+    assert [system.name for system in installed_systems()] == ["survey", "laser", "vision"]
+
+
+def test_a_plug_in_that_cannot_be_loaded_is_named(monkeypatch):
+    # Leaving it out silently would leave its poses out of the comparison.
+    monkeypatch.setattr(systems, "entry_points", lambda **_: [entry("rig", "no_such_module:X")])
+    with pytest.raises(GtvalError, match=r"plug-in 'rig' \(no_such_module:X\) cannot be loaded"):
+        installed_systems()
+
+
+def test_no_progress_takes_what_progress_takes():
+    assert systems.no_progress("anything", 0.5) is None
