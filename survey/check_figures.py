@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from survey.convergence import NOT_CONVERGED, REACHES_OTHER, REACHES_SOLUTION, Convergence
-from survey.figures import WIDTH
+from survey.figures import WIDTH, Places, Room, finish_legend, survey_map
 from survey.instrument import tolerance_at
 from survey.instrument_check import InstrumentCheck
 from validation.angles import Array, wrap
@@ -94,16 +94,7 @@ def convergence_map(found: Convergence, name: str, heading_limit: float = np.pi)
     axes.set_ylabel("y [m], GTV frame")
     within = "" if len(found.solution) == 2 else _heading_words(heading_limit)
     axes.set_title(f"{name}: where {int(shown.sum())} first guesses lead{within}", fontsize=10)
-    handles, labels = axes.get_legend_handles_labels()
-    unique = dict(zip(labels, handles, strict=True))
-    figure.legend(
-        unique.values(),
-        unique.keys(),
-        loc="outside lower center",
-        ncols=2,
-        fontsize=8,
-        frameon=False,
-    )
+    finish_legend(axes)
     return figure
 
 
@@ -163,4 +154,38 @@ def detectable_figure(names: Sequence[str], shift: Array, turn: Array, title: st
     panels[0].invert_yaxis()
     panels[0].set_ylabel("pose")
     figure.suptitle(title, fontsize=10)
+    return figure
+
+
+def planning_map(
+    room: Room,
+    world: Places | None,
+    frames: Places | None,
+    extra: Sequence[tuple[str, Array, Array]],
+) -> Figure:
+    """Predicted ellipses, and the readings that would help most as numbered lines.
+
+    Parameters
+    ----------
+    room : Room
+        Vframe, rig and walls.
+    world, frames : Places, optional
+        Planned or measured places with their covariances.
+    extra : sequence of (str, (2,) array, (2,) array)
+        Number and ends of each extra reading, metres.
+    """
+    figure = survey_map(room, world, frames)
+    axes = figure.axes[0]
+    for row, (number, start, end) in enumerate(extra):
+        label = "extra reading" if row == 0 else None
+        axes.plot(*np.stack([start, end]).T, ":", color="#CC79A7", linewidth=2.0, label=label)
+        axes.annotate(
+            number,
+            tuple((start + end) / 2),
+            ha="center",
+            va="center",
+            fontsize=7,
+            bbox={"boxstyle": "circle,pad=0.2", "facecolor": "white", "linewidth": 0.6},
+        )
+    finish_legend(axes)
     return figure

@@ -78,5 +78,10 @@ def _commands() -> list[click.Command]:
     return found
 
 
-_MODULES = ("survey.instrument_commands",)
+_MODULES = (
+    "survey.instrument_commands",
+    "survey.convergence_commands",
+    "survey.accuracy_commands",
+    "survey.planning_commands",
+)
 COMMANDS = _commands()

@@ -250,14 +250,22 @@ def _finish_map(axes: "Axes") -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
     axes.grid(visible=True, linewidth=0.3)
+    finish_legend(axes)
+
+
+def finish_legend(axes: "Axes") -> None:
+    """Put every kind that the axes show once under the figure, in place of an earlier legend."""
+    figure = axes.figure
+    for legend in list(figure.legends):
+        legend.remove()
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         unique = dict(zip(labels, handles, strict=True))
-        axes.figure.legend(
+        figure.legend(
             unique.values(),
             unique.keys(),
             loc="outside lower center",
-            ncols=3,
+            ncols=min(len(unique), 3),
             fontsize=8,
             frameon=False,
         )
