@@ -17,8 +17,8 @@ demo: $(VENV)/installed
 test: check-code check-wheel
 	$(PYTHON) -m pytest -n 2 -m "not full"
 
-test-full: test
-	$(PYTHON) -m pytest -n 2 -m full
+test-full: check-code check-wheel
+	$(PYTHON) -m pytest -n 2
 
 check-code: $(VENV)/installed-for-tests
 	$(PYTHON) -m ruff check $(TESTED)
