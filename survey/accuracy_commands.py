@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from survey.settings import Motion, SurveySettings
 from validation.commands import AS_JSON, CAMPAIGN
 
 if TYPE_CHECKING:
     from survey.accuracy import DetectableMotion, MotionCheck
+    from survey.settings import Motion
     from validation.poses import PoseTable
     from validation.results import Finding, Table
 
@@ -48,6 +48,7 @@ def accuracy(
     Takes the motions of [[survey.motions]] in campaign.toml, or one given by options.
     """
     from survey.outcome import solve_campaign
+    from survey.settings import SurveySettings
     from validation.campaign import load_campaign
     from validation.errors import GtvalError
     from validation.report.terminal import print_findings, print_json, print_table
@@ -92,8 +93,10 @@ def _motion(
     frame: str,
     *,
     in_degrees: bool,
-) -> Motion:
+) -> "Motion":
     """The motion of the options."""
+    from survey.settings import Motion
+
     if start is None or end is None or dx is None or dy is None or dtheta is None:
         raise click.UsageError("--start, --end, --dx, --dy and --dtheta belong together")
     if not all(isfinite(value) for value in (dx, dy, dtheta)):
@@ -103,7 +106,7 @@ def _motion(
     return Motion.model_validate(fields)
 
 
-def check_poses(poses: "PoseTable", motion: Motion) -> "MotionCheck":
+def check_poses(poses: "PoseTable", motion: "Motion") -> "MotionCheck":
     """The motion between two poses of a table, with their correlation where it is known."""
     import numpy as np
 
@@ -120,7 +123,7 @@ def check_poses(poses: "PoseTable", motion: Motion) -> "MotionCheck":
     return check_motion(start, end, covariance, real, motion.frame, correlated=correlated)
 
 
-def motion_table(motion: Motion, check: "MotionCheck") -> "Table":
+def motion_table(motion: "Motion", check: "MotionCheck") -> "Table":
     """The document's table (real, measured, error), and what the error means."""
     from validation.results import Table
 
@@ -153,7 +156,7 @@ def motion_table(motion: Motion, check: "MotionCheck") -> "Table":
     )
 
 
-def motion_findings(motion: Motion, check: "MotionCheck") -> "list[Finding]":
+def motion_findings(motion: "Motion", check: "MotionCheck") -> "list[Finding]":
     """Whether the survey saw the motion."""
     from math import isnan
 

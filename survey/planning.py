@@ -348,3 +348,10 @@ def weak_points(readings: Readings, vframe: Vframe, world: Sequence[str]) -> dic
     for point, end in zip(own.start, own.end, strict=True):
         seen[point].add(end)
     return {name: len(ends) for name, ends in seen.items() if len(ends) < 3}
+
+
+def diagonal_blocks(adjustment: Adjustment, rows: npt.NDArray[np.intp], size: int) -> Array:
+    """Covariances (n, size, size) of n things that take ``size`` of the given rows each."""
+    n = len(rows) // size
+    joint = adjustment.covariance[np.ix_(rows, rows)].reshape(n, size, n, size)
+    return np.asarray(joint[np.arange(n), :, np.arange(n)])

@@ -191,15 +191,15 @@ def plan_findings(prediction: Prediction) -> "list[Finding]":
 def _points_table(prediction: Prediction) -> "Table":
     """World points with their 3-sigma ellipses."""
     from survey.figures import SIGMAS, ellipse_axes
-    from survey.planning import world_names
+    from survey.planning import diagonal_blocks, world_names
     from validation.results import Table
 
     adjustment = prediction.adjustment
     rows: list[list[str | float]] = []
     for name in world_names(adjustment):
-        at = adjustment.point_rows([name])
+        covariance = diagonal_blocks(adjustment, adjustment.point_rows([name]), 2)[0]
         x, y = adjustment.parameters.points[adjustment.network.points.index(name)]
-        long, short, direction = ellipse_axes(adjustment.covariance[at][:, at])
+        long, short, direction = ellipse_axes(covariance)
         axes = [1e3 * SIGMAS * long, 1e3 * SIGMAS * short, degrees(direction) % 180]
         rows.append([name, float(x), float(y), *axes])
     how = "from the readings" if prediction.measured else "planned"
@@ -269,7 +269,7 @@ def _extra_table(prediction: Prediction) -> "Table":
 def _facts(prediction: Prediction, settings: "PlanSettings") -> dict[str, object]:
     """Numbers for scripts."""
     from survey.accuracy import detectable_motion
-    from survey.planning import typical_uncertainty, world_names
+    from survey.planning import diagonal_blocks, typical_uncertainty, world_names
 
     adjustment = prediction.adjustment
     return {
@@ -279,17 +279,13 @@ def _facts(prediction: Prediction, settings: "PlanSettings") -> dict[str, object
         "world_points": {
             name: {
                 "position": adjustment.parameters.points[adjustment.network.points.index(name)],
-                "covariance": adjustment.covariance[adjustment.point_rows([name])][
-                    :, adjustment.point_rows([name])
-                ],
+                "covariance": diagonal_blocks(adjustment, adjustment.point_rows([name]), 2)[0],
             }
             for name in world_names(adjustment)
         },
         "poses": {
             pose: {
-                "covariance": adjustment.covariance[adjustment.pose_rows([pose])][
-                    :, adjustment.pose_rows([pose])
-                ],
+                "covariance": diagonal_blocks(adjustment, adjustment.pose_rows([pose]), 3)[0],
                 "motion_covariance": covariance,
                 "detectable": detectable_motion(covariance, settings.confidence, settings.power),
             }
@@ -306,24 +302,20 @@ def _write_map(path: Path, campaign: "Campaign", prediction: Prediction) -> None
     from survey.check_figures import planning_map
     from survey.figure_files import write_figure
     from survey.figures import Places, Room
-    from survey.planning import world_names
+    from survey.planning import diagonal_blocks, world_names
 
     adjustment = prediction.adjustment
     network, parameters = adjustment.network, adjustment.parameters
-
-    def block(rows: "np.typing.NDArray[np.intp]", size: int) -> "Array":
-        n = len(rows) // size
-        joint = adjustment.covariance[np.ix_(rows, rows)].reshape(n, size, n, size)
-        return np.asarray(joint[np.arange(n), :, np.arange(n)])
 
     place = dict(zip(network.points, parameters.points, strict=True))
     names = world_names(adjustment)
     world = Places(
         names,
         np.array([place[name] for name in names]).reshape(-1, 2),
-        block(adjustment.point_rows(names), 2),
+        diagonal_blocks(adjustment, adjustment.point_rows(names), 2),
     )
-    frames = Places(network.poses, parameters.poses, block(adjustment.pose_rows(network.poses), 3))
+    of_poses = diagonal_blocks(adjustment, adjustment.pose_rows(network.poses), 3)
+    frames = Places(network.poses, parameters.poses, of_poses)
     settings = campaign.settings
     room = Room(
         list(settings.vframe.points.items()),
