@@ -141,6 +141,9 @@ def component_statistics(
     values = np.asarray(errors, dtype=float)
     n = len(values)
     mean, std, median, mad = (float(value) for value in _centre_and_spread(values, component.kind))
+    # Differences of equal numbers may differ in the last bits.
+    if std <= 1e-12 * (1 + np.abs(values).max(initial=0.0)):
+        std = 0.0
     reason = _reason(n, mean, std)
     spread = std if not reason else NAN
     low, high = mean_interval(mean, spread, n, confidence, method)

@@ -1,14 +1,17 @@
 """The published campaign, and folders and systems to run."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner, Result
 from small_campaigns import MINIMAL_TOML, FixedSystem
 
 import data_samples
 import validation.run
 import validation.systems
+from validation.cli import main
 from validation.poses import PoseTable, from_csv
 
 AD23 = Path(data_samples.__file__).parent / "ad23"
@@ -31,6 +34,14 @@ def campaign_folder(tmp_path: Path) -> Path:
     folder.mkdir()
     (folder / "campaign.toml").write_text(MINIMAL_TOML)
     return folder
+
+
+@pytest.fixture(scope="session")
+def ad23_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
+    """A copy of the published campaign after `gtval run`, and what that printed as JSON."""
+    folder = tmp_path_factory.mktemp("published") / "ad23"
+    shutil.copytree(AD23, folder)
+    return folder, CliRunner().invoke(main, ["run", str(folder), "--json"])
 
 
 @pytest.fixture(scope="session")

@@ -200,8 +200,9 @@ def test_two_errors_have_a_very_wide_interval():
     assert statistics.ci_high - statistics.mean == pytest.approx(12.7062 * 0.01, abs=1e-6)
 
 
-def test_equal_errors_do_not_make_the_mean_certain():
-    statistics = component_statistics([0.02, 0.02, 0.02], X, 0.05)
+@pytest.mark.parametrize("last_bits", [0.0, 1e-16])
+def test_equal_errors_do_not_make_the_mean_certain(last_bits):
+    statistics = component_statistics([0.02, 0.02, 0.02 + last_bits], X, 0.05)
     assert statistics.std == 0
     assert math.isnan(statistics.ci_low)
     assert statistics.bias.holds is None
