@@ -117,9 +117,7 @@ def candidates(*, reference: bool, moving: bool) -> tuple[ErrorModel, ...]:
         models.append(ErrorModel("reference_mount", words, ("mount",), True, True))
     models += [
         ErrorModel("frame_scale", "a wrong frame and scale", ("frame", "scale")),
-        ErrorModel(
-            "frame_mount", "a wrong frame and a wrong mount", ("frame", "mount"), reference
-        ),
+        ErrorModel("frame_mount", "a wrong frame and a wrong mount", ("frame", "mount"), reference),
     ]
     if reference:
         words = "a wrong mount that also went into the frame, and a wrong scale"

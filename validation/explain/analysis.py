@@ -1,0 +1,338 @@
+"""The whole question: where do the errors of these systems come from?"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from validation.angles import Array
+from validation.errors import GtvalError
+from validation.explain.agreement import Agreement, agreement
+from validation.explain.arbitration import FALSE_ALARM, Arbitration, Sources, arbitrate
+from validation.explain.pairs import Pairs, make_pairs
+from validation.explain.reference import ReferenceEvidence, infer_reference
+from validation.explain.selection import FALSE_ALARM as INVENTED
+from validation.explain.selection import Selection, select
+from validation.explain.settled import Settled, settle
+from validation.poses import PoseTable
+
+FEWEST = 4
+"""Poses below which nothing is fitted."""
+UNKNOWN_STOP = "?"
+_ROUNDS = 2
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is known beside the poses.
+
+    Parameters
+    ----------
+    references : mapping of str to str
+        The stop whose validation pose tied a system to the GTV frame; '?' where it is known that
+        one did but not which.
+    sensors : mapping of str to sequence of str
+        Systems that share a sensor, by its name.
+    times : mapping of str to float, optional
+        Seconds of the poses of a moving robot.
+    witnesses : sequence of PoseTable
+        Rough poses from elsewhere: they take part in the arbitration, but are not explained.
+    confidence : float
+        Of all intervals.
+    invented : float
+        Chance that any systematic error is claimed in a clean campaign.
+    false_alarm : float
+        Chance that any pose is flagged in a clean campaign.
+    """
+
+    references: Mapping[str, str] = field(default_factory=dict)
+    sensors: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    times: Mapping[str, float] | None = None
+    witnesses: Sequence[PoseTable] = ()
+    confidence: float = 0.95
+    invented: float = INVENTED
+    false_alarm: float = FALSE_ALARM
+
+
+@dataclass(frozen=True)
+class SystemExplanation:
+    """What was found out about one system.
+
+    Parameters
+    ----------
+    table : PoseTable
+        Its poses.
+    selection : Selection, optional
+        All explanations; None where there are too few poses to fit any.
+    settled : Settled, optional
+        The chosen one without the flagged cells.
+    reference : ReferenceEvidence, optional
+        Where the reference is not stated and the errors look as if there were one.
+    """
+
+    table: PoseTable
+    selection: Selection | None
+    settled: Settled | None
+    reference: ReferenceEvidence | None
+
+    @property
+    def system(self) -> str:
+        """Name of the system."""
+        return self.table.system
+
+    @property
+    def name(self) -> str:
+        """Name of the explanation; 'reference_mount' also where the reference was inferred."""
+        if self.selection is None:
+            return "unknown"
+        name = self.selection.chosen.name
+        if self.reference is not None and self.reference.accepted:
+            return name.replace("frame_mount", "reference_mount")
+        return name
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Where the errors of all systems come from.
+
+    Parameters
+    ----------
+    validation : PoseTable
+        The validation poses.
+    systems : tuple of SystemExplanation
+        One for each GT system.
+    arbitration : Arbitration
+        Who is wrong at which stop.
+    agreements : tuple of Agreement
+        Systems that share a sensor.
+    question : Question
+        What was asked.
+    """
+
+    validation: PoseTable
+    systems: tuple[SystemExplanation, ...]
+    arbitration: Arbitration
+    agreements: tuple[Agreement, ...]
+    question: Question
+
+    def system(self, name: str) -> SystemExplanation:
+        """The one with that name."""
+        return next(one for one in self.systems if one.system == name)
+
+
+def explain(
+    validation: PoseTable, systems: Sequence[PoseTable], question: Question | None = None
+) -> Explanation:
+    """Where the errors of GT systems come from.
+
+    Parameters
+    ----------
+    validation : PoseTable
+        The validation poses.
+    systems : sequence of PoseTable
+        The GT systems' poses, each with stops in common with the validation.
+    question : Question, optional
+        What else is known.
+
+    Raises
+    ------
+    GtvalError
+        If the tables are not planar or share no stop, angles look like degrees, or a named
+        reference or system does not exist.
+
+    Notes
+    -----
+    1. Each system is explained by itself, robustly. 2. With the systematic parts taken out, the
+    sources are held against each other and the cells that do not fit are flagged. 3. The chosen
+    explanations are fitted again without these cells, and 2 is repeated. 4. Systems that share a
+    sensor are compared and fitted together.
+    """
+    question = question or Question()
+    _check(validation, systems, question)
+    pairs = [
+        make_pairs(validation, one, _stated_reference(question, one.system), question.times)
+        for one in systems
+    ]
+    share = question.invented / max(len(systems), 1)
+    selections = [select(one, share) if len(one) >= FEWEST else None for one in pairs]
+    everything = [np.ones((len(one), 2), dtype=bool) for one in pairs]
+    settled = [
+        None if chosen is None else settle(one, chosen.chosen.fit, cells)
+        for one, chosen, cells in zip(pairs, selections, everything, strict=True)
+    ]
+    # The first arbitration takes the robust fits, which no gross error has moved.
+    result = arbitrate(
+        _sources(validation, systems, pairs, _robust(selections), settled, question),
+        question.false_alarm,
+    )
+    for _ in range(_ROUNDS):
+        settled = [
+            None if chosen is None else settle(one, chosen.chosen.fit, _cells(one, result))
+            for one, chosen in zip(pairs, selections, strict=True)
+        ]
+        before = result
+        result = arbitrate(
+            _sources(validation, systems, pairs, settled, settled, question), question.false_alarm
+        )
+        if (before.bad == result.bad).all() and (before.doubtful == result.doubtful).all():
+            break
+    noise = _least_noise(settled)
+    explained = tuple(
+        SystemExplanation(
+            table,
+            chosen,
+            done,
+            _reference(
+                chosen,
+                done,
+                validation,
+                noise,
+                certain=question.references.get(table.system) == UNKNOWN_STOP,
+            ),
+        )
+        for table, chosen, done in zip(systems, selections, settled, strict=True)
+    )
+    agreements = _agreements(explained, pairs, result, question)
+    return Explanation(validation, explained, result, agreements, question)
+
+
+def _check(validation: PoseTable, systems: Sequence[PoseTable], question: Question) -> None:
+    """Raise for names that do not exist and tables that are there twice."""
+    names = [one.system for one in systems]
+    if not names:
+        raise GtvalError("there is no GT system to explain")
+    every = [validation.system, *names, *(one.system for one in question.witnesses)]
+    twice = sorted({name for name in every if every.count(name) > 1})
+    if twice:
+        raise GtvalError(f"these systems are given twice: {', '.join(twice)}")
+    for name in question.references:
+        if name not in names:
+            raise GtvalError(
+                f"a reference is stated for the system '{name}', which is not there; "
+                f"there are {', '.join(names)}"
+            )
+    for sensor, members in question.sensors.items():
+        unknown = [name for name in members if name not in names]
+        if unknown:
+            raise GtvalError(
+                f"the sensor '{sensor}' is said to be shared by {', '.join(unknown)}, which "
+                f"is not there; there are {', '.join(names)}"
+            )
+
+
+def _stated_reference(question: Question, system: str) -> str:
+    """The reference stop of a system; empty where it is not known which."""
+    stop = question.references.get(system, "")
+    return "" if stop == UNKNOWN_STOP else stop
+
+
+def _robust(selections: Sequence[Selection | None]) -> list[Settled | None]:
+    """The robust fits in the form of settled ones."""
+    return [
+        None
+        if one is None
+        else Settled(
+            one.pairs,
+            one.chosen.fit,
+            one.chosen.fit.weights[0] > 0.5,
+            np.zeros(2),
+            np.zeros(2),
+        )
+        for one in selections
+    ]
+
+
+def _sources(
+    validation: PoseTable,
+    systems: Sequence[PoseTable],
+    pairs: Sequence[Pairs],
+    fits: Sequence[Settled | None],
+    settled: Sequence[Settled | None],
+    question: Question,
+) -> Sources:
+    """All sources at all stops of the validation, systematic parts taken out."""
+    ids = validation.ids
+    row = {name: number for number, name in enumerate(ids)}
+    tables = [validation, *systems, *question.witnesses]
+    poses = np.full((len(tables), len(ids), 3), np.nan)
+    covariances = np.full((len(tables), len(ids), 3, 3), np.nan)
+    lost = np.zeros((len(tables), 2))
+    poses[0], covariances[0] = validation.poses, validation.covariances
+    for number, (one, fit, done) in enumerate(zip(pairs, fits, settled, strict=True), 1):
+        rows = [row[name] for name in one.ids]
+        poses[number, rows] = one.gt if fit is None else fit.corrected_poses(one.gt)
+        if one.stated:
+            covariances[number, rows] = (
+                one.gt_covariances if fit is None else fit.corrected_covariances()
+            )
+        lost[number] = 0 if done is None else done.used_freedom
+    for number, table in enumerate(question.witnesses, len(pairs) + 1):
+        rows = [row[name] for name in table.ids if name in row]
+        known = table.select([name for name in table.ids if name in row])
+        poses[number, rows], covariances[number, rows] = known.poses, known.covariances
+    return Sources(
+        tuple(table.system for table in tables),
+        ids,
+        poses,
+        covariances,
+        {sensor: tuple(names) for sensor, names in question.sensors.items()},
+        lost,
+    )
+
+
+def _cells(pairs: Pairs, result: Arbitration) -> Array:
+    """(n, 2) cells of the pairs in which neither pose is flagged."""
+    own = result.sources.index(pairs.system)
+    rows = [result.ids.index(name) for name in pairs.ids]
+    usable = result.usable
+    return np.asarray(usable[0, rows] & usable[own, rows])
+
+
+def _reference(
+    selection: Selection | None,
+    settled: Settled | None,
+    validation: PoseTable,
+    noise: Array | None,
+    *,
+    certain: bool,
+) -> ReferenceEvidence | None:
+    """The evidence for a reference, where none was stated and frame and mount are both wrong."""
+    if selection is None or settled is None or selection.pairs.reference:
+        return None
+    if not {"frame", "mount"} <= set(selection.chosen.model.parts):
+        return None
+    return infer_reference(settled, validation, noise, certain=certain)
+
+
+def _least_noise(settled: Sequence[Settled | None]) -> Array | None:
+    """(2,) least noise of any system's residuals: the validation poses cannot be noisier."""
+    scales = [one.fit.scale[0] for one in settled if one is not None and not one.pairs.stated]
+    return np.min(scales, axis=0) if scales else None
+
+
+def _agreements(
+    explained: Sequence[SystemExplanation],
+    pairs: Sequence[Pairs],
+    result: Arbitration,
+    question: Question,
+) -> tuple[Agreement, ...]:
+    """Each group's mounts compared, with the simplest explanation that holds a mount."""
+    by_name = {one.system: (one, pair) for one, pair in zip(explained, pairs, strict=True)}
+    found = []
+    for sensor, names in question.sensors.items():
+        fits = [fit for name in names if (fit := _with_mount(*by_name[name], result)) is not None]
+        if len(fits) > 1:
+            found.append(agreement(sensor, fits))
+    return tuple(found)
+
+
+def _with_mount(one: SystemExplanation, pairs: Pairs, result: Arbitration) -> Settled | None:
+    """A settled fit with a mount: the chosen one, or frame and mount where it has none."""
+    if one.selection is None or one.settled is None:
+        return None
+    if "mount" in one.settled.fit.model.parts:
+        return one.settled
+    candidate = one.selection.candidate("frame_mount")
+    if not candidate.observability.complete:
+        return None
+    return settle(pairs, candidate.fit, _cells(pairs, result))

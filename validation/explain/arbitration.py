@@ -1,0 +1,522 @@
+"""Which source is wrong at a stop: the one that disagrees with the others.
+
+The sources are the validation poses and every GT system with its systematic part taken out. Each
+stop has two cells, its position and its heading. In each cell every source is asked how much
+better the rest would agree without it; the error is laid at the door of the one whose removal
+heals the cell, if that is clearly so, and the chance of blaming anyone in a clean table is kept
+at a stated level over the whole table (Bonferroni over all questions asked).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy import special
+
+from validation.angles import Array, wrap
+from validation.explain.hat import DIMENSIONS, SourceVariances, source_variances
+
+FALSE_ALARM = 0.05
+MARGIN = 6.0
+"""Two culprits are told apart if one's removal leaves a chi-squared this much smaller (odds of
+20 to 1)."""
+
+CELLS = ("position", "heading")
+Certainty = Literal["sure", "likely", "undecided"]
+_ROUNDS = 5
+
+SCREEN = 1e-3
+"""Cells below this p-value are left out when noise levels are estimated, as one gross error that
+is just not flagged would hide others."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One cell that does not fit.
+
+    Parameters
+    ----------
+    stop : str
+        Name of the pose.
+    cell : {"position", "heading"}
+        Which part of it.
+    blamed : tuple of str
+        The source held responsible; several where it is any one (or, of one sensor, all) of them.
+    certainty : {"sure", "likely", "undecided"}
+        'likely' if the others that outvote it share a sensor; 'undecided' if one of several.
+    p_value : float
+        Chance of such a disagreement without a gross error, for this question alone.
+    size : float
+        Length or angle by which the source is off the others, in metres or radians.
+    witnesses : tuple of str
+        The sources that agree with each other.
+    reason : str
+        Why, in words.
+    """
+
+    stop: str
+    cell: str
+    blamed: tuple[str, ...]
+    certainty: Certainty
+    p_value: float
+    size: float
+    witnesses: tuple[str, ...]
+    reason: str
+
+
+@dataclass(frozen=True)
+class Arbitration:
+    """What the table of sources against stops shows.
+
+    Parameters
+    ----------
+    sources : tuple of str
+        The S sources, the validation first.
+    ids : tuple of str
+        The n stops.
+    verdicts : tuple of Verdict
+        All cells that do not fit, stop by stop.
+    present : (S, n) array of bool
+        Whether the source has the pose.
+    bad : (S, n, 2) array of bool
+        Cells of which the source is held responsible.
+    doubtful : (S, n, 2) array of bool
+        Cells of which it may be responsible.
+    scores : (S, n, 2) array
+        Distance of each source from the others in standard deviations; NaN where it is alone.
+    noise : (S, 2) array
+        Standard deviations used, in metres and radians.
+    variances : SourceVariances
+        From the differences between independent sources, the cells above left out.
+    false_alarm : float
+        Chance of any verdict in a clean table.
+    questions : int
+        Asked of the table.
+    """
+
+    sources: tuple[str, ...]
+    ids: tuple[str, ...]
+    verdicts: tuple[Verdict, ...]
+    present: Array
+    bad: Array
+    doubtful: Array
+    scores: Array
+    noise: Array
+    variances: SourceVariances
+    false_alarm: float
+    questions: int
+
+    @property
+    def usable(self) -> Array:
+        """(S, n, 2) True where a cell is there and beyond suspicion."""
+        return self.present[..., None] & ~self.bad & ~self.doubtful
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Poses of S sources at n stops, systematic parts taken out.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The sources, the validation first.
+    ids : tuple of str
+        The stops.
+    poses : (S, n, 3) array
+        NaN where missing (or known only by construction).
+    covariances : (S, n, 3, 3) array
+        NaN where not stated.
+    sensors : mapping of str to tuple of str
+        Sources that share a sensor, by its name.
+    lost_freedom : (S, 2) array
+        Degrees of freedom that taking out the systematic part cost.
+    """
+
+    names: tuple[str, ...]
+    ids: tuple[str, ...]
+    poses: Array
+    covariances: Array
+    sensors: Mapping[str, tuple[str, ...]]
+    lost_freedom: Array
+
+    @property
+    def present(self) -> Array:
+        """(S, n) True where there is a pose."""
+        return np.isfinite(self.poses).all(-1)
+
+    @property
+    def stated(self) -> Array:
+        """(S,) True where all covariances are stated."""
+        stated = np.isfinite(self.covariances).all((-1, -2))
+        return (stated | ~self.present).all(1) & self.present.any(1)
+
+
+def arbitrate(sources: Sources, false_alarm: float = FALSE_ALARM) -> Arbitration:
+    """The cells that do not fit, and who is wrong in each.
+
+    Parameters
+    ----------
+    sources : Sources
+        Two or more; with two, a disagreement shows but not whose it is.
+    false_alarm : float
+        Chance of any verdict in a table of good poses.
+    """
+    good = np.repeat(sources.present[..., None], 2, axis=-1)
+    left_out = np.zeros_like(good)
+    for step in range(_ROUNDS):
+        noise, dof = _noise(sources, good & ~left_out, robust=step == 0)
+        table = _Table(sources, noise, dof, false_alarm)
+        _, bad, doubtful = table.verdicts(max(SCREEN, table.threshold))
+        same = (left_out == (bad | doubtful)).all()
+        left_out = bad | doubtful
+        if same and step > 0:
+            break
+    found, bad, doubtful = _same_stop(sources, *table.verdicts(table.threshold))
+    usable = good & ~bad & ~doubtful
+    variances = source_variances(
+        sources.names,
+        sources.poses,
+        usable,
+        lost_freedom=sources.lost_freedom,
+        apart=tuple(sources.sensors.values()),
+    )
+    return Arbitration(
+        sources.names,
+        sources.ids,
+        tuple(found),
+        sources.present,
+        bad,
+        doubtful,
+        table.scores(bad | doubtful),
+        noise,
+        variances,
+        false_alarm,
+        table.questions,
+    )
+
+
+def _same_stop(
+    sources: Sources, found: list[Verdict], bad: Array, doubtful: Array
+) -> tuple[list[Verdict], Array, Array]:
+    """Undecided cells given to a source that is responsible for the other cell of the stop."""
+    result = []
+    for one in found:
+        if one.certainty == "undecided":
+            stop, kind = sources.ids.index(one.stop), CELLS.index(one.cell)
+            guilty = [name for name in one.blamed if bad[sources.names.index(name), stop, 1 - kind]]
+            if len(guilty) == 1:
+                doubtful[:, stop, kind] = False
+                bad[sources.names.index(guilty[0]), stop, kind] = True
+                others = tuple(name for name in one.blamed if name != guilty[0])
+                one = replace(  # noqa: PLW2901
+                    one,
+                    blamed=(guilty[0],),
+                    certainty="likely",
+                    witnesses=(*others, *one.witnesses),
+                    reason=f"this cell alone does not tell {' from '.join(one.blamed)}, but "
+                    f"{guilty[0]} is responsible for the {CELLS[1 - kind]} of the same stop",
+                )
+        result.append(one)
+    return result, bad, doubtful
+
+
+def _noise(sources: Sources, good: Array, *, robust: bool) -> tuple[Array, Array]:
+    """(S, 2) standard deviations to judge with, and their degrees of freedom.
+
+    Sources with stated covariances keep them (what is returned for them is typical); the others
+    get theirs from the differences. Where these cannot tell the sources apart, pairs of one
+    sensor are used too, and where that does not help the difference is shared equally.
+    """
+    variances = source_variances(
+        sources.names,
+        sources.poses,
+        good,
+        lost_freedom=sources.lost_freedom,
+        apart=tuple(sources.sensors.values()),
+        robust=robust,
+    )
+    everything = source_variances(
+        sources.names,
+        sources.poses,
+        good,
+        lost_freedom=sources.lost_freedom,
+        robust=robust,
+    )
+    known = np.isfinite(variances.bounded)
+    values = np.where(known, variances.bounded, everything.bounded)
+    dof = np.where(known, variances.dof, everything.dof)
+    for kind in range(2):
+        shared, least, freedom = _pooled(sources, good, kind, robust=robust)
+        unknown = ~np.isfinite(values[:, kind])
+        values[unknown, kind], dof[unknown, kind] = shared, freedom
+        values[:, kind] = np.maximum(values[:, kind], least)
+        dof[:, kind] = np.clip(dof[:, kind], 4.0, freedom)
+    stated = sources.stated
+    for s in np.flatnonzero(stated):
+        diagonal = np.diagonal(sources.covariances[s], axis1=-2, axis2=-1)
+        values[s, 0] = np.nanmedian(diagonal[:, :2])
+        values[s, 1] = np.nanmedian(diagonal[:, 2])
+        dof[s] = np.inf
+    return np.sqrt(values), dof
+
+
+def _pooled(
+    sources: Sources, good: Array, kind: int, *, robust: bool
+) -> tuple[float, float, float]:
+    """Half the typical variance of a difference, the least credible variance, and freedom."""
+    values, freedom = [], []
+    for a in range(len(sources.names)):
+        for b in range(a):
+            mask = good[a, :, kind] & good[b, :, kind]
+            count = float(mask.sum()) * DIMENSIONS[kind]
+            lost = sources.lost_freedom[a, kind] + sources.lost_freedom[b, kind]
+            if count - lost < 1:
+                continue
+            difference = _differences(sources.poses[a, mask], sources.poses[b, mask], kind)
+            squares = (difference**2).sum(-1)
+            if robust:
+                medians = (1.386, 0.455)
+                values.append(float(np.median(squares)) / medians[kind])
+            else:
+                values.append(float(squares.sum()) / (count - lost))
+            freedom.append((count - lost) * (0.4 if robust else 1.0))
+    if not values:
+        return 1e-8, 1e-12, 4.0
+    least = max(min(values) / 20, 1e-12)
+    return float(np.median(values)) / 2, least, max(max(freedom), 4.0)
+
+
+def _differences(a: Array, b: Array, kind: int) -> Array:
+    """(..., 2) differences of positions or (..., 1) of headings."""
+    if kind == 0:
+        return a[..., :2] - b[..., :2]
+    return wrap(a[..., 2:] - b[..., 2:])
+
+
+@dataclass(frozen=True)
+class _Suspect:
+    """A possible culprit of a cell: one source, or all of one sensor."""
+
+    members: tuple[int, ...]
+    gain: float
+    left: float
+    p_value: float
+
+
+class _Table:
+    """All cells judged with one set of noise levels."""
+
+    def __init__(self, sources: Sources, noise: Array, dof: Array, false_alarm: float) -> None:
+        self.sources, self.noise, self.dof = sources, noise, dof
+        self.stated = sources.stated
+        self.sensors = [
+            tuple(sources.names.index(name) for name in group if name in sources.names)
+            for group in sources.sensors.values()
+        ]
+        count = sources.present.sum(0)
+        # With two sources there is one question: do they agree?
+        groups = sum((sources.present[list(one)].sum(0) > 1) & (count > 2) for one in self.sensors)
+        asked = np.where(count > 2, count, count // 2) + groups
+        self.questions = max(int(2 * asked.sum()), 1)
+        self.threshold = false_alarm / self.questions
+        self.prepared = [self._prepare(kind) for kind in range(2)]
+
+    def _prepare(self, kind: int) -> tuple[Array, Array]:
+        """(S, n, d) values counted from the validation's, and (S, n, d, d) weights; 0 if missing."""
+        sources, d = self.sources, 2 - kind
+        part = slice(0, 2) if kind == 0 else slice(2, 3)
+        covariances = np.array(
+            np.broadcast_to(
+                (self.noise[:, kind] ** 2)[:, None, None, None] * np.eye(d),
+                (*sources.present.shape, d, d),
+            )
+        )
+        covariances[self.stated] = sources.covariances[self.stated][..., part, part]
+        there = sources.present
+        covariances[~there] = np.eye(d)
+        weights = np.linalg.inv(covariances) * there[..., None, None]
+        values = _differences(sources.poses, sources.poses[:1], kind)
+        return np.where(there[..., None], values, 0.0), weights
+
+    def _whole(self, kind: int) -> Array:
+        """(n,) chi-squared of all sources about their weighted mean."""
+        values, weights = self.prepared[kind]
+        total = weights.sum(0)
+        mean = np.linalg.solve(total, np.einsum("snij,snj->ni", weights, values)[..., None])
+        left = values - mean[..., 0]
+        return np.asarray(np.einsum("sni,snij,snj->n", left, weights, left))
+
+    def verdicts(self, threshold: float) -> tuple[list[Verdict], Array, Array]:
+        """All cells with a p-value below a threshold; masks of the bad and the doubtful ones."""
+        shape = (*self.sources.present.shape, 2)
+        bad, doubtful = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+        found = []
+        # No source can gain more than the whole disagreement, which settles most cells.
+        suspicious = [
+            special.chdtrc(DIMENSIONS[kind], self._whole(kind)) < threshold for kind in range(2)
+        ]
+        for stop in range(shape[1]):
+            for kind in range(2):
+                if not suspicious[kind][stop]:
+                    continue
+                present = [int(s) for s in np.flatnonzero(self.sources.present[:, stop])]
+                while len(present) > 1:
+                    verdict, members = self._judge(stop, kind, present, threshold)
+                    if verdict is None:
+                        break
+                    found.append(verdict)
+                    if verdict.certainty == "undecided":
+                        doubtful[list(members), stop, kind] = True
+                        break
+                    bad[list(members), stop, kind] = True
+                    present = [s for s in present if s not in members]
+        return found, bad, doubtful
+
+    def _judge(
+        self, stop: int, kind: int, present: list[int], threshold: float
+    ) -> tuple[Verdict | None, tuple[int, ...]]:
+        """The verdict on one cell, None if all agree."""
+        suspects = self._suspects(stop, kind, present)
+        best = min(suspects, key=lambda one: one.left)
+        if best.p_value >= threshold:
+            return None, ()
+        close = [one for one in suspects if one.left < best.left + MARGIN]
+        singles = [one for one in close if len(one.members) == 1]
+        if len(singles) == 1 and len(close) > 1:
+            culprits, certainty = singles[0].members, "likely"
+        elif len(close) == 1:
+            culprits, certainty = best.members, "sure"
+        else:
+            culprits = tuple(sorted({s for one in close for s in one.members}))
+            certainty = "undecided"
+        return self._verdict(stop, kind, present, best, culprits, certainty), culprits
+
+    def _suspects(self, stop: int, kind: int, present: list[int]) -> list[_Suspect]:
+        """Every source, and every sensor with two or more sources here, without which..."""
+        groups = [(s,) for s in present]
+        groups += [
+            inside
+            for sensor in self.sensors
+            if 1 < len(inside := tuple(s for s in sensor if s in present)) < len(present)
+        ]
+        whole = self._disagreement(stop, kind, present)
+        suspects = []
+        for members in groups:
+            others = [s for s in present if s not in members]
+            # Of one sensor, the members still have to agree with each other.
+            left = self._disagreement(stop, kind, others)
+            left += self._disagreement(stop, kind, list(members))
+            gain = max(whole - left, 0.0)
+            p_value = self._tail(gain, kind, members, others)
+            suspects.append(_Suspect(members, gain, left, p_value))
+        return suspects
+
+    def _disagreement(self, stop: int, kind: int, some: list[int]) -> float:
+        """Chi-squared of sources about their weighted mean."""
+        if len(some) < 2:
+            return 0.0
+        values, weights = self._stacked(stop, kind, some)
+        total = np.linalg.inv(weights.sum(0))
+        mean = total @ np.einsum("sij,sj->i", weights, values)
+        left = values - mean
+        return float(np.einsum("si,sij,sj->", left, weights, left))
+
+    def _stacked(self, stop: int, kind: int, some: list[int]) -> tuple[Array, Array]:
+        """(s, d) values and (s, d, d) weights of some sources at a stop."""
+        values, weights = self.prepared[kind]
+        return values[some, stop], weights[some, stop]
+
+    def _tail(self, gain: float, kind: int, members: tuple[int, ...], others: list[int]) -> float:
+        """Chance of the gain by noise alone, noise levels being estimates where not stated."""
+        dimension = float(DIMENSIONS[kind])
+        own = [float(self.noise[s, kind] ** 2) for s in members]
+        rest = [float(self.noise[s, kind] ** 2) for s in others]
+        parts = [
+            (1 / sum(1 / v for v in group), min(float(self.dof[s, kind]) for s in which))
+            for group, which in ((own, members), (rest, others))
+        ]
+        total = sum(v for v, _ in parts)
+        below = sum(v**2 / dof for v, dof in parts)
+        if below == 0:
+            return float(special.chdtrc(dimension, gain))
+        return float(special.fdtrc(dimension, total**2 / below, gain / dimension))
+
+    def _verdict(
+        self,
+        stop: int,
+        kind: int,
+        present: list[int],
+        best: _Suspect,
+        culprits: tuple[int, ...],
+        certainty: str,
+    ) -> Verdict:
+        """The verdict in words."""
+        names = self.sources.names
+        # Where a single source is held responsible instead of a sensor, so is its distance.
+        members = culprits if certainty == "likely" else best.members
+        others = [s for s in present if s not in members]
+        size = self._distance(stop, kind, list(members), others)
+        blamed = tuple(names[s] for s in culprits)
+        witnesses = tuple(names[s] for s in present if s not in culprits)
+        return Verdict(
+            stop=self.sources.ids[stop],
+            cell=CELLS[kind],
+            blamed=blamed,
+            certainty=certainty,  # type: ignore[arg-type]
+            p_value=best.p_value,
+            size=size,
+            witnesses=witnesses,
+            reason=_reason(blamed, witnesses, certainty, self._sensor_of(witnesses)),
+        )
+
+    def _distance(self, stop: int, kind: int, some: list[int], others: list[int]) -> float:
+        """How far the means of two groups are apart, in metres or radians."""
+        values, weights = self._stacked(stop, kind, some + others)
+        means = []
+        for part in (slice(0, len(some)), slice(len(some), None)):
+            total = np.linalg.inv(weights[part].sum(0))
+            means.append(total @ np.einsum("sij,sj->i", weights[part], values[part]))
+        return float(np.linalg.norm(means[0] - means[1]))
+
+    def _sensor_of(self, names: Sequence[str]) -> str:
+        """The sensor that all the named sources share; empty if they do not."""
+        for sensor, members in self.sources.sensors.items():
+            if len(names) > 1 and set(names) <= set(members):
+                return sensor
+        return ""
+
+    def scores(self, excluded: Array) -> Array:
+        """(S, n, 2) distances from the others (not excluded) in standard deviations."""
+        result = np.full(excluded.shape, np.nan)
+        for kind in range(2):
+            values, weights = self.prepared[kind]
+            counted = weights * ~excluded[..., kind, None, None]
+            total = counted.sum(0) - counted
+            pull = np.einsum("snij,snj->sni", counted, values)
+            pull = pull.sum(0) - pull
+            known = self.sources.present & (np.linalg.det(total) > 0)
+            eye = np.eye(2 - kind)
+            others = np.linalg.inv(np.where(known[..., None, None], total, eye))
+            own = np.linalg.inv(np.where(known[..., None, None], weights, eye))
+            left = values - np.einsum("snij,snj->sni", others, pull)
+            square = np.einsum("sni,snij,snj->sn", left, np.linalg.inv(own + others), left)
+            result[..., kind] = np.where(known, np.sqrt(square), np.nan)
+        return result
+
+
+def _reason(blamed: Sequence[str], witnesses: Sequence[str], certainty: str, sensor: str) -> str:
+    """Why, in words."""
+    if certainty == "undecided":
+        who = " and ".join(blamed) if len(blamed) == 2 else ", ".join(blamed)
+        return f"{who} disagree, and no other source tells which of them is wrong"
+    agree = " and ".join(witnesses)
+    if certainty == "likely":
+        shared = f" share the sensor '{sensor}'" if sensor else " are not all independent"
+        return (
+            f"{agree} agree with each other, but they{shared}: the robot may also have stood "
+            "elsewhere when that sensor looked"
+        )
+    if len(witnesses) == 1:
+        return f"only {agree} is left; the others of one sensor moved together"
+    return f"{agree} agree with each other without it"

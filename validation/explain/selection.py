@@ -1,0 +1,174 @@
+"""Which explanation: by a test of every part, an information criterion, and prediction."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from validation.explain.fitting import Fit, fit
+from validation.explain.leave_one_out import LeaveOneOut, leave_one_out
+from validation.explain.models import ErrorModel, candidates
+from validation.explain.observability import Observability, observability
+from validation.explain.pairs import Pairs
+
+FALSE_ALARM = 0.02
+"""Chance that any systematic error at all is claimed in a clean campaign."""
+
+RIVAL = 6.0
+"""A difference of the information criterion below this (odds of 20 to 1) does not rule out."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One explanation with all by which it is judged.
+
+    Parameters
+    ----------
+    fit : Fit
+        Robust, to all pairs.
+    loo : LeaveOneOut
+        Its predictions.
+    criterion : float
+        BIC: -2 log likelihood + (number of systematic parameters) log(number of observations).
+    p_values : dict of str to float
+        For each simpler explanation contained in this one: the chance of so large a gain if the
+        simpler one were true.
+    observability : Observability
+        What the data determine.
+    needed : bool
+        Whether every part passes its test and prediction gains.
+    """
+
+    fit: Fit
+    loo: LeaveOneOut
+    criterion: float
+    p_values: dict[str, float]
+    observability: Observability
+    needed: bool
+
+    @property
+    def model(self) -> ErrorModel:
+        """What was fitted."""
+        return self.fit.model
+
+    @property
+    def name(self) -> str:
+        """Of the model."""
+        return self.model.name
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The explanations of one system's errors, and the one chosen.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        What they were fitted to.
+    candidates : tuple of Candidate
+        All of them, the simplest first.
+    chosen : Candidate
+        The best of those whose every part is needed.
+    rivals : tuple of Candidate
+        Others that cannot be ruled out.
+    threshold : float
+        p-value below which a part counts as needed.
+    """
+
+    pairs: Pairs
+    candidates: tuple[Candidate, ...]
+    chosen: Candidate
+    rivals: tuple[Candidate, ...]
+    threshold: float
+
+    def candidate(self, name: str) -> Candidate:
+        """The one with that name."""
+        return next(one for one in self.candidates if one.name == name)
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """Share of belief in each explanation by the criterion alone (Schwarz weights)."""
+        values = np.array([one.criterion for one in self.candidates])
+        shares = np.exp(-(values - values.min()) / 2)
+        shares /= shares.sum()
+        return {one.name: float(share) for one, share in zip(self.candidates, shares, strict=True)}
+
+
+def select(pairs: Pairs, false_alarm: float = FALSE_ALARM) -> Selection:
+    """The explanation of one system's errors, among all candidates.
+
+    An explanation counts only if each of its parts is needed: against every simpler explanation
+    contained in it the likelihood must gain more than chance would (at ``false_alarm`` shared
+    equally among the candidates), and left-out poses must be predicted better. Among those the
+    one with the least BIC is chosen.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        At least three.
+    false_alarm : float
+        Chance that a clean system gets any explanation but 'none'.
+    """
+    models = candidates(
+        reference=pairs.reference_pose is not None, moving=pairs.velocities is not None
+    )
+    fits = [fit(pairs, model) for model in models]
+    threshold = false_alarm / (len(models) - 1)
+    made: list[Candidate] = []
+    for one in fits:
+        made.append(_judged(one, made, threshold))
+    needed = [one for one in made if one.needed]
+    chosen = min(needed, key=lambda one: one.criterion)
+    return Selection(pairs, tuple(made), chosen, _rivals(made, chosen, threshold), threshold)
+
+
+def _judged(found: Fit, simpler: Sequence[Candidate], threshold: float) -> Candidate:
+    """A fit with its tests against the simpler candidates."""
+    inside = [one for one in simpler if one.model.nested_in(found.model)]
+    p_values = {one.name: gain_p_value(one.fit, found) for one in inside}
+    loo = leave_one_out(found)
+    seen = observability(found)
+    needed = all(p < threshold for p in p_values.values()) and all(
+        loo.score > one.loo.score for one in inside
+    )
+    k = len(found.model.parameters)
+    criterion = -2 * float(found.log_likelihood[0]) + k * np.log(max(found.observations, 2))
+    return Candidate(found, loo, criterion, p_values, seen, needed and seen.complete)
+
+
+def gain_p_value(simple: Fit, full: Fit) -> float:
+    """Chance that a contained explanation would fit so much worse if it were true.
+
+    Notes
+    -----
+    Likelihood ratio; with estimated noise it is turned into an F statistic, whose denominator
+    has the observations minus all fitted parameters as degrees of freedom.
+    """
+    extra = len(full.model.parameters) - len(simple.model.parameters)
+    gain = max(2 * float(full.log_likelihood[0] - simple.log_likelihood[0]), 0.0)
+    if not full.estimated:
+        return float(special.chdtrc(extra, gain))
+    n = full.observations
+    # Two noise levels are estimated besides the parameters.
+    left = n - len(full.model.fitted) - 2
+    if left < 1:
+        return 1.0
+    statistic = np.expm1(gain / n) * left / extra
+    return float(special.fdtrc(extra, left, statistic))
+
+
+def _rivals(
+    made: Sequence[Candidate], chosen: Candidate, threshold: float
+) -> tuple[Candidate, ...]:
+    """Explanations that do not contain the chosen one and are not clearly worse."""
+    close = []
+    for one in made:
+        if one.name == chosen.name or chosen.model.nested_in(one.model):
+            continue
+        if one.model.nested_in(chosen.model):
+            continue  # the test of the chosen one's parts has ruled it out
+        against_none = one.p_values.get("none", 0.0)
+        if one.criterion - chosen.criterion < RIVAL and against_none < threshold:
+            close.append(one)
+    return tuple(sorted(close, key=lambda one: one.criterion))
