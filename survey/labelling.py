@@ -139,9 +139,10 @@ def judge_labelling(
         return LabellingVerdict("not tested", given)
     candidates = _labellings_that_fit(vframe, rig, readings, world, evidence)
     given = next(c for c in candidates if c.kind == "given")
-    best = min(candidates, key=lambda c: c.total)
-    if given.total - best.total > DECISIVE:
-        _refuse(given, best, candidates)
+    least = min(candidate.total for candidate in candidates)
+    if given.total - least > DECISIVE:
+        as_good = [c for c in candidates if c.total - least < DECISIVE]
+        _refuse(given, min(as_good, key=lambda c: len(c.meaning)))
     others = tuple(c for c in candidates if c is not given and c.cost - given.cost < DECISIVE)
     if not others:
         return LabellingVerdict("unambiguous", given)
@@ -336,9 +337,8 @@ def _some_frames(readings: Readings, world: WorldPoints, rig: RobotFrame) -> lis
     return [(pose, *fit) for pose, fit in fits if fit is not None]
 
 
-def _refuse(given: Labelling, best: Labelling, candidates: Sequence[Labelling]) -> None:
+def _refuse(given: Labelling, best: Labelling) -> None:
     """Raise, saying which labelling fits and how to state it."""
-    del candidates
     settings = ", ".join(f'{a} = "{b}"' for a, b in best.meaning.items())
     reasons = [
         f"{name} (chi-squared {best.evidence[name]:.3g} instead of {cost:.3g})"
@@ -352,10 +352,14 @@ def _refuse(given: Labelling, best: Labelling, candidates: Sequence[Labelling]) 
     also = " The readings to the Vframe points alone fit both: the frame is symmetric." * (
         abs(given.cost - best.cost) < DECISIVE
     )
-    what = {"mirrored": "a mirror image", "turned": "a turned image"}.get(best.kind, "other places")
+    what = {
+        "mirrored": "all points would be a mirror image of where they are, metres off",
+        "turned": "all points would be turned about the frame, metres off",
+        "exchanged": "the readings do not meet in one place",
+    }[best.kind]
     raise GtvalError(
-        f"the labels of the Vframe points are exchanged: as given, all points would be {what} of "
-        f"where they are, metres off.{also} The other labelling is supported by "
+        f"the labels of the Vframe points are exchanged: as given, {what}."
+        f"{also} The other labelling is supported by "
         f"{'; '.join(reasons)}. If the labels were exchanged on the form, state it in "
         f"campaign.toml, table [survey.labels]: {settings}"
     )

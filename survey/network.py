@@ -248,7 +248,9 @@ def adjust(network: Network, start: Parameters, *, robust: bool = False) -> Adju
     """
     parameters = start
     weight = np.ones(len(network.distance))
-    for done in range(1, _PASSES * (3 if robust else 1) + 1):
+    passes = 0
+    for _ in range(_PASSES * (3 if robust else 1)):
+        passes += 1
         residual, jacobian = design(network, parameters)
         scale = np.ones(len(residual))
         scale[: len(weight)] = np.sqrt(weight)
@@ -266,7 +268,7 @@ def adjust(network: Network, start: Parameters, *, robust: bool = False) -> Adju
             "the joint adjustment does not settle; look for readings that are far off "
             "(wrong point names, wrong labels)"
         )
-    return _adjusted(network, parameters, weight, done)
+    return _adjusted(network, parameters, weight, passes)
 
 
 def _adjusted(network: Network, parameters: Parameters, weight: Array, passes: int) -> Adjustment:

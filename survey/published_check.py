@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from survey.measurement import independent_variance, linearise
 from survey.readings import Readings
 from survey.vframe import VframeEstimate
-from survey.world_points import WorldPoints, locate_world_points
+from survey.world_points import WorldPoints
 from validation.angles import Array
 
 TOLERANCE = 1e-4
@@ -16,6 +17,7 @@ OUTLYING = 10.0
 """Times the median difference of all points from which one stands out, beyond the tolerance."""
 BLUNDER_RANGE = 0.05
 """Changes of a single reading that are tried, metres."""
+_PASSES = 10
 
 
 @dataclass(frozen=True)
@@ -99,27 +101,30 @@ def compare_published(
 def _best_remedy(name: str, target: Array, readings: Readings, vframe: VframeEstimate) -> Remedy:
     """Search of all single readings over changes of up to 5 cm, in steps of 1 mm."""
     own = readings.touching([name], vframe.names)
-    best = Remedy("", 0.0, np.inf)
-    changes = np.arange(-BLUNDER_RANGE, BLUNDER_RANGE + 1e-9, 0.001)
-    for row, label in enumerate(own.end):
-        reach = [_distance_left(own, row, change, name, target, vframe) for change in changes]
-        i = int(np.argmin(reach))
-        if reach[i] < best.remains:
-            best = Remedy(label, float(changes[i]), float(reach[i]))
-    return best
+    steps = np.arange(-BLUNDER_RANGE, BLUNDER_RANGE + 1e-9, 0.001)
+    changes = np.eye(len(own))[:, None, :] * steps[:, None]
+    places = _places(own, own.distance + changes.reshape(-1, len(own)), target, vframe)
+    remains = np.linalg.norm(places - target, axis=1)
+    best = int(remains.argmin())
+    row, step = divmod(best, len(steps))
+    return Remedy(own.end[row], float(steps[step]), float(remains[best]))
 
 
-def _distance_left(
-    own: Readings, row: int, change: float, name: str, target: Array, vframe: VframeEstimate
-) -> float:
-    """Distance from the published place after changing one reading."""
-    distance = own.distance.copy()
-    distance[row] += change
-    changed = Readings(own.start, own.end, distance, own.sigma)
-    found = locate_world_points([name], changed, vframe)
-    if not found.points:
-        return float("inf")
-    return float(np.linalg.norm(found.positions[0] - target))
+def _places(own: Readings, distances: Array, start: Array, vframe: VframeEstimate) -> Array:
+    """(c, 2) least-squares places for c variants (c, m) of a point's readings."""
+    index = [vframe.names.index(end) for end in own.end]
+    known = vframe.points[index]
+    sigma = np.sqrt(np.diagonal(vframe.covariance).reshape(-1, 2).mean(1))[index]
+    place = np.tile(start, (len(distances), 1))
+    for _ in range(_PASSES):
+        state = np.concatenate([place, np.zeros((len(place), 1))], axis=1)
+        at = linearise(state, known, np.zeros_like(known), distances)
+        variance = independent_variance(at, own.sigma, sigma, 0.0)
+        weighted = at.H_position / variance[..., None]
+        normal = np.swapaxes(weighted, -1, -2) @ at.H_position
+        gradient = (weighted * at.h[..., None]).sum(-2)
+        place = place - np.linalg.solve(normal, gradient[..., None])[..., 0]
+    return place
 
 
 def worst(comparison: PublishedComparison) -> Sequence[str]:

@@ -2,6 +2,8 @@
 
 from typing import Literal
 
+from pydantic import Field
+
 from validation.campaign import Finite, Name, Positive, Settings
 
 
@@ -34,8 +36,8 @@ class SurveySettings(Settings):
     published_world_points: str = "survey/published_world_points.csv"
     published_poses: str = "survey/published_poses.csv"
     published_sigmas: tuple[Positive, Positive, Positive] | None = None
-    world_points: list[Name] = []
-    labels: dict[Name, Name] = {}
+    world_points: list[Name] = Field(default_factory=list)
+    labels: dict[Name, Name] = Field(default_factory=dict)
     reading_sigma: Positive | None = None
     robust: bool = False
-    motions: list[Motion] = []
+    motions: list[Motion] = Field(default_factory=list)

@@ -1,0 +1,141 @@
+import json
+import os
+import shutil
+import stat
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from surveys import AD23, simulated
+
+from data_samples.campaign_files import write_campaign
+from survey.commands import survey
+from validation.cli import main
+from validation.poses import from_csv
+
+
+@pytest.fixture
+def folder(tmp_path):
+    copy = tmp_path / "ad23"
+    shutil.copytree(AD23, copy)
+    return copy
+
+
+@pytest.fixture
+def room(tmp_path):
+    _, made = simulated(11, 3)
+    write_campaign(tmp_path / "room", made, 11)
+    return tmp_path / "room"
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, ["survey", *map(str, arguments)])
+
+
+def test_ad23_gives_points_poses_and_findings(folder):
+    done = run(folder, "--json")
+    assert done.exit_code == 0
+    said = json.loads(done.stdout)
+    assert said["published_inconsistent"] == ["15"]
+    assert said["labelling"]["status"] == "confirmed"
+    assert len(said["world_points"]) == 16
+    names = {path.name for path in (folder / "results").iterdir()}
+    assert {"world_points.csv", "poses_survey.csv", "readings_checked.csv"} <= names
+    assert len(from_csv(folder / "results" / "poses_survey.csv")) == 26
+
+
+def test_a_simulated_campaign_gives_its_poses_back(room):
+    assert run(room).exit_code == 0
+    table = from_csv(room / "results" / "poses_survey.csv")
+    truth = from_csv(room / "truth" / "poses.csv").select(table.ids)
+    sigma = np.sqrt(np.diagonal(table.covariances, axis1=1, axis2=2))
+    off = table.poses - truth.poses
+    off[:, 2] = np.angle(np.exp(1j * off[:, 2]))
+    assert np.abs(off / sigma).max() < 4.5
+
+
+def test_labels_as_printed_are_refused_and_nothing_is_written(folder):
+    toml = folder / "campaign.toml"
+    toml.write_text(toml.read_text().replace('\nX = "Y"\nY = "X"\n', "\n"))
+    done = run(folder)
+    assert done.exit_code == 2
+    assert "exchanged" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (folder / "results").exists()
+
+
+def test_a_possible_mirror_image_is_never_presented_as_good(folder):
+    toml = folder / "campaign.toml"
+    toml.write_text(toml.read_text().replace('\nX = "Y"\nY = "X"\n', "\n"))
+    (folder / "survey" / "published_world_points.csv").unlink()
+    done = run(folder, "--json")
+    said = json.loads(done.stdout)
+    assert said["labelling"]["status"] == "unconfirmed"
+    (finding,) = [f for f in said["findings"] if f["severity"] == "error"]
+    assert "mirror image" in finding["text"]
+    rows = (folder / "results" / "world_points.csv").read_text().splitlines()[1:]
+    assert all(row.endswith("mirror image possible") for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("file", "text"),
+    [
+        ("survey/readings.csv", "from,to,distance\nO,1,x\n"),
+        ("survey/published_world_points.csv", "world_point,x,y\n1,nan,2\n"),
+        ("survey/published_world_points.csv", "world_point,x,y\n99,1,2\n"),
+        ("survey/initial_guesses.csv", "pose,x,y\n1,1,2\n"),
+        ("survey/published_poses.csv", "pose,x,y,theta\n1,1,2,99\n"),
+        ("survey/hand_points.csv", "world_point,x,y\n1,1,2\n1,1,2\n"),
+        ("campaign.toml", 'name = "a"\n[survey]\nworld_point = ["1"]\n'),
+        ("campaign.toml", 'name = "a"\n[survey]\nworld_points = ["1"]\nlabels = {X = "Q"}\n'),
+        ("campaign.toml", 'name = "a"\n[surveys]\n'),
+        ("campaign.toml", "name = "),
+    ],
+)
+def test_a_bad_file_ends_in_a_plain_error_and_leaves_old_results_alone(folder, file, text):
+    assert run(folder).exit_code == 0
+    before = {p: p.read_bytes() for p in (folder / "results").iterdir()}
+    (folder / file).write_text(text)
+    done = run(folder)
+    assert done.exit_code == 2, done.output
+    assert file.split("/")[-1] in done.stderr
+    assert "Traceback" not in done.stderr
+    assert {p: p.read_bytes() for p in (folder / "results").iterdir()} == before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_read_only_folder_is_a_plain_error(folder):
+    folder.chmod(stat.S_IRUSR | stat.S_IXUSR)
+    done = run(folder)
+    folder.chmod(stat.S_IRWXU)
+    assert done.exit_code == 2
+    assert "cannot write" in done.stderr
+
+
+def test_results_that_are_in_the_way_of_a_folder_are_a_plain_error(folder):
+    (folder / "results").write_text("a file where a folder should be")
+    done = run(folder)
+    assert done.exit_code == 2
+    assert "cannot write" in done.stderr
+
+
+def test_a_folder_without_a_survey_says_so(tmp_path):
+    (tmp_path / "campaign.toml").write_text('name = "empty"\n')
+    done = run(tmp_path)
+    assert done.exit_code == 2
+    assert "no survey" in done.stderr
+
+
+def test_the_listings_as_printed_can_be_compared(room):
+    done = run(room, "--as-published", "--dry-run")
+    assert done.exit_code == 0
+    assert "by the document's listing" in done.stdout
+    assert not (room / "results").exists()
+
+
+def test_robust_adjustment_is_an_option(room):
+    assert run(room, "--robust", "--dry-run").exit_code == 0
+
+
+def test_a_command_has_help():
+    assert "readings" in CliRunner().invoke(survey, ["--help"]).output
