@@ -42,7 +42,8 @@ class InstrumentCheck:
         Known lengths covered, metres.
     offset, scale_error : float
         A reading is too long by ``offset + scale_error * length``, metres and metres per metre.
-        Without different lengths the scale error is NaN, and the offset is the error there.
+        Without lengths that differ by more than the noise the scale error is NaN, and the offset
+        is the error there.
     covariance : (2, 2) array
         Of (offset, scale_error); NaN where not observable.
     p_offset, p_scale : float
@@ -153,7 +154,7 @@ def check_instrument(
     bare = instrument.model_copy(update={"setup_sigma": 0.0})
     expected = reading_sigma(bare, length) if sigma is None else np.asarray(sigma, dtype=float)
     rounding = instrument.resolution / np.sqrt(12)
-    both = bool(np.ptp(length) > 0)
+    both = bool(np.ptp(length) > expected.max())
     error = reading - length
     fit = _fit(length, error, expected, rounding, with_scale=both)
     typical = float(np.sqrt((expected**2).mean()))

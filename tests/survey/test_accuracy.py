@@ -38,7 +38,8 @@ def test_the_printed_numbers_give_the_printed_errors_in_the_table_shown():
     poses = PoseTable("survey", ("18", "18'"), np.array([[0.0, 0.0, 0.0], FOUND]))
     motion = Motion(start="18", end="18'", dx=0.01, dy=0.01, dtheta=np.radians(1.0))
     table = motion_table(motion, check_poses(poses, motion))
-    shown = [[format(v, f) for v, f in zip(row[1:4], table.formats[1:4])] for row in table.rows]
+    formats = table.formats[1:4]
+    shown = [[format(v, f) for v, f in zip(row[1:4], formats, strict=True)] for row in table.rows]
     assert shown == [
         ["0.010000", "0.013192", "+0.003192"],
         ["0.010000", "0.010923", "+0.000923"],
@@ -195,7 +196,8 @@ dtheta = {np.radians(1.0)}
 
 
 def test_the_command_takes_a_motion_from_its_options(tmp_path):
-    options = "--start 18 --end 18' --dx 0.01 --dy 0.01 --dtheta 1 --degrees".split()
+    options = ["--start", "18", "--end", "18'", "--dx", "0.01", "--dy", "0.01"]
+    options += ["--dtheta", "1", "--degrees"]
     done = CliRunner().invoke(main, ["accuracy", str(campaign(tmp_path)), *options])
     assert done.exit_code == 0, done.output
     assert "+0.003192" in done.output

@@ -88,9 +88,8 @@ def measured(rng, readings):
         for name, point in built.items():
             marked = point + rng.normal(0, RIG.marking_sigma, 2)
             places[f"{pose}/{name}"] = state[:2] + rotate(state[2], marked)
-    true = np.array(
-        [np.linalg.norm(places[a] - places[b]) for a, b in zip(readings.start, readings.end)]
-    )
+    pairs = zip(readings.start, readings.end, strict=True)
+    true = np.array([np.linalg.norm(places[a] - places[b]) for a, b in pairs])
     side = np.linalg.norm(built["O"] - built["X"]) + rng.normal(0, RIG.sides_sigma)
     rig = RIG.model_copy(update={"sides": {"O-X": float(side)}})
     return rig, replace(readings, distance=true + rng.normal(0, readings.sigma))
