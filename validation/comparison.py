@@ -78,6 +78,19 @@ class Comparison:
         lengths = [component.kind == "length" for component in self.components]
         return np.asarray(np.linalg.norm(self.errors[:, lengths], axis=1))
 
+    @property
+    def mean_sigmas(self) -> Array:
+        """(k,) standard deviation that the stated covariances give the mean error.
+
+        It holds what all stops have in common, as an error of the Vframe, which the scatter of
+        the errors cannot show. NaN unless both tables state all covariances.
+        """
+        n, k = self.errors.shape
+        if self.unavailable:
+            return np.full(k, np.nan)
+        joint = (_joint(self.validation) + _joint(self.gt)).reshape(n, k, n, k)
+        return np.asarray(np.sqrt(np.einsum("ikjk->k", joint)) / n)
+
     def __len__(self) -> int:
         return len(self.ids)
 

@@ -5,14 +5,19 @@ import numpy as np
 from validation.comparison import Comparison
 from validation.evaluation import Evaluation
 from validation.results import Finding, Severity
-from validation.statistics import ComponentStatistics, by_magnitude
+from validation.statistics import ComponentStatistics, by_magnitude, two_sided_quantile
 
 
 def conclusions(evaluation: Evaluation) -> list[Finding]:
     """What a reader should take from a system's errors: bias, consistency, coverage, extremes."""
     comparison = evaluation.comparison
     return [
-        *(_bias(statistics, evaluation.system) for statistics in evaluation.statistics),
+        *(
+            _bias(statistics, float(stated), evaluation.system)
+            for statistics, stated in zip(
+                evaluation.statistics, comparison.mean_sigmas, strict=True
+            )
+        ),
         _consistency(comparison),
         _coverage(comparison),
         _largest(evaluation),
@@ -26,8 +31,11 @@ def interval_name(statistics: ComponentStatistics) -> str:
     return f"{100 * statistics.confidence:.3g} % interval, {named}, n = {statistics.n}"
 
 
-def _bias(statistics: ComponentStatistics, system: str) -> Finding:
-    """Whether there is a bias, and below what it is."""
+def _bias(statistics: ComponentStatistics, stated: float, system: str) -> Finding:
+    """Whether there is a bias, and below what it is.
+
+    ``stated`` is the standard deviation of the mean by the stated covariances, or NaN.
+    """
     name, unit = statistics.component.name, statistics.component.unit
     if statistics.reason:
         text = (
@@ -47,7 +55,8 @@ def _bias(statistics: ComponentStatistics, system: str) -> Finding:
     )
     share = f"{100 * bias.confidence:.3g} % confidence"
     if bias.holds:
-        second = f"It is below {bias.limit:g} {unit} with {share} (p = {bias.p_value:.2g})."
+        p_value = f"p = {bias.p_value:.2g}" if bias.p_value >= 0.001 else "p < 0.001"
+        second = f"It is below {bias.limit:g} {unit} with {share} ({p_value})."
     else:
         second = (
             f"That it is below {bias.limit:g} {unit} cannot be claimed with {share}; "
@@ -57,6 +66,13 @@ def _bias(statistics: ComponentStatistics, system: str) -> Finding:
     if bias.holds and not significant:
         severity = "good"
     code = "bias" if significant else "no_bias_shown"
+    if significant and abs(statistics.mean) <= two_sided_quantile(statistics.confidence) * stated:
+        severity, code = "note", "bias_within_stated"
+        second += (
+            f" By the stated covariances a mean of this size is to be expected (standard "
+            f"deviation {stated:.4f} {unit}): it may be an error that all validation poses share, "
+            "as of the Vframe, and not one of the system."
+        )
     return Finding(severity, f"{first} {second}", system, code)
 
 

@@ -66,18 +66,22 @@ def statistics_csv(evaluations: Sequence[Evaluation], confidence: float) -> str:
     """statistics.csv: one row a system and component; blank where there is no number.
 
     Columns as in `validation.statistics.ComponentStatistics`; ``bias_limit``, ``bias_p`` and
-    ``bias_smallest_limit`` are the two one-sided tests of 'the bias is below the limit'.
+    ``bias_smallest_limit`` are the two one-sided tests of 'the bias is below the limit',
+    ``mean_sigma_stated`` the standard deviation of the mean by the stated covariances.
     """
     percent = f"{100 * confidence:g}"
     header = [
         *("system", "component", "unit", "n", "mean", "std", "rms", "max_abs", "median", "mad"),
         *(f"ci{percent}_low", f"ci{percent}_high", "interval"),
-        *("bias_limit", "bias_p", "bias_smallest_limit", "reason"),
+        *("bias_limit", "bias_p", "bias_smallest_limit", "mean_sigma_stated"),
+        "reason",
     ]
     rows = [
-        [evaluation.system, *_statistics_row(statistics)]
+        [evaluation.system, *_statistics_row(statistics), float(stated), statistics.reason]
         for evaluation in evaluations
-        for statistics in evaluation.statistics
+        for statistics, stated in zip(
+            evaluation.statistics, evaluation.comparison.mean_sigmas, strict=True
+        )
     ]
     return csv_text(header, rows)
 
@@ -86,7 +90,7 @@ def _statistics_row(one: ComponentStatistics) -> list[object]:
     spread = [one.mean, one.std, one.rms, one.max_abs, one.median, one.mad]
     bias = [one.bias.limit, one.bias.p_value, one.bias.smallest_limit]
     interval = [one.ci_low, one.ci_high, one.method]
-    return [one.component.name, one.component.unit, one.n, *spread, *interval, *bias, one.reason]
+    return [one.component.name, one.component.unit, one.n, *spread, *interval, *bias]
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -198,6 +198,11 @@ def _reason(n: int, mean: float, std: float) -> str:
     return ""
 
 
+def two_sided_quantile(confidence: float) -> float:
+    """How many standard deviations of a normal value hold the given probability: 1.96 for 95 %."""
+    return float(special.ndtri((1 + confidence) / 2))
+
+
 def mean_interval(
     mean: npt.ArrayLike,
     std: npt.ArrayLike,
@@ -227,7 +232,7 @@ def mean_interval(
         quantile = float(special.stdtrit(n - 1, probability))
     else:
         # As the document's tables have it, 1.96: the last printed digit depends on it.
-        quantile = round(float(special.ndtri(probability)), 2)
+        quantile = round(two_sided_quantile(confidence), 2)
     half = quantile * std / np.sqrt(n)
     return mean - half, mean + half
 

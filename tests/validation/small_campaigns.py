@@ -30,7 +30,7 @@ class FixedSystem:
         return self.result
 
 
-def three_stops(system: str, shift: float = 0.0, **changes) -> PoseTable:
+def three_stops(system: str, shift: float | np.ndarray = 0.0, **changes) -> PoseTable:
     poses = np.array([[0.0, 0.0, 0.1], [1.0, 0.5, 1.6], [2.0, 1.5, -3.1]])
     covariances = np.tile(np.diag([0.01**2, 0.01**2, 0.005**2]), (3, 1, 1))
     settings = {"ids": ("1", "2", "3"), "poses": poses + shift, "covariances": covariances}

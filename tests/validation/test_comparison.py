@@ -110,6 +110,25 @@ def test_correlated_validation_poses_are_tested_jointly():
     assert comparison.test.mean * n == pytest.approx(3, rel=0.01)
 
 
+def test_the_stated_sigma_of_the_mean_holds_what_all_stops_share():
+    common_offset, own = 0.03, 0.001
+    joint = np.kron(np.full((3, 3), common_offset**2), np.eye(3)) + own**2 * np.eye(9)
+    covariances = np.tile((common_offset**2 + own**2) * np.eye(3), (3, 1, 1))
+    gt = three_stops("other", covariances=np.tile(own**2 * np.eye(3), (3, 1, 1)))
+    together = compare(three_stops("survey", covariances=covariances, joint=joint), gt)
+    assert together.mean_sigmas == pytest.approx(
+        np.full(3, np.sqrt(common_offset**2 + 2 * own**2 / 3)), rel=1e-12
+    )
+    apart = compare(three_stops("survey", covariances=covariances), gt)
+    assert apart.mean_sigmas == pytest.approx(
+        np.full(3, np.sqrt((common_offset**2 + 2 * own**2) / 3)), rel=1e-12
+    )
+
+
+def test_the_stated_sigma_of_the_mean_needs_all_covariances(ad23_poses):
+    assert np.isnan(compare(ad23_poses["survey"], ad23_poses["vision"]).mean_sigmas).all()
+
+
 def test_a_singular_joint_covariance_is_an_error():
     validation = three_stops("survey", joint=np.ones((9, 9)))
     gt = three_stops("other", joint=np.ones((9, 9)))

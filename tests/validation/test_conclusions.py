@@ -1,5 +1,7 @@
 """Sentences that say what the numbers say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_campaigns import three_stops
@@ -105,3 +107,18 @@ def test_the_largest_errors_are_named(ad23_poses):
     findings = conclusions(evaluate(ad23_poses["survey"], ad23_poses["laser_genetic"]))
     largest = next(finding for finding in findings if finding.code == "largest_errors")
     assert "theta +0.5909 rad at pose 11" in largest.text
+
+
+def test_a_bias_that_the_survey_alone_may_cause_is_not_put_on_the_system():
+    # 20 stops with a common error of the Vframe of 5 mm, and 1 mm of their own.
+    n = 20
+    joint = np.kron(np.full((n, n), 0.005**2), np.eye(3)) + 0.001**2 * np.eye(3 * n)
+    validation, gt = many(0.006, 0.001, spread=0.001)
+    covariances = np.tile((0.005**2 + 0.001**2) * np.eye(3), (n, 1, 1))
+    surveyed = replace(validation, covariances=covariances, joint=joint)
+    found = conclusions(evaluate(surveyed, gt))[0]
+    assert found.code == "bias_within_stated"
+    assert found.severity == "note"
+    assert "(standard deviation 0.0050 m)" in found.text
+    # The same errors against a survey without such a common part are the system's own.
+    assert conclusions(evaluate(validation, gt))[0].code == "bias"

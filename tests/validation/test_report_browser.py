@@ -49,6 +49,17 @@ def test_the_page_does_not_overflow_and_logs_no_error(browser, report, width):
     assert page.get_log("browser") == []
 
 
+def test_on_paper_no_table_is_wider_than_the_page(browser, report):
+    page = opened(browser, report, 680)  # A4 with margins of 15 mm
+    page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    wide = page.execute_script(
+        "return [...document.querySelectorAll('.scroll')]"
+        ".filter(box => box.scrollWidth > box.clientWidth + 1).map(box => box.innerText)"
+    )
+    page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert wide == []
+
+
 def test_nothing_but_the_page_itself_is_asked_for(browser, report):
     page = opened(browser, report, 1280)
     asked = page.execute_script(

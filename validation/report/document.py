@@ -151,4 +151,6 @@ def _draw(name: str, *arguments: object) -> "MatplotlibFigure":
 def _inputs_section(run: RunResult) -> Section:
     rows = [[name, digest] for name, digest in run.inputs.items()]
     note = "Versions, settings and seeds are in results/run.json."
-    return Section("Inputs", [Table("Files read", ["file", "SHA-256"], rows, note=note)])
+    return Section(
+        "Inputs", [Table("Files of the campaign folder", ["file", "SHA-256"], rows, note=note)]
+    )

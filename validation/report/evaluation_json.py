@@ -24,6 +24,7 @@ def evaluation_json(evaluation: Evaluation) -> dict[str, object]:
         "nees_test": comparison.test,
         "missing_in_gt": comparison.missing_in_gt,
         "missing_in_validation": comparison.missing_in_validation,
+        "mean_sigmas_stated": dict(zip(names, comparison.mean_sigmas, strict=True)),
         "statistics": {
             one.component.name: {
                 "unit": one.component.unit,
