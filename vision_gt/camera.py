@@ -1,0 +1,248 @@
+"""The camera model: from points in front of the lens to pixels, and back.
+
+A pinhole with the lens distortion of Brown and Conrady, as OpenCV, ROS, Kalibr and Bouguet's
+toolbox have it. The centre of the top-left pixel is at (0, 0).
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from validation.angles import Array
+from validation.errors import GtvalError
+
+PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+"""Names of the nine intrinsic parameters, in the order used everywhere."""
+
+_NEWTON_STEPS = 20
+_CONVERGED = 1e-12
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera's name, image size and intrinsic parameters.
+
+    Parameters
+    ----------
+    name : str
+        As in campaign.toml and in the names of images.
+    size : (int, int)
+        Width and height of its images, pixels.
+    parameters : (9,) array
+        fx, fy, cx, cy in pixels; k1, k2, p1, p2, k3 without unit.
+    covariance : (9, 9) array
+        Of the parameters; zeros where they are taken as exact.
+
+    Raises
+    ------
+    GtvalError
+        For parameters that no camera can have.
+    """
+
+    name: str
+    size: tuple[int, int]
+    parameters: Array
+    covariance: Array = field(default_factory=lambda: np.zeros((9, 9)))
+
+    def __post_init__(self) -> None:
+        parameters = np.asarray(self.parameters, dtype=float)
+        covariance = np.asarray(self.covariance, dtype=float)
+        object.__setattr__(self, "parameters", parameters)
+        object.__setattr__(self, "covariance", covariance)
+        if parameters.shape != (9,) or not np.isfinite(parameters).all():
+            raise GtvalError(f"camera {self.name}: expected nine finite intrinsic parameters")
+        if covariance.shape != (9, 9):
+            raise GtvalError(f"camera {self.name}: its covariance is {covariance.shape}")
+        if (parameters[:2] <= 0).any() or min(self.size) <= 0:
+            raise GtvalError(f"camera {self.name}: focal lengths and image size must be positive")
+
+    @property
+    def matrix(self) -> Array:
+        """(3, 3) camera matrix."""
+        fx, fy, cx, cy = self.parameters[:4]
+        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+    @property
+    def distortion(self) -> Array:
+        """(5,) k1, k2, p1, p2, k3: the order of OpenCV."""
+        return self.parameters[4:]
+
+    @property
+    def sigmas(self) -> Array:
+        """(9,) standard deviations of the parameters."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+
+def project(points: Array, parameters: Array) -> Array:
+    """Pixels at which points are seen.
+
+    Parameters
+    ----------
+    points : (..., 3) array
+        In the camera frame (x right, y down, z forward), metres.
+    parameters : (..., 9) array
+        Intrinsic parameters.
+
+    Returns
+    -------
+    (..., 2) array
+        Pixels, whether inside the image or not; NaN for points behind the camera.
+    """
+    return project_with_jacobians(points, parameters)[0]
+
+
+def project_with_jacobians(points: Array, parameters: Array) -> tuple[Array, Array, Array]:
+    """Pixels of points, with their derivatives.
+
+    Parameters
+    ----------
+    points : (..., 3) array
+        In the camera frame, metres.
+    parameters : (..., 9) array
+        Intrinsic parameters.
+
+    Returns
+    -------
+    pixels : (..., 2) array
+        NaN for points behind the camera.
+    by_point : (..., 2, 3) array
+        Derivative by the point, pixels per metre.
+    by_parameters : (..., 2, 9) array
+        Derivative by the intrinsic parameters.
+    """
+    points = np.asarray(points, dtype=float)
+    parameters = np.broadcast_to(parameters, (*points.shape[:-1], 9))
+    z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
+    normalised = points[..., :2] / z[..., None]
+    distorted, by_normalised, by_coefficients = distort(normalised, parameters[..., 4:])
+    focal, centre = parameters[..., :2], parameters[..., 2:4]
+    pixels = focal * distorted + centre
+    zeros = np.zeros_like(z)
+    perspective = (
+        np.stack(
+            [
+                np.stack([np.ones_like(z), zeros, -normalised[..., 0]], -1),
+                np.stack([zeros, np.ones_like(z), -normalised[..., 1]], -1),
+            ],
+            -2,
+        )
+        / z[..., None, None]
+    )
+    by_point = focal[..., :, None] * (by_normalised @ perspective)
+    by_parameters = np.zeros((*points.shape[:-1], 2, 9))
+    for axis in (0, 1):
+        by_parameters[..., axis, axis] = distorted[..., axis]
+        by_parameters[..., axis, 2 + axis] = 1.0
+    by_parameters[..., 4:] = focal[..., :, None] * by_coefficients
+    return pixels, by_point, by_parameters
+
+
+def distort(normalised: Array, coefficients: Array) -> tuple[Array, Array, Array]:
+    """Where the lens puts undistorted image points, with the derivatives.
+
+    Parameters
+    ----------
+    normalised : (..., 2) array
+        Undistorted image coordinates x / z, y / z.
+    coefficients : (..., 5) array
+        k1, k2, p1, p2, k3.
+
+    Returns
+    -------
+    distorted : (..., 2) array
+        Distorted coordinates x', y'.
+    by_normalised : (..., 2, 2) array
+        Their derivative by the undistorted ones.
+    by_coefficients : (..., 2, 5) array
+        Their derivative by the coefficients.
+
+    Notes
+    -----
+    x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2), and
+    y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y.
+    D. C. Brown, "Close-range camera calibration", Photogrammetric Engineering 37 (1971).
+    """
+    x, y = normalised[..., 0], normalised[..., 1]
+    k1, k2, p1, p2, k3 = np.moveaxis(np.asarray(coefficients, dtype=float), -1, 0)
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d(x, y) = slope * (x, y)
+    cross = 2 * x * y
+    distorted = np.stack(
+        [
+            x * radial + p1 * cross + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + p2 * cross,
+        ],
+        -1,
+    )
+    mixed = x * y * slope + 2 * (p1 * x + p2 * y)
+    by_normalised = np.stack(
+        [
+            np.stack([radial + x * x * slope + 2 * p1 * y + 6 * p2 * x, mixed], -1),
+            np.stack([mixed, radial + y * y * slope + 6 * p1 * y + 2 * p2 * x], -1),
+        ],
+        -2,
+    )
+    by_coefficients = np.stack(
+        [
+            np.stack([x * r2, x * r2**2, cross, r2 + 2 * x * x, x * r2**3], -1),
+            np.stack([y * r2, y * r2**2, r2 + 2 * y * y, cross, y * r2**3], -1),
+        ],
+        -2,
+    )
+    return distorted, by_normalised, by_coefficients
+
+
+def undistort(pixels: Array, parameters: Array) -> Array:
+    """Directions from which pixels are lit, as undistorted image coordinates.
+
+    Parameters
+    ----------
+    pixels : (..., 2) array
+        Pixels.
+    parameters : (..., 9) array
+        Intrinsic parameters.
+
+    Returns
+    -------
+    (..., 2) array
+        x / z and y / z; NaN where the model has no inverse, which happens outside of the
+        part of the image that calibration patterns have covered.
+    """
+    parameters = np.asarray(parameters, dtype=float)
+    wanted = (np.asarray(pixels, dtype=float) - parameters[..., 2:4]) / parameters[..., :2]
+    found = wanted.copy()
+    with np.errstate(all="ignore"):
+        for _ in range(_NEWTON_STEPS):
+            distorted, slope, _by = distort(found, parameters[..., 4:])
+            miss = wanted - distorted
+            if np.nanmax(np.abs(miss), initial=0.0) < _CONVERGED:
+                break
+            determinant = slope[..., 0, 0] * slope[..., 1, 1] - slope[..., 0, 1] * slope[..., 1, 0]
+            found = found + np.stack(
+                [
+                    (slope[..., 1, 1] * miss[..., 0] - slope[..., 0, 1] * miss[..., 1])
+                    / determinant,
+                    (slope[..., 0, 0] * miss[..., 1] - slope[..., 1, 0] * miss[..., 0])
+                    / determinant,
+                ],
+                -1,
+            )
+        distorted, slope, _by = distort(found, parameters[..., 4:])
+        bad = ~(np.abs(wanted - distorted).max(-1) < 1e-9)
+        # Beyond the turning point of the radial polynomial the model folds back on itself.
+        bad |= ~(slope[..., 0, 0] * slope[..., 1, 1] - slope[..., 0, 1] * slope[..., 1, 0] > 0)
+    return np.where(bad[..., None], np.nan, found)
+
+
+def inside_image(pixels: Array, size: tuple[int, int], margin: float = 0.0) -> Array:
+    """(...) True for pixels (..., 2) inside an image, at least ``margin`` pixels from its rim."""
+    width, height = size
+    x, y = pixels[..., 0], pixels[..., 1]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(
+            (x >= margin - 0.5)
+            & (x <= width - 0.5 - margin)
+            & (y >= margin - 0.5)
+            & (y <= height - 0.5 - margin)
+        )

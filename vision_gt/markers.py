@@ -1,0 +1,143 @@
+"""Markers in an image: found by OpenCV, their corners fitted here."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from validation.angles import Array
+from validation.errors import GtvalError
+from vision_gt.camera import Camera
+from vision_gt.dictionaries import Family
+from vision_gt.edges import refine_corners
+
+Image = npt.NDArray[np.uint8]
+Refinement = Literal["edges", "none", "subpix", "apriltag"]
+
+STOCK_SIGMA = 0.5
+"""Pixels; what is assumed of corners that were not fitted here."""
+_APRILTAG_OFFSET = 0.5
+"""OpenCV's AprilTag refinement counts pixels from the corner of the top-left one."""
+
+
+@dataclass(frozen=True)
+class MarkerView:
+    """A marker as one image shows it.
+
+    Parameters
+    ----------
+    number : int
+        Its id.
+    corners : (4, 2) array
+        Pixels: top left, top right, bottom right, bottom left of the printed marker.
+    covariances : (4, 2, 2) array
+        Of the corners, square pixels.
+    """
+
+    number: int
+    corners: Array
+    covariances: Array
+
+
+@dataclass(frozen=True)
+class Detection:
+    """What was found in one image.
+
+    Parameters
+    ----------
+    views : tuple of MarkerView
+        Each id at most once.
+    duplicates : tuple of int
+        Ids that were seen more than once; none of their views is used.
+    strangers : tuple of int
+        Ids that no marker of the campaign has.
+    """
+
+    views: tuple[MarkerView, ...]
+    duplicates: tuple[int, ...] = ()
+    strangers: tuple[int, ...] = ()
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """Ids of the views."""
+        return tuple(view.number for view in self.views)
+
+
+def detect_markers(
+    image: Image,
+    family: Family,
+    camera: Camera | None = None,
+    wanted: Collection[int] | None = None,
+    refinement: Refinement = "edges",
+) -> Detection:
+    """The markers of a family in an image.
+
+    Parameters
+    ----------
+    image : (h, w) array of uint8
+        Grey levels.
+    family : Family
+        Of the markers.
+    camera : Camera, optional
+        Its distortion bends the edges that are fitted.
+    wanted : collection of int, optional
+        Ids that the campaign has; others are named as strangers.
+    refinement : {"edges", "none", "subpix", "apriltag"}
+        'edges' is this package's own; the others are OpenCV's.
+
+    Raises
+    ------
+    GtvalError
+        If the image is not of the camera's size.
+    """
+    if camera is not None and image.shape != camera.size[::-1]:
+        raise GtvalError(
+            f"camera {camera.name}: the image has {image.shape[1]} x {image.shape[0]} pixels, "
+            f"the camera was calibrated with {camera.size[0]} x {camera.size[1]}"
+        )
+    found, numbers = _candidates(image, family, refinement)
+    counts = {number: numbers.count(number) for number in numbers}
+    known = {number for number in counts if wanted is None or number in wanted}
+    use = [i for i, number in enumerate(numbers) if number in known and counts[number] == 1]
+    corners = found[use]
+    covariances = np.broadcast_to(STOCK_SIGMA**2 * np.eye(2), (len(use), 4, 2, 2))
+    if refinement == "edges":
+        parameters = None if camera is None else camera.parameters
+        fit = refine_corners(image, corners, family.cells, parameters)
+        corners, covariances = fit.corners, _with_stock(fit.covariances, fit.good)
+    views = [
+        MarkerView(numbers[i], corners[row], covariances[row]) for row, i in enumerate(use)
+    ]
+    return Detection(
+        tuple(sorted(views, key=lambda view: view.number)),
+        tuple(sorted(number for number in known if counts[number] > 1)),
+        tuple(sorted(set(counts) - known)),
+    )
+
+
+def _with_stock(covariances: Array, good: npt.NDArray[np.bool_]) -> Array:
+    """Covariances, with four times the stock sigma for corners that could not be fitted."""
+    return np.where(good[..., None, None], covariances, (4 * STOCK_SIGMA) ** 2 * np.eye(2))
+
+
+def _candidates(image: Image, family: Family, refinement: Refinement) -> tuple[Array, list[int]]:
+    """Corners (n, 4, 2) and ids as OpenCV finds them."""
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.markerBorderBits = family.border
+    parameters.cornerRefinementMethod = {
+        "edges": cv2.aruco.CORNER_REFINE_NONE,
+        "none": cv2.aruco.CORNER_REFINE_NONE,
+        "subpix": cv2.aruco.CORNER_REFINE_SUBPIX,
+        "apriltag": cv2.aruco.CORNER_REFINE_APRILTAG,
+    }[refinement]
+    detector = cv2.aruco.ArucoDetector(family.dictionary, parameters)
+    corners, ids, _rejected = detector.detectMarkers(image)
+    if ids is None or len(ids) == 0:
+        return np.zeros((0, 4, 2)), []
+    found = np.array(corners, dtype=float).reshape(-1, 4, 2)
+    if refinement == "apriltag":
+        found -= _APRILTAG_OFFSET
+    return found, [int(number) for number in np.ravel(ids)]
