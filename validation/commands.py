@@ -62,6 +62,7 @@ def run(campaign: Path, as_json: bool, normal: bool, no_report: bool) -> None:
         print_json(
             {
                 "campaign": done.campaign.settings.name,
+                "validation_is_faulty": done.validation_is_faulty,
                 "results": done.campaign.results,
                 "report": page,
                 "systems": {system.name: system.result.facts for system in done.systems},
@@ -75,6 +76,10 @@ def run(campaign: Path, as_json: bool, normal: bool, no_report: bool) -> None:
     if done.evaluations:
         _print_evaluations(done.evaluations)
     print_findings(done.findings)
+    if done.validation_is_faulty:
+        from validation.report.document import FAULTY
+
+        click.echo(f"\nDo not use these numbers yet. {FAULTY}")
     click.echo(f"\nResults: {done.campaign.results}")
     if page:
         click.echo(f"Report: {page}")
@@ -114,8 +119,9 @@ def compare(
     """Compare pose tables: VALIDATION.csv with one or more GT.csv, or a campaign's results.
 
     A pose table has the columns pose, x, y, theta (metres, radians) and, if known, the
-    covariance xx, xy, xt, yy, yt, tt. With a campaign folder as the only argument the tables
-    under its results/ are compared. Nothing is written.
+    covariance xx, xy, xt, yy, yt, tt; poses in space have x, y, z, yaw, pitch, roll.
+    With a campaign folder as the only argument the tables under its results/ are compared.
+    Nothing is written.
     """
     evaluations, findings = _compared(validation, gt, _method(normal))
     if as_json:

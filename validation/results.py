@@ -50,6 +50,11 @@ class Table:
         Format of the numbers of each column, as for `format`: '.4f'. Empty: as they are.
     note : str
         A sentence under the table.
+
+    Raises
+    ------
+    ValueError
+        If a row or the formats do not match the columns.
     """
 
     title: str
@@ -57,6 +62,14 @@ class Table:
     rows: Sequence[Sequence[str | int | float | None]]
     formats: Sequence[str] = ()
     note: str = ""
+
+    def __post_init__(self) -> None:
+        wrong = {len(row) for row in self.rows} - {len(self.columns)}
+        if wrong or len(self.formats) not in {0, len(self.columns)}:
+            raise ValueError(
+                f"table '{self.title}': {len(self.columns)} columns, {len(self.formats)} formats, "
+                f"rows of {sorted(wrong) or 'that length'}"
+            )
 
 
 @dataclass(frozen=True)

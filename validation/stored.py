@@ -5,9 +5,10 @@ from pathlib import Path
 
 from validation.campaign import Campaign
 from validation.campaign import Comparison as ComparisonSettings
+from validation.csv_tables import Column, read_csv
 from validation.errors import InputError, Problem
 from validation.evaluation import Evaluation, evaluate
-from validation.poses import PoseTable, from_csv
+from validation.poses import PLANAR, SPATIAL, Component, PoseTable, from_csv
 from validation.statistics import IntervalMethod
 from validation.systems import VALIDATION_SYSTEM
 
@@ -23,7 +24,7 @@ def compare_files(
     Parameters
     ----------
     validation : Path
-        Pose CSV as `validation.poses.from_csv` reads it.
+        Pose CSV as `validation.poses.from_csv` reads it, planar or spatial.
     gt : sequence of Path
         The same, one for each system.
     settings : validation.campaign.Comparison, optional
@@ -58,13 +59,19 @@ def compare_results(campaign: Campaign, method: IntervalMethod = "student") -> l
     return compare_files(validation, gt, campaign.settings.comparison, method)
 
 
+def _components(path: Path) -> tuple[Component, ...]:
+    """What the poses of a file consist of: spatial ones have a column yaw."""
+    yaw = read_csv(path, [Column("yaw", required=False, blank=True)]).text["yaw"]
+    return SPATIAL if any(yaw) else PLANAR
+
+
 def _read_all(paths: Sequence[Path]) -> list[PoseTable]:
     """All tables, or the bad places of all."""
     tables: list[PoseTable] = []
     problems: list[Problem] = []
     for path in paths:
         try:
-            tables.append(from_csv(path))
+            tables.append(from_csv(path, components=_components(path)))
         except InputError as error:
             problems += error.problems
     if problems:

@@ -4,17 +4,19 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import hypothesis
 import pytest
 from click.testing import CliRunner, Result
-from small_campaigns import MINIMAL_TOML, FixedSystem
+from small_campaigns import AD23, MINIMAL_TOML, FixedSystem
 
-import data_samples
 import validation.run
 import validation.systems
 from validation.cli import main
 from validation.poses import PoseTable, from_csv
 
-AD23 = Path(data_samples.__file__).parent / "ad23"
+# A busy machine is no fault of the code.
+hypothesis.settings.register_profile("gtval", deadline=None)
+hypothesis.settings.load_profile("gtval")
 
 
 @pytest.fixture

@@ -1,13 +1,17 @@
 """Small pose tables and systems, made in code."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
+import data_samples
 from validation.campaign import Campaign
 from validation.poses import PoseTable
 from validation.results import SystemResult
 from validation.systems import Progress
+
+AD23 = Path(data_samples.__file__).parent / "ad23"
 
 MINIMAL_TOML = 'name = "three stops"\n'
 

@@ -2,14 +2,14 @@
 
 import json
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
-from conftest import AD23
-from small_campaigns import FixedSystem, three_stops
+from small_campaigns import AD23, FixedSystem, three_stops
 
 from validation.cli import main
-from validation.poses import to_csv
-from validation.results import SystemResult
+from validation.poses import SPATIAL, PoseTable, to_csv
+from validation.results import Finding, SystemResult
 
 
 def gtval(*arguments: object):
@@ -49,6 +49,15 @@ def test_run_prints_json_for_scripts(campaign):
     assert comparison["errors"]["2"]["theta"] == pytest.approx(-0.01)
     assert comparison["nees_test"]["verdict"] in {"below", "inside", "above"}
     assert not (campaign / "report").exists()
+
+
+def test_faults_of_the_survey_are_told_with_the_numbers(campaign_folder, with_systems):
+    faulty = SystemResult(tables=[three_stops("survey")], findings=[Finding("error", "blunder")])
+    rig = SystemResult(tables=[three_stops("rig", shift=0.01)])
+    with_systems(FixedSystem("survey", faulty), FixedSystem("rig", rig))
+    assert "Do not use these numbers yet" in gtval("run", campaign_folder, "--no-report").stdout
+    told = json.loads(gtval("run", campaign_folder, "--no-report", "--json").stdout)
+    assert told["validation_is_faulty"] is True
 
 
 def test_report_writes_page_and_tables(campaign):
@@ -94,6 +103,21 @@ def test_compare_takes_pose_files(files):
         assert title in result.stdout
     told = json.loads(gtval("compare", *files, "--json").stdout)
     assert [one["system"] for one in told["comparisons"]] == ["rig", "other"]
+
+
+def test_compare_takes_poses_in_space(tmp_path, files):
+    paths = []
+    for name, shift in (("survey", 0.0), ("rig", 0.02)):
+        poses = np.array([[1, 2, 3, 0.1, 0.2, 0.3], [2, 3, 4, 0.2, 0.3, 0.4]]) + shift
+        paths.append(tmp_path / f"{name}.csv")
+        paths[-1].write_text(to_csv(PoseTable(name, ("1", "2"), poses, components=SPATIAL)))
+    told = json.loads(gtval("compare", *paths, "--json").stdout)
+    statistics = told["comparisons"][0]["statistics"]
+    assert list(statistics) == ["x", "y", "z", "yaw", "pitch", "roll"]
+    assert statistics["z"]["mean"] == pytest.approx(-0.02)
+    mixed = gtval("compare", paths[0], files[1])
+    assert mixed.exit_code == 2
+    assert "only the same components can be compared" in mixed.stderr
 
 
 def test_compare_takes_the_results_of_a_run(campaign):

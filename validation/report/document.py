@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 FAULTY = (
-    "The survey itself found errors (listed first below). Until they are settled, neither the "
-    "validation poses nor any error computed from them may be used."
+    "The survey itself found errors (listed first among the findings). Until they are settled, "
+    "neither the validation poses nor any error computed from them may be used."
 )
 
 
