@@ -25,6 +25,8 @@ SIGMAS = 3.0
 """Ellipses are drawn at so many standard deviations, as in the document."""
 WIDTH = 5.6
 """Inches: narrow enough for the letters to be read on a phone."""
+_MOST_NAMED = 4
+"""Suspect readings named in the figure; a large blunder drags many others along."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,9 @@ def survey_map(room: Room, world: Places | None = None, frames: Places | None = 
     if world is not None:
         _draw_ellipses(axes, world, scale)
         axes.plot(*world.positions.T, "^", color=COLOURS[0], ms=4, label="world point")
-        _name_points(axes, world)
+        frame = np.array([point for _, point in room.vframe]).reshape(-1, 2)
+        middle = frame if len(frame) else world.positions
+        _name_points(axes, world, away=world.positions - middle.mean(0))
     if frames is not None:
         _draw_ellipses(axes, frames, scale)
         _draw_rigs(axes, frames, room.rig)
@@ -185,7 +189,7 @@ def residual_figure(
     standardised : (n,) array
         Standard normal if all is well; NaN where nothing checks a reading.
     labels : sequence of str, length n
-        'O to 1'; written beside those beyond ``suspect``.
+        'O to 1'; written beside the largest of those beyond ``suspect``.
     suspect : float
         Size from which a reading is called suspect.
     """
@@ -198,7 +202,8 @@ def residual_figure(
         over.axhline(limit, color=GREY, linestyle="--", linewidth=0.8)
     over.plot(distance[checked & ~far], standardised[checked & ~far], "o", color=COLOURS[0], ms=3)
     over.plot(distance[far], standardised[far], "X", color=COLOURS[1], ms=7, label="suspect")
-    for row in np.flatnonzero(far)[:12]:
+    largest = np.argsort(-np.abs(np.where(far, standardised, 0.0)), kind="stable")
+    for row in largest[: min(int(far.sum()), _MOST_NAMED)]:
         over.annotate(
             labels[row],
             (distance[row], standardised[row]),
@@ -208,7 +213,8 @@ def residual_figure(
         )
     over.set_xlabel("distance [m]")
     over.set_ylabel("standardised residual")
-    over.set_title(f"dashed: {suspect:g} sigma", fontsize=10)
+    over.set_title(f"dashed: {suspect:g} sigma; crosses: beyond it", fontsize=10)
+    over.margins(y=0.1)
     over.grid(visible=True, linewidth=0.3)
     _draw_histogram(histogram, standardised[checked])
     return figure
@@ -339,11 +345,9 @@ def _draw_headings(axes: "Axes", frames: Places, colour: str, style: str, label:
         )
 
 
-def _name_points(axes: "Axes", places: Places, away: Array | None = None) -> None:
-    """Names beside the points, on the outer side of the map unless told otherwise."""
-    positions = places.positions
-    directions = positions - positions.mean(0) if away is None else away
-    for name, position, direction in zip(places.names, positions, directions, strict=True):
+def _name_points(axes: "Axes", places: Places, away: Array) -> None:
+    """Names beside the points, in directions (n, 2)."""
+    for name, position, direction in zip(places.names, places.positions, away, strict=True):
         _label(axes, name, position, direction)
 
 

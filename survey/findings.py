@@ -1,6 +1,7 @@
 """What a person should know about a survey, in sentences."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtrc
@@ -23,9 +24,9 @@ WEAK_REDUNDANCY = 0.1
 def survey_findings(outcome: SurveyOutcome) -> list[Finding]:
     """All findings, in the order of the work."""
     if outcome.solution is None:
-        return [_only_published(outcome)]
+        return [_sentence(_only_published(outcome))]
     solution = outcome.solution
-    return [
+    found = [
         *_labelling(solution.labelling),
         *_frame(solution),
         *_world_points(solution),
@@ -35,6 +36,13 @@ def survey_findings(outcome: SurveyOutcome) -> list[Finding]:
         *_blunders(solution),
         *_set_aside(outcome),
     ]
+    return [_sentence(finding) for finding in found]
+
+
+def _sentence(finding: Finding) -> Finding:
+    """The finding with a capital letter and a full stop."""
+    text = finding.text[:1].upper() + finding.text[1:]
+    return replace(finding, text=text if text.endswith(".") else text + ".")
 
 
 def _only_published(outcome: SurveyOutcome) -> Finding:

@@ -85,10 +85,12 @@ def world_table(solution: SurveySolution) -> Table:
         rows.append(
             (
                 point.name,
-                *place,
-                *(MM * np.sqrt(np.diagonal(covariance))),
+                *point.position,
+                *(MM * np.sqrt(np.diagonal(point.covariance))),
                 point.cost,
                 point.redundancy,
+                *(MM * (place - point.position)),
+                *(MM * np.sqrt(np.diagonal(covariance))),
                 None if other is None else f"({other.position[0]:.3f}, {other.position[1]:.3f})",
                 None if other is None else other.cost,
             )
