@@ -41,7 +41,14 @@ def test_columns_of_numbers_are_told_from_columns_of_text():
 
 
 def test_missing_formats_leave_numbers_as_they_are():
-    assert rows_of_text(Table("t", ["a", "b"], [[1.5, 2]], [".3f"])) == [["1.500", "2"]]
+    assert rows_of_text(Table("t", ["a", "b"], [[1.5, 2]])) == [["1.5", "2"]]
+    assert rows_of_text(Table("t", ["a", "b"], [[1.5, 2]], [".3f", ""])) == [["1.500", "2"]]
+
+
+@pytest.mark.parametrize(("rows", "formats"), [([[1.5]], []), ([[1.5, 2]], [".3f"])])
+def test_a_table_whose_rows_or_formats_do_not_fit_its_columns_is_a_bug(rows, formats):
+    with pytest.raises(ValueError, match="table 't': 2 columns"):
+        Table("t", ["a", "b"], rows, formats)
 
 
 def test_nothing_in_a_table_is_taken_as_markup():

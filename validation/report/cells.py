@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from itertools import zip_longest
 
 from validation.results import Table
 
@@ -33,11 +32,9 @@ def cell_text(value: Value, number_format: str = "") -> str:
 
 def rows_of_text(table: Table) -> list[list[str]]:
     """Every row of the table as it is printed."""
+    formats = table.formats or [""] * len(table.columns)
     return [
-        [
-            cell_text(value, number_format or "")
-            for value, number_format in zip_longest(row, table.formats[: len(row)])
-        ]
+        [cell_text(value, number_format) for value, number_format in zip(row, formats, strict=True)]
         for row in table.rows
     ]
 
