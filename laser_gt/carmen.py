@@ -20,6 +20,8 @@ from laser_gt.records import (
 from validation.errors import Problem
 
 OLD_RANGE_MAX = 81.0
+RANGE_SIGMA = 0.01
+"""Of the SICK scanners that CARMEN logs come from, in metres: ranges in whole centimetres."""
 OLD_MESSAGES = {"FLASER": "front", "RLASER": "rear"}
 HEAD = 9
 """Words of a ROBOTLASER1 line before the ranges, the message's name included."""
@@ -81,7 +83,7 @@ def _old(path: Path, line: int, words: Sequence[str]) -> ScanRecord | Problem:
     scan = make_scan(
         path, line, without_far(values[:count], OLD_RANGE_MAX), angles,
         range_min=0.0, range_max=OLD_RANGE_MAX, time=float(values[count + 6]),
-        sensor=OLD_MESSAGES[words[0]],
+        sensor=OLD_MESSAGES[words[0]], sigma=RANGE_SIGMA,
     )
     if isinstance(scan, Problem):
         return scan
@@ -121,6 +123,7 @@ def _robot_laser(path: Path, line: int, words: Sequence[str]) -> ScanRecord | Pr
     scan = make_scan(
         path, line, without_far(ranges, head[4]), angles,
         range_min=0.0, range_max=float(head[4]), time=float(tail[11]), sensor="front",
+        sigma=RANGE_SIGMA,
     )
     if isinstance(scan, Problem):
         return scan

@@ -16,8 +16,8 @@ from laser_gt.surfaces import Surface
 from validation.angles import Array, wrap
 
 MAX_STEPS = 40
-TUKEY = 4.685
-"""Width of the biweight in standard deviations: 95 % efficient for normal noise."""
+TUKEY = 6.0
+"""Width of the biweight in standard deviations: 98 % efficient for normal noise."""
 FACING = 0.7
 """Least cosine between the normals of paired points (45 degrees)."""
 SMALL_STEP = 2e-5

@@ -82,7 +82,7 @@ class Surface:
     def normal_variances(self) -> Array:
         """(n,) variance of each point across its surface, in square metres."""
         cosine = (self.normals * self.beams).sum(-1)
-        across = self.sigmas**2 * np.maximum(cosine**2, 0.03) + MODEL_SIGMA**2
+        across = self.sigmas**2 * np.maximum(cosine**2, 0.1) + MODEL_SIGMA**2
         return np.where(self.flat, across, self.sigmas**2 + MODEL_SIGMA**2)
 
 
@@ -182,7 +182,7 @@ def _best_lines(
     root = np.sqrt(half_difference**2 + xy**2)
     spread, scatter = half_sum + root, np.maximum(half_sum - root, 0.0)
     cosine = _incidence(half_difference, xy, root, beams)
-    variance = sigmas**2 * np.maximum(cosine**2, 0.03) + MODEL_SIGMA**2
+    variance = sigmas**2 * np.maximum(cosine**2, 0.1) + MODEL_SIGMA**2
     freedom = np.maximum(count - 2, 1.0)
     bound = variance * (freedom + 3 * np.sqrt(2 * freedom))
     good = (last > first) & (scatter <= bound) & (spread <= count * MAX_WINDOW**2 / 12)
