@@ -88,7 +88,10 @@ def project(points: Array, parameters: Array) -> Array:
     (..., 2) array
         Pixels, whether inside the image or not; NaN for points behind the camera.
     """
-    return project_with_jacobians(points, parameters)[0]
+    points, parameters = np.asarray(points, dtype=float), np.asarray(parameters, dtype=float)
+    z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
+    lens = distorted(points[..., :2] / z[..., None], parameters[..., 4:])
+    return np.asarray(parameters[..., :2] * lens + parameters[..., 2:4])
 
 
 def project_with_jacobians(points: Array, parameters: Array) -> tuple[Array, Array, Array]:
@@ -114,9 +117,10 @@ def project_with_jacobians(points: Array, parameters: Array) -> tuple[Array, Arr
     parameters = np.broadcast_to(parameters, (*points.shape[:-1], 9))
     z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
     normalised = points[..., :2] / z[..., None]
-    distorted, by_normalised, by_coefficients = distort(normalised, parameters[..., 4:])
+    lens = distorted(normalised, parameters[..., 4:])
+    by_normalised, by_coefficients = distortion_jacobians(normalised, parameters[..., 4:])
     focal, centre = parameters[..., :2], parameters[..., 2:4]
-    pixels = focal * distorted + centre
+    pixels = focal * lens + centre
     zeros = np.zeros_like(z)
     perspective = (
         np.stack(
@@ -131,14 +135,14 @@ def project_with_jacobians(points: Array, parameters: Array) -> tuple[Array, Arr
     by_point = focal[..., :, None] * (by_normalised @ perspective)
     by_parameters = np.zeros((*points.shape[:-1], 2, 9))
     for axis in (0, 1):
-        by_parameters[..., axis, axis] = distorted[..., axis]
+        by_parameters[..., axis, axis] = lens[..., axis]
         by_parameters[..., axis, 2 + axis] = 1.0
     by_parameters[..., 4:] = focal[..., :, None] * by_coefficients
     return pixels, by_point, by_parameters
 
 
-def distort(normalised: Array, coefficients: Array) -> tuple[Array, Array, Array]:
-    """Where the lens puts undistorted image points, with the derivatives.
+def distorted(normalised: Array, coefficients: Array) -> Array:
+    """Where the lens puts undistorted image points.
 
     Parameters
     ----------
@@ -149,12 +153,8 @@ def distort(normalised: Array, coefficients: Array) -> tuple[Array, Array, Array
 
     Returns
     -------
-    distorted : (..., 2) array
+    (..., 2) array
         Distorted coordinates x', y'.
-    by_normalised : (..., 2, 2) array
-        Their derivative by the undistorted ones.
-    by_coefficients : (..., 2, 5) array
-        Their derivative by the coefficients.
 
     Notes
     -----
@@ -166,15 +166,32 @@ def distort(normalised: Array, coefficients: Array) -> tuple[Array, Array, Array
     k1, k2, p1, p2, k3 = np.moveaxis(np.asarray(coefficients, dtype=float), -1, 0)
     r2 = x * x + y * y
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d(x, y) = slope * (x, y)
     cross = 2 * x * y
-    distorted = np.stack(
+    return np.stack(
         [
             x * radial + p1 * cross + p2 * (r2 + 2 * x * x),
             y * radial + p1 * (r2 + 2 * y * y) + p2 * cross,
         ],
         -1,
     )
+
+
+def distortion_jacobians(normalised: Array, coefficients: Array) -> tuple[Array, Array]:
+    """Derivatives of `distorted` by the image point (..., 2, 2) and the coefficients (..., 2, 5).
+
+    Parameters
+    ----------
+    normalised : (..., 2) array
+        Undistorted image coordinates x / z, y / z.
+    coefficients : (..., 5) array
+        k1, k2, p1, p2, k3.
+    """
+    x, y = normalised[..., 0], normalised[..., 1]
+    k1, k2, p1, p2, k3 = np.moveaxis(np.asarray(coefficients, dtype=float), -1, 0)
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d(x, y) = slope * (x, y)
+    cross = 2 * x * y
     mixed = x * y * slope + 2 * (p1 * x + p2 * y)
     by_normalised = np.stack(
         [
@@ -190,7 +207,7 @@ def distort(normalised: Array, coefficients: Array) -> tuple[Array, Array, Array
         ],
         -2,
     )
-    return distorted, by_normalised, by_coefficients
+    return by_normalised, by_coefficients
 
 
 def undistort(pixels: Array, parameters: Array) -> Array:
@@ -210,28 +227,23 @@ def undistort(pixels: Array, parameters: Array) -> Array:
         part of the image that calibration patterns have covered.
     """
     parameters = np.asarray(parameters, dtype=float)
+    coefficients = parameters[..., 4:]
     wanted = (np.asarray(pixels, dtype=float) - parameters[..., 2:4]) / parameters[..., :2]
     found = wanted.copy()
     with np.errstate(all="ignore"):
         for _ in range(_NEWTON_STEPS):
-            distorted, slope, _by = distort(found, parameters[..., 4:])
-            miss = wanted - distorted
+            miss = wanted - distorted(found, coefficients)
             if np.nanmax(np.abs(miss), initial=0.0) < _CONVERGED:
                 break
-            determinant = slope[..., 0, 0] * slope[..., 1, 1] - slope[..., 0, 1] * slope[..., 1, 0]
-            found = found + np.stack(
-                [
-                    (slope[..., 1, 1] * miss[..., 0] - slope[..., 0, 1] * miss[..., 1])
-                    / determinant,
-                    (slope[..., 0, 0] * miss[..., 1] - slope[..., 1, 0] * miss[..., 0])
-                    / determinant,
-                ],
-                -1,
+            slope, _by = distortion_jacobians(found, coefficients)
+            a, b, c, d = slope[..., 0, 0], slope[..., 0, 1], slope[..., 1, 0], slope[..., 1, 1]
+            u, v = miss[..., 0], miss[..., 1]
+            found = (
+                found + np.stack([d * u - b * v, a * v - c * u], -1) / (a * d - b * c)[..., None]
             )
-        distorted, slope, _by = distort(found, parameters[..., 4:])
-        bad = ~(np.abs(wanted - distorted).max(-1) < 1e-9)
+        bad = ~(np.abs(wanted - distorted(found, coefficients)).max(-1) < 1e-9)
         # Beyond the turning point of the radial polynomial the model folds back on itself.
-        bad |= ~(slope[..., 0, 0] * slope[..., 1, 1] - slope[..., 0, 1] * slope[..., 1, 0] > 0)
+        bad |= ~(np.linalg.det(distortion_jacobians(found, coefficients)[0]) > 0)
     return np.where(bad[..., None], np.nan, found)
 
 

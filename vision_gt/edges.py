@@ -19,8 +19,11 @@ _HALF_WINDOW = 3.5
 _LEAST_HALF_WINDOW = 1.5
 _CORNER_MARGIN = 2.5
 """Pixels near a corner that are left out: there the other side's blur reaches in."""
-_MAX_STATIONS = 64
-_ITERATIONS = 8
+_MAX_STATIONS = 40
+_FIRST_STEPS, _FINAL_STEPS = 3, 4
+"""Steps of the rough and the final fit; the windows follow the edges between the two."""
+_SEARCH = 1.3
+"""Pixels by which the rough fit looks further out: found corners tend to lie inside."""
 _SATURATED = 254
 _START_BLUR = 0.8
 _BLUR_PRIOR = 0.5
@@ -77,9 +80,9 @@ def refine_corners(
     flat = _Flat(parameters)
     corners = flat.from_image(np.asarray(start, dtype=float))
     half = _half_windows(corners, cells)
-    for _round in range(2):
+    for final in (False, True):
         ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)
-        edges = _fit_edges(image, ends, half.ravel(), flat)
+        edges = _fit_edges(image, ends, half.ravel(), flat, final=final)
         corners, covariances, good = _crossings(corners, edges)
     refined = flat.to_image(corners)
     scale = flat.slope_to_image(corners)
@@ -148,35 +151,45 @@ class _Edges:
 
 
 def _fit_edges(
-    image: npt.NDArray[np.uint8], ends: Array, half: Array, flat: _Flat
+    image: npt.NDArray[np.uint8],
+    ends: Array,
+    half: Array,
+    flat: _Flat,
+    *,
+    final: bool,
 ) -> _Edges:
     """Blurred steps fitted along edges that run from ends[:, 0] to ends[:, 1]."""
     along = ends[:, 1] - ends[:, 0]
-    length = np.maximum(np.linalg.norm(along, axis=1), 1e-9)
-    unit = along / length[:, None]
+    unit = along / np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
     # Corners run clockwise in the image, so this normal points into the marker.
     normal = np.column_stack([-unit[:, 1], unit[:, 0]])
-    grey, share, distance, weight = _samples(image, ends, half, flat, (unit, normal, length))
+    limits = (half + (0.0 if final else _SEARCH), half)
+    grey, share, distance, weight = _samples(image, ends, limits, flat, (unit, normal))
     values, fitted = _start_values(grey, distance, weight)
     weights = weight
-    for step in range(_ITERATIONS):
+    for step in range(_FINAL_STEPS if final else _FIRST_STEPS):
         residual, jacobian = _step_model(values, grey, share, distance)
-        if step >= 3:  # outliers (sun-blades, stains) count less once the edge is about right
+        if final and step >= 1:
             weights = weight * _tukey(residual, weight)
-        change, normal_matrix = _solve(residual, jacobian, weights, values)
+        change, _normal = _solve(residual, jacobian, weights, values)
         change[:, :2] = np.clip(change[:, :2], -1.5, 1.5)
         values = values + np.where(fitted[:, None], change, 0.0)
         values[:, 2] = np.clip(values[:, 2], 0.3, 3.0)
+    if not final:
+        rough = fitted & (np.abs(values[:, :2]).max(1) < _HALF_WINDOW)
+        return _Edges(
+            ends, normal, values[:, :2], np.broadcast_to(np.eye(2), (len(ends), 2, 2)), rough
+        )
     residual, jacobian = _step_model(values, grey, share, distance)
     _change, normal_matrix = _solve(residual, jacobian, weights, values)
-    count = np.maximum(weights.sum((1, 2)), 1.0)
-    variance = (weights * residual**2).sum((1, 2)) / np.maximum(count - _UNKNOWNS, 1.0)
+    count = np.maximum(weights.sum(1), 1.0)
+    variance = (weights * residual**2).sum(1) / np.maximum(count - _UNKNOWNS, 1.0)
     inverse = np.linalg.inv(normal_matrix)
     covariance = inverse[:, :2, :2] * np.maximum(variance, 0.1)[:, None, None]
     contrast = np.minimum(values[:, 5], values[:, 5] + values[:, 6]) - np.maximum(
         values[:, 3], values[:, 3] + values[:, 4]
     )
-    kept = weights.sum((1, 2)) / np.maximum(weight.sum((1, 2)), 1.0)
+    kept = weights.sum(1) / np.maximum(weight.sum(1), 1.0)
     sigma = np.sqrt(np.abs(covariance[:, [0, 1], [0, 1]])).max(1)
     good = (
         fitted
@@ -192,69 +205,90 @@ def _fit_edges(
 def _samples(
     image: npt.NDArray[np.uint8],
     ends: Array,
-    half: Array,
+    limits: tuple[Array, Array],
     flat: _Flat,
-    frame: tuple[Array, Array, Array],
+    frame: tuple[Array, Array],
 ) -> tuple[Array, Array, Array, Array]:
-    """Pixels around the edges: grey, share along the edge, distance to it, weight: (e, k, j).
+    """Pixels around the edges: grey, share along the edge, distance to it, weight: each (e, n).
 
-    Whole pixels are taken as they are: interpolation would blur and shift the edge.
+    Whole pixels are taken as they are: interpolation would blur and shift the edge. Stations
+    along the edge are mapped into the image exactly; from a station to the few pixels across
+    it the lens is as good as linear.
     """
-    unit, normal, length = frame
+    unit, normal = frame
+    outside, inside = limits
     height, width = image.shape
-    in_image = flat.to_image(ends)
-    run = in_image[:, 1] - in_image[:, 0]
+    stations, share, used = _stations(ends, flat)
+    middle = np.linalg.inv(flat.slope_to_image(ends.mean(1)))
+    across = np.einsum("ei,eij->ej", normal, middle)
+    along = np.einsum("ei,eij->ej", unit, middle)
+    run = stations[:, -1] - stations[:, 0]
     steep = np.abs(run[:, 1]) > np.abs(run[:, 0])
-    major, minor = (np.where(steep, a, b) for a, b in ((1, 0), (0, 1)))
-    rows = np.arange(len(ends))
-    start, span = in_image[rows, 0, major], run[rows, major]
-    margin = np.minimum(_CORNER_MARGIN, 0.25 * np.abs(span))
-    count = int(np.clip(np.ceil(np.abs(span).max() - 2 * margin.min()), 2, _MAX_STATIONS))
-    # Stations are distinct whole pixels along the major axis, thinned out on long edges.
-    stride = np.maximum((np.abs(span) - 2 * margin) / count, 1.0)
-    travelled = margin[:, None] + stride[:, None] * np.arange(count)
-    at_major = np.rint(start[:, None] + np.sign(span)[:, None] * travelled)
-    share = (at_major - start[:, None]) / np.where(span == 0, 1.0, span)[:, None]
-    valid = travelled <= (np.abs(span) - margin)[:, None]
+    reach = int(np.ceil(outside.max() * np.sqrt(2)))
+    nearest = np.rint(np.nan_to_num(stations, nan=-99.0)).astype(np.intp)[:, :, None]
+    steps = np.arange(-reach, reach + 1)
+    column = nearest[..., 0] + np.where(steep[:, None, None], steps, 0)
+    row = nearest[..., 1] + np.where(steep[:, None, None], 0, steps)
+    used = used[..., None] & (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    dx, dy = column - stations[:, :, None, 0], row - stations[:, :, None, 1]
+    distance = across[:, 0, None, None] * dx + across[:, 1, None, None] * dy
+    used &= (distance >= -outside[:, None, None]) & (distance <= inside[:, None, None])
+    grey = image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+    used &= grey < _SATURATED
+    length = np.maximum(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), 1e-9)
+    share = (
+        share[..., None]
+        + (along[:, 0, None, None] * dx + along[:, 1, None, None] * dy) / (length[:, None, None])
+    )
+    return _packed(used, grey.astype(float), share, distance)
+
+
+def _stations(ends: Array, flat: _Flat) -> tuple[Array, Array, Mask]:
+    """Places (e, k, 2) along edges, in the image, their shares (e, k) of the way, and validity.
+
+    Each station has a whole pixel of its own; long edges are thinned out.
+    """
+    run = np.diff(flat.to_image(ends), axis=1)[:, 0]
+    span = np.maximum(np.abs(run).max(1), 1e-9)
+    margin = np.minimum(_CORNER_MARGIN, 0.25 * span)
+    count = int(np.clip(np.ceil((span - 2 * margin).max()), 2, _MAX_STATIONS))
+    stride = np.maximum((span - 2 * margin) / count, 1.0)
+    travelled = margin[:, None] + stride[:, None] * (np.arange(count) + 0.5)
+    used = travelled <= (span - margin)[:, None]
+    share = np.minimum(travelled / span[:, None], 1.0)
     on_edge = ends[:, None, 0] + share[..., None] * (ends[:, 1] - ends[:, 0])[:, None]
-    at_minor = np.take_along_axis(flat.to_image(on_edge), minor[:, None, None], axis=2)[..., 0]
-    reach = int(np.ceil(half.max() * np.sqrt(2)))
-    across = np.rint(at_minor)[..., None] + np.arange(-reach, reach + 1)
-    majors = np.broadcast_to(at_major[..., None], across.shape)
-    vertical = np.broadcast_to(steep[:, None, None], across.shape)
-    x = np.where(vertical, across, majors)
-    y = np.where(vertical, majors, across)
-    valid = valid[..., None] & (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    column = np.clip(np.nan_to_num(x), 0, width - 1).astype(np.intp)
-    row = np.clip(np.nan_to_num(y), 0, height - 1).astype(np.intp)
-    grey = image[row, column].astype(float)
-    pixel = flat.from_image(np.stack([column, row], -1).astype(float))
-    offset = pixel - ends[:, None, None, 0]
-    distance = (offset * normal[:, None, None]).sum(-1)
-    share = (offset * unit[:, None, None]).sum(-1) / length[:, None, None]
-    valid &= np.isfinite(distance) & (np.abs(distance) <= half[:, None, None])
-    valid &= grey < _SATURATED
-    return grey, np.nan_to_num(share), np.nan_to_num(distance), valid.astype(float)
+    return flat.to_image(on_edge), share, used
+
+
+def _packed(used: Mask, *arrays: Array) -> tuple[Array, Array, Array, Array]:
+    """The used samples of each edge, moved to the front: three arrays (e, n), and weights."""
+    flags = used.reshape(len(used), -1)
+    size = max(int(flags.sum(1).max()), 1)
+    order = np.argsort(~flags, axis=1, kind="stable")[:, :size]
+    weight = np.take_along_axis(flags, order, axis=1)
+    one, two, three = (
+        np.where(weight, np.take_along_axis(a.reshape(len(used), -1), order, axis=1), 0.0)
+        for a in arrays
+    )
+    return one, two, three, weight.astype(float)
 
 
 def _start_values(grey: Array, distance: Array, weight: Array) -> tuple[Array, Mask]:
     """Unknowns (e, 7): shifts of the two ends, width, dark and its slope, bright and its slope."""
     inside, outside = weight * (distance > 1), weight * (distance < -1)
-    n_in, n_out = inside.sum((1, 2)), outside.sum((1, 2))
-    dark = (inside * grey).sum((1, 2)) / np.maximum(n_in, 1)
-    bright = (outside * grey).sum((1, 2)) / np.maximum(n_out, 1)
+    n_in, n_out = inside.sum(1), outside.sum(1)
+    dark = (inside * grey).sum(1) / np.maximum(n_in, 1)
+    bright = (outside * grey).sum(1) / np.maximum(n_out, 1)
     none = np.zeros_like(dark)
     values = np.column_stack(
         [none, none, np.full_like(dark, _START_BLUR), dark, none, bright, none]
     )
-    return values, np.asarray((n_in >= 4) & (weight.sum((1, 2)) >= 3 * _UNKNOWNS))
+    return values, np.asarray((n_in >= 4) & (weight.sum(1) >= 3 * _UNKNOWNS))
 
 
-def _step_model(
-    values: Array, grey: Array, share: Array, distance: Array
-) -> tuple[Array, Array]:
-    """Grey minus model (e, k, j), and the model's derivative (e, k, j, 7)."""
-    v = values[:, None, None, :]
+def _step_model(values: Array, grey: Array, share: Array, distance: Array) -> tuple[Array, Array]:
+    """Grey minus model (e, n), and the model's derivative (e, n, 7)."""
+    v = values[:, None, :]
     width = v[..., 2]
     z = (distance - (v[..., 0] * (1 - share) + v[..., 1] * share)) / width
     inside = ndtr(z)
@@ -277,15 +311,11 @@ def _step_model(
     return grey - (bright + contrast * inside), jacobian
 
 
-def _solve(
-    residual: Array, jacobian: Array, weights: Array, values: Array
-) -> tuple[Array, Array]:
+def _solve(residual: Array, jacobian: Array, weights: Array, values: Array) -> tuple[Array, Array]:
     """Gauss-Newton steps (e, 7) and normal matrices (e, 7, 7), for noise of one grey level."""
-    e = len(residual)
-    flat = jacobian.reshape(e, -1, _UNKNOWNS)
-    weighted = flat * weights.reshape(e, -1, 1)
-    normal = np.swapaxes(weighted, 1, 2) @ flat
-    right = (np.swapaxes(weighted, 1, 2) @ residual.reshape(e, -1, 1))[..., 0]
+    weighted = np.swapaxes(jacobian * weights[..., None], 1, 2)
+    normal = weighted @ jacobian
+    right = (weighted @ residual[..., None])[..., 0]
     normal[:, 2, 2] += 4 / _BLUR_PRIOR**2
     right[:, 2] += 4 / _BLUR_PRIOR**2 * (_START_BLUR - values[:, 2])
     # Levels and displacements that nothing in the window tells stay near their start.
@@ -294,14 +324,14 @@ def _solve(
 
 
 def _tukey(residual: Array, weight: Array) -> Array:
-    """Tukey's weights (e, k, j), the scale taken from each edge's own residuals."""
+    """Tukey's weights (e, n), the scale taken from each edge's own residuals."""
     size = np.abs(residual)
-    used = np.where(weight > 0, size, np.nan).reshape(len(size), -1)
-    some = np.isfinite(used).any(1)
-    scale = np.full(len(size), 1.0)
-    scale[some] = 1.4826 * np.nanmedian(used[some], axis=1)
-    ratio = size / (_TUKEY * np.maximum(scale, 1.0))[:, None, None]
-    return np.where(ratio < 1, (1 - np.minimum(ratio, 1) ** 2) ** 2, 0.0)
+    ordered = np.sort(np.where(weight > 0, size, np.inf), axis=1)
+    middle = (weight.sum(1) / 2).astype(np.intp)
+    scale = 1.4826 * ordered[np.arange(len(size)), middle]
+    scale = np.where(np.isfinite(scale), np.maximum(scale, 1.0), 1.0)
+    ratio = np.minimum(size / (_TUKEY * scale)[:, None], 1.0)
+    return np.asarray((1 - ratio**2) ** 2)
 
 
 def _crossings(start: Array, edges: _Edges) -> tuple[Array, Array, Mask]:

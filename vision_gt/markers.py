@@ -108,9 +108,7 @@ def detect_markers(
         parameters = None if camera is None else camera.parameters
         fit = refine_corners(image, corners, family.cells, parameters)
         corners, covariances = fit.corners, _with_stock(fit.covariances, fit.good)
-    views = [
-        MarkerView(numbers[i], corners[row], covariances[row]) for row, i in enumerate(use)
-    ]
+    views = [MarkerView(numbers[i], corners[row], covariances[row]) for row, i in enumerate(use)]
     return Detection(
         tuple(sorted(views, key=lambda view: view.number)),
         tuple(sorted(number for number in known if counts[number] > 1)),
