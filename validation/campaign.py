@@ -219,7 +219,7 @@ def load_campaign(folder: Path, known_tables: frozenset[str] | None = None) -> C
         settings = CampaignSettings.model_validate(data)
     except ValidationError as error:
         raise _input_error(path, error) from None
-    known = known_tables | set(CampaignSettings.model_fields) | {"plan"}
+    known = known_tables | set(CampaignSettings.model_fields) | {"plan", "explain"}
     problems = [
         Problem(path, f"unknown table or key{_closest(key, known)}", _line_of(path, (key,)), key)
         for key in data

@@ -270,7 +270,7 @@ def _pooled(
         for b in range(a):
             mask = good[a, :, kind] & good[b, :, kind]
             count = float(mask.sum()) * DIMENSIONS[kind]
-            lost = sources.lost_freedom[a, kind] + sources.lost_freedom[b, kind]
+            lost = max(sources.lost_freedom[a, kind], sources.lost_freedom[b, kind])
             if count - lost < 1:
                 continue
             difference = _differences(sources.poses[a, mask], sources.poses[b, mask], kind)

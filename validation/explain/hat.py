@@ -44,6 +44,12 @@ class SourceVariances:
     bounded : (S, 2) array
         The variances that fit best if none is below a tenth of the least difference it is part
         of: what to weigh the sources by.
+    quadratics : (S, 2, 3) array
+        Variance of each estimate as a quadratic in its own true value: constant, linear and
+        square coefficient.
+    ceilings : (S, 2, 2) array
+        The smallest mean square of a difference that each source takes part in, and its degrees
+        of freedom: no source can be noisier than its difference from another.
     """
 
     names: tuple[str, ...]
@@ -51,6 +57,8 @@ class SourceVariances:
     sigmas: Array
     dof: Array
     bounded: Array
+    quadratics: Array
+    ceilings: Array
 
     @property
     def determined(self) -> bool:
@@ -62,19 +70,27 @@ class SourceVariances:
 
         Notes
         -----
-        The variance is taken as chi-squared with as many degrees of freedom as give its standard
-        deviation (Satterthwaite); where it is not clear of zero, the interval starts at zero.
+        All variances that lie within the normal quantile of the estimate, each with the standard
+        deviation that the estimate would have if it were the true one (a score interval, as
+        Wilson's for proportions), and that are not above what any difference allows
+        (chi-squared limit).
         """
-        tail = (1 - confidence) / 2
-        dof = np.maximum(self.dof, 1e-3)
-        low = dof * self.variances / special.chdtri(dof, tail)
-        high = dof * self.variances / special.chdtri(dof, 1 - tail)
-        clear = self.variances > 2 * self.sigmas
-        reach = np.maximum(self.variances, 0) - special.ndtri(tail) * self.sigmas
-        low, high = np.where(clear, low, 0.0), np.where(clear, high, reach)
-        unknown = ~np.isfinite(self.variances)
-        low, high = np.where(unknown, np.nan, low), np.where(unknown, np.nan, high)
-        return np.sqrt(np.maximum(np.stack([low, high], -1), 0.0))
+        z2 = float(special.ndtri((1 + confidence) / 2)) ** 2
+        constant, linear, square = (self.quadratics[..., power] for power in range(3))
+        a = 1 - z2 * square
+        b = self.variances + z2 * linear / 2
+        c = self.variances**2 - z2 * constant
+        reach = np.sqrt(np.maximum(b * b - a * c, 0.0))
+        safe = np.where(np.abs(a) > 1e-12, a, 1e-12)
+        low = np.maximum((b - reach) / safe, 0.0)
+        high = np.where(a > 0, np.maximum((b + reach) / safe, 0.0), np.inf)
+        high = np.where(np.isnan(self.variances), np.nan, high)
+        most, dof = self.ceilings[..., 0], np.maximum(np.nan_to_num(self.ceilings[..., 1]), 1.0)
+        ceiling = most * dof / special.chdtri(dof, (1 + confidence) / 2)
+        high = np.fmin(high, np.where(np.isnan(high), np.nan, ceiling))
+        # Beyond the ceiling the estimate is of no use for the lower end either.
+        low = np.where(low > high, 0.0, low)
+        return np.sqrt(np.stack([low, high], -1))
 
 
 def source_variances(
@@ -111,7 +127,7 @@ def source_variances(
         if frozenset(names[s] for s in pair) not in together
     ]
     found = [_one_kind(kind, pairs, poses, good, lost, robust) for kind in range(2)]
-    columns = [np.stack(part, -1) for part in zip(*found, strict=True)]
+    columns = [np.stack(part, 1) for part in zip(*found, strict=True)]
     return SourceVariances(tuple(names), *columns)
 
 
@@ -122,16 +138,18 @@ def _one_kind(
     good: Array,
     lost: Array,
     robust: bool,
-) -> tuple[Array, Array, Array, Array]:
+) -> tuple[Array, ...]:
     """Variances, standard deviations, degrees of freedom and bounded variances of one kind."""
-    count = len(poses)
-    nothing = np.full(count, np.nan)
+    size = len(poses)
+    nothing = np.full(size, np.nan)
     kept, values, freedom, masks = [], [], [], []
     for a, b in pairs:
         difference = poses[a] - poses[b]
         difference[:, 2] = wrap(difference[:, 2])
         mask = good[a, :, kind] & good[b, :, kind] & np.isfinite(difference).all(1)
-        dof = mask.sum() * DIMENSIONS[kind] - lost[a, kind] - lost[b, kind]
+        count = float(mask.sum() * DIMENSIONS[kind])
+        shares = _shares(count, float(lost[a, kind]), float(lost[b, kind]))
+        dof = count * min(shares)
         if mask.sum() < _MINIMUM or dof < 1:
             continue
         part = difference[mask, 2:] if kind else difference[mask, :2]
@@ -140,26 +158,57 @@ def _one_kind(
             value = float(np.median(squares)) / _MEDIANS[kind]
             dof = 0.4 * dof  # efficiency of the median about that of 40 % of the data
         else:
-            value = float(squares.sum()) / dof
-        kept.append((a, b))
+            value = float(squares.sum()) / count
+        kept.append((a, b, *shares))
         values.append(max(value, 1e-18))
         freedom.append(dof)
         masks.append(mask)
     if not kept:
-        return nothing, nothing, np.zeros(count), nothing
-    design = np.zeros((len(kept), count))
-    for row, (a, b) in enumerate(kept):
-        design[row, a] = design[row, b] = 1.0
-    return _least_squares(design, np.array(values), np.array(freedom), kept, masks)
+        return (
+            nothing,
+            nothing,
+            np.zeros(size),
+            nothing,
+            np.full((size, 3), np.nan),
+            np.full((size, 2), np.nan),
+        )
+    design = np.zeros((len(kept), size))
+    for row, (a, b, share_a, share_b) in enumerate(kept):
+        design[row, a], design[row, b] = share_a, share_b
+    solved = _least_squares(design, np.array(values), np.array(freedom), masks)
+    return *solved, _ceilings(design, np.array(values), np.array(freedom))
+
+
+def _ceilings(design: Array, values: Array, freedom: Array) -> Array:
+    """(S, 2) the tightest upper limit's mean square and degrees of freedom."""
+    upper = values * freedom / special.chdtri(freedom, 0.975)
+    rows = []
+    for part in design.T:
+        mine = np.flatnonzero(part > 0)
+        if not mine.size:
+            rows.append([np.nan, np.nan])
+            continue
+        best = mine[int(np.argmin(upper[mine] / part[mine]))]
+        rows.append([values[best] / part[best], freedom[best]])
+    return np.array(rows)
+
+
+def _shares(count: float, lost_a: float, lost_b: float) -> tuple[float, float]:
+    """Which part of each source's variance is left in the mean square of a difference.
+
+    A source that was fitted has its own noise reduced. The one that all others were fitted to
+    (nothing lost) is reduced as much as the other of the pair, whose residuals these are.
+    """
+    own_a, own_b = lost_a or lost_b, lost_b or lost_a
+    return max(1 - own_a / count, 0.0), max(1 - own_b / count, 0.0)
 
 
 def _least_squares(
     design: Array,
     values: Array,
     freedom: Array,
-    pairs: Sequence[tuple[int, int]],
     masks: Sequence[Array],
-) -> tuple[Array, Array, Array, Array]:
+) -> tuple[Array, ...]:
     """Generalised least squares, weighted by what the variances themselves say."""
     undetermined = (np.abs(_null_space(design)) > 1e-9).any(0)
     covariance = np.diag(2 * values**2 / freedom)
@@ -172,13 +221,20 @@ def _least_squares(
         spread = np.linalg.pinv(normal, hermitian=True)
         solution = spread @ design.T @ inverse @ values
         positive = _bounded(design, values, inverse, least)
-        covariance = _pair_covariance(positive, freedom, pairs, masks)
+        covariance = _pair_covariance(design, positive, freedom, masks)
     sigma = np.sqrt(np.maximum(np.diagonal(spread), 0.0))
     solution = np.where(undetermined, np.nan, solution)
     sigma = np.where(undetermined, np.nan, sigma)
     with np.errstate(divide="ignore", invalid="ignore"):
         dof = np.where(sigma > 0, 2 * solution**2 / sigma**2, 0.0)
-    return solution, sigma, np.nan_to_num(dof), np.where(undetermined, np.nan, positive)
+    weights = spread @ design.T @ inverse
+    return (
+        solution,
+        sigma,
+        np.nan_to_num(dof),
+        np.where(undetermined, np.nan, positive),
+        _quadratics(design, positive, weights, freedom, masks),
+    )
 
 
 def _bounded(design: Array, values: Array, weight: Array, least: Array) -> Array:
@@ -205,19 +261,41 @@ def _null_space(design: Array) -> Array:
     return vectors[:, values < 1e-9].T
 
 
+def _signs(design: Array) -> Array:
+    """(m, S) which source stands with which sign in each difference."""
+    signs = (design > 0).astype(float)
+    for row in signs:
+        row[np.flatnonzero(row)[1]] = -1.0
+    return signs
+
+
+def _shared_stops(freedom: Array, masks: Sequence[Array]) -> Array:
+    """(m, m) twice the part of their stops that two pairs share, for their freedom."""
+    used = np.array(masks, dtype=float)
+    count = used.sum(1)
+    overlap = used @ used.T / np.sqrt(count[:, None] * count)
+    return np.asarray(2 * overlap / np.sqrt(freedom[:, None] * freedom))
+
+
 def _pair_covariance(
-    variances: Array,
-    freedom: Array,
-    pairs: Sequence[tuple[int, int]],
-    masks: Sequence[Array],
+    design: Array, variances: Array, freedom: Array, masks: Sequence[Array]
 ) -> Array:
-    """Covariance of the pair variances of normal errors: they share sources and stops."""
-    m = len(pairs)
-    result = np.zeros((m, m))
-    for i, (a, b) in enumerate(pairs):
-        for j, (c, d) in enumerate(pairs):
-            common = (a == c) * variances[a] + (b == d) * variances[b]
-            common -= (a == d) * variances[a] + (b == c) * variances[b]
-            overlap = (masks[i] & masks[j]).sum() / np.sqrt(masks[i].sum() * masks[j].sum())
-            result[i, j] = 2 * common**2 * overlap / np.sqrt(freedom[i] * freedom[j])
-    return result + np.eye(m) * 1e-12 * np.trace(result)
+    """(m, m) covariance of the pair variances of normal errors: they share sources and stops."""
+    signs = _signs(design)
+    result = _shared_stops(freedom, masks) * ((signs * variances) @ signs.T) ** 2
+    return np.asarray(result + np.eye(len(design)) * 1e-12 * np.trace(result))
+
+
+def _quadratics(
+    design: Array, variances: Array, weights: Array, freedom: Array, masks: Sequence[Array]
+) -> Array:
+    """(S, 3) variance of each estimate as a quadratic in its own true variance."""
+    signs, shared = _signs(design), _shared_stops(freedom, masks)
+    rows = []
+    for source, weight in enumerate(weights):
+        others = np.where(np.arange(len(variances)) == source, 0.0, variances)
+        base = (signs * others) @ signs.T
+        own = np.outer(signs[:, source], signs[:, source])
+        parts = (base**2, 2 * base * own, own**2)
+        rows.append([float(weight @ (shared * part) @ weight) for part in parts])
+    return np.array(rows)

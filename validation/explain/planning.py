@@ -1,0 +1,81 @@
+"""How many poses it takes to show a given accuracy."""
+
+import numpy as np
+from scipy import special
+
+from validation.errors import GtvalError
+
+MOST = 2000
+"""Poses beyond which a plan is no plan."""
+
+
+def poses_for_bias(
+    sigma: float, limit: float, *, bias: float = 0.0, confidence: float = 0.95, power: float = 0.9
+) -> int:
+    """Number of poses with which 'the bias is below d' is shown with the given chance.
+
+    Parameters
+    ----------
+    sigma : float
+        Expected standard deviation of the errors.
+    limit : float
+        The d, same unit.
+    bias : float
+        Expected true bias; below d.
+    confidence : float
+        Of the statement.
+    power : float
+        Chance that the campaign succeeds in showing it.
+
+    Raises
+    ------
+    GtvalError
+        If no number of poses can show it.
+
+    Notes
+    -----
+    Two one-sided t-tests; each fails with a probability given by the noncentral t distribution,
+    and the sum of both bounds the chance that either fails (Julious (2004), "Sample sizes for
+    clinical trials with normal data", section 5).
+    """
+    if sigma <= 0 or limit <= abs(bias):
+        raise GtvalError(
+            f"a bias of {bias:g} cannot be shown to be below {limit:g}; the limit must be larger "
+            "than the bias, and sigma positive"
+        )
+    n = np.arange(2, MOST + 1)
+    critical = special.stdtrit(n - 1, confidence)
+    shift = np.sqrt(n) / sigma
+    fails = special.nctdtr(n - 1, np.minimum((limit - bias) * shift, 300.0), critical)
+    fails = fails + special.nctdtr(n - 1, np.minimum((limit + bias) * shift, 300.0), critical)
+    return _first(n, 1 - fails, power, "bias")
+
+
+def poses_for_deviation(
+    sigma: float, limit: float, *, confidence: float = 0.95, power: float = 0.9
+) -> int:
+    """Number of poses with which 'the standard deviation is below d' is shown.
+
+    Parameters
+    ----------
+    sigma, limit, confidence, power
+        As for `poses_for_bias`; sigma must be below the limit.
+
+    Raises
+    ------
+    GtvalError
+        If no number of poses can show it.
+    """
+    if not 0 < sigma < limit:
+        raise GtvalError(f"a standard deviation of {sigma:g} cannot be shown to be below {limit:g}")
+    n = np.arange(2, MOST + 1)
+    critical = special.chdtri(n - 1, confidence)
+    return _first(n, special.chdtr(n - 1, critical * (limit / sigma) ** 2), power, "deviation")
+
+
+def _first(n: np.ndarray, chance: np.ndarray, power: float, what: str) -> int:  # type: ignore[type-arg]
+    """The least n with the wanted chance."""
+    enough = n[chance >= power]
+    if not enough.size:
+        raise GtvalError(f"more than {MOST} poses would be needed to show the {what}")
+    return int(enough[0])

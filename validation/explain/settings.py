@@ -1,0 +1,28 @@
+"""The [explain] table of campaign.toml."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from validation.campaign import Name, Positive, Settings
+
+Chance = Annotated[float, Field(gt=0, lt=0.5)]
+
+
+class ExplainSettings(Settings):
+    """What is known about the systems beside their poses.
+
+    ``references`` names the stop whose validation pose tied a system to the GTV frame ('?' if one
+    did but it is not known which), ``sensors`` the systems that share one, ``witnesses`` files
+    with rough poses from elsewhere (relative to the campaign folder) that take part only in
+    deciding who is wrong at a stop, ``runs`` systems that are repeated runs of the same one.
+    Stops closer than ``revisit_radius`` metres count as the same place.
+    """
+
+    references: dict[Name, Name] = {}
+    sensors: dict[Name, list[Name]] = {}
+    witnesses: dict[Name, str] = {}
+    runs: dict[Name, list[Name]] = {}
+    revisit_radius: Positive = 0.25
+    invented: Chance = 0.02
+    false_alarm: Chance = 0.05

@@ -1,0 +1,221 @@
+"""The explanation as tables."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from validation.explain.analysis import Explanation, SystemExplanation
+from validation.explain.arbitration import CELLS
+from validation.explain.equivalence import PairedComparison
+from validation.explain.repeatability import Repeatability
+from validation.results import Table
+
+COMPONENTS = ("x", "y", "theta")
+
+
+def candidate_table(one: SystemExplanation) -> Table:
+    """All explanations of a system with both criteria, the chosen one marked."""
+    assert one.selection is not None
+    selection = one.selection
+    lowest = min(item.criterion for item in selection.candidates)
+    best = max(item.loo.score for item in selection.candidates)
+    rows = []
+    for item in selection.candidates:
+        mark = "chosen" if item.name == selection.chosen.name else ""
+        if not item.observability.complete:
+            mark = "not determined"
+        p = max(item.p_values.values(), default=None)
+        rows.append(
+            [
+                item.name,
+                len(item.model.parameters),
+                item.criterion - lowest,
+                item.loo.score - best,
+                1000 * item.loo.typical_length,
+                1000 * item.loo.typical_angle,
+                p,
+                mark,
+            ]
+        )
+    return Table(
+        f"{one.system}: explanations weighed against each other",
+        [
+            "explanation",
+            "parameters",
+            "BIC above the least",
+            "log score below the best",
+            "left-out position [mm]",
+            "left-out heading [mrad]",
+            "largest p of a part",
+            "",
+        ],
+        rows,
+        ["", "d", ".1f", ".1f", ".1f", ".1f", ".1g", ""],
+        note=f"Left-out: median error of poses predicted from the others. A part counts if its p "
+        f"is below {selection.threshold:.2g} and left-out poses are predicted better.",
+    )
+
+
+def parameter_table(one: SystemExplanation, confidence: float) -> Table:
+    """Fitted parameters of the chosen explanation."""
+    assert one.settled is not None
+    rows = [
+        [p.name, p.unit, p.value, p.sigma, p.low, p.high, p.p_value]
+        for p in one.settled.parameters(confidence)
+    ]
+    return Table(
+        f"{one.system}: parameters of '{one.name}'",
+        ["parameter", "unit", "value", "sigma", "low", "high", "p"],
+        rows,
+        ["", "", ".5f", ".5f", ".5f", ".5f", ".1g"],
+        note=f"{100 * confidence:.3g} % intervals. Flagged cells are left out.",
+    )
+
+
+def before_after_table(systems: Sequence[SystemExplanation]) -> Table:
+    """Mean and standard deviation before and after, over all cells and without flagged ones."""
+    rows: list[list[str | int | float | None]] = []
+    for one in systems:
+        settled = one.settled
+        if settled is None:
+            continue
+        for column, name in enumerate(COMPONENTS):
+            used = int(settled.cells[:, 0 if column < 2 else 1].sum())
+            rows.append(
+                [
+                    one.system,
+                    name,
+                    settled.spread(settled.before, everything=True)[column],
+                    settled.spread(settled.after, everything=True)[column],
+                    used,
+                    settled.mean(settled.before)[column],
+                    settled.mean(settled.after)[column],
+                    settled.spread(settled.before)[column],
+                    settled.spread(settled.after)[column],
+                    settled.noise[column],
+                ]
+            )
+    return Table(
+        "Errors before and after the systematic part is taken out [m, rad]",
+        [
+            "system",
+            "component",
+            "std before (all)",
+            "std after (all)",
+            "cells not flagged",
+            "mean before",
+            "mean after",
+            "std before",
+            "std after",
+            "rms after, freedom counted",
+        ],
+        rows,
+        ["", "", ".4f", ".4f", "d", ".4f", ".4f", ".4f", ".4f", ".4f"],
+        note="The last five columns are of the cells not flagged. The last divides by the degrees "
+        "of freedom that the fit has left. Poses known by construction are not counted.",
+    )
+
+
+def verdict_table(explanation: Explanation) -> Table:
+    """All cells that do not fit."""
+    rows = [
+        [
+            one.stop,
+            one.cell,
+            " or ".join(one.blamed) if one.certainty == "undecided" else " and ".join(one.blamed),
+            one.certainty,
+            one.size,
+            one.p_value,
+            one.reason,
+        ]
+        for one in explanation.arbitration.verdicts
+    ]
+    result = explanation.arbitration
+    return Table(
+        "Cells that do not fit, and the source held responsible",
+        ["pose", "cell", "source", "certainty", "off by [m, rad]", "p", "why"],
+        rows,
+        ["", "", "", "", ".3f", ".1g", ""],
+        note=f"Chance of any entry in a table of good poses: {100 * result.false_alarm:.3g} %.",
+    )
+
+
+def noise_table(explanation: Explanation) -> Table:
+    """Noise of each source alone, with intervals."""
+    found = explanation.arbitration.variances
+    intervals = found.intervals(explanation.question.confidence)
+    rows: list[list[str | int | float | None]] = []
+    for row, name in enumerate(found.names):
+        for kind, cell in enumerate(CELLS):
+            value = found.variances[row, kind]
+            sigma = None if np.isnan(value) else float(np.sqrt(max(value, 0.0)))
+            low, high = (None if np.isnan(end) else float(end) for end in intervals[row, kind])
+            rows.append([name, cell, sigma, low, high])
+    return Table(
+        "Noise of each source alone (three-cornered hat) [m, rad]",
+        ["source", "cell", "standard deviation", "low", "high"],
+        rows,
+        ["", "", ".4f", ".4f", ".4f"],
+        note="From the differences between sources that share no sensor, flagged cells left out. "
+        "Zero: cannot be told from a perfect source.",
+    )
+
+
+def paired_table(pairs: Sequence[PairedComparison]) -> Table:
+    """Pairs of systems on their common stops."""
+    rows = [
+        [
+            f"{one.systems[0]} - {one.systems[1]}",
+            one.component.name,
+            one.n,
+            one.bias_difference,
+            one.bias_low,
+            one.bias_high,
+            one.size_difference,
+            one.size_low,
+            one.size_high,
+            one.ratio,
+            one.ratio_low,
+            one.ratio_high,
+            one.equivalence.smallest_limit,
+        ]
+        for one in pairs
+    ]
+    return Table(
+        "Pairs of systems on their common stops [m, rad], as they came",
+        [
+            "systems",
+            "component",
+            "n",
+            "difference of errors",
+            "low",
+            "high",
+            "difference of |errors|",
+            "low",
+            "high",
+            "ratio of std",
+            "low",
+            "high",
+            "equivalent within",
+        ],
+        rows,
+        ["", "", "d", *([".4f"] * 6), *([".2f"] * 3), ".4f"],
+        note="A difference of |errors| below zero: the first is the better one. 'Equivalent "
+        "within': least d for which two one-sided tests show the same bias.",
+    )
+
+
+def repeatability_table(found: Sequence[tuple[str, str, Repeatability]]) -> Table:
+    """Repeatability over runs and revisits."""
+    rows = [
+        [system, how, one.component.name, one.deviation, one.low, one.high, one.dof]
+        for system, how, one in found
+    ]
+    return Table(
+        "Repeatability [m, rad]",
+        ["system", "from", "component", "standard deviation", "low", "high", "freedom"],
+        rows,
+        ["", "", "", ".4f", ".4f", ".4f", "d"],
+        note="Of a single measurement, with 95 % intervals. Revisits hold the validation's noise "
+        "too, and whatever changes with the heading.",
+    )

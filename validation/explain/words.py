@@ -1,0 +1,387 @@
+"""The explanation in plain sentences, made from its numbers and from nothing else."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from validation.explain.agreement import MOUNT, Agreement
+from validation.explain.analysis import Explanation, SystemExplanation
+from validation.explain.arbitration import Arbitration, Verdict
+from validation.explain.models import ErrorModel
+from validation.explain.reference import ReferenceEvidence
+from validation.explain.selection import Candidate, Selection
+from validation.explain.settled import Parameter, Settled
+from validation.results import Finding, Severity
+
+ALL_ODDS = 1e6
+"""Odds beyond this are not told in figures."""
+
+
+def findings(explanation: Explanation) -> list[Finding]:
+    """All that a reader should take from the explanation."""
+    told: list[Finding] = []
+    for one in explanation.systems:
+        told += system_findings(one, explanation.question.confidence)
+    told += [_agreement(one, explanation.question.confidence) for one in explanation.agreements]
+    told += _arbitration(explanation.arbitration)
+    return told
+
+
+def system_findings(one: SystemExplanation, confidence: float) -> list[Finding]:
+    """What was found out about one system."""
+    if one.selection is None or one.settled is None:
+        text = (
+            "There are too few poses in common with the validation to explain the errors; "
+            "survey at least four stops at different headings, better twenty."
+        )
+        return [Finding("warning", text, one.system, "too_few_poses")]
+    told = [_cause(one, one.selection, one.settled, confidence)]
+    told += _reference(one)
+    told += _slip(one.selection, one.settled, confidence)
+    told += _rivals(one.selection)
+    told += _more(one.selection)
+    told += _blind(one.selection)
+    told += _noise(one.selection, one.settled)
+    return told
+
+
+def _number(value: float, unit: str) -> str:
+    """A value as people read it: mm and mrad below a metre or radian, per mille for scale."""
+    if unit in {"m", "rad"}:
+        return f"{1000 * value:+.1f} m{unit}"
+    return f"{1000 * value:+.2f} per mille" if not unit else f"{value:+.4f} {unit}"
+
+
+def parameter_text(one: Parameter) -> str:
+    """'mount_x -89.3 mm (-92.8 to -85.8)'."""
+    low, high = (_number(value, one.unit).split(" ")[0] for value in (one.low, one.high))
+    return f"{one.name} {_number(one.value, one.unit)} ({low} to {high})"
+
+
+def _cause(
+    one: SystemExplanation, selection: Selection, settled: Settled, confidence: float
+) -> Finding:
+    """Which explanation, how large, how sure, what it takes away, what to measure."""
+    model = settled.fit.model
+    if not model.parts:
+        best = min(selection.candidates[1:], key=lambda item: item.criterion)
+        p = best.p_values.get("none", 1.0)
+        text = (
+            f"No systematic error is shown. The best of the others, {best.model.words}, would "
+            f"fit this well by chance with p = {p:.2g}; it counts below {selection.threshold:.2g}."
+        )
+        return Finding("good", text, one.system, "no_systematic_error")
+    values = [p for p in settled.parameters(confidence) if p.name in model.parameters]
+    said = ", ".join(parameter_text(value) for value in values)
+    text = (
+        f"Explained by {_named(one, model)}: {said}; {100 * confidence:.3g} % intervals. "
+        f"{_sureness(selection)} {_taken_away(settled)} {measure(one, settled)}"
+    )
+    return Finding("warning", text, one.system, "systematic_error")
+
+
+def _named(one: SystemExplanation, model: ErrorModel) -> str:
+    """The explanation in words, with its reference."""
+    if model.through_reference and "frame" not in model.parts:
+        assert one.selection is not None
+        return f"{model.words} {one.selection.pairs.reference}"
+    if one.reference is not None and one.reference.accepted:
+        return (
+            "a wrong mount that also went into the frame through a reference pose (inferred: "
+            f"{' or '.join(one.reference.possible)})"
+        )
+    return model.words
+
+
+def _sureness(selection: Selection) -> str:
+    """Odds over the next best, and the test against no systematic error."""
+    chosen = selection.chosen
+    others = [
+        item
+        for item in selection.candidates
+        if item.name != chosen.name and not chosen.model.nested_in(item.model)
+    ]
+    best = min(others, key=lambda item: item.criterion)
+    odds = float(np.exp(min((best.criterion - chosen.criterion) / 2, 700.0)))
+    told = f"{odds:.0f} to 1" if odds < ALL_ODDS else "more than a million to 1"
+    gain = chosen.loo.score - best.loo.score
+    p = max(chosen.p_values.values(), default=1.0)
+    return (
+        f"Odds over the next best that does not contain it ('{best.name}'): {told} by BIC; "
+        f"left-out poses are predicted {'better' if gain > 0 else 'no better'} "
+        f"(log score {gain:+.1f}); every part is needed (largest p = {p:.1g})."
+    )
+
+
+def _taken_away(settled: Settled) -> str:
+    """Spread before and after, of the cells used."""
+    before, after = settled.spread(settled.before), settled.spread(settled.after)
+    explained = settled.explained
+    parts = []
+    for column, name in enumerate(("x", "y", "theta")):
+        unit = "mrad" if column == 2 else "mm"
+        change = f"{name} {1000 * before[column]:.1f} to {1000 * after[column]:.1f} {unit}"
+        if column < 2:
+            # Noise of the noise estimate can make the share fall below zero.
+            share = 100 * max(explained[column], 0.0)
+            change += f" ({share:.0f} % of the mean square explained)"
+        parts.append(change)
+    used, n = settled.cells.sum(0), len(settled.cells)
+    return (
+        f"Standard deviation before and after, without flagged cells ({used[0]} of {n} positions, "
+        f"{used[1]} of {n} headings): {', '.join(parts)}."
+    )
+
+
+def measure(one: SystemExplanation, settled: Settled) -> str:
+    """What to measure in the room to confirm the explanation."""
+    parts = settled.fit.model.parts
+    values = dict(zip(settled.fit.model.parameters, settled.values, strict=True))
+    advice = []
+    if "mount" in parts:
+        arm = float(np.hypot(values["mount_x"], values["mount_y"]))
+        advice.append(
+            "measure the sensor's place on the robot again (the numbers are what to add to it, "
+            "along the robot's axes), and turn the robot by 180 degrees on one spot: its given "
+            f"position must then move by {2 * arm:.3f} m"
+        )
+    through = settled.fit.model.through_reference or (
+        one.reference is not None and one.reference.accepted
+    )
+    if through:
+        advice.append(
+            "the error must vanish at the heading of the reference pose and be largest, "
+            f"{2 * float(np.hypot(values['mount_x'], values['mount_y'])):.3f} m, opposite to it"
+        )
+    if "frame" in parts and not through:
+        advice.append(
+            "let the system locate the marks of the Vframe itself; they must be off by this much"
+        )
+    if "scale" in parts:
+        advice.append("measure a long known distance, such as the pole, with the system")
+    if "time" in parts:
+        advice.append("repeat with the robot at rest, where the error must vanish")
+    return f"To confirm: {'; '.join(advice)}." if advice else ""
+
+
+def _reference(one: SystemExplanation) -> list[Finding]:
+    """What the evidence for a reference says, where none was stated."""
+    evidence = one.reference
+    if evidence is None:
+        return []
+    heading = (
+        f"Were the frame tied through the mount by one stop, its heading would be "
+        f"{evidence.heading:+.2f} rad (standard deviation {evidence.heading_sigma:.2f})"
+    )
+    if not evidence.possible:
+        text = f"{heading}, and none of the stops fits: the frame is wrong in its own right."
+        return [Finding("note", text, one.system, "no_reference")]
+    text = f"{heading}. {_possible(evidence)} "
+    if evidence.certain:
+        text += "That one of the stops is the reference was stated, not found."
+    else:
+        odds = evidence.odds
+        told = f"{odds:.0f} to 1 for" if odds >= 1 else f"{1 / odds:.0f} to 1 against"
+        text += (
+            f"The odds are {told} a reference rather than a wrong frame that only happens to "
+            "look like one"
+            + ("." if odds > 3 or odds < 1 / 3 else ": this table alone does not tell.")
+        )
+    return [Finding("note", text, one.system, "inferred_reference")]
+
+
+def _possible(evidence: ReferenceEvidence) -> str:
+    """The stops that could be the reference, with their p-values."""
+    said = [
+        f"{name} (p = {evidence.p_values[evidence.ids.index(name)]:.2g})"
+        for name in evidence.possible[:5]
+    ]
+    out = len(evidence.ids) - len(evidence.possible)
+    return f"It can be {' or '.join(said)}; the other {out} stops are ruled out (p < 0.05)."
+
+
+def _slip(selection: Selection, settled: Settled, confidence: float) -> list[Finding]:
+    """The survey's own error at the reference pose."""
+    if not settled.fit.model.slip:
+        return []
+    slip = [p for p in settled.parameters(confidence) if p.name.startswith("slip")]
+    if min(p.p_value for p in slip) > 0.01:
+        return []
+    text = (
+        f"The other stops say that the validation pose of the reference {selection.pairs.reference}"
+        f" is itself off: {', '.join(parameter_text(p) for p in slip)}. It moved all poses of "
+        "this system, and is taken out with the explanation."
+    )
+    return [Finding("note", text, selection.pairs.system, "reference_slip")]
+
+
+def _rivals(selection: Selection) -> list[Finding]:
+    """Explanations that fit nearly as well."""
+    if not selection.rivals:
+        return []
+    said = ", ".join(
+        f"{one.model.words} (BIC {one.criterion - selection.chosen.criterion:+.1f})"
+        for one in selection.rivals
+    )
+    spread = np.degrees(selection.chosen.observability.heading_spread)
+    text = (
+        f"Not ruled out: {said}. The poses do not tell these apart (headings spread by "
+        f"{spread:.0f} degrees). Survey stops at other headings and farther apart."
+    )
+    return [Finding("warning", text, selection.pairs.system, "rivals")]
+
+
+def _more(selection: Selection) -> list[Finding]:
+    """Larger explanations with a lower criterion that did not pass the test."""
+    chosen = selection.chosen
+    beyond = [
+        one
+        for one in selection.candidates
+        if chosen.model.nested_in(one.model) and one.criterion < chosen.criterion
+    ]
+    if not beyond:
+        return []
+    best = min(beyond, key=lambda one: one.criterion)
+    p = best.p_values.get(chosen.name, 1.0)
+    text = (
+        f"{best.model.words.capitalize()} would have a lower BIC "
+        f"({best.criterion - chosen.criterion:+.1f}), but the addition has p = {p:.2g} and is "
+        f"claimed only below {selection.threshold:.2g}: a hint, no finding."
+    )
+    return [Finding("note", text, selection.pairs.system, "hint")]
+
+
+def _blind(selection: Selection) -> list[Finding]:
+    """What these poses cannot show."""
+    lost = [one for one in selection.candidates if not one.observability.complete]
+    if not lost:
+        return []
+    said = "; ".join(
+        f"{one.name}: {_directions(one)}" for one in sorted(lost, key=lambda o: len(o.model.parts))
+    )
+    n = len(selection.pairs)
+    spread = np.degrees(lost[0].observability.heading_spread)
+    text = (
+        f"These {n} poses (headings spread by {spread:.0f} degrees) cannot show everything. Not "
+        f"determined in {said}."
+    )
+    return [Finding("warning", text, selection.pairs.system, "not_observable")]
+
+
+def _directions(one: Candidate) -> str:
+    """The parameters that are not determined."""
+    return ", ".join(one.observability.undetermined)
+
+
+def _noise(selection: Selection, settled: Settled) -> list[Finding]:
+    """Where the noise level came from, and what is left unexplained."""
+    left = settled.noise
+    told = (
+        f"What is left, for the degrees of freedom left: x {1000 * left[0]:.1f} mm, "
+        f"y {1000 * left[1]:.1f} mm, theta {1000 * left[2]:.1f} mrad (root mean square of the "
+        "cells not flagged; validation noise included)."
+    )
+    if selection.pairs.stated:
+        return [Finding("note", told, selection.pairs.system, "left")]
+    text = (
+        "No covariances are stated on both sides, so the noise level is estimated from the errors "
+        f"themselves, one for positions and one for headings. {told}"
+    )
+    return [Finding("note", text, selection.pairs.system, "noise_estimated")]
+
+
+def _agreement(one: Agreement, confidence: float) -> Finding:
+    """Whether systems of one sensor share a mount error."""
+    half = one.interval_factor(confidence) * np.sqrt(np.diagonal(one.joint_covariance))
+    joint = ", ".join(
+        f"{name} {_number(float(v), unit)} (+-{1000 * h:.1f})"
+        for name, unit, v, h in zip(MOUNT, ("m", "m", "rad"), one.joint, half, strict=True)
+    )
+    differences = one.differences(confidence)
+    apart = "; ".join(
+        f"{system} minus {one.systems[0]}: "
+        + ", ".join(
+            f"{name} {1000 * d[0]:+.1f} ({1000 * d[1]:+.1f} to {1000 * d[2]:+.1f}) m{unit}"
+            for name, unit, d in zip(MOUNT, ("m", "m", "rad"), rows, strict=True)
+        )
+        for system, rows in zip(one.systems[1:], differences, strict=True)
+    )
+    names = " and ".join(one.systems)
+    if one.p_value >= 1 - confidence:
+        text = (
+            f"{names} agree on the same mount error (p = {one.p_value:.2g}; {apart}). Fitted "
+            f"together: {joint}."
+        )
+        return Finding("note", text, one.sensor, "same_mount")
+    text = (
+        f"{names} do not agree on one mount error (p = {one.p_value:.2g}; {apart}): the mount is "
+        "not the whole cause, or a pose that is not flagged spoils one of them."
+    )
+    return Finding("warning", text, one.sensor, "different_mounts")
+
+
+def _arbitration(result: Arbitration) -> list[Finding]:
+    """Who is wrong where, and the noise of each source."""
+    told = [_verdict(one, result.sources[0]) for one in result.verdicts]
+    cells = int((result.present.sum(0) > 1).sum()) * 2
+    text = (
+        f"{len(result.verdicts)} of {cells} cells (position and heading of each stop) do not fit. "
+        f"In a table of good poses the chance of any such flag is {100 * result.false_alarm:.3g} % "
+        f"({result.questions} questions, Bonferroni)."
+    )
+    told.append(Finding("note", text, "all sources", "arbitration"))
+    told += _pairs_only(result)
+    told.append(_hat(result))
+    return told
+
+
+def _verdict(one: Verdict, validation: str) -> Finding:
+    """One flagged cell."""
+    size = f"{one.size:.3f} {'m' if one.cell == 'position' else 'rad'}"
+    code = {"sure": "wrong_pose", "likely": "likely_wrong_pose"}.get(one.certainty, "disputed_pose")
+    if one.certainty == "undecided":
+        text = f"The {one.cell} is off by {size}: {one.reason}."
+    else:
+        held = "held responsible" if one.certainty == "sure" else "most likely responsible"
+        text = f"{' and '.join(one.blamed)} {held} for the {one.cell}, off by {size}: {one.reason}."
+        if validation in one.blamed:
+            text += " Survey this stop again."
+    severity: Severity = "warning"
+    return Finding(severity, text, f"pose {one.stop}", code)
+
+
+def _pairs_only(result: Arbitration) -> list[Finding]:
+    """Stops with two sources, at which a disagreement cannot be laid at anyone's door."""
+    two = [name for name, n in zip(result.ids, result.present.sum(0), strict=True) if n == 2]
+    if not two:
+        return []
+    where = "all stops" if len(two) == len(result.ids) else f"pose {', '.join(two)}"
+    text = (
+        f"At {where} there are only two sources: they can be seen to disagree, but not which of "
+        "them is wrong."
+    )
+    return [Finding("note", text, "all sources", "two_sources")]
+
+
+def _hat(result: Arbitration) -> Finding:
+    """Noise of each source alone."""
+    if not result.variances.determined:
+        text = (
+            "The noise of each source alone cannot be told: that takes three sources that share "
+            "no sensor, each with at least three stops in common with the others."
+        )
+        return Finding("note", text, "all sources", "no_three_cornered_hat")
+    intervals = result.variances.intervals()
+    said = "; ".join(
+        f"{name} {_range(intervals[row, 0], 'mm')}, {_range(intervals[row, 1], 'mrad')}"
+        for row, name in enumerate(result.sources)
+    )
+    text = (
+        "Noise of each source alone, from the differences between independent ones (standard "
+        f"deviation of a coordinate and of the heading, 95 % intervals): {said}."
+    )
+    return Finding("note", text, "all sources", "three_cornered_hat")
+
+
+def _range(ends: Sequence[float], unit: str) -> str:
+    return f"{1000 * ends[0]:.1f} to {1000 * ends[1]:.1f} {unit}"
