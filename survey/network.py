@@ -16,7 +16,8 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array
 
 from survey.geometry import rotate
-from survey.readings import Readings, robot_point
+from survey.point_names import robot_point
+from survey.readings import Readings
 from validation.angles import Array, wrap
 from validation.campaign import RobotFrame, Vframe
 from validation.errors import GtvalError

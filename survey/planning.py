@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from survey.geometry import rotate
+from survey.hidden_pairs import Pair
 from survey.instrument import reading_sigma
 from survey.network import (
     Adjustment,
@@ -19,12 +20,12 @@ from survey.network import (
     distance_entries,
     start_parameters,
 )
-from survey.readings import Readings, robot_point
+from survey.point_names import robot_point
+from survey.readings import Readings
 from survey.reliability import added_reading_gain
 from validation.angles import Array
 from validation.campaign import Instrument, RobotFrame, Vframe
 
-Pair = frozenset[str]
 _CHUNK = 2000
 """Candidates weighed at a time, to bound the memory."""
 

@@ -96,6 +96,7 @@ def predict(
     GtvalError
         If there is neither a plan nor a survey, or something is left undetermined.
     """
+    from survey.hidden_pairs import load_hidden_pairs
     from survey.planning import (
         best_extra_readings,
         planned_adjustment,
@@ -105,7 +106,7 @@ def predict(
         weak_points,
         world_names,
     )
-    from survey.planning_files import load_hidden_pairs, load_planned_places
+    from survey.planning_files import load_planned_places
     from survey.readings import readings_path
     from survey.settings import SurveySettings
 

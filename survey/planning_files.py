@@ -1,14 +1,12 @@
 """The plan of a survey as a campaign folder holds it."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from survey.planning import Pair
 from survey.planning_settings import PlanSettings
-from survey.readings import robot_point
+from survey.point_names import robot_point
 from validation.angles import Array
 from validation.campaign import Campaign
 from validation.csv_tables import Column, read_csv
@@ -75,46 +73,3 @@ def load_planned_places(campaign: Campaign, settings: PlanSettings) -> PlannedPl
         return PlannedPlaces(world, {})
     poses = from_csv(stops, "planned")
     return PlannedPlaces(world, dict(zip(poses.ids, poses.poses, strict=True)))
-
-
-def load_hidden_pairs(
-    campaign: Campaign, settings: PlanSettings, names: Collection[str]
-) -> set[Pair]:
-    """Pairs of points that do not see one another; none where there is no file.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    settings : PlanSettings
-        Names the file.
-    names : collection of str
-        All points. '7/*' in the file stands for all marks of stop 7.
-
-    Raises
-    ------
-    InputError
-        Naming file, line, field and value of every bad place.
-    """
-    path: Path = campaign.folder / settings.not_visible
-    if not path.exists():
-        return set()
-    table = read_csv(path, [Column("from"), Column("to")])
-    hidden: set[Pair] = set()
-    for row in range(len(table)):
-        ends = []
-        for column in ("from", "to"):
-            meant = _meant(table.text[column][row], names)
-            if not meant and table.text[column][row]:
-                table.flag(row, column, "no such point in the plan")
-            ends.append(meant)
-        hidden |= {frozenset((a, b)) for a in ends[0] for b in ends[1]}
-    table.raise_problems()
-    return hidden
-
-
-def _meant(name: str, names: Collection[str]) -> list[str]:
-    """The points that a name of the file stands for."""
-    if name.endswith("/*"):
-        return [point for point in names if point.startswith(name[:-1])]
-    return [name] if name in names else []

@@ -3,6 +3,7 @@
 import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Self
 
@@ -10,18 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from survey.instrument import corrected, reading_sigma
+from survey.point_names import robot_point
 from survey.settings import SurveySettings
 from validation.angles import Array
 from validation.campaign import Campaign
 from validation.csv_tables import Column, CsvTable, read_csv
 
 Mask = npt.NDArray[np.bool_]
-
-
-def robot_point(name: str) -> tuple[str, str] | None:
-    """Pose and rig point of a name such as '7/O'; None for any other point."""
-    pose, slash, point = name.partition("/")
-    return (pose, point) if slash else None
 
 
 @dataclass(frozen=True)
@@ -75,36 +71,41 @@ class Readings:
             observer=tuple(self.observer[i] for i in index),
         )
 
+    @cached_property
+    def rows_of_point(self) -> dict[str, list[int]]:
+        """Rows of the readings that start or end at each point."""
+        rows: dict[str, list[int]] = {}
+        for row, (a, b) in enumerate(zip(self.start, self.end, strict=True)):
+            rows.setdefault(a, []).append(row)
+            rows.setdefault(b, []).append(row)
+        return rows
+
     def touching(self, names: Sequence[str], others: Sequence[str]) -> Self:
         """Readings between one of ``names`` and one of ``others``, turned to start in ``names``."""
         here, there = set(names), set(others)
-        forward = [a in here and b in there for a, b in zip(self.start, self.end, strict=True)]
-        backward = [
-            not f and b in here and a in there
-            for f, a, b in zip(forward, self.start, self.end, strict=True)
-        ]
-        turned = self._turned(np.array(backward, dtype=bool))
-        return turned.select(np.array(forward, dtype=bool) | np.array(backward, dtype=bool))
-
-    def _turned(self, rows: Mask) -> Self:
-        """The same readings with start and end exchanged in the given rows."""
+        near = sorted({row for name in here for row in self.rows_of_point.get(name, ())})
+        ends = [(self.start[row], self.end[row]) for row in near]
+        forward = [a in here and b in there for a, b in ends]
+        backward = [b in here and a in there for a, b in ends]
+        kept = [f or b for f, b in zip(forward, backward, strict=True)]
+        chosen = self.select(np.array(near, dtype=np.intp)[np.array(kept, dtype=bool)])
         pairs = [
-            (b, a) if turn else (a, b)
-            for a, b, turn in zip(self.start, self.end, rows, strict=True)
+            (a, b) if f else (b, a) for (a, b), f, k in zip(ends, forward, kept, strict=True) if k
         ]
-        return replace(self, start=tuple(a for a, _ in pairs), end=tuple(b for _, b in pairs))
+        return replace(chosen, start=tuple(a for a, _ in pairs), end=tuple(b for _, b in pairs))
 
     def of_pose(self, pose: str) -> Self:
         """Readings with a rig point of one pose at either end, turned to start there."""
-        names = {n for n in {*self.start, *self.end} if (robot_point(n) or ("",))[0] == pose}
-        others = {*self.start, *self.end} - names
-        return self.touching(sorted(names), sorted(others))
+        names = [n for n in self.rows_of_point if (robot_point(n) or ("",))[0] == pose]
+        rows = {row for name in names for row in self.rows_of_point[name]}
+        others = {n for row in rows for n in (self.start[row], self.end[row])} - set(names)
+        return self.touching(names, sorted(others))
 
     @property
     def poses(self) -> list[str]:
         """Ids of the poses that occur, in the order of their first reading."""
         seen: dict[str, None] = {}
-        for name in (n for pair in zip(self.start, self.end, strict=True) for n in pair):
+        for name in self.rows_of_point:
             point = robot_point(name)
             if point is not None:
                 seen.setdefault(point[0])

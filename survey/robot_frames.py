@@ -15,7 +15,8 @@ from survey.geometry import (
 )
 from survey.iterated_ekf import Model, iterated_ekf, iterated_ekf_batch
 from survey.measurement import independent_variance, linearise
-from survey.readings import Readings, robot_point
+from survey.point_names import robot_point
+from survey.readings import Readings
 from survey.world_points import WorldPoints
 from validation.angles import Array, wrap
 from validation.campaign import RobotFrame
@@ -171,12 +172,12 @@ def _solve(
     pose: str, own: PoseReadings, world: WorldPoints, rig: RobotFrame, guess: Array | None
 ) -> RobotFrameFit | NotPosed:
     """One pose, or why it is not determined."""
-    fault = _undetermined(own)
+    fault = why_undetermined(own)
     if fault:
         return NotPosed(pose, fault, np.empty((0, 3)))
     closed = closed_form_guess(own)
     starts = _starts(own, closed, guess)
-    minima, costs = _minima(starts, own)
+    minima, costs = fitting_poses(starts, own)
     if len(minima) == 0:
         return NotPosed(pose, "the filter converged from no start", np.empty((0, 3)))
     if len(minima) > 1 and costs[1] - costs[0] < TIE:
@@ -186,7 +187,7 @@ def _solve(
             "world point"
         )
         return NotPosed(pose, reason, tied)
-    estimate = iterated_ekf(_full_model(own, world, rig), minima[0], PRIOR_SIGMA)
+    estimate = iterated_ekf(full_model(own, world, rig), minima[0], PRIOR_SIGMA)
     if not estimate.converged:
         return NotPosed(pose, f"no convergence in {estimate.passes} passes", minima[:1])
     state = np.append(estimate.state[:2], wrap(estimate.state[2]))
@@ -206,17 +207,17 @@ def best_fit(own: PoseReadings) -> tuple[Array, float] | None:
 
     Readings are taken as independent, and no tie is looked for.
     """
-    if _undetermined(own) or len(own) == 3:  # three readings fit any labelling
+    if why_undetermined(own) or len(own) == 3:  # three readings fit any labelling
         return None
-    starts = _starts(own, closed_form_guess(own), None)
-    minima, costs = _minima(starts, own)
+    starts = pose_starts(own)
+    minima, costs = fitting_poses(starts, own)
     if len(minima):
         return minima[0], float(costs[0])
     at_starts = _costs(starts, own)
     return starts[at_starts.argmin()], float(at_starts.min())
 
 
-def _undetermined(own: PoseReadings) -> str | None:
+def why_undetermined(own: PoseReadings) -> str | None:
     """Why the readings cannot give a pose, by counting; None if they can."""
     if len(own) < 3:
         return f"{len(own)} usable reading(s) for three unknowns; measure at least four"
@@ -267,6 +268,11 @@ def _circle_starts(own: PoseReadings) -> Array:
     return np.concatenate(starts)
 
 
+def pose_starts(own: PoseReadings) -> Array:
+    """(s, 3) first guesses, from the readings alone, that lead to every pose that may fit."""
+    return _starts(own, closed_form_guess(own), None)
+
+
 def _starts(own: PoseReadings, closed: Array, guess: Array | None) -> Array:
     """First guesses that lead to every solution there may be."""
     quarter = np.arange(4) * np.pi / 2
@@ -294,8 +300,11 @@ def _costs(states: Array, own: PoseReadings) -> Array:
     return np.asarray((h**2 / variance).sum(-1))
 
 
-def _minima(starts: Array, own: PoseReadings) -> tuple[Array, Array]:
-    """Different poses at which the filter rests, and their costs, the best first."""
+def fitting_poses(starts: Array, own: PoseReadings) -> tuple[Array, Array]:
+    """Different poses (k, 3) at which the filter rests, and their costs (k,), the best first.
+
+    Readings are taken as independent.
+    """
     ended = iterated_ekf_batch(lambda states: _batch_model(own, states), starts, PRIOR_SIGMA)
     usable = ended.converged & np.isfinite(ended.cost)
     order = np.flatnonzero(usable)[np.argsort(ended.cost[usable])]
@@ -318,8 +327,8 @@ def rig_covariance(rig: RobotFrame) -> Array:
     return np.eye(2 * len(rig.points)) * (rig.marking_sigma**2 + rig.shape_sigma**2)
 
 
-def _full_model(own: PoseReadings, world: WorldPoints, rig: RobotFrame) -> Model:
-    """State -> h, H, R with world points and marks shared between readings."""
+def full_model(own: PoseReadings, world: WorldPoints, rig: RobotFrame) -> Model:
+    """State (3,) -> h (m,), H (m, 3), R (m, m), world points and marks shared by readings."""
     rows = np.repeat(np.arange(len(own)), 2)
     world_columns = (2 * own.world_index[:, None] + np.arange(2)).ravel()
     rig_columns = (2 * own.rig_index[:, None] + np.arange(2)).ravel()

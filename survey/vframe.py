@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
+from math import erfc
 
 import numpy as np
-from scipy.special import erfc
 
 from survey.readings import Readings
 from validation.angles import Array

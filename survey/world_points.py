@@ -158,8 +158,9 @@ def _locate(name: str, own: Readings, vframe: VframeEstimate) -> WorldPoint | No
             "or more",
             none,
         )
-    starts = _circle_starts(vframe.points[index], own.distance)
-    minima, costs = _minima(starts, vframe.points[index], own, vframe, index)
+    known, known_sigma = vframe.points[index], _vframe_sigma(vframe)[index]
+    starts = circle_starts(known, own.distance)
+    minima, costs = fitting_places(starts, known, known_sigma, own.distance, own.sigma)
     if len(minima) == 0:
         return NotLocated(name, "the filter converged from no start; check its readings", none)
     if len(set(own.end)) < 3:
@@ -179,14 +180,14 @@ def _locate(name: str, own: Readings, vframe: VframeEstimate) -> WorldPoint | No
     return _finish(name, own, vframe, index, minima, costs, starts)
 
 
-def _circle_starts(centres: Array, distances: Array) -> Array:
+def circle_starts(centres: Array, distances: Array) -> Array:
     """Both meeting points of every pair of circles about different centres, (s, 2)."""
     pairs = [
         (i, j)
         for i, j in combinations(range(len(centres)), 2)
         if np.linalg.norm(centres[i] - centres[j]) > _SAME
     ]
-    rows = np.array(pairs)
+    rows = np.array(pairs, dtype=int).reshape(-1, 2)
     return circle_intersections(centres[rows], distances[rows]).reshape(-1, 2)
 
 
@@ -196,15 +197,33 @@ def _batch_costs(states: Array, known: Array, own: Readings, known_sigma: Array)
     return np.asarray((at.h**2 / independent_variance(at, own.sigma, known_sigma, 0.0)).sum(-1))
 
 
-def _minima(
-    starts: Array, known: Array, own: Readings, vframe: VframeEstimate, index: Array
+def fitting_places(
+    starts: Array, known: Array, known_sigma: Array, distance: Array, sigma: Array
 ) -> tuple[Array, Array]:
-    """Different places at which the filter rests, and their costs, the best first."""
-    known_sigma = _vframe_sigma(vframe)[index]
+    """Different places at which the filter rests, and their costs, the best first.
+
+    Parameters
+    ----------
+    starts : (s, 2) array
+        First guesses, metres, Vframe; see `circle_starts`.
+    known : (m, 2) array
+        Known point of each reading, metres, Vframe.
+    known_sigma : (m,) array
+        Root mean square standard deviation of its coordinates, metres.
+    distance, sigma : (m,) array
+        Readings and their standard deviations, metres, taken as independent.
+
+    Returns
+    -------
+    places : (k, 2) array
+        Metres, Vframe.
+    costs : (k,) array
+        Chi-squared of each.
+    """
 
     def model(states: Array) -> tuple[Array, Array, Array]:
-        at = linearise(_with_heading(states), known, np.zeros_like(known), own.distance)
-        return at.h, at.H_position, independent_variance(at, own.sigma, known_sigma, 0.0)
+        at = linearise(_with_heading(states), known, np.zeros_like(known), distance)
+        return at.h, at.H_position, independent_variance(at, sigma, known_sigma, 0.0)
 
     ended = iterated_ekf_batch(model, starts, PRIOR_SIGMA)
     usable = ended.converged & np.isfinite(ended.cost)
