@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 5
 """Frames of more points are too many labellings to try, and hardly symmetric."""
-MOST_POSES = 4
+MOST_POSES = 2
 """Robot frames asked for their opinion."""
 DECISIVE = 30.0
 """Difference of chi-squared (natural odds of millions) from which evidence decides."""

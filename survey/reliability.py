@@ -117,10 +117,12 @@ def suspected_blunders(adjustment: Adjustment, most: int = 20) -> list[BlunderSu
     worst reading i unless that is excluded at 1 %.
     """
     n = len(adjustment.network.distance)
+    critical = critical_w(n)
+    if n == 0 or not (np.abs(reading_tests(adjustment).w) > critical).any():
+        return []
     J = adjustment.jacobian[:n].toarray() * np.sqrt(adjustment.weight)[:, None]
     Q = np.eye(n) - J @ adjustment.covariance @ J.T
     v = adjustment.residual[:n].copy()
-    critical = critical_w(n)
     suspicions: list[BlunderSuspicion] = []
     live = np.diagonal(Q) > MIN_REDUNDANCY
     while len(suspicions) < most and live.any():
