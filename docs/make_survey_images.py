@@ -17,7 +17,7 @@ from survey.figures import Places, residual_figure, survey_map
 from survey.figures import Room as DrawnRoom
 from survey.geometry import mirror_in_line
 from survey.instrument_check import check_instrument
-from survey.network import Adjustment
+from survey.adjustment import Adjustment
 from survey.planning import (
     best_extra_readings,
     diagonal_blocks,

@@ -10,16 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from survey.adjustment import Adjustment, adjust
 from survey.geometry import rotate
 from survey.hidden_pairs import Pair
 from survey.instrument import reading_sigma
-from survey.network import (
-    Adjustment,
-    adjust,
-    build_network,
-    distance_entries,
-    start_parameters,
-)
+from survey.network import build_network, distance_entries, start_parameters
 from survey.point_names import robot_point
 from survey.readings import Readings
 from survey.reliability import added_reading_gain

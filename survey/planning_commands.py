@@ -10,7 +10,7 @@ import click
 from validation.commands import AS_JSON, CAMPAIGN, progress_bar
 
 if TYPE_CHECKING:
-    from survey.network import Adjustment
+    from survey.adjustment import Adjustment
     from survey.planning import ExtraReading
     from survey.planning_settings import PlanSettings
     from survey.readings import Readings

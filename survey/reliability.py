@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri
 
-from survey.network import Adjustment, distance_entries
+from survey.adjustment import Adjustment
+from survey.network import distance_entries
 from validation.angles import Array
 
 CRITICAL_W = 3.29

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from survey.adjustment import Adjustment, adjust
 from survey.labelling import LabellingVerdict, judge_labelling
-from survey.network import Adjustment, adjust, build_network, start_parameters
+from survey.network import build_network, start_parameters
 from survey.readings import Readings
 from survey.reliability import BlunderSuspicion, Reliability, reading_tests, suspected_blunders
 from survey.robot_frames import NotPosed, RobotFrameFit, solve_robot_frames

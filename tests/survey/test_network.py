@@ -3,7 +3,8 @@ import pytest
 from scipy.optimize import least_squares
 from surveys import case, simulated
 
-from survey.network import Parameters, adjust, build_network, design, start_parameters
+from survey.adjustment import adjust
+from survey.network import Parameters, build_network, design, start_parameters
 from survey.readings import Readings
 from survey.solve import solve_survey
 from validation.campaign import RobotFrame, Vframe

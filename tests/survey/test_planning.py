@@ -7,8 +7,9 @@ from click.testing import CliRunner
 from scipy.stats import chi2
 from surveys import case
 
+from survey.adjustment import adjust
 from survey.geometry import rotate
-from survey.network import adjust, build_network, start_parameters
+from survey.network import build_network, start_parameters
 from survey.planning import (
     best_extra_readings,
     candidate_pairs,
