@@ -120,7 +120,8 @@ def check_poses(poses: "PoseTable", motion: "Motion") -> "MotionCheck":
         covariance[:3, :3], covariance[3:, 3:] = pair.covariances
     real = np.array([motion.dx, motion.dy, motion.dtheta])
     start, end = pair.poses
-    return check_motion(start, end, covariance, real, motion.frame, correlated=correlated)
+    sigmas = None if motion.sigmas is None else np.array(motion.sigmas)
+    return check_motion(start, end, covariance, real, motion.frame, sigmas, correlated=correlated)
 
 
 def motion_table(motion: "Motion", check: "MotionCheck") -> "Table":

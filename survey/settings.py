@@ -11,7 +11,7 @@ class Motion(Settings):
     """A known motion between two surveyed stops (the accuracy experiment).
 
     ``dx``, ``dy`` in metres and ``dtheta`` in radians, along the axes of the first stop's robot
-    frame or of the GTV frame.
+    frame or of the GTV frame; ``sigmas`` are their standard deviations, exact where not given.
     """
 
     start: Name
@@ -20,6 +20,7 @@ class Motion(Settings):
     dy: Finite
     dtheta: Finite
     frame: Literal["robot", "gtv"] = "gtv"
+    sigmas: tuple[Positive, Positive, Positive] | None = None
 
 
 class SurveySettings(Settings):
