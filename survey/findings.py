@@ -15,8 +15,8 @@ from survey.solve import SurveySolution
 from validation.consistency import unit_weight_interval
 from validation.results import Finding
 
-SUSPECT_FRAME = 0.01
-"""p-value below which the frame on the floor is called off its nominal shape."""
+SUSPECT_FRAME = 0.05
+"""Chance that a frame of the stated quality is called off its shape by any of its tests."""
 WEAK_REDUNDANCY = 0.1
 """Readings that the others check by less than this are listed."""
 
@@ -37,6 +37,11 @@ def survey_findings(outcome: SurveyOutcome) -> list[Finding]:
         *_set_aside(outcome),
     ]
     return [_sentence(finding) for finding in found]
+
+
+def _chance(p: float) -> str:
+    """A p-value in words; numbers without meaning are not shown."""
+    return "p < 1e-9" if p < 1e-9 else f"p = {p:.1g}"
 
 
 def _sentence(finding: Finding) -> Finding:
@@ -95,7 +100,8 @@ def _exchange(labelling: Labelling) -> str:
 
 def _frame(solution: SurveySolution) -> Iterator[Finding]:
     checks = solution.vframe.checks
-    off = [check for check in checks if check.p_value < SUSPECT_FRAME]
+    limit = SUSPECT_FRAME / max(len(checks), 1)
+    off = [check for check in checks if check.p_value < limit]
     for check in off:
         scale, unit = (1e3, "mm") if check.unit == "m" else (1e3, "mrad")
         yield Finding(
@@ -132,7 +138,7 @@ def _world_points(solution: SurveySolution) -> Iterator[Finding]:
             yield Finding(
                 "warning",
                 f"the {point.redundancy + 2} readings of world point {point.name} do not meet in "
-                f"one place within the stated sigmas (chi-squared {point.cost:.1f}, p = {p:.1g})",
+                f"one place within the stated sigmas (chi-squared {point.cost:.1f}, {_chance(p)})",
                 f"world point {point.name}",
                 "world-point-misfit",
             )
@@ -195,7 +201,7 @@ def _poses(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[Finding
                 "warning",
                 f"the readings of pose {frame.pose} do not agree with one place of the robot frame "
                 f"within the stated sigmas (chi-squared {frame.cost:.0f} with {frame.redundancy} "
-                f"degrees of freedom, p = {p:.1g})",
+                f"degrees of freedom, {_chance(p)})",
                 f"pose {frame.pose}",
                 "pose-misfit",
             )
