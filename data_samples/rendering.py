@@ -16,7 +16,7 @@ from scipy.spatial.transform import RigidTransform
 from scipy.stats import norm, qmc
 
 from validation.angles import Array
-from vision_gt.camera import Camera, distort, project, undistort
+from vision_gt.camera import Camera, distortion_jacobians, project, undistort
 
 Image = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float32]
@@ -182,7 +182,7 @@ def _rays(size: tuple[int, int], parameters: tuple[float, ...]) -> tuple[Floats,
     values = np.array(parameters)
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(float)
     directions = undistort(pixels, values)
-    _, slope, _by = distort(directions, values[4:])
+    slope, _by = distortion_jacobians(directions, values[4:])
     by_pixel = np.linalg.inv(np.where(np.isnan(slope), np.eye(2), slope)) / values[:2]
     return np.float32(directions), np.float32(by_pixel)
 
@@ -193,11 +193,22 @@ def _camera_rays(camera: Camera) -> tuple[Floats, Floats]:
 
 def _background(camera: Camera, T_world_camera: RigidTransform, scene: Scene) -> Floats:
     """Reflectance (h, w) of the stained floor, the same stains from wherever it is seen."""
-    width, height = camera.size
     if not scene.texture:
-        return np.full((height, width), scene.floor, dtype=np.float32)
-    directions, _ = _camera_rays(camera)
-    R, t = T_world_camera.rotation.as_matrix(), T_world_camera.translation
+        return np.full(camera.size[::-1], scene.floor, dtype=np.float32)
+    seen = _seen_stains(camera, T_world_camera.as_matrix().tobytes())
+    return np.float32(scene.floor) + np.float32(scene.texture) * seen
+
+
+def _seen_stains(camera: Camera, pose: bytes) -> Floats:
+    """The stains (h, w) on the floor z = 0; kept, as fixed cameras look at them many times."""
+    return _stains_from(camera.size, tuple(float(v) for v in camera.parameters), pose)
+
+
+@lru_cache(maxsize=6)
+def _stains_from(size: tuple[int, int], parameters: tuple[float, ...], pose: bytes) -> Floats:
+    directions, _ = _rays(size, parameters)
+    T_world_camera = np.frombuffer(pose).reshape(4, 4)
+    R, t = T_world_camera[:3, :3], T_world_camera[:3, 3]
     rays = directions @ R[:, :2].T.astype(np.float32) + R[:, 2].astype(np.float32)
     with np.errstate(all="ignore"):
         along = np.where(rays[..., 2] < -0.02, -t[2] / rays[..., 2], np.float32(50.0))
@@ -210,7 +221,7 @@ def _background(camera: Camera, T_world_camera: RigidTransform, scene: Scene) ->
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_WRAP,
     )
-    return np.nan_to_num(scene.floor + scene.texture * seen, nan=scene.floor).astype(np.float32)
+    return np.float32(np.nan_to_num(seen))
 
 
 @lru_cache(maxsize=1)

@@ -105,12 +105,13 @@ class _Flat:
     def from_image(self, pixels: Array) -> Array:
         if self.parameters is None:
             return pixels
-        return undistort(pixels, self.parameters) * self.parameters[:2] + self.parameters[2:4]
+        flat = undistort(pixels, self.parameters) * self.parameters[:2] + self.parameters[2:4]
+        return np.asarray(flat)
 
     def to_image(self, flat: Array) -> Array:
         if self.parameters is None:
             return flat
-        normalised = (flat - self.parameters[2:4]) / self.parameters[:2]
+        normalised: Array = (flat - self.parameters[2:4]) / self.parameters[:2]
         ones = np.ones((*flat.shape[:-1], 1))
         return project(np.concatenate([normalised, ones], -1), self.parameters)
 
@@ -136,7 +137,7 @@ def _half_windows(corners: Array, cells: int) -> Array:
         for p in (before, opposite)
     ]
     cell = np.minimum(*heights) / cells
-    return np.clip(0.8 * cell, _LEAST_HALF_WINDOW, _HALF_WINDOW)
+    return np.asarray(np.clip(0.8 * cell, _LEAST_HALF_WINDOW, _HALF_WINDOW))
 
 
 @dataclass(frozen=True)
@@ -308,7 +309,7 @@ def _step_model(values: Array, grey: Array, share: Array, distance: Array) -> tu
         ],
         -1,
     )
-    return grey - (bright + contrast * inside), jacobian
+    return np.asarray(grey - (bright + contrast * inside)), jacobian
 
 
 def _solve(residual: Array, jacobian: Array, weights: Array, values: Array) -> tuple[Array, Array]:
@@ -320,7 +321,7 @@ def _solve(residual: Array, jacobian: Array, weights: Array, values: Array) -> t
     right[:, 2] += 4 / _BLUR_PRIOR**2 * (_START_BLUR - values[:, 2])
     # Levels and displacements that nothing in the window tells stay near their start.
     normal[:, np.arange(_UNKNOWNS), np.arange(_UNKNOWNS)] += 1e-3
-    return np.linalg.solve(normal, right[..., None])[..., 0], normal
+    return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0]), np.asarray(normal)
 
 
 def _tukey(residual: Array, weight: Array) -> Array:
