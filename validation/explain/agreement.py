@@ -1,4 +1,4 @@
-"""Do several systems point to the same mount error, and which one is it together?"""
+"""Whether several systems point to the same mount error, and which one it is together."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ import numpy as np
 from scipy import special
 
 from validation.angles import Array
+from validation.explain.noise import masked_precision, precision
 from validation.explain.settled import Settled
 
 MOUNT = ("mount_x", "mount_y", "mount_theta")
@@ -102,7 +103,9 @@ def agreement(sensor: str, fits: Sequence[Settled]) -> Agreement:
         else float(special.chdtrc(freedom, square))
     )
     names = tuple(one.pairs.system for one in fits)
-    return Agreement(sensor, names, mounts, covariance, joint, joint_covariance, dof, p_value)
+    return Agreement(
+        sensor, names, mounts, covariance, joint, np.asarray(joint_covariance), dof, p_value
+    )
 
 
 def _columns(one: Settled) -> list[int]:
@@ -125,17 +128,15 @@ def _cross(a: Settled, b: Settled) -> Array:
     gain_a, gain_b = _gains(a)[:, left], _gains(b)[:, right]
     shared = _shared_noise(a, b, left, right)
     full = np.einsum("knj,njl,mnl->km", gain_a, shared, gain_b)
-    return full[np.ix_(_columns(a), _columns(b))]
+    return np.asarray(full[np.ix_(_columns(a), _columns(b))])
 
 
 def _gains(one: Settled) -> Array:
     """(k, n, 3) how each fitted parameter follows each error."""
-    from validation.explain.noise import masked_precision, precision  # noqa: PLC0415
-
     n, k = len(one.pairs), one.fit.parameters.shape[1]
     slopes = np.broadcast_to(one.fit.corrected.by_parameters, (1, n, 3, k))[0]
     used = masked_precision(precision(one.fit.covariances[0]), one.cells)
-    return np.einsum("kl,nil,nij->knj", one.fit.covariance[0], slopes, used)
+    return np.asarray(np.einsum("kl,nil,nij->knj", one.fit.covariance[0], slopes, used))
 
 
 def _shared_noise(a: Settled, b: Settled, left: Array, right: Array) -> Array:
@@ -145,7 +146,7 @@ def _shared_noise(a: Settled, b: Settled, left: Array, right: Array) -> Array:
     positions and one for headings, never below zero.
     """
     if a.pairs.stated and b.pairs.stated:
-        return a.pairs.validation_covariances[left]
+        return np.asarray(a.pairs.validation_covariances[left])
     products = a.fit.residuals[0][left] * b.fit.residuals[0][right]
     used = a.cells[left] & b.cells[right]
     values = []

@@ -1,4 +1,4 @@
-"""The whole question: where do the errors of these systems come from?"""
+"""The whole question: where the errors of a set of systems come from."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,6 +9,7 @@ from validation.angles import Array
 from validation.errors import GtvalError
 from validation.explain.agreement import Agreement, agreement
 from validation.explain.arbitration import FALSE_ALARM, Arbitration, Sources, arbitrate
+from validation.explain.noise import Mask
 from validation.explain.pairs import Pairs, make_pairs
 from validation.explain.reference import ReferenceEvidence, infer_reference
 from validation.explain.selection import FALSE_ALARM as INVENTED
@@ -280,7 +281,7 @@ def _sources(
     )
 
 
-def _cells(pairs: Pairs, result: Arbitration) -> Array:
+def _cells(pairs: Pairs, result: Arbitration) -> Mask:
     """(n, 2) cells of the pairs in which neither pose is flagged."""
     own = result.sources.index(pairs.system)
     rows = [result.ids.index(name) for name in pairs.ids]

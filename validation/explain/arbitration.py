@@ -16,6 +16,7 @@ from scipy import special
 
 from validation.angles import Array, wrap
 from validation.explain.hat import DIMENSIONS, SourceVariances, source_variances
+from validation.explain.noise import Mask
 
 FALSE_ALARM = 0.05
 MARGIN = 6.0
@@ -98,9 +99,9 @@ class Arbitration:
     sources: tuple[str, ...]
     ids: tuple[str, ...]
     verdicts: tuple[Verdict, ...]
-    present: Array
-    bad: Array
-    doubtful: Array
+    present: Mask
+    bad: Mask
+    doubtful: Mask
     scores: Array
     noise: Array
     variances: SourceVariances
@@ -108,7 +109,7 @@ class Arbitration:
     questions: int
 
     @property
-    def usable(self) -> Array:
+    def usable(self) -> Mask:
         """(S, n, 2) True where a cell is there and beyond suspicion."""
         return self.present[..., None] & ~self.bad & ~self.doubtful
 
@@ -141,15 +142,15 @@ class Sources:
     lost_freedom: Array
 
     @property
-    def present(self) -> Array:
+    def present(self) -> Mask:
         """(S, n) True where there is a pose."""
-        return np.isfinite(self.poses).all(-1)
+        return np.asarray(np.isfinite(self.poses).all(-1))
 
     @property
-    def stated(self) -> Array:
+    def stated(self) -> Mask:
         """(S,) True where all covariances are stated."""
         stated = np.isfinite(self.covariances).all((-1, -2))
-        return (stated | ~self.present).all(1) & self.present.any(1)
+        return np.asarray((stated | ~self.present).all(1) & self.present.any(1))
 
 
 def arbitrate(sources: Sources, false_alarm: float = FALSE_ALARM) -> Arbitration:
@@ -197,8 +198,8 @@ def arbitrate(sources: Sources, false_alarm: float = FALSE_ALARM) -> Arbitration
 
 
 def _same_stop(
-    sources: Sources, found: list[Verdict], bad: Array, doubtful: Array
-) -> tuple[list[Verdict], Array, Array]:
+    sources: Sources, found: list[Verdict], bad: Mask, doubtful: Mask
+) -> tuple[list[Verdict], Mask, Mask]:
     """Undecided cells given to a source that is responsible for the other cell of the stop."""
     result = []
     for one in found:
@@ -221,31 +222,19 @@ def _same_stop(
     return result, bad, doubtful
 
 
-def _noise(sources: Sources, good: Array, *, robust: bool) -> tuple[Array, Array]:
+def _noise(sources: Sources, good: Mask, *, robust: bool) -> tuple[Array, Array]:
     """(S, 2) standard deviations to judge with, and their degrees of freedom.
 
     Sources with stated covariances keep them (what is returned for them is typical); the others
-    get theirs from the differences. Where these cannot tell the sources apart, pairs of one
-    sensor are used too, and where that does not help the difference is shared equally.
+    get theirs from the differences of all pairs, those of one sensor among them, as these are
+    judged too. Where that cannot tell the sources apart, the difference is shared equally.
     """
     variances = source_variances(
-        sources.names,
-        sources.poses,
-        good,
-        lost_freedom=sources.lost_freedom,
-        apart=tuple(sources.sensors.values()),
-        robust=robust,
+        sources.names, sources.poses, good, lost_freedom=sources.lost_freedom, robust=robust
     )
-    everything = source_variances(
-        sources.names,
-        sources.poses,
-        good,
-        lost_freedom=sources.lost_freedom,
-        robust=robust,
-    )
-    known = np.isfinite(variances.bounded)
-    values = np.where(known, variances.bounded, everything.bounded)
-    dof = np.where(known, variances.dof, everything.dof)
+    # How two sources differ is known as well as the mean square of the difference is, even where
+    # it is not known which of them the noise belongs to; half of it, as it stands for two.
+    values, dof = variances.bounded.copy(), variances.ceilings[..., 1] / 2
     for kind in range(2):
         shared, least, freedom = _pooled(sources, good, kind, robust=robust)
         unknown = ~np.isfinite(values[:, kind])
@@ -261,9 +250,7 @@ def _noise(sources: Sources, good: Array, *, robust: bool) -> tuple[Array, Array
     return np.sqrt(values), dof
 
 
-def _pooled(
-    sources: Sources, good: Array, kind: int, *, robust: bool
-) -> tuple[float, float, float]:
+def _pooled(sources: Sources, good: Mask, kind: int, *, robust: bool) -> tuple[float, float, float]:
     """Half the typical variance of a difference, the least credible variance, and freedom."""
     values, freedom = [], []
     for a in range(len(sources.names)):
@@ -284,7 +271,7 @@ def _pooled(
     if not values:
         return 1e-8, 1e-12, 4.0
     least = max(min(values) / 20, 1e-12)
-    return float(np.median(values)) / 2, least, max(max(freedom), 4.0)
+    return float(np.median(values)) / 2, least, max(*freedom, 4.0)
 
 
 def _differences(a: Array, b: Array, kind: int) -> Array:
@@ -323,7 +310,7 @@ class _Table:
         self.prepared = [self._prepare(kind) for kind in range(2)]
 
     def _prepare(self, kind: int) -> tuple[Array, Array]:
-        """(S, n, d) values counted from the validation's, and (S, n, d, d) weights; 0 if missing."""
+        """(S, n, d) values from the validation's, and (S, n, d, d) weights; 0 if missing."""
         sources, d = self.sources, 2 - kind
         part = slice(0, 2) if kind == 0 else slice(2, 3)
         covariances = np.array(
@@ -337,7 +324,7 @@ class _Table:
         covariances[~there] = np.eye(d)
         weights = np.linalg.inv(covariances) * there[..., None, None]
         values = _differences(sources.poses, sources.poses[:1], kind)
-        return np.where(there[..., None], values, 0.0), weights
+        return np.where(there[..., None], values, 0.0), np.asarray(weights)
 
     def _whole(self, kind: int) -> Array:
         """(n,) chi-squared of all sources about their weighted mean."""
@@ -347,7 +334,7 @@ class _Table:
         left = values - mean[..., 0]
         return np.asarray(np.einsum("sni,snij,snj->n", left, weights, left))
 
-    def verdicts(self, threshold: float) -> tuple[list[Verdict], Array, Array]:
+    def verdicts(self, threshold: float) -> tuple[list[Verdict], Mask, Mask]:
         """All cells with a p-value below a threshold; masks of the bad and the doubtful ones."""
         shape = (*self.sources.present.shape, 2)
         bad, doubtful = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
@@ -394,7 +381,7 @@ class _Table:
 
     def _suspects(self, stop: int, kind: int, present: list[int]) -> list[_Suspect]:
         """Every source, and every sensor with two or more sources here, without which..."""
-        groups = [(s,) for s in present]
+        groups: list[tuple[int, ...]] = [(s,) for s in present]
         groups += [
             inside
             for sensor in self.sensors
@@ -486,7 +473,7 @@ class _Table:
                 return sensor
         return ""
 
-    def scores(self, excluded: Array) -> Array:
+    def scores(self, excluded: Mask) -> Array:
         """(S, n, 2) distances from the others (not excluded) in standard deviations."""
         result = np.full(excluded.shape, np.nan)
         for kind in range(2):

@@ -52,7 +52,7 @@ def explain(
     figures: bool,
     as_json: bool,
 ) -> None:
-    """Where do the errors come from: a mount, a frame, a few wrong poses, and whose?
+    """Tell where errors come from: a mount, a frame, a few wrong poses, and whose.
 
     Takes a campaign folder (its table [explain] says which systems have a reference pose or share
     a sensor), or pose tables: VALIDATION.csv and one or more GT.csv with the columns pose, x, y,
@@ -60,13 +60,15 @@ def explain(
     (seconds) lets a time offset show. Files are named after their system. For a campaign,
     corrected poses and all numbers go to CAMPAIGN/results/explain; for tables, to --output.
     """
+    folder: Path | None
     if validation.is_dir() or validation.name == "campaign.toml":
         if gt or references or sensors or witnesses:
             raise click.UsageError(
                 "with a campaign folder, references, sensors and witnesses are stated in the "
                 "table [explain] of its campaign.toml"
             )
-        explanation, found, sections, folder = _of_campaign(validation, output)
+        explanation, found, sections, results = _of_campaign(validation)
+        folder = output or results
     elif gt:
         explanation, found, sections = _of_files(validation, gt, references, sensors, witnesses)
         folder = output
@@ -122,7 +124,7 @@ def _assignments(pairs: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def _of_campaign(
-    folder: Path, output: Path | None
+    folder: Path,
 ) -> "tuple[Explanation, Sequence[Finding], Sequence[Section], Path]":
     """The explanation of a campaign's results, run first where they are missing."""
     from validation.campaign import load_campaign
@@ -135,7 +137,7 @@ def _of_campaign(
         raise GtvalError(
             "there is nothing to explain: no planar system has a stop in common with the survey"
         )
-    return parts.explanation, parts.findings, parts.sections, output or campaign.results
+    return parts.explanation, parts.findings, parts.sections, campaign.results
 
 
 def _tables(campaign: "Campaign") -> "Sequence[PoseTable]":

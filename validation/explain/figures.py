@@ -16,6 +16,7 @@ from validation.angles import Array, wrap
 from validation.explain.analysis import Explanation, SystemExplanation
 from validation.explain.arbitration import CELLS
 from validation.explain.models import correct
+from validation.explain.noise import Mask
 from validation.explain.settled import Settled
 from validation.figures import COLOURS, GREY, arrow_scale
 
@@ -76,7 +77,7 @@ def _limit(axes: "Axes", used: Array, curve: Array) -> None:
 
 
 def _name_flagged(
-    axes: "Axes", settled: Settled, headings: Array, errors: Array, used: Array
+    axes: "Axes", settled: Settled, headings: Array, errors: Array, used: Mask
 ) -> None:
     """Names of the flagged poses; those outside the axes are named at the edge with an arrow."""
     low, high = axes.get_ylim()
@@ -116,7 +117,7 @@ def _predicted(settled: Settled, headings: Array) -> Array:
     )
     change = np.broadcast_to(made.poses, poses.shape) - poses
     change[:, 2] = wrap(change[:, 2])
-    return change
+    return np.asarray(change)
 
 
 def arrows_before_after(one: SystemExplanation) -> Figure:
@@ -189,7 +190,7 @@ def source_matrix(explanation: Explanation) -> Figure:
 
 
 def _mark_cell(
-    axes: "Axes", bad: Array, doubtful: Array, cell: tuple[int, int, int], scores: Array
+    axes: "Axes", bad: Mask, doubtful: Mask, cell: tuple[int, int, int], scores: Array
 ) -> None:
     """A frame and a letter on a flagged cell."""
     s, stop, _ = cell

@@ -6,7 +6,7 @@ import numpy as np
 
 from validation.angles import Array, wrap
 from validation.explain.models import Corrected, ErrorModel, correct
-from validation.explain.noise import masked_precision, precision, weigh
+from validation.explain.noise import Mask, masked_precision, precision, weigh
 from validation.explain.pairs import Pairs
 
 ITERATIONS = 60
@@ -82,7 +82,7 @@ def covariance_of(information: Array) -> Array:
     lost = lost | (size <= 0)
     diagonal = np.arange(information.shape[-1])
     result[..., diagonal, diagonal] = np.where(lost, np.inf, result[..., diagonal, diagonal])
-    return result
+    return np.asarray(result)
 
 
 def fit(
@@ -90,8 +90,8 @@ def fit(
     model: ErrorModel,
     *,
     estimate_scale: bool | None = None,
-    include: Array | None = None,
-    cells: Array | None = None,
+    include: Mask | None = None,
+    cells: Mask | None = None,
     start: Fit | None = None,
     iterations: int = ITERATIONS,
 ) -> Fit:
@@ -156,8 +156,8 @@ class _Problem:
         self,
         pairs: Pairs,
         model: ErrorModel,
-        include: Array,
-        cells: Array | None,
+        include: Mask,
+        cells: Mask | None,
         *,
         estimated: bool,
     ) -> None:
@@ -271,7 +271,7 @@ class _Problem:
         if guard and self.cells is None:
             median = np.sqrt(np.median(squares, axis=1) / np.array([1.386, 0.455])) * scale
             found = np.maximum(found, _SPIKE * median)
-        return np.maximum(found, floor if self.cells is None else _SMALLEST_SCALE)
+        return np.asarray(np.maximum(found, floor if self.cells is None else _SMALLEST_SCALE))
 
     def median_scale(self, parameters: Array) -> Array:
         """Where the noise level starts: from the median residual."""
@@ -318,4 +318,4 @@ def _solve(information: Array, gradient: Array) -> Array:
     size = np.sqrt(np.maximum(np.einsum("bii->bi", information), 1e-300))
     scaled = information / (size[:, :, None] * size[:, None, :])
     inverse = np.linalg.pinv(scaled, rcond=1e-10, hermitian=True)
-    return np.einsum("bij,bj->bi", inverse, gradient / size) / size
+    return np.asarray(np.einsum("bij,bj->bi", inverse, gradient / size) / size)

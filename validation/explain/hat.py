@@ -13,6 +13,7 @@ import numpy as np
 from scipy import special
 
 from validation.angles import Array, wrap
+from validation.explain.noise import Mask
 
 _MINIMUM = 3
 """Common poses that a pair must have to count."""
@@ -39,8 +40,6 @@ class SourceVariances:
         where the pairs do not determine it.
     sigmas : (S, 2) array
         Standard deviations of the variances.
-    dof : (S, 2) array
-        Degrees of freedom that each variance is worth.
     bounded : (S, 2) array
         The variances that fit best if none is below a tenth of the least difference it is part
         of: what to weigh the sources by.
@@ -55,7 +54,6 @@ class SourceVariances:
     names: tuple[str, ...]
     variances: Array
     sigmas: Array
-    dof: Array
     bounded: Array
     quadratics: Array
     ceilings: Array
@@ -90,13 +88,13 @@ class SourceVariances:
         high = np.fmin(high, np.where(np.isnan(high), np.nan, ceiling))
         # Beyond the ceiling the estimate is of no use for the lower end either.
         low = np.where(low > high, 0.0, low)
-        return np.sqrt(np.stack([low, high], -1))
+        return np.asarray(np.sqrt(np.stack([low, high], -1)))
 
 
 def source_variances(
     names: Sequence[str],
     poses: Array,
-    good: Array,
+    good: Mask,
     *,
     lost_freedom: Array | None = None,
     apart: Sequence[tuple[str, ...]] = (),
@@ -135,11 +133,11 @@ def _one_kind(
     kind: int,
     pairs: Sequence[tuple[int, int]],
     poses: Array,
-    good: Array,
+    good: Mask,
     lost: Array,
     robust: bool,
 ) -> tuple[Array, ...]:
-    """Variances, standard deviations, degrees of freedom and bounded variances of one kind."""
+    """What `SourceVariances` holds of one kind of cell."""
     size = len(poses)
     nothing = np.full(size, np.nan)
     kept, values, freedom, masks = [], [], [], []
@@ -207,7 +205,7 @@ def _least_squares(
     design: Array,
     values: Array,
     freedom: Array,
-    masks: Sequence[Array],
+    masks: Sequence[Mask],
 ) -> tuple[Array, ...]:
     """Generalised least squares, weighted by what the variances themselves say."""
     undetermined = (np.abs(_null_space(design)) > 1e-9).any(0)
@@ -220,18 +218,15 @@ def _least_squares(
         normal = design.T @ inverse @ design
         spread = np.linalg.pinv(normal, hermitian=True)
         solution = spread @ design.T @ inverse @ values
-        positive = _bounded(design, values, inverse, least)
+        positive = _bounded(design, values, np.asarray(inverse), least)
         covariance = _pair_covariance(design, positive, freedom, masks)
     sigma = np.sqrt(np.maximum(np.diagonal(spread), 0.0))
     solution = np.where(undetermined, np.nan, solution)
     sigma = np.where(undetermined, np.nan, sigma)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        dof = np.where(sigma > 0, 2 * solution**2 / sigma**2, 0.0)
     weights = spread @ design.T @ inverse
     return (
         solution,
         sigma,
-        np.nan_to_num(dof),
         np.where(undetermined, np.nan, positive),
         _quadratics(design, positive, weights, freedom, masks),
     )
@@ -269,7 +264,7 @@ def _signs(design: Array) -> Array:
     return signs
 
 
-def _shared_stops(freedom: Array, masks: Sequence[Array]) -> Array:
+def _shared_stops(freedom: Array, masks: Sequence[Mask]) -> Array:
     """(m, m) twice the part of their stops that two pairs share, for their freedom."""
     used = np.array(masks, dtype=float)
     count = used.sum(1)
@@ -278,7 +273,7 @@ def _shared_stops(freedom: Array, masks: Sequence[Array]) -> Array:
 
 
 def _pair_covariance(
-    design: Array, variances: Array, freedom: Array, masks: Sequence[Array]
+    design: Array, variances: Array, freedom: Array, masks: Sequence[Mask]
 ) -> Array:
     """(m, m) covariance of the pair variances of normal errors: they share sources and stops."""
     signs = _signs(design)
@@ -287,7 +282,7 @@ def _pair_covariance(
 
 
 def _quadratics(
-    design: Array, variances: Array, weights: Array, freedom: Array, masks: Sequence[Array]
+    design: Array, variances: Array, weights: Array, freedom: Array, masks: Sequence[Mask]
 ) -> Array:
     """(S, 3) variance of each estimate as a quadratic in its own true variance."""
     signs, shared = _signs(design), _shared_stops(freedom, masks)

@@ -9,8 +9,12 @@ without first deciding which poses to throw away.
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from validation.angles import Array
+
+Mask = npt.NDArray[np.bool_]
+"""True where something is used, there, or bad."""
 
 GROSS_SHARE = 0.05
 """Assumed share of cells with a gross error."""
@@ -134,7 +138,7 @@ def _cells(squares: Array) -> tuple[Array, Array, Array]:
     return terms[..., 0], peak[..., 0] + np.log(total), weights
 
 
-def masked_precision(known: Precision, cells: Array) -> Array:
+def masked_precision(known: Precision, cells: Mask) -> Array:
     """Precision (..., 3, 3) where each cell is either used whole or left out.
 
     Parameters
@@ -144,7 +148,7 @@ def masked_precision(known: Precision, cells: Array) -> Array:
     cells : (..., 2) array of bool
         Whether position and heading are used.
     """
-    both = cells.all(-1)
+    both = cells[..., 0] & cells[..., 1]
     full = np.where(both[..., None, None], known.joint, 0.0)
     only = cells & ~both[..., None]
     full[..., :2, :2] += only[..., 0, None, None] * known.position

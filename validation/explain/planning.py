@@ -1,8 +1,10 @@
 """How many poses it takes to show a given accuracy."""
 
 import numpy as np
+import numpy.typing as npt
 from scipy import special
 
+from validation.angles import Array
 from validation.errors import GtvalError
 
 MOST = 2000
@@ -48,7 +50,7 @@ def poses_for_bias(
     shift = np.sqrt(n) / sigma
     fails = special.nctdtr(n - 1, np.minimum((limit - bias) * shift, 300.0), critical)
     fails = fails + special.nctdtr(n - 1, np.minimum((limit + bias) * shift, 300.0), critical)
-    return _first(n, 1 - fails, power, "bias")
+    return _first(n, np.asarray(1 - fails, dtype=float), power, "bias")
 
 
 def poses_for_deviation(
@@ -70,10 +72,11 @@ def poses_for_deviation(
         raise GtvalError(f"a standard deviation of {sigma:g} cannot be shown to be below {limit:g}")
     n = np.arange(2, MOST + 1)
     critical = special.chdtri(n - 1, confidence)
-    return _first(n, special.chdtr(n - 1, critical * (limit / sigma) ** 2), power, "deviation")
+    chance = special.chdtr(n - 1, critical * (limit / sigma) ** 2)
+    return _first(n, np.asarray(chance, dtype=float), power, "deviation")
 
 
-def _first(n: np.ndarray, chance: np.ndarray, power: float, what: str) -> int:  # type: ignore[type-arg]
+def _first(n: npt.NDArray[np.intp], chance: Array, power: float, what: str) -> int:
     """The least n with the wanted chance."""
     enough = n[chance >= power]
     if not enough.size:

@@ -119,5 +119,5 @@ def _with_interval(
     """Standard deviation with its chi-squared interval."""
     tail = (1 - confidence) / 2
     low, high = squares / special.chdtri(dof, tail), squares / special.chdtri(dof, 1 - tail)
-    root = np.sqrt([squares / dof, low, high])
+    root = np.sqrt(np.array([squares / dof, low, high], dtype=float))
     return Repeatability(component, float(root[0]), float(root[1]), float(root[2]), dof)

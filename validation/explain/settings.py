@@ -19,10 +19,10 @@ class ExplainSettings(Settings):
     Stops closer than ``revisit_radius`` metres count as the same place.
     """
 
-    references: dict[Name, Name] = {}
-    sensors: dict[Name, list[Name]] = {}
-    witnesses: dict[Name, str] = {}
-    runs: dict[Name, list[Name]] = {}
+    references: dict[Name, Name] = Field(default_factory=dict)
+    sensors: dict[Name, list[Name]] = Field(default_factory=dict)
+    witnesses: dict[Name, str] = Field(default_factory=dict)
+    runs: dict[Name, list[Name]] = Field(default_factory=dict)
     revisit_radius: Positive = 0.25
     invented: Chance = 0.02
     false_alarm: Chance = 0.05

@@ -8,6 +8,7 @@ from scipy import special
 from validation.angles import Array, wrap
 from validation.explain.fitting import Fit, covariance_of, fit
 from validation.explain.models import UNITS, correct
+from validation.explain.noise import Mask, masked_precision, precision
 from validation.explain.pairs import Pairs
 
 _KIND = np.array([0, 0, 1])
@@ -46,7 +47,7 @@ class Settled:
 
     pairs: Pairs
     fit: Fit
-    cells: Array
+    cells: Mask
     used_freedom: Array
     dof: Array
 
@@ -97,11 +98,11 @@ class Settled:
         full = covariance_of(self.fit.information)[0]
         finite = np.where(np.isfinite(full), full, 0.0)
         own = by @ self.pairs.gt_covariances @ np.swapaxes(by, -1, -2)
-        return own + np.einsum("nik,kl,njl->nij", slopes, finite, slopes)
+        return np.asarray(own + np.einsum("nik,kl,njl->nij", slopes, finite, slopes))
 
     @property
     def _k(self) -> int:
-        return self.fit.parameters.shape[1]
+        return len(self.fit.model.fitted)
 
     def parameters(self, confidence: float = 0.95) -> tuple[Parameter, ...]:
         """All fitted parameters with intervals by Student's t (normal where noise is stated)."""
@@ -174,7 +175,7 @@ class Settled:
             ]
         )
         with np.errstate(divide="ignore", invalid="ignore"):
-            return 1 - self.noise**2 / first
+            return np.asarray(1 - self.noise**2 / first)
 
 
 def _deviation(values: Array, angle: bool) -> float:
@@ -187,7 +188,7 @@ def _deviation(values: Array, angle: bool) -> float:
     return float(values.std(ddof=1))
 
 
-def settle(pairs: Pairs, robust: Fit, cells: Array) -> Settled:
+def settle(pairs: Pairs, robust: Fit, cells: Mask) -> Settled:
     """The robust fit's explanation fitted again to the cells not flagged.
 
     Parameters
@@ -220,16 +221,14 @@ def settle(pairs: Pairs, robust: Fit, cells: Array) -> Settled:
     return Settled(pairs, plain, cells, taken, dof)
 
 
-def _pieces(plain: Fit, cells: Array) -> tuple[Array, Array]:
+def _pieces(plain: Fit, cells: Mask) -> tuple[Array, Array]:
     """Derivatives (n, 3, k) and the precision (n, 3, 3) with which each pose entered."""
-    from validation.explain.noise import masked_precision, precision  # noqa: PLC0415
-
     k = plain.parameters.shape[1]
     slopes = np.broadcast_to(plain.corrected.by_parameters, (1, len(cells), 3, k))[0]
     return slopes, masked_precision(precision(plain.covariances[0]), cells)
 
 
-def _freedom(plain: Fit, cells: Array) -> Array:
+def _freedom(plain: Fit, cells: Mask) -> Array:
     """(2,) traces of the hat matrix over positions and headings."""
     if not plain.parameters.shape[1]:
         return np.zeros(2)
@@ -240,7 +239,7 @@ def _freedom(plain: Fit, cells: Array) -> Array:
     return np.array([hat[:, :2].sum(), hat[:, 2].sum()])
 
 
-def _rescaled(plain: Fit, cells: Array, size: Array, pairs: Pairs) -> Array:
+def _rescaled(plain: Fit, cells: Mask, size: Array, pairs: Pairs) -> Array:
     """(1, k, k) information with the noise level corrected."""
     slopes, used = _pieces(plain, cells)
     without_slip = np.einsum("nik,nij,njl->kl", slopes, used, slopes)
@@ -250,4 +249,4 @@ def _rescaled(plain: Fit, cells: Array, size: Array, pairs: Pairs) -> Array:
     if pairs.reference_pose is not None and plain.model.slip:
         each = np.concatenate([np.ones(plain.parameters.shape[1] - 3), size])
         slip = slip / (each[:, None] * each[None, :])
-    return (again + slip)[None]
+    return np.asarray((again + slip)[None])

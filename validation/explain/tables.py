@@ -10,6 +10,7 @@ from validation.explain.equivalence import PairedComparison
 from validation.explain.repeatability import Repeatability
 from validation.results import Table
 
+Rows = list[list[str | int | float | None]]
 COMPONENTS = ("x", "y", "theta")
 
 
@@ -19,7 +20,7 @@ def candidate_table(one: SystemExplanation) -> Table:
     selection = one.selection
     lowest = min(item.criterion for item in selection.candidates)
     best = max(item.loo.score for item in selection.candidates)
-    rows = []
+    rows: Rows = []
     for item in selection.candidates:
         mark = "chosen" if item.name == selection.chosen.name else ""
         if not item.observability.complete:
@@ -59,7 +60,7 @@ def candidate_table(one: SystemExplanation) -> Table:
 def parameter_table(one: SystemExplanation, confidence: float) -> Table:
     """Fitted parameters of the chosen explanation."""
     assert one.settled is not None
-    rows = [
+    rows: Rows = [
         [p.name, p.unit, p.value, p.sigma, p.low, p.high, p.p_value]
         for p in one.settled.parameters(confidence)
     ]
@@ -74,7 +75,7 @@ def parameter_table(one: SystemExplanation, confidence: float) -> Table:
 
 def before_after_table(systems: Sequence[SystemExplanation]) -> Table:
     """Mean and standard deviation before and after, over all cells and without flagged ones."""
-    rows: list[list[str | int | float | None]] = []
+    rows: Rows = []
     for one in systems:
         settled = one.settled
         if settled is None:
@@ -118,7 +119,7 @@ def before_after_table(systems: Sequence[SystemExplanation]) -> Table:
 
 def verdict_table(explanation: Explanation) -> Table:
     """All cells that do not fit."""
-    rows = [
+    rows: Rows = [
         [
             one.stop,
             one.cell,
@@ -144,7 +145,7 @@ def noise_table(explanation: Explanation) -> Table:
     """Noise of each source alone, with intervals."""
     found = explanation.arbitration.variances
     intervals = found.intervals(explanation.question.confidence)
-    rows: list[list[str | int | float | None]] = []
+    rows: Rows = []
     for row, name in enumerate(found.names):
         for kind, cell in enumerate(CELLS):
             value = found.variances[row, kind]
@@ -163,7 +164,7 @@ def noise_table(explanation: Explanation) -> Table:
 
 def paired_table(pairs: Sequence[PairedComparison]) -> Table:
     """Pairs of systems on their common stops."""
-    rows = [
+    rows: Rows = [
         [
             f"{one.systems[0]} - {one.systems[1]}",
             one.component.name,
@@ -207,7 +208,7 @@ def paired_table(pairs: Sequence[PairedComparison]) -> Table:
 
 def repeatability_table(found: Sequence[tuple[str, str, Repeatability]]) -> Table:
     """Repeatability over runs and revisits."""
-    rows = [
+    rows: Rows = [
         [system, how, one.component.name, one.deviation, one.low, one.high, one.dof]
         for system, how, one in found
     ]
