@@ -1,0 +1,379 @@
+"""The robot's pose from all corners of all markers that a camera sees."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+from scipy.stats import chi2
+
+from validation.angles import Array
+from vision_gt.adjustment import (
+    CAMERA_UNKNOWNS,
+    Adjustment,
+    Knowledge,
+    NotDeterminedError,
+    Setup,
+    adjust,
+    camera_slots,
+    linearise,
+)
+from vision_gt.camera import Camera
+from vision_gt.layout import Layout
+from vision_gt.marker_poses import marker_solutions, marker_views, robot_candidates
+from vision_gt.markers import MarkerView
+from vision_gt.network_adjustment import Network
+from vision_gt.transforms import (
+    angle_between,
+    change_between,
+    mean_transform,
+    planar_jacobian,
+    planar_pose,
+    planar_transform,
+)
+
+AMBIGUOUS_EXCESS = 13.8
+"""Difference of chi^2 below which the other solution is not a thousand times less likely."""
+_DISTINCT = np.deg2rad(3.0)
+_DISTINCT_LENGTH = 0.02
+_MOST_STARTS = 4
+_HUBER = 4.0
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """The robot's markers in one camera's image.
+
+    Parameters
+    ----------
+    camera : str
+        Who took it.
+    views : tuple of MarkerView
+        At least one.
+    """
+
+    camera: str
+    views: tuple[MarkerView, ...]
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The robot stands on the floor z = 0.
+
+    Parameters
+    ----------
+    height, tilt : float
+        Standard deviations of its height (metres) and of each tilt (radians): how uneven the
+        floor is, and how well the reference pattern lay on it.
+    """
+
+    height: float = 0.003
+    tilt: float = 0.005
+
+
+@dataclass(frozen=True)
+class RobotPose:
+    """A pose with what speaks for and against it.
+
+    Parameters
+    ----------
+    T_gtv_robot : RigidTransform
+        The pose in space.
+    covariance : (6, 6) array
+        From corner noise, layout, cameras and intrinsic parameters.
+    sensitivity : (6, t) array
+        Change of the pose by the cameras' (15 each) and the markers' (6 each) unknowns, in the
+        order of the network and the layout: poses that share them err together.
+    own_covariance : (6, 6) array
+        The part of the covariance that no other pose shares.
+    cameras : tuple of str
+        Whose images were used.
+    numbers : tuple of int
+        Markers used.
+    chi_square, freedom : float, int
+        Fit of the corners.
+    other : RigidTransform or None
+        The second solution, if there is one.
+    excess : float
+        By how much chi^2 of the second solution is larger; infinite without one.
+    floor_p : float
+        How likely a robot on the floor looks so high or tilted by chance.
+    """
+
+    T_gtv_robot: RigidTransform
+    covariance: Array
+    sensitivity: Array = field(repr=False)
+    own_covariance: Array = field(repr=False)
+    cameras: tuple[str, ...]
+    numbers: tuple[int, ...]
+    chi_square: float
+    freedom: int
+    other: RigidTransform | None
+    excess: float
+    floor_p: float
+
+    @property
+    def ambiguous(self) -> bool:
+        """Whether the second solution cannot be ruled out."""
+        return self.excess < AMBIGUOUS_EXCESS
+
+    @property
+    def p_value(self) -> float:
+        """How likely so bad a fit of the corners is by chance."""
+        return float(chi2.sf(self.chi_square, max(self.freedom, 1)))
+
+    @property
+    def planar(self) -> tuple[Array, Array]:
+        """x, y, theta, and their covariance (3, 3)."""
+        jacobian = planar_jacobian(self.T_gtv_robot)
+        return planar_pose(self.T_gtv_robot), jacobian @ self.covariance @ jacobian.T
+
+
+def robot_pose(
+    sightings: Sequence[Sighting],
+    network: Network,
+    layout: Layout,
+    floor: Floor | None = None,
+) -> RobotPose | None:
+    """The pose that fits all corners; None if the views give no pose at all.
+
+    Parameters
+    ----------
+    sightings : sequence of Sighting
+        Of one moment: one camera's, or several to merge them.
+    network : Network
+        Cameras with their covariance.
+    layout : Layout
+        Markers with their covariance.
+    floor : Floor, optional
+        Take the robot as standing on the floor. The floor is tested either way.
+
+    Notes
+    -----
+    Cameras, intrinsic parameters and markers are unknowns with the covariance they come with,
+    so that a badly known marker counts less. Every distinct solution of every marker starts an
+    adjustment of its own; two that end apart and fit alike are ambiguous.
+    """
+    problem = _Problem(sightings, network, layout)
+    if not problem.sightings:
+        return None
+    solutions = problem.solutions(floor)
+    if not solutions:
+        return None
+    best = solutions[0]
+    other, excess = None, np.inf
+    if len(solutions) > 1:
+        other = solutions[1].setup.T_world_body[0]
+        # Where corners are worse than stated, so is their power to tell the two apart.
+        excess = 2 * (solutions[1].cost - best.cost) / max(best.m0, 1.0) ** 2
+    unbound = best if floor is None else problem.adjusted(best.setup.T_world_body[0], None)
+    sensitivity, own = problem.sensitivity(best, floor)
+    covariance = best.body_covariances[0]
+    chi_square = float((best.weights[:, None] * best.residuals**2).sum())
+    return RobotPose(
+        best.setup.T_world_body[0],
+        0.5 * (covariance + covariance.T),
+        sensitivity,
+        own,
+        tuple(s.camera for s in problem.sightings),
+        tuple(sorted({v.number for s in problem.sightings for v in s.views})),
+        chi_square,
+        best.freedom,
+        other,
+        float(excess),
+        _floor_p(unbound, floor or Floor()),
+    )
+
+
+class _Problem:
+    """One moment's corners, and the cameras and markers that they depend on."""
+
+    def __init__(self, sightings: Sequence[Sighting], network: Network, layout: Layout) -> None:
+        self.network, self.layout = network, layout
+        self.sides = dict(zip(layout.numbers, layout.sides.tolist(), strict=True))
+        kept = [
+            Sighting(s.camera, tuple(v for v in s.views if v.number in self.sides))
+            for s in sightings
+        ]
+        self.sightings = [s for s in kept if s.views]
+        if not self.sightings:
+            return
+        self.cameras = [network.index(s.camera) for s in self.sightings]
+        self.markers = sorted({v.number for s in self.sightings for v in s.views})
+        self.parts = [layout.index(number) for number in self.markers]
+        self.views = marker_views(
+            [(i, 0, s.views) for i, s in enumerate(self.sightings)], self.markers, self.sides
+        )
+        self.T_robot_marker = layout.T_robot_marker[self.parts]
+        self.slots, self.covariance = self._shared()
+
+    def _shared(self) -> tuple[Array, Array]:
+        """Places of the shared unknowns among all cameras' and markers', and their covariance."""
+        cameras = np.concatenate(
+            [np.arange(s.start, s.stop) for s in map(camera_slots, self.cameras)]
+        )
+        first = CAMERA_UNKNOWNS * len(self.network.cameras)
+        parts = np.concatenate([6 * p + np.arange(6) for p in self.parts])
+        n, m = len(cameras), len(parts)
+        covariance = np.zeros((n + m, n + m))
+        covariance[:n, :n] = self.network.covariance[np.ix_(cameras, cameras)]
+        covariance[n:, n:] = self.layout.covariance[np.ix_(parts, parts)]
+        return np.concatenate([cameras, first + parts]), covariance
+
+    def _setup(self, T_gtv_robot: RigidTransform) -> Setup:
+        intrinsics = np.array([self.network.cameras[i].parameters for i in self.cameras])
+        return Setup(
+            self.network.T_gtv_camera[self.cameras],
+            intrinsics,
+            RigidTransform.concatenate([T_gtv_robot]),
+            self.T_robot_marker,
+        )
+
+    def _knowledge(self, floor: Floor | None) -> Knowledge:
+        free = np.diagonal(self.covariance) > 0
+        information = np.zeros_like(self.covariance)
+        kept = np.flatnonzero(free)
+        if len(kept):
+            block = self.covariance[np.ix_(kept, kept)]
+            scale = 1 / np.sqrt(np.diagonal(block))
+            inverse = np.linalg.pinv(scale[:, None] * block * scale, rcond=1e-12, hermitian=True)
+            information[np.ix_(kept, kept)] = scale[:, None] * inverse * scale
+        return Knowledge(information, _floor_information(floor)[None], free)
+
+    def adjusted(self, T_gtv_robot: RigidTransform, floor: Floor | None) -> Adjustment:
+        """The adjustment from one start."""
+        if floor is not None:
+            T_gtv_robot = planar_transform(planar_pose(T_gtv_robot))
+        return adjust(self.views, self._setup(T_gtv_robot), self._knowledge(floor), huber=_HUBER)
+
+    def solutions(self, floor: Floor | None) -> list[Adjustment]:
+        """All distinct solutions, best first."""
+        found: list[Adjustment] = []
+        for start in self._starts():
+            try:
+                done = self.adjusted(start, floor)
+            except (NotDeterminedError, np.linalg.LinAlgError):
+                continue
+            T = done.setup.T_world_body[0]
+            if all(_distinct(T, other.setup.T_world_body[0]) for other in found):
+                found.append(done)
+        return sorted(found, key=lambda one: one.cost)
+
+    def _starts(self) -> list[RigidTransform]:
+        """Distinct first guesses, best first."""
+        guesses = []
+        for i, sighting in zip(self.cameras, self.sightings, strict=True):
+            T_gtv_camera = self.network.T_gtv_camera[i]
+            camera = self.network.cameras[i]
+            found = robot_candidates(
+                sighting.views, camera, self.sides, self.markers, self.T_robot_marker
+            )
+            guesses += [(misfit, T_gtv_camera * T) for misfit, T in found]
+        starts: list[RigidTransform] = []
+        for _, T in sorted(guesses, key=lambda pair: pair[0]):
+            if all(_distinct(T, other, 3.0) for other in starts):
+                starts.append(T)
+        return starts[:_MOST_STARTS]
+
+    def sensitivity(self, done: Adjustment, floor: Floor | None) -> tuple[Array, Array]:
+        """How cameras and markers move the pose (6, t), and the pose's own covariance (6, 6)."""
+        lin = linearise(self.views, done.setup)
+        root = np.sqrt(done.weights)[:, None, None]
+        n = len(self.views)
+        A = (root * lin.by_body).reshape(2 * n, 6)
+        B = np.zeros((n, 2, len(self.slots)))
+        for row in range(n):
+            B[row][:, camera_slots(int(self.views.camera[row]))] = lin.by_camera[row]
+            first = CAMERA_UNKNOWNS * len(self.cameras) + 6 * int(self.views.part[row])
+            B[row][:, first : first + 6] = lin.by_part[row]
+        B = (root * B).reshape(2 * n, -1)
+        inverse = np.linalg.inv(np.eye(2 * n) + B @ self.covariance @ B.T)
+        weighted = A.T @ inverse
+        prior = _floor_information(floor)
+        cofactor = np.linalg.inv(weighted @ A + prior)
+        gain = cofactor @ weighted
+        whole = np.zeros(
+            (6, CAMERA_UNKNOWNS * len(self.network.cameras) + len(self.layout.covariance))
+        )
+        whole[:, self.slots] = -gain @ B
+        return whole, gain @ gain.T + cofactor @ prior @ cofactor
+
+
+def _floor_information(floor: Floor | None) -> Array:
+    """(6, 6) information of a body that stands on the floor."""
+    if floor is None:
+        return np.zeros((6, 6))
+    h, t = 1 / floor.height**2, 1 / floor.tilt**2
+    return np.diag([0.0, 0.0, h, t, t, 0.0])
+
+
+def _floor_p(unbound: Adjustment, floor: Floor) -> float:
+    """Probability of standing so far off the floor, or so tilted, by chance."""
+    T = unbound.setup.T_world_body[0]
+    off = change_between(T, planar_transform(planar_pose(T)))[[2, 3, 4]]
+    covariance = unbound.body_covariances[0][np.ix_([2, 3, 4], [2, 3, 4])]
+    covariance = covariance + np.diag(np.square([floor.height, floor.tilt, floor.tilt]))
+    return float(chi2.sf(off @ np.linalg.solve(covariance, off), 3))
+
+
+def _distinct(a: RigidTransform, b: RigidTransform, factor: float = 1.0) -> bool:
+    """Whether two poses differ by more than a least-squares solution does from itself."""
+    apart = float(np.linalg.norm(a.translation - b.translation))
+    return bool(angle_between(a, b) > factor * _DISTINCT or apart > factor * _DISTINCT_LENGTH)
+
+
+def published_pose(
+    sighting: Sighting, camera: Camera, T_gtv_camera: RigidTransform, layout: Layout
+) -> RigidTransform | None:
+    """The robot's pose the document's way: one from each marker, their matrices averaged.
+
+    Parameters
+    ----------
+    sighting : Sighting
+        One camera's.
+    camera : Camera
+        That camera.
+    T_gtv_camera : RigidTransform
+        Where it is.
+    layout : Layout
+        The markers.
+
+    Notes
+    -----
+    AD2.3, "Relative position between the markers": averaging of the elements of the
+    roto-translation matrices, all markers alike.
+    """
+    poses = []
+    for view in sighting.views:
+        place = layout.index(view.number)
+        solutions = marker_solutions(view, float(layout.sides[place]), camera)
+        if solutions is not None:
+            T_marker_robot = layout.T_robot_marker[place].inv()
+            poses.append(T_gtv_camera * solutions.best * T_marker_robot)
+    return mean_transform(RigidTransform.concatenate(poses)) if poses else None
+
+
+def joint_covariance(poses: Sequence[RobotPose], network: Network, layout: Layout) -> Array:
+    """(3 n, 3 n) covariance of x, y, theta of all poses together.
+
+    Poses share cameras and markers, so they err together.
+    """
+    n, c = len(poses), len(network.covariance)
+    jacobians = [planar_jacobian(pose.T_gtv_robot) for pose in poses]
+    S = np.concatenate([J @ p.sensitivity for J, p in zip(jacobians, poses, strict=True)])
+    shared = np.zeros((S.shape[1], S.shape[1]))
+    shared[:c, :c] = network.covariance
+    shared[c:, c:] = layout.covariance
+    joint = S @ shared @ S.T
+    for i in range(n):
+        rows = slice(3 * i, 3 * i + 3)
+        joint[rows, rows] = poses[i].planar[1]
+    return np.asarray(0.5 * (joint + joint.T))
+
+
+def best_of(poses: Mapping[str, RobotPose]) -> str | None:
+    """Camera whose pose is known best and is not ambiguous; None if there is none."""
+    sure = {name: pose for name, pose in poses.items() if not pose.ambiguous}
+    if not sure:
+        return None
+    return min(sure, key=lambda name: float(np.trace(sure[name].planar[1][:2, :2])))
