@@ -11,12 +11,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from laser_gt.planar import between, compose, compose_jacobians, inverse, inverse_jacobian
+from laser_gt.planar import (
+    between,
+    compose,
+    compose_jacobians,
+    inverse,
+    inverse_covariance_of,
+    inverse_jacobian,
+    rotation,
+)
 from laser_gt.scans import Flags
 from validation.angles import Array, wrap
 from validation.errors import GtvalError
 
 MAX_STEPS = 50
+LEAST_MISFIT = 0.02
+"""Least factor on the edges' covariances: no loop closes perfectly but by chance."""
 
 
 @dataclass(frozen=True)
@@ -90,11 +100,9 @@ class GraphSolution:
         Of each edge, 3 numbers each.
     weights : (m,) array
         Robust weights.
-    free : (n,) bool array
+    connected : (n,) bool array
         False for stops that no chain of matches connects with a surveyed one: their poses mean
         nothing.
-    information : (3n + 3, 3n + 3) array
-        Inverse of the covariance.
     """
 
     poses: Array
@@ -105,7 +113,6 @@ class GraphSolution:
     edge_chi_squared: Array
     weights: Array
     connected: Flags
-    information: Array
 
     @property
     def scale(self) -> float:
@@ -157,26 +164,60 @@ def solve_graph(graph: Graph, robust_width: float = 4.0) -> GraphSolution:
 def _solution(
     graph: Graph, poses: Array, mount: Array, chi: Array, weights: Array, connected: Flags
 ) -> GraphSolution:
-    """The solution with its covariance, the edges scaled by their misfit."""
+    """The solution with its covariance, the edges scaled by their misfit.
+
+    Matches of one scan with many others share that scan's noise: loops close better than the
+    covariances of the edges say, and the pose is *not* known better by having many edges. The
+    share of the covariance that the misfit of the loops does not show is taken as noise of the
+    stops (`_stop_noise`) and added to each of them.
+    """
     inside = np.array([connected[edge.start] for edge in graph.edges])
     total = float((weights * chi)[inside].sum())
     unknowns = 3 * (int(connected.sum()) - len(graph.prior_stops))
     unknowns += 3 * (graph.mount_covariance is None)
     freedom = 3 * int(inside.sum()) - unknowns
-    scale = max(total / freedom, 1.0) if freedom > 0 else 1.0
+    misfit = total / freedom if freedom > 0 else 1.0
     residuals, _ = _edge_residuals(graph, poses, mount)
-    information, _ = _normal_equations(
-        graph, poses, mount, residuals, weights / scale, connected
-    )
-    dense = information.toarray()
+    scale = max(misfit, LEAST_MISFIT)
+    information, _ = _normal_equations(graph, poses, mount, residuals, weights / scale, connected)
     try:
-        covariance = np.linalg.inv(dense)
+        covariance = np.linalg.inv(information.toarray())
     except np.linalg.LinAlgError:
         raise GtvalError("the matches do not determine the poses") from None
-    return GraphSolution(
-        poses, mount, (covariance + covariance.T) / 2, total, freedom, chi, weights, connected,
-        dense,
-    )
+    shared = max(1.0 - scale, 0.0)
+    for stop, noise in _stop_noise(graph, poses, mount).items():
+        part = slice(3 * stop, 3 * stop + 3)
+        covariance[part, part] += shared * noise
+    covariance = (covariance + covariance.T) / 2
+    return GraphSolution(poses, mount, covariance, total, freedom, chi, weights, connected)
+
+
+def _stop_noise(graph: Graph, poses: Array, mount: Array) -> dict[int, Array]:
+    """Covariance of each stop's robot pose from the noise of its own scans.
+
+    Half of an edge's covariance is the noise of either of its two scans; seen from the other
+    stop it needs turning only, for it acts at the stop's own laser frame. The mean over the
+    stop's edges, carried from laser frame to robot pose.
+    """
+    found: dict[int, list[Array]] = {}
+    for edge in graph.edges:
+        back = inverse(edge.pose)
+        turned_back = inverse_covariance_of(edge.pose, edge.covariance)
+        for stop, pose, covariance in (
+            (edge.end, edge.pose, edge.covariance),
+            (edge.start, back, turned_back),
+        ):
+            turn = np.eye(3)
+            turn[:2, :2] = rotation(pose[2]).T
+            found.setdefault(stop, []).append(turn @ covariance @ turn.T / 2)
+    result = {}
+    for stop, covariances in found.items():
+        laser = compose(poses[stop], mount)
+        _, by_offset = compose_jacobians(laser, np.zeros(3))
+        by_laser, _ = compose_jacobians(laser, inverse(mount))
+        jacobian = by_laser @ by_offset
+        result[stop] = jacobian @ np.mean(covariances, axis=0) @ jacobian.T
+    return result
 
 
 def connected_stops(count: int, edges: Sequence[Edge], roots: Sequence[int]) -> Flags:

@@ -232,8 +232,8 @@ def _alignment(
     fake = _fake_information(reference, pairing)
     squared = np.where(used, pairing.residual**2 / pairing.variance, 0.0).sum(-1)
     scale = np.sqrt(squared / np.maximum(pairs - 3, 1))
-    gradient = _gradient_covariance(reference, pairing)
-    covariance = _sandwich(information, fake, gradient, np.maximum(scale, 1.0))
+    gradient = _gradient_covariance(reference, pairing, np.maximum(scale, 0.7))
+    covariance = _sandwich(information, fake, gradient)
     covariance[pairs < MIN_PAIRS] = np.inf
     pose = np.column_stack([pose[:, :2], wrap(pose[:, 2])])
     return Alignment(
@@ -252,17 +252,17 @@ def _fake_information(reference: Surface, pairing: Pairing) -> Array:
     return np.asarray((tangent * scatter[:, None]) @ np.swapaxes(tangent, -1, -2))
 
 
-def _gradient_covariance(reference: Surface, pairing: Pairing) -> Array:
+def _gradient_covariance(reference: Surface, pairing: Pairing, scale: Array) -> Array:
     """(k, 3, 3) covariance of the gradient from the noise of both sweeps.
 
-    The moving points' noise is independent from pair to pair. That of the reference is not: a
+    The moving points' noise is independent from pair to pair, and taken from the residuals
+    themselves (White's estimator). That of the reference is not: a
     point of it takes part in all the lines whose windows hold it. Its share in the gradient is
     the sum over those lines of weight times Jacobian over window length, found for all points
     at once as a running sum over window starts and ends.
     """
     lines = _count(reference)
-    moving = pairing.variance - (reference.normal_variances / lines).take(pairing.index)
-    terms = pairing.jacobian * (pairing.weight * np.sqrt(np.maximum(moving, 0.0)))[:, None]
+    terms = pairing.jacobian * (pairing.weight * pairing.residual)[:, None]
     total = terms @ np.swapaxes(terms, -1, -2)
     share = pairing.jacobian * (pairing.weight / lines.take(pairing.index))[:, None]
     size = len(reference) + 1
@@ -271,7 +271,7 @@ def _gradient_covariance(reference: Surface, pairing: Pairing) -> Array:
         parts = np.stack(
             [np.bincount(start, part, size) - np.bincount(stop, part, size) for part in share[row]]
         ).cumsum(1)[:, :-1]
-        total[row] += (parts * reference.normal_variances) @ parts.T
+        total[row] += scale[row] ** 2 * (parts * reference.normal_variances) @ parts.T
     return np.asarray(total)
 
 
@@ -280,7 +280,7 @@ def _count(reference: Surface) -> Array:
     return (reference.last - reference.first + 1).astype(float)
 
 
-def _sandwich(information: Array, fake: Array, gradient: Array, scale: Array) -> Array:
+def _sandwich(information: Array, fake: Array, gradient: Array) -> Array:
     """(k, 3, 3) covariance H^-1 G H^-1 with the fake part taken out of H.
 
     A direction in which less than half the information is real is not determined: its
@@ -292,5 +292,4 @@ def _sandwich(information: Array, fake: Array, gradient: Array, scale: Array) ->
     faked = np.einsum("kji,kjl,kli->ki", vectors, fake, vectors)
     real = np.maximum(total - faked, 0.01 * faked + 1e-6)
     inverse = np.einsum("kij,kj,klj->kil", vectors, 1 / real, vectors)
-    extra = np.einsum("kij,kj,klj->kil", vectors, faked, vectors)
-    return np.asarray(inverse @ (gradient + extra) @ inverse * scale[:, None, None] ** 2)
+    return np.asarray(inverse @ gradient @ inverse)

@@ -112,17 +112,20 @@ def scan_fault(ranges: Array, angles: Array, range_min: float, range_max: float)
 
 
 def estimated_sigma(scan: Scan) -> float:
-    """Standard deviation of the ranges from their second differences, in metres.
+    """Standard deviation of the ranges from the second differences of their inverses, in metres.
 
-    The median absolute second difference over neighbouring beams, which corners and edges do
-    not move, divided by what it is for white noise: 0.6745 sqrt(6) sigma. Limited to 2 mm
-    (quantisation hides smaller noise) to 50 mm.
+    Along a straight wall 1 / r is a sine of the beam's angle, however grazing the beam, so its
+    second difference (with the sine's own curvature added back) is noise alone. The median over
+    all beams, which corners and edges do not move, divided by what it is for white noise:
+    0.6745 sqrt(6) sigma / r^2. Limited to 1 mm to 50 mm.
     """
     ranges = scan.ranges[scan.returned]
     if len(ranges) < MIN_RETURNS:
         return 0.01
-    second = np.abs(ranges[:-2] - 2 * ranges[1:-1] + ranges[2:])
-    return float(np.clip(np.median(second) / (0.6745 * np.sqrt(6)), 0.002, 0.05))
+    inverse = 1 / ranges
+    second = inverse[:-2] + inverse[2:] - (2 - scan.step**2) * inverse[1:-1]
+    noise = np.abs(second) * ranges[1:-1] ** 2
+    return float(np.clip(np.median(noise) / (0.6745 * np.sqrt(6)), 0.001, 0.05))
 
 
 @dataclass(frozen=True)
