@@ -121,10 +121,20 @@ def adjust(network: Network, start: Parameters, *, robust: bool = False) -> Adju
             break
     else:
         raise GtvalError(
-            "the joint adjustment does not settle; look for readings that are far off "
-            "(wrong point names, wrong labels)"
+            "the joint adjustment does not settle: some readings are far off (wrong point names, "
+            f"wrong labels, metres lost). The worst: {_worst_readings(network, start)}"
         )
     return _adjusted(network, parameters, weight, passes)
+
+
+def _worst_readings(network: Network, at: Parameters, most: int = 5) -> str:
+    """The readings that fit the single solutions least, in words."""
+    misfit = design(network, at)[0][: len(network.distance)] * network.sigma
+    return "; ".join(
+        f"{network.points[network.first[i]]}–{network.points[network.second[i]]}: "
+        f"{network.distance[i]:.3f} m, off by {misfit[i]:+.3f} m"
+        for i in np.argsort(-np.abs(misfit))[:most]
+    )
 
 
 def _adjusted(network: Network, parameters: Parameters, weight: Array, passes: int) -> Adjustment:

@@ -127,7 +127,7 @@ def _world_points(solution: SurveySolution) -> Iterator[Finding]:
     for lost in solution.world.missing:
         places = " or ".join(f"({x:.3f}, {y:.3f})" for x, y in lost.candidates)
         yield Finding(
-            "warning",
+            "error" if "contradict" in lost.reason else "warning",
             f"no position: {lost.reason}" + (f"; it is at {places}" if places else ""),
             f"world point {lost.name}",
             "world-point-open",
@@ -181,7 +181,7 @@ def _poses(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[Finding
     for pose in solution.not_posed:
         places = " or ".join(f"({x:.3f}, {y:.3f}, {t:.3f})" for x, y, t in pose.candidates[:4])
         yield Finding(
-            "warning",
+            "error" if "contradict" in pose.reason else "warning",
             f"not determined: {pose.reason}" + (f"; it may be {places}" if places else ""),
             f"pose {pose.pose}",
             "pose-open",

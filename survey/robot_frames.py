@@ -1,10 +1,11 @@
 """Robot frames from distances between their marked points and the world points."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+import numpy.typing as npt
 
 from survey.geometry import (
     circle_intersections,
@@ -25,6 +26,8 @@ PRIOR_SIGMA = np.array([1000.0, 1000.0, 100.0])
 """Standard deviations from which each pass starts: metres, metres, radians."""
 TIE = 16.3
 """Costs nearer than this (chi-squared, 3 degrees of freedom, 0.1 %) do not tell poses apart."""
+GOOD_REST = 4.0
+"""Chi-squared for each degree of freedom up to which readings, taken as independent, agree."""
 _FEW = 7
 """Below this many readings every meeting point of circles is tried as a start."""
 _SAME = np.array([0.01, 0.01, 0.02])
@@ -101,6 +104,19 @@ class PoseReadings:
 
     def __len__(self) -> int:
         return len(self.distance)
+
+    def select(self, rows: npt.NDArray[np.intp]) -> "PoseReadings":
+        """The given rows."""
+        return replace(
+            self,
+            known=self.known[rows],
+            body=self.body[rows],
+            distance=self.distance[rows],
+            sigma=self.sigma[rows],
+            world_index=self.world_index[rows],
+            rig_index=self.rig_index[rows],
+            known_sigma=self.known_sigma[rows],
+        )
 
 
 def pose_readings(
@@ -179,7 +195,7 @@ def _solve(
     starts = _starts(own, closed, guess)
     minima, costs = fitting_poses(starts, own)
     if len(minima) == 0:
-        return NotPosed(pose, "the filter converged from no start", np.empty((0, 3)))
+        return _hopeless(pose, own, world, rig)
     if len(minima) > 1 and costs[1] - costs[0] < TIE:
         tied = minima[costs - costs[0] < TIE]
         reason = (
@@ -189,7 +205,7 @@ def _solve(
         return NotPosed(pose, reason, tied)
     estimate = iterated_ekf(full_model(own, world, rig), minima[0], PRIOR_SIGMA)
     if not estimate.converged:
-        return NotPosed(pose, f"no convergence in {estimate.passes} passes", minima[:1])
+        return _hopeless(pose, own, world, rig)
     state = np.append(estimate.state[:2], wrap(estimate.state[2]))
     return RobotFrameFit(
         pose,
@@ -200,6 +216,22 @@ def _solve(
         closed if guess is None else guess,
         estimate.passes,
     )
+
+
+def _hopeless(pose: str, own: PoseReadings, world: WorldPoints, rig: RobotFrame) -> NotPosed:
+    """A pose whose readings contradict each other, with those that could be wrong by metres."""
+    states, suspects = [], []
+    names = list(rig.points)
+    for row in range(len(own)):
+        fit = best_fit(own.select(np.arange(len(own)) != row))
+        if fit is not None and fit[1] < GOOD_REST * (len(own) - 4):
+            states.append(fit[0])
+            mark, point = names[own.rig_index[row]], world.names[own.world_index[row]]
+            suspects.append(f"{pose}/{mark}–{point}: {own.distance[row]:.3f} m")
+    reason = "its readings contradict each other by far"
+    if suspects:
+        reason += f"; the others agree without {' or without '.join(suspects)}"
+    return NotPosed(pose, f"{reason}. Measure again", np.array(states).reshape(-1, 3))
 
 
 def best_fit(own: PoseReadings) -> tuple[Array, float] | None:
@@ -346,3 +378,9 @@ def full_model(own: PoseReadings, world: WorldPoints, rig: RobotFrame) -> Model:
         return at.h, H, R
 
     return model
+
+
+def pose_covariance(state: Array, own: PoseReadings, world: WorldPoints, rig: RobotFrame) -> Array:
+    """(3, 3) covariance of a pose at which the filter rests, all that readings share included."""
+    _, H, R = full_model(own, world, rig)(state)
+    return np.asarray(np.linalg.inv(H.T @ np.linalg.solve(R, H)))

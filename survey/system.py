@@ -60,8 +60,8 @@ def survey_facts(outcome: "SurveyOutcome") -> dict[str, object]:
             name: [float(v) for v in place]
             for name, place in zip(solution.world.names, solution.world.positions, strict=True)
         },
-        "world_points_open": [point.name for point in solution.world.missing],
-        "poses_open": [pose.pose for pose in solution.not_posed],
+        "world_points_open": {point.name: point.reason for point in solution.world.missing},
+        "poses_open": {pose.pose: pose.reason for pose in solution.not_posed},
         "labelling": {
             "status": solution.labelling.status,
             "decided_by": list(solution.labelling.decided_by),

@@ -1,14 +1,14 @@
 """World points by trilateration from the Vframe points."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from survey.geometry import circle_intersections
-from survey.iterated_ekf import Estimate, iterated_ekf, iterated_ekf_batch
-from survey.measurement import independent_variance, linearise
+from survey.iterated_ekf import Estimate, Model, iterated_ekf, iterated_ekf_batch
+from survey.measurement import Linearised, independent_variance, linearise
 from survey.readings import Readings
 from survey.vframe import VframeEstimate
 from validation.angles import Array
@@ -17,6 +17,8 @@ PRIOR_SIGMA = np.array([100.0, 100.0])
 """sigma[0] of the document, metres."""
 TIE = 13.8
 """Costs nearer than this (chi-squared, 2 degrees of freedom, 0.1 %) do not tell solutions apart."""
+GOOD_REST = 11.0
+"""Chi-squared for each degree of freedom up to which readings agree (0.1 %)."""
 _SAME = 0.01
 """Solutions nearer than this, in metres, are one minimum reached twice."""
 
@@ -144,7 +146,7 @@ def locate_world_points(
             found.append(result)
         else:
             missing.append(result)
-    return WorldPoints(tuple(found), _joint_covariance(found, vframe), tuple(missing))
+    return WorldPoints(tuple(found), joint_covariance(found, vframe), tuple(missing))
 
 
 def _locate(name: str, own: Readings, vframe: VframeEstimate) -> WorldPoint | NotLocated:
@@ -158,11 +160,11 @@ def _locate(name: str, own: Readings, vframe: VframeEstimate) -> WorldPoint | No
             "or more",
             none,
         )
-    known, known_sigma = vframe.points[index], _vframe_sigma(vframe)[index]
+    known, known_sigma = vframe.points[index], vframe_sigma(vframe)[index]
     starts = circle_starts(known, own.distance)
     minima, costs = fitting_places(starts, known, known_sigma, own.distance, own.sigma)
     if len(minima) == 0:
-        return NotLocated(name, "the filter converged from no start; check its readings", none)
+        return _hopeless(name, own, known, known_sigma)
     if len(set(own.end)) < 3:
         return NotLocated(
             name,
@@ -178,6 +180,27 @@ def _locate(name: str, own: Readings, vframe: VframeEstimate) -> WorldPoint | No
             minima[:2],
         )
     return _finish(name, own, vframe, index, minima, costs, starts)
+
+
+def _hopeless(name: str, own: Readings, known: Array, known_sigma: Array) -> NotLocated:
+    """A point whose readings contradict each other, with those that could be wrong by metres."""
+    places, suspects = [], []
+    for row in range(len(own)):
+        rest = np.arange(len(own)) != row
+        if len({own.end[i] for i in np.flatnonzero(rest)}) < 3:
+            continue
+        starts = circle_starts(known[rest], own.distance[rest])
+        found, costs = fitting_places(
+            starts, known[rest], known_sigma[rest], own.distance[rest], own.sigma[rest]
+        )
+        if len(found) and costs[0] < GOOD_REST * (len(own) - 3):
+            places.append(found[0])
+            line = f" (line {own.line[row]})" if own.line[row] else ""
+            suspects.append(f"{own.end[row]}{line}: {own.distance[row]:.3f} m")
+    reason = "its readings contradict each other by far"
+    if suspects:
+        reason += f"; the others agree without that to {' or without that to '.join(suspects)}"
+    return NotLocated(name, f"{reason}. Measure again", np.array(places).reshape(-1, 2))
 
 
 def circle_starts(centres: Array, distances: Array) -> Array:
@@ -235,6 +258,65 @@ def fitting_places(
     return ended.state[kept], ended.cost[kept]
 
 
+def place_model(own: Readings, vframe: VframeEstimate) -> Model:
+    """State (2,) -> h (m,), H (m, 2), R (m, m), errors of the frame shared by the readings.
+
+    Parameters
+    ----------
+    own : Readings
+        Readings of one world point, turned to start there.
+    vframe : VframeEstimate
+        The frame.
+    """
+
+    def model(state: Array) -> tuple[Array, Array, Array]:
+        at, by_vframe = _by_frame(state, own, vframe)
+        R = np.diag((at.W_distance * own.sigma) ** 2)
+        return at.h, at.H_position, R + by_vframe @ vframe.covariance @ by_vframe.T
+
+    return model
+
+
+def _by_frame(state: Array, own: Readings, vframe: VframeEstimate) -> tuple[Linearised, Array]:
+    """The readings at a place (2,), and the derivative of h by the frame's coordinates (m, 2 n)."""
+    index: Array = np.array([vframe.names.index(end) for end in own.end], dtype=int)
+    columns = (2 * index[:, None] + np.arange(2)).ravel()
+    at = linearise(
+        _with_heading(state), vframe.points[index], np.zeros((len(own), 2)), own.distance
+    )
+    return at, _scatter(at.W_known, columns, vframe.points.size)
+
+
+def place_at(name: str, position: Array, own: Readings, vframe: VframeEstimate) -> WorldPoint:
+    """The point at a place where the filter rests: its covariance, cost and hold on the frame.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    position : (2,) array
+        Metres, Vframe.
+    own : Readings
+        Its readings, turned to start there, to two Vframe points at least.
+    vframe : VframeEstimate
+        The frame.
+    """
+    h, H, R = place_model(own, vframe)(position)
+    weighted = np.linalg.solve(R, H).T
+    covariance = np.linalg.inv(weighted @ H)
+    _, by_vframe = _by_frame(position, own, vframe)
+    return WorldPoint(
+        name=name,
+        position=position,
+        covariance=(covariance + covariance.T) / 2,
+        cost=float(h @ np.linalg.solve(R, h)),
+        redundancy=len(own) - 2,
+        rejected=None,
+        by_vframe=-covariance @ weighted @ by_vframe,
+        passes=0,
+    )
+
+
 def _finish(
     name: str,
     own: Readings,
@@ -246,26 +328,10 @@ def _finish(
 ) -> WorldPoint:
     """The best minimum, refined with the frame's full covariance."""
     known = vframe.points[index]
-    columns = (2 * index[:, None] + np.arange(2)).ravel()
-
-    def model(state: Array) -> tuple[Array, Array, Array]:
-        at = linearise(_with_heading(state), known, np.zeros_like(known), own.distance)
-        by_vframe = _scatter(at.W_known, columns, vframe.points.size)
-        R = np.diag((at.W_distance * own.sigma) ** 2)
-        return at.h, at.H_position, R + by_vframe @ vframe.covariance @ by_vframe.T
-
-    estimate = iterated_ekf(model, minima[0], PRIOR_SIGMA)
-    h, H, R = model(estimate.state)
-    at = linearise(_with_heading(estimate.state), known, np.zeros_like(known), own.distance)
-    gain = -estimate.covariance @ np.linalg.solve(R, H).T
-    return WorldPoint(
-        name=name,
-        position=estimate.state,
-        covariance=estimate.covariance,
-        cost=float(h @ np.linalg.solve(R, h)),
-        redundancy=len(own) - 2,
+    estimate = iterated_ekf(place_model(own, vframe), minima[0], PRIOR_SIGMA)
+    return replace(
+        place_at(name, estimate.state, own, vframe),
         rejected=_rejected(estimate, minima, costs, starts, known, own, vframe, index),
-        by_vframe=gain @ _scatter(at.W_known, columns, vframe.points.size),
         passes=estimate.passes,
     )
 
@@ -289,12 +355,12 @@ def _rejected(
     wrong = wrong[pairs.max(1) > 10 * _SAME]
     if len(wrong) == 0:
         return None
-    cost = _batch_costs(wrong, known, own, _vframe_sigma(vframe)[index])
+    cost = _batch_costs(wrong, known, own, vframe_sigma(vframe)[index])
     best = int(cost.argmin())
     return Rejected(wrong[best], float(cost[best]), is_minimum=False)
 
 
-def _joint_covariance(found: Sequence[WorldPoint], vframe: VframeEstimate) -> Array:
+def joint_covariance(found: Sequence[WorldPoint], vframe: VframeEstimate) -> Array:
     """Covariance of all points: their own, and what they share through the Vframe."""
     if not found:
         return np.empty((0, 0))
@@ -305,7 +371,7 @@ def _joint_covariance(found: Sequence[WorldPoint], vframe: VframeEstimate) -> Ar
     return np.asarray((joint + joint.T) / 2)
 
 
-def _vframe_sigma(vframe: VframeEstimate) -> Array:
+def vframe_sigma(vframe: VframeEstimate) -> Array:
     """(n,) root mean square standard deviation of each point's coordinates."""
     variance = np.diagonal(vframe.covariance).reshape(-1, 2).mean(1)
     return np.asarray(np.sqrt(variance))

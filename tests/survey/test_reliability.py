@@ -140,3 +140,28 @@ def test_one_more_reading_helps_as_much_as_predicted():
     )[0]
     real = np.diag(before.covariance) - np.diag(after.covariance)
     assert gain == pytest.approx(real, abs=0.02 * real.max())
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("where", ["mark", "frame"])
+def test_a_reading_that_is_metres_off_is_named_or_its_point_left_open(seed, where):
+    room, survey = simulated(seed)
+    rng = np.random.default_rng([4, seed])
+    readings = survey.readings
+    rows = pose_rows(readings)
+    if where == "frame":
+        ends = list(zip(readings.start, readings.end, strict=True))
+        rows = [
+            i
+            for i, (a, b) in enumerate(ends)
+            if "/" not in a + b and {a, b} & set(room.world_names)
+        ]
+    row = int(rng.choice(rows))
+    distance = readings.distance.copy()
+    distance[row] += 3.0
+    bad = type(readings)(readings.start, readings.end, distance, readings.sigma)
+    result = solve_survey(room.vframe, survey.robot_frame, bad, room.world_names)
+    named_blunders = [named(result.used, i) for s in result.suspicions for i in s.candidates]
+    reasons = [lost.reason for lost in (*result.world.missing, *result.not_posed)]
+    told = any(f"{distance[row]:.3f} m" in reason for reason in reasons)
+    assert told or named(bad, row) in named_blunders
