@@ -12,6 +12,7 @@ from validation.campaign import Campaign
 from validation.conclusions import conclusions
 from validation.errors import GtvalError, InputError, Problem
 from validation.evaluation import Evaluation, evaluate
+from validation.explain.section import ExplainParts, explain_campaign
 from validation.files import write_files
 from validation.inputs import input_hashes
 from validation.json_text import json_text
@@ -51,6 +52,8 @@ class RunResult:
         SHA-256 of each input file.
     method : {"student", "normal"}
         Of the intervals of the mean.
+    explained : ExplainParts, optional
+        Where the errors come from; None where there is nothing to explain.
     """
 
     campaign: Campaign
@@ -59,6 +62,7 @@ class RunResult:
     findings: tuple[Finding, ...]
     inputs: Mapping[str, str]
     method: IntervalMethod
+    explained: ExplainParts | None = None
 
     @property
     def tables(self) -> tuple[PoseTable, ...]:
@@ -121,6 +125,9 @@ def run_campaign(
     findings = [finding for system in systems for finding in system.result.findings]
     evaluations, more = _evaluate_all(campaign, systems, method)
     findings += more
+    progress("explaining", 0.93)
+    explained, more = _explain(campaign, systems, evaluations)
+    findings += more
     progress("hashing the inputs", 0.95)
     inputs = input_hashes(campaign.folder)
     progress("done", 1.0)
@@ -131,7 +138,33 @@ def run_campaign(
         findings=tuple(findings),
         inputs=inputs,
         method=method,
+        explained=explained,
     )
+
+
+def _explain(
+    campaign: Campaign, systems: Iterable[SolvedSystem], evaluations: Iterable[Evaluation]
+) -> tuple[ExplainParts | None, list[Finding]]:
+    """Where the errors come from; a table that cannot be explained is a finding, not a failure.
+
+    Raises
+    ------
+    InputError
+        If the table [explain] of campaign.toml or a file it names is bad.
+    """
+    compared = {VALIDATION_SYSTEM, *(evaluation.system for evaluation in evaluations)}
+    tables = [
+        table for system in systems for table in system.result.tables if table.system in compared
+    ]
+    if len(tables) < 2:
+        return None, []
+    try:
+        parts = explain_campaign(campaign, tables)
+    except InputError:
+        raise
+    except GtvalError as error:
+        return None, [Finding("warning", f"Not explained: {error}", "explain", "not_explained")]
+    return parts, list(parts.findings)
 
 
 def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
@@ -232,6 +265,8 @@ def result_files(run: RunResult) -> dict[str, str | bytes]:
         statistics = statistics_csv(run.evaluations, confidence)
         compared = {"errors.csv": errors_csv(run.evaluations), "statistics.csv": statistics}
         parts.append(("comparison", dict(compared)))
+    if run.explained is not None:
+        parts.append(("explain", run.explained.files))
     return merged(parts)
 
 

@@ -492,17 +492,21 @@ class _Table:
         return result
 
 
+def listed(names: Sequence[str]) -> str:
+    """'a', 'a and b', 'a, b and c'."""
+    return " and ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)
+
+
 def _reason(blamed: Sequence[str], witnesses: Sequence[str], certainty: str, sensor: str) -> str:
     """Why, in words."""
     if certainty == "undecided":
-        who = " and ".join(blamed) if len(blamed) == 2 else ", ".join(blamed)
-        return f"{who} disagree, and no other source tells which of them is wrong"
-    agree = " and ".join(witnesses)
+        return f"{listed(blamed)} disagree, and no other source tells which of them is wrong"
+    agree = listed(witnesses)
     if certainty == "likely":
-        shared = f" share the sensor '{sensor}'" if sensor else " are not all independent"
+        but = f"they share the sensor '{sensor}'" if sensor else "what outweighs it is one sensor"
         return (
-            f"{agree} agree with each other, but they{shared}: the robot may also have stood "
-            "elsewhere when that sensor looked"
+            f"{agree} agree with each other, but {but}: the robot may also have stood elsewhere "
+            "when that sensor looked"
         )
     if len(witnesses) == 1:
         return f"only {agree} is left; the others of one sensor moved together"

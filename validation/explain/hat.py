@@ -85,6 +85,8 @@ class SourceVariances:
         high = np.where(np.isnan(self.variances), np.nan, high)
         most, dof = self.ceilings[..., 0], np.maximum(np.nan_to_num(self.ceilings[..., 1]), 1.0)
         ceiling = most * dof / special.chdtri(dof, (1 + confidence) / 2)
+        # An estimate far below zero says that the noise is not as independent as assumed.
+        high = np.where(high > 0, high, np.inf)
         high = np.fmin(high, np.where(np.isnan(high), np.nan, ceiling))
         # Beyond the ceiling the estimate is of no use for the lower end either.
         low = np.where(low > high, 0.0, low)
@@ -165,7 +167,6 @@ def _one_kind(
         return (
             nothing,
             nothing,
-            np.zeros(size),
             nothing,
             np.full((size, 3), np.nan),
             np.full((size, 2), np.nan),

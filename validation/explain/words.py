@@ -6,7 +6,7 @@ import numpy as np
 
 from validation.explain.agreement import MOUNT, Agreement
 from validation.explain.analysis import Explanation, SystemExplanation
-from validation.explain.arbitration import Arbitration, Verdict
+from validation.explain.arbitration import Arbitration, Verdict, listed
 from validation.explain.models import ErrorModel
 from validation.explain.reference import ReferenceEvidence
 from validation.explain.selection import Candidate, Selection
@@ -127,9 +127,14 @@ def _taken_away(settled: Settled) -> str:
             change += f" ({share:.0f} % of the mean square explained)"
         parts.append(change)
     used, n = settled.cells.sum(0), len(settled.cells)
+    first, last = settled.mean(settled.before), settled.mean(settled.after)
+    means = ", ".join(
+        f"{name} {1000 * first[column]:+.1f} to {1000 * last[column]:+.1f} mm"
+        for column, name in enumerate("xy")
+    )
     return (
         f"Standard deviation before and after, without flagged cells ({used[0]} of {n} positions, "
-        f"{used[1]} of {n} headings): {', '.join(parts)}."
+        f"{used[1]} of {n} headings): {', '.join(parts)}; mean {means}."
     )
 
 
@@ -306,7 +311,7 @@ def _agreement(one: Agreement, confidence: float) -> Finding:
         )
         for system, rows in zip(one.systems[1:], differences, strict=True)
     )
-    names = " and ".join(one.systems)
+    names = listed(one.systems)
     if one.p_value >= 1 - confidence:
         text = (
             f"{names} agree on the same mount error (p = {one.p_value:.2g}; {apart}). Fitted "
@@ -343,7 +348,7 @@ def _verdict(one: Verdict, validation: str) -> Finding:
         text = f"The {one.cell} is off by {size}: {one.reason}."
     else:
         held = "held responsible" if one.certainty == "sure" else "most likely responsible"
-        text = f"{' and '.join(one.blamed)} {held} for the {one.cell}, off by {size}: {one.reason}."
+        text = f"{listed(one.blamed)} {held} for the {one.cell}, off by {size}: {one.reason}."
         if validation in one.blamed:
             text += " Survey this stop again."
     severity: Severity = "warning"

@@ -74,6 +74,7 @@ def build_document(run: RunResult) -> Document:
             *overview,
             *run.sections,
             *(_evaluation_section(run, evaluation) for evaluation in run.evaluations),
+            *(run.explained.sections if run.explained is not None else ()),
             _inputs_section(run),
         ],
     )
