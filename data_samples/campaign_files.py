@@ -18,12 +18,23 @@ from validation.poses import to_csv
 SETTINGS_FILE = "truth/settings.json"
 """Names what the folder was made from; a folder that holds it is a simulated campaign."""
 
-_OPTIONAL = ("survey/hand_points.csv", "survey/initial_guesses.csv")
+_OPTIONAL = (
+    "survey/hand_points.csv",
+    "survey/initial_guesses.csv",
+    "laser/scans.csv",
+    "laser/odometry.csv",
+    "truth/laser_mount.csv",
+)
 _FIRST_READING = datetime(2024, 3, 4, 9, 0, 0)  # noqa: DTZ001  (people note local time)
 _BETWEEN_READINGS = timedelta(seconds=20)
 
 
-def write_campaign(folder: Path, simulated: SimulatedCampaign, seed: int | None = None) -> None:
+def write_campaign(
+    folder: Path,
+    simulated: SimulatedCampaign,
+    seed: int | None = None,
+    more: Mapping[str, str] | None = None,
+) -> None:
     """Write all files of a simulated campaign; its truth goes to ``truth/``.
 
     Parameters
@@ -34,6 +45,8 @@ def write_campaign(folder: Path, simulated: SimulatedCampaign, seed: int | None 
         What to write.
     seed : int, optional
         Noted in the truth.
+    more : mapping of str to str, optional
+        Further files, of other systems; the text for campaign.toml is added to its end.
 
     Raises
     ------
@@ -41,6 +54,8 @@ def write_campaign(folder: Path, simulated: SimulatedCampaign, seed: int | None 
         If the folder cannot be written.
     """
     contents = campaign_files(simulated, seed)
+    for name, text in (more or {}).items():
+        contents[name] = contents.get(name, "") + text
     write_files(folder, contents)
     for name in _OPTIONAL:
         if name not in contents:

@@ -80,6 +80,15 @@ def _run_command(ctx: click.Context) -> click.Command:
     metavar="X Y THETA",
     help="Of the example ground truth, metres and radians.",
 )
+@click.option("--laser", is_flag=True, help="Also two laser scanners and their scans.")
+@click.option(
+    "--mount-error",
+    type=(float, float, float),
+    default=(0.0, 0.0, 0.0),
+    show_default=True,
+    metavar="X Y THETA",
+    help="Of the stated mount of the scanners, metres and radians.",
+)
 @click.option("--force", is_flag=True, help="Write into a folder that is not empty.")
 @click.option("--json", "as_json", is_flag=True, help="Print what a script can read.")
 def simulate(
@@ -96,6 +105,8 @@ def simulate(
     hand_points: int,
     initial_guesses: bool,
     bias: tuple[float, float, float],
+    laser: bool,
+    mount_error: tuple[float, float, float],
     force: bool,
     as_json: bool,
 ) -> None:
@@ -123,7 +134,12 @@ def simulate(
         guess_sigmas=(0.1, 0.1, 0.1) if initial_guesses else None,
     )
     simulated = simulate_survey(room, settings, rng)
-    write_campaign(folder, simulated, seed)
+    more = None
+    if laser:
+        from data_samples.laser_campaign import LaserSimulation, laser_files
+
+        more = laser_files(room, LaserSimulation(mount_error=mount_error), rng)
+    write_campaign(folder, simulated, seed, more)
     said = {
         "folder": str(folder),
         "seed": seed,

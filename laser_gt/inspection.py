@@ -1,0 +1,89 @@
+"""The gallery for manual inspection: one page, all matches, before and after.
+
+AD2.3, "Manual Inspection": every match was plotted in two colours and looked at. Here the page
+shows first those that need eyes; what is decided goes into laser/decisions.csv, by the command
+that stands under each pair or by any other hand, and the next run obeys.
+"""
+
+import base64
+import html
+import io
+from collections.abc import Mapping, Sequence
+
+from laser_gt.evidence import Prepared
+from laser_gt.judgement import Match
+from laser_gt.sections import worst_first
+
+STYLE = """
+body { font-family: system-ui, sans-serif; margin: 1.5rem auto; max-width: 62rem; color: #222; }
+article { border-top: 1px solid #bbb; padding: 0.8rem 0; }
+img { max-width: 100%; height: auto; }
+h2 { font-size: 1.05rem; margin: 0.2rem 0; }
+.accept { color: #00664b; } .look { color: #8a5a00; } .reject { color: #555; }
+code { background: #f2f2f2; padding: 0.1rem 0.3rem; }
+nav a { margin-right: 1rem; }
+"""
+
+
+def gallery(
+    matches: Sequence[Match], sweeps: Mapping[str, Prepared], campaign: str, most: int = 200
+) -> str:
+    """The page as HTML that needs no other file.
+
+    Parameters
+    ----------
+    matches : sequence of Match
+        Of all pairs.
+    sweeps : mapping of str to Prepared
+        The scans of each stop.
+    campaign : str
+        The folder, as commands should name it.
+    most : int
+        Pairs drawn; the ones that need eyes come first.
+    """
+    ordered = worst_first(matches)
+    count = {v: sum(m.verdict == v for m in matches) for v in ("look", "reject", "accept")}
+    parts = [
+        "<!doctype html><html lang='en'><head><meta charset='utf-8'>",
+        "<meta name='viewport' content='width=device-width'>",
+        f"<title>Matches to inspect</title><style>{STYLE}</style></head><body>",
+        "<h1>Matches to inspect</h1>",
+        f"<p>{count['look']} need eyes, {count['reject']} are rejected, {count['accept']} "
+        "accepted. The reference scan is orange (its sensor a triangle), the other blue (a "
+        "square). Right: the two must lie on each other wherever both could see.</p>",
+    ]
+    if len(ordered) > most:
+        parts.append(f"<p>The first {most} of {len(ordered)} are shown.</p>")
+    parts += [_article(one, sweeps, campaign) for one in ordered[:most]]
+    parts.append("</body></html>")
+    return "\n".join(parts)
+
+
+def _article(match: Match, sweeps: Mapping[str, Prepared], campaign: str) -> str:
+    """One pair."""
+    pair = f"{match.reference} - {match.moving}"
+    reasons = "".join(f"<li>{html.escape(reason)}</li>" for reason in match.reasons)
+    command = f"gtval laser decide {campaign} {match.reference} {match.moving}"
+    x, y, theta = match.pose
+    picture = _picture(match, sweeps)
+    return (
+        f"<article id='{html.escape(pair)}'><h2>{html.escape(pair)}: "
+        f"<span class='{match.verdict}'>{match.verdict}</span></h2>"
+        f"<img alt='The two scans before and after alignment' src='{picture}'>"
+        f"<ul>{reasons or '<li>nothing speaks against it</li>'}</ul>"
+        f"<p>Pose {x:.4f} m, {y:.4f} m, {theta:.4f} rad; standard deviation "
+        f"{match.sigma_length * 1e3:.1f} mm, {match.sigma_angle * 1e3:.1f} mrad; "
+        f"{match.explained:.0%} of the points explained, {match.violating:.1%} in free space.</p>"
+        f"<p><code>{html.escape(command)} accept</code> or <code>reject</code> or "
+        f"<code>guess X Y THETA</code></p></article>"
+    )
+
+
+def _picture(match: Match, sweeps: Mapping[str, Prepared]) -> str:
+    """The figure as a data address."""
+    from laser_gt.figures import match_figure  # noqa: PLC0415  (matplotlib is slow to load)
+
+    figure = match_figure(match, sweeps[match.reference], sweeps[match.moving])
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=80)
+    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode()
