@@ -65,9 +65,9 @@ def covariances_from_gst(
         limit = 0.999 * table[:, 3] * table[:, 4]
         full[:, 0, 1] = full[:, 1, 0] = np.clip(np.nan_to_num(cross), -limit, limit)
         if best == 1 and misfit[0] > AGREEMENT:
-            notes = (
+            remark = (
                 "The orientation in GST does not count from north as the standard says, but from "
-                "east: only so does the ellipse give the sigmas of latitude and longitude.",
+                "east: only so does the ellipse give the sigmas of latitude and longitude."
             )
     else:
         remark = (
