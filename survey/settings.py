@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from survey.entry.settings import EntrySettings
 from validation.campaign import Finite, Name, Positive, Settings
 
 
@@ -28,7 +29,8 @@ class SurveySettings(Settings):
 
     ``labels`` maps a Vframe point's name as written in the readings to the point that it
     stands for, where the two differ. ``reading_sigma`` replaces the instrument's standard
-    deviation. ``robust`` weighs large residuals down (Huber).
+    deviation. ``robust`` weighs large residuals down (Huber). ``entry`` is about typing readings
+    in the room.
     """
 
     readings: str = "survey/readings.csv"
@@ -42,3 +44,4 @@ class SurveySettings(Settings):
     reading_sigma: Positive | None = None
     robust: bool = False
     motions: list[Motion] = Field(default_factory=list)
+    entry: EntrySettings = EntrySettings()

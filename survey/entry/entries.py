@@ -1,0 +1,141 @@
+"""What is written to the journal: one entry for everything that a person did."""
+
+import json
+from dataclasses import dataclass, fields
+from typing import Any, Literal, get_args
+
+Kind = Literal[
+    "begin",  # an entry session began
+    "reading",  # a number was entered
+    "refused",  # a text was entered that is no possible distance
+    "undo",  # an earlier entry is taken back
+    "keep",  # a doubtful reading, or one set aside, is meant
+    "skip",  # a pair is not measured, with the reason
+    "unskip",  # it is, after all
+    "jump",  # go on with this pair
+    "stop",  # a further stop is to be measured
+    "note",  # a remark
+    "end",  # the entry session ended
+]
+KINDS: tuple[str, ...] = get_args(Kind)
+FROM_FILE = "file"
+FROM_FILE_UNUSED = "file, set aside"
+"""Devices of readings that were taken over from a readings file; the second: with use = no."""
+MAX_NAME = 80
+MAX_NOTE = 1000
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of the journal.
+
+    Parameters
+    ----------
+    kind : str
+        What was done; see `Kind`.
+    number : int
+        1, 2, ... in the order written; 0 before that.
+    time : str
+        Local time with its offset, ISO 8601, milliseconds.
+    id : str
+        Made by the device, so that an entry sent twice is recorded once.
+    by, device : str
+        Who, and on what: 'terminal', 'page', 'file'.
+    start, end : str
+        The pair of points.
+    text : str
+        As typed; the reason of a skip; the text of a note; the name of a stop.
+    metres : float or None
+        What a reading stands for, as the instrument showed it.
+    of : int
+        The entry that this one is about: undone, kept, replaced, noted. 0: none.
+    second : bool
+        Whether a reading is the other person's blind entry.
+    measured : str
+        When a reading was measured, where that is not when it was written: read from a file, or
+        queued while the link was down.
+    """
+
+    kind: Kind
+    number: int = 0
+    time: str = ""
+    id: str = ""
+    by: str = ""
+    device: str = ""
+    start: str = ""
+    end: str = ""
+    text: str = ""
+    metres: float | None = None
+    of: int = 0
+    second: bool = False
+    measured: str = ""
+
+    @property
+    def pair(self) -> frozenset[str]:
+        """The two points, without order."""
+        return frozenset((self.start, self.end))
+
+    def as_json(self) -> str:
+        """A JSON object of all that is not at its default."""
+        said = {
+            field.name: getattr(self, field.name)
+            for field in fields(self)
+            if getattr(self, field.name) != field.default
+        }
+        return json.dumps(said, ensure_ascii=False, separators=(",", ":"))
+
+
+@dataclass(frozen=True)
+class Person:
+    """Who does something, and on what.
+
+    Parameters
+    ----------
+    name : str
+        The person at the laser: the observer of the readings.
+    device : str
+        'terminal', or the name of a phone.
+    second : bool
+        Whether this person makes the blind second entries.
+    """
+
+    name: str
+    device: str = "terminal"
+    second: bool = False
+
+
+_KNOWN = frozenset(field.name for field in fields(Entry))
+_TYPES: dict[str, type | tuple[type, ...]] = {
+    "number": int,
+    "metres": (int, float),
+    "of": int,
+    "second": bool,
+}
+
+
+def entry_from_json(said: dict[str, Any]) -> Entry:
+    """The entry that a JSON object holds.
+
+    Raises
+    ------
+    ValueError
+        Naming the member that is missing, unknown or of the wrong type.
+    """
+    for name, value in said.items():
+        if name not in _KNOWN:
+            raise ValueError(f"unknown member '{name}'")
+        if not isinstance(value, _TYPES.get(name, str)):
+            raise ValueError(f"member '{name}' has the wrong type")  # noqa: TRY004  (of a file)
+    if said.get("kind") not in KINDS:
+        raise ValueError(f"kind: expected one of {', '.join(KINDS)}")
+    if said["kind"] == "reading" and not (said.get("start") and said.get("end")):
+        raise ValueError("a reading needs 'start' and 'end'")
+    if said["kind"] == "reading" and not isinstance(said.get("metres"), (int, float)):
+        raise ValueError("a reading needs 'metres'")
+    return Entry(**said)
+
+
+def clean_text(text: str, most: int) -> str:
+    """The text on one line, shortened, without unprintable characters."""
+    kept = "".join(c if c.isprintable() else " " for c in text)
+    return " ".join(kept.encode("utf-8", "ignore").decode().split())[:most]

@@ -1,0 +1,384 @@
+"""The logic of entering readings: what is recorded, what becomes of it, what is taken back.
+
+It knows nothing of screens: the terminal and the page call the same methods and show what they
+return. Every change goes to the journal first and is only then taken into account.
+"""
+
+import uuid
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Self
+
+from survey.entry.adoption import as_entries, refuse_hand_changes, remark_on
+from survey.entry.entries import MAX_NAME, MAX_NOTE, Entry, Kind, Person, clean_text
+from survey.entry.guide import Guide
+from survey.entry.journal import Journal
+from survey.entry.numbers import TypedDistance, both_units, parse_distance
+from survey.entry.readings_file import ReadingsFile
+from survey.entry.settings import EntrySettings
+from survey.entry.state import WAS_SET_ASIDE, Agree, EntryState, Pair, replayed
+from survey.entry.targets import Station, Target, check_stop_name, load_names
+from survey.settings import SurveySettings
+from validation.campaign import Campaign
+from validation.errors import GtvalError
+
+if TYPE_CHECKING:
+    from survey.entry.checks import Verdict
+    from survey.entry.room_checks import PointStatus, RoomChecks
+
+AGREEMENT = 3.29
+"""Two people disagree if their measurements differ by more standard deviations than this."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What became of a number that was entered.
+
+    Parameters
+    ----------
+    entry : Entry
+        As it stands in the journal.
+    outcome : str
+        'recorded', 'refused' (no possible distance), 'set aside' (the pair has a reading),
+        'repeated' (this very entry was there already), 'agrees' or 'disagrees' (blind entry).
+    text : str
+        In a sentence, with the value where it may be seen.
+    verdict : Verdict or None
+        What the check says; None where nothing may be said, or there is nothing to check.
+    """
+
+    entry: Entry
+    outcome: str
+    text: str
+    verdict: "Verdict | None" = None
+
+    @property
+    def needs_a_look(self) -> bool:
+        """Whether a person should stop and look."""
+        doubtful = self.verdict is not None and (
+            self.verdict.status == "doubtful" or bool(self.verdict.suspects)
+        )
+        return doubtful or self.outcome in ("refused", "set aside", "disagrees")
+
+
+class EntrySession:
+    """Readings of a campaign being entered.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    journal : Journal
+        Open for writing.
+    """
+
+    def __init__(self, campaign: Campaign, journal: Journal) -> None:
+        self.campaign = campaign
+        self.survey = campaign.section("survey", SurveySettings)
+        self.settings: EntrySettings = self.survey.entry
+        self.journal = journal
+        self.state: EntryState = replayed(
+            journal.entries, self._agree(), second_measures=self.settings.second != "type"
+        )
+        self.guide = Guide(campaign, self.settings, self.state, self._doubtful_pairs)
+        self.readings_file = ReadingsFile(campaign.folder / self.survey.readings)
+        self.version = 0
+        """Grows with every entry; a page asks for it to know whether it is up to date."""
+        self._checks: RoomChecks | None = None
+
+    @classmethod
+    def open(cls, campaign: Campaign, who: str = "", *, adopt: bool = False) -> Self:
+        """The entry session of a campaign, as it was left.
+
+        Parameters
+        ----------
+        campaign : Campaign
+            The campaign.
+        who : str
+            Told to others who try to open it meanwhile.
+        adopt : bool
+            Take changes over that a person made in the readings file.
+
+        Raises
+        ------
+        GtvalError
+            If it is open elsewhere, cannot be written, is damaged, or the readings file was
+            changed by hand and that is not to be taken over.
+        """
+        settings = campaign.section("survey", SurveySettings)
+        load_names(campaign)  # a bad campaign is told before anything is made
+        journal = Journal.open(campaign.folder / settings.entry.journal, who)
+        try:
+            entry_session = cls(campaign, journal)
+            entry_session._take_over(adopt=adopt)
+        except BaseException:
+            journal.close()
+            raise
+        return entry_session
+
+    def close(self) -> None:
+        """End it; the readings file is brought up to date."""
+        if self.readings_file.problem:
+            self.readings_file.write(self.state)
+        self.journal.close()
+
+    @property
+    def checks(self) -> "RoomChecks":
+        """What the readings say of the room; made, and numpy loaded, when first needed."""
+        if self._checks is None:
+            from survey.entry.room_checks import RoomChecks  # noqa: PLC0415
+
+            self._checks = RoomChecks(self.campaign.settings, self.survey, self.state)
+        return self._checks
+
+    # -- what there is to look at -----------------------------------------------------------
+
+    def doubtful(self) -> list[int]:
+        """All doubtful readings, in the order entered."""
+        return self.checks.doubtful(self.state.pairs) if self.state.pairs else []
+
+    def doubtful_at(self, station: Station) -> list[int]:
+        """Doubtful readings of a station, neither kept nor measured again."""
+        pairs = [target.pair for target in station.targets]
+        if not any(self.state.counting(pair) for pair in pairs):
+            return []
+        return self.checks.doubtful(pairs)
+
+    def status(self, target: Target) -> "PointStatus | None":
+        """How well the world point or stop is known that a target belongs to."""
+        return self.checks.status(target.pair)
+
+    # -- what people do ---------------------------------------------------------------------
+
+    def record(
+        self,
+        target: Target,
+        text: str,
+        person: Person,
+        *,
+        entry_id: str = "",
+        again: bool = False,
+        measured: str = "",
+    ) -> Answer:
+        """What became of a number; it is on the disk when this returns.
+
+        Parameters
+        ----------
+        target : Target
+            What it is the distance of.
+        text : str
+            As typed.
+        person : Person
+            Who measured, on which device.
+        entry_id : str
+            Made by the device; the same again is recorded once.
+        again : bool
+            Whether it replaces the reading that the pair has.
+        measured : str
+            When, if not now.
+
+        Raises
+        ------
+        GtvalError
+            If the pair cannot be measured, or nothing could be written.
+        """
+        entry_id = clean_text(entry_id, MAX_NAME) or uuid.uuid4().hex
+        if entry_id in self.state.by_id:
+            known = self.state.entries[self.state.by_id[entry_id]]
+            return Answer(known, "repeated", "this entry is there already")
+        self._check_pair(target.pair)
+        if person.second:
+            self._check_second(target.pair, person)
+        blind = person.second or self.state.disagrees(target.pair)
+        entry = self._entry("reading", person, target, text)
+        entry = replace(entry, id=entry_id, measured=clean_text(measured, MAX_NAME))
+        try:
+            typed = parse_distance(text, self.campaign.settings.instrument)
+        except ValueError as error:
+            return Answer(self._write(replace(entry, kind="refused")), "refused", str(error))
+        entry = replace(entry, metres=typed.metres, second=person.second)
+        if blind:
+            return self._blind_answer(self._write(entry))
+        if again and self.state.counting(target.pair):
+            entry = replace(entry, of=self.state.counting(target.pair)[-1])
+        return self._checked(entry, typed)
+
+    def undo(self, person: Person) -> Entry | None:
+        """The entry taken back: this device's last; None where there is none."""
+        last = self.state.last_action(person.device)
+        if last is not None:
+            self._write(replace(self._entry("undo", person), of=last.number))
+        if last is not None and last.kind == "stop":
+            self.guide.make_plan()
+        return last
+
+    def keep(self, number: int, person: Person) -> None:
+        """Say that a doubtful reading, or one set aside, is meant.
+
+        Raises
+        ------
+        GtvalError
+            If there is no such reading.
+        """
+        aside = WAS_SET_ASIDE if number in self.state.set_aside else ""
+        self._write(replace(self._about(number, "keep", person), text=aside))
+
+    def note(self, number: int, text: str, person: Person) -> None:
+        """A remark about a reading.
+
+        Raises
+        ------
+        GtvalError
+            If there is no such reading.
+        """
+        said = clean_text(text, MAX_NOTE)
+        self._write(replace(self._about(number, "note", person), text=said))
+
+    def skip(self, target: Target, reason: str, person: Person) -> None:
+        """Do not measure a pair, for a reason."""
+        self._check_pair(target.pair)
+        self._write(self._entry("skip", person, target, reason or "no reason given"))
+
+    def jump(self, target: Target, person: Person) -> None:
+        """Go on with a target, also if it was to be skipped."""
+        self._check_pair(target.pair)
+        reason = self.guide.skipped(target.pair)
+        kind: Kind = "jump" if reason is None else "unskip"
+        self._write(self._entry(kind, person, target, reason or ""))
+
+    def begin_stop(self, name: str, person: Person) -> Target:
+        """The first target of a further stop.
+
+        Raises
+        ------
+        GtvalError
+            If the name cannot be one, or is there already.
+        """
+        stop = check_stop_name(clean_text(name, MAX_NAME), self.guide.names)
+        self._write(self._entry("stop", person, None, stop))
+        self.guide.make_plan()
+        target = self.guide.target(stop)
+        self.jump(target, person)
+        return target
+
+    def begin(self, person: Person) -> None:
+        """Note that somebody began to enter readings."""
+        self._write(self._entry("begin", person))
+
+    def end(self, person: Person) -> None:
+        """Note that somebody ended."""
+        self._write(self._entry("end", person))
+
+    # -- inside -----------------------------------------------------------------------------
+
+    def _entry(
+        self, kind: Kind, person: Person, target: Target | None = None, text: str = ""
+    ) -> Entry:
+        return Entry(
+            kind,
+            by=clean_text(person.name, MAX_NAME),
+            device=clean_text(person.device, MAX_NAME),
+            start=target.start if target else "",
+            end=target.end if target else "",
+            text=clean_text(text, MAX_NOTE),
+        )
+
+    def _about(self, number: int, kind: Kind, person: Person) -> Entry:
+        """An entry about a reading."""
+        reading = self.state.entries.get(number)
+        if reading is None or reading.kind != "reading":
+            raise GtvalError(f"there is no reading number {number}")
+        entry = self._entry(kind, person, Target(reading.start, reading.end))
+        return replace(entry, of=number)
+
+    def _write(self, entry: Entry) -> Entry:
+        """To the journal, then to everything that follows from it."""
+        written = self.journal.append(entry)
+        self.state.apply(written)
+        if self._checks is not None:
+            for pair in {written.pair, self.state.entries.get(written.of, written).pair}:
+                self._checks.update(pair)
+        self.readings_file.follow(written, self.state)
+        self.version += 1
+        return written
+
+    def _checked(self, entry: Entry, typed: TypedDistance) -> Answer:
+        """Record a reading and say whether it fits what was known without it."""
+        expected = self.checks.expect(entry)
+        entry = self._write(entry)
+        echo = f"{entry.start}–{entry.end} {both_units(typed.metres)}"
+        if entry.number in self.state.set_aside:
+            return Answer(entry, "set aside", self._already_measured(entry, echo))
+        ends = (target.end for target in self.guide.targets_from(entry.start))
+        return Answer(entry, "recorded", echo, self.checks.verdict(entry, typed, expected, ends))
+
+    def _already_measured(self, entry: Entry, echo: str) -> str:
+        first = self.state.entries[self.state.counting(entry.pair)[0]]
+        return (
+            f"{echo} is set aside: {first.by or 'somebody'} entered "
+            f"{both_units(first.metres or 0.0)} for it already"
+        )
+
+    def _blind_answer(self, entry: Entry) -> Answer:
+        """Whether two people agree; no value is shown where they do not."""
+        what = f"{entry.start}–{entry.end}"
+        if not self.state.disagrees(entry.pair):
+            return Answer(entry, "agrees", f"{what}: both agree, {both_units(entry.metres or 0)}")
+        return Answer(
+            entry, "disagrees", f"{what}: the two entries disagree; measure or read it again"
+        )
+
+    def _agree(self) -> Agree:
+        """Whether two people's values agree: the same, or within what the instrument allows."""
+        instrument = self.campaign.settings.instrument
+        half_step = 0.5 * (instrument.resolution or 0.001)
+        if self.settings.second == "type":
+            return lambda a, b: abs(a - b) < half_step
+
+        def agree(a: float, b: float) -> bool:
+            sigma = self.checks.sigma(max(a, b))
+            return instrument.scale * abs(a - b) <= AGREEMENT * 2**0.5 * sigma + half_step
+
+        return agree
+
+    def _check_pair(self, pair: Pair) -> None:
+        """Raise where a pair is not among the points of the survey."""
+        if not self.guide.names.may_be_measured(pair):
+            raise GtvalError(f"{' and '.join(sorted(pair))} are no pair of points to measure")
+
+    def _check_second(self, pair: Pair, person: Person) -> None:
+        """Raise where a second entry has no first, or has it from the same person."""
+        if self.settings.second == "none":
+            raise GtvalError("this campaign has no second entries ([survey.entry] second)")
+        if self.state.disagrees(pair):
+            return
+        entries = [self.state.entries[n] for n in self.state.counting(pair)]
+        what = "–".join(sorted(pair))
+        if not entries:
+            raise GtvalError(f"{what} has no first entry yet")
+        if any(e.second for e in entries):
+            raise GtvalError(f"{what} has its second entry already")
+        if any(e.by == person.name for e in entries):
+            raise GtvalError(f"the second entry of {what} is for the other person")
+
+    def _doubtful_pairs(self, station: Station) -> set[Pair]:
+        return {self.state.entries[number].pair for number in self.doubtful_at(station)}
+
+    def _take_over(self, *, adopt: bool) -> None:
+        """Bring journal and readings file together."""
+        file = self.readings_file
+        changes = file.changes_by_hand(self.state)
+        if changes is not None:
+            if self.state.pairs and not adopt:
+                raise refuse_hand_changes(file.path, changes)
+            for entry, remark in as_entries(file.path, changes, self.guide.names.may_be_measured):
+                self._append_only([replace(entry, id=uuid.uuid4().hex)])
+                if remark:
+                    self._append_only([remark_on(self.journal.entries[-1], remark)])
+        if changes is not None or self.state.pairs:
+            file.write(self.state)
+
+    def _append_only(self, entries: Iterable[Entry]) -> None:
+        """To the journal without writing the readings file anew each time."""
+        for entry in entries:
+            self.state.apply(self.journal.append(entry))

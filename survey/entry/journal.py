@@ -1,0 +1,230 @@
+"""The journal: an append-only file that no accident takes a reading from.
+
+One line an entry, a JSON object that ends in a checksum over itself and the line before. A line
+counts when it is on the disk (fsync); only then is anybody told. A torn last line was never
+acknowledged and is cut off; any other damage is an error, never a silent loss.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Self
+
+from survey.entry.entries import Entry, entry_from_json
+from survey.entry.lock import CampaignLock
+from validation.errors import GtvalError, InputError, Problem
+
+MAX_JOURNAL_BYTES = 200_000_000
+_CHECK = ',"check":"'
+_CHECK_LENGTH = 16
+_START = "0" * _CHECK_LENGTH
+
+
+@dataclass(frozen=True)
+class JournalText:
+    """What a journal file holds.
+
+    Parameters
+    ----------
+    entries : tuple of Entry
+        In the order written.
+    size : int
+        Bytes up to the end of the last good line.
+    torn : int
+        Bytes after it, of a line that was never finished.
+    check : str
+        Checksum of the last good line.
+    """
+
+    entries: tuple[Entry, ...]
+    size: int
+    torn: int
+    check: str
+
+
+def read_journal(path: Path) -> JournalText:
+    """The entries of a journal; none where there is no file.
+
+    Raises
+    ------
+    InputError
+        Naming the line that was damaged, and what to do.
+    """
+    try:
+        if path.exists() and path.stat().st_size > MAX_JOURNAL_BYTES:
+            raise InputError([Problem(path, "larger than 200 MB; this is no journal")])
+        data = path.read_bytes()
+    except FileNotFoundError:
+        data = b""
+    except OSError as error:
+        raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
+    entries: list[Entry] = []
+    check, size = _START, 0
+    lines = data.split(b"\n")
+    for number, line in enumerate(lines[:-1], 1):
+        try:
+            entry, check = _read_line(line, check, number)
+        except ValueError as error:
+            if number == len(lines) - 1 and not lines[-1] and b"\0" in line:
+                break  # blocks of the last line that a power cut kept from the disk
+            raise _damaged(path, number, str(error)) from None
+        entries.append(entry)
+        size += len(line) + 1
+    return JournalText(tuple(entries), size, len(data) - size, check)
+
+
+def _damaged(path: Path, line: int, why: str) -> InputError:
+    return InputError(
+        [
+            Problem(
+                path,
+                f"the journal was damaged here ({why}); put a copy of it back, or rename it: the "
+                "readings file is then taken over as it is",
+                line,
+            )
+        ]
+    )
+
+
+def _read_line(line: bytes, before: str, number: int) -> tuple[Entry, str]:
+    """The entry of a line and the line's checksum."""
+    text = line.decode("utf-8")
+    body, mark, rest = text.rpartition(_CHECK)
+    check = rest[:_CHECK_LENGTH]
+    if not mark or rest != check + '"}' or check != _checksum(before, body):
+        raise ValueError("the checksum does not fit")
+    entry = entry_from_json(json.loads(body + "}"))
+    if entry.number != number:
+        raise ValueError(f"entry {entry.number} on line {number}")
+    return entry, check
+
+
+def _checksum(before: str, body: str) -> str:
+    return hashlib.sha256((before + body).encode()).hexdigest()[:_CHECK_LENGTH]
+
+
+class Journal:
+    """A journal that is open for writing, by one process at a time.
+
+    Parameters
+    ----------
+    path : Path
+        The file; made, with its folder, when the first entry is written.
+    entries : sequence of Entry
+        What it holds.
+    """
+
+    def __init__(self, path: Path, text: JournalText, lock: CampaignLock) -> None:
+        self.path = path
+        self.recovered_bytes = text.torn
+        self._entries = list(text.entries)
+        self._check = text.check
+        self._size = text.size
+        self._lock = lock
+        self._file = -1
+
+    @classmethod
+    def open(cls, path: Path, who: str = "") -> Self:
+        """The journal of a campaign, locked against other processes.
+
+        Raises
+        ------
+        GtvalError
+            If another process has it open, saying who; or the folder cannot be written.
+        InputError
+            If the file was damaged.
+        """
+        lock = CampaignLock.take(path.with_suffix(".lock"), who)
+        try:
+            journal = cls(path, read_journal(path), lock)
+            journal._make_ready()
+        except BaseException:
+            lock.release()
+            raise
+        return journal
+
+    @property
+    def entries(self) -> Sequence[Entry]:
+        """All entries."""
+        return self._entries
+
+    def append(self, entry: Entry, now: datetime | None = None) -> Entry:
+        """The entry with its number and time, once it is safely on the disk.
+
+        Raises
+        ------
+        GtvalError
+            If it could not be written; nothing of it is left in the file then.
+        """
+        if self._file < 0:
+            raise GtvalError(f"{self.path} is closed")
+        time = (now or datetime.now().astimezone()).isoformat(timespec="milliseconds")
+        numbered = replace(entry, number=len(self._entries) + 1, time=time)
+        body = numbered.as_json()[:-1]
+        check = _checksum(self._check, body)
+        line = f'{body}{_CHECK}{check}"}}\n'.encode()
+        try:
+            self._write(line)
+        except OSError as error:
+            self._cut_off()
+            reason = error.strerror or error
+            raise GtvalError(f"NOT recorded: cannot write to {self.path}: {reason}") from error
+        self._size += len(line)
+        self._check = check
+        self._entries.append(numbered)
+        return numbered
+
+    def close(self) -> None:
+        """Let other processes have it."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+        self._lock.release()
+
+    def _make_ready(self) -> None:
+        """Open for appending, with any torn last line cut off."""
+        try:
+            new = not self.path.exists()
+            flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
+            self._file = os.open(self.path, flags, 0o666)
+            if self.recovered_bytes:
+                os.ftruncate(self._file, self._size)
+                os.fsync(self._file)
+            if new:
+                flush_folder(self.path.parent)
+        except OSError as error:
+            self.close()
+            raise GtvalError(
+                f"cannot write to {self.path}: {error.strerror or error}; no reading would be safe"
+            ) from error
+
+    def _write(self, line: bytes) -> None:
+        rest = memoryview(line)
+        while rest:
+            rest = rest[os.write(self._file, rest) :]
+        os.fsync(self._file)
+
+    def _cut_off(self) -> None:
+        """Remove what a failed write left; if even that fails, write nothing more."""
+        try:
+            os.ftruncate(self._file, self._size)
+        except OSError:
+            with contextlib.suppress(OSError):
+                os.close(self._file)
+            self._file = -1
+
+
+def flush_folder(folder: Path) -> None:
+    """Make new names in a folder survive a power cut, where the system can."""
+    if not hasattr(os, "O_DIRECTORY"):
+        return
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,79 @@
+"""The readings file beside the journal, kept up to date while readings come in."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from survey.entry.entries import Entry
+from survey.entry.readings_csv import HandChanges, csv_line, csv_text, hand_changes
+from survey.entry.state import EntryState
+from validation.errors import GtvalError
+from validation.files import write_files
+
+
+class ReadingsFile:
+    """survey/readings.csv as derived from the journal.
+
+    A reading is safe once it is in the journal. If this file cannot be written, that is said in
+    ``problem``, and made good with the next entry or the next start.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.problem = ""
+        self._size = -1
+
+    def changes_by_hand(self, state: EntryState) -> HandChanges | None:
+        """How a person changed the file; None where nobody did."""
+        return hand_changes(self.path, state, state.agree)
+
+    def write(self, state: EntryState) -> None:
+        """Write it anew, whole or not at all."""
+        self._try(lambda: self._replace(state))
+
+    def follow(self, entry: Entry, state: EntryState) -> None:
+        """Take one more entry into account."""
+        if entry.kind == "reading" and state.counting(entry.pair) == [entry.number]:
+            new = not (entry.of or entry.second)
+            if new and self._is_as_left():
+                self._try(lambda: self._append(csv_line(entry, state)))
+                return
+        if entry.kind in ("reading", "undo", "keep", "note"):
+            self.write(state)
+
+    def _is_as_left(self) -> bool:
+        """Whether the file has the size that it had after the last write."""
+        try:
+            return self._size >= 0 and self.path.stat().st_size == self._size
+        except OSError:
+            return False
+
+    def _try(self, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except (OSError, GtvalError) as error:
+            self._size = -1
+            self.problem = f"{self.path.name} is behind the journal: {error}"
+        else:
+            self.problem = ""
+
+    def _replace(self, state: EntryState) -> None:
+        text = csv_text(state).encode()
+        write_files(self.path.parent, {self.path.name: text})
+        self._size = len(text)
+
+    def _append(self, line: str) -> None:
+        data = line.encode()
+        handle = os.open(self.path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
+        try:
+            if os.write(handle, data) != len(data):
+                os.ftruncate(handle, self._size)
+                raise OSError("the disk is full")
+        finally:
+            os.close(handle)
+        self._size += len(data)

@@ -1,0 +1,241 @@
+"""The checks of an entry session: readings against everything that the others say."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from survey.entry.checks import Verdict, other_ends, suspects_of, verdict
+from survey.entry.entries import Entry
+from survey.entry.fits import test_values
+from survey.entry.judgement import LIMIT
+from survey.entry.knowledge import FRAME, Judged, KnownReading, RoomKnowledge
+from survey.entry.numbers import TypedDistance
+from survey.entry.prediction import Prediction
+from survey.entry.settings import EntrySettings
+from survey.entry.state import EntryState, Pair
+from survey.settings import SurveySettings
+from validation.campaign import CampaignSettings
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What a reading should be, from all that was known before it.
+
+    Parameters
+    ----------
+    prediction : Prediction
+        Of its distance.
+    suspects : tuple of int
+        Entries that were suspected before it.
+    """
+
+    prediction: Prediction
+    suspects: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class PointStatus:
+    """How well a world point or stop is known by now.
+
+    Parameters
+    ----------
+    name : str
+        Of the point or stop.
+    readings, redundancy : int
+        Readings that count, and how many of them are more than needed.
+    m0 : float or None
+        Standard deviation of unit weight; None without redundancy.
+    sigmas : tuple of float
+        Of x, y in metres (and theta in radians); empty while the place is open.
+    good_enough : bool
+        Whether a stop is as exact as planned.
+    text : str
+        The same in a sentence.
+    """
+
+    name: str
+    readings: int
+    redundancy: int
+    m0: float | None
+    sigmas: tuple[float, ...]
+    good_enough: bool
+    text: str
+
+
+class RoomChecks:
+    """Knowledge of the room that follows the state of an entry session.
+
+    Parameters
+    ----------
+    campaign : CampaignSettings
+        Frame, rig, instrument.
+    survey : SurveySettings
+        World points, labels, when a stop is good enough.
+    state : EntryState
+        What counts; `update` is called for every pair that changes.
+    """
+
+    def __init__(
+        self, campaign: CampaignSettings, survey: SurveySettings, state: EntryState
+    ) -> None:
+        self._instrument = campaign.instrument
+        self._settings: EntrySettings = survey.entry
+        self._rig = tuple(campaign.robot_frame.points)
+        self._state = state
+        self.knowledge = RoomKnowledge(campaign, survey)
+        for pair in state.pairs:
+            self.update(pair)
+
+    def update(self, pair: Pair) -> None:
+        """Take over what counts of a pair now."""
+        self._know(pair, self._state.counting(pair))
+
+    def expect(self, entry: Entry) -> Expectation:
+        """What a reading that is about to be recorded should be.
+
+        A reading that it replaces says nothing any more from here on.
+        """
+        if entry.of:
+            self._know(entry.pair, [n for n in self._state.counting(entry.pair) if n != entry.of])
+        prediction = self.knowledge.predict(entry.start, entry.end)
+        return Expectation(prediction, self._suspects(entry.pair))
+
+    def verdict(
+        self, entry: Entry, typed: TypedDistance, expected: Expectation, ends: Iterable[str]
+    ) -> Verdict:
+        """What to say of a reading that has been recorded.
+
+        Parameters
+        ----------
+        entry : Entry
+            The reading.
+        typed : TypedDistance
+            As typed.
+        expected : Expectation
+            What was known before it.
+        ends : iterable of str
+            Points that the laser could have pointed at instead.
+        """
+        metres = self.knowledge.corrected(typed.metres)
+        suspects = tuple(
+            number
+            for number in self._suspects(entry.pair)
+            if number not in expected.suspects and number not in self._state.kept
+        )
+        prediction = expected.prediction
+        found = verdict(typed, metres, prediction, suspects, entry.number, self._instrument)
+        if found.status == "doubtful" and prediction.checks:
+            others = other_ends(self.knowledge, entry.start, entry.end, metres, ends)
+            found = replace(found, other_ends=others)
+        return found
+
+    def sigma(self, metres: float) -> float:
+        """Standard deviation of a reading."""
+        return self.knowledge.sigma(metres)
+
+    def doubtful(self, pairs: Iterable[Pair]) -> list[int]:
+        """Doubtful readings of some pairs, not kept, in the order entered."""
+        wanted = set(pairs)
+        keys = {self.knowledge.group_key(pair) for pair in wanted if self._state.counting(pair)}
+        return sorted(
+            number
+            for key in keys
+            for number in self._doubts(key)
+            if self._state.entries[number].pair in wanted
+        )
+
+    def status(self, pair: Pair) -> PointStatus | None:
+        """How well the world point or stop is known that a pair belongs to."""
+        key = self.knowledge.group_key(pair)
+        if key == FRAME:
+            return None
+        judged = self.knowledge.judged(key)
+        judgement = judged[0].judgement
+        if not key.endswith("/"):
+            return _status(key, judged, "world point", _place_sigmas(judged[0]), enough=False)
+        stop = key[:-1]
+        sigmas = self.knowledge.stop_sigmas(stop) if judgement.is_unique else None
+        listed = () if sigmas is None else tuple(map(float, sigmas))
+        return _status(stop, judged, "stop", listed, enough=self._good_enough(stop, listed, judged))
+
+    def _good_enough(self, stop: str, sigmas: Sequence[float], judged: Sequence[Judged]) -> bool:
+        """Whether a stop is as exact as planned, checked mark by mark, with nothing doubtful."""
+        if len(sigmas) < 3 or self._doubts(f"{stop}/"):
+            return False
+        ends: dict[str, set[str]] = {}
+        for number in judged[0].numbers:
+            entry = self._state.entries[number]
+            mark, other = sorted((entry.start, entry.end), key=lambda name: "/" not in name)
+            ends.setdefault(mark, set()).add(other)
+        seen = [len(ends.get(f"{stop}/{point}", ())) for point in self._rig]
+        return (
+            max(sigmas[:2]) <= self._settings.pose_sigma
+            and sigmas[2] <= self._settings.heading_sigma
+            and min(seen) >= self._settings.least_world_points
+        )
+
+    def _know(self, pair: Pair, numbers: Sequence[int]) -> None:
+        entries = [self._state.entries[n] for n in numbers]
+        if len(pair) == 2:
+            self.knowledge.set_readings(
+                pair, [KnownReading(e.number, e.start, e.end, e.metres or 0.0) for e in entries]
+            )
+
+    def _suspects(self, pair: Pair) -> tuple[int, ...]:
+        key = self.knowledge.group_key(pair)
+        return () if key == FRAME else suspects_of(self.knowledge.judged(key))
+
+    def _doubts(self, key: str) -> list[int]:
+        """Doubtful readings of a group: those that do not fit the others, not kept."""
+        found: set[int] = set()
+        if key == FRAME:
+            found = self._doubts_in_frame()
+        else:
+            for one in self.knowledge.judged(key):
+                found |= set(one.entries_of(one.judgement.suspects)) | _unlikely(one)
+        return sorted(found - self._state.kept)
+
+    def _doubts_in_frame(self) -> set[int]:
+        found = set()
+        for pair in self._state.pairs:
+            if len(pair) != 2 or self.knowledge.group_key(pair) != FRAME:
+                continue
+            for number in self._state.counting(pair):
+                entry = self._state.entries[number]
+                metres = self.knowledge.corrected(entry.metres or 0.0)
+                if self.knowledge.predict(entry.start, entry.end).misfit(metres) > LIMIT:
+                    found.add(number)
+        return found
+
+
+def _unlikely(one: Judged) -> set[int]:
+    """Readings that fit the others, but worse than chance allows one in a thousand."""
+    judgement = one.judgement
+    if not judgement.is_unique or judgement.redundancy <= 0 or judgement.explanations:
+        return set()
+    w, _ = test_values(one.fit, judgement.states[0])
+    return {number for number, value in zip(one.numbers, w, strict=True) if abs(value) > LIMIT}
+
+
+def _place_sigmas(one: Judged) -> tuple[float, ...]:
+    """Standard deviations of x and y of a world point; none while it has several places."""
+    if not one.judgement.is_unique:
+        return ()
+    covariance = one.judgement.covariances[0]
+    return tuple(float(covariance[i, i]) ** 0.5 for i in range(2))
+
+
+def _status(
+    name: str, judged: Sequence[Judged], what: str, sigmas: tuple[float, ...], *, enough: bool
+) -> PointStatus:
+    """Counts, m0 and sigmas with the sentence that says them."""
+    readings = sum(len(one.numbers) for one in judged)
+    redundancy = sum(max(one.judgement.redundancy, 0) for one in judged)
+    m0 = judged[0].judgement.m0 if len(judged) == 1 else None
+    text = f"{what} {name}: {readings} readings, {redundancy} more than needed"
+    if m0 is not None:
+        text += f", m0 {m0:.1f}"
+    if sigmas:
+        text += f", ± {1000 * max(sigmas[:2]):.1f} mm"
+    if len(sigmas) == 3:
+        text += f", ± {1000 * sigmas[2]:.1f} mrad"
+    return PointStatus(name, readings, redundancy, m0, sigmas, enough, text)
