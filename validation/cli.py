@@ -4,11 +4,10 @@ Nothing heavy is imported here or when the commands are loaded; a command import
 when it is called.
 """
 
-from importlib.metadata import entry_points
-
 import click
 
 from validation.errors import GtvalError
+from validation.plugins import entry_points
 
 
 class DiscoveredGroup(click.Group):

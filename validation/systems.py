@@ -6,10 +6,10 @@ sequence of click commands. Neither may import anything heavy when it is loaded.
 """
 
 from collections.abc import Callable
-from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Protocol
 
 from validation.errors import GtvalError
+from validation.plugins import entry_points
 
 if TYPE_CHECKING:
     from validation.campaign import Campaign

@@ -59,7 +59,7 @@ def observability(found: Fit) -> Observability:
     lost = vectors[:, values < 1 / LOST**2].T
     sizes = lost * unit[:k]
     sizes = sizes / np.maximum(np.abs(sizes).max(axis=1, keepdims=True), 1e-300)
-    takes_part = (np.abs(lost) > 0.2).any(0)
+    takes_part = ((np.abs(lost) > 0.2) | (np.abs(sizes) > 0.2)).any(0)
     names = tuple(
         name for name, part in zip(found.model.parameters, takes_part, strict=True) if part
     )
