@@ -247,7 +247,9 @@ class _Normal:
 
     def kappa_of(self, offsets: Array) -> Array:
         """(p,) best kappa for given offsets."""
-        return np.linalg.solve(self.kappa, self.right_kappa - self.cross.T @ offsets)
+        return np.asarray(
+            np.linalg.solve(self.kappa, self.right_kappa - self.cross.T @ offsets), dtype=float
+        )
 
 
 def _normal(equations: _Equations, weights: Array, W: Array, sigma: float) -> _Normal:
