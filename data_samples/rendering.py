@@ -21,10 +21,10 @@ from vision_gt.camera import Camera, distortion_jacobians, project, undistort
 Image = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float32]
 
-_RAYS = 64
+_RAYS = 32
 _REACH = 4.0
 """Pixels by which a thing's region is enlarged for blur."""
-_ROW = 4096
+_ROW = 1024
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,8 @@ class Optics:
         Uneven light: change of brightness across the image's width and height, as a share.
     black, white : float
         Grey levels of reflectance 0 and 1 in full light.
+    rays : int
+        Rays of each pixel near an edge: a power of two.
     """
 
     blur: float = 0.7
@@ -83,6 +85,7 @@ class Optics:
     gradient: tuple[float, float] = (0.0, 0.0)
     black: float = 30.0
     white: float = 205.0
+    rays: int = _RAYS
 
 
 @dataclass(frozen=True)
@@ -184,7 +187,7 @@ def _rays(size: tuple[int, int], parameters: tuple[float, ...]) -> tuple[Floats,
     directions = undistort(pixels, values)
     slope, _by = distortion_jacobians(directions, values[4:])
     by_pixel = np.linalg.inv(np.where(np.isnan(slope), np.eye(2), slope)) / values[:2]
-    return np.float32(directions), np.float32(by_pixel)
+    return np.asarray(directions, dtype=np.float32), np.asarray(by_pixel, dtype=np.float32)
 
 
 def _camera_rays(camera: Camera) -> tuple[Floats, Floats]:
@@ -196,7 +199,7 @@ def _background(camera: Camera, T_world_camera: RigidTransform, scene: Scene) ->
     if not scene.texture:
         return np.full(camera.size[::-1], scene.floor, dtype=np.float32)
     seen = _seen_stains(camera, T_world_camera.as_matrix().tobytes())
-    return np.float32(scene.floor) + np.float32(scene.texture) * seen
+    return np.asarray(scene.floor + scene.texture * seen, dtype=np.float32)
 
 
 def _seen_stains(camera: Camera, pose: bytes) -> Floats:
@@ -221,7 +224,7 @@ def _stains_from(size: tuple[int, int], parameters: tuple[float, ...], pose: byt
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_WRAP,
     )
-    return np.float32(np.nan_to_num(seen))
+    return np.asarray(np.nan_to_num(seen), dtype=np.float32)
 
 
 @lru_cache(maxsize=1)
@@ -258,12 +261,15 @@ def _paint(
     directions, slopes = _camera_rays(camera)
     part, slope = directions[rows, columns], slopes[rows, columns]
     layers = _layers(sheet)
-    value = _lookup(layers, sheet, homography, part)
+    scale = np.diag([1 / sheet.cell[0], 1 / sheet.cell[1], 1.0])
+    start, end = scale @ homography, scale @ moved
+    value = _mean_of_rays(layers, (start, start), part.reshape(-1, 2), None, np.zeros((1, 3)))
+    value = value.reshape(*part.shape[:2], 2)
     busy = _busy(value) if motion is None else np.ones(value.shape[:2], dtype=bool)
     busy &= ~np.isnan(part[..., 0])
-    value[busy] = _mean_of_rays(
-        layers, sheet, (homography, moved), part[busy], slope[busy], ray_offsets(optics.blur)
-    )
+    if busy.any():
+        offsets = ray_offsets(optics.blur, optics.rays)
+        value[busy] = _mean_of_rays(layers, (start, end), part[busy], slope[busy], offsets)
     image = reflectance[rows, columns]
     image *= 1 - value[..., 1]
     image += value[..., 0]
@@ -323,31 +329,65 @@ def _layers(sheet: Sheet) -> Floats:
     return np.stack([np.where(cover, sheet.cells, 0.0), cover], -1).astype(np.float32)
 
 
-def _lookup(layers: Floats, sheet: Sheet, homography: Array, rays: Floats) -> Floats:
-    """(..., 2) the layers where rays (..., 2) meet the sheet's plane; 0 outside of it."""
-    h = homography.astype(np.float32)
-    x, y = rays[..., 0], rays[..., 1]
-    with np.errstate(all="ignore"):
-        w = h[2, 0] * x + h[2, 1] * y + h[2, 2]
-        # w = 1 / depth of the meeting point: not positive behind the camera.
-        w = np.where(w > 0, w, np.float32(np.nan))
-        u = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / (w * np.float32(sheet.cell[0])) - 0.5
-        v = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / (w * np.float32(sheet.cell[1])) - 0.5
-    u, v = (np.nan_to_num(c, nan=-9.0, posinf=-9.0, neginf=-9.0) for c in (u, v))
-    shape = u.shape
-    padded = -(-u.size // _ROW) * _ROW
-    maps = [np.full(padded, -9.0, dtype=np.float32) for _ in (u, v)]
-    for target, source in zip(maps, (u, v), strict=True):
-        target[: u.size] = np.clip(source, -9, 9999).ravel()
-    found = cv2.remap(
-        layers,
-        maps[0].reshape(-1, _ROW),
-        maps[1].reshape(-1, _ROW),
-        cv2.INTER_NEAREST,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=(0, 0),
-    )
-    return np.asarray(found.reshape(-1, 2)[: u.size].reshape(*shape, 2), dtype=np.float32)
+def _mean_of_rays(
+    layers: Floats,
+    homographies: tuple[Array, Array],
+    rays: Floats,
+    slopes: Floats | None,
+    offsets: Array,
+) -> Floats:
+    """(n, 2) mean of the layers over the rays of each pixel.
+
+    Parameters
+    ----------
+    layers : (rows, columns, 2) array
+        What is looked up; 0 outside of it.
+    homographies : (3, 3) arrays
+        From ray directions to cells, as the shutter opens and closes.
+    rays : (n, 2) array
+        Of the pixels' centres.
+    slopes : (n, 2, 2) array or None
+        Change of the ray by the pixel.
+    offsets : (k, 3) array
+        From `ray_offsets`.
+    """
+    n = len(rays)
+    padded = -(-n // _ROW) * _ROW
+    start, end = (h.astype(np.float32) for h in homographies)
+    # Homogeneous cell coordinates are linear in the offset: the parts are made once.
+    base = start[:, :2] @ _padded(rays, padded).T + start[:, 2:]
+    parts = []
+    if slopes is not None:
+        parts = [start[:, :2] @ _padded(slopes[:, :, axis], padded).T for axis in (0, 1)]
+    if start is not end and not np.array_equal(start, end):
+        parts.append((end - start)[:, :2] @ _padded(rays, padded).T + (end - start)[:, 2:])
+    total = np.zeros((padded // _ROW, _ROW, 2), dtype=np.float32)
+    point = np.empty_like(base)
+    for offset in offsets.astype(np.float32):
+        np.copyto(point, base)
+        for share, part in zip(offset, parts, strict=False):
+            point += share * part
+        # The last coordinate is one over the depth: not positive behind the camera.
+        with np.errstate(all="ignore"):
+            depth = np.where(point[2] > 0, 1 / point[2], np.float32(0))
+        maps = [point[i] * depth - np.float32(0.5) for i in (0, 1)]
+        maps[0][depth == 0] = -9
+        total += cv2.remap(
+            layers,
+            np.clip(np.nan_to_num(maps[0], nan=-9), -9, 9999).reshape(-1, _ROW),
+            np.clip(np.nan_to_num(maps[1], nan=-9), -9, 9999).reshape(-1, _ROW),
+            cv2.INTER_NEAREST,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=(0, 0),
+        )
+    return np.asarray(total.reshape(-1, 2)[:n] / np.float32(len(offsets)), dtype=np.float32)
+
+
+def _padded(values: Floats, length: int) -> Floats:
+    """(length, 2) the values, then zeros."""
+    out = np.zeros((length, values.shape[1]), dtype=np.float32)
+    out[: len(values)] = values
+    return out
 
 
 def _busy(value: Floats) -> npt.NDArray[np.bool_]:
@@ -359,24 +399,6 @@ def _busy(value: Floats) -> npt.NDArray[np.bool_]:
         layer = np.ascontiguousarray(value[..., channel])
         busy |= cv2.dilate(layer, kernel) != cv2.erode(layer, kernel)
     return busy
-
-
-def _mean_of_rays(
-    layers: Floats,
-    sheet: Sheet,
-    homographies: tuple[Array, Array],
-    rays: Floats,
-    slopes: Floats,
-    offsets: Array,
-) -> Floats:
-    """(n, 2) mean of the layers over the rays of each pixel; rays (n, 2), slopes (n, 2, 2)."""
-    total = np.zeros((len(rays), 2), dtype=np.float32)
-    start, end = homographies
-    for dx, dy, time in offsets:
-        ray = rays + slopes[:, :, 0] * np.float32(dx) + slopes[:, :, 1] * np.float32(dy)
-        homography = start if start is end else start + time * (end - start)
-        total += _lookup(layers, sheet, homography, ray)
-    return total / np.float32(len(offsets))
 
 
 def _develop(

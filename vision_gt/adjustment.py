@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from validation.angles import Array
 from validation.errors import GtvalError
 from vision_gt.camera import project_with_jacobians
-from vision_gt.transforms import change_between, cross_matrix, perturbed
+from vision_gt.transforms import cross_matrix, rotation_matrices, rotation_vectors
 
 Ints = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
@@ -25,7 +25,7 @@ CAMERA_UNKNOWNS = 15
 """Of each camera: six of its pose, then nine intrinsic parameters."""
 
 _MAX_STEPS = 60
-_SMALL_STEP = 1e-9
+_SMALL_GAIN = 1e-8
 _SINGULAR = 1e-11
 
 
@@ -97,30 +97,79 @@ class Setup:
         """Number of unknowns that are not a body's: 15 of each camera, then 6 of each part."""
         return CAMERA_UNKNOWNS * len(self.T_world_camera) + 6 * len(self.T_body_part)
 
-    def moved(self, shared: Array, bodies: Array) -> "Setup":
+
+@dataclass(frozen=True)
+class _Arrays:
+    """The same as a `Setup`, as plain rotations and translations: quick to change."""
+
+    R_camera: Array
+    t_camera: Array
+    intrinsics: Array
+    R_body: Array
+    t_body: Array
+    R_part: Array
+    t_part: Array
+
+    @classmethod
+    def of(cls, setup: Setup) -> "_Arrays":
+        """Of a setup."""
+        stacks = (setup.T_world_camera, setup.T_world_body, setup.T_body_part)
+        (Rc, tc), (Rb, tb), (Rp, tp) = (
+            (T.rotation.as_matrix(), np.asarray(T.translation)) for T in stacks
+        )
+        return cls(Rc, tc, np.asarray(setup.intrinsics, dtype=float), Rb, tb, Rp, tp)
+
+    @property
+    def setup(self) -> Setup:
+        """As a setup."""
+        stacks = (
+            RigidTransform.from_components(t, Rotation.from_matrix(R))
+            for R, t in (
+                (self.R_camera, self.t_camera),
+                (self.R_body, self.t_body),
+                (self.R_part, self.t_part),
+            )
+        )
+        camera, body, part = stacks
+        return Setup(camera, self.intrinsics, body, part)
+
+    def moved(self, shared: Array, bodies: Array) -> "_Arrays":
         """After changes (g,) of the shared unknowns and (b, 6) of the bodies."""
-        c = len(self.T_world_camera)
+        c = len(self.R_camera)
         cameras = shared[: CAMERA_UNKNOWNS * c].reshape(c, CAMERA_UNKNOWNS)
         parts = shared[CAMERA_UNKNOWNS * c :].reshape(-1, 6)
-        return Setup(
-            perturbed(self.T_world_camera, cameras[:, :6]),
+        return _Arrays(
+            rotation_matrices(cameras[:, 3:6]) @ self.R_camera,
+            self.t_camera + cameras[:, :3],
             self.intrinsics + cameras[:, 6:],
-            perturbed(self.T_world_body, bodies),
-            perturbed(self.T_body_part, parts),
+            rotation_matrices(bodies[:, 3:]) @ self.R_body,
+            self.t_body + bodies[:, :3],
+            rotation_matrices(parts[:, 3:]) @ self.R_part,
+            self.t_part + parts[:, :3],
         )
 
-    def change_from(self, other: "Setup") -> tuple[Array, Array]:
+    def change_from(self, other: "_Arrays") -> tuple[Array, Array]:
         """Changes of the shared unknowns (g,) and the bodies (b, 6) that make it of another."""
         cameras = np.concatenate(
             [
-                change_between(self.T_world_camera, other.T_world_camera),
+                self.t_camera - other.t_camera,
+                _turn(self.R_camera, other.R_camera),
                 self.intrinsics - other.intrinsics,
             ],
             axis=1,
         )
-        parts = change_between(self.T_body_part, other.T_body_part)
-        bodies = change_between(self.T_world_body, other.T_world_body)
+        parts = np.concatenate(
+            [self.t_part - other.t_part, _turn(self.R_part, other.R_part)], axis=1
+        )
+        bodies = np.concatenate(
+            [self.t_body - other.t_body, _turn(self.R_body, other.R_body)], axis=1
+        )
         return np.concatenate([cameras.ravel(), parts.ravel()]), bodies
+
+
+def _turn(R: Array, reference: Array) -> Array:
+    """(n, 3) rotation vectors from one stack of rotations to another."""
+    return rotation_vectors(R @ np.swapaxes(reference, 1, 2))
 
 
 @dataclass(frozen=True)
@@ -179,7 +228,7 @@ class Linearised:
     by_body: Array
 
 
-def linearise(views: Views, setup: Setup, whitening: Array | None = None) -> Linearised:
+def linearise(views: Views, setup: Setup) -> Linearised:
     """Residuals of all views, and the derivatives of the predictions.
 
     Parameters
@@ -188,22 +237,20 @@ def linearise(views: Views, setup: Setup, whitening: Array | None = None) -> Lin
         What was seen.
     setup : Setup
         Where things are taken to be.
-    whitening : (n, 2, 2) array, optional
-        From `whiten`, where it was computed before.
     """
-    if whitening is None:
-        whitening = whiten(views.covariance)
-    R_part = setup.T_body_part.rotation.as_matrix()[views.part]
-    R_body = setup.T_world_body.rotation.as_matrix()[views.body]
-    R_camera = setup.T_world_camera.rotation.as_matrix()[views.camera]
-    turned_part = (R_part @ views.point[..., None])[..., 0]
-    on_body = turned_part + setup.T_body_part.translation[views.part]
+    return _linearised(views, _Arrays.of(setup), whiten(views.covariance))
+
+
+def _linearised(views: Views, at: _Arrays, whitening: Array) -> Linearised:
+    R_body = at.R_body[views.body]
+    turned_part = (at.R_part[views.part] @ views.point[..., None])[..., 0]
+    on_body = turned_part + at.t_part[views.part]
     turned_body = (R_body @ on_body[..., None])[..., 0]
-    in_world = turned_body + setup.T_world_body.translation[views.body]
-    from_camera = in_world - setup.T_world_camera.translation[views.camera]
-    to_camera = np.swapaxes(R_camera, 1, 2)
+    in_world = turned_body + at.t_body[views.body]
+    from_camera = in_world - at.t_camera[views.camera]
+    to_camera = np.swapaxes(at.R_camera[views.camera], 1, 2)
     seen = (to_camera @ from_camera[..., None])[..., 0]
-    pixel, by_point, by_intrinsics = project_with_jacobians(seen, setup.intrinsics[views.camera])
+    pixel, by_point, by_intrinsics = project_with_jacobians(seen, at.intrinsics[views.camera])
     by_world = whitening @ by_point @ to_camera
     by_camera = np.concatenate(
         [-by_world, by_world @ cross_matrix(from_camera), whitening @ by_intrinsics], axis=2
@@ -295,7 +342,8 @@ def adjust(
     """
     known = knowledge or nothing_known(start)
     problem = _Problem(views, start, known, huber)
-    setup, state = start, problem.evaluate(start)
+    at = _Arrays.of(start)
+    state = problem.evaluate(at)
     if not np.isfinite(state.cost):
         raise NotDeterminedError("the start puts seen points behind their camera")
     damping, converged = 1e-4, False
@@ -306,12 +354,12 @@ def adjust(
             if damping > 1e8:
                 break
             continue
-        trial = setup.moved(*step)
+        trial = at.moved(*step)
         candidate = problem.evaluate(trial)
         if candidate.cost <= state.cost * (1 + 1e-14):
             gain = state.cost - candidate.cost
-            setup, state, damping = trial, candidate, max(damping / 10, 1e-12)
-            converged = gain <= _SMALL_STEP * max(state.cost, 1e-12) or _tiny(step)
+            at, state, damping = trial, candidate, max(damping / 10, 1e-12)
+            converged = gain <= _SMALL_GAIN * max(state.cost, 1e-3) or _tiny(step)
             if converged:
                 break
         else:
@@ -319,7 +367,7 @@ def adjust(
             if damping > 1e8:
                 converged = _tiny(step)
                 break
-    return _result(problem, setup, state, converged, describe)
+    return _result(problem, at.setup, state, converged, describe)
 
 
 def _tiny(step: tuple[Array, Array]) -> bool:
@@ -346,6 +394,8 @@ class _Problem:
     def __init__(self, views: Views, start: Setup, known: Knowledge, huber: float | None) -> None:
         self.views, self.start, self.known, self.huber = views, start, known, huber
         self.whitening = whiten(views.covariance)
+        self.origin = _Arrays.of(start)
+        self.has_prior = bool(known.shared.any() or known.bodies.any())
         self.free = np.flatnonzero(known.free)
         c = len(start.T_world_camera)
         slots = np.concatenate(
@@ -364,18 +414,20 @@ class _Problem:
             for rows in np.split(order, np.sort(first)[1:])
         ]
 
-    def evaluate(self, setup: Setup) -> _State:
+    def evaluate(self, at: _Arrays) -> _State:
         """Cost and normal equations; infinite cost where a point falls behind its camera."""
-        lin = linearise(self.views, setup, self.whitening)
+        lin = _linearised(self.views, at, self.whitening)
         size = np.linalg.norm(lin.residual, axis=1)
         weights, losses = _huber(size, self.huber)
-        shared_off, body_off = setup.change_from(self.start)
         known = self.known
+        g, b = len(known.shared), len(at.R_body)
+        shared_off, body_off = np.zeros(g), np.zeros((b, 6))
+        if self.has_prior:
+            shared_off, body_off = at.change_from(self.origin)
         cost = float(losses.sum() + 0.5 * shared_off @ known.shared @ shared_off)
         cost += float(0.5 * np.einsum("bi,bij,bj->", body_off, known.bodies, body_off))
         if not np.isfinite(cost):
             cost = np.inf
-        g, b = setup.shared, len(setup.T_world_body)
         shared, mixed = known.shared.copy(), np.zeros((b, g, 6))
         shared_right = -known.shared @ shared_off
         body = known.bodies.copy()

@@ -20,10 +20,11 @@ _LEAST_HALF_WINDOW = 1.5
 _CORNER_MARGIN = 2.5
 """Pixels near a corner that are left out: there the other side's blur reaches in."""
 _MAX_STATIONS = 40
-_FIRST_STEPS, _FINAL_STEPS = 3, 4
+_ROUGH_STEPS, _FINAL_STEPS = 3, 4
 """Steps of the rough and the final fit; the windows follow the edges between the two."""
-_SEARCH = 1.3
-"""Pixels by which the rough fit looks further out: found corners tend to lie inside."""
+_SEARCH = np.arange(-4.0, 2.51, 0.5)
+"""Displacements (pixels, inwards) among which the edge is sought first: found corners tend to
+lie inside, and two cells further in the next edges of the same kind begin."""
 _SATURATED = 254
 _START_BLUR = 0.8
 _BLUR_PRIOR = 0.5
@@ -35,6 +36,7 @@ _FLOOR = 0.015
 """Pixels of corner error that no fit sees: the model of the blur, the print."""
 
 Mask = npt.NDArray[np.bool_]
+Image = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class CornerFit:
 
 
 def refine_corners(
-    image: npt.NDArray[np.uint8], start: Array, cells: int, parameters: Array | None = None
+    image: Image, start: Array, cells: int, parameters: Array | None = None
 ) -> CornerFit:
     """Corners of markers from their fitted edges.
 
@@ -80,9 +82,9 @@ def refine_corners(
     flat = _Flat(parameters)
     corners = flat.from_image(np.asarray(start, dtype=float))
     half = _half_windows(corners, cells)
-    for final in (False, True):
+    for stage in (_sought_edges, _rough_edges, _final_edges):
         ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)
-        edges = _fit_edges(image, ends, half.ravel(), flat, final=final)
+        edges = stage(image, ends, half.ravel(), flat)
         corners, covariances, good = _crossings(corners, edges)
     refined = flat.to_image(corners)
     scale = flat.slope_to_image(corners)
@@ -151,37 +153,66 @@ class _Edges:
     good: Mask
 
 
-def _fit_edges(
-    image: npt.NDArray[np.uint8],
-    ends: Array,
-    half: Array,
-    flat: _Flat,
-    *,
-    final: bool,
-) -> _Edges:
-    """Blurred steps fitted along edges that run from ends[:, 0] to ends[:, 1]."""
+def _frame(ends: Array) -> tuple[Array, Array]:
+    """Unit vectors (e, 2) along edges and, as corners run clockwise, into the marker."""
     along = ends[:, 1] - ends[:, 0]
     unit = along / np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
-    # Corners run clockwise in the image, so this normal points into the marker.
-    normal = np.column_stack([-unit[:, 1], unit[:, 0]])
-    limits = (half + (0.0 if final else _SEARCH), half)
-    grey, share, distance, weight = _samples(image, ends, limits, flat, (unit, normal))
-    values, fitted = _start_values(grey, distance, weight)
-    weights = weight
-    for step in range(_FINAL_STEPS if final else _FIRST_STEPS):
-        residual, jacobian = _step_model(values, grey, share, distance)
-        if final and step >= 1:
-            weights = weight * _tukey(residual, weight)
-        change, _normal = _solve(residual, jacobian, weights, values)
-        change[:, :2] = np.clip(change[:, :2], -1.5, 1.5)
-        values = values + np.where(fitted[:, None], change, 0.0)
-        values[:, 2] = np.clip(values[:, 2], 0.3, 3.0)
-    if not final:
-        rough = fitted & (np.abs(values[:, :2]).max(1) < _HALF_WINDOW)
-        return _Edges(
-            ends, normal, values[:, :2], np.broadcast_to(np.eye(2), (len(ends), 2, 2)), rough
-        )
-    residual, jacobian = _step_model(values, grey, share, distance)
+    return unit, np.column_stack([-unit[:, 1], unit[:, 0]])
+
+
+def _sought_edges(image: Image, ends: Array, half: Array, flat: _Flat) -> _Edges:
+    """Edges where the mean grey level drops most on the way into the marker, in each half.
+
+    The border drops along its whole length; white cells behind it rise first.
+    """
+    frame = _frame(ends)
+    reach = np.full(len(ends), 1.0)
+    limits = (reach - _SEARCH[0], reach + _SEARCH[-1])
+    grey, share, distance, weight = _samples(image, ends, limits, flat, frame)
+    halves = []
+    for side in (share < 0.5, share >= 0.5):
+        profile = _profile(grey, distance, weight * side)
+        drop = profile[:, :-4] - profile[:, 4:]
+        drop[_SEARCH > half[:, None] + 0.5] = -1.0
+        halves.append(_SEARCH[np.argmax(np.nan_to_num(drop, nan=-1.0), axis=1)])
+    # Each half's displacement is that of its middle.
+    first, second = halves
+    shift = np.column_stack([1.5 * first - 0.5 * second, 1.5 * second - 0.5 * first])
+    far = np.abs(first - second) > 0.2 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    shift[far] = 0.0
+    unknown = np.broadcast_to(np.eye(2), (len(ends), 2, 2))
+    return _Edges(ends, frame[1], shift, unknown, np.ones(len(ends), dtype=bool))
+
+
+def _profile(grey: Array, distance: Array, weight: Array) -> Array:
+    """(e, k + 4) mean grey levels at displacements half a pixel apart, NaN where unknown.
+
+    They begin one pixel before `_SEARCH` and end one pixel after it.
+    """
+    steps = np.arange(len(_SEARCH) + 4)
+    place = (distance - (_SEARCH[0] - 1.0)) / 0.5
+    near = weight[..., None] * np.maximum(1 - np.abs(place[..., None] - steps), 0)
+    total = near.sum(1)
+    with np.errstate(all="ignore"):
+        return np.asarray((near * grey[..., None]).sum(1) / np.where(total > 0, total, np.nan))
+
+
+def _rough_edges(image: Image, ends: Array, half: Array, flat: _Flat) -> _Edges:
+    """Blurred steps fitted in a few steps, so that the final window is in place."""
+    frame = _frame(ends)
+    samples = _samples(image, ends, (half, half), flat, frame)
+    values, fitted, _weights = _fitted_steps(samples, _ROUGH_STEPS, robust=False)
+    good = fitted & (np.abs(values[:, :2]).max(1) < _HALF_WINDOW)
+    unknown = np.broadcast_to(np.eye(2), (len(ends), 2, 2))
+    return _Edges(ends, frame[1], values[:, :2], unknown, good)
+
+
+def _final_edges(image: Image, ends: Array, half: Array, flat: _Flat) -> _Edges:
+    """Blurred steps fitted with outliers held back, with covariances and a judgement."""
+    frame = _frame(ends)
+    samples = _samples(image, ends, (half, half), flat, frame)
+    values, fitted, weights = _fitted_steps(samples, _FINAL_STEPS, robust=True)
+    residual, jacobian = _step_model(values, *samples[:3])
     _change, normal_matrix = _solve(residual, jacobian, weights, values)
     count = np.maximum(weights.sum(1), 1.0)
     variance = (weights * residual**2).sum(1) / np.maximum(count - _UNKNOWNS, 1.0)
@@ -190,7 +221,7 @@ def _fit_edges(
     contrast = np.minimum(values[:, 5], values[:, 5] + values[:, 6]) - np.maximum(
         values[:, 3], values[:, 3] + values[:, 4]
     )
-    kept = weights.sum(1) / np.maximum(weight.sum(1), 1.0)
+    kept = weights.sum(1) / np.maximum(samples[3].sum(1), 1.0)
     sigma = np.sqrt(np.abs(covariance[:, [0, 1], [0, 1]])).max(1)
     good = (
         fitted
@@ -200,11 +231,29 @@ def _fit_edges(
         & (np.abs(values[:, :2]).max(1) < _HALF_WINDOW)
         & (np.sqrt(variance) < 0.25 * np.maximum(contrast, 1.0))
     )
-    return _Edges(ends, normal, values[:, :2], covariance, good)
+    return _Edges(ends, frame[1], values[:, :2], covariance, good)
+
+
+def _fitted_steps(
+    samples: tuple[Array, Array, Array, Array], steps: int, *, robust: bool
+) -> tuple[Array, Mask, Array]:
+    """Unknowns (e, 7) after Gauss-Newton steps, whether there was enough to fit, and weights."""
+    grey, share, distance, weight = samples
+    values, fitted = _start_values(grey, distance, weight)
+    weights = weight
+    for step in range(steps):
+        residual, jacobian = _step_model(values, grey, share, distance)
+        if robust and step >= 1:
+            weights = weight * _tukey(residual, weight)
+        change, _normal = _solve(residual, jacobian, weights, values)
+        change[:, :2] = np.clip(change[:, :2], -1.5, 1.5)
+        values = values + np.where(fitted[:, None], change, 0.0)
+        values[:, 2] = np.clip(values[:, 2], 0.3, 3.0)
+    return values, fitted, weights
 
 
 def _samples(
-    image: npt.NDArray[np.uint8],
+    image: Image,
     ends: Array,
     limits: tuple[Array, Array],
     flat: _Flat,
@@ -276,7 +325,7 @@ def _packed(used: Mask, *arrays: Array) -> tuple[Array, Array, Array, Array]:
 
 def _start_values(grey: Array, distance: Array, weight: Array) -> tuple[Array, Mask]:
     """Unknowns (e, 7): shifts of the two ends, width, dark and its slope, bright and its slope."""
-    inside, outside = weight * (distance > 1), weight * (distance < -1)
+    inside, outside = weight * (distance > 0.7), weight * (distance < -1)
     n_in, n_out = inside.sum(1), outside.sum(1)
     dark = (inside * grey).sum(1) / np.maximum(n_in, 1)
     bright = (outside * grey).sum(1) / np.maximum(n_out, 1)

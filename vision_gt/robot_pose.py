@@ -37,6 +37,8 @@ AMBIGUOUS_EXCESS = 13.8
 _DISTINCT = np.deg2rad(3.0)
 _DISTINCT_LENGTH = 0.02
 _MOST_STARTS = 4
+_HOPELESS, _HOPELESS_PIXELS = 25.0, 3.0
+"""A first guess that fits so much worse than the best one is not tried."""
 _HUBER = 4.0
 
 
@@ -269,8 +271,11 @@ class _Problem:
                 sighting.views, camera, self.sides, self.markers, self.T_robot_marker
             )
             guesses += [(misfit, T_gtv_camera * T) for misfit, T in found]
+        guesses.sort(key=lambda pair: pair[0])
         starts: list[RigidTransform] = []
-        for _, T in sorted(guesses, key=lambda pair: pair[0]):
+        for misfit, T in guesses:
+            if misfit > _HOPELESS * guesses[0][0] + _HOPELESS_PIXELS**2:
+                break
             if all(_distinct(T, other, 3.0) for other in starts):
                 starts.append(T)
         return starts[:_MOST_STARTS]
@@ -281,12 +286,12 @@ class _Problem:
         root = np.sqrt(done.weights)[:, None, None]
         n = len(self.views)
         A = (root * lin.by_body).reshape(2 * n, 6)
-        B = np.zeros((n, 2, len(self.slots)))
+        by_shared = np.zeros((n, 2, len(self.slots)))
         for row in range(n):
-            B[row][:, camera_slots(int(self.views.camera[row]))] = lin.by_camera[row]
+            by_shared[row][:, camera_slots(int(self.views.camera[row]))] = lin.by_camera[row]
             first = CAMERA_UNKNOWNS * len(self.cameras) + 6 * int(self.views.part[row])
-            B[row][:, first : first + 6] = lin.by_part[row]
-        B = (root * B).reshape(2 * n, -1)
+            by_shared[row][:, first : first + 6] = lin.by_part[row]
+        B = (root * by_shared).reshape(2 * n, -1)
         inverse = np.linalg.inv(np.eye(2 * n) + B @ self.covariance @ B.T)
         weighted = A.T @ inverse
         prior = _floor_information(floor)

@@ -32,6 +32,33 @@ def change_between(T_a_b: RigidTransform, reference: RigidTransform) -> Array:
     return np.concatenate([T_a_b.translation - reference.translation, turn], -1)
 
 
+def rotation_matrices(rotvec: Array) -> Array:
+    """(..., 3, 3) rotations by rotation vectors (..., 3): Rodrigues' formula."""
+    angle = np.linalg.norm(rotvec, axis=-1)[..., None, None]
+    K = cross_matrix(rotvec)
+    # sinc is the derivative of the sine at 0, so that small angles need no special case.
+    half = np.sinc(angle / (2 * np.pi))
+    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * half**2 * K @ K)
+
+
+def rotation_vectors(matrices: Array) -> Array:
+    """(..., 3) rotation vectors of rotations by clearly less than half a turn."""
+    R = np.asarray(matrices)
+    skew = 0.5 * np.stack(
+        [
+            R[..., 2, 1] - R[..., 1, 2],
+            R[..., 0, 2] - R[..., 2, 0],
+            R[..., 1, 0] - R[..., 0, 1],
+        ],
+        -1,
+    )
+    sine = np.linalg.norm(skew, axis=-1)
+    angle = np.arctan2(sine, 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1))
+    return np.asarray(
+        skew * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 1.0)[..., None]
+    )
+
+
 def mean_transform(transforms: RigidTransform, weights: Array | None = None) -> RigidTransform:
     """Mean of the elements of the matrices, its rotation made orthogonal again.
 

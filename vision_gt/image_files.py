@@ -1,0 +1,217 @@
+"""Images of a campaign: where they lie, what their names say, and reading them."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from validation.errors import InputError, Problem
+
+Image = npt.NDArray[np.uint8]
+
+ENDINGS = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm"}
+MAX_BYTES = 100_000_000
+BLANK = 1.5
+"""Standard deviation of the grey levels (of a blurred copy) below which an image shows nothing."""
+_SNAPSHOT = re.compile(r"(?P<one>[^-]+)-(?P<other>[^-]+)-(?P<number>\d+)")
+_OF_CAMERA = re.compile(r"(?P<camera>[^-]+)-(?P<number>\d+)")
+_POSE = re.compile(r"pose(?P<pose>.+)")
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """One moment of the double pattern.
+
+    Parameters
+    ----------
+    name : str
+        '1-2-4': the two cameras in the order of their names, and the number.
+    images : mapping of str to Path
+        Image by camera: one or two.
+    """
+
+    name: str
+    images: Mapping[str, Path]
+
+
+@dataclass(frozen=True)
+class CampaignImages:
+    """All images of a vision campaign.
+
+    Parameters
+    ----------
+    calibration : mapping of str to sequence of Path
+        By camera.
+    network : sequence of Snapshot
+        Double pattern seen by two cameras.
+    bar : sequence of (str, Path)
+        Images that show both boards, with their camera.
+    reference : mapping of str to Path
+        The reference pattern, by camera.
+    movie : mapping of str to sequence of Path
+        The walk around the robot, by camera.
+    poses : mapping of str to mapping of str to Path
+        Image by camera and stop.
+    before, after : mapping of str to Path
+        Of the steadiness check, by camera.
+    """
+
+    calibration: Mapping[str, Sequence[Path]]
+    network: Sequence[Snapshot]
+    bar: Sequence[tuple[str, Path]]
+    reference: Mapping[str, Path]
+    movie: Mapping[str, Sequence[Path]]
+    poses: Mapping[str, Mapping[str, Path]]
+    before: Mapping[str, Path]
+    after: Mapping[str, Path]
+
+
+def has_images(folder: Path) -> bool:
+    """Whether a vision folder holds images of the robot at its stops."""
+    poses = folder / "poses"
+    return poses.is_dir() and any(_images(camera) for camera in poses.iterdir() if camera.is_dir())
+
+
+def campaign_images(folder: Path) -> CampaignImages:
+    """The images below a vision folder, by the naming of AD2.3.
+
+    Parameters
+    ----------
+    folder : Path
+        Holds calibration/CAMERA/*, network/2-1-4.*, bar/2-1.*, reference/CAMERA.*,
+        layout/CAMERA/*, poses/CAMERA/poseX.* and steadiness/{before,after}/CAMERA.*.
+
+    Raises
+    ------
+    InputError
+        Naming every image whose name cannot be understood.
+
+    Notes
+    -----
+    AD2.3, "Calibration of the camera network": '4th snapshot from camera n. 2 (when paired with
+    camera n. 1): 2-1-4.bmp'; "Collection of the GT data for static poses": 'poseX.ext'.
+    """
+    problems: list[Problem] = []
+    found = CampaignImages(
+        calibration=_by_camera(folder / "calibration"),
+        network=_snapshots(folder / "network", problems),
+        bar=_of_cameras(folder / "bar", problems),
+        reference={path.stem: path for path in _images(folder / "reference")},
+        movie=_by_camera(folder / "layout"),
+        poses=_poses(folder / "poses", problems),
+        before={path.stem: path for path in _images(folder / "steadiness" / "before")},
+        after={path.stem: path for path in _images(folder / "steadiness" / "after")},
+    )
+    if problems:
+        raise InputError(problems)
+    return found
+
+
+def _images(folder: Path) -> list[Path]:
+    """Image files of a folder, in the order that people count."""
+    if not folder.is_dir():
+        return []
+    found = [path for path in folder.iterdir() if path.suffix.lower() in ENDINGS]
+    return sorted(found, key=_counting)
+
+
+def _counting(path: Path) -> list[tuple[int, str]]:
+    """Sort key by which 'pose10' comes after 'pose9'."""
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+
+
+def _by_camera(folder: Path) -> dict[str, list[Path]]:
+    if not folder.is_dir():
+        return {}
+    cameras = sorted(path for path in folder.iterdir() if path.is_dir())
+    return {camera.name: images for camera in cameras if (images := _images(camera))}
+
+
+def _snapshots(folder: Path, problems: list[Problem]) -> list[Snapshot]:
+    pairs: dict[str, dict[str, Path]] = {}
+    for path in _images(folder):
+        match = _SNAPSHOT.fullmatch(path.stem)
+        if match is None or match["one"] == match["other"]:
+            expected = "expected a name such as 2-1-4: camera, the one it is paired with, number"
+            problems.append(Problem(path, expected))
+            continue
+        low, high = sorted((match["one"], match["other"]))
+        views = pairs.setdefault(f"{low}-{high}-{int(match['number'])}", {})
+        if match["one"] in views:
+            problems.append(Problem(path, f"the same snapshot as {views[match['one']].name}"))
+        views[match["one"]] = path
+    return [Snapshot(name, images) for name, images in pairs.items()]
+
+
+def _of_cameras(folder: Path, problems: list[Problem]) -> list[tuple[str, Path]]:
+    found = []
+    for path in _images(folder):
+        match = _OF_CAMERA.fullmatch(path.stem)
+        if match is None:
+            problems.append(Problem(path, "expected a name such as 2-1: camera, number"))
+        else:
+            found.append((match["camera"], path))
+    return found
+
+
+def _poses(folder: Path, problems: list[Problem]) -> dict[str, dict[str, Path]]:
+    found: dict[str, dict[str, Path]] = {}
+    for camera, images in _by_camera(folder).items():
+        found[camera] = {}
+        for path in images:
+            match = _POSE.fullmatch(path.stem)
+            if match is None:
+                problems.append(Problem(path, "expected a name such as pose7"))
+            elif match["pose"] in found[camera]:
+                twin = found[camera][match["pose"]].name
+                problems.append(Problem(path, f"the same pose as {twin}; keep one of them"))
+            else:
+                found[camera][match["pose"]] = path
+    return found
+
+
+def read_image(path: Path) -> Image:
+    """The grey levels (h, w) of an image file.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty, truncated or no image.
+    """
+    try:
+        size = path.stat().st_size
+        if not 0 < size <= MAX_BYTES:
+            raise InputError([Problem(path, f"the image file has {size} bytes")])
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError([Problem(path, "there is no such image")]) from None
+    except OSError as error:
+        raise InputError([Problem(path, f"cannot be read: {error.strerror or error}")]) from None
+    if _is_cut(data):
+        raise InputError([Problem(path, "the image is truncated; copy it again")])
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
+    if image is None:
+        raise InputError([Problem(path, "not an image that OpenCV can read")])
+    return np.asarray(image, dtype=np.uint8)
+
+
+def _is_cut(data: bytes) -> bool:
+    """Whether a PNG, JPEG or BMP file ends too early: decoders fill such images with grey."""
+    if data.startswith(b"\x89PNG"):
+        return b"IEND" not in data[-64:]
+    if data.startswith(b"\xff\xd8"):
+        return b"\xff\xd9" not in data[-4096:]
+    if data.startswith(b"BM"):
+        return len(data) < int.from_bytes(data[2:6], "little")
+    return False
+
+
+def is_blank(image: Image) -> bool:
+    """Whether an image shows nothing but noise: a covered lens, a camera without light."""
+    small = cv2.resize(image, None, fx=0.125, fy=0.125, interpolation=cv2.INTER_AREA)
+    return bool(small.std() < BLANK)
