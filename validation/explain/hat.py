@@ -64,7 +64,7 @@ class SourceVariances:
         return bool(np.isfinite(self.variances).all())
 
     def intervals(self, confidence: float = 0.95) -> Array:
-        """(S, 2, 2) low and high end of each standard deviation.
+        """(S, 2, 2) low and high end of each standard deviation; 0 and a ceiling if undetermined.
 
         Notes
         -----
@@ -87,9 +87,9 @@ class SourceVariances:
         ceiling = most * dof / special.chdtri(dof, (1 + confidence) / 2)
         # An estimate far below zero says that the noise is not as independent as assumed.
         high = np.where(high > 0, high, np.inf)
-        high = np.fmin(high, np.where(np.isnan(high), np.nan, ceiling))
+        high = np.fmin(high, ceiling)
         # Beyond the ceiling the estimate is of no use for the lower end either.
-        low = np.where(low > high, 0.0, low)
+        low = np.where((low > high) | (np.isnan(low) & ~np.isnan(high)), 0.0, low)
         return np.asarray(np.sqrt(np.stack([low, high], -1)))
 
 

@@ -1,0 +1,36 @@
+"""The published campaign, explained."""
+
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+
+from validation.explain.analysis import Question, explain
+from validation.explain.loading import read_table
+
+
+@pytest.fixture(scope="session")
+def ad23_folder():
+    return Path(str(files("data_samples") / "ad23"))
+
+
+@pytest.fixture(scope="session")
+def ad23_tables(ad23_folder):
+    """Validation poses, and the GT systems by name, as printed."""
+    names = {
+        "vision": "vision/published_poses.csv",
+        "laser_genetic": "laser/published_genetic.csv",
+        "laser_scanmatch": "laser/published_scanmatch.csv",
+    }
+    survey = read_table(ad23_folder / "survey/published_poses.csv", "survey")
+    return survey, {name: read_table(ad23_folder / file, name) for name, file in names.items()}
+
+
+@pytest.fixture(scope="session")
+def ad23(ad23_tables):
+    survey, systems = ad23_tables
+    question = Question(
+        references={"laser_genetic": "6"},
+        sensors={"laser": ("laser_genetic", "laser_scanmatch")},
+    )
+    return explain(survey, list(systems.values()), question)
