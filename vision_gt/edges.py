@@ -173,7 +173,7 @@ def _sought_edges(image: Image, ends: Array, half: Array, flat: _Flat) -> _Edges
     for side in (share < 0.5, share >= 0.5):
         profile = _profile(grey, distance, weight * side)
         drop = profile[:, :-4] - profile[:, 4:]
-        drop[_SEARCH > half[:, None] + 0.5] = -1.0
+        drop[half[:, None] + 0.5 < _SEARCH] = -1.0
         halves.append(_SEARCH[np.argmax(np.nan_to_num(drop, nan=-1.0), axis=1)])
     # Each half's displacement is that of its middle.
     first, second = halves

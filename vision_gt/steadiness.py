@@ -223,14 +223,12 @@ def _shift(before: Image, after: Image) -> Array | None:
     warp = np.array([[1, 0, guess[0]], [0, 1, guess[1]]], dtype=np.float32)
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 60, 1e-6)
     try:
-        score, warp = cv2.findTransformECC(
-            soft[0], soft[1], warp, cv2.MOTION_TRANSLATION, stop, None, 5
-        )
+        score, found = cv2.findTransformECC(soft[0], soft[1], warp, cv2.MOTION_TRANSLATION, stop)
     except cv2.error:
         return None
     if score < 0.3:
         return None
-    return np.array([float(warp[0, 2]), float(warp[1, 2])])
+    return np.asarray(found, dtype=float)[:, 2]
 
 
 def _rigid_shift(places: Array, shifts: Array) -> tuple[Array, Array]:
