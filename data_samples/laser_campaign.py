@@ -45,7 +45,7 @@ class LaserSimulation:
     """
 
     scanners: Sequence[Scanner] = (SICK_FRONT, SICK_REAR)
-    mount_sigmas: tuple[float, float, float] = (0.001, 0.001, 0.001)
+    mount_sigmas: tuple[float, float, float] = (0.001, 0.001, 0.0005)
     mount_error: tuple[float, float, float] = (0.0, 0.0, 0.0)
     odometry_sigmas: tuple[float, float, float] = (0.05, 0.05, 0.04)
     floor_height: float = 0.0
@@ -60,9 +60,7 @@ def room_panels(room: Room) -> Panels:
     return panels
 
 
-def laser_files(
-    room: Room, settings: LaserSimulation, rng: np.random.Generator
-) -> dict[str, str]:
+def laser_files(room: Room, settings: LaserSimulation, rng: np.random.Generator) -> dict[str, str]:
     """Scans of all stops, odometry and the true mount, as texts of files.
 
     The text under 'campaign.toml' is to be added to the end of that file.
@@ -121,9 +119,7 @@ def _odometry(stops: Array, settings: LaserSimulation, rng: np.random.Generator)
     return np.array(poses)
 
 
-def _stated_mounts(
-    settings: LaserSimulation, rng: np.random.Generator
-) -> Mapping[str, Array]:
+def _stated_mounts(settings: LaserSimulation, rng: np.random.Generator) -> Mapping[str, Array]:
     """Mounts as measured: all scanners off by the same rigid error."""
     true = [np.array(scanner.mount) for scanner in settings.scanners]
     first = true[0] + rng.normal(0, settings.mount_sigmas) + settings.mount_error
@@ -141,7 +137,5 @@ def _toml(settings: LaserSimulation, stated: Mapping[str, Array]) -> str:
     for name, mount in stated.items():
         numbers = ", ".join(f"{v:.5f}" for v in mount)
         sigmas = ", ".join(str(v) for v in settings.mount_sigmas)
-        parts.append(
-            f"\n[laser.scanners.{name}]\nmount = [{numbers}]\nmount_sigmas = [{sigmas}]\n"
-        )
+        parts.append(f"\n[laser.scanners.{name}]\nmount = [{numbers}]\nmount_sigmas = [{sigmas}]\n")
     return "".join(parts)

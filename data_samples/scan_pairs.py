@@ -84,14 +84,13 @@ def draw_pair(
     else:
         room, other_room = _rooms(rng, kind)
         first = np.array([*rng.uniform([2.2, 2.0], [5.8, 4.6]), rng.uniform(-np.pi, np.pi)])
-        second = first + [*rng.uniform(-apart, apart, 2), rng.uniform(-turned, turned)]
+        second = first + np.array([*rng.uniform(-apart, apart, 2), rng.uniform(-turned, turned)])
         if kind == "little_overlap" and other_room is None:
             second[2] = first[2] + np.pi + rng.uniform(-0.2, 0.2)
             scanner = replace(HALF_TURN, sigma=sigma, resolution=0.0)
     truth = between(first, second)
-    guess = truth + [
-        *rng.uniform(-guess_length, guess_length, 2), rng.uniform(-guess_angle, guess_angle)
-    ]
+    off = [*rng.uniform(-guess_length, guess_length, 2), rng.uniform(-guess_angle, guess_angle)]
+    guess = truth + np.array(off)
     reference = take_sweep(room, [scanner], first, rng, name="reference")
     moving = take_sweep(
         room if other_room is None else other_room, [scanner], second, rng, name="moving"

@@ -336,8 +336,9 @@ def _mixed(
             for offset in (-half, half)
         ]
     )
-    edge = np.isfinite(sides).all(0)
-    edge[edge] = np.abs(sides[0, edge] - sides[1, edge]) > 0.1
+    both = np.isfinite(sides[0]) & np.isfinite(sides[1])
+    apart = np.where(both, sides[0], 0.0) - np.where(both, sides[1], 0.0)
+    edge = np.abs(apart) > 0.1
     share = rng.random(len(ranges))
     mixture = np.where(edge, sides[0], 0.0) * share + np.where(edge, sides[1], 0.0) * (1 - share)
     return np.where(edge, mixture, ranges)
@@ -364,11 +365,18 @@ def bare_room(rng: np.random.Generator, length: float = 8.0, width: float = 7.0)
     niche = rng.uniform(0.25, 0.45) * length
     depth = rng.uniform(0.3, 0.7)
     outline = [
-        [0, 0], [niche, 0], [niche, -depth], [niche + 1.2, -depth], [niche + 1.2, 0],
-        [length, 0], [length, width], [0.6 * length, width], [0.6 * length, width - 0.4],
+        [0, 0],
+        [niche, 0],
+        [niche, -depth],
+        [niche + 1.2, -depth],
+        [niche + 1.2, 0],
+        [length, 0],
+        [length, width],
+        [0.6 * length, width],
+        [0.6 * length, width - 0.4],
         [0, width - 0.4],
     ]
-    return polyline(outline, closed=True)
+    return polyline(np.array(outline), closed=True)
 
 
 def furniture(
@@ -380,8 +388,10 @@ def furniture(
         side = rng.integers(4)
         along, away = rng.uniform(0.1, 0.9), rng.uniform(0.15, 0.6)
         x, y = [
-            (along * length, away), (along * length, width - 0.4 - away),
-            (away, along * width), (length - away, along * width),
+            (along * length, away),
+            (along * length, width - 0.4 - away),
+            (away, along * width),
+            (length - away, along * width),
         ][side]
         size = rng.uniform(0.25, 0.9, 2)
         boxes.append(box((x, y, rng.normal(0, 0.15)), size[0], size[1], high=1.2))
@@ -408,6 +418,6 @@ def corridor(
         for place in places[rng.random(doors) < 0.5]:
             deep = y + 0.1 * side
             corners += [[place, y], [place, deep], [place + 0.9, deep], [place + 0.9, y]]
-        walls.append(polyline([*corners, [half, y]]))
+        walls.append(polyline(np.array([*corners, [half, y]])))
     ends = panels([[-half, -width], [half, -width]], [[-half, width], [half, width]])
     return walls[0] + walls[1] + ends

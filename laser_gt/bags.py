@@ -62,13 +62,19 @@ def _record(path: Path, number: int, message: object, topic: str) -> ScanRecord 
         float(getattr(message, name))
         for name in ("angle_min", "angle_increment", "range_min", "range_max")
     )
-    angles = start + step * np.arange(len(ranges))
+    angles = np.asarray(start + step * np.arange(len(ranges)), dtype=float)
     ranges = np.where(np.isnan(ranges) | (ranges < low) | (ranges > high), np.inf, ranges)
     if step < 0:
         ranges, angles = ranges[::-1], angles[::-1]
     scan = make_scan(
-        path, number, ranges, _at_most_a_turn(angles), range_min=low, range_max=high + 1e-6,
-        time=header.stamp.sec + 1e-9 * header.stamp.nanosec, sensor=topic,
+        path,
+        number,
+        ranges,
+        _at_most_a_turn(angles),
+        range_min=low,
+        range_max=high + 1e-6,
+        time=header.stamp.sec + 1e-9 * header.stamp.nanosec,
+        sensor=topic,
     )
     return scan if isinstance(scan, Problem) else ScanRecord(scan, line=number)
 

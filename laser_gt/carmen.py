@@ -79,11 +79,17 @@ def _old(path: Path, line: int, words: Sequence[str]) -> ScanRecord | Problem:
     values = numbers(path, line, words[2 : 2 + count + 7], "ranges")
     if isinstance(values, Problem):
         return values
-    angles = np.linspace(-np.pi / 2, np.pi / 2, count) if count != 180 else _half_open(count)  # noqa: PLR2004
+    angles = np.linspace(-np.pi / 2, np.pi / 2, count) if count != 180 else _half_open(count)
     scan = make_scan(
-        path, line, without_far(values[:count], OLD_RANGE_MAX), angles,
-        range_min=0.0, range_max=OLD_RANGE_MAX, time=float(values[count + 6]),
-        sensor=OLD_MESSAGES[words[0]], sigma=RANGE_SIGMA,
+        path,
+        line,
+        without_far(values[:count], OLD_RANGE_MAX),
+        angles,
+        range_min=0.0,
+        range_max=OLD_RANGE_MAX,
+        time=float(values[count + 6]),
+        sensor=OLD_MESSAGES[words[0]],
+        sigma=RANGE_SIGMA,
     )
     if isinstance(scan, Problem):
         return scan
@@ -116,13 +122,19 @@ def _robot_laser(path: Path, line: int, words: Sequence[str]) -> ScanRecord | Pr
     for part in (head, ranges, tail):
         if isinstance(part, Problem):
             return part
-    assert not isinstance(head, Problem)  # noqa: S101  (for the type checker)
-    assert not isinstance(ranges, Problem)  # noqa: S101
-    assert not isinstance(tail, Problem)  # noqa: S101
+    assert not isinstance(head, Problem)
+    assert not isinstance(ranges, Problem)
+    assert not isinstance(tail, Problem)
     angles = head[1] + head[3] * np.arange(count)
     scan = make_scan(
-        path, line, without_far(ranges, head[4]), angles,
-        range_min=0.0, range_max=float(head[4]), time=float(tail[11]), sensor="front",
+        path,
+        line,
+        without_far(ranges, head[4]),
+        angles,
+        range_min=0.0,
+        range_max=float(head[4]),
+        time=float(tail[11]),
+        sensor="front",
         sigma=RANGE_SIGMA,
     )
     if isinstance(scan, Problem):

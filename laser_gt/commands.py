@@ -70,7 +70,11 @@ def solve(
 
 
 def _solved(
-    campaign: Path, engines: "Sequence[str]", *, as_published: bool = False
+    campaign: Path,
+    engines: "Sequence[str]",
+    *,
+    as_published: bool = False,
+    need_poses: bool = True,
 ) -> "tuple[Campaign, LaserOutcome]":
     """The campaign and what laser GT makes of it."""
     from laser_gt.outcome import solve_campaign
@@ -82,7 +86,7 @@ def _solved(
     ] or None
     with progress_bar("laser") as report:
         return loaded, solve_campaign(
-            loaded, report, engines=chosen, as_published=as_published
+            loaded, report, engines=chosen, as_published=as_published, need_poses=need_poses
         )
 
 
@@ -90,8 +94,13 @@ def _solved(
 @CAMPAIGN
 @AS_JSON
 @ENGINE
-@click.option("--most", type=click.IntRange(1), default=200, show_default=True,
-              help="Pairs drawn; the doubtful ones come first.")
+@click.option(
+    "--most",
+    type=click.IntRange(1),
+    default=200,
+    show_default=True,
+    help="Pairs drawn; the doubtful ones come first.",
+)
 def inspect(campaign: Path, as_json: bool, engine: tuple[str, ...], most: int) -> None:
     """Write a gallery of the matches to CAMPAIGN/report/laser_matches.html.
 
@@ -102,7 +111,7 @@ def inspect(campaign: Path, as_json: bool, engine: tuple[str, ...], most: int) -
     from validation.files import write_files
     from validation.report.terminal import print_json
 
-    loaded, outcome = _solved(campaign, engine or ("scanmatch",))
+    loaded, outcome = _solved(campaign, engine or ("scanmatch",), need_poses=False)
     sweeps = dict(zip(outcome.inputs.stops, outcome.inputs.sweeps, strict=True))
     matches = [match for matching in outcome.matchings.values() for match in matching.matches]
     page = gallery(matches, sweeps, str(campaign), most)
@@ -124,7 +133,12 @@ def inspect(campaign: Path, as_json: bool, engine: tuple[str, ...], most: int) -
 @click.option("--by", default="", help="Who or what decided.")
 @click.option("--note", default="", help="Why.")
 def decide(
-    campaign: Path, reference: str, moving: str, decision: str, pose: tuple[float, ...], by: str,
+    campaign: Path,
+    reference: str,
+    moving: str,
+    decision: str,
+    pose: tuple[float, ...],
+    by: str,
     note: str,
 ) -> None:
     """Record a decision about the pair REFERENCE MOVING: accept, reject, or guess X Y THETA.
@@ -158,7 +172,9 @@ def decide(
     elif not np.isfinite(pose).all():
         problems.append(Problem(path, "a guess must be finite", None, "x"))
     if reference == moving:
-        problems.append(Problem(path, "the same stop twice; a pair has two", None, "moving", moving))
+        problems.append(
+            Problem(path, "the same stop twice; a pair has two", None, "moving", moving)
+        )
     if problems:
         raise InputError(problems)
     guess = np.array(pose) if pose else None

@@ -107,7 +107,10 @@ def _decision(table: CsvTable, row: int, known: set[str]) -> Decision | None:
     if len(table.problems) > count:
         return None
     return Decision(
-        *pair, kind, pose if kind == "guess" else None, table.text["by"][row],
+        *pair,
+        kind,
+        pose if kind == "guess" else None,
+        table.text["by"][row],
         table.text["note"][row],
     )
 

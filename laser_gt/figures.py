@@ -36,9 +36,7 @@ def _metres(axes: "Axes", title: str = "") -> None:
         axes.set_title(title, fontsize=10)
 
 
-def room_map(
-    solution: LaserSolution, sweeps: Mapping[str, Prepared], mount: Array
-) -> Figure:
+def room_map(solution: LaserSolution, sweeps: Mapping[str, Prepared], mount: Array) -> Figure:
     """All aligned scans in the GTV frame with the stops they were taken from."""
     figure = Figure(figsize=(7, 7), layout="constrained")
     axes = figure.subplots()
@@ -47,13 +45,23 @@ def room_map(
         axes.plot(*points.T, ",", color=GREY, alpha=0.6)
     poses = solution.placement.poses
     axes.quiver(
-        poses[:, 0], poses[:, 1], np.cos(poses[:, 2]), np.sin(poses[:, 2]), color=COLOURS[0],
-        angles="xy", scale=28, width=0.004,
+        poses[:, 0],
+        poses[:, 1],
+        np.cos(poses[:, 2]),
+        np.sin(poses[:, 2]),
+        color=COLOURS[0],
+        angles="xy",
+        scale=20,
+        width=0.005,
     )
     for stop, pose in zip(solution.stops, poses, strict=True):
         anchored = stop in solution.anchors
         axes.annotate(
-            stop, pose[:2], xytext=(4, 4), textcoords="offset points", fontsize=7,
+            stop,
+            pose[:2],
+            xytext=(4, 4),
+            textcoords="offset points",
+            fontsize=7,
             fontweight="bold" if anchored else "normal",
         )
     _metres(axes)
@@ -70,8 +78,13 @@ def pair_graph(stops: Sequence[str], poses: Array, matching: Matching) -> Figure
         for number, one in enumerate(of_this):
             a, b = where[one.reference], where[one.moving]
             axes.plot(
-                [a[0], b[0]], [a[1], b[1]], line, color=colour, linewidth=1.2,
-                label=f"{verdict} ({len(of_this)})" if number == 0 else None, zorder=1,
+                [a[0], b[0]],
+                [a[1], b[1]],
+                line,
+                color=colour,
+                linewidth=1.2,
+                label=f"{verdict} ({len(of_this)})" if number == 0 else None,
+                zorder=1,
             )
     axes.plot(poses[:, 0], poses[:, 1], "o", color=COLOURS[0], markersize=5, zorder=2)
     for stop, pose in where.items():
@@ -116,7 +129,8 @@ def match_sheet(matches: Sequence[Match], sweeps: Mapping[str, Prepared]) -> Fig
     for axes, one in zip(grid, matches, strict=False):
         draw_pair(axes, sweeps[one.reference], sweeps[one.moving], one.pose)
         axes.set_title(
-            f"{one.reference} - {one.moving}: {one.verdict}", fontsize=8,
+            f"{one.reference} - {one.moving}: {one.verdict}",
+            fontsize=8,
             color="black" if one.verdict != "reject" else GREY,
         )
     return figure
@@ -130,15 +144,22 @@ def quality_figure(matching: Matching) -> Figure:
     for verdict, (colour, _) in VERDICTS.items():
         chosen = [m for m in matching.matches if m.verdict == verdict]
         style = {"marker": markers[verdict], "color": colour, "linestyle": "none", "markersize": 5}
-        left.plot([m.explained for m in chosen], [m.violating for m in chosen], **style,
-                  label=f"{verdict} ({len(chosen)})")
+        left.plot(
+            [m.explained for m in chosen],
+            [m.violating for m in chosen],
+            **style,
+            label=f"{verdict} ({len(chosen)})",
+        )
         right.plot([m.sigma_length * 1e3 for m in chosen], [m.scale for m in chosen], **style)
     left.set_xlabel("share of points explained")
     left.set_ylabel("share in free space")
     left.legend(fontsize=8)
     right.set_xlabel("standard deviation of the position [mm]")
     right.set_ylabel("residuals over noise")
-    right.set_xscale("log")
+    left.set_ylim(bottom=min(-0.002, left.get_ylim()[0] / 10))
+    spread = [m.sigma_length for m in matching.matches]
+    if spread and max(spread) > 30 * min(spread):
+        right.set_xscale("log")
     for axes in (left, right):
         axes.grid(visible=True, linewidth=0.4, alpha=0.5)
     return figure

@@ -49,7 +49,7 @@ def _of_solution(solution: LaserSolution) -> list[Finding]:
     if matching.loops:
         text = f"{len(matching.loops) - open_loops} of {len(matching.loops)} loops of three close"
         found.append(Finding("warning" if open_loops else "good", text, who, "loops"))
-    if solution.graph.scale > 1.5:  # noqa: PLR2004
+    if solution.graph.scale > 1.5:
         text = (
             f"the accepted matches contradict each other {solution.graph.scale:.1f} times more "
             "than their covariances allow; the covariances of the poses are widened by that"
@@ -77,7 +77,9 @@ def _mount(outcome: LaserOutcome) -> list[Finding]:
         f"{difference[2] * 1e3:+.2f} mrad"
     )
     if check.agrees:
-        return [Finding("good", f"the stated laser mount fits the data: {values}", "laser", "mount")]
+        return [
+            Finding("good", f"the stated laser mount fits the data: {values}", "laser", "mount")
+        ]
     text = (
         f"the stated laser mount does not fit the surveyed poses and the scans: {values}. Errors "
         "of the laser poses change with the robot's heading because of it; see "
@@ -101,9 +103,7 @@ def laser_facts(outcome: LaserOutcome) -> dict[str, object]:
                 },
                 "loops": len(matching.loops),
                 "loops_open": sum(not loop.closes for loop in matching.loops),
-                "poses": len(outcome.solutions[engine].stops)
-                if engine in outcome.solutions
-                else 0,
+                "poses": len(outcome.solutions[engine].stops) if engine in outcome.solutions else 0,
             }
             for engine, matching in outcome.matchings.items()
         },

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from laser_gt.evidence import Prepared, evidence
 from laser_gt.global_matching import distinct, thinned
 from laser_gt.matching import align
+from laser_gt.nearest import NearestGrid
 from laser_gt.planar import rotation
 from validation.angles import Array, wrap
 
@@ -161,6 +162,10 @@ def genetic_match(
     )
 
 
+PUBLISHED_CELL = 0.02
+"""Cells of the table of closest points in metres, for the published fitness."""
+
+
 class _Fitness:
     """Fitness of individuals: the smaller the better."""
 
@@ -169,6 +174,8 @@ class _Fitness:
 
     def __init__(self, reference: Prepared, points: Array, settings: GeneticSettings) -> None:
         self.grid = reference.surface.grid
+        if settings.as_published:
+            self.grid = NearestGrid(reference.sweep.points, cell=PUBLISHED_CELL)
         self.points = np.ascontiguousarray(points.T)
         self.settings = settings
 
@@ -254,6 +261,6 @@ def _children(
     away = father - mother
     away[:, 2] = wrap(away[:, 2])
     share = rng.uniform(-0.3, 1.3, (count, 3))
-    width = window * 0.1 * (0.01 ** progress)
+    width = window * 0.1 * (0.01**progress)
     mutated = rng.random((count, 3)) < 0.4
-    return mother + share * away + mutated * rng.normal(0, 1, (count, 3)) * width
+    return np.asarray(mother + share * away + mutated * rng.normal(0, 1, (count, 3)) * width)

@@ -124,7 +124,11 @@ def global_match(
     settings = settings or SearchSettings()
     lattice = search(reference, moving, np.asarray(guess, dtype=float), settings)
     coarse = align(
-        reference.surface, moving.surface, lattice.pose, reach=4 * settings.cell, stride=3,
+        reference.surface,
+        moving.surface,
+        lattice.pose,
+        reach=4 * settings.cell,
+        stride=3,
         max_steps=10,
     )
     found = evidence(reference, moving, coarse.pose, stride=3)
@@ -197,9 +201,7 @@ def search(
         open_nodes = np.concatenate([open_nodes, children[~is_leaf]])
         bound = np.concatenate([bound, score[~is_leaf]])
     found, scores = np.concatenate(leaves), np.concatenate(leaf_scores)
-    pose = np.column_stack(
-        [guess[:2] + found[:, 2:] * settings.cell, wrap(headings[found[:, 1]])]
-    )
+    pose = np.column_stack([guess[:2] + found[:, 2:] * settings.cell, wrap(headings[found[:, 1]])])
     few = np.argsort(-scores, kind="stable")[:400]
     modes = few[distinct(pose[few], scores[few], 0.3, np.deg2rad(8), settings.modes)]
     return LatticeSearch(pose[modes], scores[modes], complete, nodes)
@@ -227,7 +229,8 @@ def _headings(points: Array, guess: Array, settings: SearchSettings) -> Array:
     half = min(settings.heading_window, np.pi)
     count = max(int(np.ceil(half / step)), 1)
     full_turn = half >= np.pi
-    return guess[2] + np.linspace(-half, half, 2 * count + 1)[: -1 if full_turn else None]
+    steps = np.linspace(-half, half, 2 * count + 1)[: -1 if full_turn else None]
+    return np.asarray(guess[2] + steps)
 
 
 @dataclass(frozen=True)
@@ -274,15 +277,13 @@ class _Pyramid:
         """(h, n) flat cells of the points of each heading, (h, 2, n), at no offset."""
         column = np.floor((points[:, 0] - self.low[0]) / self.cell).astype(np.intp)
         row = np.floor((points[:, 1] - self.low[1]) / self.cell).astype(np.intp)
-        return row * self.columns + column
+        return np.asarray(row * self.columns + column)
 
     def roots(self, headings: int, settings: SearchSettings) -> Indices:
         """(b, 4) blocks that cover the window: level, heading, column and row offset."""
         block = 2**settings.levels
         offsets = np.arange(-self.half, self.half + 1, block)
-        heading, column, row = np.meshgrid(
-            np.arange(headings), offsets, offsets, indexing="ij"
-        )
+        heading, column, row = np.meshgrid(np.arange(headings), offsets, offsets, indexing="ij")
         level = np.full(heading.size, settings.levels)
         return np.column_stack([level, heading.ravel(), column.ravel(), row.ravel()])
 

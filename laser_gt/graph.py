@@ -8,6 +8,7 @@ the poses in it).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -150,7 +151,9 @@ def solve_graph(graph: Graph, robust_width: float = 4.0) -> GraphSolution:
     for _ in range(MAX_STEPS):
         residuals, chi = _edge_residuals(graph, poses, mount)
         weights = 1 / (1 + chi / (3 * robust_width**2))
-        information, gradient = _normal_equations(graph, poses, mount, residuals, weights, connected)
+        information, gradient = _normal_equations(
+            graph, poses, mount, residuals, weights, connected
+        )
         step = _solve(information, gradient)
         poses = poses + step[:-3].reshape(-1, 3)
         poses[:, 2] = wrap(poses[:, 2])
@@ -266,7 +269,7 @@ def _edge_jacobians(first: Array, second: Array, mount: Array) -> tuple[Array, A
 
 def _normal_equations(
     graph: Graph, poses: Array, mount: Array, residuals: Array, weights: Array, connected: Flags
-):  # noqa: ANN202  (scipy.sparse has no types)
+) -> tuple[Any, Array]:
     """Information matrix (sparse) and gradient of all terms."""
     from scipy import sparse  # noqa: PLC0415  (loaded when a graph is solved)
 
@@ -299,7 +302,9 @@ def _normal_equations(
     return matrix.tocsc(), gradient
 
 
-def _add_priors(graph: Graph, poses: Array, mount: Array, connected: Flags, matrix, gradient) -> None:  # noqa: ANN001
+def _add_priors(
+    graph: Graph, poses: Array, mount: Array, connected: Flags, matrix: Any, gradient: Array
+) -> None:
     """Add surveyed poses, the measured mount, and a weak hold on stops without connection."""
     n = len(poses)
     flat = (3 * np.asarray(graph.prior_stops)[:, None] + np.arange(3)).ravel()
@@ -321,7 +326,7 @@ def _add_priors(graph: Graph, poses: Array, mount: Array, connected: Flags, matr
         matrix[part, part] += np.eye(3)
 
 
-def _solve(information, gradient: Array) -> Array:  # noqa: ANN001
+def _solve(information: Any, gradient: Array) -> Array:
     """Step of Gauss-Newton."""
     from scipy.sparse.linalg import splu  # noqa: PLC0415
 

@@ -73,8 +73,7 @@ def load_inputs(campaign: Campaign, settings: LaserSettings) -> LaserInputs:
         raise InputError([Problem(campaign.toml, text + " with the mount of each", None, "laser")])
     first = np.array(known[order[0]].mount)
     sweeps = [
-        Prepared(_sweep(stop, scans, known, first, settings))
-        for stop, scans in by_stop.items()
+        Prepared(_sweep(stop, scans, known, first, settings)) for stop, scans in by_stop.items()
     ]
     stops = tuple(by_stop)
     return LaserInputs(
@@ -93,13 +92,27 @@ def _check_scanners(campaign: Campaign, settings: LaserSettings, names: Sequence
     unknown = [name for name in names if name not in settings.scanners]
     if unknown:
         raise InputError(
-            Problem(campaign.toml, "the scans name a sensor without a table [laser.scanners.NAME]",
-                    None, "laser.scanners", name)
+            Problem(
+                campaign.toml,
+                "the scans name a sensor without a table [laser.scanners.NAME]",
+                None,
+                "laser.scanners",
+                name,
+            )
             for name in unknown
         )
     if not set(settings.scanners) & set(names):
-        raise InputError([Problem(campaign.toml, "no scan of any of these sensors", None,
-                                  "laser.scanners", ", ".join(settings.scanners))])
+        raise InputError(
+            [
+                Problem(
+                    campaign.toml,
+                    "no scan of any of these sensors",
+                    None,
+                    "laser.scanners",
+                    ", ".join(settings.scanners),
+                )
+            ]
+        )
 
 
 def _sweep(

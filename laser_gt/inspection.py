@@ -48,9 +48,11 @@ def gallery(
         "<meta name='viewport' content='width=device-width'>",
         f"<title>Matches to inspect</title><style>{STYLE}</style></head><body>",
         "<h1>Matches to inspect</h1>",
-        f"<p>{count['look']} need eyes, {count['reject']} are rejected, {count['accept']} "
-        "accepted. The reference scan is orange (its sensor a triangle), the other blue (a "
-        "square). Right: the two must lie on each other wherever both could see.</p>",
+        (
+            f"<p>{count['look']} need eyes, {count['reject']} are rejected, {count['accept']} "
+            "accepted. The reference scan is orange (its sensor a triangle), the other blue (a "
+            "square). Right: the two must lie on each other wherever both could see.</p>"
+        ),
     ]
     if len(ordered) > most:
         parts.append(f"<p>The first {most} of {len(ordered)} are shown.</p>")

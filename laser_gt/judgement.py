@@ -11,9 +11,10 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from laser_gt.evidence import Evidence, Prepared, evidence
+from laser_gt.evidence import Prepared, evidence
 from laser_gt.global_matching import SearchSettings, distinct, global_match
 from laser_gt.matching import Alignment, align
+from laser_gt.scans import Flags
 from validation.angles import Array, wrap
 
 Verdict = Literal["accept", "look", "reject"]
@@ -191,9 +192,7 @@ def judged(
         seen = evidence(reference, moving, found.pose)
         best = _preferred(found.pose, seen.score, guess, settings)
         starts = found.pose[best] + _disturbances(limits)
-        again = align(
-            reference.surface, moving.surface, starts, reach=0.25, stride=2, max_steps=20
-        )
+        again = align(reference.surface, moving.surface, starts, reach=0.25, stride=2, max_steps=20)
         again_seen = evidence(reference, moving, again.pose, stride=2)
         if again_seen.score.max() < seen.score[best] + 0.1:
             break
@@ -201,9 +200,7 @@ def judged(
     poses = np.concatenate([np.delete(found.pose, best, 0), again.pose])
     scores = np.concatenate([np.delete(seen.score, best), again_seen.score])
     loose = 3 * np.sqrt(np.diagonal(found.covariance[best]))
-    same = _same(
-        again.pose, found.pose[best], max(0.008, loose[:2].max()), max(0.004, loose[2])
-    )
+    same = _same(again.pose, found.pose[best], max(0.008, loose[:2].max()), max(0.004, loose[2]))
     rivals = ~_same(poses, found.pose[best], 0.1, 0.05)
     rival = float(scores[rivals].max()) if rivals.any() else -np.inf
     equal = again_seen.score > seen.score[best] - 0.03
@@ -278,10 +275,11 @@ def _disturbances(settings: JudgementSettings) -> Array:
     )
 
 
-def _same(poses: Array, pose: Array, length: float, angle: float) -> Array:
+def _same(poses: Array, pose: Array, length: float, angle: float) -> Flags:
     """(k,) whether poses agree within a length and an angle."""
     near = np.hypot(*(poses[:, :2] - pose[:2]).T) < length
-    return np.asarray(near & (np.abs(wrap(poses[:, 2] - pose[2])) < angle))
+    turned = np.abs(wrap(poses[:, 2] - pose[2]))
+    return np.asarray(near & (turned < angle), dtype=bool)
 
 
 def _spread(poses: Array, pose: Array) -> Array:
@@ -297,9 +295,7 @@ def _limited(covariance: Array, spread: Array, settings: MatchSettings) -> Array
 
     Where the scans determine nothing (along a corridor), the error is that of the guess.
     """
-    prior = np.diag(
-        [settings.guess_length**2, settings.guess_length**2, settings.guess_angle**2]
-    )
+    prior = np.diag([settings.guess_length**2, settings.guess_length**2, settings.guess_angle**2])
     if not np.isfinite(covariance).all():
         return prior
     wide = covariance + spread
@@ -328,25 +324,37 @@ def _eigenvalue_ratio(information: Array) -> float:
 
 def _with_verdict(found: Match, limits: JudgementSettings) -> Match:
     """The match with its verdict: the worst of all checks, each with a sentence."""
-    remarks: list[tuple[Verdict, str]] = []
+    graded = [
+        (found.explained, *limits.explained,
+         f"only {found.explained:.0%} of the points lie on the other scan"),
+        (found.agreement, *limits.agreement,
+         f"of the points that both could see, only {found.agreement:.0%} agree"),
+        (-found.violating, -limits.violating[0], -limits.violating[1],
+         f"{found.violating:.0%} of the points lie where the other scanner saw free space"),
+        (-found.scale, -limits.scale[0], -limits.scale[1],
+         f"residuals are {found.scale:.1f} times what range noise explains"),
+    ]  # fmt: skip
+    remarks: list[tuple[Verdict, str]] = [
+        ("reject" if value < bad else "look", text)
+        for value, good, bad, text in graded
+        if value < good
+    ]
+    remarks += [("look", text) for text in _doubts(found, limits)]
+    verdicts: list[Verdict] = ["accept", *(verdict for verdict, _ in remarks)]
+    worst = max(verdicts, key=SEVERITY.__getitem__)
+    return replace(found, verdict=worst, reasons=tuple(text for _, text in remarks))
 
-    def low(value: float, limit: tuple[float, float], text: str) -> None:
-        if value < limit[0]:
-            remarks.append(("reject" if value < limit[1] else "look", text))
 
-    low(found.explained, limits.explained,
-        f"only {found.explained:.0%} of the points lie on the other scan")
-    low(found.agreement, limits.agreement,
-        f"of the points that both could see, only {found.agreement:.0%} agree")
-    low(-found.violating, (-limits.violating[0], -limits.violating[1]),
-        f"{found.violating:.0%} of the points lie where the other scanner saw free space")
-    low(-found.scale, (-limits.scale[0], -limits.scale[1]),
-        f"residuals are {found.scale:.1f} times what range noise explains")
-    look = ("look", "")[0]
+def _doubts(found: Match, limits: JudgementSettings) -> list[str]:
+    """Reasons to look that no number of explained points can outweigh."""
+    corridor = found.real_share < limits.real_share
+    corridor |= found.eigenvalue_ratio < limits.eigenvalue_ratio
+    not_determined = (
+        "the scans do not determine one direction (a corridor?): "
+        f"eigenvalue ratio {found.eigenvalue_ratio:.3f}, real share {found.real_share:.0%}"
+    )
     checks = [
-        (found.real_share < limits.real_share or found.eigenvalue_ratio < limits.eigenvalue_ratio,
-         "the scans do not determine one direction (a corridor?): "
-         f"eigenvalue ratio {found.eigenvalue_ratio:.3f}, real share {found.real_share:.0%}"),
+        (corridor, not_determined),
         (found.sigma_length > limits.sigma_length,
          f"standard deviation of the position {found.sigma_length * 1e3:.1f} mm"),
         (found.sigma_angle > limits.sigma_angle,
@@ -355,7 +363,5 @@ def _with_verdict(found: Match, limits: JudgementSettings) -> Match:
          f"only {found.returned:.0%} of the disturbed starts come back to this pose"),
         (found.rival > -limits.rival_margin,
          "a different pose agrees as well with what was seen"),
-    ]
-    remarks += [(look, text) for bad, text in checks if bad]  # type: ignore[misc]
-    verdict = max((verdict for verdict, _ in remarks), key=SEVERITY.__getitem__, default="accept")
-    return replace(found, verdict=verdict, reasons=tuple(text for _, text in remarks))
+    ]  # fmt: skip
+    return [text for bad, text in checks if bad]

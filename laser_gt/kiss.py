@@ -7,6 +7,7 @@ checked here.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +32,7 @@ def spatial(points: Array) -> Array:
         For another shape or values that are not finite.
     """
     points = np.asarray(points, dtype=float)
-    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():  # noqa: PLR2004
+    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
         raise GtvalError(f"kiss-icp needs finite (n, 2) points, got an array {points.shape}")
     return np.column_stack([points, np.zeros(len(points))])
 
@@ -119,7 +120,7 @@ def odometry(sweeps: Sequence[Prepared]) -> Odometry:
     poses = [np.zeros(3)]
     recovered, doubtful = [], []
     step = np.zeros(3)
-    for number, (before, after) in enumerate(zip(sweeps, sweeps[1:], strict=False), 1):
+    for number, (before, after) in enumerate(pairwise(sweeps), 1):
         found = register(before, after, step)
         seen = evidence(before, after, found)
         if seen.explained[0] - seen.violating[0] < LOST:

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from laser_gt.judgement import SEVERITY, Match
+from laser_gt.judgement import SEVERITY, Match, Verdict
 from laser_gt.planar import compose, compose_jacobians, inverse, inverse_covariance_of
 from validation.angles import Array
 
@@ -64,15 +64,13 @@ def _edge(matches: dict[tuple[str, str], Match], start: str, end: str) -> tuple[
 
 
 def _loop(matches: dict[tuple[str, str], Match], stops: tuple[str, str, str]) -> Loop:
-    """a to b to c and back to a."""
+    """The way from the first stop over the others back to it."""
     a, b, c = stops
     pose, covariance = _edge(matches, a, b)
     for start, end in ((b, c), (c, a)):
         step, step_covariance = _edge(matches, start, end)
         by_first, by_second = compose_jacobians(pose, step)
-        covariance = (
-            by_first @ covariance @ by_first.T + by_second @ step_covariance @ by_second.T
-        )
+        covariance = by_first @ covariance @ by_first.T + by_second @ step_covariance @ by_second.T
         pose = compose(pose, step)
     chi_squared = float(pose @ np.linalg.solve(covariance + FLOOR, pose))
     return Loop(stops, pose, chi_squared)
@@ -91,7 +89,8 @@ def with_loops(matches: Sequence[Match]) -> tuple[list[Match], list[Loop]]:
         broken = outcome.count(False)
         if broken > len(outcome) / 2:
             reason = f"breaks {broken} of its {len(outcome)} loops of three scans"
-            worse = max(match.verdict, "look", key=SEVERITY.__getitem__)  # type: ignore[arg-type]
+            verdicts: tuple[Verdict, Verdict] = (match.verdict, "look")
+            worse = max(verdicts, key=SEVERITY.__getitem__)
             result.append(replace(match, verdict=worse, reasons=(*match.reasons, reason)))
         else:
             result.append(match)

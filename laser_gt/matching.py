@@ -127,8 +127,8 @@ def align(
     noise = float(np.sqrt(np.median(moving.normal_variances) * 1.1))
     gate = max(reach, 8 * noise)
     converged = np.zeros(len(pose), dtype=bool)
-    step = 0
-    for step in range(1, max_steps + 1):
+    steps = 0
+    for steps in range(1, max_steps + 1):  # noqa: B007  (wanted after the loop)
         pairing = _pair(target, source, pose, gate)
         change = _gauss_newton(target, pairing)
         pose += change
@@ -139,7 +139,7 @@ def align(
             if converged.all():
                 break
     pairing = _pair(target, source, pose, gate)
-    return _alignment(reference, pose, pairing, converged, step)
+    return _alignment(reference, pose, pairing, converged, steps)
 
 
 @dataclass(frozen=True)
@@ -236,9 +236,7 @@ def _alignment(
     covariance = _sandwich(information, fake, gradient)
     covariance[pairs < MIN_PAIRS] = np.inf
     pose = np.column_stack([pose[:, :2], wrap(pose[:, 2])])
-    return Alignment(
-        pose, covariance, information - fake, fake, pairs, scale, converged, steps
-    )
+    return Alignment(pose, covariance, information - fake, fake, pairs, scale, converged, steps)
 
 
 def _fake_information(reference: Surface, pairing: Pairing) -> Array:

@@ -85,12 +85,10 @@ class MountCheck:
     def agrees(self) -> bool:
         """Whether both sigmas explain the difference (99.9 %)."""
         covariance = self.found.covariance + np.diag(self.stated_sigmas**2)
-        return float(self.difference @ np.linalg.solve(covariance, self.difference)) < 16.27  # noqa: PLR2004
+        return float(self.difference @ np.linalg.solve(covariance, self.difference)) < 16.27
 
 
-def check_mount(
-    inputs: LaserInputs, matches: Sequence[Match], surveyed: Surveyed
-) -> MountCheck:
+def check_mount(inputs: LaserInputs, matches: Sequence[Match], surveyed: Surveyed) -> MountCheck:
     """The mount from the surveyed poses of all stops and the accepted matches between them.
 
     Parameters
@@ -109,7 +107,7 @@ def check_mount(
     """
     stops = [stop for stop in inputs.stops if stop in surveyed.stops]
     edges = edges_of(stops, [m for m in matches if m.reference in stops and m.moving in stops])
-    if len(edges) < 2:  # noqa: PLR2004
+    if len(edges) < 2:
         raise GtvalError(
             "fewer than two accepted matches join surveyed stops; the mount cannot be checked"
         )
@@ -126,7 +124,7 @@ def check_mount(
         mount_covariance=None,
     )
     solution = solve_graph(graph)
-    suspicious = tuple(int(i) for i in np.flatnonzero(solution.weights < 0.25))  # noqa: PLR2004
+    suspicious = tuple(int(i) for i in np.flatnonzero(solution.weights < 0.25))
     found = MountEstimate(
         np.append(solution.mount[:2], wrap(solution.mount[2])),
         solution.covariance[-3:, -3:],
@@ -212,7 +210,9 @@ def linear_hand_eye(robot: Array, laser: Array) -> Array:
 
     grid = np.linspace(-np.pi, np.pi, 73)
     best = float(grid[np.argmin([solve(angle)[1] for angle in grid])])
-    found = minimize_scalar(lambda a: solve(a)[1], bounds=(best - 0.1, best + 0.1), method="bounded")
+    found = minimize_scalar(
+        lambda a: solve(a)[1], bounds=(best - 0.1, best + 0.1), method="bounded"
+    )
     return np.append(solve(float(found.x))[0], wrap(found.x))
 
 
@@ -259,8 +259,11 @@ def hand_eye(
     freedom = max(3 * len(robot) - 3, 1)
     scale = max(float((weights * chi).sum()) / freedom, 1.0)
     return MountEstimate(
-        np.append(mount[:2], wrap(mount[2])), np.linalg.inv(information) * scale, turn, len(robot),
-        tuple(int(i) for i in np.flatnonzero(weights < 0.25)),  # noqa: PLR2004
+        np.append(mount[:2], wrap(mount[2])),
+        np.asarray(np.linalg.inv(information) * scale),
+        turn,
+        len(robot),
+        tuple(int(i) for i in np.flatnonzero(weights < 0.25)),
     )
 
 
@@ -284,4 +287,4 @@ def _closure_terms(
     by_a, by_b = into @ ax_by_a, into @ xb_by_b
     covariance = by_a @ robot_covariance @ np.swapaxes(by_a, -1, -2)
     covariance += by_b @ laser_covariance @ np.swapaxes(by_b, -1, -2)
-    return jacobian, np.linalg.inv(covariance)
+    return jacobian, np.asarray(np.linalg.inv(covariance))

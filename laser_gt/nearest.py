@@ -63,16 +63,16 @@ class NearestGrid:
         np.minimum(row, self.rows - 1, out=row)
         row *= self.columns
         row += column
-        return row
+        return np.asarray(row)
 
     def index(self, x: Array, y: Array) -> Indices:
         """Index of the nearest point to each (x, y), any shape."""
-        return self._tables[0].take(self._cells(x, y))
+        return np.asarray(self._tables[0].take(self._cells(x, y)))
 
     def squared_distance(self, x: Array, y: Array) -> Array:
         """Squared distance to the nearest point, exact but for the choice of the point."""
         index = self.index(x, y)
-        return (x - self.x.take(index)) ** 2 + (y - self.y.take(index)) ** 2
+        return np.asarray((x - self.x.take(index)) ** 2 + (y - self.y.take(index)) ** 2)
 
     def distance(self, x: Array, y: Array) -> npt.NDArray[np.float32]:
         """Distance to the nearest point to about half a cell; one look-up, for many queries."""

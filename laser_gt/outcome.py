@@ -61,8 +61,10 @@ class LaserOutcome:
 
     Parameters
     ----------
-    settings, inputs, trajectory, pairs, surveyed
+    settings, inputs, trajectory, pairs
         What it started from.
+    survey, surveyed : Surveyed
+        All surveyed poses; those that place the laser frame.
     solutions : dict of str to LaserSolution
         One for each engine that placed any stop.
     matchings : dict of str to Matching
@@ -81,6 +83,7 @@ class LaserOutcome:
     inputs: LaserInputs
     trajectory: Trajectory
     pairs: CandidatePairs
+    survey: Surveyed
     surveyed: Surveyed
     matchings: dict[Engine, Matching]
     solutions: dict[Engine, LaserSolution] = field(default_factory=dict)
@@ -112,7 +115,7 @@ def surveyed_poses(campaign: Campaign) -> Surveyed:
 def as_surveyed(table: PoseTable) -> Surveyed:
     """A pose table as surveyed stops; stops without covariance get 2 mm and 3 mrad."""
     n = len(table)
-    stated = np.isfinite(table.covariances).all((1, 2))
+    stated = np.asarray(np.isfinite(table.covariances).all((1, 2)))
     default = np.diag([0.002, 0.002, 0.003]) ** 2
     if table.joint is not None and stated.all():
         return Surveyed(tuple(table.ids), table.poses, table.joint)
@@ -129,6 +132,7 @@ def solve_campaign(
     *,
     engines: Sequence[Engine] | None = None,
     as_published: bool = False,
+    need_poses: bool = True,
 ) -> LaserOutcome:
     """Robot poses by scan matching and by the genetic aligner.
 
@@ -142,6 +146,8 @@ def solve_campaign(
         'scanmatch', 'genetic'; by default as the settings say.
     as_published : bool
         Also the document's way.
+    need_poses : bool
+        Whether it is an error if no stop can be placed; for looking at the matches it is not.
 
     Raises
     ------
@@ -150,22 +156,33 @@ def solve_campaign(
     """
     settings = campaign.section("laser", LaserSettings)
     inputs = load_inputs(campaign, settings)
-    surveyed = _references(campaign, settings, inputs, surveyed_poses(campaign))
+    survey = surveyed_poses(campaign)
+    surveyed = _references(campaign, settings, inputs, survey)
     report("first trajectory", 0.02)
     trajectory = first_trajectory(inputs)
-    if engines is None:
-        engines = ("scanmatch", "genetic") if settings.genetic else ("scanmatch",)
+    both: tuple[Engine, ...] = ("scanmatch", "genetic") if settings.genetic else ("scanmatch",)
+    wanted = both if engines is None else tuple(engines)
     pairs = find_pairs(inputs, trajectory, settings)
-    outcome = LaserOutcome(settings, inputs, trajectory, pairs, surveyed, {})
-    for number, engine in enumerate(engines):
-        _run_engine(outcome, engine, _part(report, number, len(engines)))
-    if not outcome.solutions:
+    outcome = LaserOutcome(settings, inputs, trajectory, pairs, survey, surveyed, {})
+    for number, engine in enumerate(wanted):
+        _run_engine(outcome, engine, _part(report, number, len(wanted)))
+    if need_poses and not outcome.solutions:
         raise GtvalError("\n".join(dict.fromkeys(outcome.failures.values())))
     published = _as_published(outcome) if as_published else None
-    check, note = _mount_check(campaign, outcome)
+    check, note = _mount_check(outcome)
     return LaserOutcome(
-        settings, inputs, trajectory, pairs, surveyed, outcome.matchings, outcome.solutions,
-        outcome.failures, check, note, published,
+        settings,
+        inputs,
+        trajectory,
+        pairs,
+        survey,
+        surveyed,
+        outcome.matchings,
+        outcome.solutions,
+        outcome.failures,
+        check,
+        note,
+        published,
     )
 
 
@@ -211,18 +228,20 @@ def _references(
         if stop not in surveyed.stops
     ]
     if not wanted:
-        problems.append(Problem(campaign.toml, "no scanned stop has a surveyed pose", None, "laser"))
+        problems.append(
+            Problem(campaign.toml, "no scanned stop has a surveyed pose", None, "laser")
+        )
     if problems:
         raise InputError(problems)
     return surveyed.select(wanted)
 
 
-def _mount_check(campaign: Campaign, outcome: LaserOutcome) -> tuple[MountCheck | None, str]:
+def _mount_check(outcome: LaserOutcome) -> tuple[MountCheck | None, str]:
     """The mount from all surveyed stops, or why there is none."""
     engine = next(iter(outcome.matchings))
     try:
-        everything = surveyed_poses(campaign)
-        return check_mount(outcome.inputs, outcome.matchings[engine].matches, everything), ""
+        matches = outcome.matchings[engine].matches
+        return check_mount(outcome.inputs, matches, outcome.survey), ""
     except GtvalError as error:
         return None, str(error)
 

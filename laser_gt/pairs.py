@@ -72,8 +72,9 @@ def candidate_pairs(
     near = np.sort(np.asarray(near, dtype=np.intp).reshape(-1, 2), axis=1)
     turned = np.abs(wrap(poses[near[:, 1], 2] - poses[near[:, 0], 2]))
     near = near[turned <= settings.heading + 1e-9]
-    overlap = np.array([expected_overlap(poses[i], poses[j], sweeps[i], sweeps[j])
-                        for i, j in near])
+    overlap = np.array(
+        [expected_overlap(poses[i], poses[j], sweeps[i], sweeps[j]) for i, j in near]
+    )
     enough = overlap >= settings.overlap if len(near) else np.zeros(0, dtype=bool)
     near, overlap = near[enough], overlap[enough]
     keep = _nearest(poses, near, settings.most)
@@ -98,8 +99,6 @@ def expected_overlap(first: Array, second: Array, one: Sweep, other: Sweep) -> f
 
     Walls in between are not asked; this is an upper bound that costs little.
     """
-
-
     inside = total = 0
     for a, b, source, target in ((first, second, other, one), (second, first, one, other)):
         points = transform(between(a, b), source.points[::4])

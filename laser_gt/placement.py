@@ -47,8 +47,11 @@ def place(
 
     Notes
     -----
-    Generalised least squares in the three numbers of the motion T, with the joint covariance of
-    survey and graph. With the estimator T = G (survey - graph), the poses T L have the covariance
+    Weighted least squares in the three numbers of the motion T, with the anchors' own variances
+    as weights: errors that all surveyed poses share are errors of the GTV frame itself, and
+    weights that try to make use of the correlations move the trajectory away from the survey's
+    middle. The covariance comes from the whole joint one: with the estimator
+    T = G (survey - graph), the poses T L have the covariance
     (J_T G) S (J_T G)' + (J_L - J_T G J_L) C (J_L - J_T G J_L)'.
     """
     n = len(solution.poses)
@@ -56,15 +59,12 @@ def place(
     graph_covariance = solution.covariance[: 3 * n, : 3 * n]
     frame = compose(surveyed[0], between(solution.poses[anchors[0]], np.zeros(3)))
     for _ in range(10):
-        by_frame, by_pose = compose_jacobians(
-            np.broadcast_to(frame, (n, 3)), solution.poses
-        )
+        by_frame, by_pose = compose_jacobians(np.broadcast_to(frame, (n, 3)), solution.poses)
         lever = by_frame.reshape(3 * n, 3)
         turned = _block_diagonal(by_pose)
-        noise = covariance + (turned @ graph_covariance @ turned.T)[np.ix_(flat, flat)]
         difference = surveyed - compose(frame, solution.poses[anchors])
         difference[:, 2] = wrap(difference[:, 2])
-        weighted = np.linalg.solve(noise, lever[flat]).T
+        weighted = lever[flat].T / np.diagonal(covariance)
         gain = np.linalg.solve(weighted @ lever[flat], weighted)
         step = gain @ difference.ravel()
         frame = frame + step
@@ -72,10 +72,7 @@ def place(
             break
     from_survey = lever @ gain
     from_graph = turned - from_survey @ turned[flat]
-    joint = (
-        from_survey @ covariance @ from_survey.T
-        + from_graph @ graph_covariance @ from_graph.T
-    )
+    joint = from_survey @ covariance @ from_survey.T + from_graph @ graph_covariance @ from_graph.T
     return Placement(compose(frame, solution.poses), (joint + joint.T) / 2, frame)
 
 

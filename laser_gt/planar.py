@@ -36,7 +36,7 @@ def transform(pose: Array, points: Array) -> Array:
     pose = np.asarray(pose, dtype=float)
     cosine, sine = np.cos(pose[..., 2, None]), np.sin(pose[..., 2, None])
     x, y = points[..., 0], points[..., 1]
-    result = np.empty(np.broadcast_shapes(cosine.shape, x.shape) + (2,))
+    result = np.empty((*np.broadcast_shapes(cosine.shape, x.shape), 2))
     result[..., 0] = cosine * x - sine * y + pose[..., 0, None]
     result[..., 1] = sine * x + cosine * y + pose[..., 1, None]
     return result

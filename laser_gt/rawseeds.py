@@ -61,7 +61,13 @@ def _record(
         limit = HOKUYO_RANGE_MAX
     ranges = without_far(np.where(ranges == 0, np.inf, ranges), limit)
     scan = make_scan(
-        path, line, ranges, angles, range_min=0.01, range_max=limit, time=float(values[0]),
+        path,
+        line,
+        ranges,
+        angles,
+        range_min=0.01,
+        range_max=limit,
+        time=float(values[0]),
         sensor=sensor,
     )
     return scan if isinstance(scan, Problem) else ScanRecord(scan, line=line)
@@ -83,9 +89,9 @@ def read_rawseeds_odometry(path: Path) -> tuple[Array, Array]:
         values = numbers(path, line, words, "odometry")
         if isinstance(values, Problem):
             problems.append(values)
-        elif len(values) < 7:  # noqa: PLR2004
-            text = f"the line is cut short: {len(values)} of 7 numbers"
-            problems.append(Problem(path, text, line))
+        elif len(values) < 7:
+            short = f"the line is cut short: {len(values)} of 7 numbers"
+            problems.append(Problem(path, short, line))
         else:
             rows.append(values)
     if not rows and not problems:

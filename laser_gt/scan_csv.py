@@ -47,7 +47,7 @@ def read_scan_csv(path: Path) -> list[ScanRecord]:
             records.append(values)
             continue
         step = table.numbers["angle_step"][row]
-        angles = table.numbers["angle_min"][row] + step * np.arange(len(values))
+        angles = np.asarray(table.numbers["angle_min"][row] + step * np.arange(len(values)))
         if step < 0:
             values, angles = values[::-1], angles[::-1]
         scan = make_scan(

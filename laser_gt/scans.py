@@ -95,20 +95,18 @@ def scan_fault(ranges: Array, angles: Array, range_min: float, range_max: float)
         return f"{ranges.shape} ranges for {angles.shape} angles"
     if ranges.size == 0:
         return "it has no beams"
-    if not (np.isfinite([range_min, range_max]).all() and 0 <= range_min < range_max):
-        return f"range limits {range_min} to {range_max} m leave nothing"
-    if np.isnan(ranges).any():
-        return f"the range of beam {int(np.isnan(ranges).argmax())} is not a number"
-    if (ranges < 0).any():
-        return f"the range of beam {int((ranges < 0).argmax())} is negative"
     if not np.isfinite(angles).all():
         return f"the angle of beam {int((~np.isfinite(angles)).argmax())} is not finite"
-    falling = np.diff(angles) <= 0
-    if falling.any():
-        return f"its angles do not increase from beam {int(falling.argmax())} to the next"
-    if angles[-1] - angles[0] > 2 * np.pi + 1e-6:
-        return "its angles span more than one turn"
-    return None
+    falling = np.append(np.diff(angles) <= 0, False)
+    limits = np.isfinite([range_min, range_max]).all() and 0 <= range_min < range_max
+    checks = (
+        (np.array([not limits]), f"range limits {range_min} to {range_max} m leave nothing"),
+        (np.isnan(ranges), "the range of beam {} is not a number"),
+        (ranges < 0, "the range of beam {} is negative"),
+        (falling, "its angles do not increase from beam {} to the next"),
+        (np.array([angles[-1] - angles[0] > 2 * np.pi + 1e-6]), "its angles exceed one turn"),
+    )
+    return next((text.format(int(bad.argmax())) for bad, text in checks if bad.any()), None)
 
 
 def estimated_sigma(scan: Scan) -> float:
@@ -185,10 +183,7 @@ class Sweep:
     def origins(self) -> Array:
         """(n, 2) position of the sensor that saw each point."""
         return np.concatenate(
-            [
-                np.broadcast_to(view.mount[:2], (len(view.scan.points), 2))
-                for view in self.views
-            ]
+            [np.broadcast_to(view.mount[:2], (len(view.scan.points), 2)) for view in self.views]
         )
 
     @cached_property

@@ -130,14 +130,21 @@ def pose_table(solution: LaserSolution) -> Table:
     """Poses with standard deviations."""
     n = len(solution.stops)
     sigma = np.sqrt(np.diagonal(solution.placement.joint)).reshape(n, 3)
-    rows = [
+    rows: list[list[str | int | float | None]] = [
         [stop, *map(float, pose), *map(float, s)]
         for stop, pose, s in zip(solution.stops, solution.placement.poses, sigma, strict=True)
     ]
     return Table(
         f"Poses by {solution.matching.engine}",
-        ["pose", "x [m]", "y [m]", "theta [rad]", "sigma x [m]", "sigma y [m]",
-         "sigma theta [rad]"],
+        [
+            "pose",
+            "x [m]",
+            "y [m]",
+            "theta [rad]",
+            "sigma x [m]",
+            "sigma y [m]",
+            "sigma theta [rad]",
+        ],
         rows,
         ["", ".4f", ".4f", ".4f", ".4f", ".4f", ".4f"],
         f"Placed by the surveyed stops {', '.join(solution.anchors)}.",
@@ -150,8 +157,13 @@ def mount_table(check: MountCheck) -> Table:
     rows: list[list[str | int | float | None]] = [
         [name, *map(float, values)]
         for name, *values in zip(
-            names, check.stated, check.stated_sigmas, check.found.mount, check.found.sigmas,
-            check.difference, strict=True,
+            names,
+            check.stated,
+            check.stated_sigmas,
+            check.found.mount,
+            check.found.sigmas,
+            check.difference,
+            strict=True,
         )
     ]
     return Table(
@@ -173,10 +185,7 @@ def _mount_section(outcome: LaserOutcome, check: MountCheck) -> Section:
 
 def overlay_figure(outcome: LaserOutcome, check: MountCheck) -> Figure:
     """Two pairs of scans through the surveyed poses, with the stated and the found mount."""
-    poses = dict(zip(outcome.surveyed.stops, outcome.surveyed.poses, strict=True))
-    if len(poses) < 2:  # noqa: PLR2004  (one reference: the trajectory stands in for the survey)
-        solution = next(iter(outcome.solutions.values()))
-        poses = dict(zip(solution.stops, solution.placement.poses, strict=True))
+    poses = dict(zip(outcome.survey.stops, outcome.survey.poses, strict=True))
     sweeps = dict(zip(outcome.inputs.stops, outcome.inputs.sweeps, strict=True))
     accepted = [
         m

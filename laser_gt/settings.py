@@ -34,8 +34,8 @@ class LaserSettings(Settings):
     stops: str = "laser/stops.csv"
     odometry: str = "laser/odometry.csv"
     decisions: str = "laser/decisions.csv"
-    scanners: dict[str, ScannerSettings] = {}
-    reference: list[Name] = []
+    scanners: dict[str, ScannerSettings] = Field(default_factory=dict)
+    reference: list[Name] = Field(default_factory=list)
     max_delay: Positive = 0.05
     guess_sigmas: tuple[Positive, Positive] = (0.15, 0.1)
     pair_radius: Positive = 4.0

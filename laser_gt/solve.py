@@ -142,12 +142,22 @@ def first_trajectory(inputs: LaserInputs) -> Trajectory:
 def find_pairs(
     inputs: LaserInputs, trajectory: Trajectory, settings: LaserSettings, most: int = 0
 ) -> CandidatePairs:
-    """Pairs worth matching, and those that a decision names."""
-    limits = PairSettings(
-        settings.pair_radius, settings.pair_heading, settings.pair_overlap, most or
-        settings.pairs_per_stop,
-    )
-    pairs = candidate_pairs(trajectory.poses, [one.sweep for one in inputs.sweeps], limits)
+    """Pairs worth matching, and those that a decision names.
+
+    Where the radius leaves stops without a chain of pairs to the others, it is made larger, to
+    three times at most.
+    """
+    sweeps = [one.sweep for one in inputs.sweeps]
+    for wider in (1.0, 1.5, 2.0, 3.0):
+        limits = PairSettings(
+            settings.pair_radius * wider,
+            settings.pair_heading,
+            settings.pair_overlap,
+            most or settings.pairs_per_stop,
+        )
+        pairs = candidate_pairs(trajectory.poses, sweeps, limits)
+        if _joined(len(sweeps), pairs):
+            break
     have = {tuple(pair) for pair in pairs.index.tolist()}
     for reference, moving in inputs.decisions:
         pair = tuple(sorted((inputs.stops.index(reference), inputs.stops.index(moving))))
@@ -157,6 +167,12 @@ def find_pairs(
                 np.vstack([pairs.index, [pair]]).astype(np.intp), np.append(pairs.overlap, np.nan)
             )
     return pairs
+
+
+def _joined(count: int, pairs: CandidatePairs) -> bool:
+    """Whether chains of pairs join all stops."""
+    edges = [Edge(int(i), int(j), np.zeros(3), np.eye(3)) for i, j in pairs.index]
+    return bool(connected_stops(count, edges, [0]).all())
 
 
 def match_pairs(
@@ -180,13 +196,15 @@ def match_pairs(
         reference, moving = inputs.sweeps[i], inputs.sweeps[j]
         if engine == "genetic":
             found = genetic_match(
-                reference, moving, rng, [guess],
-                GeneticSettings(settings.population, settings.generations), middle=guess,
+                reference,
+                moving,
+                rng,
+                [guess],
+                GeneticSettings(settings.population, settings.generations),
+                middle=guess,
             )
             convergence[reference.name, moving.name] = found.convergence
-            matches.append(
-                judged(reference, moving, guess, found.finalists, limits, "genetic")
-            )
+            matches.append(judged(reference, moving, guess, found.finalists, limits, "genetic"))
         else:
             start = guess
             if settings.initial == "gpm":
@@ -251,9 +269,13 @@ def solve(
     reached = connected_stops(len(inputs.stops), edges, [root])
     kept = [stop for stop, there in zip(inputs.stops, reached, strict=True) if there]
     where = {stop: number for number, stop in enumerate(kept)}
-    edges = edges_of(kept, [m for m in matching.matches if m.reference in where and m.moving in where])
+    edges = edges_of(
+        kept, [m for m in matching.matches if m.reference in where and m.moving in where]
+    )
     start = where[inputs.stops[root]]
-    robot = compose(compose(inputs.mount, trajectory.poses[reached]), between(inputs.mount, np.zeros(3)))
+    robot = compose(
+        compose(inputs.mount, trajectory.poses[reached]), between(inputs.mount, np.zeros(3))
+    )
     robot = between(robot[start], robot)
     solution = solve_graph(
         Graph(
@@ -281,7 +303,7 @@ def _root(stops: Sequence[str], edges: Sequence[Edge], anchors: Sequence[str]) -
         for anchor in anchors
         if anchor in where
     }
-    if not sizes or max(sizes.values()) < 2:  # noqa: PLR2004
+    if not sizes or max(sizes.values()) < 2:
         raise GtvalError(
             "no accepted match reaches a surveyed stop; look at the matches with "
             "`gtval laser inspect` and decide on some, or survey more stops"

@@ -119,7 +119,7 @@ def surface(sweep: Sweep) -> Surface:
 def _spacing(points: Array, run: Indices) -> Array:
     """(n,) larger distance to the neighbours in the same run."""
     chord = np.sqrt((np.diff(points, axis=0) ** 2).sum(-1)) * (run[1:] == run[:-1])
-    return np.maximum(np.append(chord, 0.0), np.append(0.0, chord))
+    return np.asarray(np.maximum(np.append(chord, 0.0), np.append(0.0, chord)))
 
 
 def _run_of(sweep: Sweep, points: Array, ranges: Array, sigmas: Array) -> Indices:

@@ -1,0 +1,77 @@
+import numpy as np
+import pytest
+from laser_rooms import error, pair_of, prepared
+
+from data_samples.scan_pairs import KINDS
+from data_samples.scanners import FULL_TURN, HALF_TURN, corridor, take_sweep
+from laser_gt.evidence import Prepared
+from laser_gt.judgement import MatchSettings, match
+from laser_gt.planar import between, rotation
+
+LIMITS = MatchSettings(guess_length=0.06, guess_angle=0.06)
+
+
+def _judge_many(seeds):
+    """Accepted wrong ones, good ones, and those of the good that were not accepted."""
+    wrong, good, held_up = [], 0, 0
+    for seed in seeds:
+        kind = KINDS[0] if seed % 3 else KINDS[1 + (seed // 3) % 3]
+        pair = pair_of(seed, kind, (FULL_TURN, HALF_TURN)[(seed // 2) % 2])
+        found = match(*prepared(pair), pair.guess, LIMITS)
+        length, angle = error(found.pose, pair.truth)
+        if found.verdict == "accept" and (length > 0.02 or angle > 0.01):
+            wrong.append((seed, kind, length, angle))
+        if kind == "room":
+            good += 1
+            held_up += found.verdict != "accept"
+    return wrong, good, held_up
+
+
+def test_no_wrong_match_is_accepted_and_hardly_a_good_one_held_up():
+    wrong, good, held_up = _judge_many(range(150))
+    assert wrong == []
+    assert held_up <= 0.05 * good
+
+
+@pytest.mark.full
+def test_judgement_of_a_thousand_pairs():
+    wrong, good, held_up = _judge_many(range(2000, 3000))
+    assert wrong == []
+    assert held_up <= 0.05 * good
+
+
+def test_along_a_corridor_the_stated_deviation_is_that_of_the_guess_and_true():
+    errors, stated = [], []
+    for seed in range(25):
+        rng = np.random.default_rng(seed)
+        hall = corridor(rng, 50)
+        scanner = FULL_TURN.__class__(722, 2 * np.pi, range_max=12.0, resolution=0.0)
+        first = np.array([rng.uniform(-3, 3), rng.uniform(-0.4, 0.4), rng.normal(0, 0.3)])
+        second = first + rng.uniform(-1, 1, 3) * [0.5, 0.1, 0.2]
+        truth = between(first, second)
+        guess = truth + rng.normal(0, 1, 3) * [0.1, 0.1, 0.05]
+        found = match(
+            Prepared(take_sweep(hall, [scanner], first, rng)),
+            Prepared(take_sweep(hall, [scanner], second, rng)),
+            guess,
+            MatchSettings(guess_length=0.1, guess_angle=0.05),
+        )
+        along = rotation(first[2]).T @ [1, 0]
+        errors.append(along @ (found.pose - truth)[:2])
+        stated.append(np.sqrt(along @ found.covariance[:2, :2] @ along))
+        assert found.verdict != "accept"
+        assert any("corridor" in reason for reason in found.reasons)
+    ratio = np.sqrt(np.mean(np.square(stated))) / np.sqrt(np.mean(np.square(errors)))
+    assert 0.5 < ratio < 2
+
+
+def test_moved_furniture_shows_in_free_space():
+    found = [
+        match(*prepared(p), p.guess, LIMITS)
+        for p in (pair_of(seed, "moved_furniture") for seed in range(6))
+    ]
+    assert all(one.violating > 0.03 for one in found)
+    assert all(
+        one.violating < 0.01
+        for one in (match(*prepared(p), p.guess, LIMITS) for p in map(pair_of, range(6)))
+    )

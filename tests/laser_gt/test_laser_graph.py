@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+
+from laser_gt.graph import Edge, Graph, predicted, solve_graph
+from laser_gt.mounts import hand_eye, linear_hand_eye
+from laser_gt.planar import between, compose, inverse
+from validation.errors import GtvalError
+
+MOUNT = np.array([0.178, 0.1915, np.pi / 2])
+NOISE = np.diag([1e-3, 1e-3, 3e-4]) ** 2
+
+
+def _tour(rng, n=10):
+    return np.column_stack([rng.uniform(-3, 3, (n, 2)), rng.uniform(-3, 3, n)])
+
+
+def _edges(rng, poses, noise=NOISE):
+    return [
+        Edge(
+            i,
+            j,
+            predicted(poses[i], poses[j], MOUNT) + rng.multivariate_normal(np.zeros(3), noise),
+            noise,
+        )
+        for i in range(len(poses))
+        for j in range(i + 1, min(i + 4, len(poses)))
+    ]
+
+
+def test_mount_and_its_covariance_are_right_over_many_surveys():
+    nees = []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        poses = _tour(rng)
+        sigma = np.diag([0.002, 0.002, 0.003]) ** 2
+        surveyed = poses + rng.multivariate_normal(np.zeros(3), sigma, len(poses))
+        graph = Graph(
+            surveyed,
+            MOUNT + 0.02,
+            _edges(rng, poses),
+            range(len(poses)),
+            surveyed,
+            np.kron(np.eye(len(poses)), sigma),
+            None,
+        )
+        found = solve_graph(graph)
+        error = found.mount - MOUNT
+        nees.append(error @ np.linalg.solve(found.covariance[-3:, -3:], error))
+    # 60 chi-squared values with 3 degrees of freedom
+    assert 3 - 0.95 < np.mean(nees) < 3 + 0.95
+
+
+def test_one_wrong_edge_does_not_move_the_poses():
+    rng = np.random.default_rng(4)
+    poses = _tour(rng)
+    edges = _edges(rng, poses)
+    wrong = edges[7]
+    edges[7] = Edge(wrong.start, wrong.end, wrong.pose + 0.3, wrong.covariance)
+    graph = Graph(poses, MOUNT, edges, [0], poses[:1], np.eye(3) * 1e-12, np.eye(3) * 1e-12)
+    found = solve_graph(graph)
+    assert found.weights.argmin() == 7
+    assert np.abs(found.poses - poses)[:, :2].max() < 0.01
+
+
+def test_motions_without_noise_give_the_mount_exactly_and_straight_ones_none():
+    rng = np.random.default_rng(2)
+    robot = _tour(rng, 12)
+    laser = between(np.broadcast_to(MOUNT, robot.shape), compose(robot, MOUNT))
+    assert np.allclose(laser, compose(compose(inverse(MOUNT), robot), MOUNT))
+    # golden section stops at 1e-5 rad
+    assert np.abs(linear_hand_eye(robot, laser) - MOUNT).max() < 1e-5
+    covariances = np.tile(NOISE, (12, 1, 1))
+    found = hand_eye(robot, covariances, laser, covariances)
+    assert np.abs(found.mount - MOUNT).max() < 1e-8
+    straight = robot * [1, 1, 0]
+    straight_laser = between(np.broadcast_to(MOUNT, robot.shape), compose(straight, MOUNT))
+    with pytest.raises(GtvalError, match="without turns"):
+        hand_eye(straight, covariances, straight_laser, covariances)
