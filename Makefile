@@ -35,6 +35,7 @@ bench: $(VENV)/installed-for-tests
 images: $(VENV)/installed
 	$(PYTHON) docs/make_images.py
 	$(PYTHON) docs/make_survey_images.py
+	$(PYTHON) docs/make_explain_images.py
 
 clean:
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -215,7 +215,7 @@ def _same_stop(
                     blamed=(guilty[0],),
                     certainty="likely",
                     witnesses=(*others, *one.witnesses),
-                    reason=f"this cell alone does not tell {' from '.join(one.blamed)}, but "
+                    reason=f"this cell alone does not tell which of {listed(one.blamed)} it is, but "
                     f"{guilty[0]} is responsible for the {CELLS[1 - kind]} of the same stop",
                 )
         result.append(one)

@@ -149,8 +149,11 @@ def noise_table(explanation: Explanation) -> Table:
     for row, name in enumerate(found.names):
         for kind, cell in enumerate(CELLS):
             value = found.variances[row, kind]
-            sigma = None if np.isnan(value) else float(np.sqrt(max(value, 0.0)))
             low, high = (None if np.isnan(end) else float(end) for end in intervals[row, kind])
+            # Estimates outside the interval are ones that another difference has ruled out.
+            sigma = None if np.isnan(value) else float(np.sqrt(max(value, 0.0)))
+            if sigma is not None and low is not None and high is not None:
+                sigma = min(max(sigma, low), high)
             rows.append([name, cell, sigma, low, high])
     return Table(
         "Noise of each source alone (three-cornered hat) [m, rad]",
