@@ -3,7 +3,7 @@
 
 VENV := .venv
 PYTHON := $(VENV)/bin/python
-TESTED := validation survey vision_gt laser_gt data_samples tests benchmarks docs
+TESTED := validation survey vision_gt laser_gt rtk_gt data_samples tests benchmarks docs
 
 # One thread a process: the tests run side by side, and small matrices gain nothing from more.
 export OMP_NUM_THREADS := 1

@@ -1,0 +1,150 @@
+"""From a campaign's receivers to the path: the whole chain, without printing or drawing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rtk_gt.antennas import Antennas, antenna_positions
+from rtk_gt.composition import Composed, compose
+from rtk_gt.consistency import Consistency, consistency
+from rtk_gt.coverage import Coverage, coverage
+from rtk_gt.fixes import Fixes
+from rtk_gt.inputs import local_frame, offset_prior, read_records
+from rtk_gt.interpolation import HoldOut, hold_out
+from rtk_gt.noise import GpsNoise
+from rtk_gt.offset_prior import OffsetPrior
+from rtk_gt.offsets import Offsets, estimate_offsets
+from rtk_gt.path import VehiclePath, vehicle_path
+from rtk_gt.pose_covariance import reference_covariance
+from rtk_gt.settings import RtkSettings
+from rtk_gt.steps import Steps, common_steps
+from validation.angles import Array
+from validation.campaign import Campaign
+from validation.errors import GtvalError
+from validation.systems import Progress, no_progress
+
+
+@dataclass(frozen=True)
+class RtkOutcome:
+    """All that the RTK system makes of a campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        What was solved.
+    settings : RtkSettings
+        Its [rtk] table.
+    records : tuple of Fixes
+        Of all receivers.
+    steps : Steps
+        The same, brought together, as recorded.
+    prior : OffsetPrior
+        What campaign.toml states of offsets and distances.
+    offsets : Offsets
+        Offsets and distances from the drive and the prior.
+    antennas : Antennas
+        Their positions on the vehicle.
+    noise : GpsNoise
+        Used for the covariances.
+    path : VehiclePath
+        The ground truth.
+    reference : (6, 6) array
+        W* of these antennas and this noise.
+    consistency : Consistency
+        The measure q_t.
+    coverage : Coverage
+        What of the drive has ground truth.
+    hold_out : HoldOut, optional
+        Which interpolation does best; None where the path is too short to tell.
+    sensors : dict of str to Composed
+        Paths of the sensors of campaign.toml.
+    """
+
+    campaign: Campaign
+    settings: RtkSettings
+    records: tuple[Fixes, ...]
+    steps: Steps
+    prior: OffsetPrior
+    offsets: Offsets
+    antennas: Antennas
+    noise: GpsNoise
+    path: VehiclePath
+    reference: Array
+    consistency: Consistency
+    coverage: Coverage
+    hold_out: HoldOut | None
+    sensors: dict[str, Composed]
+
+
+def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkOutcome:
+    """The path of a campaign's vehicle, with all that is known of its quality.
+
+    Raises
+    ------
+    GtvalError
+        If the files are bad, or the receivers are never RTK-fixed together.
+    """
+    settings = campaign.section("rtk", RtkSettings)
+    if not settings.receivers:
+        raise GtvalError(f"{campaign.toml} names no [[rtk.receivers]]")
+    progress("reading the receivers", 0.0)
+    records, steps = recorded_steps(campaign, settings)
+    progress("offsets of the receivers", 0.3)
+    prior = offset_prior(settings, steps.frame)
+    offsets = estimate_offsets(steps, eta=settings.eta, robust=settings.robust, prior=prior)
+    antennas = _antennas(settings, offsets)
+    noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
+    progress("path", 0.5)
+    path = vehicle_path(_without_false(steps, offsets), offsets, antennas, noise)
+    corrected = steps.select(steps.complete).corrected(offsets.offsets)
+    progress("quality of the path", 0.7)
+    return RtkOutcome(
+        campaign=campaign,
+        settings=settings,
+        records=tuple(records),
+        steps=steps,
+        prior=prior,
+        offsets=offsets,
+        antennas=antennas,
+        noise=noise,
+        path=path,
+        reference=reference_covariance(antennas.positions, noise),
+        consistency=consistency(corrected.positions, offsets.distances, noise, settings.confidence),
+        coverage=coverage(records, steps, path.times, settings.max_gap),
+        hold_out=_hold_out(path, settings.max_gap),
+        sensors={
+            sensor.name: compose(
+                path.poses,
+                path.covariances,
+                np.array(sensor.pose),
+                np.diag(np.square(sensor.sigmas)),
+            )
+            for sensor in settings.sensors
+        },
+    )
+
+
+def recorded_steps(campaign: Campaign, settings: RtkSettings) -> tuple[list[Fixes], Steps]:
+    """The records of all receivers, and the same brought together in the local frame."""
+    records = read_records(campaign, settings)
+    frame = local_frame(settings, records)
+    return records, common_steps(records, frame, settings.simultaneous)
+
+
+def _antennas(settings: RtkSettings, offsets: Offsets) -> Antennas:
+    heights = np.array([receiver.height for receiver in settings.receivers[:3]])
+    others = [receiver.position for receiver in settings.receivers[3:]]
+    return antenna_positions(offsets.distances, heights, np.array(others) if others else None)
+
+
+def _without_false(steps: Steps, offsets: Offsets) -> Steps:
+    """The complete steps but those whose distances say that a fix is false."""
+    rows = np.flatnonzero(steps.complete)
+    return steps.select(rows[offsets.weights > 0])
+
+
+def _hold_out(path: VehiclePath, max_gap: float) -> HoldOut | None:
+    try:
+        return hold_out(path, max_gap)
+    except GtvalError:
+        return None

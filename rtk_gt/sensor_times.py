@@ -1,0 +1,92 @@
+"""Ground truth at the times of a sensor's own data."""
+
+from pathlib import Path
+
+import numpy as np
+
+from rtk_gt.composition import compose
+from rtk_gt.fix_csv import seconds_of
+from rtk_gt.interpolation import PUBLISHED, Interpolated, interpolate
+from rtk_gt.outcome import RtkOutcome
+from validation.angles import Array
+from validation.csv_tables import Column, read_csv
+from validation.errors import GtvalError
+from validation.poses import SPATIAL, PoseTable
+
+VEHICLE = "vehicle"
+MAX_BYTES = 500_000_000
+
+
+def read_times(path: Path) -> Array:
+    """(m,) seconds since 1970 of the column ``time`` of a CSV file; see `seconds_of`.
+
+    Raises
+    ------
+    InputError
+        Naming every cell that is no time, and times given twice.
+    """
+    table = read_csv(path, [Column("time")], max_bytes=MAX_BYTES)
+    times = np.array([seconds_of(text) for text in table.text["time"]])
+    for row in np.flatnonzero(np.isnan(times)):
+        table.flag(int(row), "time", "not a time; expected seconds since 1970, or ISO 8601")
+    table.flag_duplicates(["time"])
+    table.raise_problems()
+    return times
+
+
+def path_at(outcome: RtkOutcome, times: Array, *, published: bool = False) -> Interpolated:
+    """Vehicle poses at any times, by the methods that do best on this drive or as published."""
+    methods = PUBLISHED
+    if not published and outcome.hold_out is not None:
+        methods = outcome.hold_out.chosen
+    return interpolate(
+        outcome.path,
+        times,
+        max_gap=outcome.settings.max_gap,
+        methods=methods,
+        errors=outcome.hold_out,
+    )
+
+
+def sensor_poses(
+    outcome: RtkOutcome, sensor: str, times: Array, *, published: bool = False
+) -> tuple[PoseTable, int]:
+    """Poses of a sensor at the times of its data, and how many times are in gaps.
+
+    Parameters
+    ----------
+    outcome : RtkOutcome
+        The solved drive.
+    sensor : str
+        A sensor of campaign.toml, or 'vehicle'.
+    times : (m,) array
+        Seconds since 1970.
+    published : bool
+        Interpolate as published.
+
+    Raises
+    ------
+    GtvalError
+        If there is no such sensor.
+    """
+    known = {one.name: one for one in outcome.settings.sensors}
+    if sensor != VEHICLE and sensor not in known:
+        names = ", ".join([VEHICLE, *known])
+        raise GtvalError(f"no sensor '{sensor}' in {outcome.campaign.toml}; there are: {names}")
+    found = path_at(outcome, times, published=published)
+    rows = found.available
+    poses, covariances = found.poses[rows], found.covariances[rows]
+    if sensor != VEHICLE:
+        one = known[sensor]
+        own = np.diag(np.square(one.sigmas))
+        poses, covariances = compose(poses, covariances, np.array(one.pose), own)
+    table = PoseTable(
+        system="rtk" if sensor == VEHICLE else f"rtk_{sensor}",
+        ids=tuple(f"{time:.6f}" for time in times[rows]),
+        poses=poses,
+        covariances=covariances,
+        components=SPATIAL,
+        sources=("interpolated",) * int(rows.sum()),
+        provenance={"methods": dict(found.methods)},
+    )
+    return table, int((~rows).sum())

@@ -1,0 +1,80 @@
+"""RTK-GPS as a system of gtval: campaign folder to spatial poses."""
+
+from typing import TYPE_CHECKING
+
+from rtk_gt.settings import RtkSettings
+
+if TYPE_CHECKING:
+    from rtk_gt.outcome import RtkOutcome
+    from validation.campaign import Campaign
+    from validation.results import SystemResult
+    from validation.systems import Progress
+
+
+class RtkSystem:
+    """The path of a vehicle with three or more RTK-GPS receivers."""
+
+    name = "rtk"
+
+    def has_data(self, campaign: "Campaign") -> bool:
+        """Whether campaign.toml names receivers."""
+        return bool(campaign.section("rtk", RtkSettings).receivers)
+
+    def solve(self, campaign: "Campaign", progress: "Progress") -> "SystemResult":
+        """Path, findings and report sections."""
+        from rtk_gt.outcome import solve_campaign
+
+        return result_of(solve_campaign(campaign, progress))
+
+
+def result_of(outcome: "RtkOutcome") -> "SystemResult":
+    """An outcome in the form that all systems share."""
+    from rtk_gt.findings import rtk_findings
+    from rtk_gt.result_files import rtk_files, rtk_tables
+    from rtk_gt.sections import rtk_sections
+    from validation.results import SystemResult
+
+    return SystemResult(
+        tables=rtk_tables(outcome),
+        findings=rtk_findings(outcome),
+        sections=rtk_sections(outcome),
+        files=rtk_files(outcome),
+        facts=rtk_facts(outcome),
+    )
+
+
+def rtk_facts(outcome: "RtkOutcome") -> dict[str, object]:
+    """Numbers of a drive for scripts."""
+    from rtk_gt.offsets import distance_names
+    from rtk_gt.path import heading_span, tilt_spread
+
+    offsets, found = outcome.offsets, outcome.coverage
+    return {
+        "frame": str(outcome.steps.frame),
+        "poses": len(outcome.path),
+        "share_of_time": found.share_of_time,
+        "share_of_length": found.share_of_length,
+        "longest_gap": found.gaps[0].duration if found.gaps else 0.0,
+        "offsets": dict(zip(offsets.receivers, offsets.offsets.values, strict=True)),
+        "offset_sigmas": dict(zip(offsets.receivers, offsets.offset_sigmas, strict=True)),
+        "undetermined_directions": int((offsets.signal <= 0).sum()),
+        "distances": dict(zip(distance_names(offsets.receivers), offsets.distances, strict=True)),
+        "antennas": dict(zip(offsets.receivers, outcome.antennas.positions, strict=True)),
+        "sigma_horizontal": outcome.noise.sigma,
+        "sigma_vertical": outcome.noise.sigma * outcome.noise.eta,
+        "heading_span": heading_span(outcome.path),
+        "tilt_spread": tilt_spread(outcome.path),
+        "false_fixes": int((offsets.weights == 0).sum()),
+        "consistency": {
+            "bound": outcome.consistency.bound,
+            "share_beyond": outcome.consistency.share_beyond,
+            "mean_square": outcome.consistency.mean_square,
+            "mean_square_interval": outcome.consistency.mean_square_interval,
+            "correlation_time": outcome.consistency.correlation_time,
+        },
+        "reference_covariance": outcome.reference,
+        "interpolation": None if outcome.hold_out is None else outcome.hold_out.chosen,
+    }
+
+
+SYSTEM = RtkSystem()
