@@ -8,13 +8,14 @@ import numpy as np
 from validation.angles import Array
 from validation.errors import GtvalError
 from validation.explain.agreement import Agreement, agreement
-from validation.explain.arbitration import FALSE_ALARM, Arbitration, Sources, arbitrate
+from validation.explain.arbitration import FALSE_ALARM, arbitrate
 from validation.explain.noise import Mask
 from validation.explain.pairs import Pairs, make_pairs
 from validation.explain.reference import ReferenceEvidence, infer_reference
 from validation.explain.selection import FALSE_ALARM as INVENTED
 from validation.explain.selection import Selection, select
 from validation.explain.settled import Settled, settle
+from validation.explain.sources import Arbitration, Sources
 from validation.poses import PoseTable
 
 FEWEST = 4

@@ -7,150 +7,35 @@ heals the cell, if that is clearly so, and the chance of blaming anyone in a cle
 at a stated level over the whole table (Bonferroni over all questions asked).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from scipy import special
 
-from validation.angles import Array, wrap
-from validation.explain.hat import DIMENSIONS, SourceVariances, source_variances
+from validation.angles import Array
+from validation.explain.hat import DIMENSIONS, source_variances
 from validation.explain.noise import Mask
+from validation.explain.sources import (
+    CELLS,
+    Arbitration,
+    Sources,
+    Verdict,
+    differences,
+    listed,
+    reason_for,
+)
 
 FALSE_ALARM = 0.05
 MARGIN = 6.0
 """Two culprits are told apart if one's removal leaves a chi-squared this much smaller (odds of
 20 to 1)."""
 
-CELLS = ("position", "heading")
-Certainty = Literal["sure", "likely", "undecided"]
 _ROUNDS = 5
 
 SCREEN = 1e-3
 """Cells below this p-value are left out when noise levels are estimated, as one gross error that
 is just not flagged would hide others."""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """One cell that does not fit.
-
-    Parameters
-    ----------
-    stop : str
-        Name of the pose.
-    cell : {"position", "heading"}
-        Which part of it.
-    blamed : tuple of str
-        The source held responsible; several where it is any one (or, of one sensor, all) of them.
-    certainty : {"sure", "likely", "undecided"}
-        'likely' if the others that outvote it share a sensor; 'undecided' if one of several.
-    p_value : float
-        Chance of such a disagreement without a gross error, for this question alone.
-    size : float
-        Length or angle by which the source is off the others, in metres or radians.
-    witnesses : tuple of str
-        The sources that agree with each other.
-    reason : str
-        Why, in words.
-    """
-
-    stop: str
-    cell: str
-    blamed: tuple[str, ...]
-    certainty: Certainty
-    p_value: float
-    size: float
-    witnesses: tuple[str, ...]
-    reason: str
-
-
-@dataclass(frozen=True)
-class Arbitration:
-    """What the table of sources against stops shows.
-
-    Parameters
-    ----------
-    sources : tuple of str
-        The S sources, the validation first.
-    ids : tuple of str
-        The n stops.
-    verdicts : tuple of Verdict
-        All cells that do not fit, stop by stop.
-    present : (S, n) array of bool
-        Whether the source has the pose.
-    bad : (S, n, 2) array of bool
-        Cells of which the source is held responsible.
-    doubtful : (S, n, 2) array of bool
-        Cells of which it may be responsible.
-    scores : (S, n, 2) array
-        Distance of each source from the others in standard deviations; NaN where it is alone.
-    noise : (S, 2) array
-        Standard deviations used, in metres and radians.
-    variances : SourceVariances
-        From the differences between independent sources, the cells above left out.
-    false_alarm : float
-        Chance of any verdict in a clean table.
-    questions : int
-        Asked of the table.
-    """
-
-    sources: tuple[str, ...]
-    ids: tuple[str, ...]
-    verdicts: tuple[Verdict, ...]
-    present: Mask
-    bad: Mask
-    doubtful: Mask
-    scores: Array
-    noise: Array
-    variances: SourceVariances
-    false_alarm: float
-    questions: int
-
-    @property
-    def usable(self) -> Mask:
-        """(S, n, 2) True where a cell is there and beyond suspicion."""
-        return self.present[..., None] & ~self.bad & ~self.doubtful
-
-
-@dataclass(frozen=True)
-class Sources:
-    """Poses of S sources at n stops, systematic parts taken out.
-
-    Parameters
-    ----------
-    names : tuple of str
-        The sources, the validation first.
-    ids : tuple of str
-        The stops.
-    poses : (S, n, 3) array
-        NaN where missing (or known only by construction).
-    covariances : (S, n, 3, 3) array
-        NaN where not stated.
-    sensors : mapping of str to tuple of str
-        Sources that share a sensor, by its name.
-    lost_freedom : (S, 2) array
-        Degrees of freedom that taking out the systematic part cost.
-    """
-
-    names: tuple[str, ...]
-    ids: tuple[str, ...]
-    poses: Array
-    covariances: Array
-    sensors: Mapping[str, tuple[str, ...]]
-    lost_freedom: Array
-
-    @property
-    def present(self) -> Mask:
-        """(S, n) True where there is a pose."""
-        return np.asarray(np.isfinite(self.poses).all(-1))
-
-    @property
-    def stated(self) -> Mask:
-        """(S,) True where all covariances are stated."""
-        stated = np.isfinite(self.covariances).all((-1, -2))
-        return np.asarray((stated | ~self.present).all(1) & self.present.any(1))
 
 
 def arbitrate(sources: Sources, false_alarm: float = FALSE_ALARM) -> Arbitration:
@@ -215,8 +100,8 @@ def _same_stop(
                     blamed=(guilty[0],),
                     certainty="likely",
                     witnesses=(*others, *one.witnesses),
-                    reason=f"this cell alone does not tell which of {listed(one.blamed)} it is, but "
-                    f"{guilty[0]} is responsible for the {CELLS[1 - kind]} of the same stop",
+                    reason=f"this cell alone does not tell which of {listed(one.blamed)} it is, "
+                    f"but {guilty[0]} is responsible for the {CELLS[1 - kind]} of the same stop",
                 )
         result.append(one)
     return result, bad, doubtful
@@ -260,7 +145,7 @@ def _pooled(sources: Sources, good: Mask, kind: int, *, robust: bool) -> tuple[f
             lost = max(sources.lost_freedom[a, kind], sources.lost_freedom[b, kind])
             if count - lost < 1:
                 continue
-            difference = _differences(sources.poses[a, mask], sources.poses[b, mask], kind)
+            difference = differences(sources.poses[a, mask], sources.poses[b, mask], kind)
             squares = (difference**2).sum(-1)
             if robust:
                 medians = (1.386, 0.455)
@@ -272,13 +157,6 @@ def _pooled(sources: Sources, good: Mask, kind: int, *, robust: bool) -> tuple[f
         return 1e-8, 1e-12, 4.0
     least = max(min(values) / 20, 1e-12)
     return float(np.median(values)) / 2, least, max(*freedom, 4.0)
-
-
-def _differences(a: Array, b: Array, kind: int) -> Array:
-    """(..., 2) differences of positions or (..., 1) of headings."""
-    if kind == 0:
-        return a[..., :2] - b[..., :2]
-    return wrap(a[..., 2:] - b[..., 2:])
 
 
 @dataclass(frozen=True)
@@ -323,7 +201,7 @@ class _Table:
         there = sources.present
         covariances[~there] = np.eye(d)
         weights = np.linalg.inv(covariances) * there[..., None, None]
-        values = _differences(sources.poses, sources.poses[:1], kind)
+        values = differences(sources.poses, sources.poses[:1], kind)
         return np.where(there[..., None], values, 0.0), np.asarray(weights)
 
     def _whole(self, kind: int) -> Array:
@@ -454,7 +332,7 @@ class _Table:
             p_value=best.p_value,
             size=size,
             witnesses=witnesses,
-            reason=_reason(blamed, witnesses, certainty, self._sensor_of(witnesses)),
+            reason=reason_for(blamed, witnesses, certainty, self._sensor_of(witnesses)),
         )
 
     def _distance(self, stop: int, kind: int, some: list[int], others: list[int]) -> float:
@@ -490,24 +368,3 @@ class _Table:
             square = np.einsum("sni,snij,snj->sn", left, np.linalg.inv(own + others), left)
             result[..., kind] = np.where(known, np.sqrt(square), np.nan)
         return result
-
-
-def listed(names: Sequence[str]) -> str:
-    """'a', 'a and b', 'a, b and c'."""
-    return " and ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)
-
-
-def _reason(blamed: Sequence[str], witnesses: Sequence[str], certainty: str, sensor: str) -> str:
-    """Why, in words."""
-    if certainty == "undecided":
-        return f"{listed(blamed)} disagree, and no other source tells which of them is wrong"
-    agree = listed(witnesses)
-    if certainty == "likely":
-        but = f"they share the sensor '{sensor}'" if sensor else "what outweighs it is one sensor"
-        return (
-            f"{agree} agree with each other, but {but}: the robot may also have stood elsewhere "
-            "when that sensor looked"
-        )
-    if len(witnesses) == 1:
-        return f"only {agree} is left; the others of one sensor moved together"
-    return f"{agree} agree with each other without it"

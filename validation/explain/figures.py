@@ -14,10 +14,10 @@ from scipy import special
 
 from validation.angles import Array, wrap
 from validation.explain.analysis import Explanation, SystemExplanation
-from validation.explain.arbitration import CELLS
 from validation.explain.models import correct
 from validation.explain.noise import Mask
 from validation.explain.settled import Settled
+from validation.explain.sources import CELLS
 from validation.figures import COLOURS, GREY, arrow_scale
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from importlib.metadata import version
 import numpy as np
 
 from validation.explain.analysis import Explanation, SystemExplanation
-from validation.explain.arbitration import CELLS
+from validation.explain.sources import CELLS
 from validation.explain.words import findings
 from validation.json_text import json_text
 from validation.poses import to_csv

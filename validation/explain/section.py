@@ -17,6 +17,7 @@ from validation.explain.settings import ExplainSettings
 from validation.explain.tables import (
     before_after_table,
     candidate_table,
+    good_enough_table,
     noise_table,
     paired_table,
     parameter_table,
@@ -184,6 +185,9 @@ def _overview(
             explanation.validation, a, b, limits, explanation.question.confidence
         )
     ]
+    if any(one.settled is not None for one in explanation.systems):
+        confidence = explanation.question.confidence
+        blocks.append(good_enough_table(explanation.systems, limits, confidence))
     if pairs:
         blocks.append(paired_table(pairs))
     if repeated:

@@ -4,10 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from validation.errors import GtvalError
 from validation.explain.analysis import Explanation, SystemExplanation
-from validation.explain.arbitration import CELLS
-from validation.explain.equivalence import PairedComparison
+from validation.explain.equivalence import PairedComparison, good_enough
+from validation.explain.planning import poses_for_bias, poses_for_deviation
 from validation.explain.repeatability import Repeatability
+from validation.explain.sources import CELLS
 from validation.results import Table
 
 Rows = list[list[str | int | float | None]]
@@ -163,6 +165,74 @@ def noise_table(explanation: Explanation) -> Table:
         note="From the differences between sources that share no sensor, flagged cells left out. "
         "Zero: cannot be told from a perfect source.",
     )
+
+
+def good_enough_table(
+    systems: Sequence[SystemExplanation], limits: Sequence[float], confidence: float
+) -> Table:
+    """What is shown of each system's accuracy, and how many poses it takes to show what is asked.
+
+    Parameters
+    ----------
+    systems : sequence of SystemExplanation
+        Those with a fit are listed.
+    limits : sequence of float
+        The d of x, y and theta: bias and standard deviation are to be below it.
+    confidence : float
+        Of each statement.
+    """
+    rows: Rows = []
+    for one in systems:
+        settled = one.settled
+        if settled is None:
+            continue
+        for column, name in enumerate(COMPONENTS):
+            errors, limit = settled.before[:, column], limits[column]
+            shown = good_enough(errors, limit, confidence)
+            mean, spread = float(errors.mean()), float(errors.std(ddof=1))
+            rows.append(
+                [
+                    one.system,
+                    name,
+                    len(errors),
+                    limit,
+                    shown.bias.smallest_limit,
+                    shown.deviation_below,
+                    "yes" if shown.holds else "not shown",
+                    _poses_needed(mean, spread, limit, confidence),
+                    _poses_needed(0.0, float(settled.noise[column]), limit, confidence),
+                ]
+            )
+    return Table(
+        "Good enough for d, and the poses needed to show it",
+        [
+            "system",
+            "component",
+            "n",
+            "d [m, rad]",
+            "bias shown below",
+            "std shown below",
+            "both below d",
+            "poses needed",
+            "poses needed, corrected",
+        ],
+        rows,
+        ["", "", "d", ".3g", ".4f", ".4f", "", "d", "d"],
+        note=f"All poses as they came, {100 * confidence:.3g} % confidence; bias by two one-sided "
+        "tests. Needed: to show both with a chance of 90 %, if bias and standard deviation are as "
+        "they are here, or as the corrected poses leave them; none where no number would do.",
+    )
+
+
+def _poses_needed(bias: float, sigma: float, limit: float, confidence: float) -> int | None:
+    """Poses that show both bias and standard deviation to be below d; None if none can."""
+    try:
+        return max(
+            poses_for_bias(sigma, limit, bias=bias, confidence=confidence),
+            poses_for_deviation(sigma, limit, confidence=confidence),
+        )
+    except GtvalError:
+        return None
 
 
 def paired_table(pairs: Sequence[PairedComparison]) -> Table:

@@ -6,11 +6,11 @@ import numpy as np
 
 from validation.explain.agreement import MOUNT, Agreement
 from validation.explain.analysis import Explanation, SystemExplanation
-from validation.explain.arbitration import Arbitration, Verdict, listed
 from validation.explain.models import ErrorModel
 from validation.explain.reference import ReferenceEvidence
 from validation.explain.selection import Candidate, Selection
 from validation.explain.settled import Parameter, Settled
+from validation.explain.sources import Arbitration, Verdict, listed
 from validation.results import Finding, Severity
 
 ALL_ODDS = 1e6

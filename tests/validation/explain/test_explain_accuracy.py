@@ -9,6 +9,7 @@ from validation.errors import GtvalError
 from validation.explain.equivalence import deviation_ratio, good_enough, paired_comparison
 from validation.explain.planning import poses_for_bias, poses_for_deviation
 from validation.explain.repeatability import repeated_runs, revisits
+from validation.explain.tables import good_enough_table
 
 
 def test_the_planned_number_of_poses_reaches_its_power():
@@ -105,3 +106,14 @@ def test_revisits_use_each_stop_once():
 def test_a_path_that_does_not_come_back_has_no_revisits():
     stops = np.column_stack([np.arange(5.0), np.zeros(5), np.zeros(5)])
     assert revisits(table("survey", stops), table("rig", stops), 0.25) == ()
+
+
+def test_what_is_shown_and_what_it_takes_is_in_the_table(ad23):
+    table = good_enough_table(ad23.systems, (0.05, 0.05, 0.05), 0.95)
+    rows = {(row[0], row[1]): row for row in table.rows}
+    # 7 cm of spread are no 5 cm, whatever the number of poses; the corrected ones are, with few.
+    genetic = rows["laser_genetic", "x"]
+    assert genetic[6] == "not shown"
+    assert genetic[7] is None
+    assert genetic[8] < 10
+    assert rows["vision", "theta"][6] == "not shown"

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from validation.explain.arbitration import CELLS, Sources, arbitrate
+from validation.explain.arbitration import arbitrate
 from validation.explain.hat import source_variances
+from validation.explain.sources import CELLS, Sources
 
 NAMES = ("survey", "vision", "genetic", "scanmatch")
 SIGMA = np.array([[0.005, 0.005], [0.006, 0.005], [0.006, 0.005], [0.006, 0.005]])
