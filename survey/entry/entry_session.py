@@ -4,6 +4,7 @@ It knows nothing of screens: the terminal and the page call the same methods and
 return. Every change goes to the journal first and is only then taken into account.
 """
 
+import threading
 import uuid
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -85,6 +86,7 @@ class EntrySession:
         self.version = 0
         """Grows with every entry; a page asks for it to know whether it is up to date."""
         self._checks: RoomChecks | None = None
+        self._making_checks = threading.Lock()
 
     @classmethod
     def open(cls, campaign: Campaign, who: str = "", *, adopt: bool = False) -> Self:
@@ -116,6 +118,12 @@ class EntrySession:
             raise
         return entry_session
 
+    @classmethod
+    def look(cls, campaign: Campaign) -> Self:
+        """The entry session as it is on the disk; nothing can be recorded in it."""
+        settings = campaign.section("survey", SurveySettings)
+        return cls(campaign, Journal.look(campaign.folder / settings.entry.journal))
+
     def close(self) -> None:
         """End it; the readings file is brought up to date."""
         if self.readings_file.problem:
@@ -125,11 +133,16 @@ class EntrySession:
     @property
     def checks(self) -> "RoomChecks":
         """What the readings say of the room; made, and numpy loaded, when first needed."""
-        if self._checks is None:
-            from survey.entry.room_checks import RoomChecks  # noqa: PLC0415
+        with self._making_checks:
+            if self._checks is None:
+                from survey.entry.room_checks import RoomChecks  # noqa: PLC0415
 
-            self._checks = RoomChecks(self.campaign.settings, self.survey, self.state)
-        return self._checks
+                self._checks = RoomChecks(self.campaign.settings, self.survey, self.state)
+            return self._checks
+
+    def prepare(self) -> None:
+        """Load what the checks need, in the background, while nobody types yet."""
+        threading.Thread(target=_load_checks, daemon=True).start()
 
     # -- what there is to look at -----------------------------------------------------------
 
@@ -382,3 +395,8 @@ class EntrySession:
         """To the journal without writing the readings file anew each time."""
         for entry in entries:
             self.state.apply(self.journal.append(entry))
+
+
+def _load_checks() -> None:
+    """Import numpy and all that stands on it."""
+    import survey.entry.room_checks  # noqa: F401, PLC0415

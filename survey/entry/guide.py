@@ -1,6 +1,7 @@
 """What is to be measured next, as it follows from the plan and from what was done."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 from survey.entry.entries import Person
 from survey.entry.settings import EntrySettings
@@ -15,6 +16,16 @@ from survey.entry.targets import (
     stations,
 )
 from validation.campaign import Campaign
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How many pairs are done, left, and not to be measured."""
+
+    done: int
+    left: int
+    skipped: int
+
 
 DoubtfulAt = Callable[[Station], set[Pair]]
 """The pairs of a station whose readings are doubtful."""
@@ -119,6 +130,20 @@ class Guide:
     def target(self, where: str) -> Target:
         """The target that a person means by a text such as '7/O 3'."""
         return find_target(where, self.plan)
+
+    def progress(self, targets: Iterable[Target] | None = None) -> Progress:
+        """How far the work is, at some targets or in all."""
+        if targets is None:
+            targets = (target for station in self.plan for target in station.targets)
+        done = left = skipped = 0
+        for target in targets:
+            if self._state.counting(target.pair):
+                done += 1
+            elif self.skipped(target.pair) is None:
+                left += 1
+            else:
+                skipped += 1
+        return Progress(done, left, skipped)
 
     def targets_from(self, start: str) -> tuple[Target, ...]:
         """All targets of the station at a point; none where nothing is read from there."""

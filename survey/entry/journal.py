@@ -25,6 +25,10 @@ _CHECK_LENGTH = 16
 _START = "0" * _CHECK_LENGTH
 
 
+class NotRecordedError(GtvalError):
+    """Something could not be written to the journal; it may be tried again."""
+
+
 @dataclass(frozen=True)
 class JournalText:
     """What a journal file holds.
@@ -148,6 +152,17 @@ class Journal:
             raise
         return journal
 
+    @classmethod
+    def look(cls, path: Path) -> Self:
+        """The journal as it is on the disk, for looking only.
+
+        Raises
+        ------
+        InputError
+            If the file was damaged.
+        """
+        return cls(path, read_journal(path), CampaignLock.none())
+
     @property
     def entries(self) -> Sequence[Entry]:
         """All entries."""
@@ -158,11 +173,11 @@ class Journal:
 
         Raises
         ------
-        GtvalError
+        NotRecordedError
             If it could not be written; nothing of it is left in the file then.
         """
         if self._file < 0:
-            raise GtvalError(f"{self.path} is closed")
+            raise NotRecordedError(f"NOT recorded: {self.path} is not open for writing")
         time = (now or datetime.now().astimezone()).isoformat(timespec="milliseconds")
         numbered = replace(entry, number=len(self._entries) + 1, time=time)
         body = numbered.as_json()[:-1]
@@ -173,7 +188,9 @@ class Journal:
         except OSError as error:
             self._cut_off()
             reason = error.strerror or error
-            raise GtvalError(f"NOT recorded: cannot write to {self.path}: {reason}") from error
+            raise NotRecordedError(
+                f"NOT recorded: cannot write to {self.path}: {reason}"
+            ) from error
         self._size += len(line)
         self._check = check
         self._entries.append(numbered)

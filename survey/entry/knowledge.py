@@ -120,10 +120,6 @@ class RoomKnowledge:
                 return f"{point[0]}/"
         return next((name for name in sorted(pair) if name in self._world_names), FRAME)
 
-    def groups(self) -> list[str]:
-        """Keys of all groups that have readings: world points, and stops as '7/'."""
-        return [key for key, group in self._groups.items() if group.pairs and key != FRAME]
-
     def sigma(self, metres: float) -> float:
         """Standard deviation of a reading."""
         stated = self._survey.reading_sigma
@@ -170,8 +166,8 @@ class RoomKnowledge:
         covariance = pose_covariance(one.judgement.states[0], fit.own, self.world(), self._rig)
         return np.asarray(np.sqrt(np.diagonal(covariance)))
 
-    def places(self) -> dict[str, tuple[float, float]]:
-        """Places of all points that have one, for a map."""
+    def places(self, stops: Iterable[str]) -> dict[str, tuple[float, float]]:
+        """Places of the Vframe and world points, and of the marks of some stops, for a map."""
         found = {
             name: tuple(map(float, place))
             for name, place in zip(self._vframe.names, self._vframe.points, strict=True)
@@ -181,11 +177,9 @@ class RoomKnowledge:
             name: tuple(map(float, place))
             for name, place in zip(world.names, world.positions, strict=True)
         }
-        for key in self.groups():
-            if key in self._world_names:
-                continue
-            for one in self.judged(key):
-                found |= self._marks_of(key, one)
+        for stop in stops:
+            for one in self.judged(f"{stop}/"):
+                found |= self._marks_of(f"{stop}/", one)
         return {name: (x, y) for name, (x, y) in found.items()}
 
     def _marks_of(self, key: str, one: Judged) -> Mapping[str, tuple[float, ...]]:

@@ -55,6 +55,11 @@ class CampaignLock:
             )
         return cls(handle)
 
+    @classmethod
+    def none(cls) -> Self:
+        """No lock, for those who only look."""
+        return cls(-1)
+
     def release(self) -> None:
         """Let others have it."""
         if self._handle >= 0:

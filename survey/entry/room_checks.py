@@ -149,6 +149,8 @@ class RoomChecks:
         if key == FRAME:
             return None
         judged = self.knowledge.judged(key)
+        if not judged:
+            return None
         judgement = judged[0].judgement
         if not key.endswith("/"):
             return _status(key, judged, "world point", _place_sigmas(judged[0]), enough=False)

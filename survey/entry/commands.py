@@ -1,0 +1,113 @@
+"""The command ``gtval enter``."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from validation.commands import AS_JSON, CAMPAIGN
+
+if TYPE_CHECKING:
+    from survey.entry.entries import Person
+    from survey.entry.entry_session import EntrySession
+
+
+@click.command()
+@CAMPAIGN
+@click.option("--by", default="", help="Who is at the laser; noted with every reading.")
+@click.option("--second", is_flag=True, help="Blind second entry, by the other person.")
+@click.option("--web", is_flag=True, help="Serve a page for phones and tablets in the room.")
+@click.option("--host", default="127.0.0.1", show_default=True, help="With --web: address.")
+@click.option("--port", default=8765, show_default=True, type=click.IntRange(0, 65535))
+@click.option("--adopt", is_flag=True, help="Take over what was changed by hand in the file.")
+@click.option("--status", is_flag=True, help="Only say how far the work is.")
+@AS_JSON
+def enter(
+    *,
+    campaign: Path,
+    by: str,
+    second: bool,
+    web: bool,
+    host: str,
+    port: int,
+    adopt: bool,
+    status: bool,
+    as_json: bool,
+) -> None:
+    """Enter hand-laser readings, one number and Enter at a time.
+
+    The plan follows from CAMPAIGN/campaign.toml: world points, stops, pairs that cannot be seen.
+    Every reading is safe in survey/journal.jsonl before it is acknowledged; survey/readings.csv
+    follows from it. Also takes a list from a pipe. --status and --json only look.
+    """
+    from validation.campaign import load_campaign
+    from validation.errors import GtvalError
+
+    loaded = load_campaign(campaign)
+    from survey.entry.entries import Person
+    from survey.entry.entry_session import EntrySession
+
+    if status or as_json:
+        _print_status(EntrySession.look(loaded), as_json=as_json)
+        return
+    if second and not by:
+        raise GtvalError("say who makes the second entry: --second --by NAME")
+    entry_session = EntrySession.open(loaded, by, adopt=adopt)
+    try:
+        if web:
+            from survey.entry.web.serving import serve
+
+            exit_status = serve(entry_session, host, port)
+        else:
+            exit_status = _at_terminal(entry_session, Person(by, "terminal", second))
+    finally:
+        entry_session.close()
+    if exit_status:
+        raise click.exceptions.Exit(exit_status)
+
+
+def _at_terminal(entry_session: "EntrySession", person: "Person") -> int:
+    """Exit status of the terminal front end."""
+    import sys
+
+    from survey.entry.terminal import TerminalEntry
+
+    if sys.stdin.isatty():
+        import readline  # noqa: F401  (arrow keys in the line that is typed)
+    entry_session.begin(person)
+    status = TerminalEntry(entry_session, person, sys.stdin).run()
+    entry_session.end(person)
+    return status
+
+
+def _print_status(entry_session: "EntrySession", *, as_json: bool) -> None:
+    """How far the work is, what is next, what is doubtful."""
+    from survey.entry.entries import Person
+    from survey.entry.words import pair_text, progress_text, readings_text
+
+    progress = entry_session.guide.progress()
+    target = entry_session.guide.next_target(Person(""))
+    doubtful = entry_session.doubtful()
+    if as_json:
+        from validation.json_text import json_text
+
+        entries = [entry_session.state.entries[number] for number in doubtful]
+        said = {
+            "done": progress.done,
+            "left": progress.left,
+            "skipped": progress.skipped,
+            "next": None if target is None else {"from": target.start, "to": target.end},
+            "doubtful": [
+                {"entry": e.number, "from": e.start, "to": e.end, "distance": e.metres}
+                for e in entries
+            ],
+        }
+        click.echo(json_text(said), nl=False)
+        return
+    click.echo(progress_text(progress))
+    click.echo("all done" if target is None else f"next: {pair_text(target)}")
+    if doubtful:
+        click.echo(f"{len(doubtful)} doubtful: {readings_text(entry_session, doubtful)}")
+
+
+COMMANDS: list[click.Command] = [enter]

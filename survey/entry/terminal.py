@@ -1,0 +1,306 @@
+"""The terminal front end: one number and Enter, whatever else one letter."""
+
+import sys
+from collections.abc import Callable
+from typing import TextIO
+
+from survey.entry.entries import Entry, Person
+from survey.entry.entry_session import Answer, EntrySession
+from survey.entry.targets import Target
+from survey.entry.words import (
+    COMMANDS,
+    answer_lines,
+    pair_text,
+    progress_text,
+    readings_text,
+    value_text,
+)
+from validation.errors import GtvalError
+from validation.report.terminal import console
+
+BELL = "\a"
+
+
+class TerminalEntry:
+    """Readings entered line by line, from a keyboard, a paste or a pipe.
+
+    Every number belongs to the target that was shown before it, and the next target comes after
+    it whether it is doubtful or not: so a line that nobody looked at can never shift the others.
+    Doubtful readings come back before the laser is moved.
+
+    Parameters
+    ----------
+    entry_session : EntrySession
+        Where they are recorded.
+    person : Person
+        Who is at the laser.
+    source : text stream
+        Where lines come from; a keyboard if it is a terminal.
+    """
+
+    def __init__(self, entry_session: EntrySession, person: Person, source: TextIO) -> None:
+        self._session = entry_session
+        self._person = person
+        self._source = source
+        self._keyboard = source.isatty()
+        self._console = console()
+        self._last: Entry | None = None
+        self._again: Target | None = None
+        self._enough: set[str] = set()
+
+    def run(self) -> int:
+        """Exit status: 0, or 2 where a line of a pipe could not be taken.
+
+        At a keyboard a bad line is said and the rest of a paste dropped; from a pipe nothing
+        after a bad line is recorded, as it might belong to another target.
+        """
+        if self._keyboard:
+            self._welcome()
+        # numpy takes a while to load; the first number can be typed meanwhile.
+        self._session.prepare()
+        number = 0
+        while True:
+            line = self._read()
+            if line is None:
+                break
+            number += 1
+            try:
+                going_on = self._take(line.strip())
+            except GtvalError as error:
+                self._say(f"{error}", "bold red")
+                going_on = self._keyboard
+                if not self._keyboard:
+                    self._say(f"Stopped at line {number}; nothing after it was recorded.", "red")
+                    return 2
+                self._drop_rest_of_paste()
+            if not going_on:
+                break
+        self._goodbye()
+        return 0
+
+    # -- lines ------------------------------------------------------------------------------
+
+    def _read(self) -> str | None:
+        """The next line; None at the end."""
+        target = self._target()
+        if not self._keyboard:
+            return self._source.readline() or None
+        what = "all done; j to go on elsewhere, q to end" if target is None else pair_text(target)
+        try:
+            return input(f"{what}  ")
+        except (EOFError, KeyboardInterrupt):
+            print()  # noqa: T201  (leave the line of the prompt)
+            return None
+
+    def _target(self) -> Target | None:
+        return self._again or self._session.guide.next_target(self._person)
+
+    def _take(self, line: str) -> bool:
+        """Do what a line says; False to end."""
+        if not line:
+            return True
+        word, _, rest = line.partition(" ")
+        if word.lower() == "q":
+            return False
+        action = self._actions().get(word.lower())
+        if action is not None:
+            action(rest.strip())
+        else:
+            self._take_number(line)
+        return True
+
+    def _take_number(self, line: str) -> None:
+        """Record '5.378', or '7/O 3 5.378' for a pair that is named."""
+        words = line.replace(";", " ").split()
+        if len(words) >= 3:
+            named = self._session.guide.target(f"{words[0]} {words[1]}")
+            self._record(named, " ".join(words[2:]), again=False)
+            return
+        target = self._target()
+        if target is None:
+            raise GtvalError("everything is done; say j and where to go on, or q to end")
+        self._record(target, line, again=self._again is not None)
+
+    def _actions(self) -> dict[str, Callable[[str], None]]:
+        return {
+            "u": self._undo,
+            "r": self._repeat,
+            "k": self._keep,
+            "s": self._skip,
+            "j": self._jump,
+            "p": self._begin_stop,
+            "n": self._note,
+            "l": self._list,
+            "d": self._list_doubtful,
+            "i": self._info,
+            "?": self._help,
+            "h": self._help,
+        }
+
+    # -- actions ----------------------------------------------------------------------------
+
+    def _record(self, target: Target, text: str, *, again: bool) -> None:
+        session = self._session
+        again = again or self._is_second_look(target)
+        answer = session.record(target, text, self._person, again=again)
+        if answer.outcome == "refused":
+            raise GtvalError(answer.text)
+        self._again = None
+        self._last = answer.entry
+        self._tell(answer)
+        self._tell_if_enough(target)
+
+    def _is_second_look(self, target: Target) -> bool:
+        """Whether a target came back because its reading is doubtful."""
+        following = self._session.guide.next_target(self._person)
+        return (
+            not self._person.second
+            and following == target
+            and bool(self._session.state.counting(target.pair))
+        )
+
+    def _undo(self, _: str) -> None:
+        undone = self._session.undo(self._person)
+        self._again = None
+        if undone is None:
+            self._say("there is nothing to undo", "yellow")
+            return
+        what = f"{undone.start}–{undone.end} {undone.text}" if undone.start else undone.text
+        self._say(f"undone: {undone.kind} {what}", "yellow")
+
+    def _repeat(self, text: str) -> None:
+        last = self._last_reading()
+        target = Target(last.start, last.end)
+        if text:
+            self._record(target, text, again=True)
+        else:
+            self._again = target
+
+    def _keep(self, _: str) -> None:
+        last = self._last_reading()
+        self._session.keep(last.number, self._person)
+        self._say(f"kept: {last.start}–{last.end}", "green")
+
+    def _skip(self, reason: str) -> None:
+        target = self._target()
+        if target is not None:
+            self._session.skip(target, reason, self._person)
+            self._again = None
+            self._say(f"skipped: {pair_text(target)}", "yellow")
+
+    def _jump(self, where: str) -> None:
+        self._session.jump(self._session.guide.target(where), self._person)
+        self._again = None
+
+    def _begin_stop(self, name: str) -> None:
+        self._session.begin_stop(name, self._person)
+
+    def _note(self, text: str) -> None:
+        last = self._last_reading()
+        self._session.note(last.number, text, self._person)
+        self._say(f"noted at {last.start}–{last.end}", "green")
+
+    def _list(self, _: str) -> None:
+        target = self._target() or self._session.guide.plan[0].targets[0]
+        blind = self._person.second
+        doubtful = set() if blind else set(self._session.doubtful())
+        for one in self._session.guide.station_of(target).targets:
+            value = value_text(self._session, one.pair, blind=blind)
+            marked = doubtful & set(self._session.state.counting(one.pair))
+            self._say(f"{one.start}–{one.end}  {value}{'  DOUBTFUL' if marked else ''}")
+
+    def _list_doubtful(self, _: str) -> None:
+        numbers = [] if self._person.second else self._session.doubtful()
+        if not numbers:
+            self._say("no reading is doubtful", "green")
+        for number in numbers:
+            self._say(readings_text(self._session, [number]), "bold red")
+
+    def _info(self, _: str) -> None:
+        self._say(progress_text(self._session.guide.progress()))
+        target = self._target()
+        status = None if target is None or self._person.second else self._session.status(target)
+        if status is not None:
+            self._say(status.text)
+
+    def _help(self, _: str) -> None:
+        for command, meaning in COMMANDS:
+            self._say(f"  {command:12} {meaning}")
+
+    def _last_reading(self) -> Entry:
+        """The reading that was entered last here.
+
+        Raises
+        ------
+        GtvalError
+            If there is none.
+        """
+        if self._last is None:
+            raise GtvalError("no reading was entered yet in this run; say j and which one")
+        return self._last
+
+    # -- what is shown ----------------------------------------------------------------------
+
+    def _tell(self, answer: Answer) -> None:
+        lines = answer_lines(self._session, answer)
+        doubtful = answer.needs_a_look
+        first = "!! " if doubtful else "ok "
+        bell = BELL if doubtful and self._keyboard else ""
+        self._say(f"{bell}{first}{lines[0]}", "bold red" if doubtful else "green")
+        for line in lines[1:]:
+            self._say(f"   {line}", "red")
+        if self._session.readings_file.problem:
+            self._say(f"   {self._session.readings_file.problem}", "yellow")
+
+    def _tell_if_enough(self, target: Target) -> None:
+        """Say once that a stop is as exact as planned."""
+        stop = next((n.partition("/")[0] for n in (target.start, target.end) if "/" in n), "")
+        if not stop or stop in self._enough or self._person.second:
+            return
+        status = self._session.status(target)
+        if status is None or not status.good_enough:
+            return
+        self._enough.add(stop)
+        own = (
+            t
+            for station in self._session.guide.plan
+            if station.name.startswith(f"{stop}/")
+            for t in station.targets
+        )
+        left = self._session.guide.progress(own).left
+        if left:
+            self._say(
+                f"stop {stop} is good enough ({status.text}): {left} more readings are not needed",
+                "bold green",
+            )
+
+    def _welcome(self) -> None:
+        session = self._session
+        if session.journal.recovered_bytes:
+            self._say("An unfinished last line of the journal was cut off.", "yellow")
+        self._say(f"{session.campaign.settings.name}: {progress_text(session.guide.progress())}")
+        role = "blind second entry" if self._person.second else "at the laser"
+        self._say(f"{self._person.name or 'nobody named'}, {role}. ? lists the commands.")
+
+    def _goodbye(self) -> None:
+        session = self._session
+        self._say(progress_text(session.guide.progress()))
+        if self._person.second or not session.state.pairs:
+            return
+        numbers = session.doubtful()
+        if numbers:
+            self._say(f"{len(numbers)} doubtful: {readings_text(session, numbers)}", "bold red")
+
+    def _say(self, text: str, style: str = "") -> None:
+        """One line, as it is: nothing in it is taken as markup."""
+        self._console.print(text, style=style or None, markup=False, highlight=False)
+        self._console.file.flush()
+
+    def _drop_rest_of_paste(self) -> None:
+        """Forget the lines after a bad one: they would go to the wrong targets."""
+        try:
+            import termios  # noqa: PLC0415  (not on Windows)
+        except ImportError:
+            return
+        if self._keyboard:
+            termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)

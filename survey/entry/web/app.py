@@ -1,0 +1,276 @@
+"""The page and its requests, over an entry session."""
+
+from collections.abc import Awaitable, Callable, Collection
+from dataclasses import replace
+from datetime import datetime, timedelta
+from functools import partial
+from importlib.resources import files
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.base import BaseHTTPMiddleware
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.routing import Route
+
+from survey.entry.entries import MAX_NAME, Person, clean_text
+from survey.entry.entry_session import EntrySession
+from survey.entry.journal import NotRecordedError
+from survey.entry.rough_places import load_rough_places
+from survey.entry.targets import Target
+from survey.entry.web.access import Access, AccessError, Device
+from survey.entry.web.page_state import answer_state, page_state
+from survey.entry.web.requests import (
+    RefusedError,
+    check_host,
+    check_origin,
+    flag_field,
+    json_fields,
+    number_field,
+    text_field,
+)
+from validation.errors import GtvalError
+
+COOKIE = "gtval_entry"
+STATIC = {
+    "page.css": "text/css",
+    "page.js": "text/javascript",
+    "queue.js": "text/javascript",
+    "room_map.js": "text/javascript",
+    "sound.js": "text/javascript",
+}
+HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+        "img-src data:; form-action 'none'; base-uri 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+LATE = 5.0
+"""A reading that waited longer than so many seconds for the link has the time of its typing."""
+MAX_AGE = 7 * 86400.0
+
+Handler = Callable[[Request, Device], Awaitable[Response]]
+
+
+class EntryApp:
+    """The requests of the page.
+
+    Parameters
+    ----------
+    entry_session : EntrySession
+        One for all devices.
+    access : Access
+        Who is let in.
+    """
+
+    def __init__(self, entry_session: EntrySession, access: Access) -> None:
+        self._session = entry_session
+        self._access = access
+        self._rough = load_rough_places(entry_session.campaign)
+        self._templates = Environment(
+            loader=PackageLoader("survey.entry.web"),
+            autoescape=True,
+            undefined=StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
+        )
+        folder = files("survey.entry.web") / "static"
+        self._static = {name: (folder / name).read_bytes() for name in STATIC}
+
+    def routes(self) -> list[Route]:
+        """All paths that there are."""
+        return [
+            Route("/", self.page, methods=["GET"]),
+            Route("/join", self.join, methods=["POST"]),
+            Route("/static/{name}", self.static, methods=["GET"]),
+            Route("/state", self._for_device(self.state), methods=["GET"]),
+            Route("/readings", self._for_device(self.reading), methods=["POST"]),
+            Route("/actions", self._for_device(self.action), methods=["POST"]),
+            Route("/person", self._for_device(self.person), methods=["POST"]),
+        ]
+
+    async def page(self, request: Request) -> Response:
+        """The page, or the one that asks for a code."""
+        device = self._access.device(request.cookies.get(COOKIE))
+        if device is None:
+            name = self._session.campaign.settings.name
+            return self._html("join.html.j2", {"campaign": name})
+        state = page_state(self._session, device.person, self._rough)
+        return self._html("page.html.j2", {"state": state})
+
+    async def static(self, request: Request) -> Response:
+        """A file of the page; only those that are listed exist."""
+        name = request.path_params["name"]
+        if name not in self._static:
+            raise RefusedError(404, "there is no such file")
+        return Response(self._static[name], media_type=STATIC[name])
+
+    async def join(self, request: Request) -> Response:
+        """Let a device in that knows the code."""
+        said = await json_fields(request)
+        code, name = text_field(said, "code", needed=True), text_field(said, "name")
+        try:
+            token, device = self._access.join(code, name)
+        except AccessError as error:
+            raise RefusedError(403, str(error)) from None
+        self._session.begin(device.person)
+        response = JSONResponse({"device": device.name})
+        response.set_cookie(COOKIE, token, httponly=True, samesite="strict", max_age=int(MAX_AGE))
+        return response
+
+    async def state(self, request: Request, device: Device) -> Response:
+        """What the page shows; nothing where it is up to date."""
+        if request.query_params.get("version") == str(self._session.version):
+            return Response(status_code=204)
+        return JSONResponse(page_state(self._session, device.person, self._rough))
+
+    async def reading(self, request: Request, device: Device) -> Response:
+        """Record a reading."""
+        said = await json_fields(request)
+        target = Target(text_field(said, "from", needed=True), text_field(said, "to", needed=True))
+        age = number_field(said, "age", MAX_AGE)
+        second = flag_field(said, "second")
+        by = clean_text(text_field(said, "by"), MAX_NAME) or device.person.name
+        answer = self._session.record(
+            target,
+            text_field(said, "text", needed=True),
+            Person(by, device.name, second),
+            entry_id=text_field(said, "id", needed=True),
+            again=flag_field(said, "again"),
+            measured=_ago(age) if age > LATE else "",
+        )
+        return JSONResponse(answer_state(self._session, answer))
+
+    async def action(self, request: Request, device: Device) -> Response:
+        """Undo, skip, keep, jump, note, begin a stop."""
+        said = await json_fields(request)
+        name = text_field(said, "action", needed=True)
+        actions = self._actions(said, device.person)
+        if name not in actions:
+            raise RefusedError(400, f"there is no action '{name[:40]}'")
+        return JSONResponse({"text": actions[name]()})
+
+    async def person(self, request: Request, device: Device) -> Response:
+        """Say who is at the device."""
+        said = await json_fields(request)
+        name = clean_text(text_field(said, "name"), MAX_NAME)
+        device.person = replace(device.person, name=name, second=flag_field(said, "second"))
+        return JSONResponse({})
+
+    def _actions(self, said: dict[str, Any], person: Person) -> dict[str, Callable[[], str]]:
+        """What each action does, with the sentence that says it was done."""
+        session = self._session
+        number = int(number_field(said, "number", 1e9))
+        text = text_field(said, "text")
+
+        def undo() -> str:
+            undone = session.undo(person)
+            if undone is None:
+                return "there is nothing to undo"
+            return f"undone: {undone.kind} {undone.start}–{undone.end}"
+
+        def keep() -> str:
+            session.keep(number, person)
+            return "kept"
+
+        def note() -> str:
+            session.note(number, text, person)
+            return "noted"
+
+        def skip() -> str:
+            target = Target(text_field(said, "from"), text_field(said, "to"))
+            session.skip(target, text, person)
+            return f"skipped: {target.start}–{target.end}"
+
+        def jump() -> str:
+            target = session.guide.target(text)
+            session.jump(target, person)
+            return f"going on with {target.start}–{target.end}"
+
+        def stop() -> str:
+            target = session.begin_stop(text, person)
+            return f"going on with {target.start}–{target.end}"
+
+        return {
+            "undo": undo,
+            "keep": keep,
+            "note": note,
+            "skip": skip,
+            "jump": jump,
+            "stop": stop,
+        }
+
+    def _for_device(self, handler: Handler) -> Callable[[Request], Awaitable[Response]]:
+        """The handler, for devices that were let in; their mistakes in plain words."""
+
+        async def checked(request: Request) -> Response:
+            device = self._access.device(request.cookies.get(COOKIE))
+            if device is None:
+                raise RefusedError(401, "this device was not let in; type the terminal's code")
+            try:
+                return await handler(request, device)
+            except NotRecordedError as error:
+                raise RefusedError(503, str(error)) from None
+            except GtvalError as error:
+                raise RefusedError(409, str(error)) from None
+
+        return checked
+
+    def _html(self, template: str, values: dict[str, Any]) -> Response:
+        return HTMLResponse(self._templates.get_template(template).render(values))
+
+
+def make_app(entry_session: EntrySession, access: Access, hosts: Collection[str]) -> Starlette:
+    """The web application.
+
+    Parameters
+    ----------
+    entry_session : EntrySession
+        One for all devices.
+    access : Access
+        Who is let in.
+    hosts : collection of str
+        Names under which it is served; '*' stands for every address that is a number.
+    """
+    guard = Middleware(BaseHTTPMiddleware, dispatch=partial(_guard, hosts=hosts))
+    return Starlette(
+        routes=EntryApp(entry_session, access).routes(),
+        middleware=[guard],
+        exception_handlers={RefusedError: _refusal},
+    )
+
+
+async def _guard(
+    request: Request,
+    call_next: Callable[[Request], Awaitable[Response]],
+    hosts: Collection[str],
+) -> Response:
+    """Refuse foreign hosts and origins, and add the headers that protect the page."""
+    try:
+        check_host(request, hosts)
+        if request.method != "GET":
+            check_origin(request)
+        response = await call_next(request)
+    except RefusedError as error:
+        response = await _refusal(request, error)
+    for name, value in HEADERS.items():
+        response.headers[name] = value
+    return response
+
+
+async def _refusal(_request: Request, error: Exception) -> Response:
+    """A refused request as JSON."""
+    assert isinstance(error, RefusedError)
+    return JSONResponse({"error": error.reason}, error.status)
+
+
+def _ago(seconds: float) -> str:
+    """The local time so long ago."""
+    then = datetime.now().astimezone() - timedelta(seconds=seconds)
+    return then.isoformat(timespec="milliseconds")

@@ -1,0 +1,168 @@
+"""Everything that the page shows, as plain data."""
+
+import hashlib
+from collections.abc import Mapping
+from typing import Any
+
+from survey.entry.entries import Entry, Person
+from survey.entry.entry_session import Answer, EntrySession
+from survey.entry.numbers import plain
+from survey.entry.rough_places import RoughPlaces
+from survey.entry.targets import Target
+from survey.entry.words import answer_lines, progress_text, readings_text, value_text
+
+FOLLOWING = 200
+"""Targets sent ahead, for a page that loses the link: an hour's work or more."""
+RECENT = 6
+
+
+def page_state(entry_session: EntrySession, person: Person, rough: RoughPlaces) -> dict[str, Any]:
+    """What a device shows, values that its person must not see left out.
+
+    Parameters
+    ----------
+    entry_session : EntrySession
+        What was done.
+    person : Person
+        At the device.
+    rough : RoughPlaces
+        Where points are drawn that have no measured place yet.
+    """
+    guide = entry_session.guide
+    following = guide.following(person, FOLLOWING)
+    target = following[0] if following else None
+    shown_at = target or guide.plan[0].targets[0]
+    return {
+        "version": entry_session.version,
+        "key": campaign_key(entry_session),
+        "campaign": entry_session.campaign.settings.name,
+        "by": person.name,
+        "second": person.second,
+        "second_wanted": entry_session.settings.second != "none",
+        "progress": progress_text(guide.progress()),
+        "targets": [_target(entry_session, one) for one in following],
+        "station": _station(entry_session, shown_at, person),
+        "recent": _recent(entry_session, person),
+        "doubtful": _doubtful(entry_session, person),
+        "status": _status(entry_session, shown_at, person),
+        "map": _map(entry_session, shown_at, rough),
+        "behind": entry_session.readings_file.problem,
+    }
+
+
+def campaign_key(entry_session: EntrySession) -> str:
+    """What a device keeps the waiting readings of this campaign under."""
+    folder = str(entry_session.campaign.folder.resolve())
+    return hashlib.sha256(folder.encode(errors="surrogateescape")).hexdigest()[:16]
+
+
+def answer_state(entry_session: EntrySession, answer: Answer) -> dict[str, Any]:
+    """An answer as the page says it."""
+    found = answer.verdict
+    return {
+        "outcome": answer.outcome,
+        "look": answer.needs_a_look,
+        "lines": answer_lines(entry_session, answer),
+        "number": answer.entry.number,
+        "hypotheses": [plain(h.metres) for h in found.hypotheses] if found else [],
+    }
+
+
+def _target(entry_session: EntrySession, target: Target) -> dict[str, Any]:
+    done = bool(entry_session.state.counting(target.pair))
+    return {"from": target.start, "to": target.end, "again": done}
+
+
+def _station(entry_session: EntrySession, target: Target, person: Person) -> dict[str, Any]:
+    station = entry_session.guide.station_of(target)
+    doubtful = set() if person.second else set(entry_session.doubtful_at(station))
+    rows = []
+    for one in station.targets:
+        numbers = entry_session.state.counting(one.pair)
+        state = "open"
+        if numbers:
+            state = "doubtful" if doubtful & set(numbers) else "done"
+        elif entry_session.guide.skipped(one.pair) is not None:
+            state = "skipped"
+        value = value_text(entry_session, one.pair, blind=person.second)
+        rows.append({"from": one.start, "to": one.end, "value": value, "state": state})
+    progress = progress_text(entry_session.guide.progress(station.targets))
+    return {"name": station.name, "rows": rows, "progress": progress}
+
+
+def _recent(entry_session: EntrySession, person: Person) -> list[dict[str, Any]]:
+    """The last readings, the newest first."""
+    found: list[dict[str, Any]] = []
+    entries = entry_session.journal.entries
+    for entry in reversed(entries[-60:]):
+        if entry.kind == "reading" and len(found) < RECENT:
+            found.append(_recent_row(entry_session, entry, person))
+    return found
+
+
+def _recent_row(entry_session: EntrySession, entry: Entry, person: Person) -> dict[str, Any]:
+    state = entry_session.state
+    secret = person.second or state.disagrees(entry.pair)
+    fate = ""
+    if entry.number in state.undone:
+        fate = "undone"
+    elif entry.number in state.replaced:
+        fate = "replaced"
+    elif entry.number in state.set_aside:
+        fate = "set aside"
+    return {
+        "number": entry.number,
+        "pair": f"{entry.start}–{entry.end}",
+        "value": "entered" if secret else plain(entry.metres or 0.0),
+        "by": entry.by,
+        "fate": fate,
+        "notes": [] if secret else state.notes.get(entry.number, []),
+    }
+
+
+def _doubtful(entry_session: EntrySession, person: Person) -> list[dict[str, Any]]:
+    if person.second:
+        return []
+    return [
+        {
+            "number": number,
+            "from": entry_session.state.entries[number].start,
+            "to": entry_session.state.entries[number].end,
+            "text": readings_text(entry_session, [number]),
+        }
+        for number in entry_session.doubtful()
+    ]
+
+
+def _status(entry_session: EntrySession, target: Target, person: Person) -> dict[str, Any]:
+    found = None if person.second else entry_session.status(target)
+    if found is None:
+        return {"text": "", "enough": False}
+    return {"text": found.text, "enough": found.good_enough}
+
+
+def _map(entry_session: EntrySession, target: Target, rough: RoughPlaces) -> Mapping[str, Any]:
+    """Walls and points with their places in metres, measured ones marked as such."""
+    names = entry_session.guide.names
+    stops = {n.partition("/")[0] for n in (target.start, target.end) if "/" in n}
+    known = entry_session.checks.knowledge.places(stops)
+    written_as = {meaning: label for label, meaning in entry_session.survey.labels.items()}
+    kinds = dict.fromkeys(names.vframe, "frame") | dict.fromkeys(names.world, "world")
+    places = {written_as.get(name, name): place for name, place in known.items()}
+    wanted = [*names.vframe, *names.world]
+    wanted += [f"{stop}/{point}" for stop in sorted(stops) for point in names.rig]
+    points = []
+    for name in wanted:
+        place = places.get(name) or rough.places.get(name)
+        if place is not None:
+            x, y = place
+            points.append(
+                {
+                    "name": name,
+                    "kind": kinds.get(name, "mark"),
+                    "x": round(x, 3),
+                    "y": round(y, 3),
+                    "sure": name in places,
+                }
+            )
+    return {"walls": rough.walls, "points": points}

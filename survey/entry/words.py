@@ -1,0 +1,76 @@
+"""What both front ends say, in the same words."""
+
+from survey.entry.checks import advice
+from survey.entry.entry_session import Answer, EntrySession
+from survey.entry.guide import Progress
+from survey.entry.numbers import plain
+from survey.entry.state import Pair
+from survey.entry.targets import Target
+
+COMMANDS = (
+    ("5.378", "the distance, in metres or millimetres; comma or point"),
+    ("7/O 3 5.378", "the distance of a pair that is not the next one"),
+    ("u", "undo what was done last"),
+    ("r 5.378", "the last reading again: this number replaces it"),
+    ("r", "measure the last one again"),
+    ("k", "keep the last reading: it is what the display shows"),
+    ("s REASON", "skip: this one cannot be measured"),
+    ("j 7/X 3", "go on with 7/X–3; also: j 7/X, j 7"),
+    ("p 27", "begin a further stop called 27"),
+    ("n TEXT", "a remark about the last reading"),
+    ("l", "list the readings of this station"),
+    ("d", "list all doubtful readings"),
+    ("i", "how far the work is"),
+    ("?", "this list"),
+    ("q", "end; go on later exactly here"),
+)
+
+
+def pair_text(target: Target) -> str:
+    """'7/O → 3': from where to where."""
+    return f"{target.start} → {target.end}"
+
+
+def answer_lines(entry_session: EntrySession, answer: Answer) -> list[str]:
+    """What to say of an answer, the most important first."""
+    found = answer.verdict
+    if found is None:
+        return [answer.text]
+    if found.status != "doubtful":
+        off = "" if found.off is None else f" ({1000 * found.off:+.0f} mm)"
+        lines = [f"{answer.text}, {found.text}{off}"]
+    else:
+        lines = [f"{answer.text}: DOUBTFUL, {found.text}"]
+        hint = advice(found)
+        if hint:
+            lines.append(f"{hint}; read the display again")
+    others = [n for n in found.suspects if n != answer.entry.number]
+    if others:
+        lines.append(f"one of these may be wrong: {readings_text(entry_session, others)}")
+    return lines
+
+
+def readings_text(entry_session: EntrySession, numbers: list[int], most: int = 6) -> str:
+    """Readings by pair and value, a few of them."""
+    entries = [entry_session.state.entries[n] for n in numbers[:most]]
+    said = ", ".join(f"{e.start}–{e.end} {plain(e.metres or 0.0)}" for e in entries)
+    return said + (f" and {len(numbers) - most} more" if len(numbers) > most else "")
+
+
+def progress_text(progress: Progress) -> str:
+    """'64 of 1312 done, 3 skipped'."""
+    said = f"{progress.done} of {progress.done + progress.left} done"
+    return said + (f", {progress.skipped} skipped" if progress.skipped else "")
+
+
+def value_text(entry_session: EntrySession, pair: Pair, *, blind: bool) -> str:
+    """The value of a pair as a list shows it: '5.378', 'done' where it is not to be seen, '–'."""
+    numbers = entry_session.state.counting(pair)
+    if entry_session.state.disagrees(pair):
+        return "two entries disagree"
+    if not numbers:
+        reason = entry_session.guide.skipped(pair)
+        return "–" if reason is None else f"skipped: {reason}"
+    if blind:
+        return "done"
+    return " / ".join(plain(entry_session.state.entries[n].metres or 0.0) for n in numbers)

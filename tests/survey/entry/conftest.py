@@ -1,0 +1,14 @@
+import pytest
+from entry_rooms import EntryRoom, entry_room
+
+
+@pytest.fixture
+def room(tmp_path) -> EntryRoom:
+    return entry_room(folder=tmp_path / "room")
+
+
+@pytest.fixture
+def session(room):
+    opened = room.open()
+    yield opened
+    opened.close()

@@ -1,0 +1,236 @@
+"""The page in a real browser of the size of a phone."""
+
+import os
+import shutil
+import time
+
+import pytest
+from entry_rooms import enter_all, entry_room
+from entry_server import EntryServer
+
+from survey.entry.entry_session import EntrySession
+from validation.campaign import load_campaign
+
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
+DRIVER = shutil.which("chromedriver")
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(not (BROWSER and DRIVER), reason="Chromium or its driver is not installed"),
+]
+PHONE = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+PICTURES = os.environ.get("GTVAL_TEST_PICTURES")
+"""A folder for screenshots, to be looked at."""
+
+
+def new_browser():
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = BROWSER
+    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    opened = webdriver.Chrome(options=options, service=Service(DRIVER))
+    opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
+    return opened
+
+
+@pytest.fixture(scope="module")
+def browsers():
+    opened = []
+    try:
+        opened += [new_browser(), new_browser()]
+        yield opened
+    finally:
+        for one in opened:
+            one.quit()
+
+
+@pytest.fixture(scope="module")
+def measured_room(tmp_path_factory):
+    """A room whose world points are measured; the first mark is next."""
+    room = entry_room(seed=3, stops=2, folder=tmp_path_factory.mktemp("web") / "room")
+    session = room.open()
+    enter_all(session, room, 70)
+    session.close()
+    return room
+
+
+@pytest.fixture
+def served(measured_room, tmp_path):
+    from entry_rooms import copy_of
+
+    room = copy_of(measured_room, tmp_path / "room")
+    with EntryServer(room.folder, tmp_path / "log") as server:
+        server.room = room
+        yield server
+
+
+def join(browser, served, name):
+    browser.get(served.url)
+    browser.delete_all_cookies()
+    browser.execute_script("localStorage.clear()")
+    browser.get("about:blank")
+    browser.get(f"{served.url}/#{served.code}")
+    browser.find_element("id", "name").send_keys(name)
+    browser.find_element("css selector", "#join button").click()
+    wait(lambda: browser.find_elements("id", "distance"))
+    return browser
+
+
+def wait(condition, seconds=15):
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        if condition():
+            return
+        time.sleep(0.03)
+    raise AssertionError("it did not happen")
+
+
+def text(browser, name):
+    return browser.find_element("id", name).text
+
+
+def type_reading(browser, room, value=None):
+    """Type what is shown for the pair on the page, as a distance meter does: digits and Enter."""
+    pair = frozenset((text(browser, "from"), text(browser, "to")))
+    browser.find_element("id", "distance").send_keys(f"{value or room.shown[pair]}\n")
+    return pair
+
+
+def offline(browser, down):
+    browser.execute_cdp_cmd("Network.enable", {})
+    browser.execute_cdp_cmd(
+        "Network.emulateNetworkConditions",
+        {"offline": down, "latency": 0, "downloadThroughput": -1, "uploadThroughput": -1},
+    )
+
+
+def picture(browser, name):
+    if PICTURES:
+        browser.save_screenshot(f"{PICTURES}/{name}.png")
+
+
+def recorded(room):
+    """Pairs of the readings in the journal, in their order."""
+    session = EntrySession.look(load_campaign(room.folder))
+    return [e.pair for e in session.journal.entries if e.kind == "reading"]
+
+
+def test_a_whole_stop_is_entered_with_the_link_lost_in_the_middle(browsers, served):
+    browser, room = join(browsers[0], served, "ann"), served.room
+    before = len(recorded(room))
+    typed = []
+    picture(browser, "next")
+    for number in range(48):
+        if number == 12:
+            offline(browser, down=True)
+        if number == 20:
+            picture(browser, "offline")
+            assert "8 waiting" in text(browser, "link")
+            offline(browser, down=False)
+            browser.refresh()
+            wait(lambda: text(browser, "link") == "connected")
+        typed.append(type_reading(browser, room))
+        if number < 12:
+            wait(lambda n=number: len(recorded(room)) == before + n + 1)
+    wait(lambda: len(recorded(room)) >= before + 48)
+    assert recorded(room)[before:] == typed
+    wait(lambda: text(browser, "from") == "2/O")
+    picture(browser, "stop_done")
+    offline_noise = ("ERR_INTERNET_DISCONNECTED", "ERR_NETWORK_IO_SUSPENDED")
+    errors = [e["message"] for e in browser.get_log("browser")]
+    assert [e for e in errors if not any(noise in e for noise in offline_noise)] == []
+
+
+def test_a_doubtful_reading_is_said_with_what_would_fit_and_comes_back(browsers, served):
+    browser, room = join(browsers[0], served, "ann"), served.room
+    for _ in range(8):
+        type_reading(browser, room)
+    wait(lambda: "fits" in text(browser, "answer"))
+    pair = frozenset((text(browser, "from"), text(browser, "to")))
+    shown = room.shown[pair]
+    slipped = shown[:3] + shown[4] + shown[3]
+    assert slipped != shown
+    type_reading(browser, room, slipped)
+    wait(lambda: "DOUBTFUL" in text(browser, "answer"))
+    assert shown in text(browser, "answer")
+    picture(browser, "doubtful")
+    wait(lambda: text(browser, "doubtful-title") == "Doubtful: 1")
+    browser.find_element("id", "again").click()
+    assert frozenset((text(browser, "from"), text(browser, "to"))) == pair
+    type_reading(browser, room, shown)
+    wait(lambda: text(browser, "doubtful-title") == "Doubtful: 0")
+
+
+def test_two_phones_see_one_state(browsers, served):
+    one, two = join(browsers[0], served, "ann"), join(browsers[1], served, "bob")
+    room = served.room
+    first = (text(one, "from"), text(one, "to"))
+    assert (text(two, "from"), text(two, "to")) == first
+    type_reading(one, room)
+    wait(lambda: (text(two, "from"), text(two, "to")) != first)
+    # Both type the same display: one reading counts, the other is set aside and said so.
+    wait(lambda: text(two, "to") == text(one, "to"))
+    offline(two, down=True)
+    type_reading(two, room)
+    type_reading(one, room)
+    wait(lambda: "ok" in one.find_element("id", "answer").get_attribute("class"))
+    offline(two, down=False)
+    wait(lambda: "set aside" in text(two, "answer"))
+
+
+def test_everything_can_be_done_by_keyboard_and_has_a_label(browsers, served):
+    browser = join(browsers[0], served, "ann")
+    unnamed = browser.execute_script(
+        """
+        const named = (e) =>
+          e.labels?.length || e.getAttribute('aria-label') || e.textContent.trim();
+        return [...document.querySelectorAll('input, button, summary')]
+          .filter((e) => !named(e)).map((e) => e.outerHTML);
+        """
+    )
+    assert unnamed == []
+    assert browser.switch_to.active_element.get_attribute("id") == "distance"
+    reached = set()
+    from selenium.webdriver.common.keys import Keys
+
+    for _ in range(12):
+        browser.switch_to.active_element.send_keys(Keys.TAB)
+        reached.add(browser.execute_script("return document.activeElement.id"))
+    assert {"undo", "again", "keep", "skip"} <= reached
+    # Digits go to the field wherever the focus is: a distance meter is a keyboard.
+    browser.execute_script("document.getElementById('undo').focus()")
+    browser.switch_to.active_element.send_keys("5")
+    assert browser.switch_to.active_element.get_attribute("id") == "distance"
+    live = browser.find_element("id", "answer")
+    assert live.get_attribute("aria-live") == "assertive"
+
+
+def test_a_phone_needs_no_sideways_scrolling_and_script_in_a_note_is_text(browsers, served):
+    browser, room = join(browsers[0], served, "ann"), served.room
+    type_reading(browser, room)
+    wait(lambda: "ok" in browser.find_element("id", "answer").get_attribute("class"))
+    hostile = (
+        "<img src=x onerror=\"document.title='taken'\"><script>document.title='taken'</script>"
+    )
+    browser.execute_script("document.querySelectorAll('details').forEach((d) => { d.open = true })")
+    browser.find_element("id", "note").send_keys(hostile + "\n")
+    wait(lambda: "onerror" in text(browser, "recent"))
+    browser.refresh()
+    wait(lambda: text(browser, "link") == "connected")
+    browser.execute_script("document.querySelectorAll('details').forEach((d) => { d.open = true })")
+    wait(lambda: "onerror" in text(browser, "recent"))
+    assert browser.title != "taken"
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= PHONE["width"]
+    picture(browser, "all_open")
+
+
+def test_the_page_is_ready_within_a_second(browsers, served):
+    browser = join(browsers[0], served, "ann")
+    browser.refresh()
+    timing = "return performance.getEntriesByType('navigation')[0].domComplete"
+    wait(lambda: browser.execute_script(timing) > 0)
+    assert browser.execute_script(timing) < 1000
