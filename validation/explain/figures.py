@@ -86,7 +86,8 @@ def _name_flagged(
         at = float(np.clip(value, low, high))
         beyond = value != at
         text = f"{name} ({value:+.0f})" if beyond else name
-        drop = -10 if at >= high else 4
+        # Names near the top hang below their mark, clear of the title.
+        drop = -10 if at > low + 0.9 * (high - low) else 4
         axes.annotate(
             text,
             (float(np.degrees(headings[row])), at),
