@@ -1,5 +1,6 @@
 """Boards in images: corners found by OpenCV, their order made the board's own."""
 
+from dataclasses import dataclass
 from typing import Literal
 
 import cv2
@@ -9,19 +10,42 @@ import numpy.typing as npt
 from validation.angles import Array
 from vision_gt.board_views import BoardView
 from vision_gt.boards import Board
+from vision_gt.saddles import refine_saddles
 
 Image = npt.NDArray[np.uint8]
 Ints = npt.NDArray[np.intp]
-Detector = Literal["sector", "classic"]
+Detector = Literal["fitted", "classic", "sector"]
 
 _LEAST_CORNERS = 8
+_LEAST_SIGMA = 0.01
+"""Pixels; what the print and the model of the blur add to each fitted corner."""
+_CLEAR_OF_MARKERS, _CLEAR_OF_CORNERS = 0.16, 0.4
+"""Radius of the fit over the square's side. On a ChArUco board the next marker's corner is 0.177
+of it away, on a plain one the next corner a whole one."""
 _STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
 
 
-def find_board(
-    image: Image, board: Board, detector: Detector = "classic"
-) -> tuple[Ints, Array] | None:
-    """Corners of a board in an image: their numbers (n,) and pixels (n, 2); None if not found.
+@dataclass(frozen=True)
+class FoundBoard:
+    """Corners of a board in an image.
+
+    Parameters
+    ----------
+    ids : (n,) array of int
+        Which corners.
+    pixels : (n, 2) array
+        Where.
+    sigmas : (n,) array, optional
+        Standard deviation of each coordinate, pixels, where it is known.
+    """
+
+    ids: Ints
+    pixels: Array
+    sigmas: Array | None = None
+
+
+def find_board(image: Image, board: Board, detector: Detector = "fitted") -> FoundBoard | None:
+    """Corners of a board in an image; None if it is not found.
 
     Parameters
     ----------
@@ -30,17 +54,37 @@ def find_board(
     board : Board
         What to look for. A plain chessboard is found whole or not at all, and one that looks
         the same after half a turn may come out either way round.
-    detector : {"classic", "sector"}
-        For plain chessboards: OpenCV's first one with sub-pixel refinement, or the sector-based
-        one (Duda and Frese, 2018), which takes a hundred times as long and is half as good on
-        sharp images. Where the first finds nothing the second is tried.
+    detector : {"fitted", "classic", "sector"}
+        For plain chessboards: this package's fit of each corner, OpenCV's first detector with
+        its sub-pixel refinement, or OpenCV's sector-based one (Duda and Frese, 2018). The fit
+        starts from the first, or where that finds nothing from the second.
     """
     if board.family is not None:
         return _find_charuco(image, board)
-    pixels = _find_chessboard(image, board, detector)
+    pixels = None if detector == "sector" else _classic(image, board)
+    if pixels is None and detector != "classic":
+        pixels = _sector(image, board)
     if pixels is None:
         return None
-    return np.arange(len(board.corners)), _in_board_order(image, pixels, board)
+    numbers = np.arange(len(board.corners))
+    pixels = _in_board_order(image, pixels, board)
+    if detector != "fitted":
+        return FoundBoard(numbers, pixels)
+    return _fitted(image, numbers, pixels, board, _CLEAR_OF_CORNERS)
+
+
+def _fitted(
+    image: Image, numbers: Ints, pixels: Array, board: Board, radius: float
+) -> FoundBoard | None:
+    """The corners that can be fitted; None if they are too few."""
+    axes = _square_sides(board.corners[numbers, :2] / board.square, pixels)
+    if axes is None:
+        return None
+    fit = refine_saddles(image, pixels, axes, radius)
+    if fit.good.sum() < _LEAST_CORNERS:
+        return None
+    sigmas = np.hypot(fit.sigmas, _LEAST_SIGMA)
+    return FoundBoard(numbers[fit.good], fit.pixels[fit.good], sigmas[fit.good])
 
 
 def view_of_board(
@@ -51,7 +95,7 @@ def view_of_board(
     *,
     part: int = 0,
     source: str = "",
-    detector: Detector = "classic",
+    detector: Detector = "fitted",
 ) -> BoardView | None:
     """The board as a view for the adjustments; None if it is not found.
 
@@ -63,23 +107,27 @@ def view_of_board(
         What to look for.
     camera, body, part, source
         As in `BoardView`.
-    detector : {"classic", "sector"}
+    detector : {"fitted", "classic", "sector"}
         For plain chessboards.
     """
     found = find_board(image, board, detector)
-    return None if found is None else BoardView(camera, body, part, board, *found, source)
+    if found is None:
+        return None
+    return BoardView(camera, body, part, board, found.ids, found.pixels, source, found.sigmas)
 
 
-def _find_chessboard(image: Image, board: Board, detector: Detector) -> Array | None:
-    size = board.inner
-    if detector == "classic":
-        flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-        flags |= cv2.CALIB_CB_FAST_CHECK
-        found, corners = cv2.findChessboardCorners(image, size, flags=flags)
-        if found:
-            return _refined(image, np.array(corners, dtype=np.float32).reshape(-1, 2), board)
+def _classic(image: Image, board: Board) -> Array | None:
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+    flags |= cv2.CALIB_CB_FAST_CHECK
+    found, corners = cv2.findChessboardCorners(image, board.inner, flags=flags)
+    if not found:
+        return None
+    return _refined(image, np.array(corners, dtype=np.float32).reshape(-1, 2), board)
+
+
+def _sector(image: Image, board: Board) -> Array | None:
     flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
-    found, corners = cv2.findChessboardCornersSB(image, size, flags=flags)
+    found, corners = cv2.findChessboardCornersSB(image, board.inner, flags=flags)
     return np.array(corners, dtype=float).reshape(-1, 2) if found else None
 
 
@@ -122,28 +170,22 @@ def _starts_black(image: Image, grid: Array) -> bool:
     return bool(grey[like_first].mean() < grey[~like_first].mean())
 
 
-def _find_charuco(image: Image, board: Board) -> tuple[Ints, Array] | None:
+def _find_charuco(image: Image, board: Board) -> FoundBoard | None:
     detector = cv2.aruco.CharucoDetector(board.charuco())
     corners, ids, _markers, _marker_ids = detector.detectBoard(image)
     if ids is None or len(ids) < _LEAST_CORNERS:
         return None
     start = np.array(corners, dtype=float).reshape(-1, 2)
-    numbers = np.ravel(ids).astype(np.intp)
-    half = int(np.clip(_CLEAR_OF_MARKERS * _spacing(start, numbers, board), 2, 8))
-    refined = cv2.cornerSubPix(image, start.astype(np.float32), (half, half), (-1, -1), _STOP)
-    return numbers, np.array(refined, dtype=float).reshape(-1, 2)
+    return _fitted(image, np.ravel(ids).astype(np.intp), start, board, _CLEAR_OF_MARKERS)
 
 
-_CLEAR_OF_MARKERS = 0.11
-"""Half window over the square's side: the next marker is 0.125 of it away."""
-
-
-def _spacing(pixels: Array, numbers: Ints, board: Board) -> float:
-    """Typical distance of neighbouring corners, pixels: the smaller of the two directions."""
-    where = {int(n): p for n, p in zip(numbers, pixels, strict=True)}
-    nx = board.inner[0]
-    pairs = [
-        [np.linalg.norm(where[n] - where[n + s]) for n in where if n + s in where] for s in (1, nx)
-    ]
-    known = [float(np.median(p)) for p in pairs if p]
-    return min(known) if known else 20.0
+def _square_sides(squares: Array, pixels: Array) -> Array | None:
+    """(n, 2, 2) sides of a square at each corner, pixels, from a homography; None without one."""
+    H, _inliers = cv2.findHomography(squares, pixels, cv2.RANSAC, 5.0)
+    if H is None:
+        return None
+    points = np.column_stack([squares, np.ones(len(squares))]) @ H.T
+    image, depth = points[:, :2], points[:, 2:]
+    # d (u / w) = (du - (u / w) dw) / w
+    sides = (H[:2, :2] - (image / depth)[:, :, None] * H[2, :2]) / depth[:, :, None]
+    return np.asarray(sides)

@@ -14,8 +14,8 @@ from vision_gt.camera import Camera
 from vision_gt.network import BoardPose
 from vision_gt.planar_pose import planar_solutions
 
-START_SIGMA = 0.1
-"""Pixels; what is assumed of board corners until the residuals say better."""
+STATED_SIGMA = 0.1
+"""Pixels; what is assumed of board corners that come without a standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,8 @@ class BoardView:
         Where.
     source : str
         The image, for messages.
+    sigmas : (n,) array, optional
+        Standard deviation of each coordinate of each corner, pixels.
     """
 
     camera: str
@@ -47,6 +49,14 @@ class BoardView:
     ids: npt.NDArray[np.intp]
     pixels: Array
     source: str = ""
+    sigmas: Array | None = None
+
+    @property
+    def stated_sigmas(self) -> Array:
+        """(n,) standard deviations of the corners' coordinates, pixels."""
+        if self.sigmas is not None:
+            return self.sigmas
+        return np.full(len(self.ids), STATED_SIGMA)
 
     @property
     def points(self) -> Array:
@@ -103,7 +113,7 @@ def as_views(
     views: Sequence[BoardView],
     cameras: Sequence[str],
     bodies: Sequence[str],
-    sigma: float = START_SIGMA,
+    factor: float = 1.0,
 ) -> Views:
     """All corners of all views, for the adjustment.
 
@@ -113,18 +123,18 @@ def as_views(
         At least one.
     cameras, bodies : sequence of str
         Names in the order of the adjustment's stacks.
-    sigma : float
-        Of each coordinate of a corner, pixels.
+    factor : float
+        On the stated standard deviations.
     """
     counts = [len(view.ids) for view in views]
     camera = [cameras.index(view.camera) for view in views]
     number = {name: i for i, name in enumerate(bodies)}
-    total = sum(counts)
+    sigmas = factor * np.concatenate([view.stated_sigmas for view in views])
     return Views(
         camera=np.repeat(camera, counts),
         body=np.repeat([number[view.body] for view in views], counts),
         part=np.repeat([view.part for view in views], counts),
         point=np.concatenate([view.points for view in views]),
         pixel=np.concatenate([view.pixels for view in views]),
-        covariance=np.broadcast_to(sigma**2 * np.eye(2), (total, 2, 2)).copy(),
+        covariance=np.square(sigmas)[:, None, None] * np.eye(2),
     )

@@ -35,7 +35,7 @@ class BoardJob:
         As in `BoardView`.
     boards : sequence of (int, Board)
         What may be there, with its part of the bar.
-    detector : {"classic", "sector"}
+    detector : {"fitted", "classic", "sector"}
         For plain chessboards.
     """
 
@@ -43,7 +43,7 @@ class BoardJob:
     camera: str
     body: str
     boards: Sequence[tuple[int, Board]]
-    detector: Detector = "classic"
+    detector: Detector = "fitted"
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The intrinsic parameters of one camera from images of a board, and how good the images are."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 from validation.angles import Array
 from validation.errors import GtvalError
 from vision_gt.adjustment import CAMERA_UNKNOWNS, Adjustment, Knowledge, Setup, adjust
-from vision_gt.board_views import START_SIGMA, BoardView, as_views, camera_pose_of_board
+from vision_gt.board_views import BoardView, as_views, camera_pose_of_board
 from vision_gt.camera import PARAMETERS, Camera
 
 GRID = (8, 6)
@@ -159,10 +159,7 @@ def _start(name: str, size: tuple[int, int], views: Sequence[BoardView]) -> Came
 def _fitted(start: Camera, views: Sequence[BoardView]) -> Calibration:
     """The adjustment, with the noise that its residuals show."""
     bodies = [f"{number}" for number in range(len(views))]
-    own = [
-        BoardView(v.camera, b, 0, v.board, v.ids, v.pixels, v.source)
-        for b, v in zip(bodies, views, strict=True)
-    ]
+    own = [replace(v, body=b, part=0) for b, v in zip(bodies, views, strict=True)]
     poses = [camera_pose_of_board(view, start) for view in own]
     if any(T is None for T in poses):
         raise GtvalError(f"camera {start.name}: the calibration failed; check the board's size")
@@ -185,10 +182,11 @@ def _fitted(start: Camera, views: Sequence[BoardView]) -> Calibration:
         factor**2 * done.covariance[6:CAMERA_UNKNOWNS, 6:CAMERA_UNKNOWNS],
     )
     ends = np.cumsum([len(view.ids) for view in own])[:-1]
-    residuals = tuple(np.split(START_SIGMA * done.residuals, ends))
+    sigmas = np.concatenate([view.stated_sigmas for view in own])
+    residuals = tuple(np.split(sigmas[:, None] * done.residuals, ends))
     return Calibration(
         camera,
-        START_SIGMA * factor,
+        factor * float(np.median(sigmas)),
         tuple(views),
         residuals,
         (),

@@ -17,10 +17,10 @@ from vision_gt.adjustment import (
     camera_slots,
     part_slots,
 )
-from vision_gt.board_views import START_SIGMA, BoardView, as_views, camera_pose_of_board
+from vision_gt.board_views import BoardView, as_views, camera_pose_of_board
 from vision_gt.camera import PARAMETERS, Camera
 
-_LEAST_SIGMA = 0.01
+_LEAST_FACTOR = 0.05
 _POSE_NAMES = ("x", "y", "z", "rotation about x", "rotation about y", "rotation about z")
 
 
@@ -180,32 +180,35 @@ def _two_rounds(
     """The adjustment with the corner noise that its own residuals show."""
     names = [camera.name for camera in cameras]
     first = adjust(as_views(views, names, bodies), setup, knowledge, describe=_describe(names))
-    sigma = max(START_SIGMA * _robust_m0(first), _LEAST_SIGMA)
+    factor = max(_robust_m0(first), _LEAST_FACTOR)
     done = adjust(
-        as_views(views, names, bodies, sigma), setup, knowledge, describe=_describe(names)
+        as_views(views, names, bodies, factor), setup, knowledge, describe=_describe(names)
     )
+    # What the median does not see, heavier tails than normal, the covariance should.
+    scale = max(done.m0, 1.0) ** 2
     g = CAMERA_UNKNOWNS * len(names)
-    covariance = done.covariance[:g, :g]
+    covariance = scale * done.covariance[:g, :g]
     adjusted = tuple(
         Camera(
             camera.name,
             camera.size,
             done.setup.intrinsics[i],
-            done.covariance[camera_slots(i), camera_slots(i)][6:, 6:],
+            covariance[camera_slots(i), camera_slots(i)][6:, 6:],
         )
         for i, camera in enumerate(cameras)
     )
     ends = np.cumsum([len(view.ids) for view in views])[:-1]
     slots = part_slots(setup, 1)
+    sigmas = factor * np.concatenate([view.stated_sigmas for view in views])
     return Network(
         adjusted,
         done.setup.T_world_camera,
         covariance,
         done.setup.T_body_part[1],
-        done.covariance[slots, slots],
-        sigma,
+        scale * done.covariance[slots, slots],
+        float(np.median(sigmas)),
         tuple(views),
-        tuple(np.split(sigma * done.residuals, ends)),
+        tuple(np.split(sigmas[:, None] * done.residuals, ends)),
         done,
     )
 

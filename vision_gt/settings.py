@@ -150,5 +150,5 @@ class VisionSettings(Settings):
     on_floor: bool = False
     merge_cameras: bool = False
     averaged_network: bool = False
-    detector: Literal["classic", "sector"] = "classic"
+    detector: Literal["fitted", "classic", "sector"] = "fitted"
     as_published: bool = True

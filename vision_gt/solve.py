@@ -162,17 +162,15 @@ class _Run:
 
     def _check_images(self) -> None:
         """Raise for cameras without what they need."""
-        problems = []
         folder = self.campaign.folder / self.settings.images
-        for name in self.names:
-            if name not in self.images.calibration and name not in self.settings.camera_files:
-                problems.append(
-                    Problem(
-                        folder / "calibration" / name,
-                        f"camera {name} has neither calibration images nor an entry in "
-                        "vision.camera_files",
-                    )
-                )
+        problems = [
+            Problem(
+                folder / "calibration" / name,
+                f"camera {name} has neither calibration images nor an entry in vision.camera_files",
+            )
+            for name in self.names
+            if name not in self.images.calibration and name not in self.settings.camera_files
+        ]
         if not self.images.reference:
             problems.append(
                 Problem(folder / "reference", "no image of the reference pattern (CAMERA.png)")

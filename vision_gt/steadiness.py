@@ -1,6 +1,6 @@
 """Did a camera move between two moments? Two tests, each with a threshold from its own noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -20,8 +20,6 @@ _LEVEL = 1e-3
 """A camera that stands still is accused so often by chance."""
 _TILES = (4, 3)
 _BORDER = 24
-_STATED_SIGMA = 0.05
-"""Pixels; corner noise of a re-placed board where two images cannot show it."""
 _FLOOR_PIXELS = 0.02
 """Pixels; what interpolation and changing light add to a shift of the whole image."""
 
@@ -157,8 +155,8 @@ def _board_pose(view: BoardView, camera: Camera) -> tuple[RigidTransform, Array]
     setup = Setup(one, camera.parameters[None], RigidTransform.concatenate([start]), one)
     g = setup.shared
     fixed = Knowledge(np.zeros((g, g)), np.zeros((1, 6, 6)), np.zeros(g, dtype=bool))
-    view_alone = BoardView(view.camera, "it", 0, view.board, view.ids, view.pixels)
-    done = adjust(as_views([view_alone], [view.camera], ["it"], _STATED_SIGMA), setup, fixed)
+    alone = replace(view, body="it", part=0)
+    done = adjust(as_views([alone], [view.camera], ["it"]), setup, fixed)
     factor = max(done.m0, 0.2) ** 2
     return done.setup.T_world_body[0], done.body_covariances[0] * factor
 
@@ -218,9 +216,10 @@ def _shift(before: Image, after: Image) -> Array | None:
     if min(float(part.std()) for part in soft) < 1.0:
         return None
     guess, _response = cv2.phaseCorrelate(soft[0], soft[1])
-    if np.hypot(*guess) > min(before.shape) / 4:
-        guess = (0.0, 0.0)
-    warp = np.array([[1, 0, guess[0]], [0, 1, guess[1]]], dtype=np.float32)
+    dx, dy = float(guess[0]), float(guess[1])
+    if np.hypot(dx, dy) > min(before.shape) / 4:
+        dx, dy = 0.0, 0.0
+    warp = np.array([[1, 0, dx], [0, 1, dy]], dtype=np.float32)
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 60, 1e-6)
     try:
         score, found = cv2.findTransformECC(soft[0], soft[1], warp, cv2.MOTION_TRANSLATION, stop)
