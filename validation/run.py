@@ -16,7 +16,7 @@ from validation.explain.section import ExplainParts, explain_campaign
 from validation.files import write_files
 from validation.inputs import input_hashes
 from validation.json_text import json_text
-from validation.poses import PoseTable
+from validation.poses import SPATIAL, PoseTable
 from validation.published import published_tables
 from validation.result_files import errors_csv, merged, pose_files, statistics_csv
 from validation.results import Finding, Section, SystemResult
@@ -231,8 +231,7 @@ def _evaluate_all(
     tables = [table for system in systems for table in system.result.tables]
     validation = next((table for table in tables if table.system == VALIDATION_SYSTEM), None)
     if validation is None:
-        text = "There are no validation poses, so nothing could be compared. Survey the stops."
-        return [], [Finding("warning", text, VALIDATION_SYSTEM, "no_validation")]
+        return [], [_no_validation(tables)]
     evaluations, findings = [], []
     for table in tables:
         if table.system == VALIDATION_SYSTEM:
@@ -246,6 +245,15 @@ def _evaluate_all(
         evaluations.append(evaluation)
         findings += conclusions(evaluation)
     return evaluations, findings
+
+
+def _no_validation(tables: Iterable[PoseTable]) -> Finding:
+    """What it means that nothing could be compared: less for a path outdoors than for stops."""
+    text = "There are no validation poses, so nothing could be compared."
+    if all(table.components == SPATIAL for table in tables):
+        text += " What is said of these poses rests on their system's own checks."
+        return Finding("note", text, VALIDATION_SYSTEM, "no_validation")
+    return Finding("warning", text + " Survey the stops.", VALIDATION_SYSTEM, "no_validation")
 
 
 def result_files(run: RunResult) -> dict[str, str | bytes]:

@@ -17,6 +17,7 @@ from validation.report.evaluation_tables import (
 from validation.report.terminal import most_severe_first
 from validation.results import Figure, Finding, Section, Table, Text
 from validation.run import RunResult
+from validation.systems import VALIDATION_SYSTEM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -85,10 +86,12 @@ def _facts(run: RunResult) -> list[tuple[str, str]]:
     settings = run.campaign.settings
     instrument = settings.instrument
     poses = "none" if run.validation is None else str(len(run.validation))
+    surveyed = any(system.name == VALIDATION_SYSTEM for system in run.systems)
+    hand_laser = f"{instrument.model}, ±{1000 * instrument.tolerance:g} mm" if surveyed else ""
     stated = [
         ("place", settings.place),
         ("date", settings.date),
-        ("instrument", f"{instrument.model}, ±{1000 * instrument.tolerance:g} mm"),
+        ("instrument", hand_laser),
         ("validation poses", poses),
         ("systems compared", ", ".join(one.system for one in run.evaluations) or "none"),
         *settings.facts.items(),
