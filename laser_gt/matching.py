@@ -22,6 +22,8 @@ FACING = 0.7
 """Least cosine between the normals of paired points (45 degrees)."""
 SMALL_STEP = 2e-5
 """A step below this, in metres and radians, ends the iteration."""
+SHRINK = 0.4
+"""Factor on the width for outliers from step to step."""
 MIN_PAIRS = 10
 MOSTLY_FAKE = 0.5
 """No step is made in a direction in which more than this share of the information is fake."""
@@ -133,7 +135,7 @@ def align(
         change = _gauss_newton(target, pairing)
         pose += change
         settled = gate <= 8 * noise
-        gate = max(gate * 0.55, 8 * noise)
+        gate = max(gate * SHRINK, 8 * noise)
         if settled:
             converged = np.abs(change).max(-1) < SMALL_STEP
             if converged.all():
