@@ -70,12 +70,6 @@ class CampaignImages:
     after: Mapping[str, Path]
 
 
-def has_images(folder: Path) -> bool:
-    """Whether a vision folder holds images of the robot at its stops."""
-    poses = folder / "poses"
-    return poses.is_dir() and any(_images(camera) for camera in poses.iterdir() if camera.is_dir())
-
-
 def campaign_images(folder: Path) -> CampaignImages:
     """The images below a vision folder, by the naming of AD2.3.
 
@@ -100,18 +94,18 @@ def campaign_images(folder: Path) -> CampaignImages:
         calibration=_by_camera(folder / "calibration"),
         network=_snapshots(folder / "network", problems),
         bar=_of_cameras(folder / "bar", problems),
-        reference={path.stem: path for path in _images(folder / "reference")},
+        reference={path.stem: path for path in list_images(folder / "reference")},
         movie=_by_camera(folder / "layout"),
         poses=_poses(folder / "poses", problems),
-        before={path.stem: path for path in _images(folder / "steadiness" / "before")},
-        after={path.stem: path for path in _images(folder / "steadiness" / "after")},
+        before={path.stem: path for path in list_images(folder / "steadiness" / "before")},
+        after={path.stem: path for path in list_images(folder / "steadiness" / "after")},
     )
     if problems:
         raise InputError(problems)
     return found
 
 
-def _images(folder: Path) -> list[Path]:
+def list_images(folder: Path) -> list[Path]:
     """Image files of a folder, in the order that people count."""
     if not folder.is_dir():
         return []
@@ -125,16 +119,31 @@ def _counting(path: Path) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
 
 
+def images_of_poses(folder: Path) -> dict[str, dict[str, Path]]:
+    """Images CAMERA/poseX.* by camera and pose.
+
+    Raises
+    ------
+    InputError
+        Naming every image whose name cannot be understood.
+    """
+    problems: list[Problem] = []
+    found = _poses(folder, problems)
+    if problems:
+        raise InputError(problems)
+    return found
+
+
 def _by_camera(folder: Path) -> dict[str, list[Path]]:
     if not folder.is_dir():
         return {}
     cameras = sorted(path for path in folder.iterdir() if path.is_dir())
-    return {camera.name: images for camera in cameras if (images := _images(camera))}
+    return {camera.name: images for camera in cameras if (images := list_images(camera))}
 
 
 def _snapshots(folder: Path, problems: list[Problem]) -> list[Snapshot]:
     pairs: dict[str, dict[str, Path]] = {}
-    for path in _images(folder):
+    for path in list_images(folder):
         match = _SNAPSHOT.fullmatch(path.stem)
         if match is None or match["one"] == match["other"]:
             expected = "expected a name such as 2-1-4: camera, the one it is paired with, number"
@@ -150,7 +159,7 @@ def _snapshots(folder: Path, problems: list[Problem]) -> list[Snapshot]:
 
 def _of_cameras(folder: Path, problems: list[Problem]) -> list[tuple[str, Path]]:
     found = []
-    for path in _images(folder):
+    for path in list_images(folder):
         match = _OF_CAMERA.fullmatch(path.stem)
         if match is None:
             problems.append(Problem(path, "expected a name such as 2-1: camera, number"))

@@ -40,6 +40,8 @@ _MOST_STARTS = 4
 _HOPELESS, _HOPELESS_PIXELS = 25.0, 3.0
 """A first guess that fits so much worse than the best one is not tried."""
 _HUBER = 4.0
+_POOR_FIT = 0.01
+"""Corners that fit worse than this by chance say that their noise is larger than stated."""
 
 
 @dataclass(frozen=True)
@@ -170,8 +172,12 @@ def robot_pose(
         excess = 2 * (solutions[1].cost - best.cost) / max(best.m0, 1.0) ** 2
     unbound = best if floor is None else problem.adjusted(best.setup.T_world_body[0], None)
     sensitivity, own = problem.sensitivity(best, floor)
-    covariance = best.body_covariances[0]
     chi_square = float((best.weights[:, None] * best.residuals**2).sum())
+    if chi2.sf(chi_square, max(best.freedom, 1)) < _POOR_FIT:
+        own = own * chi_square / max(best.freedom, 1)
+    shared = problem.covariance
+    used = sensitivity[:, problem.slots]
+    covariance = own + used @ shared @ used.T
     return RobotPose(
         best.setup.T_world_body[0],
         0.5 * (covariance + covariance.T),

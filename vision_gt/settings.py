@@ -130,6 +130,20 @@ class FloorSettings(Settings):
     tilt: Positive = 0.005
 
 
+class TableSettings(Settings):
+    """A board on a table over validated poses, to check the cameras.
+
+    ``height`` is the table's, metres. ``corner`` is where the board's first inner corner is in
+    the robot frame of the pose (x, y in metres) and ``heading`` the direction of its rows there
+    (radians), as aligned by the plumb-lines.
+    """
+
+    board: BoardSettings = BoardSettings()
+    height: Finite = 0.720
+    corner: tuple[Finite, Finite] = (0.0, 0.0)
+    heading: Finite = 0.0
+
+
 class VisionSettings(Settings):
     """Folders and choices of the vision system; paths are relative to the campaign folder.
 
@@ -147,6 +161,7 @@ class VisionSettings(Settings):
     reference: ReferenceSettings = ReferenceSettings()
     markers: MarkerSettings = MarkerSettings()
     floor: FloorSettings = FloorSettings()
+    table: TableSettings = TableSettings()
     on_floor: bool = False
     merge_cameras: bool = False
     averaged_network: bool = False
