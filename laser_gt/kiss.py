@@ -13,12 +13,14 @@ import numpy as np
 import numpy.typing as npt
 
 from laser_gt.evidence import Prepared, evidence
-from laser_gt.global_matching import global_match
+from laser_gt.global_matching import SearchSettings, global_match
 from laser_gt.planar import between, compose
 from validation.angles import Array
 from validation.errors import GtvalError
 
 VOXEL = 0.1
+RECOVERY_WINDOW = 8.0
+"""Half width of the search in metres where the track is lost: how far apart stops may be."""
 LOST = 0.4
 """Less explained share than this between two scans in a row means that the track is lost."""
 
@@ -124,7 +126,7 @@ def odometry(sweeps: Sequence[Prepared]) -> Odometry:
         found = register(before, after, step)
         seen = evidence(before, after, found)
         if seen.explained[0] - seen.violating[0] < LOST:
-            wide = global_match(before, after, step)
+            wide = global_match(before, after, step, SearchSettings(window=RECOVERY_WINDOW))
             if wide.evidence.score[wide.order[0]] > seen.score[0]:
                 found = wide.pose
                 recovered.append(number)

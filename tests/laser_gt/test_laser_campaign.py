@@ -1,0 +1,106 @@
+"""The synthetic room from scans to poses, against its truth."""
+
+import numpy as np
+import pytest
+from laser_rooms import write_campaign
+
+from laser_gt.outcome import solve_campaign
+from laser_gt.solve import solve
+from validation.angles import wrap
+from validation.campaign import load_campaign
+from validation.poses import from_csv
+
+
+def _errors(folder, stops, poses):
+    truth = from_csv(folder / "truth" / "poses.csv").select(stops).poses
+    difference = poses - truth
+    difference[:, 2] = wrap(difference[:, 2])
+    return difference
+
+
+def _use_references(folder, references):
+    toml = folder / "campaign.toml"
+    names = ", ".join(f'"{stop}"' for stop in references)
+    toml.write_text(toml.read_text().replace("[laser]\n", f"[laser]\nreference = [{names}]\n"))
+
+
+def test_a_small_room_is_placed_and_its_errors_fit_their_covariance(tmp_path):
+    write_campaign(tmp_path, seed=9, stops=7)
+    outcome = solve_campaign(load_campaign(tmp_path), engines=("scanmatch",))
+    solution = outcome.solutions["scanmatch"]
+    assert solution.lost == ()
+    difference = _errors(tmp_path, solution.stops, solution.placement.poses).ravel()
+    nees = difference @ np.linalg.solve(solution.placement.joint, difference)
+    # chi-squared with 21 degrees of freedom, 0.01 % on either side
+    assert 4 < nees < 53
+
+
+def test_without_odometry_the_scans_find_their_way_alone(tmp_path):
+    write_campaign(tmp_path, seed=9, stops=7)
+    (tmp_path / "laser" / "odometry.csv").unlink()
+    outcome = solve_campaign(load_campaign(tmp_path), engines=("scanmatch",))
+    assert outcome.trajectory.from_scans
+    solution = outcome.solutions["scanmatch"]
+    assert solution.lost == ()
+    difference = _errors(tmp_path, solution.stops, solution.placement.poses)
+    assert np.abs(difference[:, :2]).max() < 0.02
+
+
+def test_a_pair_that_closes_no_loop_is_no_longer_accepted(tmp_path):
+    from dataclasses import replace
+
+    from laser_gt.loops import with_loops
+
+    write_campaign(tmp_path, seed=9, stops=8)
+    outcome = solve_campaign(load_campaign(tmp_path), engines=("scanmatch",))
+    matching = outcome.matchings["scanmatch"]
+    in_loop = set(matching.loops[0].stops)
+    good = sorted(matching.accepted, key=lambda m: not {m.reference, m.moving} <= in_loop)
+    wrong = replace(good[0], pose=good[0].pose + np.array([0.2, 0.0, 0.0]))
+    found, _ = with_loops([wrong, *good[1:]])
+    assert found[0].verdict == "look"
+    assert "loops" in found[0].reasons[-1]
+    # the rest of the graph does without it
+    matching = replace(matching, matches=found)
+    again = solve(outcome.inputs, outcome.trajectory, matching, outcome.surveyed)
+    difference = again.placement.poses - outcome.solutions["scanmatch"].placement.poses
+    assert np.abs(difference[:, :2]).max() < 0.005
+
+
+@pytest.mark.full
+def test_a_room_of_26_stops_to_millimetres_by_both_engines(tmp_path):
+    write_campaign(tmp_path, seed=3, stops=26)
+    outcome = solve_campaign(load_campaign(tmp_path))
+    assert set(outcome.solutions) == {"scanmatch", "genetic"}
+    for solution in outcome.solutions.values():
+        difference = _errors(tmp_path, solution.stops, solution.placement.poses)
+        assert len(difference) == 26
+        assert np.abs(difference.mean(0)[:2]).max() < 0.003
+        assert difference.std(0, ddof=1)[:2].max() < 0.005
+        assert difference.std(0, ddof=1)[2] < 0.002
+
+
+@pytest.mark.full
+def test_the_published_way_with_a_wrong_mount_gives_the_documents_errors(tmp_path):
+    write_campaign(tmp_path, seed=5, stops=26, mount_error=(0.09, 0.05, 0.0))
+    _use_references(tmp_path, ["6"])
+    outcome = solve_campaign(load_campaign(tmp_path), engines=("scanmatch",), as_published=True)
+    difference = _errors(tmp_path, outcome.published.stops, outcome.published.poses)
+    spread = difference.std(0, ddof=1)[:2]
+    # printed: 0.078 and 0.066 (genetic), 0.090 and 0.074 (scan match)
+    assert (spread > 0.04).all()
+    assert (spread < 0.11).all()
+    # they are a circle in the heading: a mount error turned by the robot
+    heading = from_csv(tmp_path / "truth" / "poses.csv").select(outcome.published.stops).poses[:, 2]
+    cosine, sine, one, zero = np.cos(heading), np.sin(heading), np.ones(26), np.zeros(26)
+    design = np.vstack(
+        [
+            np.column_stack([cosine, -sine, one, zero]),
+            np.column_stack([sine, cosine, zero, one]),
+        ]
+    )
+    observed = difference[:, :2].T.ravel()
+    left = observed - design @ np.linalg.lstsq(design, observed, rcond=None)[0]
+    assert left.std() < 0.2 * observed.std()
+    assert not outcome.mount_check.agrees
+    assert np.abs(outcome.mount_check.difference[:2] - [0.09, 0.05]).max() < 0.003
