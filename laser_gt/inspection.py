@@ -15,7 +15,8 @@ from laser_gt.judgement import Match
 from laser_gt.sections import worst_first
 
 STYLE = """
-body { font-family: system-ui, sans-serif; margin: 1.5rem auto; max-width: 62rem; color: #222; padding: 0 1rem; }
+body { font-family: system-ui, sans-serif; margin: 1.5rem auto; padding: 0 1rem;
+  max-width: 62rem; color: #222; }
 article { border-top: 1px solid #bbb; padding: 0.8rem 0; }
 img { max-width: 100%; height: auto; }
 h2 { font-size: 1.05rem; margin: 0.2rem 0; }
