@@ -40,8 +40,8 @@ def align(body: Array, world: Array) -> Alignment:
     # M[a, b]: sums of body_a world_b, with the batch last so that it lies together in memory.
     M = np.ascontiguousarray(np.tensordot(inner.T, outer, ((1,), (1,))).transpose(0, 2, 1))
     N = _quaternion_matrix(M)
-    largest = _largest_eigenvalue(M, N, (np.square(inner).sum() + np.square(outer).sum((1, 2))) / 2)
-    rotation = _rotation_of(_eigenvector(N, largest))
+    bound = (np.square(inner).sum() + np.square(outer).sum((1, 2))) / 2
+    rotation = _rotation_of(_eigenvector(N, *_largest_eigenvalue(M, N, bound)))
     return Alignment(rotation, centre - rotation @ body.mean(0))
 
 
@@ -57,8 +57,8 @@ def _quaternion_matrix(M: Array) -> Array:
     return N
 
 
-def _largest_eigenvalue(M: Array, N: Array, bound: Array) -> Array:
-    """(n,) largest root of det(N - lambda), from the bound above it."""
+def _largest_eigenvalue(M: Array, N: Array, bound: Array) -> tuple[Array, Array]:
+    """(n,) largest root of det(N - lambda), from the bound above it, and the slope there."""
     c2 = -2 * np.square(M).sum((0, 1))
     c1 = -8 * _det3(M)
     c0 = sum(cofactor * element for cofactor, element in zip(_cofactors(N, 0), N[0], strict=True))
@@ -71,7 +71,7 @@ def _largest_eigenvalue(M: Array, N: Array, bound: Array) -> Array:
         x = x - step
         if np.abs(step).max() <= 1e-12 * np.abs(x).max():  # the next would be 1e-24
             break
-    return np.asarray(x)
+    return np.asarray(x), np.asarray(4 * x * x * x + 2 * c2 * x + c1)
 
 
 def _det3(M: Array) -> Array:
@@ -99,15 +99,15 @@ def _cofactors(N: Array, row: int) -> list[Array]:
     ]
 
 
-def _eigenvector(N: Array, value: Array) -> Array:
-    """(4, n) unit eigenvectors: rows of the adjugate of N - lambda, the longest of them."""
+def _eigenvector(N: Array, value: Array, slope: Array) -> Array:
+    """(4, n) unit eigenvectors q: rows of the adjugate of N - lambda, which is -slope q q'."""
     shifted = N.copy()
     for k in range(4):
         shifted[k, k] -= value
     vector = np.stack(_cofactors(shifted, 0))
     length = np.square(vector).sum(0)
     # The first row serves unless the body is turned by nearly 180 degrees.
-    weak = np.flatnonzero(length < 1e-2 * length.max())
+    weak = np.flatnonzero(length < 1e-2 * slope**2)
     if len(weak):
         rows = np.stack([np.stack(_cofactors(shifted[..., weak], row)) for row in range(4)])
         longest = np.square(rows).sum(1).argmax(0)

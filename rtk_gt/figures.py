@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
+from matplotlib.ticker import MaxNLocator
 
 from rtk_gt.consistency import Consistency
 from rtk_gt.coverage import Coverage
@@ -79,10 +80,9 @@ def track_map(records: Sequence[Fixes], steps: Steps, path: VehiclePath, max_gap
         axes.plot(
             *track[rows, :2].T,
             linestyle="none",
-            marker=MARKERS[int(kind) % len(MARKERS)],
+            marker="." if kind == RTK_FIXED else MARKERS[int(kind) % len(MARKERS)],
             color=_kind_colour(int(kind)),
-            ms=4,
-            mfc="none",
+            ms=3,
             label=f"{steps.receivers[column]}: {FIX_NAMES[int(kind)]}",
         )
     lines = [path.poses[s, :2] for s in segments(path.times, max_gap) if len(s) > 1]
@@ -231,6 +231,7 @@ def reception(records: Sequence[Fixes]) -> Figure:
         )
         below.plot(elapsed, record.hdop, **style)
     above.set_ylabel("satellites")
+    above.yaxis.set_major_locator(MaxNLocator(integer=True))
     below.set_ylabel("HDOP")
     below.set_xlabel("time from the start of the record [s]")
     for axes in (above, below):

@@ -12,6 +12,8 @@ from validation.results import Finding
 
 SUBJECT = "rtk"
 AXES = ("x", "y", "z")
+LARGEST_SLIP = np.radians(1.0)
+"""Vehicle frames and wheels agree better than this."""
 
 
 def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
@@ -20,6 +22,7 @@ def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
         *_coverage(outcome),
         *_offsets(outcome),
         *_prior(outcome),
+        *_motion(outcome),
         *_antennas(outcome),
         *_consistency(outcome),
         *_records(outcome),
@@ -135,6 +138,29 @@ def _prior(outcome: RtkOutcome) -> Iterator[Finding]:
                 "the known offsets, and the time of the receivers."
             )
             yield Finding("warning", text, SUBJECT, "distance_differs")
+
+
+def _motion(outcome: RtkOutcome) -> Iterator[Finding]:
+    """Whether the nose points where the vehicle goes."""
+    found = outcome.motion
+    if found is None:
+        return
+    length = float(np.ptp(outcome.antennas.positions[:, 0]))
+    for angle, sigma, where, opposite, what in (
+        (found.up, found.up_sigma, "above", "below", "vertical"),
+        (found.left, found.left_sigma, "left of", "right of", "lateral"),
+    ):
+        if abs(angle) < max(LARGEST_SLIP, 3 * sigma):
+            continue
+        side = opposite if angle > 0 else where
+        text = (
+            f"The vehicle's x axis points {abs(np.degrees(angle)):.1f} degrees {side} its "
+            f"direction of motion on average ({found.steps} steps, standard error "
+            f"{np.degrees(sigma):.1f}). A {what} offset between front and rear that is wrong by "
+            f"{100 * length * abs(np.tan(angle)):.0f} cm would do that, or stated antenna "
+            "positions that are; the antenna distances cannot show it."
+        )
+        yield Finding("warning", text, SUBJECT, "nose_off_motion")
 
 
 def _antennas(outcome: RtkOutcome) -> Iterator[Finding]:

@@ -11,6 +11,7 @@ from rtk_gt.coverage import Coverage, coverage
 from rtk_gt.fixes import Fixes
 from rtk_gt.inputs import local_frame, offset_prior, read_records
 from rtk_gt.interpolation import HoldOut, hold_out
+from rtk_gt.motion_check import MotionCheck, motion_check
 from rtk_gt.noise import GpsNoise
 from rtk_gt.offset_prior import OffsetPrior
 from rtk_gt.offsets import Offsets, estimate_offsets
@@ -22,6 +23,10 @@ from validation.angles import Array
 from validation.campaign import Campaign
 from validation.errors import GtvalError
 from validation.systems import Progress, no_progress
+
+
+LARGEST_DISTANCE_SIGMA = 0.3
+"""With distances less sure than this, in metres, antennas cannot be placed on the vehicle."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,8 @@ class RtkOutcome:
         W* of these antennas and this noise.
     consistency : Consistency
         The measure q_t.
+    motion : MotionCheck, optional
+        Where the vehicle moves, seen from itself; None where it hardly moves.
     coverage : Coverage
         What of the drive has ground truth.
     hold_out : HoldOut, optional
@@ -71,6 +78,7 @@ class RtkOutcome:
     path: VehiclePath
     reference: Array
     consistency: Consistency
+    motion: MotionCheck | None
     coverage: Coverage
     hold_out: HoldOut | None
     sensors: dict[str, Composed]
@@ -92,6 +100,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     progress("offsets of the receivers", 0.3)
     prior = offset_prior(settings, steps.frame)
     offsets = estimate_offsets(steps, eta=settings.eta, robust=settings.robust, prior=prior)
+    _check_determined(offsets)
     antennas = _antennas(settings, offsets)
     noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
     progress("path", 0.5)
@@ -110,6 +119,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
         path=path,
         reference=reference_covariance(antennas.positions, noise),
         consistency=consistency(corrected.positions, offsets.distances, noise, settings.confidence),
+        motion=motion_check(path, settings.max_gap),
         coverage=coverage(records, steps, path.times, settings.max_gap),
         hold_out=_hold_out(path, settings.max_gap),
         sensors={
@@ -135,6 +145,20 @@ def _antennas(settings: RtkSettings, offsets: Offsets) -> Antennas:
     heights = np.array([receiver.height for receiver in settings.receivers[:3]])
     others = [receiver.position for receiver in settings.receivers[3:]]
     return antenna_positions(offsets.distances, heights, np.array(others) if others else None)
+
+
+def _check_determined(offsets: Offsets) -> None:
+    """Raise if not even the distances of the antennas are known: then there is no path."""
+    worst = float(offsets.distance_sigmas.max())
+    if worst > LARGEST_DISTANCE_SIGMA:
+        count = int((offsets.signal <= 0).sum())
+        raise GtvalError(
+            f"this drive does not determine the offsets of its receivers: in {count} of "
+            f"{len(offsets.signal)} directions it says nothing, and the distances of the "
+            f"antennas are open by {worst:.1f} m. The vehicle turned or tilted too little. State "
+            "[rtk.known_distances] (a tape measure will do) or [rtk.known_offsets] from a longer "
+            "drive; `gtval rtk coverage` works without"
+        )
 
 
 def _without_false(steps: Steps, offsets: Offsets) -> Steps:

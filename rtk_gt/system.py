@@ -64,6 +64,7 @@ def rtk_facts(outcome: "RtkOutcome") -> dict[str, object]:
         "sigma_vertical": outcome.noise.sigma * outcome.noise.eta,
         "heading_span": heading_span(outcome.path),
         "tilt_spread": tilt_spread(outcome.path),
+        "motion": outcome.motion,
         "false_fixes": int((offsets.weights == 0).sum()),
         "consistency": {
             "bound": outcome.consistency.bound,

@@ -1,0 +1,116 @@
+"""A synthetic drive as a campaign folder: NMEA logs, campaign.toml, and the truth beside it."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from data_samples.drives import (
+    ANTENNAS,
+    LEFT_CAMERA,
+    LEFT_SCANNER,
+    RIGHT_SCANNER,
+    Drive,
+)
+from rtk_gt.fixes import Fixes
+from validation.angles import Array
+from validation.files import write_files
+from validation.poses import SPATIAL, PoseTable, to_csv
+
+
+def write_drive(folder: Path, drive: Drive) -> list[Path]:
+    """Write a drive as a campaign folder; returns the paths of its files.
+
+    The truth goes to ``truth/``: the vehicle's pose at every second and the offsets.
+    """
+    files: dict[str, str | bytes] = {
+        f"rtk/{record.receiver}.nmea": nmea_text(record) for record in drive.records
+    }
+    files["campaign.toml"] = _toml(drive)
+    times = drive.records[0].times
+    truth = PoseTable(
+        "truth", tuple(f"{time:.3f}" for time in times), drive.poses(times), components=SPATIAL
+    )
+    files["truth/poses_truth.csv"] = to_csv(truth)
+    rows = [
+        ",".join([record.receiver, *(repr(float(v)) for v in value)])
+        for record, value in zip(drive.records, drive.offsets.values, strict=True)
+    ]
+    files["truth/offsets.csv"] = "\n".join(["receiver,x,y,z", *rows]) + "\n"
+    return write_files(folder, files)
+
+
+def nmea_text(record: Fixes) -> str:
+    """RMC once, then GGA and GST of every fix, as a receiver writes them."""
+    lines = []
+    for row in range(len(record)):
+        clock = datetime.fromtimestamp(round(record.times[row], 3), tz=UTC)
+        time = clock.strftime("%H%M%S.") + f"{clock.microsecond // 10000:02d}"
+        latitude, longitude, height = record.geodetic[row]
+        place = f"{_minutes(latitude, 2, 'NS')},{_minutes(longitude, 3, 'EW')}"
+        if row == 0:
+            lines.append(_sentence(f"GPRMC,{time},A,{place},0.0,0.0,{clock:%d%m%y},,,A"))
+        lines.append(
+            _sentence(
+                f"GPGGA,{time},{place},{record.kinds[row]},{record.satellites[row]:02d},"
+                f"{record.hdop[row]:.2f},{height - 45.0:.4f},M,45.0,M,1.0,0001"
+            )
+        )
+        east, north, up = np.sqrt(np.diagonal(record.covariances[row]))
+        lines.append(
+            _sentence(
+                f"GPGST,{time},0.02,{max(east, north):.4f},{min(east, north):.4f},0.0,"
+                f"{north:.4f},{east:.4f},{up:.4f}"
+            )
+        )
+    return "\r\n".join(lines) + "\r\n"
+
+
+def _minutes(angle: float, digits: int, sides: str) -> str:
+    """An angle in radians as dddmm.mmmmmmm and its hemisphere: 0.2 mm."""
+    total = round(abs(float(np.degrees(angle))) * 60, 7)
+    degrees, minutes = divmod(total, 60)
+    return f"{int(degrees):0{digits}d}{minutes:010.7f},{sides[0] if angle >= 0 else sides[1]}"
+
+
+def _sentence(body: str) -> str:
+    value = 0
+    for character in body:
+        value ^= ord(character)
+    return f"${body}*{value:02X}"
+
+
+def _toml(drive: Drive) -> str:
+    frame = drive.frame
+    origin = (
+        (
+            f"{{ latitude = {np.degrees(frame.latitude)!r}, longitude = "
+            f"{np.degrees(frame.longitude)!r}, height = {frame.height} }}"
+        )
+        .replace("np.float64(", "")
+        .replace(")", "")
+    )
+    parts = [
+        'name = "Synthetic campus drive"',
+        'description = "Three RTK-GPS receivers on a vehicle; made by a simulation."',
+        "",
+        "[rtk]",
+        f'up = "{frame.up}"',
+        f"origin = {origin}",
+        f"eta = {drive.settings.noise.eta}",
+    ]
+    for record, antenna in zip(drive.records, ANTENNAS, strict=True):
+        parts += ["", "[[rtk.receivers]]", f'name = "{record.receiver}"']
+        parts += [f'file = "rtk/{record.receiver}.nmea"', f"height = {antenna[2]}"]
+    sensors = (
+        ("left_camera", LEFT_CAMERA),
+        ("left_scanner", LEFT_SCANNER),
+        ("right_scanner", RIGHT_SCANNER),
+    )
+    for name, pose in sensors:
+        parts += ["", "[[rtk.sensors]]", f'name = "{name}"', f"pose = {_numbers(pose)}"]
+    return "\n".join(parts) + "\n"
+
+
+def _numbers(values: Array) -> str:
+    return "[" + ", ".join(f"{float(value):.6f}" for value in values) + "]"

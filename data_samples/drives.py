@@ -1,0 +1,219 @@
+"""A synthetic drive over a campus: the true path, three RTK receivers, scanners, cameras, IMU.
+
+The vehicle is that of Blanco 2009: its antennas, its two base stations and its sensors. The
+receivers lose their fix beside tall buildings; some fixes are false on request.
+"""
+
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from data_samples.campus import Campus, make_campus
+from rtk_gt.fixes import RTK_FIXED, RTK_FLOAT, Fixes
+from rtk_gt.frames import FrameVectors, LocalFrame
+from rtk_gt.noise import GpsNoise
+from rtk_gt.orientation import pose_of
+from validation.angles import Array
+
+START = datetime(2024, 4, 10, 9, 0, 0, tzinfo=UTC).timestamp()
+RECEIVERS = ("rear", "front_left", "front_right")
+ANTENNAS = np.array([[0.0, 0.0, 0.132], [1.729, 0.5725, 0.115], [1.733, -0.5725, 0.128]])
+"""Blanco 2009, Table 1."""
+OFFSETS = np.array([[0.0, 0.0, 0.0], [-145.2875, 28.6745, 2.3344], [-145.2914, 28.6712, 1.2915]])
+"""Blanco 2009, Table 3, campus."""
+ROOF = 2.2
+"""Height of the vehicle frame above the ground, metres."""
+FLOAT_SIGMA = 0.25
+LEFT_SCANNER = np.array([-0.3642, 0.7899, 0.0441, *np.radians([90.58, 6.82, -89.66])])
+RIGHT_SCANNER = np.array([-0.3225, -0.8045, -0.0201, *np.radians([-90.33, -2.87, 89.85])])
+LEFT_CAMERA = np.array([2.216, 0.430, 0.022, *np.radians([-88.43, -2.99, -87.23])])
+"""Blanco 2009, Table 1. Cameras look along their z axis, x to the right, y down."""
+
+
+@dataclass(frozen=True)
+class DriveSettings:
+    """What the drive is like.
+
+    ``loops`` round trips on a road of ``straight`` metres, at ``speed`` m/s. ``steepest`` is
+    the greatest slope in radians. ``shadow`` seconds beside tall buildings in each loop the
+    receivers lose their fix; ``false_fixes`` is the share of fixes that are off by
+    ``false_size`` metres.
+    """
+
+    loops: int = 2
+    straight: float = 90.0
+    speed: float = 3.0
+    steepest: float = np.radians(10.0).item()
+    noise: GpsNoise = field(default_factory=lambda: GpsNoise(0.0064, 1.75))
+    shadow: float = 12.0
+    false_fixes: float = 0.0
+    false_size: float = 0.3
+    up: str = "ellipsoid"
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A simulated drive with its truth.
+
+    Parameters
+    ----------
+    settings : DriveSettings
+        What was asked for.
+    campus : Campus
+        Where it took place.
+    frame : LocalFrame
+        The local frame of all coordinates.
+    offsets : FrameVectors
+        (3, 3) what has to be added to recorded positions.
+    records : tuple of Fixes
+        Of the three receivers.
+    duration : float
+        Seconds.
+    wander : (2, 3) array
+        Amplitudes and phases by which the vehicle leaves the centre of its lane.
+    """
+
+    settings: DriveSettings
+    campus: Campus
+    frame: LocalFrame
+    offsets: FrameVectors
+    records: tuple[Fixes, ...]
+    duration: float
+    wander: Array
+
+    def T_local_vehicle(self, times: Array) -> RigidTransform:
+        """True poses at times in seconds since 1970."""
+        return vehicle_transforms(self.campus, self.settings, self.wander, times - START)
+
+    def poses(self, times: Array) -> Array:
+        """(n, 6) true x, y, z, yaw, pitch, roll."""
+        return pose_of(self.T_local_vehicle(times))
+
+
+def simulate_drive(seed: int, settings: DriveSettings | None = None) -> Drive:
+    """A drive, the same for the same seed and settings.
+
+    Parameters
+    ----------
+    seed : int
+        Of all random choices.
+    settings : DriveSettings, optional
+        What the drive is like.
+    """
+    settings = settings or DriveSettings()
+    generator = np.random.default_rng(seed)
+    campus = make_campus(generator, settings.steepest, road_line(settings))
+    wander = np.stack([generator.uniform(0.1, 0.4, 3), generator.uniform(0, 2 * np.pi, 3)])
+    up = "geocentric" if settings.up == "geocentric" else "ellipsoid"
+    frame = LocalFrame.from_degrees(36.714459075, -4.478958828333333, 38.8887, up)  # type: ignore[arg-type]
+    duration = settings.loops * loop_length(settings) / settings.speed
+    records = tuple(
+        _record(generator, settings, (campus, frame, wander), row, duration)
+        for row in range(len(RECEIVERS))
+    )
+    offsets = FrameVectors(frame, OFFSETS)
+    return Drive(settings, campus, frame, offsets, records, duration, wander)
+
+
+TURN_RADIUS = 7.0
+
+
+def loop_length(settings: DriveSettings) -> float:
+    """Length of one round trip, metres."""
+    return 2 * settings.straight + 2 * np.pi * TURN_RADIUS
+
+
+def _centre_line(settings: DriveSettings, s: Array) -> Array:
+    """(n, 2) the stadium-shaped line at the distances driven."""
+    s = np.mod(s, loop_length(settings))
+    L, r = settings.straight, TURN_RADIUS
+    arc = np.pi * r
+    first, second = (s - L) / r, (s - 2 * L - arc) / r
+    x = np.select(
+        [s < L, s < L + arc, s < 2 * L + arc],
+        [s, L + r * np.sin(first), 2 * L + arc - s],
+        -r * np.sin(second),
+    )
+    y = np.select(
+        [s < L, s < L + arc, s < 2 * L + arc], [-r, -r * np.cos(first), r], r * np.cos(second)
+    )
+    return np.column_stack([x - L / 2, y])
+
+
+def road_line(settings: DriveSettings) -> Array:
+    """(m, 2) centre line of the road, every 2 m."""
+    return _centre_line(settings, np.arange(0.0, loop_length(settings), 2.0))
+
+
+def vehicle_transforms(
+    campus: Campus, settings: DriveSettings, wander: Array, elapsed: Array
+) -> RigidTransform:
+    """T_local_vehicle at seconds since the start: the wheels on the ground, the nose ahead."""
+
+    def ground_place(seconds: Array) -> Array:
+        s = settings.speed * seconds
+        centre, ahead = _centre_line(settings, s), _centre_line(settings, s + 0.01)
+        course = (ahead - centre) / np.linalg.norm(ahead - centre, axis=1, keepdims=True)
+        side = np.column_stack([-course[:, 1], course[:, 0]])
+        lengths = np.array([23.0, 37.0, 61.0])
+        sway = (wander[0] * np.sin(2 * np.pi * s[:, None] / lengths + wander[1])).sum(1)
+        flat = centre + sway[:, None] * side
+        return np.column_stack([flat, campus.height(flat[:, 0], flat[:, 1])])
+
+    elapsed = np.asarray(elapsed, dtype=float)
+    here = ground_place(elapsed)
+    # A second each way smooths the joints of straights and arcs, as steering does.
+    course = ground_place(elapsed + 0.6) - ground_place(elapsed - 0.6)
+    slope = campus.slope(here[:, 0], here[:, 1])
+    up = np.column_stack([-slope, np.ones(len(slope))])
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    forward = course - (course * up).sum(1, keepdims=True) * up
+    forward /= np.linalg.norm(forward, axis=1, keepdims=True)
+    R = np.stack([forward, np.cross(up, forward), up], axis=-1)
+    return RigidTransform.from_components(here + ROOF * up, Rotation.from_matrix(R))
+
+
+def _record(
+    generator: np.random.Generator,
+    settings: DriveSettings,
+    place: tuple[Campus, LocalFrame, Array],
+    row: int,
+    duration: float,
+) -> Fixes:
+    """What one receiver writes: 1 Hz at the rear, 5 Hz in front."""
+    campus, frame, wander = place
+    every = 1.0 if row == 0 else 0.2
+    elapsed: Array = np.arange(0.0, round(duration / every)) * every
+    T = vehicle_transforms(campus, settings, wander, elapsed)
+    n = len(elapsed)
+    shaded = _shaded(settings, elapsed, row)
+    kinds = np.where(shaded, RTK_FLOAT, RTK_FIXED)
+    base = np.sqrt(np.diagonal(settings.noise.covariance))
+    sigmas = np.where(shaded[:, None], FLOAT_SIGMA * np.array([1, 1, settings.noise.eta]), base)
+    error = generator.standard_normal((n, 3)) * sigmas
+    false = generator.random(n) < settings.false_fixes
+    direction = generator.standard_normal((n, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    error += false[:, None] * settings.false_size * direction
+    recorded = T.apply(np.tile(ANTENNAS[row], (n, 1))) - OFFSETS[row] + error
+    return Fixes(
+        receiver=RECEIVERS[row],
+        times=START + elapsed,
+        geodetic=frame.to_geodetic(recorded),
+        kinds=kinds.astype(np.int64),
+        satellites=np.where(shaded, 5, 9) + generator.integers(-1, 2, n),
+        hdop=np.round(np.where(shaded, 2.6, 1.1) + generator.uniform(0, 0.3, n), 2),
+        covariances=sigmas[:, :, None] ** 2 * np.eye(3),
+        lines=np.arange(1, n + 1),
+        source=Path(f"{RECEIVERS[row]}.nmea"),
+    )
+
+
+def _shaded(settings: DriveSettings, elapsed: Array, row: int) -> Array:
+    """True beside tall buildings; the receivers lose and regain their fix at different times."""
+    period = loop_length(settings) / settings.speed
+    phase = np.mod(elapsed, period) - 0.3 * period
+    return np.asarray((phase > 0.4 * row) & (phase < settings.shadow + 1.5 * row))
