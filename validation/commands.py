@@ -89,22 +89,24 @@ def run(campaign: Path, as_json: bool, normal: bool, no_report: bool) -> None:
 @CAMPAIGN
 @AS_JSON
 @NORMAL
-def report(campaign: Path, as_json: bool, normal: bool) -> None:
+@click.option("--pdf", is_flag=True, help="Also as PDF; needs the extra 'pdf'. Takes a while.")
+def report(campaign: Path, as_json: bool, normal: bool, pdf: bool) -> None:
     """Run a campaign and write its report: HTML, and tables as Markdown and LaTeX.
 
     The report is always made from a fresh run, so that it cannot disagree with the data.
     """
-    done = _run_and_write(campaign, _method(normal), report=True)
+    done = _run_and_write(campaign, _method(normal), report=True, pdf=pdf)
     folder = done.campaign.report
+    names = ["report.html", "tables.md", "tables.tex", *(["report.pdf"] if pdf else [])]
     if as_json:
         from validation.report.terminal import print_json
 
-        print_json(
-            {"report": [folder / name for name in ("report.html", "tables.md", "tables.tex")]}
-        )
+        print_json({"report": [folder / name for name in names]})
         return
     click.echo(f"Report: {folder / 'report.html'}")
     click.echo(f"Tables: {folder / 'tables.md'}, {folder / 'tables.tex'}")
+    if pdf:
+        click.echo(f"PDF: {folder / 'report.pdf'}")
 
 
 @click.command()
@@ -163,7 +165,9 @@ def _method(normal: bool) -> "IntervalMethod":
     return "normal" if normal else "student"
 
 
-def _run_and_write(campaign: Path, method: "IntervalMethod", *, report: bool) -> "RunResult":
+def _run_and_write(
+    campaign: Path, method: "IntervalMethod", *, report: bool, pdf: bool = False
+) -> "RunResult":
     """Run the campaign and write its results, with the report if wanted."""
     from validation.campaign import load_campaign
     from validation.run import run_campaign, write_results
@@ -176,7 +180,7 @@ def _run_and_write(campaign: Path, method: "IntervalMethod", *, report: bool) ->
             from validation.report.files import report_files
 
             progress("writing the report", 1.0)
-            files = report_files(done)
+            files = report_files(done, pdf=pdf)
     write_results(done, files)
     return done
 
