@@ -132,7 +132,9 @@ def _noise(sources: Sources, good: Mask, *, robust: bool) -> tuple[Array, Array]
         values[s, 0] = np.nanmedian(diagonal[:, :2])
         values[s, 1] = np.nanmedian(diagonal[:, 2])
         dof[s] = np.inf
-    return np.sqrt(values), dof
+    # The first, rough noise only screens what to leave out of the next one: taken as exact, lest
+    # a gross error hides in its own uncertainty.
+    return np.sqrt(values), np.full_like(dof, np.inf) if robust else dof
 
 
 def _pooled(sources: Sources, good: Mask, kind: int, *, robust: bool) -> tuple[float, float, float]:
