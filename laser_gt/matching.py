@@ -118,10 +118,13 @@ def align(
 
     Notes
     -----
+    The basin is that of any local matcher: for guesses off by more than some 0.2 m or 10 degrees
+    use `laser_gt.judgement.match`, which adds a search.
+
     Point-to-line metric as in Censi, "An ICP variant using a point-to-line metric" (2008), with
     lines fitted over windows instead of through two points. Each point weighs by its variance
-    across the surface, sigma^2 cos^2 of the incidence, which is what makes the estimate
-    efficient: a point seen at a grazing angle says much about where the wall is.
+    across the surface, sigma^2 cos^2 of the incidence (at least a tenth), which is what makes the
+    estimate efficient: a point seen at a grazing angle says much about where the wall is.
     """
     pose = np.array(np.atleast_2d(np.asarray(guess, dtype=float)))
     source = _Source.of(moving, stride)
