@@ -123,7 +123,7 @@ T_BAR_NOMINAL = RigidTransform.from_translation(
 REFERENCE_SHIFT = 2 * CHESSBOARD.square
 """The reference pattern lies two squares from the Vframe's origin, along its x axis."""
 _NAMES = ("2", "1", "4", "3")
-_HEIGHT = 2.2
+_HEIGHT = 2.3
 _IN_FRONT = 1.9
 """Metres from a camera to where its axis meets the floor, and so to the middle of its area."""
 
@@ -254,7 +254,9 @@ def _posts(room: Room, count: int, rng: np.random.Generator) -> RigidTransform:
         u = low[0] + (high[0] - low[0]) * (i + 0.5) / count
         side = 1 if i % 2 else -1
         foot = np.array([u, middle + side * (_IN_FRONT + 0.3)])
-        aim = np.array([u + 0.15 * rng.standard_normal(), middle + side * 0.3])
+        aim = np.array(
+            [u + 0.15 * rng.standard_normal(), middle + side * (_IN_FRONT + 0.3 - _HEIGHT)]
+        )
         height = _HEIGHT + 0.05 * rng.standard_normal()
         posts.append(looking(np.append(frame @ foot, height), np.append(frame @ aim, 0.0)))
     return RigidTransform.concatenate(posts)

@@ -1,5 +1,6 @@
 """The commands ``gtval demo`` and ``gtval simulate``."""
 
+import os
 from pathlib import Path
 
 import click
@@ -89,6 +90,10 @@ def _run_command(ctx: click.Context) -> click.Command:
     metavar="X Y THETA",
     help="Of the stated mount of the scanners, metres and radians.",
 )
+@click.option("--vision", is_flag=True, help="Also cameras, a robot with markers, and images.")
+@click.option(
+    "--workers", type=click.IntRange(1), help="Processes for rendering; one a processor by default."
+)
 @click.option("--force", is_flag=True, help="Write into a folder that is not empty.")
 @click.option("--json", "as_json", is_flag=True, help="Print what a script can read.")
 def simulate(
@@ -107,6 +112,8 @@ def simulate(
     bias: tuple[float, float, float],
     laser: bool,
     mount_error: tuple[float, float, float],
+    vision: bool,
+    workers: int | None,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -123,7 +130,14 @@ def simulate(
 
     _refuse_to_overwrite(folder, force)
     rng = np.random.default_rng(seed)
-    room = make_room(RoomSettings(world_points=world_points, stops=stops, pillars=pillars), rng)
+    room_settings = RoomSettings(world_points=world_points, stops=stops, pillars=pillars)
+    if vision:
+        from data_samples.cameras import VisionSettings
+        from data_samples.rendering_files import make_room_with_cameras, vision_texts, write_images
+
+        room, cameras = make_room_with_cameras(room_settings, VisionSettings(), rng)
+    else:
+        room = make_room(room_settings, rng)
     settings = SimulationSettings(
         systems=(ExampleSystem(bias=bias),),
         blunders=blunders,
@@ -134,12 +148,26 @@ def simulate(
         guess_sigmas=(0.1, 0.1, 0.1) if initial_guesses else None,
     )
     simulated = simulate_survey(room, settings, rng)
-    more = None
+    more: dict[str, str] = {}
     if laser:
         from data_samples.laser_campaign import LaserSimulation, laser_files
 
-        more = laser_files(room, LaserSimulation(mount_error=mount_error), rng)
+        more = dict(laser_files(room, LaserSimulation(mount_error=mount_error), rng))
+    if vision:
+        for name, text in vision_texts(cameras, rng).items():
+            more[name] = more.get(name, "") + text
     write_campaign(folder, simulated, seed, more)
+    if vision:
+        from validation.commands import progress_bar
+
+        with progress_bar("rendering") as report:
+            write_images(
+                folder,
+                cameras,
+                rng,
+                workers or os.cpu_count() or 1,
+                lambda share: report("rendering", share),
+            )
     said = {
         "folder": str(folder),
         "seed": seed,

@@ -236,7 +236,7 @@ def _stains() -> Floats:
         noise = rng.standard_normal((512, 512))
         blurred = cv2.GaussianBlur(np.tile(noise, (3, 3)), (0, 0), scale)[512:1024, 512:1024]
         total += blurred / blurred.std()
-    return (total / total.std()).astype(np.float32)
+    return np.asarray(total / total.std(), dtype=np.float32)
 
 
 def _paint(
@@ -423,4 +423,4 @@ def _blade_light(blade: SunBlade, width: int, height: int) -> Floats:
     y = np.arange(height, dtype=np.float32)[:, None] - blade.point[1]
     across = np.abs(-np.sin(blade.direction) * x + np.cos(blade.direction) * y)
     inside = 1 / (1 + np.exp(np.clip((across - blade.width / 2) / 0.7, -40, 40)))
-    return (1 + (blade.strength - 1) * inside).astype(np.float32)
+    return np.asarray(1 + (blade.strength - 1) * inside, dtype=np.float32)

@@ -33,9 +33,7 @@ def calibration_of_folder(
     size = next((one.size for one in found if not one.fault), (0, 0))
     usual = f"{size[0]} x {size[1]}"
     problems += [
-        Problem(
-            one.path, f"{one.size[0]} x {one.size[1]} pixels, the first has {size[0]} x {size[1]}"
-        )
+        Problem(one.path, f"{one.size[0]} x {one.size[1]} pixels, the first has {usual}")
         for one in found
         if not one.fault and one.size != size
     ]

@@ -243,7 +243,8 @@ def undistort(pixels: Array, parameters: Array) -> Array:
             )
         bad = ~(np.abs(wanted - distorted(found, coefficients)).max(-1) < 1e-9)
         # Beyond the turning point of the radial polynomial the model folds back on itself.
-        bad |= ~(np.linalg.det(distortion_jacobians(found, coefficients)[0]) > 0)
+        slope, _by = distortion_jacobians(found, coefficients)
+        bad |= ~((np.linalg.det(slope) > 0) & (np.trace(slope, axis1=-2, axis2=-1) > 0))
     return np.where(bad[..., None], np.nan, found)
 
 

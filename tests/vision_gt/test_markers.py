@@ -1,0 +1,160 @@
+"""Marker corners: as good as promised, better than the stock ones, and never lost quietly."""
+
+import numpy as np
+import pytest
+from vision_scenes import APRIL, LENS, SIDE, camera, marker_image, random_marker
+
+from data_samples.rendering import Optics
+from validation.errors import GtvalError
+from vision_gt.camera import Camera
+from vision_gt.dictionaries import ARTOOLKITPLUS, Family, artoolkitplus_bits
+from vision_gt.edges import refine_corners
+from vision_gt.markers import detect_markers
+from vision_gt.planar_pose import planar_solutions
+from vision_gt.transforms import angle_between
+
+
+def corner_errors(distance: float, count: int, refinement: str = "edges", seed: int = 5):
+    """Errors (n, 4, 2) of refined corners, with true corners and covariances."""
+    rng = np.random.default_rng(seed)
+    errors, truths, covariances, flips = [], [], [], 0
+    for _ in range(count):
+        number = int(rng.integers(0, 200))
+        T = random_marker(rng, distance)
+        image, true = marker_image(rng, T, number)
+        views = detect_markers(image, APRIL, camera(), [number], refinement).views
+        assert len(views) == 1
+        errors.append(views[0].corners - true)
+        truths.append(true)
+        covariances.append(views[0].covariances)
+        half = SIDE / 2
+        square = half * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+        found = planar_solutions(square, views[0].corners, LENS)
+        flips += bool(np.rad2deg(angle_between(found.best, T)) > 10)
+    return np.array(errors), np.array(truths), np.array(covariances), flips
+
+
+def side_bias(errors, truths):
+    """Mean error of the lengths of the sides, pixels."""
+    found = truths + errors
+    lengths = [np.linalg.norm(np.roll(c, -1, axis=1) - c, axis=-1) for c in (found, truths)]
+    return float((lengths[0] - lengths[1]).mean())
+
+
+@pytest.mark.parametrize("distance", [2.0, 5.0])
+def test_corners_are_within_a_tenth_of_a_pixel_and_sides_unbiased(distance):
+    errors, truths, covariances, flips = corner_errors(distance, 12)
+    assert np.sqrt((errors**2).sum(-1).mean()) <= 0.10
+    assert abs(side_bias(errors, truths)) < 0.05
+    assert flips == 0
+    # Stated sigmas are neither too good nor too bad: the mean square of the normalised errors.
+    normalised = np.einsum("mki,mkij,mkj->mk", errors, np.linalg.inv(covariances), errors) / 2
+    assert 0.2 < normalised.mean() < 2.5
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("distance", [2.0, 3.0, 4.0, 5.0])
+def test_corners_of_150_renders(distance):
+    errors, truths, _, flips = corner_errors(distance, 150, seed=int(distance))
+    assert np.sqrt((errors**2).sum(-1).mean()) <= 0.10
+    assert abs(side_bias(errors, truths)) < 0.05
+    assert flips == 0
+
+
+def test_uneven_light_and_vignetting_lose_no_marker():
+    rng = np.random.default_rng(3)
+    dim = Optics(falloff=0.7, gradient=(1.0, 0.6), rays=32)
+    for place in ((-0.55, -0.4), (0.55, 0.4), (0.5, -0.38), (-0.5, 0.38)):
+        T = random_marker(rng, 1.0)
+        t = 3.0 * np.array([*place, 1.0])
+        T = type(T).from_components(t, T.rotation)
+        image, true = marker_image(rng, T, 7, dim)
+        views = detect_markers(image, APRIL, camera(), [7]).views
+        assert len(views) == 1
+        assert np.abs(views[0].corners - true).max() < 0.35
+
+
+def test_saturated_paper_does_not_move_the_edges():
+    rng = np.random.default_rng(4)
+    T = random_marker(rng, 2.5)
+    image, true = marker_image(rng, T, 11, Optics(white=265.0, falloff=0.0, rays=64))
+    assert (image == 255).sum() > 100
+    views = detect_markers(image, APRIL, camera(), [11]).views
+    assert np.sqrt(((views[0].corners - true) ** 2).mean()) < 0.15
+
+
+def test_the_distortion_matters():
+    rng = np.random.default_rng(6)
+    T = random_marker(rng, 0.6)
+    T = type(T).from_components([0.25, 0.18, 0.6], T.rotation)
+    image, true = marker_image(rng, T, 3)
+    start = detect_markers(image, APRIL, None, [3], "none").views[0].corners[None]
+    with_lens = refine_corners(image, start, APRIL.cells, LENS).corners[0] - true
+    without = refine_corners(image, start, APRIL.cells).corners[0] - true
+    assert np.abs(with_lens).max() < 0.06
+    assert np.abs(without).max() > 2 * np.abs(with_lens).max()
+
+
+def test_a_marker_seen_twice_is_named_and_not_used():
+    rng = np.random.default_rng(7)
+    T = random_marker(rng, 2.0)
+    image, _ = marker_image(rng, T, 5)
+    half = np.concatenate([image[:, 320:960], image[:, 320:960]], axis=1)
+    detection = detect_markers(np.ascontiguousarray(half), APRIL, None, [5])
+    assert detection.duplicates == (5,)
+    assert detection.views == ()
+
+
+def test_unknown_ids_are_strangers():
+    rng = np.random.default_rng(8)
+    image, _ = marker_image(rng, random_marker(rng, 2.0), 9)
+    detection = detect_markers(image, APRIL, None, [1, 2, 3])
+    assert detection.strangers == (9,)
+    assert detection.views == ()
+
+
+def test_an_image_of_another_size_is_refused():
+    small = Camera("7", (640, 480), LENS)
+    with pytest.raises(GtvalError, match="calibrated with 640 x 480"):
+        detect_markers(np.zeros((960, 1280), dtype=np.uint8), APRIL, small)
+
+
+def test_no_marker_is_no_error():
+    assert detect_markers(np.full((960, 1280), 90, dtype=np.uint8), APRIL, camera()).views == ()
+
+
+def test_artoolkitplus_ids_are_four_masked_copies_that_no_turn_confuses():
+    seen = set()
+    for number in range(512):
+        bits = artoolkitplus_bits(number)
+        for turn in range(4):
+            seen.add(np.rot90(bits, turn).tobytes())
+        word = int("".join(str(b) for b in bits.ravel()), 2)
+        copies = [(word >> shift) & 0x1FF for shift in (27, 18, 9, 0)]
+        masks = [0x0DB, 0x109, 0x14E, 0x027]
+        assert all(c ^ m == number for c, m in zip(copies, masks, strict=True))
+    assert len(seen) == 4 * 512
+
+
+def test_artoolkitplus_markers_are_drawn_and_detected():
+    family = Family(ARTOOLKITPLUS)
+    np.testing.assert_array_equal(family.bits(200)[1:-1, 1:-1], artoolkitplus_bits(200))
+    rng = np.random.default_rng(9)
+    for number in (3, 6, 14, 30, 89, 200):
+        image, true = marker_image(rng, random_marker(rng, 2.5), number, family=family)
+        views = detect_markers(image, family, camera()).views
+        assert [view.number for view in views] == [number]
+        assert np.abs(views[0].corners - true).max() < 0.15
+
+
+def test_the_stock_corners_are_worse():
+    ours = corner_errors(4.0, 6)[0]
+    stock = corner_errors(4.0, 6, "subpix")[0]
+    assert np.sqrt((stock**2).mean()) > 4 * np.sqrt((ours**2).mean())
+
+
+def test_an_unknown_family_is_named():
+    with pytest.raises(GtvalError, match="no marker family '9X9_10'"):
+        Family("9X9_10").bits(0)
+    with pytest.raises(GtvalError, match="ids 0 to 49"):
+        Family("4X4_50").bits(50)
