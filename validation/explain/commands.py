@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from validation.poses import PoseTable
     from validation.results import Finding, Section
 
+GOOD_ENOUGH = (0.05, 0.05, 0.05)
+"""Metres and radians asked of x, y, theta of single tables, as a campaign's [comparison] does."""
+
 ANY_PATH = click.Path(path_type=Path)
 
 
@@ -89,12 +92,10 @@ def _of_files(
     witnesses: tuple[Path, ...],
 ) -> "tuple[Explanation, Sequence[Finding], Sequence[Section]]":
     """The explanation of single tables."""
-    from validation.campaign import Comparison
     from validation.explain.analysis import Question
     from validation.explain.analysis import explain as explained
     from validation.explain.loading import read_table, read_tables, read_times
     from validation.explain.section import explain_sections, repeatability
-    from validation.explain.settings import ExplainSettings
     from validation.explain.words import findings
 
     truth, systems = read_tables(validation, gt)
@@ -106,10 +107,8 @@ def _of_files(
         witnesses=tuple(read_table(path, path.stem) for path in witnesses),
     )
     explanation = explained(truth, systems, question)
-    asked = Comparison()
-    limits = (asked.acceptable_bias_length,) * 2 + (asked.acceptable_bias_angle,)
-    repeated = repeatability(explanation, ExplainSettings())
-    return explanation, findings(explanation), explain_sections(explanation, limits, repeated)
+    sections = explain_sections(explanation, GOOD_ENOUGH, repeatability(explanation))
+    return explanation, findings(explanation), sections
 
 
 def _assignments(pairs: Sequence[str]) -> list[tuple[str, str]]:

@@ -6,7 +6,14 @@ import numpy as np
 
 from validation.angles import Array, wrap
 from validation.explain.models import Corrected, ErrorModel, correct
-from validation.explain.noise import Mask, masked_precision, precision, weigh
+from validation.explain.noise import (
+    Mask,
+    Precision,
+    masked_precision,
+    precision,
+    scaled_precision,
+    weigh,
+)
 from validation.explain.pairs import Pairs
 
 ITERATIONS = 60
@@ -164,6 +171,8 @@ class _Problem:
         self.pairs, self.model, self.estimated = pairs, model, estimated
         self.slip_row = pairs.reference_pose is not None
         batch = len(include)
+        # Where the GT has no covariances of its own, the noise changes by its scale only.
+        self.constant = None if pairs.gt_covariances.any() else precision(self._own_noise())
         extra = np.ones((batch, 1), dtype=bool)
         self.include = np.concatenate([include, extra], 1) if self.slip_row else include
         self.cells = cells
@@ -171,6 +180,22 @@ class _Problem:
             used = np.broadcast_to(cells, (batch, len(pairs), 2)) & include[..., None]
             both = np.ones((batch, 1, 2), dtype=bool)
             self.used = np.concatenate([used, both], 1) if self.slip_row else used
+
+    def _own_noise(self) -> Array:
+        """(m, 3, 3) covariances of the validation poses, that of the slip last."""
+        pairs = self.pairs
+        if not self.slip_row:
+            return pairs.validation_covariances
+        own = pairs.reference_covariance
+        return np.concatenate(
+            [pairs.validation_covariances, (np.eye(3) if own is None else own)[None]]
+        )
+
+    def known(self, noise: Array, scale: Array) -> Precision:
+        """Precision of the rows."""
+        if self.constant is None:
+            return precision(noise)
+        return scaled_precision(self.constant, scale)
 
     def corrected(self, parameters: Array) -> Corrected:
         """Corrected poses of all pairs."""
@@ -212,9 +237,8 @@ class _Problem:
             np.concatenate([noise, own], 1),
         )
 
-    def weighed(self, residuals: Array, noise: Array) -> tuple[Array, Array, Array]:
+    def weighed(self, residuals: Array, known: Precision) -> tuple[Array, Array, Array]:
         """Precision and weights of each row, and the log density of each, zero if excluded."""
-        known = precision(noise)
         if self.cells is not None:
             weights = self.used.astype(float)
             used = masked_precision(known, self.used)
@@ -240,7 +264,8 @@ class _Problem:
     ) -> tuple[Array, Array, Array]:
         """The next step, the information and the next scale."""
         _, residuals, slopes, noise = self.rows(parameters, scale)
-        used, weights, _ = self.weighed(residuals, noise)
+        known = self.known(noise, scale)
+        used, weights, _ = self.weighed(residuals, known)
         weighted = np.einsum("bnij,bnjk->bnik", used, slopes)
         information = np.einsum("bnik,bnil->bkl", slopes, weighted)
         gradient = np.einsum("bnik,bni->bk", weighted, residuals)
@@ -248,19 +273,19 @@ class _Problem:
         if not self.estimated:
             return step, information, scale
         after = residuals - np.einsum("bnik,bk->bni", slopes, step)
-        return step, information, self.next_scale(after, noise, weights, scale, floor, guard)
+        return step, information, self.next_scale(after, known, weights, scale, floor, guard)
 
     def next_scale(
         self,
         residuals: Array,
-        noise: Array,
+        known: Precision,
         weights: Array,
         scale: Array,
         floor: Array,
         guard: bool,
     ) -> Array:
         """The noise level that the weighted residuals show, kept off zero."""
-        squares = _cell_squares(residuals, noise)
+        squares = _cell_squares(residuals, known)
         inside = self.include if self.cells is None else self.used.any(-1)
         count = (
             inside.sum(1)[:, None] * np.array([2.0, 1.0])
@@ -277,13 +302,13 @@ class _Problem:
         """Where the noise level starts: from the median residual."""
         unit = np.ones((len(parameters), 2))
         _, residuals, _, noise = self.rows(parameters, unit)
-        squares = _cell_squares(residuals, noise)
+        squares = _cell_squares(residuals, self.known(noise, unit))
         return np.maximum(np.sqrt(np.median(squares, axis=1)), 1e-4)
 
     def finish(self, parameters: Array, scale: Array) -> Fit:
         """The fit at its last parameters."""
         made, residuals, slopes, noise = self.rows(parameters, scale)
-        used, weights, log_density = self.weighed(residuals, noise)
+        used, weights, log_density = self.weighed(residuals, self.known(noise, scale))
         information = np.einsum("bnik,bnij,bnjl->bkl", slopes, used, slopes)
         n = len(self.pairs)
         counted = self.include.sum(1) * 3 if self.cells is None else self.used.sum((1, 2))
@@ -304,9 +329,8 @@ class _Problem:
         )
 
 
-def _cell_squares(residuals: Array, noise: Array) -> Array:
+def _cell_squares(residuals: Array, known: Precision) -> Array:
     """(B, m, 2) squared residuals of positions and headings in units of their covariance."""
-    known = precision(noise)
     position = np.einsum("bni,bnij,bnj->bn", residuals[..., :2], known.position, residuals[..., :2])
     return np.stack([position, residuals[..., 2] ** 2 * known.heading], -1)
 

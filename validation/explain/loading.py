@@ -3,16 +3,19 @@
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from validation.campaign import Campaign
 from validation.csv_tables import Column, read_csv
 from validation.errors import GtvalError, InputError, Problem
 from validation.explain.analysis import Question
-from validation.explain.settings import ExplainSettings
 from validation.poses import PoseTable, from_csv
 from validation.systems import VALIDATION_SYSTEM
+
+if TYPE_CHECKING:  # single tables do without the libraries that campaign.toml needs
+    from validation.campaign import Campaign
+    from validation.explain.settings import ExplainSettings
 
 _MOST_RADIANS = 4 * np.pi
 _MOST_DEGREES = 720.0
@@ -89,7 +92,7 @@ def read_times(paths: Sequence[Path]) -> dict[str, float] | None:
     return times or None
 
 
-def stored_tables(campaign: Campaign) -> list[PoseTable]:
+def stored_tables(campaign: "Campaign") -> list[PoseTable]:
     """Tables under results/, as a run has written them.
 
     Raises
@@ -121,7 +124,7 @@ def split_validation(
 
 
 def campaign_question(
-    campaign: Campaign, settings: ExplainSettings, present: Sequence[str]
+    campaign: "Campaign", settings: "ExplainSettings", present: Sequence[str]
 ) -> Question:
     """What a campaign's [explain] table says, for the systems that are there.
 

@@ -76,6 +76,30 @@ def precision(covariance: Array) -> Precision:
     )
 
 
+def scaled_precision(known: Precision, scale: Array) -> Precision:
+    """The precision (B, n) of noise whose standard deviations are multiplied.
+
+    Parameters
+    ----------
+    known : Precision
+        Of the noise as it is, (n) or (B, n).
+    scale : (B, 2) array
+        Factors on the standard deviations of positions and of headings.
+    """
+    size = scale[:, [0, 0, 1]]
+    length, angle = scale[:, 0, None], scale[:, 1, None]
+    log_position = known.log_position + 4 * np.log(length)
+    log_heading = known.log_heading + 2 * np.log(angle)
+    return Precision(
+        known.joint / (size[:, :, None] * size[:, None, :])[:, None],
+        known.position / (length**2)[..., None, None],
+        known.heading / angle**2,
+        known.log_joint + 4 * np.log(length) + 2 * np.log(angle),
+        log_position,
+        log_heading,
+    )
+
+
 def weigh(residuals: Array, known: Precision) -> Weighed:
     """Log density, precision and weights of residuals under the contaminated noise.
 

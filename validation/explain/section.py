@@ -6,14 +6,12 @@ from functools import partial
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from validation.campaign import Campaign
 from validation.errors import GtvalError
 from validation.explain.analysis import Explanation, SystemExplanation, explain
 from validation.explain.equivalence import paired_comparison
 from validation.explain.loading import campaign_question, split_validation
 from validation.explain.output import explanation_files
 from validation.explain.repeatability import Repeatability, repeated_runs, revisits
-from validation.explain.settings import ExplainSettings
 from validation.explain.tables import (
     before_after_table,
     candidate_table,
@@ -30,6 +28,11 @@ from validation.results import Figure, Finding, Section, Table, Text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
+
+    from validation.campaign import Campaign
+
+REVISIT_RADIUS = 0.25
+"""Stops closer than this (metres) are the same place, where nothing else is stated."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ class ExplainParts:
     files: Mapping[str, str | bytes]
 
 
-def explain_campaign(campaign: Campaign, tables: Sequence[PoseTable]) -> ExplainParts:
+def explain_campaign(campaign: "Campaign", tables: Sequence[PoseTable]) -> ExplainParts:
     """The explanation of a campaign's errors.
 
     Parameters
@@ -70,6 +73,8 @@ def explain_campaign(campaign: Campaign, tables: Sequence[PoseTable]) -> Explain
     GtvalError
         If the [explain] table or one of its files is bad, or a reference does not exist.
     """
+    from validation.explain.settings import ExplainSettings  # noqa: PLC0415  (pydantic is slow)
+
     settings = campaign.section("explain", ExplainSettings)
     validation, others = split_validation(tables)
     fit = [one for one in others if one.components == PLANAR and set(one.ids) & set(validation.ids)]
@@ -87,7 +92,7 @@ def explain_campaign(campaign: Campaign, tables: Sequence[PoseTable]) -> Explain
         return ExplainParts(None, (), tuple(left_out), {})
     question = campaign_question(campaign, settings, [one.system for one in fit])
     explanation = explain(validation, fit, question)
-    found = repeatability(explanation, settings)
+    found = repeatability(explanation, settings.runs, settings.revisit_radius)
     return ExplainParts(
         explanation,
         explain_sections(explanation, _limits(campaign), found),
@@ -96,15 +101,26 @@ def explain_campaign(campaign: Campaign, tables: Sequence[PoseTable]) -> Explain
     )
 
 
-def _limits(campaign: Campaign) -> tuple[float, ...]:
+def _limits(campaign: "Campaign") -> tuple[float, ...]:
     asked = campaign.settings.comparison
     return (asked.acceptable_bias_length,) * 2 + (asked.acceptable_bias_angle,)
 
 
 def repeatability(
-    explanation: Explanation, settings: ExplainSettings
+    explanation: Explanation,
+    runs: Mapping[str, Sequence[str]] | None = None,
+    radius: float = REVISIT_RADIUS,
 ) -> list[tuple[str, str, Repeatability]]:
     """Repeatability over the runs that are named, and where a path comes back.
+
+    Parameters
+    ----------
+    explanation : Explanation
+        For the tables.
+    runs : mapping of str to sequence of str, optional
+        Systems that are repeated runs of one, by its name.
+    radius : float
+        Stops closer than this (metres) are the same place.
 
     Raises
     ------
@@ -113,17 +129,15 @@ def repeatability(
     """
     tables = {one.system: one.table for one in explanation.systems}
     rows = []
-    for name, runs in settings.runs.items():
-        missing = [run for run in runs if run not in tables]
+    for name, members in (runs or {}).items():
+        missing = [run for run in members if run not in tables]
         if missing:
             raise GtvalError(f"[explain.runs] {name}: there are no poses of {', '.join(missing)}")
-        found = repeated_runs([tables[run] for run in runs], explanation.question.confidence)
-        rows += [(name, f"{len(runs)} runs", one) for one in found]
+        found = repeated_runs([tables[run] for run in members], explanation.question.confidence)
+        rows += [(name, f"{len(members)} runs", one) for one in found]
     for name, table in tables.items():
-        again = revisits(
-            explanation.validation, table, settings.revisit_radius, explanation.question.confidence
-        )
-        rows += [(name, f"revisits within {settings.revisit_radius:g} m", one) for one in again]
+        again = revisits(explanation.validation, table, radius, explanation.question.confidence)
+        rows += [(name, f"revisits within {radius:g} m", one) for one in again]
     return rows
 
 
