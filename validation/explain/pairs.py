@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from validation.angles import Array, wrap
 from validation.errors import GtvalError
+from validation.explain.shared import shared_part
 from validation.poses import PLANAR, PoseTable, in_common, pose_difference
 
 CONSTRUCTED = np.array([2e-4, 2e-4, 2e-4])
@@ -41,6 +42,8 @@ class Pairs:
         Stops left out because their error is zero by construction.
     velocities : (n, 3) array, optional
         Of the GT poses, in m/s and rad/s, where times are known.
+    between : (n, 3, n, 3) array, optional
+        Covariance between the errors of different stops, where the tables state one.
     """
 
     system: str
@@ -55,6 +58,7 @@ class Pairs:
     reference_covariance: Array | None = None
     constructed: tuple[str, ...] = ()
     velocities: Array | None = None
+    between: Array | None = None
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -75,6 +79,7 @@ class Pairs:
             validation_covariances=self.validation_covariances[chosen],
             gt_covariances=self.gt_covariances[chosen],
             velocities=None if self.velocities is None else self.velocities[chosen],
+            between=None if self.between is None else self.between[chosen][:, :, chosen],
         )
 
 
@@ -120,6 +125,7 @@ def make_pairs(
         gt_covariances=theirs.covariances if stated else nothing,
         stated=stated,
         velocities=None if times is None else _velocities(ids, theirs.poses, times),
+        between=shared_part([ours, theirs]) if stated else None,
     )
     return _with_reference(pairs, validation, reference) if reference else pairs
 

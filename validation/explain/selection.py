@@ -11,6 +11,7 @@ from validation.explain.leave_one_out import LeaveOneOut, leave_one_out
 from validation.explain.models import ErrorModel, candidates
 from validation.explain.observability import Observability, observability
 from validation.explain.pairs import Pairs
+from validation.explain.shared import dropped_p_value, shared_covariance
 
 FALSE_ALARM = 0.02
 """Chance that any systematic error at all is claimed in a clean campaign."""
@@ -117,16 +118,25 @@ def select(pairs: Pairs, false_alarm: float = FALSE_ALARM) -> Selection:
     threshold = false_alarm / (len(models) - 1)
     made: list[Candidate] = []
     for one in fits:
-        made.append(_judged(one, made, threshold))
+        made.append(_judged(one, made, threshold, pairs))
     needed = [one for one in made if one.needed]
     chosen = min(needed, key=lambda one: one.criterion)
     return Selection(pairs, tuple(made), chosen, _rivals(made, chosen, threshold), threshold)
 
 
-def _judged(found: Fit, simpler: Sequence[Candidate], threshold: float) -> Candidate:
-    """A fit with its tests against the simpler candidates."""
+def _judged(found: Fit, simpler: Sequence[Candidate], threshold: float, pairs: Pairs) -> Candidate:
+    """A fit with its tests against the simpler candidates.
+
+    Where poses share errors, what shared errors could do as well does not count for it.
+    """
     inside = [one for one in simpler if one.model.nested_in(found.model)]
     p_values = {one.name: gain_p_value(one.fit, found) for one in inside}
+    if pairs.between is not None and not found.estimated:
+        own = found.covariance[0]
+        whole = own + shared_covariance(found, own, pairs.between)
+        for one in inside:
+            shared = dropped_p_value(found, one.fit, whole)
+            p_values[one.name] = max(p_values[one.name], shared)
     loo = leave_one_out(found)
     seen = observability(found)
     needed = all(p < threshold for p in p_values.values()) and all(

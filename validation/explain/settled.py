@@ -10,6 +10,7 @@ from validation.explain.fitting import Fit, covariance_of, fit
 from validation.explain.models import UNITS, correct
 from validation.explain.noise import Mask, masked_precision, precision
 from validation.explain.pairs import Pairs
+from validation.explain.shared import shared_covariance
 
 _KIND = np.array([0, 0, 1])
 
@@ -60,7 +61,13 @@ class Settled:
     def covariance(self) -> Array:
         """(k, k) covariance of the systematic parameters."""
         k = len(self.fit.model.parameters)
-        return covariance_of(self.fit.information)[0, :k, :k]
+        return self.full_covariance[:k, :k]
+
+    @property
+    def full_covariance(self) -> Array:
+        """Covariance of all that was fitted, with what poses are off together."""
+        own = covariance_of(self.fit.information)[0]
+        return np.asarray(own + shared_covariance(self.fit, own, self.pairs.between))
 
     @property
     def before(self) -> Array:
@@ -95,7 +102,7 @@ class Settled:
         made = self.fit.corrected
         slopes = np.broadcast_to(made.by_parameters, (1, *self.before.shape, self._k))[0]
         by = np.broadcast_to(made.by_pose, (1, *self.before.shape, 3))[0]
-        full = covariance_of(self.fit.information)[0]
+        full = self.full_covariance
         finite = np.where(np.isfinite(full), full, 0.0)
         own = by @ self.pairs.gt_covariances @ np.swapaxes(by, -1, -2)
         return np.asarray(own + np.einsum("nik,kl,njl->nij", slopes, finite, slopes))
@@ -106,7 +113,7 @@ class Settled:
 
     def parameters(self, confidence: float = 0.95) -> tuple[Parameter, ...]:
         """All fitted parameters with intervals by Student's t (normal where noise is stated)."""
-        covariance = covariance_of(self.fit.information)[0]
+        covariance = self.full_covariance
         dof = float(self.dof.sum())
         rows = []
         for column, name in enumerate(self.fit.model.fitted):
