@@ -194,6 +194,10 @@ def _buildings(generator: np.random.Generator, ground: Campus) -> Array:
     for end in (low[0] - 18.0, high[0] + 10.0):
         z = float(ground.height(np.array(end), np.array(0.0)))
         boxes.append([end, end + 8.0, -9.0, 9.0, z - 8.0, z + 8.0])
+    for end in (low[0] + 7.0, high[0] - 7.0):
+        # A kiosk where the road turns: seen from all sides while the vehicle goes around it.
+        z = float(ground.height(np.array(end), np.array(0.0)))
+        boxes.append([end - 1.5, end + 1.5, -1.0, 1.0, z - 2.0, z + 3.0])
     return np.array(boxes)
 
 

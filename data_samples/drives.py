@@ -15,7 +15,8 @@ from data_samples.campus import Campus, make_campus
 from rtk_gt.fixes import RTK_FIXED, RTK_FLOAT, Fixes
 from rtk_gt.frames import FrameVectors, LocalFrame
 from rtk_gt.noise import GpsNoise
-from rtk_gt.orientation import pose_of
+from rtk_gt.orientation import pose_of, transform_of
+from rtk_gt.scans import LineScans
 from validation.angles import Array
 
 START = datetime(2024, 4, 10, 9, 0, 0, tzinfo=UTC).timestamp()
@@ -217,3 +218,40 @@ def _shaded(settings: DriveSettings, elapsed: Array, row: int) -> Array:
     period = loop_length(settings) / settings.speed
     phase = np.mod(elapsed, period) - 0.3 * period
     return np.asarray((phase > 0.4 * row) & (phase < settings.shadow + 1.5 * row))
+
+
+def scan_along(
+    drive: Drive,
+    scanner: Array,
+    generator: np.random.Generator,
+    *,
+    every: float = 0.1,
+    beams: int = 121,
+    sigma: float = 0.01,
+) -> LineScans:
+    """What a line scanner on the vehicle records.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    scanner : (6,) array
+        True pose of the scanner on the vehicle.
+    generator : numpy.random.Generator
+        Of the noise of the ranges.
+    every : float
+        Seconds between scans.
+    beams : int
+        Over 180 degrees.
+    sigma : float
+        Of a range, metres.
+    """
+    times = START + np.arange(0.0, drive.duration - 1.0, every)
+    angles = np.linspace(-np.pi / 2, np.pi / 2, beams)
+    T = drive.T_local_vehicle(times) * transform_of(scanner)
+    own = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(beams)])
+    directions = np.einsum("sij,bj->sbi", T.rotation.as_matrix(), own).reshape(-1, 3)
+    origins = np.repeat(T.translation, beams, axis=0)
+    ranges = drive.campus.cast(origins, directions)
+    ranges = ranges + sigma * generator.standard_normal(len(ranges))
+    return LineScans(times, angles, ranges.reshape(len(times), beams))

@@ -24,7 +24,6 @@ from validation.campaign import Campaign
 from validation.errors import GtvalError
 from validation.systems import Progress, no_progress
 
-
 LARGEST_DISTANCE_SIGMA = 0.3
 """With distances less sure than this, in metres, antennas cannot be placed on the vehicle."""
 

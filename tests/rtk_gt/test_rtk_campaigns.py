@@ -109,7 +109,7 @@ def test_the_commands_of_the_group(campaign, tmp_path):
     assert covered["poses"] > 50
     assert "Longest gaps" in run("rtk", "coverage", folder).output
     times = tmp_path / "times.csv"
-    start = drive.records[0].times[0]
+    start = float(drive.records[0].times[0])
     times.write_text("time\n" + "".join(f"{start + 1.0 + 0.25 * k!r}\n" for k in range(20)))
     out = tmp_path / "camera.csv"
     done = run("rtk", "sensor-path", folder, "left_camera", times, "-o", out)
