@@ -22,6 +22,8 @@ FACING = 0.7
 """Least cosine between the normals of paired points (45 degrees)."""
 SMALL_STEP = 2e-5
 """A step below this, in metres and radians, ends the iteration."""
+FINEST = 8.4
+"""Least width for outliers, in standard deviations of a point across its surface."""
 SHRINK = 0.4
 """Factor on the width for outliers from step to step."""
 MIN_PAIRS = 10
@@ -71,24 +73,26 @@ class Pairing:
     ----------
     index : (k, n) int array
         Point of the reference whose line is used.
-    residual : (k, n) array
-        Distance from the line in metres.
+    model : (k, 4, n) array
+        Derivative of the residual by the pose, and, last, the residual: the distance from the
+        line in metres.
     weight : (k, n) array
         Inverse variance times the outlier weight; 0 for no pair.
     variance : (k, n) array
         Of the residual, from both sweeps.
-    jacobian : (k, 3, n) array
-        Derivative of the residual by the pose.
-    tangent : (k, 3, n) array
-        Derivative of the coordinate along the line by the pose.
+    moments : (k, 4, 4) array
+        Weighted products of the model: Hessian, gradient, and squared residuals.
+    fake : (k, 3, 3) array
+        What the scatter of the normals adds to the Hessian. A normal off by s adds s times the
+        tangent; squared and summed it looks like information along the wall.
     """
 
     index: Indices
-    residual: Array
+    model: Array
     weight: Array
     variance: Array
-    jacobian: Array
-    tangent: Array
+    moments: Array
+    fake: Array
 
 
 def align(
@@ -127,103 +131,69 @@ def align(
     estimate efficient: a point seen at a grazing angle says much about where the wall is.
     """
     pose = np.array(np.atleast_2d(np.asarray(guess, dtype=float)))
-    source = _Source.of(moving, stride)
-    target = _Target.of(reference)
-    noise = float(np.sqrt(np.median(moving.normal_variances) * 1.1))
-    gate = max(reach, 8 * noise)
+    source = moving.movable[:, ::stride]
+    finest = FINEST * moving.noise
+    gate = max(reach, finest)
     converged = np.zeros(len(pose), dtype=bool)
     steps = 0
     for steps in range(1, max_steps + 1):  # noqa: B007  (wanted after the loop)
-        pairing = _pair(target, source, pose, gate)
-        change = _gauss_newton(target, pairing)
+        pairing = _pair(reference, source, pose, gate)
+        change = _gauss_newton(pairing)
         pose += change
-        settled = gate <= 8 * noise
-        gate = max(gate * SHRINK, 8 * noise)
-        if settled:
+        if gate <= finest:
             converged = np.abs(change).max(-1) < SMALL_STEP
             if converged.all():
                 break
-    pairing = _pair(target, source, pose, gate)
+        gate = max(gate * SHRINK, finest)
+    else:
+        pairing = _pair(reference, source, pose, gate)
     return _alignment(reference, pose, pairing, converged, steps)
 
 
-@dataclass(frozen=True)
-class _Source:
-    """Points that are moved, and behind them their normals: (2, 2n); (n,) variances."""
-
-    packed: Array
-    variances: Array
-
-    @classmethod
-    def of(cls, moving: Surface, stride: int) -> "_Source":
-        """Every so many of the points that have a line."""
-        chosen = np.flatnonzero(moving.flat)[::stride]
-        packed = np.concatenate([moving.points[chosen], moving.normals[chosen]]).T
-        return cls(np.ascontiguousarray(packed), moving.normal_variances[chosen])
-
-
-@dataclass(frozen=True)
-class _Target:
-    """Lines that points are moved to.
-
-    ``packed`` has a column for each point of the reference: its normal (zero where it has no
-    line, so that nothing faces it), distance of the line from the origin, the line's variance.
-    """
-
-    surface: Surface
-    packed: Array
-
-    @classmethod
-    def of(cls, reference: Surface) -> "_Target":
-        """The lines of a surface."""
-        normals = np.where(reference.flat, reference.normals.T, 0.0)
-        offset = np.einsum("in,ni->n", normals, reference.centres)
-        variances = reference.normal_variances / _count(reference)
-        return cls(reference, np.stack([*normals, offset, variances]))
-
-
-def _pair(target: _Target, source: _Source, pose: Array, gate: float) -> Pairing:
-    """Each moved point with the line of the nearest point of the reference."""
-    grid = target.surface.grid
-    turned = rotation(pose[:, 2]) @ source.packed
-    n = len(source.variances)
-    arm_x, arm_y = turned[:, 0, :n], turned[:, 1, :n]
+def _pair(reference: Surface, source: Array, pose: Array, gate: float) -> Pairing:
+    """Each moved point (`Surface.movable`) with the line of the nearest point of the reference."""
+    turn = rotation(pose[:, 2])
+    arm_x, arm_y = (turn @ source[:2]).transpose(1, 0, 2)
+    facing_x, facing_y = (turn @ source[2:4]).transpose(1, 0, 2)
     x, y = arm_x + pose[:, :1], arm_y + pose[:, 1:2]
-    index = grid.index(x, y)
-    normal_x, normal_y, offset, line_variance = target.packed.take(index, axis=1)
-    residual = normal_x * x + normal_y * y - offset
-    facing = normal_x * turned[:, 0, n:] + normal_y * turned[:, 1, n:]
-    squared = (x - grid.x.take(index)) ** 2 + (y - grid.y.take(index)) ** 2
-    variance = line_variance + source.variances
+    index = reference.grid.index(x, y)
+    lines = reference.lines.take(index, axis=1)
+    normal_x, normal_y, offset, line_variance, scatter, near_x, near_y = lines
+    facing = normal_x * facing_x + normal_y * facing_y
+    squared = (x - near_x) ** 2 + (y - near_y) ** 2
+    model = np.empty((len(pose), 4, source.shape[1]))
+    model[:, 0], model[:, 1] = normal_x, normal_y
+    model[:, 2] = normal_y * arm_x - normal_x * arm_y
+    model[:, 3] = residual = normal_x * x + normal_y * y - offset
+    tangent = np.empty((len(pose), 3, source.shape[1]))
+    tangent[:, 0], tangent[:, 1] = -normal_y, normal_x
+    tangent[:, 2] = normal_x * arm_x + normal_y * arm_y
+    variance = line_variance + source[4]
     width = np.maximum(TUKEY**2 * variance, gate**2 / 4)
     tukey = np.maximum(1 - residual * residual / width, 0.0)
     weight = tukey * tukey / variance * ((squared < gate**2) & (facing > FACING))
-    jacobian = np.stack([normal_x, normal_y, normal_y * arm_x - normal_x * arm_y], axis=1)
-    tangent = np.stack([-normal_y, normal_x, normal_x * arm_x + normal_y * arm_y], axis=1)
-    return Pairing(index, residual, weight, variance, jacobian, tangent)
+    moments = (model * weight[:, None]) @ model.transpose(0, 2, 1)
+    fake = (tangent * (weight * scatter)[:, None]) @ tangent.transpose(0, 2, 1)
+    return Pairing(index, model, weight, variance, moments, fake)
 
 
-def _gauss_newton(target: _Target, pairing: Pairing) -> Array:
+def _gauss_newton(pairing: Pairing) -> Array:
     """(k, 3) steps; none where too few points are paired, nor along what is not determined.
 
     In coordinates in which the Hessian is the identity, directions whose information is mostly
-    fake (`_fake_information`) are left out, so that along a corridor the guess stays where it is
-    instead of drifting with the noise.
+    fake are left out, so that along a corridor the guess stays where it is instead of drifting
+    with the noise.
     """
-    weighted = pairing.jacobian * pairing.weight[:, None]
-    hessian = weighted @ np.swapaxes(pairing.jacobian, -1, -2)
-    gradient = weighted @ pairing.residual[..., None]
-    enough = np.count_nonzero(pairing.weight, axis=-1) >= MIN_PAIRS
+    hessian, gradient = pairing.moments[:, :3, :3], pairing.moments[:, :3, 3:]
     damping = 1e-9 * np.trace(hessian, axis1=-2, axis2=-1) + 1e-9
-    hessian += damping[:, None, None] * np.eye(3)
-    whitener = np.linalg.inv(np.linalg.cholesky(hessian))
-    whitener_t = np.swapaxes(whitener, -1, -2)
-    fake = whitener @ _fake_information(target.surface, pairing) @ whitener_t
-    share, axes = np.linalg.eigh(fake)
-    along = np.swapaxes(axes, -1, -2) @ (whitener @ gradient)
+    whitener = np.linalg.inv(np.linalg.cholesky(hessian + damping[:, None, None] * np.eye(3)))
+    whitener_t = whitener.transpose(0, 2, 1)
+    share, axes = np.linalg.eigh(whitener @ pairing.fake @ whitener_t)
+    along = axes.transpose(0, 2, 1) @ (whitener @ gradient)
     along *= (share < MOSTLY_FAKE)[..., None]
     change = -(whitener_t @ (axes @ along))[..., 0]
-    return np.maximum(np.minimum(np.where(enough[:, None], change, 0.0), 0.5), -0.5)
+    change[(pairing.weight > 0).sum(-1) < MIN_PAIRS] = 0.0
+    return np.asarray(np.maximum(np.minimum(change, 0.5), -0.5))
 
 
 def _alignment(
@@ -232,27 +202,14 @@ def _alignment(
     """Covariance and counts of the final pairing."""
     used = pairing.weight > 0
     pairs = used.sum(-1)
-    jacobian = pairing.jacobian
-    information = (jacobian * pairing.weight[:, None]) @ np.swapaxes(jacobian, -1, -2)
-    fake = _fake_information(reference, pairing)
-    squared = np.where(used, pairing.residual**2 / pairing.variance, 0.0).sum(-1)
+    information, fake = pairing.moments[:, :3, :3], pairing.fake
+    squared = (pairing.model[:, 3] ** 2 / pairing.variance * used).sum(-1)
     scale = np.sqrt(squared / np.maximum(pairs - 3, 1))
     gradient = _gradient_covariance(reference, pairing, np.maximum(scale, 0.7))
     covariance = _sandwich(information, fake, gradient)
     covariance[pairs < MIN_PAIRS] = np.inf
-    pose = np.column_stack([pose[:, :2], wrap(pose[:, 2])])
+    pose[:, 2] = wrap(pose[:, 2])
     return Alignment(pose, covariance, information - fake, fake, pairs, scale, converged, steps)
-
-
-def _fake_information(reference: Surface, pairing: Pairing) -> Array:
-    """(k, 3, 3) what the scatter of the normals adds to the Hessian.
-
-    A normal off by s adds s times the tangent; squared and summed it looks like information
-    along the wall.
-    """
-    scatter = pairing.weight * reference.normal_sigmas.take(pairing.index) ** 2
-    tangent = pairing.tangent
-    return np.asarray((tangent * scatter[:, None]) @ np.swapaxes(tangent, -1, -2))
 
 
 def _gradient_covariance(reference: Surface, pairing: Pairing, scale: Array) -> Array:
@@ -264,23 +221,19 @@ def _gradient_covariance(reference: Surface, pairing: Pairing, scale: Array) -> 
     the sum over those lines of weight times Jacobian over window length, found for all points
     at once as a running sum over window starts and ends.
     """
-    lines = _count(reference)
-    terms = pairing.jacobian * (pairing.weight * pairing.residual)[:, None]
-    total = terms @ np.swapaxes(terms, -1, -2)
-    share = pairing.jacobian * (pairing.weight / lines.take(pairing.index))[:, None]
+    jacobian = pairing.model[:, :3]
+    terms = jacobian * (pairing.weight * pairing.model[:, 3])[:, None]
+    total = terms @ terms.transpose(0, 2, 1)
+    share = jacobian * (pairing.weight / reference.window_lengths.take(pairing.index))[:, None]
+    ends = np.stack([reference.first, reference.last + 1]).take(pairing.index, axis=1)
+    signed = np.stack([share, -share])
     size = len(reference) + 1
-    for row, index in enumerate(pairing.index):
-        start, stop = reference.first[index], reference.last[index] + 1
-        parts = np.stack(
-            [np.bincount(start, part, size) - np.bincount(stop, part, size) for part in share[row]]
-        ).cumsum(1)[:, :-1]
-        total[row] += scale[row] ** 2 * (parts * reference.normal_variances) @ parts.T
-    return np.asarray(total)
-
-
-def _count(reference: Surface) -> Array:
-    """(n,) number of points of each line."""
-    return (reference.last - reference.first + 1).astype(float)
+    table = np.arange(len(share) * 3).reshape(-1, 3, 1) * size
+    places = (ends[:, :, None] + table).ravel()
+    steps = np.bincount(places, signed.ravel(), len(share) * 3 * size)
+    parts = steps.reshape(-1, 3, size).cumsum(-1)[..., :-1]
+    common = (parts * reference.normal_variances) @ parts.transpose(0, 2, 1)
+    return np.asarray(total + scale[:, None, None] ** 2 * common)
 
 
 def _sandwich(information: Array, fake: Array, gradient: Array) -> Array:
@@ -292,7 +245,7 @@ def _sandwich(information: Array, fake: Array, gradient: Array) -> Array:
     """
     values, vectors = np.linalg.eigh(information)
     total = np.maximum(values, 1e-12)
-    faked = np.einsum("kji,kjl,kli->ki", vectors, fake, vectors)
+    faked = (vectors * (fake @ vectors)).sum(-2)
     real = np.maximum(total - faked, 0.01 * faked + 1e-6)
-    inverse = np.einsum("kij,kj,klj->kil", vectors, 1 / real, vectors)
+    inverse = (vectors / real[:, None]) @ vectors.transpose(0, 2, 1)
     return np.asarray(inverse @ gradient @ inverse)

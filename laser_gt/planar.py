@@ -12,10 +12,11 @@ from validation.angles import Array, wrap
 
 def rotation(theta: npt.ArrayLike) -> Array:
     """(..., 2, 2) rotation matrices of angles in radians."""
-    cosine, sine = np.cos(theta), np.sin(theta)
-    return np.stack(
-        [np.stack([cosine, -sine], axis=-1), np.stack([sine, cosine], axis=-1)], axis=-2
-    )
+    result = np.empty((*np.shape(theta), 2, 2))
+    result[..., 0, 0] = result[..., 1, 1] = np.cos(theta)
+    result[..., 1, 0] = np.sin(theta)
+    result[..., 0, 1] = -result[..., 1, 0]
+    return result
 
 
 def transform(pose: Array, points: Array) -> Array:

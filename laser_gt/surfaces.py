@@ -85,6 +85,35 @@ class Surface:
         across = self.sigmas**2 * np.maximum(cosine**2, 0.1) + MODEL_SIGMA**2
         return np.where(self.flat, across, self.sigmas**2 + MODEL_SIGMA**2)
 
+    @cached_property
+    def noise(self) -> float:
+        """Median standard deviation of a point across its surface, in metres."""
+        return float(np.sqrt(np.median(self.normal_variances)))
+
+    @cached_property
+    def window_lengths(self) -> Array:
+        """(n,) number of points that each line was fitted to."""
+        return (self.last - self.first + 1).astype(float)
+
+    @cached_property
+    def lines(self) -> Array:
+        """(7, n) what a point is compared with, in one table so that one look-up fetches it.
+
+        Rows: normal x and y (zero where there is no line, so that nothing faces it), distance of
+        the line from the origin, its variance, variance of the normal's direction, x and y of
+        the point.
+        """
+        normals = np.where(self.flat, self.normals.T, 0.0)
+        offset = (normals * self.centres.T).sum(0)
+        variances = self.normal_variances / self.window_lengths
+        return np.stack([*normals, offset, variances, self.normal_sigmas**2, *self.points.T])
+
+    @cached_property
+    def movable(self) -> Array:
+        """(5, m) the points that have a line: x, y, normal x and y, variance across it."""
+        packed = np.stack([*self.points.T, *self.normals.T, self.normal_variances])
+        return np.ascontiguousarray(packed[:, self.flat])
+
 
 def surface(sweep: Sweep) -> Surface:
     """The lines around the points of a sweep.
