@@ -26,6 +26,7 @@ _SEARCH = np.arange(-4.0, 2.51, 0.5)
 """Displacements (pixels, inwards) among which the edge is sought first: found corners tend to
 lie inside, and two cells further in the next edges of the same kind begin."""
 _SATURATED = 254
+"""Such a pixel says that the light is at least so much: a brighter model is no misfit."""
 _START_BLUR = 0.8
 _BLUR_PRIOR = 0.5
 """Standard deviation of the width about its start: keeps a saturated edge solvable."""
@@ -243,8 +244,9 @@ def _fitted_steps(
     weights = weight
     for step in range(steps):
         residual, jacobian = _step_model(values, grey, share, distance)
+        weights = weight * ~((grey >= _SATURATED) & (residual < 0))
         if robust and step >= 1:
-            weights = weight * _tukey(residual, weight)
+            weights = weights * _tukey(residual, weight)
         change, _normal = _solve(residual, jacobian, weights, values)
         change[:, :2] = np.clip(change[:, :2], -1.5, 1.5)
         values = values + np.where(fitted[:, None], change, 0.0)
@@ -284,7 +286,6 @@ def _samples(
     distance = across[:, 0, None, None] * dx + across[:, 1, None, None] * dy
     used &= (distance >= -outside[:, None, None]) & (distance <= inside[:, None, None])
     grey = image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
-    used &= grey < _SATURATED
     length = np.maximum(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), 1e-9)
     share = (
         share[..., None]

@@ -1,0 +1,99 @@
+"""Camera files of four programs, read and written."""
+
+import numpy as np
+import pytest
+from vision_scenes import LENS, SIZE
+
+from validation.errors import GtvalError, InputError
+from vision_gt.camera import Camera
+from vision_gt.camera_files import read_cameras, write_camera
+
+SUFFIXES = {"opencv": ".yaml", "ros": ".yaml", "kalibr": ".yaml", "bouguet": ".mat"}
+
+
+def a_camera(k3: float = 0.0) -> Camera:
+    values = LENS.copy()
+    values[8] = k3
+    return Camera("left", SIZE, values, np.diag(np.arange(1.0, 10.0) ** 2))
+
+
+@pytest.mark.parametrize("file_format", SUFFIXES)
+def test_what_is_written_is_read_back(tmp_path, file_format):
+    path = tmp_path / f"left{SUFFIXES[file_format]}"
+    camera = a_camera(0.0 if file_format == "kalibr" else -0.015)
+    path.write_bytes(write_camera(path.suffix, file_format, camera))
+    found = read_cameras(path)[0]
+    np.testing.assert_allclose(found.parameters, camera.parameters, rtol=1e-15)
+    assert found.size == SIZE
+    if file_format in ("opencv", "bouguet"):
+        np.testing.assert_allclose(found.covariance, camera.covariance, rtol=1e-12)
+
+
+def test_opencv_xml(tmp_path):
+    path = tmp_path / "left.xml"
+    path.write_bytes(write_camera(".xml", "opencv", a_camera()))
+    assert path.read_bytes().startswith(b"<?xml")
+    np.testing.assert_allclose(read_cameras(path)[0].parameters, LENS, rtol=1e-15)
+
+
+def test_ros_file_as_its_calibrator_writes_it(tmp_path):
+    path = tmp_path / "narrow.yaml"
+    path.write_text(
+        "image_width: 640\nimage_height: 480\ncamera_name: narrow\n"
+        "camera_matrix:\n  rows: 3\n  cols: 3\n  data: [500, 0, 320, 0, 501, 240, 0, 0, 1]\n"
+        "distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n"
+        "  data: [-0.1, 0.01, 0.001, 0.002, 0]\n"
+    )
+    camera = read_cameras(path)[0]
+    assert (camera.name, camera.size) == ("narrow", (640, 480))
+    np.testing.assert_allclose(camera.parameters, [500, 501, 320, 240, -0.1, 0.01, 0.001, 0.002, 0])
+
+
+def test_kalibr_chain_with_two_cameras(tmp_path):
+    one = (
+        "cam{n}:\n  cam_overlaps: []\n  camera_model: pinhole\n"
+        "  distortion_coeffs: [-0.3, 0.1, 0.0, 0.0]\n  distortion_model: radtan\n"
+        "  intrinsics: [460.0, 459.0, 365.0, 249.0]\n  resolution: [752, 480]\n"
+        "  rostopic: /cam{n}/image_raw\n"
+    )
+    path = tmp_path / "camchain.yaml"
+    path.write_text(one.format(n=0) + one.format(n=1))
+    assert [camera.name for camera in read_cameras(path)] == ["cam0", "cam1"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("image_width: 640\n", "lacks this"),
+        ("this is: [not", "not a camera file"),
+        ("", "not a camera file"),
+        (
+            "camera_matrix: {rows: 1, cols: 2, data: [1, 2]}\nimage_width: 1\nimage_height: 1\n",
+            "expected 9 finite numbers",
+        ),
+        (
+            "distortion_model: equidistant\nimage_width: 640\nimage_height: 480\n",
+            "'equidistant' — expected 'plumb_bob'",
+        ),
+    ],
+)
+def test_bad_files_are_errors_that_name_them(tmp_path, text, said):
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"bad\.yaml") as caught:
+        read_cameras(path)
+    assert said in str(caught.value)
+
+
+def test_a_missing_file_and_a_broken_mat(tmp_path):
+    with pytest.raises(InputError, match="no such camera file"):
+        read_cameras(tmp_path / "none.yaml")
+    path = tmp_path / "Calib_Results.mat"
+    path.write_bytes(b"nonsense")
+    with pytest.raises(InputError, match="not a MATLAB file"):
+        read_cameras(path)
+
+
+def test_kalibr_cannot_hold_k3():
+    with pytest.raises(GtvalError, match="no k3"):
+        write_camera(".yaml", "kalibr", a_camera(-0.015))

@@ -1,0 +1,74 @@
+"""Intrinsic parameters: as good as stated, outliers left out, displacement measured."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.stats import chi2
+from vision_scenes import LENS, SIZE, board_view, camera
+
+from data_samples.rendering_campaign import _board_in_view
+from validation.errors import GtvalError
+from vision_gt.boards import Board
+from vision_gt.intrinsics import calibrate, known_displacement
+
+WORLD = RigidTransform.identity()
+
+
+def board_views(seed: int, count: int = 12, noise: float = 0.05):
+    rng = np.random.default_rng(seed)
+    views = []
+    for number in range(count):
+        T = _board_in_view(camera(), number, rng)
+        view = board_view(WORLD, "1", Board(), T, f"{number}", 0, noise, rng)
+        assert view is not None
+        views.append(view)
+    return views
+
+
+def test_parameters_are_as_good_as_stated():
+    total = 0.0
+    for seed in range(5):
+        found = calibrate("1", SIZE, board_views(seed))
+        off = found.camera.parameters - LENS
+        total += float(off @ np.linalg.solve(found.camera.covariance, off))
+        assert found.sigma == pytest.approx(0.05, rel=0.1)
+    low, high = chi2.ppf([1e-4, 1 - 1e-4], 45)
+    assert low < total < high
+
+
+def test_an_image_that_does_not_fit_is_left_out_and_named():
+    views = board_views(1)
+    bent = views[3].pixels + 2 * np.random.default_rng(0).standard_normal(views[3].pixels.shape)
+    views[3] = replace(views[3], pixels=bent, source="third.png")
+    found = calibrate("1", SIZE, views)
+    assert found.outliers == ("third.png",)
+    assert len(found.views) == len(views) - 1
+    assert found.sigma < 0.07
+
+
+def test_the_coverage_tells_where_the_board_was():
+    found = calibrate("1", SIZE, board_views(2))
+    coverage = found.coverage
+    assert coverage.counts.sum() == 12 * 45
+    assert 1.0 < coverage.distances.min() < coverage.distances.max() < 3.2
+    assert 0.3 < coverage.tilts.max() < 1.2
+    assert found.image_rms.shape == (12,)
+
+
+def test_too_few_images_and_images_all_alike_are_errors():
+    with pytest.raises(GtvalError, match="only 3 images"):
+        calibrate("1", SIZE, board_views(3)[:3])
+
+
+def test_two_boards_at_a_known_displacement():
+    rng = np.random.default_rng(4)
+    lean = Rotation.from_rotvec([0.4, 0.2, 0.1])
+    start = RigidTransform.from_components([-0.5, -0.3, 2.2], lean)
+    moved = start * RigidTransform.from_translation([0.3, 0.0, 0.0])
+    views = [board_view(WORLD, "1", Board(), T, "b", 0, 0.03, rng) for T in (start, moved)]
+    for second in (views[1], views[1].turned()):
+        distance, angle = known_displacement(views[0], second, camera())
+        assert distance == pytest.approx(0.3, abs=0.001)
+        assert angle < 0.005
