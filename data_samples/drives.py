@@ -205,7 +205,8 @@ def _record(
         times=START + elapsed,
         geodetic=frame.to_geodetic(recorded),
         kinds=kinds.astype(np.int64),
-        satellites=np.where(shaded, 5, 9) + generator.integers(-1, 2, n),
+        satellites=np.where(shaded, 5, 9)
+        + np.repeat(generator.integers(-1, 2, n), round(15 / every))[:n],
         hdop=np.round(np.where(shaded, 2.6, 1.1) + generator.uniform(0, 0.3, n), 2),
         covariances=sigmas[:, :, None] ** 2 * np.eye(3),
         lines=np.arange(1, n + 1),

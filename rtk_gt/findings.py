@@ -95,8 +95,7 @@ def _offsets(outcome: RtkOutcome) -> Iterator[Finding]:
     worst = float(outcome.offsets.offset_sigmas.max())
     if worst > outcome.settings.largest_offset_sigma:
         text += (
-            f"What is known beforehand does not settle them: sigmas up to {_metres(worst)}, "
-            f"which makes up to {_degrees_of(outcome)} degrees of attitude. The offsets must "
+            f"{_beforehand(outcome)} The sigmas are up to {_metres(worst)}, which makes up to {_degrees_of(outcome)} degrees of attitude. The offsets must "
             "come from a longer drive with turns and slopes, or be stated in "
             "[rtk.known_offsets]."
         )
@@ -107,6 +106,12 @@ def _offsets(outcome: RtkOutcome) -> Iterator[Finding]:
             f"error makes up to {_degrees_of(outcome)} degrees of attitude at all poses alike."
         )
         yield Finding("warning", text, SUBJECT, "offsets_from_prior")
+
+
+def _beforehand(outcome: RtkOutcome) -> str:
+    if outcome.settings.known_offsets or outcome.settings.known_distances:
+        return "What campaign.toml states beforehand does not settle them."
+    return "Nothing is stated of them beforehand."
 
 
 def _metres(value: float) -> str:

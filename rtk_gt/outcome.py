@@ -55,7 +55,7 @@ class RtkOutcome:
     reference : (6, 6) array
         W* of these antennas and this noise.
     consistency : Consistency
-        The measure q_t.
+        The measure q_t of the poses; steps with a false fix have none.
     motion : MotionCheck, optional
         Where the vehicle moves, seen from itself; None where it hardly moves.
     coverage : Coverage
@@ -103,8 +103,8 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     antennas = _antennas(settings, offsets)
     noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
     progress("path", 0.5)
-    path = vehicle_path(_without_false(steps, offsets), offsets, antennas, noise)
-    corrected = steps.select(steps.complete).corrected(offsets.offsets)
+    good = _without_false(steps, offsets)
+    path = vehicle_path(good, offsets, antennas, noise)
     progress("quality of the path", 0.7)
     return RtkOutcome(
         campaign=campaign,

@@ -78,8 +78,11 @@ def _quality(outcome: RtkOutcome) -> str:
     offsets, found = outcome.offsets, outcome.consistency
     times = outcome.steps.times[outcome.steps.complete]
     header = ["time", "q", "weight", *(f"residual {n}" for n in distance_names(offsets.receivers))]
-    rows = zip(times, found.q, offsets.weights, offsets.residuals, strict=True)
-    return _text(header, ([time, q, weight, *residual] for time, q, weight, residual in rows))
+    q: list[object] = [""] * len(times)  # a step with a false fix has no pose and no q
+    for row, value in zip(np.flatnonzero(offsets.weights > 0), found.q, strict=True):
+        q[int(row)] = float(value)
+    rows = zip(times, q, offsets.weights, offsets.residuals, strict=True)
+    return _text(header, ([time, one, weight, *residual] for time, one, weight, residual in rows))
 
 
 def _gaps(outcome: RtkOutcome) -> str:

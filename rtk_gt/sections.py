@@ -343,6 +343,6 @@ def _consistency_blocks(outcome: RtkOutcome) -> list[Table | Figure | Text]:
         f"{len(found.q)} points over time, {100 * found.share_beyond:.1f} % of them beyond.",
         "quality_over_time",
         found,
-        outcome.steps.times[outcome.steps.complete],
+        outcome.path.times,
     )
     return [table, picture]
