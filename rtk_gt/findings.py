@@ -95,9 +95,9 @@ def _offsets(outcome: RtkOutcome) -> Iterator[Finding]:
     worst = float(outcome.offsets.offset_sigmas.max())
     if worst > outcome.settings.largest_offset_sigma:
         text += (
-            f"{_beforehand(outcome)} The sigmas are up to {_metres(worst)}, which makes up to {_degrees_of(outcome)} degrees of attitude. The offsets must "
-            "come from a longer drive with turns and slopes, or be stated in "
-            "[rtk.known_offsets]."
+            f"{_beforehand(outcome)} The sigmas are up to {_metres(worst)}, which makes up to "
+            f"{_degrees_of(outcome)} degrees of attitude. The offsets must come from a longer "
+            "drive with turns and slopes, or be stated in [rtk.known_offsets]."
         )
         yield Finding("error" if worst > 0.5 else "warning", text, SUBJECT, "offsets_undetermined")
     else:

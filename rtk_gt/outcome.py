@@ -117,7 +117,12 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
         noise=noise,
         path=path,
         reference=reference_covariance(antennas.positions, noise),
-        consistency=consistency(corrected.positions, offsets.distances, noise, settings.confidence),
+        consistency=consistency(
+            good.corrected(offsets.offsets).positions,
+            offsets.distances,
+            noise,
+            settings.confidence,
+        ),
         motion=motion_check(path, settings.max_gap),
         coverage=coverage(records, steps, path.times, settings.max_gap),
         hold_out=_hold_out(path, settings.max_gap),
