@@ -47,13 +47,13 @@ def solve(
     from laser_gt.findings import laser_facts
     from laser_gt.system import result_of
     from validation.files import write_files
-    from validation.poses import to_csv
     from validation.report.terminal import print_findings, print_json, print_table
+    from validation.result_files import pose_files
 
     loaded, outcome = _solved(campaign, engine, as_published=as_published)
     result = result_of(outcome)
     if not dry_run:
-        tables = {f"poses_{table.system}.csv": to_csv(table) for table in result.tables}
+        tables = pose_files(result.tables)
         write_files(loaded.results, {**result.files, **tables})
     if as_json:
         print_json({**laser_facts(outcome), "findings": result.findings})

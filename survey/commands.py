@@ -32,14 +32,14 @@ def survey(campaign: Path, as_json: bool, robust: bool, dry_run: bool, as_publis
     from survey.system import result_of, survey_facts
     from validation.campaign import load_campaign
     from validation.files import write_files
-    from validation.poses import to_csv
+    from validation.result_files import pose_files
 
     loaded = load_campaign(campaign)
     with progress_bar("survey") as report:
         outcome = solve_campaign(loaded, report, robust=robust)
     result = result_of(outcome)
     if not dry_run:
-        tables = {f"poses_{table.system}.csv": to_csv(table) for table in result.tables}
+        tables = pose_files(result.tables)
         write_files(loaded.results, {**result.files, **tables})
     if as_json:
         from validation.report.terminal import print_json

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from validation.errors import GtvalError
 from validation.evaluation import Evaluation
+from validation.joint import joint_to_csv
 from validation.poses import PoseTable, to_csv, to_tum
 from validation.statistics import ComponentStatistics
 
@@ -31,6 +32,8 @@ def pose_files(tables: Iterable[PoseTable]) -> dict[str, str]:
                 "digits, '_', '-' and '.'"
             )
         files[f"poses_{table.system}.csv"] = to_csv(table)
+        if table.joint is not None:
+            files[f"joint_{table.system}.csv"] = joint_to_csv(table)
         # Stops without numbers have no time to stand in a trajectory.
         with contextlib.suppress(GtvalError):
             files[f"poses_{table.system}.tum"] = to_tum(table)

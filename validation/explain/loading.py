@@ -10,6 +10,7 @@ import numpy as np
 from validation.csv_tables import Column, read_csv
 from validation.errors import GtvalError, InputError, Problem
 from validation.explain.analysis import Question
+from validation.joint import with_stored_joint
 from validation.poses import PoseTable, from_csv
 from validation.systems import VALIDATION_SYSTEM
 
@@ -68,7 +69,7 @@ def read_table(path: Path, system: str) -> PoseTable:
         for row in large:
             cells.flag(int(row), "theta", "looks like degrees; angles are in radians")
         cells.raise_problems()
-    return from_csv(path, system=system)
+    return with_stored_joint(from_csv(path, system=system), path)
 
 
 def read_times(paths: Sequence[Path]) -> dict[str, float] | None:
