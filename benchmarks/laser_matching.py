@@ -2,7 +2,8 @@
 
 All see the same pairs: one furnished room, 1 cm range noise. small_gicp gets the scans as points
 in space at three heights, so that its planes stand upright; kiss-icp gets them at z = 0. Times are
-processor times of the whole pair, the preparation of both scans included.
+processor times of the whole pair, the preparation of both scans included; the line under a table is
+that of the local matcher alone, both scans prepared.
 """
 
 import time
@@ -102,6 +103,22 @@ def run(scanner: Scanner, guess_length: float, guess_angle: float) -> None:
             f"{np.quantile(errors[:, 0], 0.95) * 1e3:9.2f} {np.median(errors[:, 1]) * 1e3:7.2f} "
             f"{right.mean():8.1%} {np.median(seconds) * 1e3:7.2f}"
         )
+    print(f"gtval align, both scans prepared: {np.median(_prepared(pairs)) * 1e3:.2f} ms")
+
+
+def _prepared(pairs: list[ScanPair]) -> list[float]:
+    """Processor seconds of the local matcher alone, the best of 20 for each pair."""
+    seconds = []
+    for pair in pairs:
+        reference, moving = surface(pair.reference), surface(pair.moving)
+        align(reference, moving, pair.guess)  # makes the tables that later matches share
+        best = np.inf
+        for _ in range(20):
+            start = time.process_time()
+            align(reference, moving, pair.guess)
+            best = min(best, time.process_time() - start)
+        seconds.append(best)
+    return seconds
 
 
 def _timed(method: Method, pairs: list[ScanPair]) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from laser_gt.both_ways import both_ways
 from laser_gt.evidence import Prepared, evidence
 from laser_gt.global_matching import SearchSettings, distinct, global_match
 from laser_gt.matching import Alignment, align
@@ -205,13 +206,16 @@ def judged(
     rival = float(scores[rivals].max()) if rivals.any() else -np.inf
     equal = again_seen.score > seen.score[best] - 0.03
     spread = _spread(again.pose[equal], found.pose[best])
+    pose, covariance = both_ways(
+        reference.surface, moving.surface, found.pose[best], found.covariance[best]
+    )
     return _with_verdict(
         Match(
             reference=reference.name,
             moving=moving.name,
             guess=guess,
-            pose=found.pose[best],
-            covariance=_limited(found.covariance[best], spread, settings),
+            pose=pose,
+            covariance=_limited(covariance, spread, settings),
             explained=float(seen.explained[best]),
             violating=float(seen.violating[best]),
             hidden=float(seen.hidden[best]),

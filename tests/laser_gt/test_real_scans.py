@@ -51,9 +51,9 @@ def test_the_relations_are_reproduced_and_the_bias_is_gone_with_the_offset(match
     assert len(truth) == 136
     right = _errors(truth, found, OFFSET)
     without = _errors(truth, found, np.zeros(3))
-    # The relations scatter by some 25 mm themselves (matching either way round agrees to 3 mm);
-    # the median of 136 is good to about 2.5 mm.
-    assert np.median(np.hypot(*right[:, :2].T)) < 0.0285
+    # The relations scatter by some 25 mm themselves (matching either way round agrees to 4 mm in
+    # the median). It is 26.0 mm; where the iterations end moves it by a few tenths.
+    assert np.median(np.hypot(*right[:, :2].T)) < 0.0265
     assert np.abs(np.median(right[:, :2], axis=0)).max() < 0.004
     assert np.linalg.norm(np.median(without[:, :2], axis=0)) > 0.01
 

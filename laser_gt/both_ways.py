@@ -1,0 +1,60 @@
+"""A match done both ways: each sweep's points on the lines of the other."""
+
+import numpy as np
+
+from laser_gt.matching import align
+from laser_gt.planar import inverse, inverse_covariance_of
+from laser_gt.surfaces import Surface
+from validation.angles import Array, wrap
+
+REACH = 0.15
+"""The way back starts at the result of the way there; it may be off by this, in metres."""
+CONTRADICTION = 16.27
+"""Squared distance of the two ways in standard deviations beyond which they contradict each
+other: exceeded by one in a thousand, for 3 degrees of freedom."""
+
+
+def both_ways(
+    reference: Surface, moving: Surface, pose: Array, covariance: Array
+) -> tuple[Array, Array]:
+    """Pose and covariance from a match of the moving sweep and its counterpart the other way.
+
+    Parameters
+    ----------
+    reference, moving : Surface
+        The two sweeps.
+    pose : (3,) array
+        Moving frame in the reference frame, from `laser_gt.matching.align`.
+    covariance : (3, 3) array
+        Of that pose.
+
+    Returns
+    -------
+    (3,), (3, 3) arrays
+        Moving frame in the reference frame, and its covariance.
+
+    Notes
+    -----
+    One way, only points of one sweep and only lines of the other are used, and where they are
+    sparse or short the answer depends on which is which. The result is the mean of both, weighted
+    by their information: a direction that one way does not determine is taken from the other.
+    Both see the same noise, so the information is averaged, not added.
+
+    If the ways contradict each other, neither can be preferred on their own say: the pose given
+    stays, and the difference is added to its covariance. If one way determines nothing at all,
+    pose and covariance stay as given.
+    """
+    back = align(moving, reference, inverse(pose), reach=REACH)
+    if not (np.isfinite(covariance).all() and np.isfinite(back.covariance).all()):
+        return pose, covariance
+    other = inverse_covariance_of(back.pose[0], back.covariance[0])
+    difference = inverse(back.pose[0]) - pose
+    difference[2] = wrap(difference[2])
+    if difference @ np.linalg.solve(covariance + other, difference) > CONTRADICTION:
+        return pose, covariance + np.outer(difference, difference)
+    # In the basis of the sum of both covariances: mean of informations = 2 A (A + B)^-1 B.
+    share = covariance @ np.linalg.inv(covariance + other)
+    mean = pose + share @ difference
+    mean[2] = wrap(mean[2])
+    joint = 2 * share @ other
+    return mean, (joint + joint.T) / 2
