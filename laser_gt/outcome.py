@@ -94,18 +94,20 @@ class LaserOutcome:
 
 
 def surveyed_poses(campaign: Campaign) -> Surveyed:
-    """The validation poses, by whichever installed system makes them.
+    """The validation poses: those of this run, else by whichever installed system makes them.
 
     Raises
     ------
     GtvalError
         If there is no survey, or it does not determine any pose.
     """
-    for system in installed_systems():
-        if system.name == VALIDATION_SYSTEM and system.has_data(campaign):
-            tables = system.solve(campaign, no_progress).tables
-            if tables:
-                return as_surveyed(tables[0])
+    known = campaign.solved.get(VALIDATION_SYSTEM)
+    if known is None:
+        surveys = (s for s in installed_systems() if s.name == VALIDATION_SYSTEM)
+        survey = next((s for s in surveys if s.has_data(campaign)), None)
+        known = survey.solve(campaign, no_progress) if survey is not None else None
+    if known is not None and known.tables:
+        return as_surveyed(known.tables[0])
     raise GtvalError(
         f"{campaign.folder}: laser poses need at least one surveyed stop to place the laser "
         "frame; survey one (survey/readings.csv), or give survey/published_poses.csv"

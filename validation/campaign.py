@@ -3,14 +3,17 @@
 import difflib
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from validation.errors import GtvalError, InputError, Problem
+
+if TYPE_CHECKING:
+    from validation.results import SystemResult
 
 MAX_TOML_BYTES = 1_000_000
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -152,10 +155,14 @@ class Campaign:
         Where campaign.toml lies.
     settings : CampaignSettings
         Its contents.
+    solved : mapping of str to SystemResult
+        In a run: what the systems before this one made of it, so that a system which starts from
+        the survey need not solve it again. Empty for a campaign just loaded.
     """
 
     folder: Path
     settings: CampaignSettings
+    solved: "Mapping[str, SystemResult]" = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def toml(self) -> Path:

@@ -36,6 +36,21 @@ def test_every_system_is_compared_with_the_survey(campaign_folder, with_systems)
     assert list(done.inputs) == ["campaign.toml"]
 
 
+def test_a_system_gets_what_was_solved_before_it_and_nothing_is_kept(campaign_folder, with_systems):
+    seen = []
+
+    class Follower(FixedSystem):
+        def solve(self, campaign, progress):
+            seen.append(dict(campaign.solved))
+            return super().solve(campaign, progress)
+
+    first = survey()
+    with_systems(first, Follower("rig", rig().result))
+    done = run(campaign_folder)
+    assert seen == [{"survey": first.result}]
+    assert done.campaign.solved == {}
+
+
 def test_progress_rises_from_0_to_1(campaign_folder, with_systems):
     with_systems(survey(), rig())
     shares: list[float] = []
