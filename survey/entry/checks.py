@@ -13,6 +13,8 @@ from validation.campaign import Instrument
 
 Status = Literal["fits", "unchecked", "doubtful"]
 MOST_HYPOTHESES = 3
+SHARP = 0.02
+"""Standard deviation, in metres, up to which a prediction is taken at its word."""
 
 
 @dataclass(frozen=True)
@@ -72,8 +74,12 @@ def verdict(
     instrument : Instrument
         Resolution and range.
     """
-    misfit = prediction.misfit(metres)
     said, sigma, off = _difference(metres, prediction)
+    misfit = prediction.misfit(metres)
+    if sigma is not None and sigma > SHARP and number not in suspects:
+        # Circles that touch at a small angle bend a lot within such a sigma; the fit of all
+        # readings together, which knows how they bend, has found nothing wrong.
+        misfit = prediction.sides.misfit(metres)
     too_fine = has_too_many_decimals(typed, instrument)
     if misfit <= LIMIT and number not in suspects and not too_fine:
         if not prediction.checks and not suspects:
@@ -88,6 +94,8 @@ def verdict(
     )
     hypotheses = tuple(originals[:MOST_HYPOTHESES]) if prediction.checks else ()
     text = _why_doubtful(metres, prediction, misfit)
+    if not suspects:
+        suspects = prediction.sides.broken(metres, LIMIT)
     if too_fine and misfit <= LIMIT:
         text = "has more decimals than the instrument shows"
     return Verdict("doubtful", text, said, sigma, off, suspects, hypotheses)
@@ -132,7 +140,7 @@ def other_ends(
             continue
         prediction = knowledge.predict(start, other)
         # A prediction as wide as a hand would fit by chance.
-        sharp = prediction.checks and float(prediction.sigmas.min()) < 0.02
+        sharp = prediction.checks and float(prediction.sigmas.min()) < SHARP
         if sharp and prediction.misfit(metres) <= LIMIT:
             found.append(other)
     return tuple(found[:MOST_HYPOTHESES])

@@ -86,14 +86,15 @@ def judge(fit: Fit, near: Array | None = None) -> Judgement:
     why = fit.why_open()
     if why is not None:
         return _open(fit, why)
+    rests = False
     for starts in (None,) if near is None else (near, None):
         states, costs = _solutions(fit, starts)
-        if len(states) == 0:
-            continue
-        found = _accepted(fit, everything, states, costs) or _explained(fit, states[0], starts)
+        rests = rests or len(states) > 0
+        best = states[0] if len(states) else None if starts is None else starts[0]
+        found = _accepted(fit, everything, states, costs) or _explained(fit, best, starts)
         if found is not None:
             return found
-    if len(states) == 0:
+    if not rests:
         # Circles that only just touch: the iteration rests nowhere, and nothing is wrong.
         return _open(fit, "the readings do not say it sharply yet")
     return _open(fit, "the readings do not fit together", fits=False)
@@ -159,13 +160,13 @@ def _worst_limit(readings: int) -> float:
     return NormalDist().inv_cdf(1 - MISFIT_CHANCE / (2 * readings))
 
 
-def _explained(fit: Fit, state: Array, near: Array | None) -> Judgement | None:
+def _explained(fit: Fit, state: Array | None, near: Array | None) -> Judgement | None:
     """The readings without those that may be wrong; None where no one or two explain the misfit.
 
-    ``state`` (n,) is where all of them together fit best, ``near`` (s, n) where they fitted
-    before, if they did.
+    ``state`` (n,) is where all of them together fit best, if the iteration rests anywhere;
+    ``near`` (s, n) where they fitted before, if they did.
     """
-    starts = None if near is None else np.vstack([near, state])
+    starts = None if near is None else near if state is None else np.vstack([near, state])
     suspects = _worst_rows(fit, state)
     for count in (1, 2):
         found = []
@@ -199,9 +200,11 @@ def _with_explanations(found: list[tuple[float, tuple[int, ...], Judgement]]) ->
     )
 
 
-def _worst_rows(fit: Fit, state: Array) -> list[int]:
-    """The rows to leave out in turn: all of a few, else those that fit worst."""
+def _worst_rows(fit: Fit, state: Array | None) -> list[int]:
+    """The rows to leave out in turn: all of a few, else those that fit a state worst."""
     if len(fit) <= _FEW:
         return list(range(len(fit)))
+    if state is None:
+        return []
     w, _ = test_values(fit, state)
     return [int(row) for row in np.argsort(-np.abs(w))[:_TRIED]]

@@ -6,6 +6,7 @@ computed again, so that an answer takes milliseconds however long the campaign i
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from survey.geometry import rotate
 from survey.instrument import corrected, reading_sigma
 from survey.point_names import robot_point
 from survey.readings import Readings
-from survey.robot_frames import pose_covariance, pose_readings
+from survey.robot_frames import full_model, pose_covariance, pose_readings
 from survey.settings import SurveySettings
 from survey.vframe import VframeEstimate, estimate_vframe
 from survey.world_points import WorldPoints, joint_covariance, place_at, vframe_sigma
@@ -64,6 +65,15 @@ class Judged:
     def entries_of(self, rows: Iterable[int]) -> tuple[int, ...]:
         """Journal entries of some rows."""
         return tuple(self.numbers[row] for row in rows)
+
+
+class _Side(NamedTuple):
+    """A triangle that a reading closes: a known side with its sigma, and a side that was read."""
+
+    known: float
+    read: float
+    sigma: float
+    number: int
 
 
 @dataclass
@@ -152,19 +162,34 @@ class RoomKnowledge:
             self._world = WorldPoints(tuple(found), joint_covariance(found, self._vframe), ())
         return self._world
 
-    def stop_sigmas(self, stop: str) -> Array | None:
-        """Standard deviations (3,) of x, y (metres) and theta (radians); None while it is open.
+    def stop_precision(self, stop: str) -> tuple[Array, float | None] | None:
+        """Standard deviations (3,) of x, y (metres) and theta (radians), and m0 of a stop.
 
-        All that its readings share, with one another and with other stops, is allowed for.
+        None while it is open; m0 None without redundancy. All that its readings share, with one
+        another and with other stops, is allowed for.
         """
         one = self._judged(f"{stop}/", f"{stop}/")
-        if not one.judgement.is_unique or one.judgement.explanations:
+        fit, state = one.fit, one.judgement.states[:1]
+        if (
+            not one.judgement.is_unique
+            or one.judgement.explanations
+            or not isinstance(fit, PoseFit)
+        ):
             return None
-        fit = one.fit
-        if not isinstance(fit, PoseFit):
+        h, _, R = full_model(fit.own, self.world(), self._rig)(state[0])
+        covariance = pose_covariance(state[0], fit.own, self.world(), self._rig)
+        spare = len(fit) - fit.unknowns
+        m0 = float(np.sqrt(h @ np.linalg.solve(R, h) / spare)) if spare > 0 else None
+        return np.asarray(np.sqrt(np.diagonal(covariance))), m0
+
+    def world_precision(self, name: str) -> tuple[Array, float | None] | None:
+        """Standard deviations (2,) of x and y, and m0, of a world point; None while it is open."""
+        world = self.world()
+        if name not in world.names:
             return None
-        covariance = pose_covariance(one.judgement.states[0], fit.own, self.world(), self._rig)
-        return np.asarray(np.sqrt(np.diagonal(covariance)))
+        point = world.points[world.names.index(name)]
+        m0 = float(np.sqrt(point.cost / point.redundancy)) if point.redundancy > 0 else None
+        return np.asarray(np.sqrt(np.diagonal(point.covariance))), m0
 
     def places(self, stops: Iterable[str]) -> dict[str, tuple[float, float]]:
         """Places of the Vframe and world points, and of the marks of some stops, for a map."""
@@ -224,12 +249,13 @@ class RoomKnowledge:
         group = self._groups.get(world, _Group())
         index = self._vframe.names.index(frame)
         mark_sigma = vframe_sigma(self._vframe)[index]
-        sides = []
+        sides: list[_Side] = []
         for reading in self._readings(world):
             other = self._vframe.names.index(reading.end)
             if other != index:
                 side = np.linalg.norm(self._vframe.points[index] - self._vframe.points[other])
-                sides.append((float(side), reading.metres, float(mark_sigma * np.sqrt(2))))
+                sigma = float(mark_sigma * np.sqrt(2))
+                sides.append(_Side(float(side), reading.metres, sigma, reading.number))
         if not group.pairs:
             return Prediction.unknown(self._sides(sides))
         one = self._judged(world, world)
@@ -269,17 +295,17 @@ class RoomKnowledge:
         return self._prediction(distance, variance + known_variance, sides, basis)
 
     def _prediction(
-        self, distance: Array, variance: Array, sides: list[tuple[float, float, float]], basis: str
+        self, distance: Array, variance: Array, sides: list[_Side], basis: str
     ) -> Prediction:
         """Predictions with the sigma of a reading added."""
         own = np.array([self.sigma(float(d)) for d in distance])
         return Prediction(distance, np.sqrt(variance + own**2), self._sides(sides), basis)
 
-    def _sides_of_mark(self, mark: str, other: str, key: str) -> list[tuple[float, float, float]]:
+    def _sides_of_mark(self, mark: str, other: str, key: str) -> list[_Side]:
         """Triangles that a reading from a mark to a world point closes."""
         world = self.world()
         place = {point.name: point for point in world.points}
-        found = []
+        found: list[_Side] = []
         rig = self._rig
         for reading in self._readings(key):
             if reading.start == mark and reading.end != other:
@@ -287,23 +313,27 @@ class RoomKnowledge:
                     a, b = place[other], place[reading.end]
                     side = float(np.linalg.norm(a.position - b.position))
                     sigma = float(np.sqrt(np.trace(a.covariance + b.covariance)))
-                    found.append((side, reading.metres, sigma))
+                    found.append(_Side(side, reading.metres, sigma, reading.number))
             elif reading.end == other and reading.start != mark:
                 bodies = [
                     np.array(rig.points[(robot_point(n) or ("", ""))[1]], dtype=float)
                     for n in (mark, reading.start)
                 ]
                 sigma = float(np.hypot(rig.marking_sigma, rig.shape_sigma) * 2)
-                found.append((float(np.linalg.norm(bodies[0] - bodies[1])), reading.metres, sigma))
+                side = float(np.linalg.norm(bodies[0] - bodies[1]))
+                found.append(_Side(side, reading.metres, sigma, reading.number))
         return found
 
-    def _sides(self, sides: list[tuple[float, float, float]]) -> Sides:
+    def _sides(self, sides: list[_Side]) -> Sides:
         """Triangles with the readings corrected and their sigma added."""
         if not sides:
             return Sides.none()
-        known, read, sigma = (np.array(column) for column in zip(*sides, strict=True))
+        columns = list(zip(*sides, strict=True))
+        known, read, sigma = (np.array(column) for column in columns[:3])
         of_readings = np.array([self.sigma(float(d)) for d in read]) * np.sqrt(2)
-        return Sides(known, corrected(self._instrument, read), np.hypot(sigma, of_readings))
+        return Sides(
+            known, corrected(self._instrument, read), np.hypot(sigma, of_readings), columns[3]
+        )
 
     def corrected(self, metres: float) -> float:
         """The distance that a reading stands for."""

@@ -18,11 +18,14 @@ class Sides:
         Metres.
     sigma : (t,) array
         Standard deviation of a violation, metres.
+    numbers : tuple of int, length t
+        Journal entries of the sides that were read.
     """
 
     known: Array
     read: Array
     sigma: Array
+    numbers: tuple[int, ...] = ()
 
     @classmethod
     def none(cls) -> Self:
@@ -31,9 +34,20 @@ class Sides:
 
     def misfit(self, metres: float) -> float:
         """Standard deviations by which a side breaks the triangle inequality; 0 if it does not."""
+        return float(self._misfits(metres).max(initial=0.0))
+
+    def broken(self, metres: float, limit: float) -> tuple[int, ...]:
+        """Entries of the sides read of the triangles that a reading does not close."""
+        return tuple(
+            number
+            for number, misfit in zip(self.numbers, self._misfits(metres), strict=True)
+            if misfit > limit
+        )
+
+    def _misfits(self, metres: float) -> Array:
         too_short = np.abs(self.known - self.read) - metres
         too_long = metres - (self.known + self.read)
-        return float((np.maximum(too_short, too_long) / self.sigma).max(initial=0.0))
+        return np.asarray(np.maximum(too_short, too_long) / self.sigma)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from survey.entry.prediction import Prediction
 from survey.entry.settings import EntrySettings
 from survey.entry.state import EntryState, Pair
 from survey.settings import SurveySettings
+from validation.angles import Array
 from validation.campaign import CampaignSettings
 
 
@@ -151,17 +152,16 @@ class RoomChecks:
         judged = self.knowledge.judged(key)
         if not judged:
             return None
-        judgement = judged[0].judgement
         if not key.endswith("/"):
-            return _status(key, judged, "world point", _place_sigmas(judged[0]), enough=False)
-        stop = key[:-1]
-        sigmas = self.knowledge.stop_sigmas(stop) if judgement.is_unique else None
-        listed = () if sigmas is None else tuple(map(float, sigmas))
-        return _status(stop, judged, "stop", listed, enough=self._good_enough(stop, listed, judged))
+            found = self.knowledge.world_precision(key)
+            return _status(f"world point {key}", judged, found, enough=False)
+        found = self.knowledge.stop_precision(key[:-1])
+        enough = found is not None and self._good_enough(key[:-1], found[0], judged)
+        return _status(f"stop {key[:-1]}", judged, found, enough=enough)
 
-    def _good_enough(self, stop: str, sigmas: Sequence[float], judged: Sequence[Judged]) -> bool:
+    def _good_enough(self, stop: str, sigmas: Array, judged: Sequence[Judged]) -> bool:
         """Whether a stop is as exact as planned, checked mark by mark, with nothing doubtful."""
-        if len(sigmas) < 3 or self._doubts(f"{stop}/"):
+        if self._doubts(f"{stop}/"):
             return False
         ends: dict[str, set[str]] = {}
         for number in judged[0].numbers:
@@ -169,8 +169,8 @@ class RoomChecks:
             mark, other = sorted((entry.start, entry.end), key=lambda name: "/" not in name)
             ends.setdefault(mark, set()).add(other)
         seen = [len(ends.get(f"{stop}/{point}", ())) for point in self._rig]
-        return (
-            max(sigmas[:2]) <= self._settings.pose_sigma
+        return bool(
+            sigmas[:2].max() <= self._settings.pose_sigma
             and sigmas[2] <= self._settings.heading_sigma
             and min(seen) >= self._settings.least_world_points
         )
@@ -218,22 +218,20 @@ def _unlikely(one: Judged) -> set[int]:
     return {number for number, value in zip(one.numbers, w, strict=True) if abs(value) > LIMIT}
 
 
-def _place_sigmas(one: Judged) -> tuple[float, ...]:
-    """Standard deviations of x and y of a world point; none while it has several places."""
-    if not one.judgement.is_unique:
-        return ()
-    covariance = one.judgement.covariances[0]
-    return tuple(float(covariance[i, i]) ** 0.5 for i in range(2))
-
-
 def _status(
-    name: str, judged: Sequence[Judged], what: str, sigmas: tuple[float, ...], *, enough: bool
+    name: str,
+    judged: Sequence[Judged],
+    precision: tuple[Array, float | None] | None,
+    *,
+    enough: bool,
 ) -> PointStatus:
     """Counts, m0 and sigmas with the sentence that says them."""
     readings = sum(len(one.numbers) for one in judged)
     redundancy = sum(max(one.judgement.redundancy, 0) for one in judged)
-    m0 = judged[0].judgement.m0 if len(judged) == 1 else None
-    text = f"{what} {name}: {readings} readings, {redundancy} more than needed"
+    sigmas, m0 = (
+        ((), None) if precision is None else (tuple(map(float, precision[0])), precision[1])
+    )
+    text = f"{name}: {readings} reading{'' if readings == 1 else 's'}, {redundancy} to spare"
     if m0 is not None:
         text += f", m0 {m0:.1f}"
     if sigmas:

@@ -49,10 +49,9 @@ def possible_originals(typed: TypedDistance, instrument: Instrument) -> list[Hyp
     """
     decimals = shown_decimals(instrument)
     found: dict[int, str] = {}
-    as_typed = round(typed.metres * 10**decimals)
     low, high = instrument.range_min, instrument.range_max
     for slip, value in _unslipped(typed, decimals):
-        if value != as_typed and low <= value / 10**decimals <= high:
+        if abs(value / 10**decimals - typed.metres) > 1e-9 and low <= value / 10**decimals <= high:
             found.setdefault(value, slip)
     return [Hypothesis(value / 10**decimals, slip) for value, slip in found.items()]
 

@@ -18,8 +18,6 @@ from survey.entry.words import (
 from validation.errors import GtvalError
 from validation.report.terminal import console
 
-BELL = "\a"
-
 
 class TerminalEntry:
     """Readings entered line by line, from a keyboard, a paste or a pipe.
@@ -244,9 +242,10 @@ class TerminalEntry:
     def _tell(self, answer: Answer) -> None:
         lines = answer_lines(self._session, answer)
         doubtful = answer.needs_a_look
-        first = "!! " if doubtful else "ok "
-        bell = BELL if doubtful and self._keyboard else ""
-        self._say(f"{bell}{first}{lines[0]}", "bold red" if doubtful else "green")
+        if doubtful and self._keyboard:
+            self._console.bell()
+        first = "!!" if doubtful else "ok"
+        self._say(f"{first} {lines[0]}", "bold red" if doubtful else "green")
         for line in lines[1:]:
             self._say(f"   {line}", "red")
         if self._session.readings_file.problem:

@@ -68,6 +68,8 @@ def text_field(said: dict[str, Any], name: str, *, needed: bool = False) -> str:
     value = said.get(name, "")
     if not isinstance(value, str) or len(value) > MAX_FIELD:
         raise RefusedError(400, f"'{name}' must be text of at most {MAX_FIELD} characters")
+    if any("\ud800" <= character <= "\udfff" for character in value):
+        raise RefusedError(400, f"'{name}' is no Unicode text")
     if needed and not value:
         raise RefusedError(400, f"'{name}' is missing")
     return value

@@ -5,6 +5,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -44,12 +46,13 @@ class EntryServer:
         """The code that the terminal shows now."""
         return re.findall(r"#([0-9A-Z]+)\)", self.log.read_text())[-1]
 
-    def join(self, name: str = "ann") -> httpx.Client:
+    @contextmanager
+    def join(self, name: str = "ann") -> Iterator[httpx.Client]:
         """A device that was let in."""
-        client = httpx.Client(base_url=self.url, timeout=20)
-        joined = client.post("/join", json={"code": self.code, "name": name})
-        assert joined.status_code == 200, joined.text
-        return client
+        with httpx.Client(base_url=self.url, timeout=20) as client:
+            joined = client.post("/join", json={"code": self.code, "name": name})
+            assert joined.status_code == 200, joined.text
+            yield client
 
     def kill(self) -> None:
         """End it at once, as a dead battery would."""

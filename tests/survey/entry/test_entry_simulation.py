@@ -1,0 +1,32 @@
+"""Typing errors at a rate of 1 %: how many are noticed at once, in the end, and how falsely."""
+
+import numpy as np
+import pytest
+from entry_simulation import LARGE, Tally, simulate_entry
+
+
+def entered(seeds, stops):
+    tally = Tally()
+    for seed in seeds:
+        tally.add(simulate_entry(seed, stops=stops, rate=0.01))
+    return tally
+
+
+def check(tally: Tally) -> None:
+    after_third = tally.large(of_stop=True, earlier=3)
+    assert np.mean([slip.at_once for slip in after_third]) >= 0.95
+    assert tally.false_alarms / tally.readings < 0.01
+    # What is not noticed at once is noticed with the next readings, or by the adjustment.
+    large = [named for size, named in tally.left if abs(size) > LARGE]
+    assert sum(not named for named in large) <= 0.01 * len(tally.slips) + 1
+
+
+def test_errors_of_a_few_campaigns_are_noticed_at_once():
+    check(entered(range(2000, 2006), stops=1))
+
+
+@pytest.mark.full
+def test_errors_of_a_thousand_campaigns_are_noticed_at_once():
+    tally = entered(range(1000), stops=2)
+    assert len(tally.large(of_stop=True, earlier=3)) > 300
+    check(tally)

@@ -1,0 +1,230 @@
+"""`gtval enter` as people run it: from a pipe, and in a pseudo-terminal."""
+
+import codecs
+import contextlib
+import json
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from entry_rooms import enter_all, entry_room
+
+from survey.entry.entry_session import EntrySession
+from validation.campaign import load_campaign
+
+GTVAL = str(Path(sys.executable).with_name("gtval"))
+
+
+def piped(room, text, *options):
+    return subprocess.run(
+        [GTVAL, "enter", str(room.folder), *options],
+        check=False,
+        input=text,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+def readings(room):
+    session = EntrySession.look(load_campaign(room.folder))
+    return [(e.start, e.end, e.text) for e in session.journal.entries if e.kind == "reading"]
+
+
+class Terminal:
+    """A command in a pseudo-terminal."""
+
+    def __init__(self, *command: str) -> None:
+        self.started = time.monotonic()
+        child, self.master = pty.fork()
+        if child == 0:
+            os.execv(command[0], command)  # the child becomes the command
+        self.child = child
+        self.seen = ""
+        self.decoder = codecs.getincrementaldecoder("utf-8")()
+
+    def wait_for(self, pattern: str, seconds: float = 30) -> str:
+        """What came up to the first match, which is taken off."""
+        until = time.monotonic() + seconds
+        while not (found := re.search(pattern, self.seen)):
+            left = until - time.monotonic()
+            assert left > 0, f"{pattern!r} did not come; there was {self.seen!r}"
+            if select.select([self.master], [], [], left)[0]:
+                try:
+                    self.seen += self.decoder.decode(os.read(self.master, 4096))
+                except OSError:  # the terminal was closed
+                    raise AssertionError(self.seen) from None
+        said, self.seen = self.seen[: found.end()], self.seen[found.end() :]
+        return said
+
+    def type(self, text: str) -> None:
+        os.write(self.master, text.encode())
+
+    def press(self, key: str) -> None:
+        """Type a control key, once the line editor has surely taken the terminal over."""
+        time.sleep(0.3)
+        self.type(key)
+
+    def status(self) -> int:
+        """Its exit status; killed if it does not end."""
+        until = time.monotonic() + 20
+        while (ended := os.waitpid(self.child, os.WNOHANG))[0] == 0:
+            if time.monotonic() > until:
+                os.kill(self.child, signal.SIGKILL)
+                os.waitpid(self.child, 0)
+                raise AssertionError(f"it did not end; there was {self.seen!r}")
+            if select.select([self.master], [], [], 0.05)[0]:
+                with contextlib.suppress(OSError):
+                    self.seen += self.decoder.decode(os.read(self.master, 4096))
+        os.close(self.master)
+        return os.waitstatus_to_exitcode(ended[1])
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """A room whose world points are measured; the first mark is next."""
+    room = entry_room(4, 1, tmp_path_factory.mktemp("terminal") / "room")
+    session = room.open()
+    enter_all(session, room, 70)
+    session.close()
+    return room
+
+
+@pytest.fixture
+def half(measured, tmp_path):
+    from entry_rooms import copy_of
+
+    return copy_of(measured, tmp_path / "half")
+
+
+def test_a_list_is_taken_from_a_pipe_and_every_line_acknowledged(room):
+    done = piped(room, "2.498\n2503 mm\n3,530\n", "--by", "ann")
+    assert done.returncode == 0, done.stderr
+    assert "ok O–X 2.498 m = 2498 mm" in done.stdout
+    assert readings(room) == [("O", "X", "2.498"), ("O", "Y", "2503 mm"), ("O", "XY", "3,530")]
+
+
+def test_lines_that_name_their_pair_go_there(room):
+    done = piped(room, "O 3 4.123\nX O 2.498\n")
+    assert done.returncode == 0, done.stdout
+    assert [(a, b) for a, b, _ in readings(room)] == [("O", "3"), ("O", "X")]
+
+
+def test_nothing_after_a_bad_line_of_a_pipe_is_recorded(room):
+    done = piped(room, "2.498\nfour\n3.530\n")
+    assert done.returncode == 2
+    assert "line 2" in done.stdout
+    assert len(readings(room)) == 1
+
+
+def test_the_status_only_looks(half):
+    before = half.journal.read_bytes()
+    said = json.loads(piped(half, "", "--json").stdout)
+    assert (said["done"], said["left"], said["next"]) == (70, 48, {"from": "1/O", "to": "1"})
+    assert said["doubtful"] == []
+    assert half.journal.read_bytes() == before
+
+
+def test_a_stop_at_the_keyboard(half):
+    terminal = Terminal(GTVAL, "enter", str(half.folder), "--by", "ann")
+    for _ in range(8):
+        asked = terminal.wait_for(r"1/O → \d+ ")
+        end = re.search(r"→ (\d+) ", asked)[1]
+        terminal.type(half.shown[frozenset(("1/O", end))] + "\n")
+        terminal.wait_for("ok ")
+    end = re.search(r"→ (\d+) ", terminal.wait_for(r"1/O → \d+ "))[1]
+    shown = half.shown[frozenset(("1/O", end))]
+    terminal.type(f"{float(shown) + 0.1:.3f}\n")
+    said = terminal.wait_for("DOUBTFUL")
+    assert "\a" in said
+    terminal.wait_for(r"1/O → \d+ ")
+    terminal.type(f"r {shown}\n")
+    terminal.wait_for("ok ")
+    for command, answer in (
+        ("n seen well", "noted"),
+        ("d", "no reading is doubtful"),
+        ("l", r"1/O–16"),
+        ("i", "79 of 118 done"),
+        ("s heater", "skipped"),
+        ("u", "undone: skip"),
+        ("j 1/Y 5", r"1/Y → 5 "),
+        ("p 9", r"9/O → 1 "),
+        ("u", "undone"),
+        ("?", "undo what was done last"),
+        ("x", "not a distance"),
+        ("u", "undone"),
+    ):
+        terminal.type(f"{command}\n")
+        terminal.wait_for(answer)
+    terminal.type("q\n")
+    terminal.wait_for("done")
+    assert terminal.status() == 0
+    assert half.readings.read_text().count("\n") == 1 + 79
+
+
+def test_the_end_of_the_keyboard_ends_it_and_the_next_start_goes_on_there(half):
+    terminal = Terminal(GTVAL, "enter", str(half.folder))
+    terminal.wait_for(r"1/O → 1 ")
+    terminal.type(half.shown[frozenset(("1/O", "1"))] + "\n")
+    terminal.wait_for(r"1/O → 6 ")
+    terminal.press("\x04")
+    assert terminal.status() == 0
+    again = Terminal(GTVAL, "enter", str(half.folder))
+    again.wait_for(r"1/O → 6 ")
+    again.press("\x03")
+    assert again.status() == 0
+
+
+def test_the_rest_of_a_paste_after_a_bad_line_goes_nowhere(half):
+    terminal = Terminal(GTVAL, "enter", str(half.folder))
+    terminal.wait_for(r"1/O → 1 ")
+    before = len(readings(half))
+    first, third = (half.shown[frozenset(("1/O", end))] for end in ("1", "11"))
+    terminal.type(f"{first}\n4.O12\n{third}\n{third}\n")
+    terminal.wait_for("not a distance")
+    time.sleep(0.5)
+    terminal.type("q\n")
+    assert terminal.status() == 0
+    assert len(readings(half)) == before + 1
+
+
+def test_a_blind_second_entry_shows_no_value(half):
+    session = EntrySession.look(load_campaign(half.folder))
+    first = session.journal.entries[0]
+    done = piped(half, "l\ni\nd\n", "--second", "--by", "bob")
+    assert done.returncode == 0
+    assert first.text not in done.stdout
+    assert "done" in done.stdout
+    assert piped(half, "", "--second").returncode == 2
+
+
+def test_a_second_command_on_the_campaign_is_refused_with_the_reason(half):
+    terminal = Terminal(GTVAL, "enter", str(half.folder), "--by", "ann")
+    terminal.wait_for(r"1/O → 1 ")
+    refused = piped(half, "1.0\n", "--by", "bob")
+    assert refused.returncode == 2
+    assert "another entry session" in refused.stderr
+    assert "ann" in refused.stderr
+    terminal.type("q\n")
+    assert terminal.status() == 0
+
+
+def test_a_folder_without_a_campaign_is_a_plain_error(tmp_path):
+    done = subprocess.run(
+        [GTVAL, "enter", str(tmp_path)],
+        check=False,
+        capture_output=True,
+        text=True,
+        input="",
+        timeout=60,
+    )
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "survey").exists()

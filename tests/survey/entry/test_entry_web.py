@@ -1,0 +1,241 @@
+"""The page's requests: who is let in, what is refused, and that no reading is lost."""
+
+import concurrent.futures
+import re
+
+import httpx
+import pytest
+from entry_rooms import entry_room
+from entry_server import EntryServer
+
+from survey.entry.entry_session import EntrySession
+from survey.entry.web.access import WINDOW, WRONG_CODES, Access, AccessError
+from validation.campaign import load_campaign
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("web")
+    room = entry_room(5, 1, folder / "room")
+    with EntryServer(room.folder, folder / "log") as server:
+        server.room = room
+        yield server
+
+
+@pytest.fixture(scope="module")
+def ann(served):
+    with served.join("ann") as client:
+        yield client
+
+
+def readings(room):
+    session = EntrySession.look(load_campaign(room.folder))
+    return [e for e in session.journal.entries if e.kind == "reading"]
+
+
+def reading(number, **values):
+    return {"id": f"test-{number}", "from": "O", "to": "X", "text": "2.5", "again": True, **values}
+
+
+def test_a_code_works_once():
+    access = Access()
+    code = access.code
+    token, device = access.join(f" {code[:4].lower()}-{code[4:]}", "ann")
+    assert access.device(token) is device
+    with pytest.raises(AccessError, match="works once"):
+        access.join(code, "bob")
+    assert access.device("anything else") is None
+    assert access.device(None) is None
+
+
+def test_guessing_codes_is_stopped_for_a_while():
+    now = [0.0]
+    access = Access(clock=lambda: now[0])
+    for _ in range(WRONG_CODES):
+        with pytest.raises(AccessError, match="not the code"):
+            access.join("WRONGWRO", "x")
+    with pytest.raises(AccessError, match="too many wrong codes"):
+        access.join(access.code, "ann")
+    now[0] = WINDOW + 1
+    access.join(access.code, "ann")
+
+
+def test_without_a_code_there_is_nothing_to_see_or_do(served):
+    with httpx.Client(base_url=served.url) as stranger:
+        page = stranger.get("/")
+        assert "Type the code" in page.text
+        assert "1/O" not in page.text
+        assert stranger.get("/state").status_code == 401
+        assert stranger.post("/readings", json=reading(1)).status_code == 401
+        assert stranger.post("/join", json={"code": "AAAAAAAA"}).status_code == 403
+        stranger.cookies.set("gtval_entry", "made-up")
+        assert stranger.get("/state").status_code == 401
+    assert readings(served.room) == []
+
+
+def test_it_listens_on_this_machine_alone(served):
+    assert served.url.startswith("http://127.0.0.1:")
+
+
+def test_a_reading_is_recorded_once_however_often_it_is_sent(served, ann):
+    first = ann.post("/readings", json=reading("once", text="2.501", again=False))
+    again = ann.post("/readings", json=reading("once", text="2.501", again=False))
+    assert first.json()["outcome"] == "recorded"
+    assert again.json()["outcome"] == "repeated"
+    assert [e.text for e in readings(served.room) if e.id == "test-once"] == ["2.501"]
+
+
+def test_a_reading_that_waited_has_the_time_of_its_typing(served, ann):
+    ann.post("/readings", json=reading("late", age=120))
+    (entry,) = [e for e in readings(served.room) if e.id == "test-late"]
+    assert entry.measured < entry.time
+    assert entry.by == "ann"
+    assert entry.device == "page 1"
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Sec-Fetch-Site": "cross-site"},
+        {"Host": "evil.example"},
+    ],
+)
+def test_requests_from_other_sites_are_refused(served, ann, headers):
+    before = len(readings(served.room))
+    answer = ann.post("/readings", json=reading("foreign"), headers=headers)
+    assert answer.status_code in (403, 421)
+    assert len(readings(served.room)) == before
+
+
+@pytest.mark.parametrize(
+    ("content", "kind", "status"),
+    [
+        (b"x" * 10_000_000, "application/json", {413}),
+        (b"from=O&to=X", "application/x-www-form-urlencoded", {415}),
+        (b"{}", "text/plain", {415}),
+        (b"not json", "application/json", {400}),
+        (b"[" * 60_000, "application/json", {400}),
+        (b"[]", "application/json", {400}),
+        (b"{}", "application/json", {400}),
+        (b'{"id":1,"from":"O","to":"X","text":"1"}', "application/json", {400}),
+        (b'{"id":"a","from":"O","to":"X","text":{}}', "application/json", {400}),
+        (b'{"id":"a","from":"O","to":"X","text":"1","age":-1}', "application/json", {400}),
+        (b'{"id":"a","from":"../../etc","to":"X","text":"1"}', "application/json", {409}),
+        (b'{"id":"a","from":"O","to":"X\\ud800","text":"1"}', "application/json", {400}),
+        (b"\xff\xfe", "application/json", {400}),
+    ],
+)
+def test_hostile_bodies_are_refused_and_record_nothing(served, ann, content, kind, status):
+    before = len(readings(served.room))
+    try:
+        answer = ann.post("/readings", content=content, headers={"Content-Type": kind})
+    except (httpx.WriteError, httpx.ReadError, httpx.RemoteProtocolError):
+        pass  # the server hung up on the body, which is a refusal too
+    else:
+        assert answer.status_code in status, answer.text
+    assert len(readings(served.room)) == before
+    assert ann.get("/state").status_code == 200
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/static/../app.py",
+        "/static/%2e%2e/app.py",
+        "/static/..%2fapp.py",
+        "/static/%00",
+        "/../../etc/passwd",
+        "/survey/journal.jsonl",
+        "/static/page.html.j2",
+    ],
+)
+def test_no_path_leads_to_another_file(served, path):
+    with httpx.Client(base_url=served.url) as stranger:
+        assert stranger.get(path).status_code in (400, 404)
+
+
+@pytest.mark.parametrize("name", ["../x", "a/b", "<script>", "x" * 3000, "\x00"])
+def test_names_of_stops_are_names(ann, name):
+    answer = ann.post("/actions", json={"action": "stop", "text": name})
+    if answer.status_code == 200:
+        assert name == "<script>"  # harmless: it is always shown as text
+        ann.post("/actions", json={"action": "undo"})
+    else:
+        assert answer.status_code in (400, 409)
+
+
+def test_script_in_a_note_or_name_is_text_on_the_page(ann):
+    hostile = "</script><script>alert(1)</script><img src=x onerror=alert(1)>"
+    ann.post("/person", json={"name": hostile[:60]})
+    number = ann.post("/readings", json=reading("note")).json()["number"]
+    noted = ann.post("/actions", json={"action": "note", "number": number, "text": hostile})
+    assert noted.status_code == 200
+    page = ann.get("/")
+    assert "<script>alert" not in page.text
+    assert "<img" not in page.text
+    assert len(re.findall(r"<script", page.text)) == 2
+    policy = page.headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    ann.post("/person", json={"name": "ann"})
+
+
+def test_a_blind_person_gets_no_value(served, ann):
+    ann.post("/readings", json=reading("seen", text="2.503"))
+    with served.join("bob") as bob:
+        bob.post("/person", json={"name": "bob", "second": True})
+        page = bob.get("/")
+        assert "2.503" not in page.text
+        assert "2.503" not in bob.get("/state").text
+        answer = bob.post(
+            "/readings",
+            json={"id": "b1", "from": "X", "to": "O", "text": "2.7", "second": True},
+        ).json()
+        assert answer["outcome"] == "disagrees"
+        assert "2.503" not in answer["lines"][0]
+        assert "2.7" not in answer["lines"][0]
+        bob.post("/actions", json={"action": "undo"})
+
+
+def test_a_thousand_requests_in_a_burst_lose_nothing(served, ann):
+    before = len(readings(served.room))
+
+    def send(number):
+        answer = ann.post("/readings", json=reading(f"burst-{number}"), timeout=60)
+        return answer.status_code, answer.json()["outcome"]
+
+    with concurrent.futures.ThreadPoolExecutor(32) as pool:
+        answers = list(pool.map(send, range(1000)))
+    assert set(answers) == {(200, "recorded")}
+    ids = [e.id for e in readings(served.room)[before:]]
+    assert sorted(ids) == sorted(f"test-burst-{n}" for n in range(1000))
+
+
+def test_a_port_that_is_taken_is_a_plain_error(served, tmp_path):
+    import subprocess
+
+    from entry_server import GTVAL
+
+    room = entry_room(6, 1, tmp_path / "room")
+    port = served.url.rpartition(":")[2]
+    done = subprocess.run(
+        [GTVAL, "enter", str(room.folder), "--web", "--port", port],
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 2
+    assert "--port" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_it_ends_orderly_and_notes_that(tmp_path):
+    room = entry_room(6, 1, tmp_path / "room")
+    with EntryServer(room.folder, tmp_path / "log") as server:
+        with server.join() as client:
+            client.post("/readings", json=reading(1))
+        assert server.stop() == 0
+    assert room.readings.read_text().count("\n") == 2
