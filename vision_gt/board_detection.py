@@ -17,6 +17,8 @@ Ints = npt.NDArray[np.intp]
 Detector = Literal["fitted", "classic", "sector"]
 
 _LEAST_CORNERS = 8
+_STOCK_WINDOW = 11
+"""Half window of the sub-pixel refinement in OpenCV's own samples."""
 _LEAST_SIGMA = 0.01
 """Pixels; what the print and the model of the blur add to each fitted corner."""
 _CLEAR_OF_MARKERS, _CLEAR_OF_CORNERS = 0.16, 0.4
@@ -62,8 +64,10 @@ def find_board(image: Image, board: Board, detector: Detector = "fitted") -> Fou
     if board.family is not None:
         return _find_charuco(image, board)
     pixels = None if detector == "sector" else _classic(image, board)
+    if detector == "classic" and pixels is not None:
+        pixels = _refined(image, pixels, _STOCK_WINDOW)
     if pixels is None and detector != "classic":
-        pixels = _sector(image, board)
+        pixels = _sector(image, board, accurate=detector == "sector")
     if pixels is None:
         return None
     numbers = np.arange(len(board.corners))
@@ -120,23 +124,21 @@ def _classic(image: Image, board: Board) -> Array | None:
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     flags |= cv2.CALIB_CB_FAST_CHECK
     found, corners = cv2.findChessboardCorners(image, board.inner, flags=flags)
-    if not found:
-        return None
-    return _refined(image, np.array(corners, dtype=np.float32).reshape(-1, 2), board)
+    return np.array(corners, dtype=float).reshape(-1, 2) if found else None
 
 
-def _sector(image: Image, board: Board) -> Array | None:
-    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
+def _sector(image: Image, board: Board, *, accurate: bool) -> Array | None:
+    flags = cv2.CALIB_CB_NORMALIZE_IMAGE
+    if accurate:
+        flags |= cv2.CALIB_CB_ACCURACY
     found, corners = cv2.findChessboardCornersSB(image, board.inner, flags=flags)
     return np.array(corners, dtype=float).reshape(-1, 2) if found else None
 
 
-def _refined(image: Image, corners: npt.NDArray[np.float32], board: Board) -> Array:
-    """Sub-pixel corners; the window keeps clear of the next corner."""
-    grid = corners.reshape(board.inner[1], board.inner[0], 2)
-    steps = [np.linalg.norm(np.diff(grid, axis=axis), axis=-1).min() for axis in (0, 1)]
-    half = int(np.clip(0.4 * min(steps), 2, 11))
-    refined = cv2.cornerSubPix(image, corners.copy(), (half, half), (-1, -1), _STOP)
+def _refined(image: Image, corners: Array, half: int) -> Array:
+    """OpenCV's sub-pixel corners, with windows of 2 half + 1 pixels."""
+    start = corners.astype(np.float32).reshape(-1, 1, 2)
+    refined = cv2.cornerSubPix(image, start, (half, half), (-1, -1), _STOP)
     return np.array(refined, dtype=float).reshape(-1, 2)
 
 

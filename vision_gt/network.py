@@ -22,6 +22,11 @@ _FAR_ANGLE = np.deg2rad(5.0)
 place to centimetres; a wrong board, corner order or file gives something metres away."""
 
 
+_LEAST_FOR_SCATTER = 4
+_STRAY, _STRAY_LENGTH, _STRAY_ANGLE = 6.0, 0.01, np.deg2rad(0.4)
+"""A snapshot is left out if it is so many times farther off than the median one, and so far."""
+
+
 class NotLinkedError(GtvalError):
     """Some cameras have no chain of views to the reference."""
 
@@ -127,6 +132,8 @@ def _link(
             kept[snapshot] = estimates[snapshot][int(row - rows[0])][1]
         else:
             outliers.append(snapshot)
+    chosen, kept, stray = _without_strays(stack, chosen, kept)
+    outliers += stray
     support = (nearest < 1).sum(1)
     others = apart[best] > 1
     rival = int(support[others].max(initial=0))
@@ -141,6 +148,31 @@ def _link(
         _spread(members, mean),
         ambiguous=(2 * rival > support[best] and len(snapshots) > 1)
         or (len(snapshots) == 1 and len(stack) > 1),
+    )
+
+
+def _without_strays(
+    stack: RigidTransform, chosen: list[int], kept: dict[str, tuple[int, int]]
+) -> tuple[list[int], dict[str, tuple[int, int]], list[str]]:
+    """Members without those far from the others' scatter, and the snapshots left out.
+
+    Cameras that face each other look nearly alike with their images exchanged: only the scatter
+    of the good snapshots, which is much smaller than a first look must allow, tells.
+    """
+    if len(chosen) < _LEAST_FOR_SCATTER:
+        return chosen, kept, []
+    members = stack[chosen]
+    middle = members[int(np.argmin(_apart(members).sum(1)))]
+    lengths = np.linalg.norm(members.translation - middle.translation, axis=1)
+    angles = angle_between(members, middle)
+    good = (lengths <= max(_STRAY * float(np.median(lengths)), _STRAY_LENGTH)) & (
+        angles <= max(_STRAY * float(np.median(angles)), _STRAY_ANGLE)
+    )
+    names = list(kept)
+    return (
+        [row for row, fine in zip(chosen, good, strict=True) if fine],
+        {name: kept[name] for name, fine in zip(names, good, strict=True) if fine},
+        [name for name, fine in zip(names, good, strict=True) if not fine],
     )
 
 

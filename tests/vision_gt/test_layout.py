@@ -44,7 +44,7 @@ def test_the_layout_is_found_and_its_covariance_holds():
             assert np.linalg.norm(off[:3]) < 0.003
             P = layout.covariance[6 * i : 6 * i + 6, 6 * i : 6 * i + 6]
             total += float(off @ np.linalg.solve(P, off))
-    # Markers of one movie err together through the dima-marker: bounds as for one movie, taken twice.
+    # Markers of one movie err together through the dima-marker: the bounds of one movie, twice.
     low, high = chi2.ppf([1e-5, 1 - 1e-5], 30)
     assert 2 * low < total < 2 * high
 

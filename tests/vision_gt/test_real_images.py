@@ -1,0 +1,132 @@
+"""Images that nobody here made: known results are reproduced."""
+
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from vision_gt.board_detection import find_board
+from vision_gt.boards import Board
+from vision_gt.camera import Camera
+from vision_gt.camera_files import read_cameras
+from vision_gt.dictionaries import Family
+from vision_gt.image_files import read_image
+from vision_gt.markers import detect_markers
+
+REAL = Path(
+    os.environ.get("GTVAL_REAL_DATA", Path(__file__).resolve().parents[3] / "shared" / "real")
+)
+needs_real = pytest.mark.skipif(
+    not (REAL / "vision").is_dir(), reason=f"no real data in {REAL} (set GTVAL_REAL_DATA)"
+)
+STEREO = Board(columns=10, rows=7, square=0.025)
+PHOTO = Camera(
+    "photo",
+    (1280, 960),
+    np.array(
+        [
+            1006.126285753055,
+            1004.015433012594,
+            655.8639244150409,
+            490.6140221242933,
+            0.1349735087283542,
+            -0.2335869827451621,
+            0.0006697030315075139,
+            0.004846737465872353,
+            0.0,
+        ]
+    ),
+)
+STORED = np.array(
+    [
+        [569.89917, 201.55890],
+        [777.42560, 206.85025],
+        [767.95856, 415.37830],
+        [565.75311, 409.24496],
+    ]
+)
+
+
+def stereo_calibration(detector: str):
+    """Stereo rms (pixels), baseline (metres) and the number of boards found."""
+    folder = REAL / "vision" / "opencv_stereo"
+    numbers = [f"{n:02d}" for n in (*range(1, 10), *range(11, 15))]
+    points, left, right, found = [], [], [], 0
+    for number in numbers:
+        pair = [
+            find_board(read_image(folder / f"{side}{number}.jpg"), STEREO, detector)
+            for side in ("left", "right")
+        ]
+        found += sum(one is not None for one in pair)
+        if pair[0] is None or pair[1] is None:
+            continue
+        both, one, other = np.intersect1d(pair[0].ids, pair[1].ids, return_indices=True)
+        points.append(STEREO.corners[both].astype(np.float32))
+        left.append(pair[0].pixels[one].astype(np.float32))
+        right.append(pair[1].pixels[other].astype(np.float32))
+    size = (640, 480)
+    start = [
+        cv2.calibrateCamera(points, views, size, np.eye(3), np.zeros(5)) for views in (left, right)
+    ]
+    rms, *_rest, t, _e, _f = cv2.stereoCalibrate(
+        points,
+        left,
+        right,
+        *(m for s in start for m in (s[1], s[2])),
+        size,
+        flags=cv2.CALIB_FIX_INTRINSIC,
+    )
+    return rms, float(np.linalg.norm(t)), found
+
+
+@needs_real
+def test_stereo_pairs_by_the_classic_detector():
+    rms, baseline, found = stereo_calibration("classic")
+    assert found == 26
+    assert rms == pytest.approx(0.447, abs=0.03)
+    assert baseline == pytest.approx(0.08361, abs=0.0002)
+
+
+@needs_real
+@pytest.mark.full
+def test_stereo_pairs_by_the_sector_detector():
+    rms, baseline, found = stereo_calibration("sector")
+    assert found >= 25
+    assert rms == pytest.approx(0.26, abs=0.03)
+    assert baseline == pytest.approx(0.08290, abs=0.0003)
+
+
+@needs_real
+def test_stereo_pairs_by_fitted_corners_fit_better_than_the_classic_ones():
+    rms, baseline, _ = stereo_calibration("fitted")
+    assert rms < 0.447
+    assert baseline == pytest.approx(0.0830, abs=0.001)
+
+
+@needs_real
+def test_stored_intrinsics_are_read():
+    camera = read_cameras(REAL / "vision" / "opencv_stereo" / "left_intrinsics.yml")[0]
+    assert camera.parameters[0] == pytest.approx(535.92, abs=0.005)
+    assert camera.size == (640, 480)
+
+
+@needs_real
+def test_marker_corners_of_a_photograph(record_property):
+    image = read_image(REAL / "vision" / "fiducials" / "tag_01_d7_14cm.png")
+    family = Family("5X5_1000")
+    stock = detect_markers(image, family, PHOTO, [1], "subpix").views[0]
+    np.testing.assert_allclose(stock.corners, STORED, atol=0.05)
+    own = detect_markers(image, family, PHOTO, [1]).views[0]
+    off = np.linalg.norm(own.corners - STORED, axis=1)
+    record_property("own refinement less stored corners, pixels", off.round(3).tolist())
+    # Sub-pixel corners are drawn into the marker by up to a pixel; the fitted ones are not.
+    assert off.max() < 1.5
+    assert (np.diagonal(own.covariances, axis1=1, axis2=2) < 0.1**2).all()
+
+
+@needs_real
+def test_two_markers_in_one_photograph():
+    image = read_image(REAL / "vision" / "fiducials" / "tag_245-246_d7_14cm.png")
+    assert detect_markers(image, Family("5X5_1000"), PHOTO).numbers == (245, 246)

@@ -1,0 +1,185 @@
+"""From rendered images to poses, by the commands; and what becomes of bad input."""
+
+import csv
+import json
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from validation.campaign import load_campaign
+from validation.cli import main
+from validation.poses import from_csv, pose_difference
+from vision_gt.solve import Choices, solve_campaign
+from vision_gt.system import SYSTEM, result_of
+
+QUICK = Choices(workers=1, as_published=False)
+
+
+@pytest.fixture(scope="session")
+def outcome(rendered):
+    return solve_campaign(load_campaign(rendered), choices=Choices(workers=1))
+
+
+def errors_of(rendered, table):
+    truth = from_csv(rendered / "truth" / "poses.csv", system="truth")
+    return pose_difference(truth.select(table.ids).poses, table.poses)
+
+
+def test_the_images_have_the_documents_names(rendered):
+    names = {str(p.relative_to(rendered / "vision")) for p in (rendered / "vision").rglob("*.png")}
+    assert {"network/2-1-4.png", "network/1-2-4.png", "reference/2.png"} & names
+    assert any(name.startswith("poses/2/pose") for name in names)
+
+
+def test_poses_are_within_millimetres_and_as_good_as_stated(rendered, outcome):
+    errors = errors_of(rendered, outcome.poses)
+    assert len(errors) >= 5
+    assert np.abs(errors[:, :2]).max() < 0.012
+    assert np.abs(errors[:, 2]).max() < 0.010
+    k = errors.size
+    total = errors.ravel() @ np.linalg.solve(outcome.poses.joint, errors.ravel())
+    # One campaign is one draw of its cameras: the bounds are those of chi-squared at 1 in 10 000.
+    from scipy.stats import chi2
+
+    assert chi2.ppf(1e-4, k) < total < chi2.ppf(1 - 1e-4, k)
+
+
+def test_the_documents_way_is_several_times_worse(rendered, outcome):
+    theirs = np.abs(errors_of(rendered, outcome.published)[:, :2]).mean()
+    ours = np.abs(errors_of(rendered, outcome.poses)[:, :2]).mean()
+    assert theirs > 3 * ours
+
+
+def test_findings_files_and_figures(rendered, outcome):
+    result = result_of(outcome, load_campaign(rendered))
+    codes = {finding.code for finding in result.findings}
+    assert {"coverage", "bar", "steady"} <= codes
+    assert not [f for f in result.findings if f.severity == "error"]
+    rows = list(csv.DictReader(result.files["vision_detections.csv"].splitlines()))
+    seen = sum(row["89"] == "yes" for row in rows)
+    assert seen == sum(89 in d.numbers for d in outcome.detections.values())
+    for section in result.sections:
+        for block in section.blocks:
+            if hasattr(block, "draw"):
+                block.draw().canvas.draw()
+
+
+def test_the_command_writes_and_the_table_check_reads(campaign):
+    (campaign / "vision" / "table").mkdir()
+    runner = CliRunner()
+    done = runner.invoke(main, ["vision", str(campaign), "--json", "--workers", "1"])
+    assert done.exit_code == 0, done.output
+    facts = json.loads(done.stdout)
+    assert set(facts["cameras"]) == {"2", "1"}
+    results = campaign / "results"
+    table = from_csv(results / "poses_vision.csv")
+    # The reference pattern, taken as a table of no height, is where it was put.
+    pattern = campaign / "vision" / "table" / "2"
+    pattern.mkdir()
+    name = next((campaign / "vision" / "reference").iterdir())
+    shutil.copy(name, pattern.parent / name.stem / "posereference.png") if (
+        pattern.parent / name.stem
+    ).is_dir() else shutil.copytree(name.parent, pattern.parent / name.stem)
+    assert len(table) >= 5
+
+
+def spoil(campaign, *, keep_published=False):
+    del keep_published
+    return solve_campaign(load_campaign(campaign), choices=QUICK)
+
+
+def expect_error(campaign, *words):
+    runner = CliRunner()
+    done = runner.invoke(main, ["vision", "solve", str(campaign), "--workers", "1"])
+    assert done.exit_code == 2, done.output
+    said = " ".join((done.output + done.stderr).split())
+    for word in words:
+        assert word in said
+    assert not (campaign / "results" / "poses_vision.csv").exists()
+
+
+def test_a_wrong_board_size_is_an_error(campaign):
+    toml = campaign / "campaign.toml"
+    text = toml.read_text()
+    board = text.index("[vision.board]")
+    toml.write_text(text[:board] + text[board:].replace("columns = 10", "columns = 9", 1))
+    expect_error(campaign, "none of its 6 calibration images shows a board of 9 x 6 squares")
+
+
+def test_a_truncated_image_is_an_error_that_names_it(campaign):
+    path = next((campaign / "vision" / "network").glob("2-1-1.png"))
+    path.write_bytes(path.read_bytes()[:200_000])
+    expect_error(campaign, "2-1-1.png", "truncated")
+
+
+def test_an_image_of_another_size_is_an_error(campaign):
+    path = campaign / "vision" / "calibration" / "2" / "03.png"
+    cv2.imwrite(str(path), np.zeros((480, 640), dtype=np.uint8) + 90)
+    expect_error(campaign, "03.png", "640 x 480")
+
+
+def test_a_camera_file_of_another_resolution_is_an_error(campaign):
+    text = (campaign / "truth" / "camera_2.yaml").read_text()
+    (campaign / "two.yaml").write_text(text.replace("image_width: 1280", "image_width: 640"))
+    toml = campaign / "campaign.toml"
+    toml.write_text(
+        toml.read_text().replace("[vision]\n", '[vision]\ncamera_files = { "2" = "two.yaml" }\n')
+    )
+    expect_error(campaign, "two.yaml", "made for 640 x 960 pixels")
+
+
+def test_no_link_between_the_cameras_is_an_error(campaign):
+    shutil.rmtree(campaign / "vision" / "network")
+    expect_error(campaign, "no chain of views links camera", "double pattern")
+
+
+def test_an_image_name_that_says_nothing_is_an_error(campaign):
+    path = next((campaign / "vision" / "network").glob("2-1-1.png"))
+    path.rename(path.with_name("first.png"))
+    expect_error(campaign, "first.png", "expected a name such as 2-1-4")
+
+
+def test_a_missing_reference_is_an_error(campaign):
+    shutil.rmtree(campaign / "vision" / "reference")
+    expect_error(campaign, "no image of the reference pattern")
+
+
+def test_blank_and_mirrored_images_and_swapped_pairs_are_findings(campaign):
+    poses = campaign / "vision" / "poses" / "2"
+    blank, mirrored = sorted(poses.iterdir())[:2]
+    noise = np.random.default_rng(0).normal(60, 2, (960, 1280))
+    cv2.imwrite(str(blank), noise.astype(np.uint8))
+    cv2.imwrite(str(mirrored), cv2.imread(str(mirrored), 0)[:, ::-1])
+    network = campaign / "vision" / "network"
+    one, other = network / "2-1-2.png", network / "1-2-2.png"
+    spare = network / "spare.tmp"
+    one.rename(spare)
+    other.rename(one)
+    spare.rename(other)
+    found = result_of(
+        solve_campaign(load_campaign(campaign), choices=QUICK), load_campaign(campaign)
+    ).findings
+    said = {finding.code: finding.text for finding in found}
+    images = " ".join(f.text for f in found if f.code == "image")
+    assert blank.name in images
+    assert "blank" in images
+    assert mirrored.name in images
+    assert "mirror" in images
+    assert "1-2-2" in said["snapshot_outliers"]
+
+
+def test_a_campaign_without_images_has_no_vision(tmp_path):
+    (tmp_path / "campaign.toml").write_text('name = "empty"\n')
+    assert not SYSTEM.has_data(load_campaign(tmp_path))
+
+
+def test_the_published_campaign_has_no_images():
+    from pathlib import Path
+
+    import data_samples
+
+    folder = Path(data_samples.__file__).parent / "ad23"
+    assert not SYSTEM.has_data(load_campaign(folder))
