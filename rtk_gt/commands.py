@@ -129,7 +129,7 @@ def _solved(campaign: Path) -> "RtkOutcome":
         return solve_campaign(loaded, report)
 
 
-_MODULES: tuple[str, ...] = ()
+_MODULES = ("rtk_gt.sensor_commands",)
 for _module in _MODULES:
     for _command in import_module(_module).COMMANDS:
         rtk.add_command(_command)

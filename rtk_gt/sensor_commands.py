@@ -1,0 +1,319 @@
+"""The commands ``gtval rtk scanner``, ``camera``, ``dgps``, ``imu`` and ``cloud``."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from validation.commands import AS_JSON, CAMPAIGN
+
+if TYPE_CHECKING:
+    from rtk_gt.camera_pose import Lens
+    from rtk_gt.fixes import Bools
+    from rtk_gt.interpolation import Interpolated
+    from rtk_gt.outcome import RtkOutcome
+    from rtk_gt.point_clouds import Bytes
+    from rtk_gt.settings import Sensor
+    from validation.angles import Array
+    from validation.results import Table
+
+FILE = click.Path(path_type=Path)
+POSE_COLUMNS = ("x [m]", "y [m]", "z [m]", "yaw [deg]", "pitch [deg]", "roll [deg]")
+
+
+@click.command()
+@CAMPAIGN
+@click.argument("sensor")
+@click.argument("scans", type=FILE)
+@click.option("--ground", type=float, help="z of the road in the vehicle frame, metres.")
+@click.option("--hand-sigma", type=float, default=0.02, show_default=True, help="Metres.")
+@click.option("--hand-sigma-deg", type=float, default=2.0, show_default=True, help="Degrees.")
+@AS_JSON
+def scanner(
+    campaign: Path,
+    sensor: str,
+    scans: Path,
+    ground: float | None,
+    hand_sigma: float,
+    hand_sigma_deg: float,
+    as_json: bool,
+) -> None:
+    """Find where a vertical scanner is on the vehicle, from passes that should agree.
+
+    SENSOR is the scanner in campaign.toml, with its hand-measured pose; SCANS a CSV file
+    time,first_angle,angle_step,ranges. Writes nothing.
+    """
+    import numpy as np
+
+    from rtk_gt.scanner_calibration import KnownGround, calibrate_scanner
+    from rtk_gt.scans import cloud_of
+    from rtk_gt.sensor_files import read_line_scans
+
+    read = read_line_scans(scans)
+    outcome = _solved(campaign)
+    found = _at(outcome, read.times)
+    used = read.select(found.available)
+    start = np.array(_sensor(outcome, sensor).pose)
+    sigmas = np.array([hand_sigma] * 3 + [np.radians(hand_sigma_deg)] * 3)
+    known = None if ground is None else KnownGround(ground)
+    result = calibrate_scanner(
+        cloud_of(used), used.times, found.poses[found.available], start, sigmas, ground=known
+    )
+    if as_json:
+        _json(result)
+        return
+    note = (
+        f"{result.pairs} points matched; distance from their planes {100 * result.rms_before:.1f} "
+        f"cm before and {100 * result.rms_after:.1f} cm after. If that is more than the scanner's "
+        "own noise, the path's errors decide, and the sigmas are too small."
+    )
+    spread = np.sqrt(np.diagonal(result.pose_covariance))
+    _print(_poses(f"Scanner {sensor}", start, result.pose, spread, note))
+
+
+@click.command()
+@CAMPAIGN
+@click.argument("sensor")
+@click.argument("points", type=FILE)
+@click.option("--lens", nargs=8, type=float, required=True, help="fx fy cx cy k1 k2 p1 p2.")
+@AS_JSON
+def camera(
+    campaign: Path, sensor: str, points: Path, lens: tuple[float, ...], as_json: bool
+) -> None:
+    """Find where a camera is on the vehicle, from known points seen in its images.
+
+    SENSOR is the camera in campaign.toml, with its hand-measured pose; POINTS a CSV file
+    time,x,y,z,u,v. Writes nothing.
+    """
+    import numpy as np
+
+    from rtk_gt.camera_pose import camera_pose
+    from rtk_gt.sensor_files import read_seen_points
+
+    seen = read_seen_points(points)
+    outcome = _solved(campaign)
+    found = _at(outcome, seen.times)
+    rows = found.available
+    start = np.array(_sensor(outcome, sensor).pose)
+    result = camera_pose(
+        _lens(lens), seen.points[rows], found.poses[rows], seen.pixels[rows], start
+    )
+    if as_json:
+        _json(result)
+        return
+    note = f"{int(rows.sum())} points, residuals of {result.sigma:.2f} pixels."
+    spread = np.sqrt(np.diagonal(result.covariance))
+    _print(_poses(f"Camera {sensor}", start, result.pose, spread, note))
+
+
+@click.command()
+@CAMPAIGN
+@click.argument("log", type=FILE)
+@click.option("--antenna", nargs=3, type=float, default=(0.0, 0.0, 0.0), show_default=True)
+@AS_JSON
+def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -> None:
+    """Compare another GPS receiver on the vehicle (NMEA or CSV) with the ground truth."""
+    import numpy as np
+
+    from rtk_gt.characterisation import position_errors
+    from rtk_gt.fix_csv import read_fix_csv
+    from rtk_gt.nmea import read_nmea
+    from validation.results import Table
+
+    read = read_fix_csv if log.suffix.lower() == ".csv" else read_nmea
+    record = read(log, log.stem)
+    outcome = _solved(campaign)
+    found = _at(outcome, record.times)
+    result = position_errors(record, found, np.array(antenna), outcome.path)
+    if as_json:
+        _json(result)
+        return
+    rows: list[list[str | int | float | None]] = [
+        [axis, float(bias), float(sigma)]
+        for axis, bias, sigma in zip(
+            ("east", "north", "up"), result.bias, result.bias_sigma, strict=True
+        )
+    ]
+    note = (
+        f"{len(result.errors)} fixes where there is ground truth. RMSE: "
+        f"{result.rmse_horizontal:.3f} m horizontal, {result.rmse_vertical:.3f} m vertical; "
+        f"{result.correlation_time:.1f} fixes are worth one independent fix."
+    )
+    columns = ["direction", "mean error [m]", "standard error [m]"]
+    _print(Table(f"Errors of {record.receiver}", columns, rows, ["", ".3f", ".3f"], note))
+
+
+@click.command()
+@CAMPAIGN
+@click.argument("angles", type=FILE)
+@AS_JSON
+def imu(campaign: Path, angles: Path, as_json: bool) -> None:
+    """Compare the rates of an IMU (CSV time,yaw,pitch,roll in radians) with the ground truth."""
+    import numpy as np
+
+    from rtk_gt.characterisation import rate_errors
+    from rtk_gt.sensor_files import read_imu
+    from validation.results import Table
+
+    times, read = read_imu(angles)
+    outcome = _solved(campaign)
+    result = rate_errors(times, read, outcome.path, outcome.settings.max_gap)
+    if as_json:
+        _json(result)
+        return
+    rows: list[list[str | int | float | None]] = [
+        [
+            one.name,
+            *(
+                float(np.degrees(value))
+                for value in (
+                    one.rmse, one.mean_rate, one.greatest_rate, one.drift, one.drift_sigma
+                )
+            ),
+        ]
+        for one in result
+    ]  # fmt: skip
+    columns = ["angle", "RMSE [deg/s]", "mean rate", "greatest rate", "drift", "standard error"]
+    note = f"{result[0].intervals} intervals between poses; the RMSE contains the path's noise."
+    _print(Table("Rates of the IMU", columns, rows, ["", *[".3f"] * 5], note))
+
+
+@click.command()
+@CAMPAIGN
+@click.argument("sensor")
+@click.argument("scans", type=FILE)
+@click.argument("output", type=FILE)
+@click.option("--images", type=FILE, help="CSV file time,file: colour the points by these.")
+@click.option("--camera", "camera_name", help="The camera of the images in campaign.toml.")
+@click.option("--lens", nargs=8, type=float, help="Of the camera: fx fy cx cy k1 k2 p1 p2.")
+def cloud(
+    campaign: Path,
+    sensor: str,
+    scans: Path,
+    output: Path,
+    images: Path | None,
+    camera_name: str | None,
+    lens: tuple[float, ...] | None,
+) -> None:
+    """Write the point cloud of a scanner's SCANS along the path as a PLY file.
+
+    With --images, --camera and --lens the points take their colours from the images.
+    """
+    import numpy as np
+
+    from rtk_gt.point_clouds import ply
+    from rtk_gt.scans import cloud_of
+    from rtk_gt.sensor_files import read_line_scans
+    from validation.files import write_files
+
+    given = (images is not None, camera_name is not None, bool(lens))
+    if any(given) and not all(given):
+        raise click.UsageError("give --images, --camera and --lens together, or none of them")
+    read = read_line_scans(scans)
+    outcome = _solved(campaign)
+    found = _at(outcome, read.times)
+    used = cloud_of(read.select(found.available))
+    pose = np.array(_sensor(outcome, sensor).pose)
+    points = used.in_world(found.poses[found.available], pose)
+    colours = None
+    if images is not None and camera_name is not None and lens:
+        colours, seen = _coloured(outcome, points, images, camera_name, _lens(lens))
+        click.echo(f"{int(seen.sum())} points are seen in an image.")
+    write_files(output.parent, {output.name: ply(points, colours)})
+    left_out = int((~found.available).sum())
+    click.echo(f"{len(points)} points in {output}; {left_out} scans are in gaps.")
+
+
+def _coloured(
+    outcome: "RtkOutcome", points: "Array", images: Path, camera_name: str, lens: "Lens"
+) -> "tuple[Bytes, Bools]":
+    """Colours of points from the images that have ground truth, and which points are seen."""
+    import cv2
+    import numpy as np
+
+    from rtk_gt.point_clouds import colour_points
+    from rtk_gt.sensor_files import read_images
+    from validation.errors import InputError, Problem
+
+    times, files = read_images(images)
+    found = _at(outcome, times)
+    pose = np.array(_sensor(outcome, camera_name).pose)
+    read: list[Bytes] = []
+    for row in np.flatnonzero(found.available):
+        image = cv2.imread(str(files[row]))
+        if image is None or (read and image.shape != read[0].shape):
+            expected = "no image that can be read, or of another size than the first"
+            raise InputError([Problem(files[row], expected)])
+        read.append(np.asarray(image[:, :, ::-1], dtype=np.uint8))
+    pictures = np.array(read, dtype=np.uint8)
+    return colour_points(points, pictures, found.poses[found.available], pose, lens)
+
+
+def _solved(campaign: Path) -> "RtkOutcome":
+    from rtk_gt.outcome import solve_campaign
+    from validation.campaign import load_campaign
+
+    return solve_campaign(load_campaign(campaign))
+
+
+def _sensor(outcome: "RtkOutcome", name: str) -> "Sensor":
+    from validation.errors import GtvalError
+
+    known = {one.name: one for one in outcome.settings.sensors}
+    if name not in known:
+        said = ", ".join(known) or "none"
+        raise GtvalError(f"no sensor '{name}' in {outcome.campaign.toml}; there are: {said}")
+    return known[name]
+
+
+def _at(outcome: "RtkOutcome", times: "Array") -> "Interpolated":
+    from rtk_gt.sensor_times import path_at
+    from validation.errors import GtvalError
+
+    found = path_at(outcome, times)
+    if not found.available.any():
+        raise GtvalError("none of the times is where there is ground truth")
+    return found
+
+
+def _lens(numbers: tuple[float, ...]) -> "Lens":
+    import numpy as np
+
+    from rtk_gt.camera_pose import Lens
+
+    fx, fy, cx, cy, *distortion = numbers
+    return Lens(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), np.array(distortion))
+
+
+def _poses(title: str, start: "Array", pose: "Array", spread: "Array", note: str) -> "Table":
+    import numpy as np
+
+    from validation.angles import wrap
+    from validation.results import Table
+
+    change = np.concatenate([pose[:3] - start[:3], wrap(pose[3:] - start[3:])])
+    rows: list[list[str | int | float | None]] = [
+        [what, *(float(v) for v in values[:3]), *(float(v) for v in np.degrees(values[3:]))]
+        for what, values in (
+            ("measured by hand", start),
+            ("found", pose),
+            ("change", change),
+            ("sigma", spread),
+        )
+    ]
+    return Table(title, ["pose", *POSE_COLUMNS], rows, ["", *[".4f"] * 3, *[".3f"] * 3], note)
+
+
+def _print(table: "Table") -> None:
+    from validation.report.terminal import print_table
+
+    print_table(table)
+
+
+def _json(result: object) -> None:
+    from validation.report.terminal import print_json
+
+    print_json(result)
+
+
+COMMANDS: list[click.Command] = [scanner, camera, dgps, imu, cloud]
