@@ -143,7 +143,7 @@ def align(
         if gate <= finest:
             converged = np.abs(change).max(-1) < SMALL_STEP
             if converged.all():
-                break
+                break  # the pairing is of a place less than a small step away: good enough
         gate = max(gate * SHRINK, finest)
     else:
         pairing = _pair(reference, source, pose, gate)
