@@ -9,6 +9,7 @@ import numpy as np
 from data_samples.rooms import Room, RoomSettings, make_room
 from data_samples.simulate import SimulatedCampaign, SimulationSettings, simulate_survey
 from survey.accuracy import detectable_motion
+from survey.adjustment import Adjustment
 from survey.check_figures import convergence_map, instrument_figure, planning_map
 from survey.convergence import explore_convergence
 from survey.convergence_problems import unknowns_of
@@ -17,7 +18,6 @@ from survey.figures import Places, residual_figure, survey_map
 from survey.figures import Room as DrawnRoom
 from survey.geometry import mirror_in_line
 from survey.instrument_check import check_instrument
-from survey.adjustment import Adjustment
 from survey.planning import (
     best_extra_readings,
     diagonal_blocks,
