@@ -10,23 +10,25 @@ of the single marker off by more than 10 degrees, and milliseconds an image.
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "vision_gt"))
 
-from vision_scenes import APRIL, LENS, SIDE, camera, marker_image, random_marker  # noqa: E402
+from vision_scenes import APRIL, LENS, SIDE, camera, marker_image, random_marker
 
-from vision_gt.markers import detect_markers  # noqa: E402
-from vision_gt.planar_pose import planar_solutions  # noqa: E402
-from vision_gt.transforms import angle_between  # noqa: E402
+from validation.angles import Array
+from vision_gt.markers import detect_markers
+from vision_gt.planar_pose import planar_solutions
+from vision_gt.transforms import angle_between
 
 SQUARE = SIDE / 2 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)
 OURS = ("none", "subpix", "apriltag", "edges")
 
 
-def peer():
+def peer() -> Any:
     """The detector of pupil-apriltags, None where it is not installed."""
     try:
         from pupil_apriltags import Detector
@@ -35,7 +37,7 @@ def peer():
     return Detector(families="tag36h11", quad_decimate=1.0)
 
 
-def found_corners(name, detector, image, number, true):
+def found_corners(name: str, detector: Any, image: Array, number: int, true: Array) -> Array | None:
     """Corners (4, 2) in the order of the truth; None if the marker was not found."""
     if name != "pupil":
         views = detect_markers(image, APRIL, camera(), [number], name).views

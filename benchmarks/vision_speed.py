@@ -7,6 +7,7 @@ One process and two, and the bundle adjustment of four cameras with 40 snapshots
 
 import sys
 import time
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -16,20 +17,20 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "vision_gt"))
 
-from vision_scenes import CameraRow, camera, camera_at, exact_network, random_robot  # noqa: E402
+from vision_scenes import CameraRow, camera, camera_at, exact_network, random_robot
 
-from data_samples.cameras import MARKER_FAMILY, robot_layout  # noqa: E402
-from data_samples.rendering import Optics, Scene, render  # noqa: E402
-from data_samples.rendering_objects import robot_sheets  # noqa: E402
-from vision_gt.markers import detect_markers  # noqa: E402
-from vision_gt.network_adjustment import Bar, KnownBody  # noqa: E402
-from vision_gt.network_solution import NetworkInput, solve_network  # noqa: E402
-from vision_gt.robot_pose import Sighting, robot_pose  # noqa: E402
+from data_samples.cameras import MARKER_FAMILY, robot_layout
+from data_samples.rendering import Image, Optics, Scene, render
+from data_samples.rendering_objects import robot_sheets
+from vision_gt.markers import detect_markers
+from vision_gt.network_adjustment import Bar, KnownBody
+from vision_gt.network_solution import NetworkInput, solve_network
+from vision_gt.robot_pose import Sighting, robot_pose
 
 T_CAMERA = camera_at(3.0)
 
 
-def photographs(count: int):
+def photographs(count: int) -> list[Image]:
     rng = np.random.default_rng(0)
     layout = robot_layout()
     images = []
@@ -39,19 +40,19 @@ def photographs(count: int):
     return images
 
 
-def ours(image) -> int:
+def ours(image: Image) -> int:
     cv2.setNumThreads(1)
     views = detect_markers(image, MARKER_FAMILY, camera()).views
     robot_pose([Sighting("1", views)], exact_network(T_CAMERA), robot_layout())
     return len(views)
 
 
-def stock(image) -> int:
+def stock(image: Image) -> int:
     cv2.setNumThreads(1)
     return len(detect_markers(image, MARKER_FAMILY, None, None, "subpix").views)
 
 
-def milliseconds(function, images, rounds: int = 3) -> float:
+def milliseconds(function: Callable[[Image], int], images: list[Image], rounds: int = 3) -> float:
     """Best time an image, over rounds."""
     function(images[0])
     times = []

@@ -32,8 +32,8 @@ def board_sheet(board: Board, T_world_board: RigidTransform) -> Sheet:
     bits, cell = board.cells()
     finer, margin = (_CHESS_CELLS, 1) if board.family is None else (1, 2)
     cell /= finer
-    grey = np.kron(np.where(bits > 0, PAPER, INK), np.ones((finer, finer)))
-    grey = np.asarray(np.pad(grey, margin, constant_values=PAPER), dtype=float)
+    squares = np.kron(np.where(bits > 0, PAPER, INK), np.ones((finer, finer)))
+    grey: Array = np.asarray(np.pad(squares, margin, constant_values=PAPER), dtype=float)
     corner = -(board.square + margin * cell)
     T_board_sheet = RigidTransform.from_translation([corner, corner, 0.0])
     return Sheet(grey, (cell, cell), T_world_board * T_board_sheet)

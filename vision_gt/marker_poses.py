@@ -11,6 +11,9 @@ from vision_gt.camera import Camera, project
 from vision_gt.markers import MarkerView
 from vision_gt.planar_pose import PlanarSolutions, planar_solutions
 
+_ENOUGH, _GOOD = 2, 25.0
+"""After so many markers, the largest first, a guess with this mean square is good enough."""
+
 
 def marker_corners(side: float) -> Array:
     """(4, 3) corners of a marker in its own frame, metres, in the order of detection.
@@ -82,7 +85,7 @@ def robot_candidates(
         Best first; the mean over all corners of the squared residual length, capped, so that a
         wrong marker does not decide.
     """
-    found = []
+    found: list[tuple[float, RigidTransform]] = []
     points = np.concatenate(
         [
             T_robot_marker[numbers.index(v.number)].apply(marker_corners(sides[v.number]))
@@ -90,15 +93,27 @@ def robot_candidates(
         ]
     )
     pixels = np.concatenate([view.corners for view in views])
-    for view in views:
-        solutions = marker_solutions(view, sides[view.number], camera)
+    largest_first = sorted(views, key=lambda view: -float(np.ptp(view.corners, axis=0).prod()))
+    for count, view in enumerate(largest_first):
+        if count >= _ENOUGH and found and min(found, key=_first)[0] < _GOOD:
+            break
+        solutions = planar_solutions(
+            marker_corners(sides[view.number]),
+            view.corners,
+            camera.parameters,
+            refine=len(views) < 2,
+        )
         if solutions is None:
             continue
         T_marker_robot = T_robot_marker[numbers.index(view.number)].inv()
         for T in solutions.T_camera_plane:
             T_camera_robot = T * T_marker_robot
             found.append((_misfit(T_camera_robot, points, pixels, camera), T_camera_robot))
-    return sorted(found, key=lambda pair: pair[0])
+    return sorted(found, key=_first)
+
+
+def _first(pair: tuple[float, RigidTransform]) -> float:
+    return pair[0]
 
 
 def _misfit(T: RigidTransform, points: Array, pixels: Array, camera: Camera) -> float:

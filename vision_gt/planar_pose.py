@@ -33,7 +33,9 @@ class PlanarSolutions:
         return self.T_camera_plane[0]
 
 
-def planar_solutions(points: Array, pixels: Array, parameters: Array) -> PlanarSolutions | None:
+def planar_solutions(
+    points: Array, pixels: Array, parameters: Array, *, refine: bool = True
+) -> PlanarSolutions | None:
     """Both poses of a flat thing; None if there is none in front of the camera.
 
     Parameters
@@ -44,12 +46,13 @@ def planar_solutions(points: Array, pixels: Array, parameters: Array) -> PlanarS
         Where they are seen.
     parameters : (9,) array
         Intrinsic parameters.
+    refine : bool
+        Whether to refine each solution by least squares on the pixels.
 
     Notes
     -----
-    Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109 (2014); then each
-    solution is refined by least squares on the pixels, so that each is a local minimum of the
-    reprojection error if it is one at all.
+    Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109 (2014). Refined,
+    each solution is a local minimum of the reprojection error if it is one at all.
     """
     directions = undistort(pixels, parameters)
     if not np.isfinite(directions).all():
@@ -69,9 +72,11 @@ def planar_solutions(points: Array, pixels: Array, parameters: Array) -> PlanarS
     for rotvec, t in zip(rotations, translations, strict=True):
         if not (np.isfinite(rotvec).all() and np.isfinite(t).all()) or t[2] <= 0:
             continue
-        refined, moved = cv2.solvePnPRefineLM(
-            points - centre, np.asarray(pixels, dtype=float), K, parameters[4:], rotvec, t
-        )
+        refined, moved = rotvec, t
+        if refine:
+            refined, moved = cv2.solvePnPRefineLM(
+                points - centre, np.asarray(pixels, dtype=float), K, parameters[4:], rotvec, t
+            )
         R = Rotation.from_rotvec(np.ravel(refined))
         T = RigidTransform.from_components(np.ravel(moved) - R.apply(centre), R)
         miss = project(T.apply(points), parameters) - pixels
