@@ -68,13 +68,16 @@ def fix_modes(records: Sequence[Fixes], posed: Array, max_gap: float) -> Figure:
     return figure
 
 
-def track_map(records: Sequence[Fixes], steps: Steps, path: VehiclePath, max_gap: float) -> Figure:
+def track_map(
+    records: Sequence[Fixes], steps: Steps, offsets: Offsets, path: VehiclePath, max_gap: float
+) -> Figure:
     """The drive from above: where all receivers are fixed together, and where they are not."""
     figure = Figure(figsize=(7, 5.5), layout="constrained")
     axes = figure.add_subplot()
     record = max(records, key=lambda one: np.ptp(one.times))
-    track = steps.frame.from_geodetic(record.geodetic)
     column = steps.receivers.index(record.receiver)
+    track = steps.frame.from_geodetic(record.geodetic)
+    track = track + offsets.offsets.within(steps.frame)[column]
     for kind in np.unique(record.kinds):
         rows = record.kinds == kind
         axes.plot(

@@ -80,11 +80,12 @@ def _coverage_blocks(outcome: RtkOutcome) -> list[Table | Figure | Text]:
         _figure(
             "rtk_map",
             "The drive from above: ground truth of the vehicle, and the fixes of one receiver "
-            "as recorded (without its offset).",
+            "with its offset added.",
             "Map of the drive in the local frame; gaps are listed in the table.",
             "track_map",
             outcome.records,
             outcome.steps,
+            outcome.offsets,
             outcome.path,
             gap,
         ),
