@@ -8,11 +8,11 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from validation.angles import Array
-from vision_gt.adjustment import Views
 from vision_gt.boards import Board
 from vision_gt.camera import Camera
 from vision_gt.network import BoardPose
 from vision_gt.planar_pose import planar_solutions
+from vision_gt.setups import Views
 
 STATED_SIGMA = 0.1
 """Pixels; what is assumed of board corners that come without a standard deviation."""

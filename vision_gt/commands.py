@@ -61,7 +61,8 @@ def solve(
     from validation.campaign import load_campaign
     from validation.files import write_files
     from validation.poses import to_csv
-    from vision_gt.solve import Choices, solve_campaign
+    from vision_gt.choices import Choices
+    from vision_gt.solve import solve_campaign
     from vision_gt.system import result_of, vision_facts
 
     loaded = load_campaign(campaign)

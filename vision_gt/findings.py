@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from validation.results import Finding, Severity
+from vision_gt.campaign_objects import placed
 from vision_gt.outcome import VisionOutcome
-from vision_gt.solve import placed
 from vision_gt.transforms import change_between
 
 SUBJECT = "vision"

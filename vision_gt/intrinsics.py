@@ -10,9 +10,10 @@ from scipy.spatial.transform import RigidTransform
 
 from validation.angles import Array
 from validation.errors import GtvalError
-from vision_gt.adjustment import CAMERA_UNKNOWNS, Adjustment, Knowledge, Setup, adjust
+from vision_gt.adjustment import Adjustment, Knowledge, adjust
 from vision_gt.board_views import BoardView, as_views, camera_pose_of_board
 from vision_gt.camera import PARAMETERS, Camera
+from vision_gt.setups import CAMERA_UNKNOWNS, Setup
 
 GRID = (8, 6)
 """Cells of the coverage report, across and down the image."""

@@ -10,18 +10,12 @@ from scipy.spatial.transform import RigidTransform
 
 from validation.angles import Array
 from validation.errors import GtvalError
-from vision_gt.adjustment import (
-    CAMERA_UNKNOWNS,
-    Adjustment,
-    Knowledge,
-    Setup,
-    adjust,
-    part_slots,
-)
+from vision_gt.adjustment import Adjustment, Knowledge, adjust
 from vision_gt.camera import Camera
 from vision_gt.marker_poses import best_start, marker_corners, marker_solutions, marker_views
 from vision_gt.markers import MarkerView
 from vision_gt.planar_pose import PlanarSolutions
+from vision_gt.setups import CAMERA_UNKNOWNS, Setup, part_slots
 from vision_gt.transforms import angle_between, mean_transform
 
 _CLEAR = 2.0

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from validation.angles import Array
-from vision_gt.adjustment import Views
 from vision_gt.camera import Camera, project
 from vision_gt.markers import MarkerView
 from vision_gt.planar_pose import PlanarSolutions, planar_solutions
+from vision_gt.setups import Views
 
 _ENOUGH, _GOOD = 2, 25.0
 """After so many markers, the largest first, a guess with this mean square is good enough."""

@@ -8,17 +8,10 @@ from scipy.spatial.transform import RigidTransform
 
 from validation.angles import Array
 from validation.errors import GtvalError
-from vision_gt.adjustment import (
-    CAMERA_UNKNOWNS,
-    Adjustment,
-    Knowledge,
-    Setup,
-    adjust,
-    camera_slots,
-    part_slots,
-)
+from vision_gt.adjustment import Adjustment, Knowledge, adjust
 from vision_gt.board_views import BoardView, as_views, camera_pose_of_board
 from vision_gt.camera import PARAMETERS, Camera
+from vision_gt.setups import CAMERA_UNKNOWNS, Setup, camera_slots, part_slots
 
 _LEAST_FACTOR = 0.05
 _POSE_NAMES = ("x", "y", "z", "rotation about x", "rotation about y", "rotation about z")

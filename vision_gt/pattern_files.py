@@ -1,9 +1,9 @@
 """All patterns that a campaign needs, as files to print."""
 
+from vision_gt.campaign_objects import made_board
 from vision_gt.dictionaries import Family
 from vision_gt.patterns import board_print, marker_print, pattern_bytes
 from vision_gt.settings import VisionSettings
-from vision_gt.solve import made_board
 
 
 def pattern_files(settings: VisionSettings, suffix: str) -> dict[str, str | bytes]:

@@ -8,21 +8,13 @@ from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
 from validation.angles import Array
-from vision_gt.adjustment import (
-    CAMERA_UNKNOWNS,
-    Adjustment,
-    Knowledge,
-    NotDeterminedError,
-    Setup,
-    adjust,
-    camera_slots,
-    linearise,
-)
+from vision_gt.adjustment import Adjustment, Knowledge, NotDeterminedError, adjust
 from vision_gt.camera import Camera
 from vision_gt.layout import Layout
 from vision_gt.marker_poses import marker_solutions, marker_views, robot_candidates
 from vision_gt.markers import MarkerView
 from vision_gt.network_adjustment import Network
+from vision_gt.setups import CAMERA_UNKNOWNS, Setup, camera_slots, linearise
 from vision_gt.transforms import (
     angle_between,
     change_between,

@@ -8,8 +8,8 @@ import numpy as np
 
 from validation.results import Figure, Section, Table, Text
 from vision_gt.camera import PARAMETERS
+from vision_gt.campaign_objects import placed
 from vision_gt.outcome import VisionOutcome
-from vision_gt.solve import placed
 from vision_gt.transforms import change_between
 
 if TYPE_CHECKING:

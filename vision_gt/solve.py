@@ -1,13 +1,12 @@
 """From a campaign folder to robot poses: everything that the vision system does, in order."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
-from validation.angles import Array
 from validation.campaign import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses import PoseTable
@@ -16,57 +15,26 @@ from vision_gt.board_views import BoardView
 from vision_gt.boards import Board
 from vision_gt.camera import Camera
 from vision_gt.camera_files import read_cameras
+from vision_gt.campaign_objects import known_reference, made_board, placed
+from vision_gt.choices import Choices
 from vision_gt.detection_jobs import BoardJob, Found, Job, MarkerJob, detect_all
 from vision_gt.dictionaries import Family
-from vision_gt.image_files import CampaignImages, campaign_images, read_image
+from vision_gt.image_files import CampaignImages, campaign_images
 from vision_gt.intrinsics import Calibration, calibrate
 from vision_gt.layout import Frame, Layout, LayoutFit, fit_layout
 from vision_gt.markers import Detection
-from vision_gt.network_adjustment import Bar, KnownBody, Network
+from vision_gt.network_adjustment import Bar, Network
 from vision_gt.network_solution import NetworkInput, NetworkSolution, solve_network
 from vision_gt.outcome import StopPose, VisionOutcome
+from vision_gt.pose_tables import chosen_pose, counting, pose_table, published_table
 from vision_gt.robot_pose import (
     Floor,
-    RobotPose,
     Sighting,
-    best_of,
-    joint_covariance,
     published_pose,
     robot_pose,
 )
-from vision_gt.settings import BoardSettings, Placement, VisionSettings
-from vision_gt.steadiness import Steadiness, board_move, image_move
-from vision_gt.transforms import mean_transform, planar_pose
-
-SYSTEM_NAME = "vision"
-PUBLISHED_NAME = "vision_as_published"
-
-
-@dataclass(frozen=True)
-class Choices:
-    """What the command line may change.
-
-    Parameters
-    ----------
-    workers : int, optional
-        Processes; one for each processor by default.
-    as_published, merge_cameras, on_floor : bool, optional
-        Instead of the campaign's settings.
-    """
-
-    workers: int | None = None
-    as_published: bool | None = None
-    merge_cameras: bool | None = None
-    on_floor: bool | None = None
-
-    def applied(self, settings: VisionSettings) -> VisionSettings:
-        """The settings with what was chosen here."""
-        chosen = {
-            name: value
-            for name in ("as_published", "merge_cameras", "on_floor")
-            if (value := getattr(self, name)) is not None
-        }
-        return settings.model_copy(update=chosen)
+from vision_gt.settings import VisionSettings
+from vision_gt.steadiness_run import camera_steadiness
 
 
 def solve_campaign(
@@ -93,27 +61,6 @@ def solve_campaign(
     run = _Run(campaign, settings, campaign_images(campaign.folder / settings.images), progress)
     run.workers = choices.workers
     return run.solve()
-
-
-def made_board(settings: BoardSettings) -> Board:
-    """The board that settings describe."""
-    family = Family(settings.family) if settings.family else None
-    return Board(settings.columns, settings.rows, settings.square, family, settings.first_id)
-
-
-def placed(settings: Placement) -> RigidTransform:
-    """The transform that settings describe."""
-    rotation = Rotation.from_matrix(np.array(settings.rotation))
-    return RigidTransform.from_components(np.array(settings.translation), rotation)
-
-
-def known_reference(settings: VisionSettings) -> KnownBody:
-    """Where the reference pattern lies, face up, and how well that is known."""
-    reference = settings.reference
-    lying = Rotation.from_rotvec([0, 0, reference.heading]) * Rotation.from_rotvec([np.pi, 0, 0])
-    place = [*reference.position, reference.height]
-    covariance = np.diag(np.square(reference.sigmas))
-    return KnownBody(RigidTransform.from_components(place, lying), covariance)
 
 
 class _Run:
@@ -154,9 +101,9 @@ class _Run:
             layout,
             stops,
             detections,
-            _pose_table(stops, solution.network, layout.layout),
+            pose_table(stops, solution.network, layout.layout),
             published,
-            self._steadiness(boards, by_name),
+            camera_steadiness(self.names, self.images, boards, by_name),
             tuple(self.oddities),
         )
 
@@ -439,7 +386,7 @@ class _Run:
         bound = Floor(floor.height, floor.tilt) if self.settings.on_floor else None
         names = dict.fromkeys(pose for images in self.images.poses.values() for pose in images)
         stops = []
-        for pose in sorted(names, key=_counting):
+        for pose in sorted(names, key=counting):
             sightings = [
                 Sighting(camera, detection.views)
                 for (camera, stop), detection in detections.items()
@@ -447,7 +394,7 @@ class _Run:
             ]
             single = {s.camera: robot_pose([s], network, layout, bound) for s in sightings}
             by_camera = {name: found for name, found in single.items() if found is not None}
-            chosen = _chosen(
+            chosen = chosen_pose(
                 sightings, by_camera, self.settings.merge_cameras, network, layout, bound
             )
             stops.append(StopPose(pose, by_camera, chosen))
@@ -481,85 +428,4 @@ class _Run:
                 )
                 if T is not None:
                     by_pose.setdefault(pose, []).append((name, T))
-        return _published_table(by_pose)
-
-    def _steadiness(
-        self, boards: Mapping[str, Sequence[BoardView]], cameras: Mapping[str, Camera]
-    ) -> tuple[Steadiness, ...]:
-        """A verdict on each camera with images of before and after."""
-        self.progress("steadiness of the cameras", 0.97)
-        seen = {
-            (view.camera, purpose): view
-            for purpose in ("before", "after")
-            for view in boards.get(purpose, ())
-        }
-        verdicts = []
-        for name in self.names:
-            if name not in self.images.before or name not in self.images.after:
-                continue
-            before, after = (
-                read_image(folder[name]) for folder in (self.images.before, self.images.after)
-            )
-            pair = [seen.get((name, purpose)) for purpose in ("before", "after")]
-            board = None
-            if pair[0] is not None and pair[1] is not None:
-                board = board_move(pair[0], pair[1], cameras[name])
-            verdicts.append(Steadiness(name, board, image_move(before, after), before, after))
-        return tuple(verdicts)
-
-
-def _counting(name: str) -> tuple[int, str]:
-    """Sort key by which '10' comes after '9'."""
-    return (int(name), "") if name.isdigit() else (1 << 60, name)
-
-
-def _chosen(
-    sightings: Sequence[Sighting],
-    by_camera: Mapping[str, RobotPose],
-    merge: bool,
-    network: Network,
-    layout: Layout,
-    floor: Floor | None,
-) -> RobotPose | None:
-    """The pose of a stop: all cameras merged, or the best camera's."""
-    if merge and len(by_camera) > 1:
-        merged = robot_pose(sightings, network, layout, floor)
-        return None if merged is None or merged.ambiguous else merged
-    best = best_of(by_camera)
-    return None if best is None else by_camera[best]
-
-
-def _pose_table(stops: Sequence[StopPose], network: Network, layout: Layout) -> PoseTable | None:
-    """The sure poses, with their joint covariance."""
-    known = [(stop.pose, stop.chosen) for stop in stops if stop.chosen is not None]
-    if not known:
-        return None
-    poses = [pose for _, pose in known]
-    planar = [pose.planar for pose in poses]
-    return PoseTable(
-        SYSTEM_NAME,
-        tuple(name for name, _ in known),
-        np.array([pose for pose, _ in planar]),
-        np.array([covariance for _, covariance in planar]),
-        sources=tuple("camera " + "+".join(pose.cameras) for pose in poses),
-        joint=joint_covariance(poses, network, layout),
-    )
-
-
-def _published_table(
-    by_pose: Mapping[str, Sequence[tuple[str, RigidTransform]]],
-) -> PoseTable | None:
-    """Poses the document's way; cameras that saw the same stop averaged as it did."""
-    if not by_pose:
-        return None
-    names = sorted(by_pose, key=_counting)
-    poses: list[Array] = [
-        planar_pose(mean_transform(RigidTransform.concatenate([T for _, T in by_pose[name]])))
-        for name in names
-    ]
-    return PoseTable(
-        PUBLISHED_NAME,
-        tuple(names),
-        np.array(poses),
-        sources=tuple("camera " + "+".join(c for c, _ in by_pose[name]) for name in names),
-    )
+        return published_table(by_pose)

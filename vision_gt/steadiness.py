@@ -9,9 +9,10 @@ from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
 from validation.angles import Array
-from vision_gt.adjustment import Knowledge, Setup, adjust
+from vision_gt.adjustment import Knowledge, adjust
 from vision_gt.board_views import BoardView, as_views, camera_pose_of_board
 from vision_gt.camera import Camera
+from vision_gt.setups import Setup
 from vision_gt.transforms import change_between
 
 Image = npt.NDArray[np.uint8]

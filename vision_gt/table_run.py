@@ -3,10 +3,10 @@
 from validation.campaign import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses import from_csv
+from vision_gt.campaign_objects import made_board
 from vision_gt.detection_jobs import BoardJob, detect_all
 from vision_gt.image_files import images_of_poses
 from vision_gt.settings import VisionSettings
-from vision_gt.solve import made_board
 from vision_gt.stored_network import read_network
 from vision_gt.table_check import TableReading, check_table
 
