@@ -188,8 +188,8 @@ def _buildings(generator: np.random.Generator, ground: Campus) -> Array:
             width, depth = generator.uniform(9, 16), generator.uniform(5, 9)
             back = edge + side * generator.uniform(0, 4)
             y = sorted([back, back + side * depth])
-            z = ground.height(np.array(x), np.array(back))
-            boxes.append([x, x + width, *y, float(z) - 8.0, float(z) + generator.uniform(5, 10)])
+            z = float(ground.height(np.array(x), np.array(back)))
+            boxes.append([x, x + width, *y, z - 8.0, z + generator.uniform(5, 10)])
             x += width + generator.uniform(4, 9)
     for end in (low[0] - 18.0, high[0] + 10.0):
         z = float(ground.height(np.array(end), np.array(0.0)))
