@@ -156,6 +156,7 @@ def _vision_table(truth: VisionTruth, rng: np.random.Generator) -> str:
         "",
         "[vision]",
         f"cameras = [{names}]",
+        "as_published = true  # also the document's way, for comparison",
         "",
         "[vision.board]  # for the intrinsic parameters",
         *_board_lines(CHESSBOARD.columns, CHESSBOARD.rows, CHESSBOARD.square),

@@ -131,8 +131,13 @@ def _sector(image: Image, board: Board, *, accurate: bool) -> Array | None:
     flags = cv2.CALIB_CB_NORMALIZE_IMAGE
     if accurate:
         flags |= cv2.CALIB_CB_ACCURACY
+    else:  # a start for the fit: half the size takes a quarter of the time
+        image = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     found, corners = cv2.findChessboardCornersSB(image, board.inner, flags=flags)
-    return np.array(corners, dtype=float).reshape(-1, 2) if found else None
+    if not found:
+        return None
+    pixels = np.array(corners, dtype=float).reshape(-1, 2)
+    return pixels if accurate else np.asarray(2 * pixels + 0.5)
 
 
 def _refined(image: Image, corners: Array, half: int) -> Array:

@@ -166,4 +166,4 @@ class VisionSettings(Settings):
     merge_cameras: bool = False
     averaged_network: bool = False
     detector: Literal["fitted", "classic", "sector"] = "fitted"
-    as_published: bool = True
+    as_published: bool = False

@@ -13,7 +13,7 @@ from data_samples.rooms import RoomSettings
 from data_samples.simulate import SimulationSettings, simulate_survey
 
 SMALL = VisionSettings(
-    cameras=2, calibration=6, snapshots=6, both=3, movie=12, blades=0.1, occlusions=0.1
+    cameras=2, calibration=5, snapshots=5, both=2, movie=10, blades=0.1, occlusions=0.1
 )
 
 

@@ -103,11 +103,17 @@ def expect_error(campaign, *words):
 
 
 def test_a_wrong_board_size_is_an_error(campaign):
+    vision = campaign / "vision"
+    for folder in ("network", "bar", "steadiness"):
+        shutil.rmtree(vision / folder)
+    for camera in (vision / "calibration").iterdir():
+        for path in sorted(camera.iterdir())[1:]:
+            path.unlink()
     toml = campaign / "campaign.toml"
     text = toml.read_text()
     board = text.index("[vision.board]")
     toml.write_text(text[:board] + text[board:].replace("columns = 10", "columns = 9", 1))
-    expect_error(campaign, "none of its 6 calibration images shows a board of 9 x 6 squares")
+    expect_error(campaign, "none of its 1 calibration images shows a board of 9 x 6 squares")
 
 
 def test_a_truncated_image_is_an_error_that_names_it(campaign):
