@@ -28,6 +28,7 @@ from vision_gt.network_solution import NetworkInput, solve_network
 from vision_gt.robot_pose import Sighting, robot_pose
 
 T_CAMERA = camera_at(3.0)
+NETWORK, LAYOUT = exact_network(T_CAMERA), robot_layout()
 
 
 def photographs(count: int) -> list[Image]:
@@ -43,7 +44,7 @@ def photographs(count: int) -> list[Image]:
 def ours(image: Image) -> int:
     cv2.setNumThreads(1)
     views = detect_markers(image, MARKER_FAMILY, camera()).views
-    robot_pose([Sighting("1", views)], exact_network(T_CAMERA), robot_layout())
+    robot_pose([Sighting("1", views)], NETWORK, LAYOUT)
     return len(views)
 
 

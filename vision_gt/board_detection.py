@@ -132,7 +132,8 @@ def _sector(image: Image, board: Board, *, accurate: bool) -> Array | None:
     if accurate:
         flags |= cv2.CALIB_CB_ACCURACY
     else:  # a start for the fit: half the size takes a quarter of the time
-        image = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        half = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        image = np.asarray(half, dtype=np.uint8)
     found, corners = cv2.findChessboardCornersSB(image, board.inner, flags=flags)
     if not found:
         return None
