@@ -31,15 +31,17 @@ class SurveySystem:
 
 def result_of(outcome: "SurveyOutcome") -> "SystemResult":
     """An outcome in the form that all systems share."""
+    from survey.entry.report import entry_report
     from survey.findings import survey_findings
     from survey.result_files import survey_files
     from survey.sections import survey_sections
     from validation.results import SystemResult
 
+    entered = entry_report(outcome.campaign)
     return SystemResult(
         tables=[outcome.poses] if outcome.poses is not None else [],
-        findings=survey_findings(outcome),
-        sections=survey_sections(outcome),
+        findings=[*survey_findings(outcome), *entered.findings],
+        sections=[*survey_sections(outcome), *entered.sections],
         files=survey_files(outcome),
         facts=survey_facts(outcome),
         landmarks=_landmarks(outcome),

@@ -86,7 +86,6 @@ class EntrySession:
         self.version = 0
         """Grows with every entry; a page asks for it to know whether it is up to date."""
         self._checks: RoomChecks | None = None
-        self._making_checks = threading.Lock()
 
     @classmethod
     def open(cls, campaign: Campaign, who: str = "", *, adopt: bool = False) -> Self:
@@ -133,12 +132,11 @@ class EntrySession:
     @property
     def checks(self) -> "RoomChecks":
         """What the readings say of the room; made, and numpy loaded, when first needed."""
-        with self._making_checks:
-            if self._checks is None:
-                from survey.entry.room_checks import RoomChecks  # noqa: PLC0415
+        if self._checks is None:
+            from survey.entry.room_checks import RoomChecks  # noqa: PLC0415
 
-                self._checks = RoomChecks(self.campaign.settings, self.survey, self.state)
-            return self._checks
+            self._checks = RoomChecks(self.campaign.settings, self.survey, self.state)
+        return self._checks
 
     def prepare(self) -> None:
         """Load what the checks need, in the background, while nobody types yet."""
@@ -348,8 +346,12 @@ class EntrySession:
         if self.settings.second == "type":
             return lambda a, b: abs(a - b) < half_step
 
+        stated = self.survey.reading_sigma
+
         def agree(a: float, b: float) -> bool:
-            sigma = self.checks.sigma(max(a, b))
+            from survey.instrument import reading_sigma  # noqa: PLC0415  (numpy)
+
+            sigma = float(reading_sigma(instrument, max(a, b))) if stated is None else stated
             return instrument.scale * abs(a - b) <= AGREEMENT * 2**0.5 * sigma + half_step
 
         return agree

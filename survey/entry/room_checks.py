@@ -129,10 +129,6 @@ class RoomChecks:
             found = replace(found, other_ends=others)
         return found
 
-    def sigma(self, metres: float) -> float:
-        """Standard deviation of a reading."""
-        return self.knowledge.sigma(metres)
-
     def doubtful(self, pairs: Iterable[Pair]) -> list[int]:
         """Doubtful readings of some pairs, not kept, in the order entered."""
         wanted = set(pairs)

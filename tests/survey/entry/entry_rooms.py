@@ -86,7 +86,7 @@ def enter_all(session: EntrySession, room: EntryRoom, most: int = 10**6) -> int:
         if shown is None:
             session.skip(target, "not seen", ANN)
             continue
-        session.record(target, shown, ANN)
+        session.record(target, shown, ANN, again=bool(session.state.counting(target.pair)))
         count += 1
     return count
 
@@ -96,5 +96,6 @@ def until(session: EntrySession, room: EntryRoom, where: str) -> Target:
     wanted = session.guide.target(where)
     while (target := session.guide.next_target(ANN)) != wanted:
         assert target is not None
+        assert not session.state.counting(target.pair)
         session.record(target, room.shown[target.pair], ANN)
     return wanted

@@ -220,7 +220,7 @@ def test_a_second_measurement_from_the_other_end_counts_too(copy):
     session = copy.open()
     target = session.guide.next_target(BOB_BLIND)
     shown = copy.shown[target.pair]
-    assert target.end in session.guide.names.vframe
+    assert target.start in session.guide.names.world
     answer = session.record(target, f"{float(shown) + 0.003:.3f}", BOB_BLIND)
     assert answer.outcome == "agrees"
     assert len(session.state.counting(target.pair)) == 2
@@ -255,7 +255,7 @@ def test_the_second_entry_is_for_the_other_person(copy):
 def test_readings_from_before_are_taken_over_with_their_notes(copy):
     before = rows(copy)
     copy.journal.unlink()
-    text = copy.readings.read_text().replace(",,2\n", ',yes,"a, note",2\n', 1)
+    text = copy.readings.read_text().replace(",,,2\n", ',yes,"a, note",2\n', 1)
     copy.readings.write_text(text)
     session = copy.open()
     assert len(session.state.rows_of_file()) == len(before)
