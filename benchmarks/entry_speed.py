@@ -29,7 +29,7 @@ from validation.files import write_files
 
 READINGS = 5000
 TIMED = 300
-STOPS = 108
+STOPS = 120
 ROUNDS = 9
 GTVAL = str(Path(sys.executable).with_name("gtval"))
 ANN = Person("ann")

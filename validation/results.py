@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from validation.poses import PoseTable
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
+
+    from validation.poses import PoseTable
 
 Severity = Literal["good", "note", "warning", "error"]
 
@@ -129,7 +129,7 @@ class SystemResult:
         Named points of the room map, in the GTV frame.
     """
 
-    tables: Sequence[PoseTable] = ()
+    tables: "Sequence[PoseTable]" = ()
     findings: Sequence[Finding] = ()
     sections: Sequence[Section] = ()
     files: Mapping[str, str | bytes] = field(default_factory=dict)

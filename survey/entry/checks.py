@@ -6,7 +6,7 @@ from typing import Literal
 
 from survey.entry.judgement import LIMIT
 from survey.entry.knowledge import Judged, RoomKnowledge
-from survey.entry.numbers import TypedDistance, plain
+from survey.entry.numbers import TypedDistance
 from survey.entry.prediction import Prediction
 from survey.entry.slips import Hypothesis, fitting_originals, shown_decimals
 from validation.campaign import Instrument
@@ -151,10 +151,3 @@ def suspects_of(judged: Iterable[Judged]) -> tuple[int, ...]:
     return tuple(
         dict.fromkeys(number for one in judged for number in one.entries_of(one.judgement.suspects))
     )
-
-
-def advice(found: Verdict) -> str:
-    """What to do about a doubtful reading, hypotheses named as such."""
-    parts = [f"would fit {plain(h.metres)} ({h.slip})" for h in found.hypotheses]
-    parts += [f"would fit world point {name}" for name in found.other_ends]
-    return "; ".join(parts)

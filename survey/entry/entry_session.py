@@ -31,6 +31,10 @@ AGREEMENT = 3.29
 """Two people disagree if their measurements differ by more standard deviations than this."""
 
 
+PREPARE_AFTER = 0.2
+"""Seconds."""
+
+
 @dataclass(frozen=True)
 class Answer:
     """What became of a number that was entered.
@@ -139,8 +143,13 @@ class EntrySession:
         return self._checks
 
     def prepare(self) -> None:
-        """Load what the checks need, in the background, while nobody types yet."""
-        threading.Thread(target=_load_checks, daemon=True).start()
+        """Load what the checks need, in the background, while nobody types yet.
+
+        A moment later, so that it does not hold up the first question.
+        """
+        loading = threading.Timer(PREPARE_AFTER, _load_checks)
+        loading.daemon = True
+        loading.start()
 
     # -- what there is to look at -----------------------------------------------------------
 
@@ -382,6 +391,8 @@ class EntrySession:
     def _take_over(self, *, adopt: bool) -> None:
         """Bring journal and readings file together."""
         file = self.readings_file
+        if file.is_current(self.state):
+            return
         changes = file.changes_by_hand(self.state)
         if changes is not None:
             if self.state.pairs and not adopt:

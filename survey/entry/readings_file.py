@@ -28,13 +28,21 @@ class ReadingsFile:
         self.problem = ""
         self._size = -1
 
+    def is_current(self, state: EntryState) -> bool:
+        """Whether it is there and as the journal says."""
+        text = csv_text(state).encode()
+        if not self.path.exists() or self.path.read_bytes() != text:
+            return False
+        self._size = len(text)
+        return True
+
     def changes_by_hand(self, state: EntryState) -> HandChanges | None:
         """How a person changed the file; None where nobody did."""
         return hand_changes(self.path, state, state.agree)
 
     def write(self, state: EntryState) -> None:
         """Write it anew, whole or not at all."""
-        self._try(lambda: self._replace(state))
+        self._try(lambda: self._replace(csv_text(state).encode()))
 
     def follow(self, entry: Entry, state: EntryState) -> None:
         """Take one more entry into account."""
@@ -62,8 +70,7 @@ class ReadingsFile:
         else:
             self.problem = ""
 
-    def _replace(self, state: EntryState) -> None:
-        text = csv_text(state).encode()
+    def _replace(self, text: bytes) -> None:
         write_files(self.path.parent, {self.path.name: text})
         self._size = len(text)
 

@@ -1,11 +1,15 @@
 """What both front ends say, in the same words."""
 
-from survey.entry.checks import advice
+from typing import TYPE_CHECKING
+
 from survey.entry.entry_session import Answer, EntrySession
 from survey.entry.guide import Progress
 from survey.entry.numbers import plain
 from survey.entry.state import Pair
 from survey.entry.targets import Target
+
+if TYPE_CHECKING:
+    from survey.entry.checks import Verdict
 
 COMMANDS = (
     ("5.378", "the distance, in metres or millimetres; comma or point"),
@@ -48,6 +52,13 @@ def answer_lines(entry_session: EntrySession, answer: Answer) -> list[str]:
     if others:
         lines.append(f"one of these may be wrong: {readings_text(entry_session, others)}")
     return lines
+
+
+def advice(found: "Verdict") -> str:
+    """What a doubtful reading may have been, hypotheses named as such."""
+    parts = [f"would fit {plain(h.metres)} ({h.slip})" for h in found.hypotheses]
+    parts += [f"would fit world point {name}" for name in found.other_ends]
+    return "; ".join(parts)
 
 
 def readings_text(entry_session: EntrySession, numbers: list[int], most: int = 6) -> str:
