@@ -74,17 +74,17 @@ def fill(folder: Path, shown: dict[frozenset[str], str]) -> None:
 
 def acknowledged(folder: Path, shown: dict[frozenset[str], str]) -> list[float]:
     """Seconds from a number to its answer, one after the other."""
-    session = EntrySession.open(load_campaign(folder))
+    entry_session = EntrySession.open(load_campaign(folder))
     taken = []
-    while len(taken) < TIMED and (target := session.guide.next_target(ANN)):
+    while len(taken) < TIMED and (target := entry_session.guide.next_target(ANN)):
         if target.pair not in shown:
-            session.skip(target, "not seen", ANN)
+            entry_session.skip(target, "not seen", ANN)
             continue
         started = time.perf_counter()
-        session.record(target, shown[target.pair], ANN)
-        session.guide.next_target(ANN)
+        entry_session.record(target, shown[target.pair], ANN)
+        entry_session.guide.next_target(ANN)
         taken.append(time.perf_counter() - started)
-    session.close()
+    entry_session.close()
     return taken
 
 

@@ -96,7 +96,7 @@ def _unslipped(typed: TypedDistance, decimals: int) -> Iterator[tuple[str, int]]
         yield exchanged, int(shown[:i] + shown[i + 1] + shown[i] + shown[i + 2 :])
     for text in {digits, shown.lstrip("0")}:
         for i in range(len(text) + 1):
-            for new in "0123456789":
+            for new in "0123456789"[i == 0 :]:  # a zero in front changes nothing
                 yield left_out, int(text[:i] + new + text[i:])
     for i in range(len(digits) - 1):
         if digits[i] == digits[i + 1]:

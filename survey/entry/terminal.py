@@ -138,9 +138,9 @@ class TerminalEntry:
     # -- actions ----------------------------------------------------------------------------
 
     def _record(self, target: Target, text: str, *, again: bool) -> None:
-        session = self._session
+        entry_session = self._session
         again = again or self._is_second_look(target)
-        answer = session.record(target, text, self._person, again=again)
+        answer = entry_session.record(target, text, self._person, again=again)
         if answer.outcome == "refused":
             raise GtvalError(answer.text)
         self._again = None
@@ -274,21 +274,24 @@ class TerminalEntry:
             )
 
     def _welcome(self) -> None:
-        session = self._session
-        if session.journal.recovered_bytes:
+        entry_session = self._session
+        if entry_session.journal.recovered_bytes:
             self._say("An unfinished last line of the journal was cut off.", "yellow")
-        self._say(f"{session.campaign.settings.name}: {progress_text(session.guide.progress())}")
+        name = entry_session.campaign.settings.name
+        self._say(f"{name}: {progress_text(entry_session.guide.progress())}")
         role = "blind second entry" if self._person.second else "at the laser"
         self._say(f"{self._person.name or 'nobody named'}, {role}. ? lists the commands.")
 
     def _goodbye(self) -> None:
-        session = self._session
-        self._say(progress_text(session.guide.progress()))
-        if self._person.second or not session.state.pairs:
+        entry_session = self._session
+        self._say(progress_text(entry_session.guide.progress()))
+        if self._person.second or not entry_session.state.pairs:
             return
-        numbers = session.doubtful()
+        numbers = entry_session.doubtful()
         if numbers:
-            self._say(f"{len(numbers)} doubtful: {readings_text(session, numbers)}", "bold red")
+            self._say(
+                f"{len(numbers)} doubtful: {readings_text(entry_session, numbers)}", "bold red"
+            )
 
     def _say(self, text: str, style: str = "") -> None:
         """One line, as it is: nothing in it is taken as markup."""

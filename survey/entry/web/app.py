@@ -165,36 +165,36 @@ class EntryApp:
 
     def _actions(self, said: dict[str, Any], person: Person) -> dict[str, Callable[[], str]]:
         """What each action does, with the sentence that says it was done."""
-        session = self._session
+        entry_session = self._session
         number = int(number_field(said, "number", 1e9))
         text = text_field(said, "text")
 
         def undo() -> str:
-            undone = session.undo(person)
+            undone = entry_session.undo(person)
             if undone is None:
                 return "there is nothing to undo"
             return f"undone: {undone.kind} {undone.start}–{undone.end}"
 
         def keep() -> str:
-            session.keep(number, person)
+            entry_session.keep(number, person)
             return "kept"
 
         def note() -> str:
-            session.note(number, text, person)
+            entry_session.note(number, text, person)
             return "noted"
 
         def skip() -> str:
             target = Target(text_field(said, "from"), text_field(said, "to"))
-            session.skip(target, text, person)
+            entry_session.skip(target, text, person)
             return f"skipped: {target.start}–{target.end}"
 
         def jump() -> str:
-            target = session.guide.target(text)
-            session.jump(target, person)
+            target = entry_session.guide.target(text)
+            entry_session.jump(target, person)
             return f"going on with {target.start}–{target.end}"
 
         def stop() -> str:
-            target = session.begin_stop(text, person)
+            target = entry_session.begin_stop(text, person)
             return f"going on with {target.start}–{target.end}"
 
         return {

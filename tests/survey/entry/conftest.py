@@ -8,7 +8,7 @@ def room(tmp_path) -> EntryRoom:
 
 
 @pytest.fixture
-def session(room):
+def entry_session(room):
     opened = room.open()
     yield opened
     opened.close()

@@ -78,24 +78,26 @@ def copy_of(room: EntryRoom, folder: Path) -> EntryRoom:
     return EntryRoom(folder, room.shown)
 
 
-def enter_all(session: EntrySession, room: EntryRoom, most: int = 10**6) -> int:
+def enter_all(entry_session: EntrySession, room: EntryRoom, most: int = 10**6) -> int:
     """Enter what the instrument shows, target by target; how many readings."""
     count = 0
-    while count < most and (target := session.guide.next_target(ANN)) is not None:
+    while count < most and (target := entry_session.guide.next_target(ANN)) is not None:
         shown = room.shown.get(target.pair)
         if shown is None:
-            session.skip(target, "not seen", ANN)
+            entry_session.skip(target, "not seen", ANN)
             continue
-        session.record(target, shown, ANN, again=bool(session.state.counting(target.pair)))
+        entry_session.record(
+            target, shown, ANN, again=bool(entry_session.state.counting(target.pair))
+        )
         count += 1
     return count
 
 
-def until(session: EntrySession, room: EntryRoom, where: str) -> Target:
+def until(entry_session: EntrySession, room: EntryRoom, where: str) -> Target:
     """Enter readings until a target is next."""
-    wanted = session.guide.target(where)
-    while (target := session.guide.next_target(ANN)) != wanted:
+    wanted = entry_session.guide.target(where)
+    while (target := entry_session.guide.next_target(ANN)) != wanted:
         assert target is not None
-        assert not session.state.counting(target.pair)
-        session.record(target, room.shown[target.pair], ANN)
+        assert not entry_session.state.counting(target.pair)
+        entry_session.record(target, room.shown[target.pair], ANN)
     return wanted

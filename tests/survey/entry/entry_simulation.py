@@ -83,21 +83,21 @@ class Typist:
 
     def __init__(self, room: EntryRoom, rng: np.random.Generator, rate: float) -> None:
         self.room, self.rng, self.rate = room, rng, rate
-        self.session: EntrySession = room.open()
+        self.entry_session: EntrySession = room.open()
         self.tally = Tally()
         self.wrong: dict[int, float] = {}
 
     def run(self) -> Tally:
-        while (target := self.session.guide.next_target(ANN)) is not None:
+        while (target := self.entry_session.guide.next_target(ANN)) is not None:
             if target.pair not in self.room.shown:
-                self.session.skip(target, "not seen", ANN)
+                self.entry_session.skip(target, "not seen", ANN)
                 continue
-            again = bool(self.session.state.counting(target.pair))
+            again = bool(self.entry_session.state.counting(target.pair))
             answer = self.type(target, again=again)
             if again and answer.needs_a_look and answer.outcome == "recorded":
-                self.session.keep(answer.entry.number, ANN)
+                self.entry_session.keep(answer.entry.number, ANN)
         self.tally.left = self.left()
-        self.session.close()
+        self.entry_session.close()
         return self.tally
 
     def type(self, target: Target, *, again: bool) -> Answer:
@@ -110,8 +110,8 @@ class Typist:
         suspects = answer.verdict.suspects if answer.verdict else ()
         here = (answer.entry.number,) if answer.verdict.status == "doubtful" else ()
         for number in dict.fromkeys((*here, *suspects[:4])):
-            entry = self.session.state.entries[number]
-            if number not in self.session.state.counting(entry.pair):
+            entry = self.entry_session.state.entries[number]
+            if number not in self.entry_session.state.counting(entry.pair):
                 continue
             second = Target(entry.start, entry.end)
             self.once(second, again=True, in_answer=True)
@@ -124,11 +124,11 @@ class Typist:
         text = draw_mistyped(shown, self.rng) if wrong else shown
         earlier, first = self.readings_before(target)
         clean = not self.wrong_around(target)
-        answer = self.session.record(target, text, ANN, again=again)
+        answer = self.entry_session.record(target, text, ANN, again=again)
         if wrong:
             size = np.inf
             if answer.entry.metres is not None:
-                size = parse_distance(text, self.session.campaign.settings.instrument).metres
+                size = parse_distance(text, self.entry_session.campaign.settings.instrument).metres
                 size -= float(shown)
             if abs(size) < 1e-9:
                 return answer
@@ -143,23 +143,23 @@ class Typist:
         return answer
 
     def live_wrong(self) -> dict[int, float]:
-        state = self.session.state
+        state = self.entry_session.state
         return {
             n: size for n, size in self.wrong.items() if n in state.counting(state.entries[n].pair)
         }
 
     def wrong_around(self, target: Target) -> bool:
         """Whether a wrong reading is among those that a target is checked with."""
-        key = self.session.checks.knowledge.group_key(target.pair)
+        key = self.entry_session.checks.knowledge.group_key(target.pair)
         keys = {
-            self.session.checks.knowledge.group_key(self.session.state.entries[n].pair)
+            self.entry_session.checks.knowledge.group_key(self.entry_session.state.entries[n].pair)
             for n in self.live_wrong()
         }
         worlds = {name for name in keys if not name.endswith("/")}
         return key in keys or (key.endswith("/") and bool(worlds))
 
     def readings_before(self, target: Target) -> tuple[int, bool]:
-        knowledge, state = self.session.checks.knowledge, self.session.state
+        knowledge, state = self.entry_session.checks.knowledge, self.entry_session.state
         key = knowledge.group_key(target.pair)
         own = [p for p in state.pairs if knowledge.group_key(p) == key and state.counting(p)]
         others = [p for p in own if p != target.pair]
@@ -174,7 +174,7 @@ class Typist:
         from survey.settings import SurveySettings
         from survey.solve import solve_survey
 
-        campaign = self.session.campaign
+        campaign = self.entry_session.campaign
         settings = campaign.section("survey", SurveySettings)
         file = load_readings(campaign, settings)
         assert file is not None
@@ -185,7 +185,7 @@ class Typist:
             for suspicion in solution.suspicions
             for i in suspicion.candidates
         }
-        state = self.session.state
+        state = self.entry_session.state
         return [(size, state.entries[n].pair in named) for n, size in remaining.items()]
 
 

@@ -52,9 +52,9 @@ def browsers():
 def measured_room(tmp_path_factory):
     """A room whose world points are measured; the first mark is next."""
     room = entry_room(seed=3, stops=2, folder=tmp_path_factory.mktemp("web") / "room")
-    session = room.open()
-    enter_all(session, room, 70)
-    session.close()
+    entry_session = room.open()
+    enter_all(entry_session, room, 70)
+    entry_session.close()
     return room
 
 
@@ -115,8 +115,8 @@ def picture(browser, name):
 
 def recorded(room):
     """Pairs of the readings in the journal, in their order."""
-    session = EntrySession.look(load_campaign(room.folder))
-    return [e.pair for e in session.journal.entries if e.kind == "reading"]
+    entry_session = EntrySession.look(load_campaign(room.folder))
+    return [e.pair for e in entry_session.journal.entries if e.kind == "reading"]
 
 
 def test_a_whole_stop_is_entered_with_the_link_lost_in_the_middle(browsers, served):

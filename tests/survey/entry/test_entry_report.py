@@ -27,20 +27,20 @@ def test_without_a_journal_there_is_nothing_to_say(room):
 @pytest.fixture
 def entered(room):
     """A room entered by two people, with a slip corrected, one left, and double entries."""
-    session = room.open()
-    target = until(session, room, "1/O 9")
-    session.record(target, "1.234", ANN)
-    session.record(target, room.shown[target.pair], ANN, again=True)
-    session.skip(session.guide.target("1/Y 3"), "behind the heater", ANN)
-    enter_all(session, room)
-    left = session.guide.target("1/X 5")
-    session.record(left, f"{float(room.shown[left.pair]) + 0.1:.3f}", BOB, again=True)
-    session.jump(session.guide.target("X 1"), ANN)
-    while (target := session.guide.next_target(BOB_BLIND)).end == "X":
-        session.record(target, room.shown[target.pair], BOB_BLIND)
-    wrong = session.guide.next_target(BOB_BLIND)
-    session.record(wrong, "19.000", BOB_BLIND)
-    session.close()
+    entry_session = room.open()
+    target = until(entry_session, room, "1/O 9")
+    entry_session.record(target, "1.234", ANN)
+    entry_session.record(target, room.shown[target.pair], ANN, again=True)
+    entry_session.skip(entry_session.guide.target("1/Y 3"), "behind the heater", ANN)
+    enter_all(entry_session, room)
+    left = entry_session.guide.target("1/X 5")
+    entry_session.record(left, f"{float(room.shown[left.pair]) + 0.1:.3f}", BOB, again=True)
+    entry_session.jump(entry_session.guide.target("X 1"), ANN)
+    while (target := entry_session.guide.next_target(BOB_BLIND)).end == "X":
+        entry_session.record(target, room.shown[target.pair], BOB_BLIND)
+    wrong = entry_session.guide.next_target(BOB_BLIND)
+    entry_session.record(wrong, "19.000", BOB_BLIND)
+    entry_session.close()
     return room
 
 

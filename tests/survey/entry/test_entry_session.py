@@ -19,9 +19,9 @@ BOB_BLIND = Person("bob", second=True)
 def measured(tmp_path_factory) -> EntryRoom:
     """A room in which all was entered."""
     room = entry_room(2, 1, tmp_path_factory.mktemp("measured") / "room")
-    session = room.open()
-    enter_all(session, room)
-    session.close()
+    entry_session = room.open()
+    enter_all(entry_session, room)
+    entry_session.close()
     return room
 
 
@@ -36,13 +36,13 @@ def rows(room):
     return room.readings.read_text().splitlines()[1:]
 
 
-def test_the_plan_is_frame_then_world_points_then_stops(session):
-    order = [station.name for station in session.guide.plan]
+def test_the_plan_is_frame_then_world_points_then_stops(entry_session):
+    order = [station.name for station in entry_session.guide.plan]
     assert order == ["O", "X", "Y", "XY", "1/O", "1/X", "1/Y"]
-    first = [t.end for t in session.guide.plan[0].targets]
+    first = [t.end for t in entry_session.guide.plan[0].targets]
     assert first[:4] == ["X", "Y", "XY", "1"]
     # The first three world points of a mark lie all around the room.
-    assert [t.end for t in session.guide.plan[4].targets][:5] == ["1", "6", "11", "2", "3"]
+    assert [t.end for t in entry_session.guide.plan[4].targets][:5] == ["1", "6", "11", "2", "3"]
 
 
 def test_a_whole_campaign_solves_to_its_true_poses(measured):
@@ -73,183 +73,189 @@ def test_a_jump_is_remembered(room):
     again.close()
 
 
-def test_a_slip_is_doubtful_and_comes_back_before_the_laser_is_moved(session, room):
-    target = until(session, room, "1/O 9")
+def test_a_slip_is_doubtful_and_comes_back_before_the_laser_is_moved(entry_session, room):
+    target = until(entry_session, room, "1/O 9")
     shown = room.shown[target.pair]
-    answer = session.record(target, f"{float(shown) + 0.09:.3f}", ANN)
+    answer = entry_session.record(target, f"{float(shown) + 0.09:.3f}", ANN)
     assert answer.verdict.status == "doubtful"
     assert answer.verdict.suspects == (answer.entry.number,)
-    while (following := session.guide.next_target(ANN)) != target:
+    while (following := entry_session.guide.next_target(ANN)) != target:
         assert following.start == "1/O"
-        session.record(following, room.shown[following.pair], ANN)
-    fixed = session.record(target, shown, ANN, again=True)
+        entry_session.record(following, room.shown[following.pair], ANN)
+    fixed = entry_session.record(target, shown, ANN, again=True)
     assert fixed.verdict.status == "fits"
-    assert session.doubtful() == []
-    assert session.guide.next_target(ANN).start == "1/X"
+    assert entry_session.doubtful() == []
+    assert entry_session.guide.next_target(ANN).start == "1/X"
     # Everything that was ever entered is still in the journal.
-    assert [e.text for e in session.journal.entries if e.pair == target.pair] == [
+    assert [e.text for e in entry_session.journal.entries if e.pair == target.pair] == [
         f"{float(shown) + 0.09:.3f}",
         shown,
     ]
 
 
-def test_a_kept_reading_is_doubtful_no_longer(session, room):
-    target = until(session, room, "1/O 9")
+def test_a_kept_reading_is_doubtful_no_longer(entry_session, room):
+    target = until(entry_session, room, "1/O 9")
     wrong = f"{float(room.shown[target.pair]) + 0.09:.3f}"
-    answer = session.record(target, wrong, ANN)
-    session.keep(answer.entry.number, ANN)
-    assert session.doubtful() == []
+    answer = entry_session.record(target, wrong, ANN)
+    entry_session.keep(answer.entry.number, ANN)
+    assert entry_session.doubtful() == []
 
 
-def test_exchanged_digits_are_suggested_and_never_applied(session, room):
-    target = until(session, room, "1/O 9")
+def test_exchanged_digits_are_suggested_and_never_applied(entry_session, room):
+    target = until(entry_session, room, "1/O 9")
     shown = room.shown[target.pair]
     typed = shown[:2] + shown[3] + shown[2] + shown[4:]
-    answer = session.record(target, typed, ANN)
+    answer = entry_session.record(target, typed, ANN)
     assert float(shown) in [h.metres for h in answer.verdict.hypotheses]
     assert answer.entry.metres == float(typed)
     assert typed in room.readings.read_text()
 
 
-def test_the_reading_of_a_neighbour_is_recognised(session, room):
-    target = until(session, room, "1/O 9")
-    answer = session.record(target, room.shown[frozenset(("1/O", "10"))], ANN)
+def test_the_reading_of_a_neighbour_is_recognised(entry_session, room):
+    target = until(entry_session, room, "1/O 9")
+    answer = entry_session.record(target, room.shown[frozenset(("1/O", "10"))], ANN)
     assert "10" in answer.verdict.other_ends
 
 
-def test_a_wrong_first_reading_of_a_world_point_is_found_by_the_third_at_the_latest(session, room):
-    target = session.guide.target("O 14")
-    session.record(target, "21.600", ANN)
-    session.record(session.guide.target("X 14"), room.shown[frozenset(("X", "14"))], ANN)
-    last = session.record(session.guide.target("Y 14"), room.shown[frozenset(("Y", "14"))], ANN)
-    number = session.state.counting(target.pair)[0]
+def test_a_wrong_first_reading_of_a_world_point_is_found_by_the_third_at_the_latest(
+    entry_session, room
+):
+    target = entry_session.guide.target("O 14")
+    entry_session.record(target, "21.600", ANN)
+    entry_session.record(
+        entry_session.guide.target("X 14"), room.shown[frozenset(("X", "14"))], ANN
+    )
+    last = entry_session.record(
+        entry_session.guide.target("Y 14"), room.shown[frozenset(("Y", "14"))], ANN
+    )
+    number = entry_session.state.counting(target.pair)[0]
     assert number in last.verdict.suspects
-    assert number in session.doubtful()
+    assert number in entry_session.doubtful()
 
 
-def test_a_stop_is_good_enough_before_all_of_it_is_read(session, room):
-    until(session, room, "1/Y 1")
+def test_a_stop_is_good_enough_before_all_of_it_is_read(entry_session, room):
+    until(entry_session, room, "1/Y 1")
     enough_at = None
-    for target in session.guide.plan[-1].targets:
-        session.record(target, room.shown[target.pair], ANN)
-        status = session.status(target)
+    for target in entry_session.guide.plan[-1].targets:
+        entry_session.record(target, room.shown[target.pair], ANN)
+        status = entry_session.status(target)
         if status.good_enough and enough_at is None:
             enough_at = status.readings
     assert enough_at is not None
     assert enough_at < 48
-    assert max(session.status(target).sigmas[:2]) <= session.settings.pose_sigma
-    assert 0.6 < session.status(target).m0 < 1.4
+    assert max(entry_session.status(target).sigmas[:2]) <= entry_session.settings.pose_sigma
+    assert 0.6 < entry_session.status(target).m0 < 1.4
 
 
-def test_an_undone_reading_is_next_again_and_gone_from_the_file(session, room):
-    target = until(session, room, "O 4")
-    session.record(target, room.shown[target.pair], ANN)
+def test_an_undone_reading_is_next_again_and_gone_from_the_file(entry_session, room):
+    target = until(entry_session, room, "O 4")
+    entry_session.record(target, room.shown[target.pair], ANN)
     before = len(rows(room))
-    session.undo(ANN)
-    assert session.guide.next_target(ANN) == target
+    entry_session.undo(ANN)
+    assert entry_session.guide.next_target(ANN) == target
     assert len(rows(room)) == before - 1
 
 
-def test_one_more_reading_of_a_pair_is_set_aside_and_counts_once_it_is_kept(session, room):
-    target = session.guide.target("O X")
-    session.record(target, "2.500", ANN)
-    again = session.record(target, "2.501", BOB)
+def test_one_more_reading_of_a_pair_is_set_aside_and_counts_once_it_is_kept(entry_session, room):
+    target = entry_session.guide.target("O X")
+    entry_session.record(target, "2.500", ANN)
+    again = entry_session.record(target, "2.501", BOB)
     assert again.outcome == "set aside"
     assert len(rows(room)) == 1
-    session.keep(again.entry.number, BOB)
+    entry_session.keep(again.entry.number, BOB)
     assert len(rows(room)) == 2
 
 
-def test_the_same_entry_sent_twice_is_recorded_once(session, room):
-    target = session.guide.target("O X")
-    first = session.record(target, "2.500", ANN, entry_id="a1")
-    again = session.record(target, "2.500", ANN, entry_id="a1")
+def test_the_same_entry_sent_twice_is_recorded_once(entry_session, room):
+    target = entry_session.guide.target("O X")
+    first = entry_session.record(target, "2.500", ANN, entry_id="a1")
+    again = entry_session.record(target, "2.500", ANN, entry_id="a1")
     assert (again.outcome, again.entry) == ("repeated", first.entry)
     assert len(rows(room)) == 1
 
 
-def test_what_is_no_distance_is_noted_but_no_reading(session):
-    target = session.guide.target("O X")
-    answer = session.record(target, "abc", ANN)
+def test_what_is_no_distance_is_noted_but_no_reading(entry_session):
+    target = entry_session.guide.target("O X")
+    answer = entry_session.record(target, "abc", ANN)
     assert answer.outcome == "refused"
-    assert session.journal.entries[-1].text == "abc"
-    assert session.guide.next_target(ANN) == target
+    assert entry_session.journal.entries[-1].text == "abc"
+    assert entry_session.guide.next_target(ANN) == target
 
 
-def test_pairs_that_are_not_in_the_survey_are_refused(session):
-    target = session.guide.target("O X")
+def test_pairs_that_are_not_in_the_survey_are_refused(entry_session):
+    target = entry_session.guide.target("O X")
     for start, end in (("1", "2"), ("1/O", "1/X"), ("O", "99"), ("O", "O"), ("../../x", "O")):
         with pytest.raises(GtvalError, match="no pair"):
-            session.record(replace(target, start=start, end=end), "2.5", ANN)
+            entry_session.record(replace(target, start=start, end=end), "2.5", ANN)
 
 
-def test_a_skip_is_passed_over_with_its_reason_until_somebody_jumps_there(session):
-    target = session.guide.next_target(ANN)
-    session.skip(target, "behind\nthe heater", ANN)
-    assert session.guide.skipped(target.pair) == "behind the heater"
-    assert session.guide.next_target(ANN) != target
-    session.jump(target, ANN)
-    assert session.guide.next_target(ANN) == target
+def test_a_skip_is_passed_over_with_its_reason_until_somebody_jumps_there(entry_session):
+    target = entry_session.guide.next_target(ANN)
+    entry_session.skip(target, "behind\nthe heater", ANN)
+    assert entry_session.guide.skipped(target.pair) == "behind the heater"
+    assert entry_session.guide.next_target(ANN) != target
+    entry_session.jump(target, ANN)
+    assert entry_session.guide.next_target(ANN) == target
 
 
 def test_pairs_listed_as_hidden_are_skipped_with_their_reason(room):
     (room.folder / "survey/not_visible.csv").write_text("from,to,reason\nO,3,pillar\n1/*,4,\n")
-    session = room.open()
-    assert session.guide.skipped(frozenset(("O", "3"))) == "pillar"
-    assert session.guide.skipped(frozenset(("1/X", "4"))) == "not visible"
-    assert "3" not in [t.end for t in session.guide.following(ANN, 8)]
-    session.close()
+    entry_session = room.open()
+    assert entry_session.guide.skipped(frozenset(("O", "3"))) == "pillar"
+    assert entry_session.guide.skipped(frozenset(("1/X", "4"))) == "not visible"
+    assert "3" not in [t.end for t in entry_session.guide.following(ANN, 8)]
+    entry_session.close()
 
 
 def test_a_further_stop_is_begun_by_its_name(room):
-    session = room.open()
-    target = session.begin_stop("27b", ANN)
+    entry_session = room.open()
+    target = entry_session.begin_stop("27b", ANN)
     assert (target.start, target.end) == ("27b/O", "1")
     with pytest.raises(GtvalError, match="there already"):
-        session.begin_stop("27b", ANN)
+        entry_session.begin_stop("27b", ANN)
     for name in ("a/b", "", "a b", "x,y"):
         with pytest.raises(GtvalError, match="cannot be the name"):
-            session.begin_stop(name, ANN)
-    session.close()
+            entry_session.begin_stop(name, ANN)
+    entry_session.close()
     again = room.open()
     assert again.guide.next_target(ANN) == target
     again.close()
 
 
 def test_a_second_measurement_from_the_other_end_counts_too(copy):
-    session = copy.open()
-    target = session.guide.next_target(BOB_BLIND)
+    entry_session = copy.open()
+    target = entry_session.guide.next_target(BOB_BLIND)
     shown = copy.shown[target.pair]
-    assert target.start in session.guide.names.world
-    answer = session.record(target, f"{float(shown) + 0.003:.3f}", BOB_BLIND)
+    assert target.start in entry_session.guide.names.world
+    answer = entry_session.record(target, f"{float(shown) + 0.003:.3f}", BOB_BLIND)
     assert answer.outcome == "agrees"
-    assert len(session.state.counting(target.pair)) == 2
+    assert len(entry_session.state.counting(target.pair)) == 2
     assert len(rows(copy)) == len(copy.shown) + 1
-    session.close()
+    entry_session.close()
 
 
 def test_two_people_who_disagree_are_told_no_value_and_measure_again(copy):
-    session = copy.open()
-    target = session.guide.next_target(BOB_BLIND)
+    entry_session = copy.open()
+    target = entry_session.guide.next_target(BOB_BLIND)
     shown = copy.shown[target.pair]
     other = f"{float(shown) + 0.2:.3f}"
-    answer = session.record(target, other, BOB_BLIND)
+    answer = entry_session.record(target, other, BOB_BLIND)
     assert answer.outcome == "disagrees"
     assert shown not in answer.text
     assert other not in answer.text
     assert len(rows(copy)) == len(copy.shown) - 1
-    assert session.guide.next_target(ANN).pair == target.pair
-    settled = session.record(session.guide.next_target(ANN), other, ANN)
+    assert entry_session.guide.next_target(ANN).pair == target.pair
+    settled = entry_session.record(entry_session.guide.next_target(ANN), other, ANN)
     assert settled.outcome == "agrees"
-    session.close()
+    entry_session.close()
 
 
 def test_the_second_entry_is_for_the_other_person(copy):
-    session = copy.open()
-    target = session.guide.target("O 1")
+    entry_session = copy.open()
+    target = entry_session.guide.target("O 1")
     with pytest.raises(GtvalError, match="other person"):
-        session.record(target, copy.shown[target.pair], replace(ANN, second=True))
-    session.close()
+        entry_session.record(target, copy.shown[target.pair], replace(ANN, second=True))
+    entry_session.close()
 
 
 def test_readings_from_before_are_taken_over_with_their_notes(copy):
@@ -257,11 +263,11 @@ def test_readings_from_before_are_taken_over_with_their_notes(copy):
     copy.journal.unlink()
     text = copy.readings.read_text().replace(",,,2\n", ',yes,"a, note",2\n', 1)
     copy.readings.write_text(text)
-    session = copy.open()
-    assert len(session.state.rows_of_file()) == len(before)
+    entry_session = copy.open()
+    assert len(entry_session.state.rows_of_file()) == len(before)
     assert "a, note" in copy.readings.read_text()
-    assert session.guide.next_target(ANN) is None
-    session.close()
+    assert entry_session.guide.next_target(ANN) is None
+    entry_session.close()
 
 
 def test_changes_by_hand_are_refused_until_they_are_adopted(copy):
@@ -272,10 +278,10 @@ def test_changes_by_hand_are_refused_until_they_are_adopted(copy):
     campaign = load_campaign(copy.folder)
     with pytest.raises(GtvalError, match=r"changed by hand: it has 1 row.* lacks 2 reading"):
         EntrySession.open(campaign)
-    session = EntrySession.open(campaign, adopt=True)
+    entry_session = EntrySession.open(campaign, adopt=True)
     assert len(rows(copy)) == len(copy.shown) - 1
     assert "3.999" in copy.readings.read_text()
-    session.close()
+    entry_session.close()
     copy.open().close()
 
 
@@ -293,23 +299,25 @@ def test_rows_that_name_no_point_of_the_campaign_are_an_error_and_nothing_is_mad
     assert not room.journal.exists() or room.journal.read_text() == ""
 
 
-def test_a_reading_is_safe_even_if_the_readings_file_cannot_be_written(session, room, monkeypatch):
+def test_a_reading_is_safe_even_if_the_readings_file_cannot_be_written(
+    entry_session, room, monkeypatch
+):
     def full(*_):
         raise GtvalError("cannot write: No space left on device")
 
     monkeypatch.setattr("survey.entry.readings_file.write_files", full)
-    target = session.guide.next_target(ANN)
-    answer = session.record(target, room.shown[target.pair], ANN)
+    target = entry_session.guide.next_target(ANN)
+    answer = entry_session.record(target, room.shown[target.pair], ANN)
     assert answer.outcome == "recorded"
-    assert "behind the journal" in session.readings_file.problem
+    assert "behind the journal" in entry_session.readings_file.problem
     monkeypatch.undo()
-    target = session.guide.next_target(ANN)
-    session.record(target, room.shown[target.pair], ANN)
-    assert session.readings_file.problem == ""
+    target = entry_session.guide.next_target(ANN)
+    entry_session.record(target, room.shown[target.pair], ANN)
+    assert entry_session.readings_file.problem == ""
     assert len(rows(room)) == 2
 
 
-def test_formulas_in_names_do_not_reach_a_spreadsheet(session, room):
-    target = session.guide.next_target(ANN)
-    session.record(target, room.shown[target.pair], Person("=1+1"))
+def test_formulas_in_names_do_not_reach_a_spreadsheet(entry_session, room):
+    target = entry_session.guide.next_target(ANN)
+    entry_session.record(target, room.shown[target.pair], Person("=1+1"))
     assert rows(room)[0].split(",")[4] == "'=1+1"

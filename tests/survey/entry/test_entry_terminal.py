@@ -34,8 +34,8 @@ def piped(room, text, *options):
 
 
 def readings(room):
-    session = EntrySession.look(load_campaign(room.folder))
-    return [(e.start, e.end, e.text) for e in session.journal.entries if e.kind == "reading"]
+    entry_session = EntrySession.look(load_campaign(room.folder))
+    return [(e.start, e.end, e.text) for e in entry_session.journal.entries if e.kind == "reading"]
 
 
 class Terminal:
@@ -91,9 +91,9 @@ class Terminal:
 def measured(tmp_path_factory):
     """A room whose world points are measured; the first mark is next."""
     room = entry_room(4, 1, tmp_path_factory.mktemp("terminal") / "room")
-    session = room.open()
-    enter_all(session, room, 70)
-    session.close()
+    entry_session = room.open()
+    enter_all(entry_session, room, 70)
+    entry_session.close()
     return room
 
 
@@ -196,8 +196,8 @@ def test_the_rest_of_a_paste_after_a_bad_line_goes_nowhere(half):
 
 
 def test_a_blind_second_entry_shows_no_value(half):
-    session = EntrySession.look(load_campaign(half.folder))
-    first = session.journal.entries[0]
+    entry_session = EntrySession.look(load_campaign(half.folder))
+    first = entry_session.journal.entries[0]
     done = piped(half, "l\ni\nd\n", "--second", "--by", "bob")
     assert done.returncode == 0
     assert first.text not in done.stdout

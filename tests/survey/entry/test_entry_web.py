@@ -29,8 +29,8 @@ def ann(served):
 
 
 def readings(room):
-    session = EntrySession.look(load_campaign(room.folder))
-    return [e for e in session.journal.entries if e.kind == "reading"]
+    entry_session = EntrySession.look(load_campaign(room.folder))
+    return [e for e in entry_session.journal.entries if e.kind == "reading"]
 
 
 def reading(number, **values):
