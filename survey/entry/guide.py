@@ -90,18 +90,19 @@ class Guide:
         entries = [self._state.entries[n] for n in numbers]
         return bool(entries) and not any(e.second or e.by == person.name for e in entries)
 
-    def next_target(self, person: Person) -> Target | None:
+    def next_target(self, person: Person, *, look_again: bool = True) -> Target | None:
         """What to measure next; None when all is done.
 
         First the rest of the station that the laser stands at, then its doubtful readings once
         more, before the laser is moved; then the stations after it, then any left out before.
+        For a list that was written before, ``look_again`` is false: it knows of no doubts.
         """
         at, place = self._position()
         here = self.plan[at].targets
         for target in (*here[place:], *here[:place]):
             if self.is_open_for(target, person):
                 return self._turned(target, person)
-        if not person.second:
+        if look_again and not person.second:
             doubtful = self._doubtful_at(self.plan[at])
             for target in here:
                 if target.pair in doubtful:

@@ -1,5 +1,7 @@
 """The terminal front end: one number and Enter, whatever else one letter."""
 
+import os
+import select
 import sys
 from collections.abc import Callable
 from typing import TextIO
@@ -24,7 +26,7 @@ class TerminalEntry:
 
     Every number belongs to the target that was shown before it, and the next target comes after
     it whether it is doubtful or not: so a line that nobody looked at can never shift the others.
-    Doubtful readings come back before the laser is moved.
+    At a keyboard, doubtful readings come back before the laser is moved.
 
     Parameters
     ----------
@@ -44,6 +46,7 @@ class TerminalEntry:
         self._console = console()
         self._last: Entry | None = None
         self._again: Target | None = None
+        self._asked: Target | None = None
         self._enough: set[str] = set()
 
     def run(self) -> int:
@@ -80,10 +83,12 @@ class TerminalEntry:
 
     def _read(self) -> str | None:
         """The next line; None at the end."""
-        target = self._target()
+        self._asked = self._target()
         if not self._keyboard:
             return self._source.readline() or None
-        what = "all done; j to go on elsewhere, q to end" if target is None else pair_text(target)
+        what = "all done; j to go on elsewhere, q to end"
+        if self._asked is not None:
+            what = pair_text(self._asked)
         try:
             return input(f"{what}  ")
         except (EOFError, KeyboardInterrupt):
@@ -91,7 +96,17 @@ class TerminalEntry:
             return None
 
     def _target(self) -> Target | None:
-        return self._again or self._session.guide.next_target(self._person)
+        """What the next number is the distance of.
+
+        A pipe or a paste was written before anything was doubtful: its numbers follow the plan.
+        """
+        look_again = self._keyboard and not self._is_paste()
+        guide = self._session.guide
+        return self._again or guide.next_target(self._person, look_again=look_again)
+
+    def _is_paste(self) -> bool:
+        """Whether more is waiting already than anyone types."""
+        return os.name == "posix" and bool(select.select([self._source], [], [], 0)[0])
 
     def _take(self, line: str) -> bool:
         """Do what a line says; False to end."""
@@ -114,10 +129,14 @@ class TerminalEntry:
             named = self._session.guide.target(f"{words[0]} {words[1]}")
             self._record(named, " ".join(words[2:]), again=False)
             return
-        target = self._target()
+        target = self._asked
         if target is None:
             raise GtvalError("everything is done; say j and where to go on, or q to end")
-        self._record(target, line, again=self._again is not None)
+        self._record(target, line, again=self._is_measured(target))
+
+    def _is_measured(self, target: Target) -> bool:
+        """Whether a target that was asked for has a reading, which the new one replaces."""
+        return bool(self._session.state.counting(target.pair))
 
     def _actions(self) -> dict[str, Callable[[str], None]]:
         return {
@@ -139,7 +158,6 @@ class TerminalEntry:
 
     def _record(self, target: Target, text: str, *, again: bool) -> None:
         entry_session = self._session
-        again = again or self._is_second_look(target)
         answer = entry_session.record(target, text, self._person, again=again)
         if answer.outcome == "refused":
             raise GtvalError(answer.text)
@@ -147,15 +165,6 @@ class TerminalEntry:
         self._last = answer.entry
         self._tell(answer)
         self._tell_if_enough(target)
-
-    def _is_second_look(self, target: Target) -> bool:
-        """Whether a target came back because its reading is doubtful."""
-        following = self._session.guide.next_target(self._person)
-        return (
-            not self._person.second
-            and following == target
-            and bool(self._session.state.counting(target.pair))
-        )
 
     def _undo(self, _: str) -> None:
         undone = self._session.undo(self._person)
@@ -180,7 +189,7 @@ class TerminalEntry:
         self._say(f"kept: {last.start}–{last.end}", "green")
 
     def _skip(self, reason: str) -> None:
-        target = self._target()
+        target = self._asked
         if target is not None:
             self._session.skip(target, reason, self._person)
             self._again = None
@@ -199,7 +208,7 @@ class TerminalEntry:
         self._say(f"noted at {last.start}–{last.end}", "green")
 
     def _list(self, _: str) -> None:
-        target = self._target() or self._session.guide.plan[0].targets[0]
+        target = self._asked or self._session.guide.plan[0].targets[0]
         blind = self._person.second
         doubtful = set() if blind else set(self._session.doubtful())
         for one in self._session.guide.station_of(target).targets:
@@ -216,7 +225,7 @@ class TerminalEntry:
 
     def _info(self, _: str) -> None:
         self._say(progress_text(self._session.guide.progress()))
-        target = self._target()
+        target = self._asked
         status = None if target is None or self._person.second else self._session.status(target)
         if status is not None:
             self._say(status.text)

@@ -117,6 +117,27 @@ def test_lines_that_name_their_pair_go_there(room):
     assert [(a, b) for a, b, _ in readings(room)] == [("O", "3"), ("O", "X")]
 
 
+def test_a_doubtful_reading_never_shifts_the_rest_of_a_list(half):
+    ends = ["1", "6", "11", *(str(n) for n in range(1, 17) if n not in (1, 6, 11))]
+    typed = [half.shown[frozenset((mark, end))] for mark in ("1/O", "1/X") for end in ends]
+    typed[8] = f"{float(typed[8]) + 0.2:.3f}"
+    before = len(readings(half))
+    done = piped(half, "".join(f"{text}\n" for text in typed))
+    assert done.returncode == 0
+    assert "DOUBTFUL" in done.stdout
+    asked = [(mark, end) for mark in ("1/O", "1/X") for end in ends]
+    assert [(a, b) for a, b, _ in readings(half)[before:]] == asked
+    # At a keyboard it comes back, once the station is done.
+    terminal = Terminal(GTVAL, "enter", str(half.folder))
+    terminal.type("j 1/O 1\n")
+    terminal.wait_for(f"1/O → {ends[8]} ")
+    terminal.type(half.shown[frozenset(("1/O", ends[8]))] + "\n")
+    terminal.wait_for("ok ")
+    terminal.wait_for("1/Y → 1 ")
+    terminal.type("q\n")
+    assert terminal.status() == 0
+
+
 def test_nothing_after_a_bad_line_of_a_pipe_is_recorded(room):
     done = piped(room, "2.498\nfour\n3.530\n")
     assert done.returncode == 2
