@@ -68,12 +68,12 @@ class TerminalEntry:
             try:
                 going_on = self._take(line.strip())
             except GtvalError as error:
+                self._drop_rest_of_paste()
                 self._say(f"{error}", "bold red")
                 going_on = self._keyboard
                 if not self._keyboard:
                     self._say(f"Stopped at line {number}; nothing after it was recorded.", "red")
                     return 2
-                self._drop_rest_of_paste()
             if not going_on:
                 break
         self._goodbye()
@@ -176,8 +176,14 @@ class TerminalEntry:
         self._say(f"undone: {undone.kind} {what}", "yellow")
 
     def _repeat(self, text: str) -> None:
-        last = self._last_reading()
-        target = Target(last.start, last.end)
+        """Measure the last reading again, or one that is named: 'r', 'r 5.378', 'r 7/O 3'."""
+        words = text.split()
+        if len(words) >= 2 and words[0] in self._session.guide.names.points:
+            target = self._session.guide.target(f"{words[0]} {words[1]}")
+            text = " ".join(words[2:])
+        else:
+            last = self._last_reading()
+            target = Target(last.start, last.end)
         if text:
             self._record(target, text, again=True)
         else:

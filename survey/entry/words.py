@@ -16,7 +16,7 @@ COMMANDS = (
     ("7/O 3 5.378", "the distance of a pair that is not the next one"),
     ("u", "undo what was done last"),
     ("r 5.378", "the last reading again: this number replaces it"),
-    ("r", "measure the last one again"),
+    ("r", "measure the last one again; r 7/O 3: that one"),
     ("k", "keep the last reading: it is what the display shows"),
     ("s REASON", "skip: this one cannot be measured"),
     ("j 7/X 3", "go on with 7/X–3; also: j 7/X, j 7"),

@@ -138,6 +138,16 @@ def test_a_doubtful_reading_never_shifts_the_rest_of_a_list(half):
     assert terminal.status() == 0
 
 
+def test_a_reading_that_is_named_is_measured_again(room):
+    done = piped(room, "2.498\n2.503\nr O X 2.499\nr O Y\n2.504\n3.53\n")
+    assert done.returncode == 0, done.stdout
+    assert [line.split(",")[3] for line in room.readings.read_text().splitlines()[1:]] == [
+        "2.499",
+        "2.504",
+        "3.530",
+    ]
+
+
 def test_nothing_after_a_bad_line_of_a_pipe_is_recorded(room):
     done = piped(room, "2.498\nfour\n3.530\n")
     assert done.returncode == 2

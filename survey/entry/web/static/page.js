@@ -55,12 +55,12 @@ function work() {
 
   function showLists() {
     $("station-title").textContent = `Station ${state.station.name}: ${state.station.progress}`;
-    list("station", state.station.rows, (row) => [[`${row.from}–${row.to}`, row.value, row.state], button("Go", `Go on with ${row.from}–${row.to}`, () => act({ action: "jump", text: `${row.from} ${row.to}` }))]);
+    list("station", state.station.rows, (row) => [[`${row.from}–${row.to}`, row.value, row.state], stationButton(row)]);
     list("recent", state.recent, (row) => [[row.pair, row.value, [row.by, row.fate, ...row.notes].filter(Boolean).join(", ")]]);
     $("doubtful-title").textContent = `Doubtful: ${state.doubtful.length}`;
     list("doubtful", state.doubtful, (row) => [
       [row.text, ""],
-      button("Again", `Measure ${row.text} again`, () => { again = { from: row.from, to: row.to, again: true }; show(); $("distance").focus(); }),
+      button("Again", `Measure ${row.text} again`, () => measureAgain(row)),
       button("Keep", `Keep ${row.text}`, () => act({ action: "keep", number: row.number })),
     ]);
     const refused = queue.refused();
@@ -70,6 +70,18 @@ function work() {
       [`${row.from}–${row.to} ${row.text}: ${row.error}`, ""],
       button("Forget", `Forget ${row.text}`, () => { queue.dismiss(row.id); show(); }),
     ]);
+  }
+
+  function stationButton(row) {
+    const pair = `${row.from}–${row.to}`;
+    if (row.state === "done" || row.state === "doubtful") return button("Again", `Measure ${pair} again`, () => measureAgain(row));
+    return button("Go", `Go on with ${pair}`, () => act({ action: "jump", text: `${row.from} ${row.to}` }));
+  }
+
+  function measureAgain(pair) {
+    again = { from: pair.from, to: pair.to, again: true };
+    show();
+    $("distance").focus();
   }
 
   function list(id, rows, cells) {
@@ -194,11 +206,7 @@ function work() {
   $("entry").addEventListener("submit", submit);
   $("undo").addEventListener("click", () => { last = null; act({ action: "undo" }); });
   $("keep").addEventListener("click", () => needLast((one) => act({ action: "keep", number: one.number })));
-  $("again").addEventListener("click", () => needLast((one) => {
-    again = { from: one.from, to: one.to, again: true };
-    show();
-    $("distance").focus();
-  }));
+  $("again").addEventListener("click", () => needLast(measureAgain));
   $("skip").addEventListener("click", () => {
     const target = current();
     if (!target) return;
