@@ -14,7 +14,7 @@ from statistics import median
 
 ROUNDS = 7
 GTVAL = str(Path(sys.executable).with_name("gtval"))
-LIBRARIES = "import filterpy.kalman, pydantic, rich.table, scipy.sparse"
+LIBRARIES = "import numpy, pydantic, rich.table, scipy.sparse.linalg"
 
 
 def process_seconds(command: list[str]) -> float:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from survey.filterpy_filter import extended_kalman_filter
 from validation.angles import Array
 
 PASSES = 20
@@ -80,11 +81,8 @@ def iterated_ekf(model: Model, start: Array, prior_sigma: Array, passes: int = P
     it. The filter then inverts n x n instead of m x m matrices, and the vast a-priori covariance
     costs no digits.
     """
-    # Imported here: it takes a second, and the batch below does without.
-    from filterpy.kalman import ExtendedKalmanFilter  # noqa: PLC0415
-
     n = len(start)
-    ekf = ExtendedKalmanFilter(dim_x=n, dim_z=n)
+    ekf = extended_kalman_filter(dim_x=n, dim_z=n)
     ekf.x = np.array(start, dtype=float)
     prior = np.diag(np.square(prior_sigma))
     ekf.R = np.eye(n)
