@@ -46,6 +46,8 @@ class Document:
         The most severe first.
     sections : sequence of Section
         In reading order.
+    overview : Section, optional
+        That of the sections which sums up all systems: it is read before the findings.
     """
 
     title: str
@@ -54,6 +56,7 @@ class Document:
     facts: Sequence[tuple[str, str]]
     findings: Sequence[Finding]
     sections: Sequence[Section]
+    overview: Section | None = None
 
     @property
     def tables(self) -> list[Table]:
@@ -64,7 +67,7 @@ class Document:
 def build_document(run: RunResult) -> Document:
     """The report of a run."""
     settings = run.campaign.settings
-    overview = [_overview_section(run.evaluations)] if run.evaluations else []
+    overview = _overview_section(run.evaluations) if run.evaluations else None
     return Document(
         title=settings.name,
         description=settings.description,
@@ -72,12 +75,13 @@ def build_document(run: RunResult) -> Document:
         facts=_facts(run),
         findings=most_severe_first(run.findings),
         sections=[
-            *overview,
+            *([overview] if overview is not None else []),
             *run.sections,
             *(_evaluation_section(run, evaluation) for evaluation in run.evaluations),
             *(run.explained.sections if run.explained is not None else ()),
             _inputs_section(run),
         ],
+        overview=overview,
     )
 
 

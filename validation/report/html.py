@@ -9,7 +9,8 @@ from markupsafe import Markup
 from validation.report.cells import is_number_column, rows_of_text
 from validation.report.document import Document
 from validation.report.svg import inline_svg
-from validation.results import Figure, Table, Text
+from validation.report.terminal import SEVERITIES
+from validation.results import Figure, Finding, Table, Text
 
 
 def html_report(document: Document) -> str:
@@ -25,13 +26,29 @@ def html_report(document: Document) -> str:
         {
             "id": f"section-{number}",
             "title": section.title,
+            "first": section is document.overview,
             "blocks": [
                 _block(block, f"s{number}b{place}") for place, block in enumerate(section.blocks)
             ],
         }
         for number, section in enumerate(document.sections, 1)
     ]
-    return environment.get_template("report.html.j2").render(document=document, sections=sections)
+    return environment.get_template("report.html.j2").render(
+        document=document, sections=sections, groups=_groups(document.findings)
+    )
+
+
+def _groups(findings: Sequence[Finding]) -> dict[str, Any]:
+    """The findings that ask for action, and the others to be unfolded."""
+    by_severity = {
+        severity: [finding for finding in findings if finding.severity == severity]
+        for severity in SEVERITIES
+    }
+    folded = [("Notes", by_severity["note"]), ("As it should be", by_severity["good"])]
+    return {
+        "urgent": by_severity["error"] + by_severity["warning"],
+        "folded": [(name, some) for name, some in folded if some],
+    }
 
 
 def _block(block: Table | Figure | Text, identifier: str) -> dict[str, Any]:
