@@ -27,7 +27,10 @@ M = TypeVar("M", bound=BaseModel)
 class Settings(BaseModel):
     """Base of all tables of campaign.toml: unknown keys are errors, values do not change."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, coerce_numbers_to_str=True)
+    # Built when first used: a command needs few of the tables that its imports bring along.
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, coerce_numbers_to_str=True, defer_build=True
+    )
 
 
 class Instrument(Settings):
@@ -219,14 +222,12 @@ def load_campaign(folder: Path, known_tables: frozenset[str] | None = None) -> C
     path = folder / "campaign.toml"
     data = _parse(path)
     if known_tables is None:
-        from validation.systems import installed_systems  # noqa: PLC0415  (keeps this module light)
-
-        known_tables = frozenset(system.name for system in installed_systems())
+        known_tables = _tables_of_systems(set(data))
     try:
         settings = CampaignSettings.model_validate(data)
     except ValidationError as error:
         raise _input_error(path, error) from None
-    known = known_tables | set(CampaignSettings.model_fields) | {"plan", "explain"}
+    known = known_tables | _OWN_TABLES
     problems = [
         Problem(path, f"unknown table or key{_closest(key, known)}", _line_of(path, (key,)), key)
         for key in data
@@ -235,6 +236,24 @@ def load_campaign(folder: Path, known_tables: frozenset[str] | None = None) -> C
     if problems:
         raise InputError(problems)
     return Campaign(folder, settings)
+
+
+_OWN_TABLES = frozenset(CampaignSettings.model_fields) | {"plan", "explain"}
+
+
+def _tables_of_systems(keys: set[str]) -> frozenset[str]:
+    """Names of the tables that installed systems have.
+
+    An entry point is called as its system; so the systems themselves, whose settings take a while
+    to import, are asked only where a key is none of these names.
+    """
+    from validation.plugins import entry_points  # noqa: PLC0415  (keeps this module light)
+    from validation.systems import installed_systems  # noqa: PLC0415
+
+    names = frozenset(entry.name for entry in entry_points(group="gtval.systems"))
+    if keys <= names | _OWN_TABLES:
+        return names
+    return frozenset(system.name for system in installed_systems())
 
 
 def _closest(key: str, known: set[str] | frozenset[str]) -> str:

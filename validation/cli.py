@@ -4,10 +4,12 @@ Nothing heavy is imported here or when the commands are loaded; a command import
 when it is called.
 """
 
+from collections.abc import Iterable
+
 import click
 
 from validation.errors import GtvalError
-from validation.plugins import entry_points
+from validation.plugins import EntryPoint, entry_points
 
 
 class DiscoveredGroup(click.Group):
@@ -21,7 +23,10 @@ class DiscoveredGroup(click.Group):
         if self._found:
             return
         self._found = True
-        for entry in sorted(entry_points(group="gtval.commands"), key=lambda e: e.name):
+        self._load(sorted(entry_points(group="gtval.commands"), key=lambda e: e.name))
+
+    def _load(self, entries: Iterable[EntryPoint]) -> None:
+        for entry in entries:
             try:
                 commands = entry.load()
             except Exception as error:  # noqa: BLE001  (one broken plug-in must not take the rest)
@@ -36,8 +41,11 @@ class DiscoveredGroup(click.Group):
         return super().list_commands(ctx)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The named command."""
-        self._discover()
+        """The named command; one whose entry point has its name needs none of the others."""
+        if not self._found:
+            self._load(e for e in entry_points(group="gtval.commands") if e.name == cmd_name)
+        if cmd_name not in self.commands:
+            self._discover()
         return super().get_command(ctx, cmd_name)
 
     def invoke(self, ctx: click.Context) -> object:

@@ -6,7 +6,7 @@ return. Every change goes to the journal first and is only then taken into accou
 
 import threading
 import uuid
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
@@ -90,6 +90,7 @@ class EntrySession:
         self.version = 0
         """Grows with every entry; a page asks for it to know whether it is up to date."""
         self._checks: RoomChecks | None = None
+        self._changing = threading.RLock()
 
     @classmethod
     def open(cls, campaign: Campaign, who: str = "", *, adopt: bool = False) -> Self:
@@ -139,23 +140,47 @@ class EntrySession:
         if self._checks is None:
             from survey.entry.room_checks import RoomChecks  # noqa: PLC0415
 
-            self._checks = RoomChecks(self.campaign.settings, self.survey, self.state)
+            with self._changing:
+                if self._checks is None:
+                    self._checks = RoomChecks(self.campaign.settings, self.survey, self.state)
         return self._checks
 
-    def prepare(self) -> None:
-        """Load what the checks need, in the background, while nobody types yet.
+    def prepare(self, *others: Callable[[], object]) -> None:
+        """Make the checks, and whatever else is slow, in the background while nobody types yet.
 
         A moment later, so that it does not hold up the first question.
         """
-        loading = threading.Timer(PREPARE_AFTER, _load_checks)
-        loading.daemon = True
-        loading.start()
+
+        def make() -> None:
+            for other in others:
+                other()
+            self.checks  # noqa: B018  (made when first asked for)
+
+        making = threading.Timer(PREPARE_AFTER, make)
+        making.daemon = True
+        making.start()
 
     # -- what there is to look at -----------------------------------------------------------
 
     def doubtful(self) -> list[int]:
         """All doubtful readings, in the order entered."""
-        return self.checks.doubtful(self.state.pairs) if self.state.pairs else []
+        while self.examine():
+            pass
+        return self.doubtful_so_far()
+
+    def doubtful_so_far(self) -> list[int]:
+        """Those of all stops and world points that were examined since they last changed."""
+        return self.checks.doubtful_so_far() if self.state.pairs else []
+
+    def unexamined(self) -> int:
+        """Stops and world points whose readings were not looked through since they changed."""
+        return self.checks.examine(0) if self.state.pairs else 0
+
+    def examine(self) -> int:
+        """Look through the readings of one more stop or world point; how many are left."""
+        if not self.state.pairs:
+            return 0
+        return self.checks.examine(1)
 
     def doubtful_at(self, station: Station) -> list[int]:
         """Doubtful readings of a station, neither kept nor measured again."""
@@ -313,13 +338,14 @@ class EntrySession:
 
     def _write(self, entry: Entry) -> Entry:
         """To the journal, then to everything that follows from it."""
-        written = self.journal.append(entry)
-        self.state.apply(written)
-        if self._checks is not None:
-            for pair in {written.pair, self.state.entries.get(written.of, written).pair}:
-                self._checks.update(pair)
-        self.readings_file.follow(written, self.state)
-        self.version += 1
+        with self._changing:
+            written = self.journal.append(entry)
+            self.state.apply(written)
+            if self._checks is not None:
+                for pair in {written.pair, self.state.entries.get(written.of, written).pair}:
+                    self._checks.update(pair)
+            self.readings_file.follow(written, self.state)
+            self.version += 1
         return written
 
     def _checked(self, entry: Entry, typed: TypedDistance) -> Answer:
@@ -408,8 +434,3 @@ class EntrySession:
         """To the journal without writing the readings file anew each time."""
         for entry in entries:
             self.state.apply(self.journal.append(entry))
-
-
-def _load_checks() -> None:
-    """Import numpy and all that stands on it."""
-    import survey.entry.room_checks  # noqa: F401, PLC0415

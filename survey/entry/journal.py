@@ -20,9 +20,9 @@ from survey.entry.lock import CampaignLock
 from validation.errors import GtvalError, InputError, Problem
 
 MAX_JOURNAL_BYTES = 200_000_000
-_CHECK = ',"check":"'
+_CHECK, _END = b',"check":"', b'"}'
 _CHECK_LENGTH = 16
-_START = "0" * _CHECK_LENGTH
+_START = b"0" * _CHECK_LENGTH
 
 
 class NotRecordedError(GtvalError):
@@ -41,14 +41,14 @@ class JournalText:
         Bytes up to the end of the last good line.
     torn : int
         Bytes after it, of a line that was never finished.
-    check : str
+    check : bytes
         Checksum of the last good line.
     """
 
     entries: tuple[Entry, ...]
     size: int
     torn: int
-    check: str
+    check: bytes
 
 
 def read_journal(path: Path) -> JournalText:
@@ -67,19 +67,15 @@ def read_journal(path: Path) -> JournalText:
         data = b""
     except OSError as error:
         raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
-    entries: list[Entry] = []
-    check, size = _START, 0
-    lines = data.split(b"\n")
-    for number, line in enumerate(lines[:-1], 1):
-        try:
-            entry, check = _read_line(line, check, number)
-        except ValueError as error:
-            if number == len(lines) - 1 and not lines[-1] and b"\0" in line:
-                break  # blocks of the last line that a power cut kept from the disk
-            raise _damaged(path, number, str(error)) from None
-        entries.append(entry)
-        size += len(line) + 1
-    return JournalText(tuple(entries), size, len(data) - size, check)
+    *lines, unfinished = data.split(b"\n")
+    check, good = _checked(lines)
+    # Blocks of the last line that a power cut kept from the disk are zeros.
+    lost = good == len(lines) - 1 and not unfinished and b"\0" in lines[good]
+    if good < len(lines) and not lost:
+        raise _damaged(path, good + 1, "the checksum does not fit")
+    entries = _entries(path, lines[:good])
+    size = sum(map(len, lines[:good])) + good
+    return JournalText(entries, size, len(data) - size, check)
 
 
 def _damaged(path: Path, line: int, why: str) -> InputError:
@@ -95,21 +91,41 @@ def _damaged(path: Path, line: int, why: str) -> InputError:
     )
 
 
-def _read_line(line: bytes, before: str, number: int) -> tuple[Entry, str]:
-    """The entry of a line and the line's checksum."""
-    text = line.decode("utf-8")
-    body, mark, rest = text.rpartition(_CHECK)
-    check = rest[:_CHECK_LENGTH]
-    if not mark or rest != check + '"}' or check != _checksum(before, body):
-        raise ValueError("the checksum does not fit")
-    entry = entry_from_json(json.loads(body + "}"))
-    if entry.number != number:
-        raise ValueError(f"entry {entry.number} on line {number}")
-    return entry, check
+def _checked(lines: Sequence[bytes]) -> tuple[bytes, int]:
+    """The last checksum that is right, and how many lines there are up to it."""
+    before = _START
+    for number, line in enumerate(lines):
+        body, _, rest = line.rpartition(_CHECK)
+        check = _checksum(before, body)
+        if rest != check + _END:
+            return before, number
+        before = check
+    return before, len(lines)
 
 
-def _checksum(before: str, body: str) -> str:
-    return hashlib.sha256((before + body).encode()).hexdigest()[:_CHECK_LENGTH]
+def _entries(path: Path, lines: Sequence[bytes]) -> tuple[Entry, ...]:
+    """The entries of lines whose checksums are right."""
+    try:
+        said = json.loads(b"[%s]" % b",".join(lines))  # half the time of one after the other
+    except ValueError:
+        said = []
+    if len(said) != len(lines):
+        said = [None] * len(lines)
+    entries = []
+    for number, line in enumerate(lines, 1):
+        try:
+            entry = entry_from_json(said[number - 1] or json.loads(line))
+        except ValueError as error:
+            raise _damaged(path, number, str(error)) from None
+        if entry.number != number:
+            raise _damaged(path, number, f"entry {entry.number} on line {number}")
+        entries.append(entry)
+    return tuple(entries)
+
+
+def _checksum(before: bytes, body: bytes) -> bytes:
+    """Of a line without its end, and of the checksum of the line before it."""
+    return hashlib.sha256(before + body).hexdigest()[:_CHECK_LENGTH].encode()
 
 
 class Journal:
@@ -180,9 +196,9 @@ class Journal:
             raise NotRecordedError(f"NOT recorded: {self.path} is not open for writing")
         time = (now or datetime.now().astimezone()).isoformat(timespec="milliseconds")
         numbered = replace(entry, number=len(self._entries) + 1, time=time)
-        body = numbered.as_json()[:-1]
+        body = numbered.as_json()[:-1].encode()
         check = _checksum(self._check, body)
-        line = f'{body}{_CHECK}{check}"}}\n'.encode()
+        line = body + _CHECK + check + _END + b"\n"
         try:
             self._write(line)
         except OSError as error:

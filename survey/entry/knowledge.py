@@ -83,6 +83,12 @@ class _Group:
     pairs: dict[Pair, list[KnownReading]] = field(default_factory=dict)
     judged: dict[str, Judged] = field(default_factory=dict)
     near: dict[str, Array] = field(default_factory=dict)
+    changes: int = 0
+
+    def changed(self) -> None:
+        """Forget what was made of the readings."""
+        self.judged.clear()
+        self.changes += 1
 
 
 class RoomKnowledge:
@@ -115,12 +121,16 @@ class RoomKnowledge:
             group.pairs[pair] = list(readings)
         else:
             group.pairs.pop(pair, None)
-        group.judged.clear()
+        group.changed()
         if key in self._world_names:
             self._world = None
             for other in self._groups:
                 if other not in self._world_names:
-                    self._groups[other].judged.clear()
+                    self._groups[other].changed()
+
+    def groups(self) -> dict[str, int]:
+        """Keys of all groups with readings, and how often each has changed."""
+        return {key: group.changes for key, group in self._groups.items() if group.pairs}
 
     def group_key(self, pair: Pair) -> str:
         """The stop, else the world point, else `FRAME`, that a pair's reading says something of."""

@@ -68,8 +68,8 @@ def parse_distance(text: str, instrument: Instrument) -> TypedDistance:
 
 def plain(metres: float) -> str:
     """Metres to the millimetre, with more decimals only where there are more."""
-    text = f"{metres:.6f}".rstrip("0")
-    return text if len(text.partition(".")[2]) >= 3 else f"{metres:.3f}"
+    text = f"{metres:.6f}"
+    return text[:-3] if text.endswith("000") else text.rstrip("0")
 
 
 def both_units(metres: float) -> str:

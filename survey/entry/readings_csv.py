@@ -13,28 +13,30 @@ from survey.entry.state import Agree, EntryState, replayed
 from validation.csv_tables import Column, read_csv
 
 HEADING = ("time", "from", "to", "distance", "observer", "use", "note", "entry")
+HEADING_LINE = ",".join(HEADING) + "\n"
 _FORMULA = ("=", "+", "-", "@", "\t")
 
 
 def csv_text(state: EntryState) -> str:
     """The readings that count, one a row, in the order entered."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(HEADING)
-    writer.writerows(csv_row(entry, state) for entry in state.rows_of_file())
-    return stream.getvalue()
+    rows = [csv_line(entry, state) for entry in state.rows_of_file()]
+    return "".join([HEADING_LINE, *rows])
 
 
 def csv_line(entry: Entry, state: EntryState) -> str:
     """One reading as a line of the file."""
+    row = csv_row(entry, state)
+    line = ",".join(row)
+    if line.count(",") == len(HEADING) - 1 and '"' not in line and line.isprintable():
+        return f"{line}\n"  # nothing to quote, as nearly always; thousands are written at once
     stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerow(csv_row(entry, state))
+    csv.writer(stream, lineterminator="\n").writerow(row)
     return stream.getvalue()
 
 
 def csv_row(entry: Entry, state: EntryState) -> tuple[str, ...]:
     """The cells of a reading."""
-    note = "; ".join(state.notes.get(entry.number, ()))
+    note = "; ".join(state.notes[entry.number]) if entry.number in state.notes else ""
     return (
         entry.measured or entry.time,
         entry.start,

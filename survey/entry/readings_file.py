@@ -2,11 +2,18 @@
 
 import os
 from collections.abc import Callable
+from itertools import chain
 from pathlib import Path
 
 from survey.entry.entries import Entry
-from survey.entry.readings_csv import HandChanges, csv_line, csv_text, hand_changes
-from survey.entry.state import EntryState
+from survey.entry.readings_csv import (
+    HEADING_LINE,
+    HandChanges,
+    csv_line,
+    csv_text,
+    hand_changes,
+)
+from survey.entry.state import EntryState, Pair
 from validation.errors import GtvalError
 from validation.files import write_files
 
@@ -27,6 +34,8 @@ class ReadingsFile:
         self.path = path
         self.problem = ""
         self._size = -1
+        self._rows: dict[Pair, list[tuple[int, str]]] | None = None
+        """Entries and lines by pair, so that a change of one need not format all anew."""
 
     def is_current(self, state: EntryState) -> bool:
         """Whether it is there and as the journal says."""
@@ -42,17 +51,25 @@ class ReadingsFile:
 
     def write(self, state: EntryState) -> None:
         """Write it anew, whole or not at all."""
-        self._try(lambda: self._replace(csv_text(state).encode()))
+        if self._rows is None:
+            self._rows = {pair: _rows_of(pair, state) for pair in state.pairs}
+        rows = sorted(chain.from_iterable(self._rows.values()))
+        text = "".join([HEADING_LINE, *(line for _, line in rows)])
+        self._try(lambda: self._replace(text.encode()))
 
     def follow(self, entry: Entry, state: EntryState) -> None:
         """Take one more entry into account."""
+        if entry.kind not in ("reading", "undo", "keep", "note"):
+            return
+        if self._rows is not None:
+            for pair in {entry.pair, state.entries.get(entry.of, entry).pair}:
+                self._rows[pair] = _rows_of(pair, state)
         if entry.kind == "reading" and state.counting(entry.pair) == [entry.number]:
             new = not (entry.of or entry.second)
             if new and self._is_as_left():
                 self._try(lambda: self._append(csv_line(entry, state)))
                 return
-        if entry.kind in ("reading", "undo", "keep", "note"):
-            self.write(state)
+        self.write(state)
 
     def _is_as_left(self) -> bool:
         """Whether the file has the size that it had after the last write."""
@@ -84,3 +101,8 @@ class ReadingsFile:
         finally:
             os.close(handle)
         self._size += len(data)
+
+
+def _rows_of(pair: Pair, state: EntryState) -> list[tuple[int, str]]:
+    """The lines of one pair, each with its entry."""
+    return [(entry.number, csv_line(entry, state)) for entry in state.rows_of_pair(pair)]

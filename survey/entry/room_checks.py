@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
 from survey.entry.checks import Verdict, other_ends, suspects_of, verdict
 from survey.entry.entries import Entry
@@ -15,6 +16,8 @@ from survey.entry.state import EntryState, Pair
 from survey.settings import SurveySettings
 from validation.angles import Array
 from validation.campaign import CampaignSettings
+
+_NEVER: tuple[int, frozenset[int]] = (-1, frozenset())
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,7 @@ class RoomChecks:
         self._rig = tuple(campaign.robot_frame.points)
         self._state = state
         self.knowledge = RoomKnowledge(campaign, survey)
+        self._examined: dict[str, tuple[int, frozenset[int]]] = {}
         for pair in state.pairs:
             self.update(pair)
 
@@ -140,6 +144,29 @@ class RoomChecks:
             if self._state.entries[number].pair in wanted
         )
 
+    def examine(self, most: float = inf) -> int:
+        """How many groups of readings were not looked through yet, after so many more were."""
+        groups = self.knowledge.groups()
+        waiting = [
+            key for key, changes in groups.items() if self._examined.get(key, _NEVER)[0] != changes
+        ]
+        for number, key in enumerate(waiting):
+            if number >= most:
+                return len(waiting) - number
+            self._doubts(key)
+        return 0
+
+    def doubtful_so_far(self) -> list[int]:
+        """Doubtful readings of all groups that were examined, not kept, in the order entered."""
+        groups = self.knowledge.groups()
+        found = (
+            number
+            for key, (changes, numbers) in self._examined.items()
+            if groups.get(key) == changes
+            for number in numbers
+        )
+        return sorted(set(found) - self._state.kept)
+
     def status(self, pair: Pair) -> PointStatus | None:
         """How well the world point or stop is known that a pair belongs to."""
         key = self.knowledge.group_key(pair)
@@ -184,15 +211,21 @@ class RoomChecks:
 
     def _doubts(self, key: str) -> list[int]:
         """Doubtful readings of a group: those that do not fit the others, not kept."""
-        found: set[int] = set()
-        if key == FRAME:
-            found = self._doubts_in_frame()
-        else:
-            for one in self.knowledge.judged(key):
-                found |= set(one.entries_of(one.judgement.suspects)) | _unlikely(one)
-        return sorted(found - self._state.kept)
+        changes = self.knowledge.groups().get(key, 0)
+        if self._examined.get(key, _NEVER)[0] != changes:
+            self._examined[key] = changes, self._misfits(key)
+        return sorted(self._examined[key][1] - self._state.kept)
 
-    def _doubts_in_frame(self) -> set[int]:
+    def _misfits(self, key: str) -> frozenset[int]:
+        """Readings of a group that do not fit the others."""
+        if key == FRAME:
+            return frozenset(self._misfits_in_frame())
+        found: set[int] = set()
+        for one in self.knowledge.judged(key):
+            found |= set(one.entries_of(one.judgement.suspects)) | _unlikely(one)
+        return frozenset(found)
+
+    def _misfits_in_frame(self) -> set[int]:
         found = set()
         for pair in self._state.pairs:
             if len(pair) != 2 or self.knowledge.group_key(pair) != FRAME:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 from survey.entry.entries import FROM_FILE, FROM_FILE_UNUSED, Entry
 
@@ -73,6 +74,14 @@ class EntryState:
 
         Of a double entry only values that two people agree on count.
         """
+        own = self.pairs.get(pair)
+        if own is None:
+            return []
+        if len(own.numbers) == 1:  # as most have; thousands are asked for at a start
+            number = own.numbers[0]
+            entry = self.entries[number]
+            if not entry.second and self._is_considered(entry):
+                return [number]
         numbers = self._considered(pair)
         if not any(self.entries[n].second for n in numbers):
             return numbers
@@ -95,22 +104,22 @@ class EntryState:
 
     def _considered(self, pair: Pair) -> list[int]:
         """Readings of a pair that were neither undone, replaced nor set aside."""
-        return [
-            n
-            for n in self.pair(pair).numbers
-            if n not in self.set_aside and self.entries[n].device != FROM_FILE_UNUSED
-        ]
+        return [n for n in self.pair(pair).numbers if self._is_considered(self.entries[n])]
+
+    def _is_considered(self, entry: Entry) -> bool:
+        """Whether a reading was set aside neither here nor in the file it came from."""
+        return entry.number not in self.set_aside and entry.device != FROM_FILE_UNUSED
 
     def rows_of_file(self) -> list[Entry]:
         """All readings that count, and those that a file set aside, in the order entered."""
-        numbers = {n for pair in self.pairs for n in self.counting(pair)}
-        numbers |= {
-            n
-            for own in self.pairs.values()
-            for n in own.numbers
-            if self.entries[n].device == FROM_FILE_UNUSED
-        }
-        return [self.entries[n] for n in sorted(numbers)]
+        found = [entry for pair in self.pairs for entry in self.rows_of_pair(pair)]
+        return sorted(found, key=attrgetter("number"))
+
+    def rows_of_pair(self, pair: Pair) -> list[Entry]:
+        """Those of one pair."""
+        found = [self.entries[n] for n in self.counting(pair)]
+        own = (self.entries[n] for n in self.pair(pair).numbers)
+        return found + [entry for entry in own if entry.device == FROM_FILE_UNUSED]
 
     def last_action(self, device: str) -> Entry | None:
         """The last thing done on a device that can be undone."""
@@ -121,15 +130,17 @@ class EntryState:
         return None
 
     def _own(self, pair: Pair) -> PairState:
-        return self.pairs.setdefault(pair, PairState())
+        own = self.pairs.get(pair)
+        if own is None:
+            own = self.pairs[pair] = PairState()
+        return own
 
     def _reading(self, entry: Entry) -> None:
         own = self._own(entry.pair)
-        from_file = entry.device in (FROM_FILE, FROM_FILE_UNUSED)
         if entry.of and entry.of in own.numbers:
             own.numbers.remove(entry.of)
             self.replaced[entry.of] = entry.number
-        elif not (entry.second or entry.of or from_file) and _is_repeat(self, own):
+        elif own.numbers and _needs_keeping(entry) and _is_repeat(self, own):
             self.set_aside.add(entry.number)
         own.numbers.append(entry.number)
         own.skipped = None
@@ -188,6 +199,11 @@ class EntryState:
 
     def _note(self, entry: Entry) -> None:
         self.notes.setdefault(entry.of, []).append(entry.text)
+
+
+def _needs_keeping(entry: Entry) -> bool:
+    """Whether a reading of a pair that has one was perhaps not meant as a further one."""
+    return not (entry.second or entry.of or entry.device in (FROM_FILE, FROM_FILE_UNUSED))
 
 
 def _is_repeat(state: EntryState, own: PairState) -> bool:

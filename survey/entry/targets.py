@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
+from typing import NamedTuple
 
+from survey.entry.entries import pair_of
 from survey.entry.settings import EntrySettings
 from survey.hidden_pairs import load_hidden_pairs
 from survey.planning_settings import PlanSettings
@@ -20,8 +22,7 @@ SPREAD = 3
 others."""
 
 
-@dataclass(frozen=True)
-class Target:
+class Target(NamedTuple):
     """One reading to take: the laser stands over ``start`` and points at ``end``."""
 
     start: str
@@ -30,7 +31,7 @@ class Target:
     @property
     def pair(self) -> Pair:
         """The two points, without order."""
-        return frozenset((self.start, self.end))
+        return pair_of(self.start, self.end)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@ import os
 import select
 import sys
 from collections.abc import Callable
-from typing import TextIO
+from functools import cached_property
+from typing import TYPE_CHECKING, TextIO
 
 from survey.entry.entries import Entry, Person
 from survey.entry.entry_session import Answer, EntrySession
@@ -18,7 +19,9 @@ from survey.entry.words import (
     value_text,
 )
 from validation.errors import GtvalError
-from validation.report.terminal import console
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 
 class TerminalEntry:
@@ -43,7 +46,6 @@ class TerminalEntry:
         self._person = person
         self._source = source
         self._keyboard = source.isatty()
-        self._console = console()
         self._last: Entry | None = None
         self._again: Target | None = None
         self._asked: Target | None = None
@@ -57,8 +59,9 @@ class TerminalEntry:
         """
         if self._keyboard:
             self._welcome()
-        # numpy takes a while to load; the first number can be typed meanwhile.
-        self._session.prepare()
+        if self._keyboard:
+            # numpy and rich take a while to load; the first number can be typed meanwhile.
+            self._session.prepare(lambda: self._console)
         number = 0
         while True:
             line = self._read()
@@ -310,8 +313,18 @@ class TerminalEntry:
 
     def _say(self, text: str, style: str = "") -> None:
         """One line, as it is: nothing in it is taken as markup."""
-        self._console.print(text, style=style or None, markup=False, highlight=False)
-        self._console.file.flush()
+        if style:
+            self._console.print(text, style=style, markup=False, highlight=False)
+        else:
+            sys.stdout.write(f"{text}\n")
+        sys.stdout.flush()
+
+    @cached_property
+    def _console(self) -> "Console":
+        """For what is coloured; nothing is before the first question."""
+        from validation.report.terminal import console  # noqa: PLC0415  (slow to import)
+
+        return console()
 
     def _drop_rest_of_paste(self) -> None:
         """Forget the lines after a bad one: they would go to the wrong targets."""

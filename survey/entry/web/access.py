@@ -4,10 +4,10 @@ import hmac
 import secrets
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from survey.entry.entries import MAX_NAME, Person, clean_text
+from survey.entry.entries import MAX_NAME, Entry, Person, clean_text
 from validation.errors import GtvalError
 
 ALPHABET = "23456789ABCDEFGHJKMNPQRSTUVWXYZ"
@@ -17,6 +17,8 @@ WRONG_CODES = 10
 WINDOW = 60.0
 """So many wrong codes within so many seconds, and nobody is let in for a while."""
 MAX_DEVICES = 100
+
+DEVICE = "page "
 
 
 class AccessError(GtvalError):
@@ -40,15 +42,20 @@ class Access:
         Told when somebody joined and the code has changed.
     clock : callable
         Seconds, for the limit on wrong codes.
+    used : int
+        Number of the last device of earlier sessions: undo takes back what the same device did,
+        so that another one must not have its name.
     """
 
     def __init__(
         self,
         announce: Callable[[str], None] = lambda _text: None,
         clock: Callable[[], float] = time.monotonic,
+        used: int = 0,
     ) -> None:
         self._announce = announce
         self._clock = clock
+        self._used = used
         self._devices: dict[str, Device] = {}
         self._wrong: deque[float] = deque(maxlen=WRONG_CODES)
         self.code = new_code()
@@ -72,9 +79,10 @@ class Access:
             raise AccessError("too many devices; start the page anew")
         self.code = new_code()
         token = secrets.token_urlsafe(32)
-        number = len(self._devices) + 1
+        self._used += 1
+        number = self._used
         who = clean_text(name, MAX_NAME)
-        device = Device(f"page {number}", Person(who, f"page {number}"))
+        device = Device(f"{DEVICE}{number}", Person(who, f"{DEVICE}{number}"))
         self._devices[token] = device
         self._announce(f"{who or 'somebody'} joined on {device.name}")
         return token, device
@@ -82,6 +90,12 @@ class Access:
     def device(self, token: str | None) -> Device | None:
         """The device with a token; None for any other."""
         return self._devices.get(token or "")
+
+
+def last_device(entries: Iterable[Entry]) -> int:
+    """The highest number of a device that has written to a journal; 0 if none has."""
+    numbers = (e.device.removeprefix(DEVICE) for e in entries if e.device.startswith(DEVICE))
+    return max((int(text) for text in numbers if text.isdecimal()), default=0)
 
 
 def new_code() -> str:

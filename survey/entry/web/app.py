@@ -1,5 +1,6 @@
 """The page and its requests, over an entry session."""
 
+import asyncio
 from collections.abc import Awaitable, Callable, Collection
 from dataclasses import replace
 from datetime import datetime, timedelta
@@ -54,6 +55,8 @@ HEADERS = {
 LATE = 5.0
 """A reading that waited longer than so many seconds for the link has the time of its typing."""
 MAX_AGE = 7 * 86400.0
+PAUSE = 0.01
+"""Seconds between two stops that are looked through, for the requests that wait."""
 
 Handler = Callable[[Request, Device], Awaitable[Response]]
 
@@ -81,6 +84,7 @@ class EntryApp:
             lstrip_blocks=True,
         )
         folder = files("survey.entry.web") / "static"
+        self._examining: asyncio.Task[None] | None = None
         self._static = {name: (folder / name).read_bytes() for name in STATIC}
 
     def routes(self) -> list[Route]:
@@ -101,8 +105,7 @@ class EntryApp:
         if device is None:
             name = self._session.campaign.settings.name
             return self._html("join.html.j2", {"campaign": name})
-        state = page_state(self._session, device.person, self._rough)
-        return self._html("page.html.j2", {"state": state})
+        return self._html("page.html.j2", {"state": self._state_of(device)})
 
     async def static(self, request: Request) -> Response:
         """A file of the page; only those that are listed exist."""
@@ -119,7 +122,10 @@ class EntryApp:
             token, device = self._access.join(code, name)
         except AccessError as error:
             raise RefusedError(403, str(error)) from None
-        self._session.begin(device.person)
+        try:
+            self._session.begin(device.person)
+        except NotRecordedError as error:
+            raise RefusedError(503, str(error)) from None
         response = JSONResponse({"device": device.name})
         response.set_cookie(COOKIE, token, httponly=True, samesite="strict", max_age=int(MAX_AGE))
         return response
@@ -128,7 +134,22 @@ class EntryApp:
         """What the page shows; nothing where it is up to date."""
         if request.query_params.get("version") == str(self._session.version):
             return Response(status_code=204)
-        return JSONResponse(page_state(self._session, device.person, self._rough))
+        return JSONResponse(self._state_of(device))
+
+    def _state_of(self, device: Device) -> dict[str, Any]:
+        """What a device shows; what takes long is looked through between the requests."""
+        state = page_state(self._session, device.person, self._rough)
+        if state["unexamined"] and (self._examining is None or self._examining.done()):
+            self._examining = asyncio.create_task(self._examine())
+        return state
+
+    async def _examine(self) -> None:
+        """Look for doubtful readings everywhere, as after a start, while nobody waits."""
+        left = 1
+        while left:
+            left = self._session.examine()
+            await asyncio.sleep(PAUSE)
+        self._session.version += 1
 
     async def reading(self, request: Request, device: Device) -> Response:
         """Record a reading."""

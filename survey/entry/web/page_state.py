@@ -44,6 +44,7 @@ def page_state(entry_session: EntrySession, person: Person, rough: RoughPlaces) 
         "station": _station(entry_session, shown_at, person),
         "recent": _recent(entry_session, person),
         "doubtful": _doubtful(entry_session, person),
+        "unexamined": entry_session.unexamined(),
         "status": _status(entry_session, shown_at, person),
         "map": _map(entry_session, shown_at, rough),
         "behind": entry_session.readings_file.problem,
@@ -130,7 +131,7 @@ def _doubtful(entry_session: EntrySession, person: Person) -> list[dict[str, Any
             "to": entry_session.state.entries[number].end,
             "text": readings_text(entry_session, [number]),
         }
-        for number in entry_session.doubtful()
+        for number in entry_session.doubtful_so_far()
     ]
 
 

@@ -1,15 +1,18 @@
 """What may come in: same origin, JSON, small, of the right shape; all else is refused."""
 
+import asyncio
 import ipaddress
 import json
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 
 MAX_BODY = 65_536
 MAX_FIELD = 2_000
+MAX_SECONDS = 10.0
+"""For a request to come in whole."""
 
 
 @dataclass
@@ -47,13 +50,15 @@ async def json_fields(request: Request) -> dict[str, Any]:
     if kind != "application/json":
         raise RefusedError(415, "expected application/json")
     length = request.headers.get("content-length", "0")
-    if not length.isdigit() or int(length) > MAX_BODY:
+    if not (length.isascii() and length.isdigit()) or int(length) > MAX_BODY:
         raise RefusedError(413, "too large")
-    body = b""
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > MAX_BODY:
-            raise RefusedError(413, "too large")
+    try:
+        async with asyncio.timeout(MAX_SECONDS):
+            body = await _body(request)
+    except TimeoutError:
+        raise RefusedError(408, "the body did not come") from None
+    except ClientDisconnect:
+        raise RefusedError(400, "the body was cut off") from None
     try:
         said = json.loads(body)
     except (ValueError, RecursionError):
@@ -61,6 +66,15 @@ async def json_fields(request: Request) -> dict[str, Any]:
     if not isinstance(said, dict):
         raise RefusedError(400, "expected a JSON object")
     return said
+
+
+async def _body(request: Request) -> bytes:
+    body = b""
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > MAX_BODY:
+            raise RefusedError(413, "too large")
+    return body
 
 
 def text_field(said: dict[str, Any], name: str, *, needed: bool = False) -> str:

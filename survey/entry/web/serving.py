@@ -6,11 +6,12 @@ from collections.abc import Callable
 
 from survey.entry.entries import Person
 from survey.entry.entry_session import EntrySession
-from survey.entry.web.access import Access, shown_code
+from survey.entry.web.access import Access, last_device, shown_code
 from validation.errors import GtvalError
 from validation.report.terminal import console
 
 SERVER = Person("", "page server")
+MAX_OPEN_FILES = 8192
 
 
 def serve(entry_session: EntrySession, host: str, port: int) -> int:
@@ -25,21 +26,30 @@ def serve(entry_session: EntrySession, host: str, port: int) -> int:
         import uvicorn  # noqa: PLC0415  (an extra)
 
         from survey.entry.web.app import make_app  # noqa: PLC0415
+        from survey.entry.web.connection import PromptConnection  # noqa: PLC0415
     except ImportError as error:
         raise GtvalError(
             f"the page needs the extra 'web' ({error.name} is missing): pip install gtval[web]"
         ) from None
+    _allow_many_connections()
     listening = _listen(host, port)
     port = listening.getsockname()[1]
     hosts = served_names(host)
     url = f"http://{_shown_host(host)}:{port}"
-    access = Access(lambda text: _announce(url, access, text))
+    used = last_device(entry_session.journal.entries)
+    access = Access(lambda text: _announce(url, access, text), used=used)
     app = make_app(entry_session, access, hosts)
     # numpy takes a while to load; devices can join meanwhile.
     entry_session.prepare()
     _announce(url, access, f"{entry_session.campaign.settings.name}: the page is at {url}")
     config = uvicorn.Config(
-        app, log_level="warning", access_log=False, lifespan="off", ws="none", server_header=False
+        app,
+        http=PromptConnection,
+        log_level="error",  # what strangers send is no reason to scroll the code away
+        access_log=False,
+        lifespan="off",
+        ws="none",
+        server_header=False,
     )
     server = uvicorn.Server(config)
     try:
@@ -82,6 +92,18 @@ def _listen(host: str, port: int) -> socket.socket:
             "choose another with --port"
         ) from error
     return listening
+
+
+def _allow_many_connections() -> None:
+    """Raise this process's limit of open files, so that a burst of connections meets none."""
+    try:
+        import resource  # noqa: PLC0415  (not on Windows)
+    except ImportError:
+        return
+    now, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = MAX_OPEN_FILES if most == resource.RLIM_INFINITY else min(most, MAX_OPEN_FILES)
+    if now != resource.RLIM_INFINITY and now < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, most))
 
 
 def _shown_host(host: str) -> str:

@@ -1,27 +1,34 @@
-"""Campaigns entered by a simulated person who mistypes one number in a hundred."""
+"""Campaigns entered by a simulated person who goes wrong at one number in a hundred."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Literal
 
 import numpy as np
 from entry_rooms import ANN, EntryRoom, entry_room
 
-from data_samples.typing_errors import draw_mistyped
+from data_samples.typing_errors import TYPING_ERRORS, mistyped
 from survey.entry.entry_session import Answer, EntrySession
 from survey.entry.numbers import parse_distance
 from survey.entry.targets import Target
 
 LARGE = 0.03
 """An error of so many metres or more must be noticed."""
+KINDS = (*TYPING_ERRORS, "wrong point", "previous number")
+"""Digits exchanged, left out, doubled, the point misplaced (as when metres and millimetres are
+mixed up); the laser on another world point; the number before typed once more."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Slip:
-    """A mistyped number.
+    """A wrong number.
 
     Parameters
     ----------
+    kind : str
+        One of `KINDS`.
     size : float
         Typed less shown, metres; infinite where the text was no possible distance.
     earlier : int
@@ -30,15 +37,21 @@ class Slip:
         Whether it was a reading of a stop.
     at_once : bool
         Whether the answer to it said that something is wrong.
-    first_of_mark : bool
-        Whether its mark had no reading before.
+    end : {"corrected", "named", "left"}
+        What became of it: not in the readings file at the end; there, but suspected by the
+        adjustment of all readings; there, and not suspected.
     """
 
+    kind: str
     size: float
     earlier: int
     of_stop: bool
     at_once: bool
-    first_of_mark: bool
+    end: Literal["corrected", "named", "left"] = "corrected"
+
+    @property
+    def is_large(self) -> bool:
+        return abs(self.size) > LARGE
 
 
 @dataclass
@@ -52,29 +65,22 @@ class Tally:
     false_alarms : int
         Alarms at correct numbers while nothing typed was wrong in what they were checked with.
     slips : list of Slip
-        The mistyped ones.
-    left : list of (float, bool)
-        Errors that were still in the readings file at the end, and whether the adjustment of all
-        readings suspects them.
+        The wrong ones.
     """
 
     readings: int = 0
     false_alarms: int = 0
     slips: list[Slip] = field(default_factory=list)
-    left: list[tuple[float, bool]] = field(default_factory=list)
 
     def add(self, other: "Tally") -> None:
         self.readings += other.readings
         self.false_alarms += other.false_alarms
         self.slips += other.slips
-        self.left += other.left
 
     def large(self, *, of_stop: bool, earlier: int) -> list[Slip]:
         """Errors to be noticed, with so many earlier readings or more."""
         return [
-            s
-            for s in self.slips
-            if abs(s.size) > LARGE and s.of_stop == of_stop and s.earlier >= earlier
+            s for s in self.slips if s.is_large and s.of_stop == of_stop and s.earlier >= earlier
         ]
 
 
@@ -85,7 +91,8 @@ class Typist:
         self.room, self.rng, self.rate = room, rng, rate
         self.entry_session: EntrySession = room.open()
         self.tally = Tally()
-        self.wrong: dict[int, float] = {}
+        self.wrong: dict[int, Slip] = {}
+        self.previous = ""
 
     def run(self) -> Tally:
         while (target := self.entry_session.guide.next_target(ANN)) is not None:
@@ -96,7 +103,7 @@ class Typist:
             answer = self.type(target, again=again)
             if again and answer.needs_a_look and answer.outcome == "recorded":
                 self.entry_session.keep(answer.entry.number, ANN)
-        self.tally.left = self.left()
+        self.judge_the_rest()
         self.entry_session.close()
         return self.tally
 
@@ -113,39 +120,58 @@ class Typist:
             entry = self.entry_session.state.entries[number]
             if number not in self.entry_session.state.counting(entry.pair):
                 continue
-            second = Target(entry.start, entry.end)
-            self.once(second, again=True, in_answer=True)
+            self.once(Target(entry.start, entry.end), again=True, in_answer=True)
         return answer
 
     def once(self, target: Target, *, again: bool, in_answer: bool = False) -> Answer:
         """Type a number, rightly or wrongly, and count what comes of it."""
         shown = self.room.shown[target.pair]
-        wrong = self.rng.uniform() < self.rate
-        text = draw_mistyped(shown, self.rng) if wrong else shown
-        earlier, first = self.readings_before(target)
+        kind, text = "", shown
+        if self.rng.uniform() < self.rate:
+            kind, text = self.go_wrong(target, shown)
+        earlier = self.readings_before(target)
         clean = not self.wrong_around(target)
         answer = self.entry_session.record(target, text, ANN, again=again)
-        if wrong:
-            size = np.inf
-            if answer.entry.metres is not None:
-                size = parse_distance(text, self.entry_session.campaign.settings.instrument).metres
-                size -= float(shown)
-            if abs(size) < 1e-9:
-                return answer
-            of_stop = "/" in target.start + target.end
-            self.tally.slips.append(Slip(size, earlier, of_stop, answer.needs_a_look, first))
-            if answer.outcome == "recorded":
-                self.wrong[answer.entry.number] = size
-        else:
+        self.previous = text
+        if not kind:
             self.tally.readings += 1
             if answer.needs_a_look and clean and not (in_answer or again):
                 self.tally.false_alarms += 1
+            return answer
+        size = np.inf
+        if answer.entry.metres is not None:
+            instrument = self.entry_session.campaign.settings.instrument
+            size = parse_distance(text, instrument).metres - float(shown)
+        if abs(size) > 1e-9:
+            of_stop = "/" in target.start + target.end
+            slip = Slip(kind, size, earlier, of_stop, answer.needs_a_look)
+            self.tally.slips.append(slip)
+            if answer.outcome == "recorded":
+                self.wrong[answer.entry.number] = slip
         return answer
 
-    def live_wrong(self) -> dict[int, float]:
+    def go_wrong(self, target: Target, shown: str) -> tuple[str, str]:
+        """A kind of error that is possible here, drawn at random, and what is typed then."""
+        others = [
+            self.room.shown[one.pair]
+            for one in self.entry_session.guide.targets_from(target.start)
+            if one.pair != target.pair and one.pair in self.room.shown
+        ]
+        made: dict[str, Callable[[], list[str]]] = {
+            kind: lambda kind=kind: mistyped(shown, kind) for kind in TYPING_ERRORS
+        }
+        made["wrong point"] = lambda: others
+        made["previous number"] = lambda: [self.previous] if self.previous else []
+        texts: list[str] = []
+        while not texts:
+            kind = KINDS[int(self.rng.integers(len(KINDS)))]
+            texts = made[kind]()
+        return kind, texts[int(self.rng.integers(len(texts)))]
+
+    def live_wrong(self) -> dict[int, Slip]:
         state = self.entry_session.state
         return {
-            n: size for n, size in self.wrong.items() if n in state.counting(state.entries[n].pair)
+            n: slip for n, slip in self.wrong.items() if n in state.counting(state.entries[n].pair)
         }
 
     def wrong_around(self, target: Target) -> bool:
@@ -158,18 +184,19 @@ class Typist:
         worlds = {name for name in keys if not name.endswith("/")}
         return key in keys or (key.endswith("/") and bool(worlds))
 
-    def readings_before(self, target: Target) -> tuple[int, bool]:
+    def readings_before(self, target: Target) -> int:
         knowledge, state = self.entry_session.checks.knowledge, self.entry_session.state
         key = knowledge.group_key(target.pair)
-        own = [p for p in state.pairs if knowledge.group_key(p) == key and state.counting(p)]
-        others = [p for p in own if p != target.pair]
-        return len(others), not any(target.start in p for p in others)
+        return sum(
+            pair != target.pair and knowledge.group_key(pair) == key and bool(state.counting(pair))
+            for pair in state.pairs
+        )
 
-    def left(self) -> list[tuple[float, bool]]:
-        """Errors still there, and whether the survey's own search for blunders names them."""
+    def judge_the_rest(self) -> None:
+        """Say of each error still there whether the survey's own search for blunders names it."""
         remaining = self.live_wrong()
         if not remaining:
-            return []
+            return
         from survey.readings import load_readings
         from survey.settings import SurveySettings
         from survey.solve import solve_survey
@@ -185,8 +212,9 @@ class Typist:
             for suspicion in solution.suspicions
             for i in suspicion.candidates
         }
-        state = self.entry_session.state
-        return [(size, state.entries[n].pair in named) for n, size in remaining.items()]
+        for number, slip in remaining.items():
+            pair = self.entry_session.state.entries[number].pair
+            slip.end = "named" if pair in named else "left"
 
 
 def simulate_entry(seed: int, stops: int = 2, rate: float = 0.01) -> Tally:
@@ -194,3 +222,28 @@ def simulate_entry(seed: int, stops: int = 2, rate: float = 0.01) -> Tally:
     with TemporaryDirectory() as folder:
         room = entry_room(seed, stops, Path(folder) / "room")
         return Typist(room, np.random.default_rng([7, seed]), rate).run()
+
+
+def table(tally: Tally) -> Iterable[str]:
+    """Shares by kind of error, of those over 3 cm."""
+    yield f"{'':18}{'after the third reading of a stop':>36}{'anywhere':>42}"
+    yield (
+        f"{'errors over 3 cm':18}{'errors':>12}{'at once':>12}{'share':>12}"
+        f"{'errors':>12}{'at once':>10}{'in the end':>12}{'left':>8}"
+    )
+    for kind in (*KINDS, "all"):
+        own = [s for s in tally.slips if s.is_large and kind in (s.kind, "all")]
+        late = [s for s in own if s.of_stop and s.earlier >= 3]
+        yield (
+            f"{kind:18}{len(late):12}{_share(s.at_once for s in late)}{'':0}"
+            f"{len(own):12}{_share((s.at_once for s in own), 10)}"
+            f"{_share((s.end != 'left' for s in own), 12)}{sum(s.end == 'left' for s in own):8}"
+        )
+    alarms = tally.false_alarms
+    rate = alarms / tally.readings
+    yield f"false alarms: {alarms} of {tally.readings} correct readings, {rate:.3%}"
+
+
+def _share(flags: Iterable[bool], width: int = 12) -> str:
+    found = list(flags)
+    return f"{np.mean(found) if found else np.nan:{width}.2%}"

@@ -57,7 +57,8 @@ function work() {
     $("station-title").textContent = `Station ${state.station.name}: ${state.station.progress}`;
     list("station", state.station.rows, (row) => [[`${row.from}–${row.to}`, row.value, row.state], stationButton(row)]);
     list("recent", state.recent, (row) => [[row.pair, row.value, [row.by, row.fate, ...row.notes].filter(Boolean).join(", ")]]);
-    $("doubtful-title").textContent = `Doubtful: ${state.doubtful.length}`;
+    const unexamined = state.unexamined ? ` (${state.unexamined} more places being looked through)` : "";
+    $("doubtful-title").textContent = `Doubtful: ${state.doubtful.length}${unexamined}`;
     list("doubtful", state.doubtful, (row) => [
       [row.text, ""],
       button("Again", `Measure ${row.text} again`, () => measureAgain(row)),
