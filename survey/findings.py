@@ -85,8 +85,6 @@ def _labelling(verdict: LabellingVerdict) -> Iterator[Finding]:
             "vframe",
             "mirror",
         )
-    elif verdict.status == "not tested":
-        yield Finding("note", "too many Vframe points to try other labellings", "vframe", "mirror")
 
 
 def _exchange(labelling: Labelling) -> str:
@@ -125,6 +123,15 @@ def _frame(solution: SurveySolution) -> Iterator[Finding]:
 
 def _world_points(solution: SurveySolution) -> Iterator[Finding]:
     for lost in solution.world.missing:
+        if lost.name in solution.from_marks:
+            yield Finding(
+                "note",
+                f"not located from the Vframe alone ({lost.reason}); its place in the joint "
+                "adjustment comes from the robot's marks as well",
+                f"world point {lost.name}",
+                "world-point-from-marks",
+            )
+            continue
         places = " or ".join(f"({x:.3f}, {y:.3f})" for x, y in lost.candidates)
         yield Finding(
             "error" if "contradict" in lost.reason else "warning",

@@ -72,7 +72,7 @@ def _room(outcome: SurveyOutcome) -> "Room":
 def _world_places(solution: SurveySolution) -> "Places":
     from survey.figures import Places  # noqa: PLC0415
 
-    names = solution.world.names
+    names = solution.joint_names
     positions, covariances = adjusted_points(solution, names)
     return Places(names, positions, covariances)
 
@@ -87,7 +87,7 @@ def _world_map(outcome: SurveyOutcome, solution: SurveySolution) -> Figure:
         "world-points",
         "World points with their 3-sigma ellipses after the joint adjustment; the factor by which "
         "the ellipses are enlarged is stated in the figure.",
-        f"Map of the Vframe square and {len(solution.world.points)} world points around it, each "
+        f"Map of the Vframe square and {len(solution.joint_names)} world points around it, each "
         "with an uncertainty ellipse; coordinates and standard deviations are in the table.",
         draw,
     )

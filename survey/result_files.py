@@ -56,13 +56,18 @@ def _world_points(solution: SurveySolution, *, joint: bool) -> str:
     positions = solution.world.positions
     covariances = np.array([point.covariance for point in solution.world.points])
     if joint:
+        names = solution.joint_names
         positions, covariances = adjusted_points(solution, names)
     status = labelling_status(solution)
     rows: list[Sequence[object]] = [
         (name, *p, c[0, 0], c[0, 1], c[1, 1], status)
         for name, p, c in zip(names, positions, covariances, strict=True)
     ]
-    rows += [(point.name, "", "", "", "", "", point.reason) for point in solution.world.missing]
+    rows += [
+        (point.name, "", "", "", "", "", point.reason)
+        for point in solution.world.missing
+        if point.name not in names
+    ]
     return _csv(("world_point", "x", "y", "var_x", "cov_xy", "var_y", "status"), rows)
 
 

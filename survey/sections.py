@@ -119,7 +119,24 @@ def world_table(solution: SurveySolution) -> Table:
             "x, y by trilateration from the nominal Vframe, chi² of the point's own readings; "
             "'joint' is what the joint adjustment of all readings adds. The rejected solution is "
             "the best of the others that two circles offer."
+            + (" Without x, y: see the findings." if solution.world.missing else "")
         ),
+    )
+
+
+def _table_from_marks(solution: SurveySolution) -> Table:
+    """World points that only the joint adjustment has."""
+    names = tuple(solution.from_marks)
+    places, covariances = adjusted_points(solution, names)
+    return Table(
+        "World points located from the robot's marks as well",
+        ("world point", "x [m]", "y [m]", "sigma x [mm]", "sigma y [mm]"),
+        [
+            (name, *place, *(MM * np.sqrt(np.diagonal(covariance))))
+            for name, place, covariance in zip(names, places, covariances, strict=True)
+        ],
+        ("", ".6f", ".6f", ".1f", ".1f"),
+        note="x, y of the joint adjustment: the Vframe alone does not give these points.",
     )
 
 
@@ -130,6 +147,8 @@ def _world_tables(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[
             "findings for what to measure."
         )
     yield world_table(solution)
+    if solution.from_marks:
+        yield _table_from_marks(solution)
     comparison = outcome.published
     if comparison is not None:
         where = dict(zip(solution.world.names, solution.world.positions, strict=True))

@@ -8,6 +8,7 @@ import numpy as np
 from survey.adjustment import Adjustment, adjust
 from survey.labelling import LabellingVerdict, judge_labelling
 from survey.network import build_network, start_parameters
+from survey.points_from_marks import locate_from_marks
 from survey.readings import Readings
 from survey.reliability import BlunderSuspicion, Reliability, reading_tests, suspected_blunders
 from survey.robot_frames import NotPosed, RobotFrameFit, solve_robot_frames
@@ -56,6 +57,9 @@ class SurveySolution:
         Each pose from the world points alone.
     not_posed : tuple of NotPosed
         Poses left open.
+    from_marks : mapping of str to (2,) array
+        World points that the Vframe leaves open and the robot's marks do not: where the joint
+        adjustment starts for them.
     used : Readings
         Readings in the joint adjustment, in its order.
     adjustment : Adjustment
@@ -71,10 +75,16 @@ class SurveySolution:
     world: WorldPoints
     frames: tuple[RobotFrameFit, ...]
     not_posed: tuple[NotPosed, ...]
+    from_marks: Mapping[str, Array]
     used: Readings
     adjustment: Adjustment
     reliability: Reliability
     suspicions: tuple[BlunderSuspicion, ...]
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """World points of the joint adjustment."""
+        return (*self.world.names, *self.from_marks)
 
     def pose_table(self) -> PoseTable | None:
         """The validation poses of the joint adjustment, with their joint covariance."""
@@ -141,13 +151,14 @@ def solve_survey(
     progress("robot frames", 0.3)
     frames, not_posed = solve_robot_frames(readings.poses, readings, world, rig, evidence.guesses)
     progress("joint adjustment", 0.6)
+    from_marks = locate_from_marks(world.missing, readings, frame, frames, rig)
     network, used = build_network(
-        vframe, rig, readings, world.names, [frame.pose for frame in frames]
+        vframe, rig, readings, (*world.names, *from_marks), [fit.pose for fit in frames]
     )
     start = start_parameters(
         network,
         frame.points,
-        dict(zip(world.names, world.positions, strict=True)),
+        {**dict(zip(world.names, world.positions, strict=True)), **from_marks},
         {fit.pose: fit.state for fit in frames},
     )
     adjustment = adjust(network, start, robust=robust)
@@ -158,6 +169,7 @@ def solve_survey(
         world=world,
         frames=tuple(frames),
         not_posed=tuple(not_posed),
+        from_marks=from_marks,
         used=used,
         adjustment=adjustment,
         reliability=reading_tests(adjustment),

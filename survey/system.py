@@ -54,7 +54,9 @@ def survey_facts(outcome: "SurveyOutcome") -> dict[str, object]:
     if solution is None:
         return {"source": "published"}
     from survey.findings import fitted_reading_sigma
+    from survey.result_files import adjusted_points
 
+    late = tuple(solution.from_marks)
     return {
         "source": "readings" if solution.frames else "published",
         "readings": len(solution.used),
@@ -62,7 +64,15 @@ def survey_facts(outcome: "SurveyOutcome") -> dict[str, object]:
             name: [float(v) for v in place]
             for name, place in zip(solution.world.names, solution.world.positions, strict=True)
         },
-        "world_points_open": {point.name: point.reason for point in solution.world.missing},
+        "world_points_from_marks": {
+            name: [float(v) for v in place]
+            for name, place in zip(late, adjusted_points(solution, late)[0], strict=True)
+        },
+        "world_points_open": {
+            point.name: point.reason
+            for point in solution.world.missing
+            if point.name not in solution.from_marks
+        },
         "poses_open": {pose.pose: pose.reason for pose in solution.not_posed},
         "labelling": {
             "status": solution.labelling.status,
@@ -105,10 +115,8 @@ def _landmarks(outcome: "SurveyOutcome") -> dict[str, tuple[float, float]]:
     if outcome.solution is None:
         return {}
     world = outcome.solution.world
-    return {
-        name: (float(x), float(y))
-        for name, (x, y) in zip(world.names, world.positions, strict=True)
-    }
+    places = {**dict(zip(world.names, world.positions, strict=True)), **outcome.solution.from_marks}
+    return {name: (float(x), float(y)) for name, (x, y) in places.items()}
 
 
 SYSTEM = SurveySystem()
