@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     from validation.campaign import RobotFrame, Vframe
 
 MOST_POINTS = 5
-"""Frames of more points are too many labellings to try, and hardly symmetric."""
+"""Frames of more points have too many labellings to try those that are no symmetry."""
+_SAME_PLACE = 1e-6
+"""Nominal points nearer than this, in metres, are the same."""
 MOST_POSES = 2
 """Robot frames asked for their opinion."""
 DECISIVE = 30.0
@@ -88,7 +90,7 @@ class LabellingVerdict:
 
     Parameters
     ----------
-    status : {"confirmed", "unconfirmed", "unambiguous", "not tested"}
+    status : {"confirmed", "unconfirmed", "unambiguous"}
         'confirmed': others fit the readings, evidence decides for the given one;
         'unconfirmed': nothing tells it from a mirror image; 'unambiguous': no other fits.
     given : Labelling
@@ -99,7 +101,7 @@ class LabellingVerdict:
         What told.
     """
 
-    status: Literal["confirmed", "unconfirmed", "unambiguous", "not tested"]
+    status: Literal["confirmed", "unconfirmed", "unambiguous"]
     given: Labelling
     others: tuple[Labelling, ...] = ()
     decided_by: tuple[str, ...] = ()
@@ -133,10 +135,6 @@ def judge_labelling(
     AD2.3 prints its table of readings with X and Y exchanged; the printed coordinates follow
     only from the corrected labels.
     """
-    names = tuple(vframe.points)
-    given = Labelling({}, "given", 0.0, {})
-    if len(names) > MOST_POINTS:
-        return LabellingVerdict("not tested", given)
     candidates = _labellings_that_fit(vframe, rig, readings, world, evidence)
     given = next(c for c in candidates if c.kind == "given")
     least = min(candidate.total for candidate in candidates)
@@ -178,11 +176,9 @@ def _labellings_that_fit(
     cost = sum(point.cost for point in world.points)
     freedom = sum(point.redundancy for point in world.points)
     images: list[_Image] = []
-    for order in permutations(range(len(names))):
+    for order, motion in _symmetries(nominal):
         meaning = {names[i]: names[j] for i, j in enumerate(order) if i != j}
-        motion = _symmetry(nominal, nominal[list(order)])
-        if motion is not None:
-            images.append(_Image(meaning, motion, cost))
+        images.append(_Image(meaning, motion, cost))
     frames = _some_frames(readings, world, rig)
     mirrored = next((i for i in images if i.motion.is_mirror), None)
     turned_over = [] if mirrored is None else _some_frames(readings, mirrored.of(world), rig)
@@ -193,7 +189,8 @@ def _labellings_that_fit(
             found.append(_weighed(image, world, evidence, turned_over, carried))
         else:
             found.append(_weighed(image, world, evidence, frames, image.motion))
-    if freedom and chdtrc(freedom, cost) < _HOPELESS:
+    few = len(names) <= MOST_POINTS
+    if few and freedom and chdtrc(freedom, cost) < _HOPELESS:
         found += _exchanged(vframe, readings, world, rig, evidence, images)
     return found
 
@@ -243,15 +240,27 @@ class _Image:
         return WorldPoints(points, blocks @ world.covariance @ blocks.T, ())
 
 
-def _symmetry(a: Array, b: Array) -> _Motion | None:
-    """The turn or mirror image that carries points a onto b; None if there is none."""
-    for flip in (np.eye(2), np.diag([1.0, -1.0])):
-        x, y, theta = rigid_alignment(a @ flip, b)
-        c, s = np.cos(theta), np.sin(theta)
-        matrix = np.array([[c, -s], [s, c]]) @ flip
-        if np.allclose(a @ matrix.T + [x, y], b, atol=1e-6):
-            return _Motion(matrix, np.array([x, y]))
-    return None
+def _symmetries(points: Array) -> list[tuple[tuple[int, ...], _Motion]]:
+    """Turns and mirror images that carry the points (n, 2) onto themselves, the identity first.
+
+    Each with the row that every point is carried to. Two points fix a motion and its mirror
+    image, so trying all places for the two that are farthest apart finds every symmetry.
+    """
+    distance = np.linalg.norm(points[:, None] - points, axis=-1)
+    a, b = np.unravel_index(distance.argmax(), distance.shape)
+    found: dict[tuple[int, ...], _Motion] = {}
+    for i, j in permutations(range(len(points)), 2):
+        if abs(distance[i, j] - distance[a, b]) > _SAME_PLACE:
+            continue
+        for flip in (np.eye(2), np.diag([1.0, -1.0])):
+            x, y, theta = rigid_alignment(points[[a, b]] @ flip, points[[i, j]])
+            c, s = np.cos(theta), np.sin(theta)
+            motion = _Motion(np.array([[c, -s], [s, c]]) @ flip, np.array([x, y]))
+            moved = points @ motion.matrix.T + motion.shift
+            gap = np.linalg.norm(moved[:, None] - points, axis=-1)
+            if (gap.min(1) < _SAME_PLACE).all():
+                found.setdefault(tuple(int(k) for k in gap.argmin(1)), motion)
+    return sorted(found.items(), key=lambda one: (one[1].is_mirror, one[0]))
 
 
 def _exchanged(

@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 from surveys import ad23, case, simulated
 
+from data_samples.rooms import RoomSettings, make_room
+from data_samples.simulate import SimulationSettings, simulate_survey
+from survey.labelling import _symmetries
 from survey.readings import Readings
 from survey.solve import Evidence, solve_survey
+from validation.campaign import Vframe
 from validation.errors import GtvalError
 
 SWAP = {"X": "Y", "Y": "X"}
@@ -119,3 +123,40 @@ def test_ad23_labels_as_printed_are_refused_because_coordinates_were_printed():
     no_print = replace(outcome.evidence, published={})
     assert solve_survey(*arguments, no_print).labelling.status == "unconfirmed"
     assert outcome.solution.labelling.decided_by == ("published coordinates",)
+
+
+@pytest.mark.parametrize(
+    ("points", "turns", "mirrors"),
+    [
+        ([[0, 0], [2.5, 0], [0, 2.5], [2.5, 2.5]], 4, 4),
+        ([[0, 0], [3, 0], [0, 2], [3, 2]], 2, 2),
+        ([[0, 0], [3, 0], [0, 2]], 1, 0),
+        ([[0, 0], [3, 0], [1.5, 2]], 1, 1),
+        ([[np.cos(a), np.sin(a)] for a in np.arange(6) * np.pi / 3], 6, 6),
+        ([[np.cos(a), np.sin(a)] for a in np.arange(9) * 2 * np.pi / 9], 9, 9),
+    ],
+    ids=["square", "rectangle", "triangle", "isosceles", "hexagon", "nonagon"],
+)
+def test_all_symmetries_of_a_frame_are_found(points, turns, mirrors):
+    points = np.array(points, dtype=float)
+    found = _symmetries(points)
+    assert found[0][0] == tuple(range(len(points)))
+    assert sum(not motion.is_mirror for _, motion in found) == turns
+    assert sum(motion.is_mirror for _, motion in found) == mirrors
+    for order, motion in found:
+        moved = points @ motion.matrix.T + motion.shift
+        assert np.allclose(moved, points[list(order)], atol=1e-9)
+
+
+def test_a_symmetric_frame_of_six_points_with_exchanged_labels_is_refused():
+    names = ["A", "B", "C", "D", "E", "F"]
+    corners = 1.5 * np.exp(1j * np.arange(6) * np.pi / 3)
+    places = [(c.real, c.imag) for c in corners]
+    vframe = Vframe(points=dict(zip(names, places, strict=True)))
+    rng = np.random.default_rng(8)
+    room = make_room(RoomSettings(stops=3), rng, vframe)
+    survey = simulate_survey(room, SimulationSettings(), rng)
+    mirrored = dict(zip(names, ["A", "F", "E", "D", "C", "B"], strict=True))
+    readings = relabelled(survey.readings, mirrored)
+    with pytest.raises(GtvalError, match="labels of the Vframe points are exchanged"):
+        solve_survey(vframe, survey.robot_frame, readings, room.world_names)
