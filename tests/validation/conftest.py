@@ -4,7 +4,6 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-import hypothesis
 import pytest
 from click.testing import CliRunner, Result
 from small_campaigns import AD23, MINIMAL_TOML, FixedSystem
@@ -13,10 +12,6 @@ import validation.run
 import validation.systems
 from validation.cli import main
 from validation.poses import PoseTable, from_csv
-
-# A busy machine is no fault of the code.
-hypothesis.settings.register_profile("gtval", deadline=None)
-hypothesis.settings.load_profile("gtval")
 
 
 @pytest.fixture
