@@ -90,6 +90,15 @@ def _run_command(ctx: click.Context) -> click.Command:
     metavar="X Y THETA",
     help="Of the stated mount of the scanners, metres and radians.",
 )
+@click.option(
+    "--laser-fault",
+    "laser_faults",
+    type=click.Choice(
+        ["boxes", "edges", "floor", "glass", "grazing", "lean", "lost", "tilt"],
+    ),
+    multiple=True,
+    help="What disturbs the scans; may be given several times. docs/laser.md says how much.",
+)
 @click.option("--vision", is_flag=True, help="Also cameras, a robot with markers, and images.")
 @click.option(
     "--workers", type=click.IntRange(1), help="Processes for rendering; one a processor by default."
@@ -112,6 +121,7 @@ def simulate(
     bias: tuple[float, float, float],
     laser: bool,
     mount_error: tuple[float, float, float],
+    laser_faults: tuple[str, ...],
     vision: bool,
     workers: int | None,
     force: bool,
@@ -150,9 +160,9 @@ def simulate(
     simulated = simulate_survey(room, settings, rng)
     more: dict[str, str] = {}
     if laser:
-        from data_samples.laser_campaign import LaserSimulation, laser_files
+        from data_samples.laser_campaign import laser_files, with_faults
 
-        more = dict(laser_files(room, LaserSimulation(mount_error=mount_error), rng))
+        more = dict(laser_files(room, with_faults(laser_faults, mount_error), rng))
     if vision:
         for name, text in vision_texts(cameras, rng).items():
             more[name] = more.get(name, "") + text

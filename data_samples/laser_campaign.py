@@ -1,7 +1,7 @@
 """Laser scans of a synthetic campaign: files for laser/ and the [laser] table."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from data_samples.scanners import (
     Panels,
     Scanner,
     box,
+    panels,
     polyline,
     take_scan,
     uneven_floor,
@@ -42,6 +43,10 @@ class LaserSimulation:
         Amplitude of the waves of the floor in metres; 0 for a flat one.
     moved_boxes : int
         Boxes of the size of a bin that stand elsewhere at every stop.
+    glass : float
+        Width in metres of a window from the floor in each wall; 0 for none.
+    lean : float
+        Angle by which the walls lean into the room, in radians.
     """
 
     scanners: Sequence[Scanner] = (SICK_FRONT, SICK_REAR)
@@ -50,14 +55,98 @@ class LaserSimulation:
     odometry_sigmas: tuple[float, float, float] = (0.05, 0.05, 0.04)
     floor_height: float = 0.0
     moved_boxes: int = 0
+    glass: float = 0.0
+    lean: float = 0.0
 
 
-def room_panels(room: Room) -> Panels:
-    """Walls and obstacles of a room as panels."""
-    panels = polyline(room.outline, closed=True)
+FAULTS = ("boxes", "edges", "floor", "glass", "grazing", "lean", "lost", "tilt")
+"""What `with_faults` knows, each of a size that a lab may meet."""
+
+
+def with_faults(
+    faults: Iterable[str], mount_error: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> LaserSimulation:
+    """Scanners and a room with named faults, for trying out what a verdict makes of them.
+
+    Parameters
+    ----------
+    faults : iterable of str
+        'boxes': two bins elsewhere at every stop. 'edges': beams of 10 mrad that mix ranges at
+        edges. 'floor': waves of up to 4 mm each (AD2.3 suspected the floor). 'glass': a window of
+        2 m in each wall that answers only when hit squarely. 'grazing': ranges 3 mm longer by
+        incidence. 'lean': walls that lean by 2 degrees. 'lost': 5 % of the beams do not come
+        back. 'tilt': scan planes that slope by 1 degree (AD2.3 suspected them).
+    mount_error : (float, float, float)
+        Of the stated mount: x, y (metres), theta (radians).
+
+    Raises
+    ------
+    ValueError
+        For a name that is not in `FAULTS`.
+    """
+    chosen = set(faults)
+    unknown = chosen - set(FAULTS)
+    if unknown:
+        raise ValueError(f"no such fault: {', '.join(sorted(unknown))}; there are {FAULTS}")
+    slope = float(np.tan(np.deg2rad(1.0)))
+    scanners = [
+        replace(
+            scanner,
+            divergence=0.01 if "edges" in chosen else 0.0,
+            incidence_bias=0.003 if "grazing" in chosen else 0.0,
+            drop_rate=0.05 if "lost" in chosen else 0.0,
+            tilt=(slope, 0.0) if "tilt" in chosen else (0.0, 0.0),
+        )
+        for scanner in (SICK_FRONT, SICK_REAR)
+    ]
+    return LaserSimulation(
+        scanners,
+        mount_error=mount_error,
+        floor_height=0.004 if "floor" in chosen else 0.0,
+        moved_boxes=2 if "boxes" in chosen else 0,
+        glass=2.0 if "glass" in chosen else 0.0,
+        lean=float(np.deg2rad(2.0)) if "lean" in chosen else 0.0,
+    )
+
+
+def room_panels(room: Room, glass: float = 0.0, lean: float = 0.0) -> Panels:
+    """Walls and obstacles of a room as panels.
+
+    Parameters
+    ----------
+    room : Room
+        The room.
+    glass : float
+        Width in metres of a window in the middle of each wall; 0 for none. Behind it, two metres
+        on, is the wall of another building.
+    lean : float
+        Angle in radians by which the walls lean to the left of their direction.
+    """
+    found = polyline(room.outline, closed=True, lean=lean)
+    if glass > 0:
+        found = _with_windows(room.outline, glass, lean)
     for obstacle in room.obstacles:
-        panels = panels + polyline(obstacle, closed=True)
-    return panels
+        found = found + polyline(obstacle, closed=True)
+    return found
+
+
+def _with_windows(outline: Array, width: float, lean: float) -> Panels:
+    """Walls with a pane in the middle of each, and what stands behind it."""
+    starts, ends = outline, np.roll(outline, -1, axis=0)
+    length = np.sqrt(((ends - starts) ** 2).sum(-1, keepdims=True))
+    along = (ends - starts) / length
+    half = np.minimum(width, 0.8 * length) / 2
+    middle = (starts + ends) / 2
+    left, right = middle - half * along, middle + half * along
+    centre = outline.mean(0)
+    away = np.column_stack([-along[:, 1], along[:, 0]])
+    away *= np.sign(((middle - centre) * away).sum(-1, keepdims=True))
+    return (
+        panels(starts, left, lean=lean)
+        + panels(right, ends, lean=lean)
+        + panels(left, right, glass=True)
+        + panels(starts + 2 * away - 3 * along, ends + 2 * away + 3 * along)
+    )
 
 
 def laser_files(room: Room, settings: LaserSimulation, rng: np.random.Generator) -> dict[str, str]:
@@ -101,12 +190,12 @@ def _stop_scans(
     room: Room, settings: LaserSimulation, pose: Array, rng: np.random.Generator, floor: Floor
 ) -> list[Scan]:
     """One scan of each scanner."""
-    panels = room_panels(room)
+    there = room_panels(room, settings.glass, settings.lean)
     for _ in range(settings.moved_boxes):
         away, around = rng.uniform(1.0, 2.5), rng.uniform(-np.pi, np.pi)
         place = pose[:2] + away * np.array([np.cos(around), np.sin(around)])
-        panels = panels + box((*place, rng.uniform(-np.pi, np.pi)), 0.35, 0.35, high=0.6)
-    return [take_scan(panels, scanner, pose, rng, floor=floor) for scanner in settings.scanners]
+        there = there + box((*place, rng.uniform(-np.pi, np.pi)), 0.35, 0.35, high=0.6)
+    return [take_scan(there, scanner, pose, rng, floor=floor) for scanner in settings.scanners]
 
 
 def _odometry(stops: Array, settings: LaserSimulation, rng: np.random.Generator) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 
 from laser_gt.decisions import Decision, read_decisions
 from laser_gt.evidence import Prepared
+from laser_gt.motion import MirrorTiming, undistorted_records
 from laser_gt.planar import between, compose
 from laser_gt.records import ScanRecord
 from laser_gt.scans import Sweep, merge
@@ -61,7 +62,7 @@ def load_inputs(campaign: Campaign, settings: LaserSettings) -> LaserInputs:
     InputError
         Naming every bad place of the files.
     """
-    records = _records(campaign.folder / settings.scans, settings)
+    records = _at_rest(_records(campaign.folder / settings.scans, settings), settings)
     by_stop, logged = _by_stop(campaign, settings, records)
     names = list(dict.fromkeys(r.scan.sensor for scans in by_stop.values() for r in scans))
     order = [name for name in settings.scanners if name in names] or names
@@ -150,6 +151,19 @@ def _records(path: Path, settings: LaserSettings) -> list[ScanRecord]:
         "rawseeds_hokuyo": read_rawseeds_hokuyo,
     }
     return readers[settings.format](path)
+
+
+def _at_rest(records: list[ScanRecord], settings: LaserSettings) -> list[ScanRecord]:
+    """The records, corrected for motion where a scanner's timing is stated."""
+    timings = {
+        name: MirrorTiming(scanner.turn_time, scanner.interlaced)
+        for name, scanner in settings.scanners.items()
+        if scanner.turn_time is not None
+    }
+    if not timings:
+        return records
+    mounts = {name: np.array(settings.scanners[name].mount) for name in timings}
+    return undistorted_records(records, timings, mounts)
 
 
 def _by_stop(

@@ -80,8 +80,15 @@ class Scan:
 
     @cached_property
     def step(self) -> float:
-        """Median angle between neighbouring beams, in radians."""
-        return float(np.median(np.diff(self.angles))) if len(self) > 1 else 2 * np.pi
+        """Typical angle between neighbouring beams, in radians.
+
+        The median over four beams: where a moving scanner put a scan together from several turns,
+        neighbours are near and far by turns.
+        """
+        if len(self) < 2:
+            return 2 * np.pi
+        over = min(4, len(self) - 1)
+        return float(np.median(self.angles[over:] - self.angles[:-over]) / over)
 
     @cached_property
     def range_sigma(self) -> float:

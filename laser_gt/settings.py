@@ -12,12 +12,16 @@ class ScannerSettings(Settings):
 
     ``mount`` is the sensor frame in the robot frame (x, y in metres, theta in radians),
     ``mount_sigmas`` how well it was measured. ``sigma`` is the standard deviation of a range;
-    without it, it is estimated from the scans.
+    without it, it is estimated from the scans. ``turn_time`` is the time of a turn of the mirror in
+    seconds: scans of logs with odometry are then corrected for the robot's motion;
+    ``interlaced`` is the number of turns that a scan is put together from.
     """
 
     mount: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
     mount_sigmas: tuple[Positive, Positive, Positive] = (0.002, 0.002, 0.002)
     sigma: Positive | None = None
+    turn_time: Positive | None = None
+    interlaced: int = Field(default=1, ge=1, le=8)
 
 
 class LaserSettings(Settings):
