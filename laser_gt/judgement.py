@@ -209,13 +209,14 @@ def judged(
     pose, covariance = both_ways(
         reference.surface, moving.surface, found.pose[best], found.covariance[best]
     )
+    pose, covariance = _with_guess(pose, covariance + spread, guess, settings)
     return _with_verdict(
         Match(
             reference=reference.name,
             moving=moving.name,
             guess=guess,
             pose=pose,
-            covariance=_limited(covariance, spread, settings),
+            covariance=covariance,
             explained=float(seen.explained[best]),
             violating=float(seen.violating[best]),
             hidden=float(seen.hidden[best]),
@@ -294,16 +295,24 @@ def _spread(poses: Array, pose: Array) -> Array:
     return np.asarray(difference.T @ difference / len(poses))
 
 
-def _limited(covariance: Array, spread: Array, settings: MatchSettings) -> Array:
-    """Covariance with the spread added, and no wider than the guess allows.
+def _with_guess(
+    pose: Array, covariance: Array, guess: Array, settings: MatchSettings
+) -> tuple[Array, Array]:
+    """Pose and covariance of what the scans and the guess say together.
 
-    Where the scans determine nothing (along a corridor), the error is that of the guess.
+    Where the scans determine nothing (along a corridor), that is the guess; where they determine
+    a direction to millimetres, the guess does not move it by a hundredth of that.
     """
     prior = np.diag([settings.guess_length**2, settings.guess_length**2, settings.guess_angle**2])
     if not np.isfinite(covariance).all():
-        return prior
-    wide = covariance + spread
-    return np.asarray(np.linalg.inv(np.linalg.inv(wide) + np.linalg.inv(prior)))
+        return guess.copy(), prior
+    gain = covariance @ np.linalg.inv(covariance + prior)
+    difference = guess - pose
+    difference[2] = wrap(difference[2])
+    joint = gain @ prior
+    together = pose + gain @ difference
+    together[2] = wrap(together[2])
+    return together, (joint + joint.T) / 2
 
 
 def _real_share(found: Alignment, best: int) -> float:

@@ -1,0 +1,172 @@
+"""Real scans of building 079, Freiburg, against relative poses checked by hand.
+
+The 136 relations that have both scans in the log are matched from the logged poses as guess, as
+logged and corrected for the motion of the robot during a scan, beside kiss-icp and small_gicp. How
+well the relations themselves can be trusted shows in their own loops. Needs the folder laser/fr079
+(environment variable GTVAL_REAL_DATA); prints nothing but that where it is missing.
+"""
+
+import os
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from laser_lines import Lines, arguments
+from laser_matching import small_gicp
+
+from data_samples.scan_pairs import ScanPair
+from laser_gt.carmen import read_carmen
+from laser_gt.evidence import Prepared
+from laser_gt.judgement import Match, MatchSettings, match
+from laser_gt.kiss import register
+from laser_gt.motion import MirrorTiming, undistorted_records
+from laser_gt.mounts import hand_eye
+from laser_gt.planar import between, compose, inverse
+from laser_gt.records import ScanRecord
+from laser_gt.scans import sweep
+from validation.angles import Array, wrap
+
+DATA = Path(os.environ.get("GTVAL_REAL_DATA", Path(__file__).parents[2] / "shared" / "real"))
+FOLDER = DATA / "laser" / "fr079"
+OFFSET = np.array([-0.04, 0.0, 0.0])
+"""The laser in the robot frame, as the data set states it."""
+TIMING = MirrorTiming(1 / 75, 2)
+GUESS = MatchSettings(guess_length=0.1, guess_angle=0.05)
+RELATION_SIGMAS = (0.02, 0.02, 0.005)
+
+
+class Relations:
+    """The relations with both scans in the log, and what is compared with them."""
+
+    def __init__(self, rows: Array, records: list[ScanRecord]) -> None:
+        times = np.array([record.scan.time for record in records])
+        nearest = np.abs(times - rows[:, :2, None]).argmin(-1)
+        both = (np.abs(times[nearest] - rows[:, :2]) < 1e-3).all(-1)
+        self.pairs = nearest[both]
+        self.poses = rows[both][:, [2, 3, 7]]
+        laser = np.array([record.laser_odometry for record in records])
+        self.guesses = between(laser[self.pairs[:, 0]], laser[self.pairs[:, 1]])
+
+    def differences(self, laser_poses: Array, offset: Array) -> Array:
+        """(n, 3) matches, moved to the robot frame by the laser's offset, less the relations."""
+        robot = compose(compose(offset, laser_poses), inverse(offset))
+        difference = robot - self.poses
+        difference[:, 2] = wrap(difference[:, 2])
+        return difference
+
+    def prepared(self, records: list[ScanRecord]) -> dict[int, Prepared]:
+        """The scans that the relations name."""
+        return {i: Prepared(sweep(records[i].scan, str(i))) for i in np.unique(self.pairs).tolist()}
+
+
+def median_with_interval(lengths: Array) -> tuple[float, float, float]:
+    """Median in millimetres, and 95 % interval of it by drawing the pairs again."""
+    rng = np.random.default_rng(0)
+    drawn = np.median(rng.choice(lengths, (2000, len(lengths))), axis=1)
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return float(np.median(lengths) * 1e3), float(low * 1e3), float(high * 1e3)
+
+
+def show_matches(lines: Lines, name: str, relations: Relations, found: list[Match]) -> None:
+    """Median difference, bias with and without the offset, verdicts, and the offset found."""
+    poses = np.array([one.pose for one in found])
+    difference = relations.differences(poses, OFFSET)
+    length = np.hypot(*difference[:, :2].T)
+    median, low, high = median_with_interval(length)
+    lines.at_most(f"{name}: median difference of {len(found)}", median, 26, "mm")
+    print(f"  drawn again {low:.1f} to {high:.1f} mm; by verdict:")
+    for verdict in ("accept", "look", "reject"):
+        chosen = np.array([one.verdict == verdict for one in found])
+        if chosen.any():
+            print(f"    {verdict}: {chosen.sum()}, median {np.median(length[chosen]) * 1e3:.1f} mm, "
+                  f"{np.median(np.abs(difference[chosen, 2])) * 1e3:.1f} mrad, "
+                  f"largest {length[chosen].max() * 1e3:.0f} mm")  # fmt: skip
+    bias = np.median(difference[:, :2], axis=0) * 1e3
+    without = np.median(relations.differences(poses, np.zeros(3))[:, :2], axis=0) * 1e3
+    gone = bool(
+        (np.abs(bias) < 1.2533 * 1e3 * difference[:, :2].std(0) / np.sqrt(len(found))).all()
+    )
+    lines.show(f"{name}: bias with the offset", f"({bias[0]:+.1f}, {bias[1]:+.1f}) mm",
+               "within its deviation", met=gone)  # fmt: skip
+    print(f"  without the offset ({without[0]:+.1f}, {without[1]:+.1f}) mm")
+    kept = [i for i, one in enumerate(found) if one.verdict != "reject"]
+    estimate = hand_eye(
+        relations.poses[kept],
+        np.tile(np.diag(RELATION_SIGMAS) ** 2, (len(kept), 1, 1)),
+        poses[kept],
+        np.array([found[i].covariance for i in kept]),
+    )
+    near = np.abs(estimate.mount[:2] - OFFSET[:2]) < 2.5 * estimate.sigmas[:2]
+    figure = f"{estimate.mount[0]:.4f}, {estimate.mount[1]:+.4f} +- {estimate.sigmas[0]:.4f} m"
+    lines.show(f"{name}: offset found", figure, "-0.04, 0 m", met=bool(near.all()))
+
+
+def show_loops(rows: Array) -> None:
+    """How far loops of the relations are from closing: nobody can agree with them better."""
+    known = {(a, b): pose for a, b, pose in zip(*rows.T[:2], rows[:, [2, 3, 7]], strict=True)}
+    known |= {(b, a): inverse(pose) for (a, b), pose in list(known.items())}
+    neighbours: dict[float, list[float]] = defaultdict(list)
+    for a, b in known:
+        neighbours[a].append(b)
+    open_by = []
+    for (a, b), pose in known.items():
+        if b - a < 10:
+            continue  # start from relations that close a loop
+        for c in neighbours[b]:
+            for d in neighbours[a]:
+                if abs(c - b) < 10 and abs(d - a) < 10 and (c, d) in known:
+                    way = compose(compose(pose, known[b, c]), compose(known[c, d], known[d, a]))
+                    open_by.append(np.hypot(*way[:2]))
+    median = float(np.median(open_by)) * 1e3
+    print(f"  loops of four relations: {len(open_by)}, open by {median:.0f} mm in the median; if all "
+          f"four share it, each is off by {median / 2:.0f} mm")  # fmt: skip
+
+
+def show_peers(relations: Relations, scans: dict[int, Prepared]) -> None:
+    """kiss-icp and small_gicp from the same guesses."""
+
+    def by_kiss(reference: Prepared, moving: Prepared, guess: Array) -> Array:
+        return register(reference, moving, guess, 0.3)
+
+    def by_gicp(reference: Prepared, moving: Prepared, guess: Array) -> Array:
+        return small_gicp(ScanPair(reference.sweep, moving.sweep, guess, guess, "real"))
+
+    peers: dict[str, Callable[[Prepared, Prepared, Array], Array]] = {
+        "kiss-icp": by_kiss,
+        "small_gicp": by_gicp,
+    }
+    lengths = {"the guess itself": relations.differences(relations.guesses, OFFSET)}
+    for name, method in peers.items():
+        try:
+            poses = [
+                method(scans[i], scans[j], guess)
+                for (i, j), guess in zip(relations.pairs.tolist(), relations.guesses, strict=True)
+            ]
+        except ImportError:
+            print(f"  {name}: not installed (pip install 'gtval[bench]')")
+            continue
+        lengths[name] = relations.differences(np.array(poses), OFFSET)
+    for name, difference in lengths.items():
+        print(f"  {name}: median {np.median(np.hypot(*difference[:, :2].T)) * 1e3:.1f} mm")
+
+
+if __name__ == "__main__":
+    arguments(__doc__, 0)
+    if not FOLDER.is_dir():
+        raise SystemExit(f"no real scans at {FOLDER}; set GTVAL_REAL_DATA")
+    rows = np.loadtxt(FOLDER / "fr079.relations")
+    records = read_carmen(FOLDER / "fr079.log.gz")
+    relations = Relations(rows, records)
+    show_loops(rows)
+    corrected = undistorted_records(records, {"front": TIMING}, {"front": OFFSET})
+    lines = Lines()
+    for name, log in (("as logged", records), ("corrected for motion", corrected)):
+        scans = relations.prepared(log)
+        found = [
+            match(scans[i], scans[j], guess, GUESS)
+            for (i, j), guess in zip(relations.pairs.tolist(), relations.guesses, strict=True)
+        ]
+        show_matches(lines, name, relations, found)
+        if log is records:
+            show_peers(relations, scans)
