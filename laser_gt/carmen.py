@@ -76,24 +76,27 @@ def _old(path: Path, line: int, words: Sequence[str]) -> ScanRecord | Problem:
     wanted = 2 + count + 9
     if len(words) < wanted:
         return _cut(path, line, words, wanted)
-    values = numbers(path, line, words[2 : 2 + count + 7], "ranges")
-    if isinstance(values, Problem):
-        return values
+    ranges = numbers(path, line, words[2 : 2 + count], "ranges")
+    if isinstance(ranges, Problem):
+        return ranges
+    tail = numbers(path, line, words[2 + count : 9 + count], "poses and time", finite=True)
+    if isinstance(tail, Problem):
+        return tail
     angles = np.linspace(-np.pi / 2, np.pi / 2, count) if count != 180 else _half_open(count)
     scan = make_scan(
         path,
         line,
-        without_far(values[:count], OLD_RANGE_MAX),
+        without_far(ranges, OLD_RANGE_MAX),
         angles,
         range_min=0.0,
         range_max=OLD_RANGE_MAX,
-        time=float(values[count + 6]),
+        time=float(tail[6]),
         sensor=OLD_MESSAGES[words[0]],
         sigma=RANGE_SIGMA,
     )
     if isinstance(scan, Problem):
         return scan
-    return ScanRecord(scan, values[count + 3 : count + 6], values[count : count + 3], line)
+    return ScanRecord(scan, tail[3:6], tail[:3], line)
 
 
 def _half_open(count: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -116,9 +119,9 @@ def _robot_laser(path: Path, line: int, words: Sequence[str]) -> ScanRecord | Pr
     poses = HEAD + count + 1 + remissions
     if len(words) < poses + 14:
         return _cut(path, line, words, poses + 14)
-    head = numbers(path, line, words[1 : HEAD - 1], "head")
+    head = numbers(path, line, words[1 : HEAD - 1], "head", finite=True)
     ranges = numbers(path, line, words[HEAD : HEAD + count], "ranges")
-    tail = numbers(path, line, words[poses : poses + 12], "poses")
+    tail = numbers(path, line, words[poses : poses + 12], "poses and time", finite=True)
     for part in (head, ranges, tail):
         if isinstance(part, Problem):
             return part

@@ -1,14 +1,13 @@
 """What a campaign holds for laser GT: scans by stop, mounts, odometry, decisions."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from laser_gt.decisions import Decision, read_decisions
 from laser_gt.evidence import Prepared
-from laser_gt.motion import MirrorTiming, undistorted_records
+from laser_gt.logs import read_records
 from laser_gt.planar import between, compose
 from laser_gt.records import ScanRecord
 from laser_gt.scans import Sweep, merge
@@ -62,7 +61,7 @@ def load_inputs(campaign: Campaign, settings: LaserSettings) -> LaserInputs:
     InputError
         Naming every bad place of the files.
     """
-    records = _at_rest(_records(campaign.folder / settings.scans, settings), settings)
+    records = read_records(campaign.folder, settings)
     by_stop, logged = _by_stop(campaign, settings, records)
     names = list(dict.fromkeys(r.scan.sensor for scans in by_stop.values() for r in scans))
     order = [name for name in settings.scanners if name in names] or names
@@ -82,7 +81,7 @@ def load_inputs(campaign: Campaign, settings: LaserSettings) -> LaserInputs:
         sweeps=tuple(sweeps),
         mount=first,
         mount_sigmas=np.array(known[order[0]].mount_sigmas),
-        odometry=_odometry(campaign.folder / settings.odometry, stops, logged),
+        odometry=_odometry(campaign, settings, stops, logged),
         decisions=read_decisions(campaign.folder / settings.decisions, stops),
         has_mount=bool(settings.scanners),
     )
@@ -134,56 +133,37 @@ def _sweep(
     return merge(scans, mounts, stop, settings.max_delay)
 
 
-def _records(path: Path, settings: LaserSettings) -> list[ScanRecord]:
-    """The scans of a file in any of the formats."""
-    if settings.format == "bag":
-        from laser_gt.bags import read_bag  # noqa: PLC0415  (an extra)
-
-        return read_bag(path)
-    from laser_gt.carmen import read_carmen  # noqa: PLC0415
-    from laser_gt.rawseeds import read_rawseeds_hokuyo, read_rawseeds_sick  # noqa: PLC0415
-    from laser_gt.scan_csv import read_scan_csv  # noqa: PLC0415
-
-    readers: dict[str, Callable[[Path], list[ScanRecord]]] = {
-        "csv": read_scan_csv,
-        "carmen": read_carmen,
-        "rawseeds_sick": read_rawseeds_sick,
-        "rawseeds_hokuyo": read_rawseeds_hokuyo,
-    }
-    return readers[settings.format](path)
-
-
-def _at_rest(records: list[ScanRecord], settings: LaserSettings) -> list[ScanRecord]:
-    """The records, corrected for motion where a scanner's timing is stated."""
-    timings = {
-        name: MirrorTiming(scanner.turn_time, scanner.interlaced)
-        for name, scanner in settings.scanners.items()
-        if scanner.turn_time is not None
-    }
-    if not timings:
-        return records
-    mounts = {name: np.array(settings.scanners[name].mount) for name in timings}
-    return undistorted_records(records, timings, mounts)
-
-
 def _by_stop(
     campaign: Campaign, settings: LaserSettings, records: Sequence[ScanRecord]
 ) -> tuple[dict[str, list[ScanRecord]], dict[str, Array]]:
     """The scans of each stop, and the odometry logged with them."""
     stops: dict[str, list[ScanRecord]] = {}
+    logged: dict[str, Array] = {}
     if settings.format == "csv":
         for record in records:
             stops.setdefault(record.stop, []).append(record)
-        return stops, {}
+            if record.odometry is not None:
+                logged.setdefault(record.stop, record.odometry)
+        return stops, logged
     path = campaign.folder / settings.stops
     table = read_csv(path, (Column("pose"), Column("time", "number", unit="s")))
     table.flag_duplicates(["pose"])
-    sensors = sorted({record.scan.sensor for record in records})
-    logged: dict[str, Array] = {}
+    present = {record.scan.sensor for record in records}
+    sensors = sorted(present & set(settings.scanners) or present)
     for row, stop in enumerate(table.text["pose"]):
-        chosen = _nearest_scans(records, sensors, table.numbers["time"][row], settings.max_delay)
-        if not chosen:
-            table.flag(row, "time", f"no scan within {settings.max_delay} s of this time")
+        time = table.numbers["time"][row]
+        if not np.isfinite(time):
+            continue  # already a problem of the table
+        chosen = [_nearest_scan(records, sensor, time) for sensor in sensors]
+        late = [one for one in chosen if abs(one.scan.time - time) > settings.max_delay]
+        for one in late:
+            table.flag(
+                row,
+                "time",
+                f"no scan of '{one.scan.sensor}' within {settings.max_delay} s of this time; the "
+                f"nearest is {abs(one.scan.time - time):.3f} s off (clocks that differ?)",
+            )
+        if late:
             continue
         stops[stop] = chosen
         if chosen[0].odometry is not None:
@@ -191,25 +171,26 @@ def _by_stop(
     table.raise_problems()
     if not stops:
         raise InputError([Problem(path, "the file has a header but no stop", 1)])
-    return stops, logged if len(logged) == len(stops) else {}
+    return stops, logged
 
 
-def _nearest_scans(
-    records: Sequence[ScanRecord], sensors: Sequence[str], time: float, max_delay: float
-) -> list[ScanRecord]:
-    """For each sensor its scan nearest to a time, if near enough."""
-    chosen = []
-    for sensor in sensors:
-        mine = [record for record in records if record.scan.sensor == sensor]
-        nearest = min(mine, key=lambda record: abs(record.scan.time - time))
-        if abs(nearest.scan.time - time) <= max_delay:
-            chosen.append(nearest)
-    return chosen
+def _nearest_scan(records: Sequence[ScanRecord], sensor: str, time: float) -> ScanRecord:
+    """The scan of a sensor that is nearest to a time."""
+    mine = (record for record in records if record.scan.sensor == sensor)
+    return min(mine, key=lambda record: abs(record.scan.time - time))
 
 
-def _odometry(path: Path, stops: Sequence[str], logged: Mapping[str, Array]) -> Array | None:
+def _odometry(
+    campaign: Campaign, settings: LaserSettings, stops: Sequence[str], logged: Mapping[str, Array]
+) -> Array | None:
     """(n, 3) robot poses by odometry, from their own file or from the log; None without."""
-    if path.exists():
+    path = campaign.folder / settings.odometry
+    if settings.odometry_format == "rawseeds":
+        missing = [stop for stop in stops if stop not in logged]
+        if missing:
+            text = f"no odometry within {settings.max_delay} s of the stops {', '.join(missing)}"
+            raise InputError([Problem(path, text, None, "time")])
+    elif path.exists():
         table = from_csv(path, "odometry")
         missing = [stop for stop in stops if stop not in table.ids]
         if missing:
@@ -217,6 +198,6 @@ def _odometry(path: Path, stops: Sequence[str], logged: Mapping[str, Array]) -> 
                 [Problem(path, f"no odometry of the scanned stops {', '.join(missing)}")]
             )
         return table.select(stops).poses
-    if logged:
+    if set(stops) <= set(logged):
         return np.array([logged[stop] for stop in stops])
     return None

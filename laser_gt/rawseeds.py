@@ -5,6 +5,7 @@ quarters of a degree, ranges over 180 degrees in steps of one. Hokuyo: time, num
 ranges over 240 degrees. Odometry: time, counter, right and left ticks, x, y, theta.
 """
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from validation.errors import InputError, Problem
 SICK_RANGE_MAX = 81.0
 HOKUYO_RANGE_MAX = 5.6
 HOKUYO_FIELD = np.deg2rad(240.0)
-SICK_READINGS = 181
+ODOMETRY_NUMBERS = 7
 
 
 def read_rawseeds_sick(path: Path, sensor: str = "front") -> list[ScanRecord]:
@@ -30,31 +31,44 @@ def read_rawseeds_hokuyo(path: Path, sensor: str = "front") -> list[ScanRecord]:
 
 
 def _read(path: Path, sensor: str, *, sick: bool) -> list[ScanRecord]:
-    records: list[ScanRecord | Problem] = []
-    for line, text in enumerate(read_lines(path), 1):
-        words = [word.strip() for word in text.split(",") if word.strip()]
-        if not words or words[0].startswith(("#", "%")):
-            continue
-        values = numbers(path, line, words, "ranges")
-        if isinstance(values, Problem):
-            records.append(values)
-            continue
-        records.append(_record(path, line, values, sensor, sick=sick))
+    records = [
+        _record(path, line, words, sensor, sick=sick) for line, words in _lines(read_lines(path))
+    ]
     return checked(path, records)
 
 
+def _lines(lines: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of each line that is no comment."""
+    for line, text in enumerate(lines, 1):
+        words = [word.strip() for word in text.split(",")]
+        while words and not words[-1]:
+            words.pop()
+        if words and not words[0].startswith(("#", "%")):
+            yield line, words
+
+
 def _record(
-    path: Path, line: int, values: Array, sensor: str, *, sick: bool
+    path: Path, line: int, words: Sequence[str], sensor: str, *, sick: bool
 ) -> ScanRecord | Problem:
     """A scan of one line."""
     skip = 3 if sick else 2
-    if len(values) < skip + 1 or len(values) - skip < values[1]:
-        text = f"the line is cut short: {max(len(values) - skip, 0)} ranges"
-        return Problem(path, f"{text}, {values[1]:.0f} expected" if len(values) > 1 else text, line)
-    count = int(values[1])
-    ranges = values[skip : skip + count]
+    if len(words) <= skip:
+        return Problem(path, f"the line is cut short: {len(words)} numbers", line, "ranges")
+    head = numbers(path, line, words[:skip], "head", finite=True)
+    if isinstance(head, Problem):
+        return head
+    if head[1] < 1 or head[1] != np.round(head[1]):
+        return Problem(path, "not a count of readings", line, "head", words[1])
+    count = int(head[1])
+    found = len(words) - skip
+    if found < count:
+        text = f"the line is cut short: {found} ranges, {count} expected"
+        return Problem(path, text, line, "ranges")
+    ranges = numbers(path, line, words[skip : skip + count], "ranges")
+    if isinstance(ranges, Problem):
+        return ranges
     if sick:
-        angles = np.deg2rad(-90.0 + 0.25 * values[2] + np.arange(count))
+        angles = np.deg2rad(-90.0 + 0.25 * head[2] + np.arange(count))
         limit = SICK_RANGE_MAX
     else:
         angles = np.linspace(-HOKUYO_FIELD / 2, HOKUYO_FIELD / 2, count)
@@ -67,7 +81,7 @@ def _record(
         angles,
         range_min=0.01,
         range_max=limit,
-        time=float(values[0]),
+        time=float(head[0]),
         sensor=sensor,
     )
     return scan if isinstance(scan, Problem) else ScanRecord(scan, line=line)
@@ -82,16 +96,13 @@ def read_rawseeds_odometry(path: Path) -> tuple[Array, Array]:
         Naming every bad line.
     """
     rows, problems = [], []
-    for line, text in enumerate(read_lines(path), 1):
-        words = [word.strip() for word in text.split(",") if word.strip()]
-        if not words or words[0].startswith(("#", "%")):
-            continue
-        values = numbers(path, line, words, "odometry")
+    for line, words in _lines(read_lines(path)):
+        values = numbers(path, line, words, "odometry", finite=True)
         if isinstance(values, Problem):
             problems.append(values)
-        elif len(values) < 7:
-            short = f"the line is cut short: {len(values)} of 7 numbers"
-            problems.append(Problem(path, short, line))
+        elif len(values) < ODOMETRY_NUMBERS:
+            short = f"the line is cut short: {len(values)} of {ODOMETRY_NUMBERS} numbers"
+            problems.append(Problem(path, short, line, "odometry"))
         else:
             rows.append(values)
     if not rows and not problems:

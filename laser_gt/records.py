@@ -114,17 +114,39 @@ def read_lines(path: Path) -> list[str]:
     return data.decode("utf-8", errors="replace").splitlines()
 
 
-def numbers(path: Path, line: int, words: Sequence[str], what: str) -> Array | Problem:
-    """Words as numbers, or the first that is none."""
+def numbers(
+    path: Path, line: int, words: Sequence[str], what: str, *, finite: bool = False
+) -> Array | Problem:
+    """Words as numbers, or the problem of the first that is none.
+
+    Parameters
+    ----------
+    path, line
+        Where they stand.
+    words : sequence of str
+        Blanks around each do not matter.
+    what : str
+        The field, as a problem names it.
+    finite : bool
+        Whether infinite and not-a-number are problems too.
+    """
     try:
-        return np.array(words, dtype=float)
+        values = np.array(words, dtype=float)
     except ValueError:
-        for word in words:
-            try:
-                float(word)
-            except ValueError:
-                return Problem(path, "not a number", line, what, word)
-    return Problem(path, "not numbers", line, what)
+        return Problem(path, "not a number", line, what, next(filter(_no_number, words), None))
+    if finite and not np.isfinite(values).all():
+        bad = words[int((~np.isfinite(values)).argmax())]
+        return Problem(path, "expected a finite number", line, what, bad)
+    return values
+
+
+def _no_number(word: str) -> bool:
+    """Whether a word cannot be read as a number."""
+    try:
+        float(word)
+    except ValueError:
+        return True
+    return False
 
 
 def without_far(ranges: Array, range_max: float) -> Array:

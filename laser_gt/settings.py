@@ -14,7 +14,8 @@ class ScannerSettings(Settings):
     ``mount_sigmas`` how well it was measured. ``sigma`` is the standard deviation of a range;
     without it, it is estimated from the scans. ``turn_time`` is the time of a turn of the mirror in
     seconds: scans of logs with odometry are then corrected for the robot's motion;
-    ``interlaced`` is the number of turns that a scan is put together from.
+    ``interlaced`` is the number of turns that a scan is put together from. ``scans`` is the file
+    of this scanner alone, where each has its own.
     """
 
     mount: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
@@ -22,21 +23,25 @@ class ScannerSettings(Settings):
     sigma: Positive | None = None
     turn_time: Positive | None = None
     interlaced: int = Field(default=1, ge=1, le=8)
+    scans: str | None = None
 
 
 class LaserSettings(Settings):
     """Files and choices of laser GT; paths are relative to the campaign folder.
 
     ``scans`` is the campaign's own CSV, a CARMEN log, or a bag; for a log, ``stops`` names the
-    time at which each stop was scanned. ``reference`` lists the surveyed stops that place the
-    laser frame in the GTV frame: one as in the document, several to share their errors; empty for
-    all. ``guess_sigmas`` say how good the odometry is from stop to stop (metres, radians).
+    time at which each stop was scanned. ``odometry`` has a pose for each stop, or
+    (``odometry_format`` 'rawseeds') is a log of poses in time. ``reference`` lists the surveyed
+    stops that place the laser frame in the GTV frame: one as in the document, several to share
+    their errors; empty for all. ``guess_sigmas`` say how good the odometry is from stop to stop
+    (metres, radians).
     """
 
     scans: str = "laser/scans.csv"
     format: Literal["csv", "carmen", "rawseeds_sick", "rawseeds_hokuyo", "bag"] = "csv"
     stops: str = "laser/stops.csv"
     odometry: str = "laser/odometry.csv"
+    odometry_format: Literal["csv", "rawseeds"] = "csv"
     decisions: str = "laser/decisions.csv"
     scanners: dict[str, ScannerSettings] = Field(default_factory=dict)
     reference: list[Name] = Field(default_factory=list)

@@ -20,7 +20,8 @@ class LaserSystem:
     def has_data(self, campaign: "Campaign") -> bool:
         """Whether there are scans."""
         settings = campaign.section("laser", LaserSettings)
-        return (campaign.folder / settings.scans).exists()
+        own = [scanner.scans for scanner in settings.scanners.values() if scanner.scans]
+        return any((campaign.folder / file).exists() for file in own or [settings.scans])
 
     def solve(self, campaign: "Campaign", progress: "Progress") -> "SystemResult":
         """Poses by scan matching and by the genetic aligner, findings and report sections."""
