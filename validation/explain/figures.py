@@ -17,7 +17,7 @@ from validation.explain.analysis import Explanation, SystemExplanation
 from validation.explain.models import correct
 from validation.explain.noise import Mask
 from validation.explain.settled import Settled
-from validation.explain.sources import CELLS
+from validation.explain.sources import CELLS, Arbitration
 from validation.figures import COLOURS, GREY, arrow_scale
 
 if TYPE_CHECKING:
@@ -175,7 +175,7 @@ def source_matrix(explanation: Explanation) -> Figure:
         axes.set_facecolor("#E4E4E4")
         for s in range(count):
             for stop in range(n):
-                _mark_cell(axes, result.bad, result.doubtful, (s, stop, kind), scores)
+                _mark_cell(axes, result, (s, stop, kind), scores)
         axes.set_yticks(range(count), result.sources, fontsize=8)
         axes.set_title(CELLS[kind], fontsize=9, loc="left")
     panels[1].set_xticks(range(n), result.ids, fontsize=7, rotation=90 if n > 30 else 0)
@@ -184,25 +184,31 @@ def source_matrix(explanation: Explanation) -> Figure:
     bar = figure.colorbar(picture, ax=list(panels), shrink=0.9, extend="max")
     bar.set_label("distance from the other sources [standard deviations]", fontsize=8)
     figure.suptitle(
-        "Sources against poses: X held responsible, ? may be responsible, grey: no pose",
+        "Sources against poses: X held responsible, ? may be responsible, s worth a second look, "
+        "grey: no pose",
         fontsize=10,
     )
     return figure
 
 
 def _mark_cell(
-    axes: "Axes", bad: Mask, doubtful: Mask, cell: tuple[int, int, int], scores: Array
+    axes: "Axes", result: Arbitration, cell: tuple[int, int, int], scores: Array
 ) -> None:
-    """A frame and a letter on a flagged cell."""
-    s, stop, _ = cell
-    if not bad[cell] and not doubtful[cell]:
+    """A frame and a letter on a flagged cell, a letter on a suspect."""
+    s, stop, kind = cell
+    name, where = result.sources[s], (result.ids[stop], CELLS[kind])
+    suspect = any((v.stop, v.cell) == where and name in v.blamed for v in result.suspects)
+    flagged = result.bad[cell] or result.doubtful[cell]
+    if not flagged:
+        if suspect:
+            axes.text(stop, s, "s", ha="center", va="center", fontsize=8)
         return
     axes.add_patch(
         Rectangle((stop - 0.5, s - 0.5), 1, 1, fill=False, edgecolor="black", linewidth=1.2)
     )
     dark = scores[s, stop] > _FULL_SCORE / 2
     axes.text(
-        stop, s, "X" if bad[cell] else "?", ha="center", va="center", fontsize=8,
+        stop, s, "X" if result.bad[cell] else "?", ha="center", va="center", fontsize=8,
         fontweight="bold", color="white" if dark else "black",
     )  # fmt: skip
 

@@ -23,7 +23,7 @@ _LEAST = 0.1
 DIMENSIONS = np.array([2.0, 1.0])
 """Numbers in a cell: position, heading."""
 
-_MEDIANS = np.array([2 * np.log(2), 0.4549364231195724])
+MEDIANS = np.array([2 * np.log(2), 0.4549364231195724])
 """Medians of chi-squared with 2 and 1 degrees of freedom."""
 
 
@@ -46,6 +46,8 @@ class SourceVariances:
     quadratics : (S, 2, 3) array
         Variance of each estimate as a quadratic in its own true value: constant, linear and
         square coefficient.
+    skewness : (S, 2) array
+        Of each estimate's distribution.
     ceilings : (S, 2, 2) array
         The smallest mean square of a difference that each source takes part in, and its degrees
         of freedom: no source can be noisier than its difference from another.
@@ -56,6 +58,7 @@ class SourceVariances:
     sigmas: Array
     bounded: Array
     quadratics: Array
+    skewness: Array
     ceilings: Array
 
     @property
@@ -71,19 +74,17 @@ class SourceVariances:
         All variances that lie within the normal quantile of the estimate, each with the standard
         deviation that the estimate would have if it were the true one (a score interval, as
         Wilson's for proportions), and that are not above what any difference allows
-        (chi-squared limit).
+        (chi-squared limit). The noise of the others is an estimate too, hence Student's quantile
+        with the freedom of the tightest difference. The quantiles are corrected for the skewness
+        of the estimate (Cornish and Fisher (1937), "Moments and cumulants in the specification
+        of distributions", to first order).
         """
-        z2 = float(special.ndtri((1 + confidence) / 2)) ** 2
-        constant, linear, square = (self.quadratics[..., power] for power in range(3))
-        a = 1 - z2 * square
-        b = self.variances + z2 * linear / 2
-        c = self.variances**2 - z2 * constant
-        reach = np.sqrt(np.maximum(b * b - a * c, 0.0))
-        safe = np.where(np.abs(a) > 1e-12, a, 1e-12)
-        low = np.maximum((b - reach) / safe, 0.0)
-        high = np.where(a > 0, np.maximum((b + reach) / safe, 0.0), np.inf)
-        high = np.where(np.isnan(self.variances), np.nan, high)
         most, dof = self.ceilings[..., 0], np.maximum(np.nan_to_num(self.ceilings[..., 1]), 1.0)
+        z = special.stdtrit(dof, (1 + confidence) / 2)
+        shift = np.nan_to_num(self.skewness) * (z * z - 1) / 6
+        low = self._end(np.square(z + shift), -1.0)
+        high = self._end(np.square(np.maximum(z - shift, 0.0)), 1.0)
+        high = np.where(np.isnan(self.variances), np.nan, high)
         ceiling = most * dof / special.chdtri(dof, (1 + confidence) / 2)
         # An estimate far below zero says that the noise is not as independent as assumed.
         high = np.where(high > 0, high, np.inf)
@@ -91,6 +92,16 @@ class SourceVariances:
         # Beyond the ceiling the estimate is of no use for the lower end either.
         low = np.where((low > high) | (np.isnan(low) & ~np.isnan(high)), 0.0, low)
         return np.asarray(np.sqrt(np.stack([low, high], -1)))
+
+    def _end(self, z2: Array, side: float) -> Array:
+        """(S, 2) variance whose estimate would lie z standard deviations away from this one."""
+        constant, linear, square = (self.quadratics[..., power] for power in range(3))
+        a = 1 - z2 * square
+        b = self.variances + z2 * linear / 2
+        c = self.variances**2 - z2 * constant
+        reach = np.sqrt(np.maximum(b * b - a * c, 0.0))
+        end = (b + side * reach) / np.where(np.abs(a) > 1e-12, a, 1e-12)
+        return np.where((a > 0) | (side < 0), np.maximum(end, 0.0), np.inf)
 
 
 def source_variances(
@@ -155,7 +166,7 @@ def _one_kind(
         part = difference[mask, 2:] if kind else difference[mask, :2]
         squares = (part**2).sum(1)
         if robust:
-            value = float(np.median(squares)) / _MEDIANS[kind]
+            value = float(np.median(squares)) / MEDIANS[kind]
             dof = 0.4 * dof  # efficiency of the median about that of 40 % of the data
         else:
             value = float(squares.sum()) / count
@@ -169,6 +180,7 @@ def _one_kind(
             nothing,
             nothing,
             np.full((size, 3), np.nan),
+            nothing,
             np.full((size, 2), np.nan),
         )
     design = np.zeros((len(kept), size))
@@ -230,6 +242,7 @@ def _least_squares(
         sigma,
         np.where(undetermined, np.nan, positive),
         _quadratics(design, positive, weights, freedom, masks),
+        _skewness(design, positive, weights, freedom, masks),
     )
 
 
@@ -295,3 +308,22 @@ def _quadratics(
         parts = (base**2, 2 * base * own, own**2)
         rows.append([float(weight @ (shared * part) @ weight) for part in parts])
     return np.array(rows)
+
+
+def _skewness(
+    design: Array, variances: Array, weights: Array, freedom: Array, masks: Sequence[Mask]
+) -> Array:
+    """(S,) skewness of each estimate: a quadratic form of normal errors, stop by stop.
+
+    The cumulants of e^T B e with errors of covariance D are 2 tr (B D)^2 and 8 tr (B D)^3.
+    """
+    signs, used = _signs(design), np.array(masks, dtype=float)
+    products = np.einsum("ma,mb->mab", signs, signs) * variances
+    parts = used / used.sum(1, keepdims=True)
+    forms = np.einsum("sm,mj,mab->sjab", weights, parts, products)
+    second = np.einsum("sjab,sjba->s", forms, forms)
+    third = np.einsum("sjab,sjbc,sjca->s", forms, forms, forms)
+    # Per number in a cell and counting the freedom that is lost: fewer numbers, more skewness.
+    numbers = float(np.mean(freedom / used.sum(1)))
+    spread = np.sqrt(np.maximum(2 * second, 1e-300) * numbers) ** 3
+    return np.asarray(8 * third * numbers / spread)

@@ -102,6 +102,7 @@ def explanation_json(explanation: Explanation) -> Mapping[str, object]:
             for one in explanation.agreements
         },
         "flagged": result.verdicts,
+        "suspects": result.suspects,
         "questions": result.questions,
         "noise": {
             name: {

@@ -1,5 +1,7 @@
 """How many poses it takes to show a given accuracy."""
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 from scipy import special
@@ -45,12 +47,15 @@ def poses_for_bias(
             f"a bias of {bias:g} cannot be shown to be below {limit:g}; the limit must be larger "
             "than the bias, and sigma positive"
         )
-    n = np.arange(2, MOST + 1)
-    critical = special.stdtrit(n - 1, confidence)
-    shift = np.sqrt(n) / sigma
-    fails = special.nctdtr(n - 1, np.minimum((limit - bias) * shift, 300.0), critical)
-    fails = fails + special.nctdtr(n - 1, np.minimum((limit + bias) * shift, 300.0), critical)
-    return _first(n, np.asarray(1 - fails, dtype=float), power, "bias")
+
+    def chance(n: npt.NDArray[np.intp]) -> Array:
+        critical = special.stdtrit(n - 1, confidence)
+        shift = np.sqrt(n) / sigma
+        fails = special.nctdtr(n - 1, np.minimum((limit - bias) * shift, 300.0), critical)
+        fails = fails + special.nctdtr(n - 1, np.minimum((limit + bias) * shift, 300.0), critical)
+        return np.asarray(1 - fails, dtype=float)
+
+    return _first(chance, power, "bias")
 
 
 def poses_for_deviation(
@@ -70,15 +75,21 @@ def poses_for_deviation(
     """
     if not 0 < sigma < limit:
         raise GtvalError(f"a standard deviation of {sigma:g} cannot be shown to be below {limit:g}")
-    n = np.arange(2, MOST + 1)
-    critical = special.chdtri(n - 1, confidence)
-    chance = special.chdtr(n - 1, critical * (limit / sigma) ** 2)
-    return _first(n, np.asarray(chance, dtype=float), power, "deviation")
+
+    def chance(n: npt.NDArray[np.intp]) -> Array:
+        critical = special.chdtri(n - 1, confidence)
+        return np.asarray(special.chdtr(n - 1, critical * (limit / sigma) ** 2), dtype=float)
+
+    return _first(chance, power, "deviation")
 
 
-def _first(n: npt.NDArray[np.intp], chance: Array, power: float, what: str) -> int:
-    """The least n with the wanted chance."""
-    enough = n[chance >= power]
-    if not enough.size:
-        raise GtvalError(f"more than {MOST} poses would be needed to show the {what}")
-    return int(enough[0])
+def _first(chance: Callable[[npt.NDArray[np.intp]], Array], power: float, what: str) -> int:
+    """The least n with the wanted chance, searched in blocks, as most plans are short."""
+    start, size = 2, 16
+    while start <= MOST:
+        n = np.arange(start, min(start + size, MOST + 1))
+        enough = n[chance(n) >= power]
+        if enough.size:
+            return int(enough[0])
+        start, size = start + size, 2 * size
+    raise GtvalError(f"more than {MOST} poses would be needed to show the {what}")

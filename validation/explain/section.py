@@ -20,6 +20,7 @@ from validation.explain.tables import (
     paired_table,
     parameter_table,
     repeatability_table,
+    suspect_table,
     verdict_table,
 )
 from validation.explain.words import findings
@@ -175,13 +176,16 @@ def _overview(
         Figure(
             "explain_sources",
             "Every source at every pose after the systematic parts are taken out: how far it is "
-            "from the others. X: held responsible; ?: one of those marked is.",
+            "from the others. X: held responsible; ?: one of those marked "
+            "is; s: worth a second look.",
             "Matrix of sources and poses. The flagged cells are in the table below.",
             partial(_draw, "source_matrix", explanation),
         ),
         verdict_table(explanation),
-        noise_table(explanation),
     ]
+    suspects = suspect_table(explanation)
+    blocks += [] if suspects is None else [suspects]
+    blocks.append(noise_table(explanation))
     if any(one.settled is not None for one in explanation.systems):
         blocks.append(
             Figure(

@@ -171,6 +171,31 @@ class Settled:
         return np.array(result)
 
     @property
+    def misfit(self) -> Array:
+        """(2, 3) noise of positions and headings over the stated one, with a 99 % interval.
+
+        NaN where the noise is not stated or no freedom is left.
+        """
+        result = np.full((2, 3), np.nan)
+        if self.fit.estimated:
+            return result
+        residuals, known = self.fit.residuals[0], precision(self.fit.covariances[0])
+        position = residuals[:, :2]
+        squares = np.stack(
+            [
+                np.einsum("ni,nij,nj->n", position, known.position, position),
+                residuals[:, 2] ** 2 * known.heading,
+            ],
+            -1,
+        )
+        for kind in range(2):
+            dof, total = float(self.dof[kind]), float(squares[self.cells[:, kind], kind].sum())
+            if dof >= 1:
+                bounds = special.chdtri(dof, np.array([0.005, 0.995]))
+                result[kind] = np.sqrt(total / np.array([dof, *bounds]))
+        return result
+
+    @property
     def explained(self) -> Array:
         """(3,) part of the mean square of x, y and theta that the explanation takes away."""
         first = np.array(

@@ -69,6 +69,8 @@ class Verdict:
         'likely' if the others that outvote it share a sensor; 'undecided' if one of several.
     p_value : float
         Chance of such a disagreement without a gross error, for this question alone.
+    table_p_value : float
+        Chance of such a disagreement anywhere in a table of good poses.
     size : float
         Length or angle by which the source is off the others, in metres or radians.
     witnesses : tuple of str
@@ -82,6 +84,7 @@ class Verdict:
     blamed: tuple[str, ...]
     certainty: Certainty
     p_value: float
+    table_p_value: float
     size: float
     witnesses: tuple[str, ...]
     reason: str
@@ -99,6 +102,9 @@ class Arbitration:
         The n stops.
     verdicts : tuple of Verdict
         All cells that do not fit, stop by stop.
+    suspects : tuple of Verdict
+        Cells that stand out less: one is to be expected in every second table of good poses.
+        They count as good everywhere else.
     present : (S, n) array of bool
         Whether the source has the pose.
     bad : (S, n, 2) array of bool
@@ -120,6 +126,7 @@ class Arbitration:
     sources: tuple[str, ...]
     ids: tuple[str, ...]
     verdicts: tuple[Verdict, ...]
+    suspects: tuple[Verdict, ...]
     present: Mask
     bad: Mask
     doubtful: Mask

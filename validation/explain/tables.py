@@ -9,7 +9,7 @@ from validation.explain.analysis import Explanation, SystemExplanation
 from validation.explain.equivalence import PairedComparison, good_enough
 from validation.explain.planning import poses_for_bias, poses_for_deviation
 from validation.explain.repeatability import Repeatability
-from validation.explain.sources import CELLS
+from validation.explain.sources import CELLS, Verdict
 from validation.results import Table
 
 Rows = list[list[str | int | float | None]]
@@ -121,6 +121,25 @@ def before_after_table(systems: Sequence[SystemExplanation]) -> Table:
 
 def verdict_table(explanation: Explanation) -> Table:
     """All cells that do not fit."""
+    result = explanation.arbitration
+    note = f"Chance of any entry in a table of good poses: {100 * result.false_alarm:.3g} %."
+    title = "Poses that do not fit, and the source held responsible"
+    return _verdict_table(title, result.verdicts, note)
+
+
+def suspect_table(explanation: Explanation) -> Table | None:
+    """Cells worth a second look; None if there are none."""
+    if not explanation.arbitration.suspects:
+        return None
+    note = (
+        "Held against nobody, and not left out of anything. In a table of good poses one such "
+        "entry is to be expected. The p says how many good tables have one that stands out as much."
+    )
+    return _verdict_table("Worth a second look", explanation.arbitration.suspects, note)
+
+
+def _verdict_table(title: str, verdicts: Sequence[Verdict], note: str) -> Table:
+    """One row a cell."""
     rows: Rows = [
         [
             one.stop,
@@ -128,19 +147,13 @@ def verdict_table(explanation: Explanation) -> Table:
             " or ".join(one.blamed) if one.certainty == "undecided" else " and ".join(one.blamed),
             one.certainty,
             one.size,
-            one.p_value,
+            one.table_p_value,
             one.reason,
         ]
-        for one in explanation.arbitration.verdicts
+        for one in verdicts
     ]
-    result = explanation.arbitration
-    return Table(
-        "Cells that do not fit, and the source held responsible",
-        ["pose", "cell", "source", "certainty", "off by [m, rad]", "p", "why"],
-        rows,
-        ["", "", "", "", ".3f", ".1g", ""],
-        note=f"Chance of any entry in a table of good poses: {100 * result.false_alarm:.3g} %.",
-    )
+    head = ["pose", "cell", "source", "certainty", "off by [m, rad]", "p in the whole table", "why"]
+    return Table(title, head, rows, ["", "", "", "", ".3f", ".1g", ""], note=note)
 
 
 def noise_table(explanation: Explanation) -> Table:

@@ -287,12 +287,36 @@ def _noise(selection: Selection, settled: Settled) -> list[Finding]:
         "cells not flagged; validation noise included)."
     )
     if selection.pairs.stated:
-        return [Finding("note", told, selection.pairs.system, "left")]
+        found = [Finding("note", told, selection.pairs.system, "left")]
+        return found + _misfit(settled)
     text = (
         "No covariances are stated on both sides, so the noise level is estimated from the errors "
         f"themselves, one for positions and one for headings. {told}"
     )
     return [Finding("note", text, selection.pairs.system, "noise_estimated")]
+
+
+def _misfit(settled: Settled) -> list[Finding]:
+    """Whether the stated covariances are borne out by what is left."""
+    told = []
+    for name, (factor, low, high) in zip(("positions", "headings"), settled.misfit, strict=True):
+        if low > 1:
+            text = (
+                f"What is left of the {name} is {factor:.2g} times what the stated covariances "
+                f"say (99 % interval {low:.2g} to {high:.2g}). Either they are too small, or the "
+                "errors have a cause that is not among the explanations. Intervals and p-values "
+                "are too sure by as much; leave the covariances out of the tables to have the "
+                "noise estimated."
+            )
+            told.append(Finding("warning", text, settled.pairs.system, "covariance_too_small"))
+        elif high < 1:
+            text = (
+                f"What is left of the {name} is only {factor:.2g} times what the stated "
+                f"covariances say (99 % interval {low:.2g} to {high:.2g}): they are too large, and "
+                "small causes of error stay hidden."
+            )
+            told.append(Finding("note", text, settled.pairs.system, "covariance_too_large"))
+    return told
 
 
 def _agreement(one: Agreement, confidence: float) -> Finding:
@@ -332,12 +356,29 @@ def _arbitration(result: Arbitration) -> list[Finding]:
     text = (
         f"{len(result.verdicts)} of {cells} cells (position and heading of each stop) do not fit. "
         f"In a table of good poses the chance of any such flag is {100 * result.false_alarm:.3g} % "
-        f"({result.questions} questions, Bonferroni)."
+        f"(shared over {result.questions} questions)."
     )
     told.append(Finding("note", text, "all sources", "arbitration"))
+    told += _suspects(result)
     told += _pairs_only(result)
     told.append(_hat(result))
     return told
+
+
+def _suspects(result: Arbitration) -> list[Finding]:
+    """Cells worth a second look."""
+    if not result.suspects:
+        return []
+    said = "; ".join(
+        f"pose {one.stop}, {one.cell} ({' or '.join(one.blamed)}, off by {one.size:.3f} "
+        f"{'m' if one.cell == 'position' else 'rad'})"
+        for one in result.suspects
+    )
+    text = (
+        f"Worth a second look, but held against nobody: {said}. One such entry is to be expected "
+        "in a table of good poses."
+    )
+    return [Finding("note", text, "all sources", "suspects")]
 
 
 def _verdict(one: Verdict, validation: str) -> Finding:

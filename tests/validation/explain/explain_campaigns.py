@@ -60,15 +60,19 @@ def table(system, poses, noise=None):
     return PoseTable(system, tuple(str(i + 1) for i in range(n)), poses, covariances)
 
 
-def simulate(kind, seed, n=26, stated=True, stops=None):
-    """Validation and GT tables of one campaign; 'tied' and 'reference_mount' use stop 6."""
+def simulate(kind, seed, n=26, stated=True, stops=None, noise=1.0):
+    """Validation and GT tables of one campaign; 'tied' and 'reference_mount' use stop 6.
+
+    ``noise`` multiplies SURVEY_NOISE and GT_NOISE.
+    """
     rng = np.random.default_rng(seed)
     truth = random_stops(rng, n) if stops is None else stops
-    survey = truth + rng.normal(size=(n, 3)) * SURVEY_NOISE
-    gt = spoiled(kind, truth, survey) + rng.normal(size=(n, 3)) * GT_NOISE
+    survey_noise, gt_noise = noise * SURVEY_NOISE, noise * GT_NOISE
+    survey = truth + rng.normal(size=(n, 3)) * survey_noise
+    gt = spoiled(kind, truth, survey) + rng.normal(size=(n, 3)) * gt_noise
     if kind in {"tied", "reference_mount"}:
         gt[5] = survey[5]
     return (
-        table("survey", survey, SURVEY_NOISE if stated else None),
-        table("rig", gt, GT_NOISE if stated else None),
+        table("survey", survey, survey_noise if stated else None),
+        table("rig", gt, gt_noise if stated else None),
     )

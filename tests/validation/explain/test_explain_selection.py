@@ -25,8 +25,8 @@ TRUE = {
 REFERENCES = {"tied": "6", "reference_mount": "6"}
 
 
-def chosen_and_nees(kind, seed, stated):
-    survey, rig = simulate(kind, seed, stated=stated)
+def chosen_and_nees(kind, seed, stated, **campaign):
+    survey, rig = simulate(kind, seed, stated=stated, **campaign)
     pairs = make_pairs(survey, rig, REFERENCES.get(kind, ""))
     selection = select(pairs)
     true, name = TRUE[kind]
