@@ -17,6 +17,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "survey" / "entry")
 from entry_simulation import Tally, simulate_entry, table
 
 ASKED_AT_ONCE, ASKED_FALSE = 0.95, 0.01
+PRINTED = 50
+"""The table so far is printed after so many campaigns."""
 
 
 def main() -> None:
@@ -24,10 +26,12 @@ def main() -> None:
     campaigns, first, processes = (*given, *(1000, 10_000, 2)[len(given) :])
     tally = Tally()
     with ProcessPoolExecutor(processes) as pool:
-        for one in pool.map(simulate_entry, range(first, first + campaigns), chunksize=10):
+        seeds = range(first, first + campaigns)
+        for number, one in enumerate(pool.map(simulate_entry, seeds, chunksize=5), 1):
             tally.add(one)
-    print(f"{campaigns:,} campaigns, seeds from {first}")
-    print("\n".join(table(tally)))
+            if number % PRINTED == 0 or number == campaigns:
+                print(f"\n{number:,} campaigns, seeds from {first}")
+                print("\n".join(table(tally)), flush=True)
     late = tally.large(of_stop=True, earlier=3)
     noticed = sum(slip.at_once for slip in late) / len(late)
     false = tally.false_alarms / tally.readings

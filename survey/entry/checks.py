@@ -6,7 +6,7 @@ from typing import Literal
 
 from survey.entry.judgement import LIMIT
 from survey.entry.knowledge import Judged, RoomKnowledge
-from survey.entry.numbers import TypedDistance
+from survey.entry.numbers import TypedDistance, signed_mm
 from survey.entry.prediction import Prediction
 from survey.entry.slips import Hypothesis, fitting_originals, shown_decimals
 from validation.campaign import Instrument
@@ -123,7 +123,7 @@ def _why_doubtful(metres: float, prediction: Prediction, misfit: float) -> str:
         said, sigma = prediction.nearest(metres)
         return (
             f"does not fit {prediction.basis}: expected {said:.3f} m ± {1000 * sigma:.0f} mm, "
-            f"this is {1000 * (metres - said):+.0f} mm off"
+            f"this is {signed_mm(metres - said)} off"
         )
     if misfit > LIMIT:
         return "cannot be: with the readings so far it closes no triangle"

@@ -150,6 +150,19 @@ class Guide:
         """All targets of the station at a point; none where nothing is read from there."""
         return next((s.targets for s in self.plan if s.name == start), ())
 
+    def targets_of(self, stop: str) -> list[Target]:
+        """All targets of the marks of a stop."""
+        return [t for s in self.plan if s.name.startswith(f"{stop}/") for t in s.targets]
+
+    def stop_after(self, stop: str, person: Person) -> str:
+        """The next stop with something left to measure, from a stop on and round; '' if none."""
+        stops = self.names.stops
+        at = stops.index(stop) + 1 if stop in stops else 0
+        for other in (*stops[at:], *stops[: max(at - 1, 0)]):
+            if any(self.is_open_for(target, person) for target in self.targets_of(other)):
+                return other
+        return ""
+
     def station_of(self, target: Target) -> Station:
         """The station that a target belongs to."""
         return self.plan[self._where[target.pair][0]]

@@ -72,6 +72,12 @@ def plain(metres: float) -> str:
     return text[:-3] if text.endswith("000") else text.rstrip("0")
 
 
+def signed_mm(metres: float) -> str:
+    """A difference to the millimetre: '+12 mm', '−3 mm', '0 mm'."""
+    whole = round(1000 * metres)
+    return f"{whole:+d} mm".replace("-", "−") if whole else "0 mm"
+
+
 def both_units(metres: float) -> str:
     """'5.378 m = 5378 mm'."""
     return f"{plain(metres)} m = {round(metres / _SMALLEST) / 1000:.10g} mm"

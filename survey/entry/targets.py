@@ -34,6 +34,11 @@ class Target(NamedTuple):
         return pair_of(self.start, self.end)
 
 
+def stop_of(target: Target) -> str:
+    """The stop whose mark is an end of a target; '' for one between Vframe and wall."""
+    return next((name.partition("/")[0] for name in target if "/" in name), "")
+
+
 @dataclass(frozen=True)
 class Station:
     """A place of the laser with all that is read from there.

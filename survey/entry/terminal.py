@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, TextIO
 
 from survey.entry.entries import Entry, Person
 from survey.entry.entry_session import Answer, EntrySession
-from survey.entry.targets import Target
+from survey.entry.targets import Target, stop_of
 from survey.entry.words import (
     COMMANDS,
     answer_lines,
+    enough_text,
     pair_text,
     progress_text,
     readings_text,
+    undone_text,
     value_text,
 )
 from validation.errors import GtvalError
@@ -50,6 +52,7 @@ class TerminalEntry:
         self._again: Target | None = None
         self._asked: Target | None = None
         self._enough: set[str] = set()
+        self._standing = ""
 
     def run(self) -> int:
         """Exit status: 0, or 2 where a line of a pipe could not be taken.
@@ -92,6 +95,9 @@ class TerminalEntry:
         what = "all done; j to go on elsewhere, q to end"
         if self._asked is not None:
             what = pair_text(self._asked)
+            if self._standing not in ("", self._asked.start):
+                self._say(f"Move the laser to {self._asked.start}.")
+                self._standing = ""  # said once
         try:
             return input(f"{what}  ")
         except (EOFError, KeyboardInterrupt):
@@ -165,6 +171,7 @@ class TerminalEntry:
         if answer.outcome == "refused":
             raise GtvalError(answer.text)
         self._again = None
+        self._standing = target.start
         self._last = answer.entry
         self._tell(answer)
         self._tell_if_enough(target)
@@ -172,11 +179,7 @@ class TerminalEntry:
     def _undo(self, _: str) -> None:
         undone = self._session.undo(self._person)
         self._again = None
-        if undone is None:
-            self._say("there is nothing to undo", "yellow")
-            return
-        what = f"{undone.start}–{undone.end} {undone.text}" if undone.start else undone.text
-        self._say(f"undone: {undone.kind} {what}", "yellow")
+        self._say(undone_text(undone), "yellow")
 
     def _repeat(self, text: str) -> None:
         """Measure the last reading again, or one that is named: 'r', 'r 5.378', 'r 7/O 3'."""
@@ -271,25 +274,20 @@ class TerminalEntry:
 
     def _tell_if_enough(self, target: Target) -> None:
         """Say once that a stop is as exact as planned."""
-        stop = next((n.partition("/")[0] for n in (target.start, target.end) if "/" in n), "")
+        stop = stop_of(target)
         if not stop or stop in self._enough or self._person.second:
             return
-        status = self._session.status(target)
-        if status is None or not status.good_enough:
+        said = enough_text(self._session, target)
+        if not said:
             return
         self._enough.add(stop)
-        own = (
-            t
-            for station in self._session.guide.plan
-            if station.name.startswith(f"{stop}/")
-            for t in station.targets
+        after = self._session.guide.stop_after(stop, self._person)
+        self._say(
+            f"{said}{f'; j {after} goes on with stop {after}' if after else ''}", "bold green"
         )
-        left = self._session.guide.progress(own).left
-        if left:
-            self._say(
-                f"stop {stop} is good enough ({status.text}): {left} more readings are not needed",
-                "bold green",
-            )
+        status = self._session.status(target)
+        if status is not None:
+            self._say(f"   {status.text}", "green")
 
     def _welcome(self) -> None:
         entry_session = self._session

@@ -2,11 +2,12 @@
 
 from typing import TYPE_CHECKING
 
+from survey.entry.entries import Entry
 from survey.entry.entry_session import Answer, EntrySession
 from survey.entry.guide import Progress
-from survey.entry.numbers import plain
+from survey.entry.numbers import plain, signed_mm
 from survey.entry.state import Pair
-from survey.entry.targets import Target
+from survey.entry.targets import Target, stop_of
 
 if TYPE_CHECKING:
     from survey.entry.checks import Verdict
@@ -41,7 +42,7 @@ def answer_lines(entry_session: EntrySession, answer: Answer) -> list[str]:
     if found is None:
         return [answer.text]
     if found.status != "doubtful":
-        off = "" if found.off is None else f" ({1000 * found.off:+.0f} mm)"
+        off = "" if found.off is None else f" ({signed_mm(found.off)})"
         lines = [f"{answer.text}, {found.text}{off}"]
     else:
         lines = [f"{answer.text}: DOUBTFUL, {found.text}"]
@@ -66,6 +67,27 @@ def readings_text(entry_session: EntrySession, numbers: list[int], most: int = 6
     entries = [entry_session.state.entries[n] for n in numbers[:most]]
     said = ", ".join(f"{e.start}–{e.end} {plain(e.metres or 0.0)}" for e in entries)
     return said + (f" and {len(numbers) - most} more" if len(numbers) > most else "")
+
+
+def undone_text(undone: Entry | None) -> str:
+    """What was taken back."""
+    if undone is None:
+        return "there is nothing to undo"
+    what = f"{undone.start}–{undone.end} {undone.text}" if undone.start else undone.text
+    return f"undone: {undone.kind} {what}"
+
+
+def enough_text(entry_session: EntrySession, target: Target) -> str:
+    """That a stop is good enough, and how much of it may be left out; '' while it is not."""
+    status = entry_session.status(target)
+    stop = stop_of(target)
+    if status is None or not status.good_enough or not stop:
+        return ""
+    left = entry_session.guide.progress(entry_session.guide.targets_of(stop)).left
+    if not left:
+        return ""
+    needed = "1 more reading is" if left == 1 else f"{left} more readings are"
+    return f"stop {stop} is good enough: {needed} not needed"
 
 
 def progress_text(progress: Progress) -> str:

@@ -32,6 +32,7 @@ from survey.entry.web.requests import (
     number_field,
     text_field,
 )
+from survey.entry.words import undone_text
 from validation.errors import GtvalError
 
 COOKIE = "gtval_entry"
@@ -191,10 +192,7 @@ class EntryApp:
         text = text_field(said, "text")
 
         def undo() -> str:
-            undone = entry_session.undo(person)
-            if undone is None:
-                return "there is nothing to undo"
-            return f"undone: {undone.kind} {undone.start}–{undone.end}"
+            return undone_text(entry_session.undo(person))
 
         def keep() -> str:
             entry_session.keep(number, person)

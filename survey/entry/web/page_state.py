@@ -8,8 +8,14 @@ from survey.entry.entries import Entry, Person
 from survey.entry.entry_session import Answer, EntrySession
 from survey.entry.numbers import plain
 from survey.entry.rough_places import RoughPlaces
-from survey.entry.targets import Target
-from survey.entry.words import answer_lines, progress_text, readings_text, value_text
+from survey.entry.targets import Target, stop_of
+from survey.entry.words import (
+    answer_lines,
+    enough_text,
+    progress_text,
+    readings_text,
+    value_text,
+)
 
 FOLLOWING = 200
 """Targets sent ahead, for a page that loses the link: an hour's work or more."""
@@ -43,6 +49,7 @@ def page_state(entry_session: EntrySession, person: Person, rough: RoughPlaces) 
         "targets": [_target(entry_session, one) for one in following],
         "station": _station(entry_session, shown_at, person),
         "recent": _recent(entry_session, person),
+        "last": _last(entry_session, person),
         "doubtful": _doubtful(entry_session, person),
         "unexamined": entry_session.unexamined(),
         "status": _status(entry_session, shown_at, person),
@@ -101,6 +108,17 @@ def _recent(entry_session: EntrySession, person: Person) -> list[dict[str, Any]]
     return found
 
 
+def _last(entry_session: EntrySession, person: Person) -> dict[str, Any] | None:
+    """The last reading of this device that stands, for its buttons; None if there is none."""
+    state = entry_session.state
+    for entry in reversed(entry_session.journal.entries[-200:]):
+        if entry.kind == "reading" and entry.device == person.device:
+            if entry.number in state.undone or entry.number in state.replaced:
+                continue
+            return {"number": entry.number, "from": entry.start, "to": entry.end}
+    return None
+
+
 def _recent_row(entry_session: EntrySession, entry: Entry, person: Person) -> dict[str, Any]:
     state = entry_session.state
     secret = person.second or state.disagrees(entry.pair)
@@ -136,10 +154,13 @@ def _doubtful(entry_session: EntrySession, person: Person) -> list[dict[str, Any
 
 
 def _status(entry_session: EntrySession, target: Target, person: Person) -> dict[str, Any]:
+    """How well the stop or world point is known, and where to go on if that is well enough."""
     found = None if person.second else entry_session.status(target)
     if found is None:
-        return {"text": "", "enough": False}
-    return {"text": found.text, "enough": found.good_enough}
+        return {"text": "", "enough": "", "next": ""}
+    enough = enough_text(entry_session, target)
+    after = entry_session.guide.stop_after(stop_of(target), person) if enough else ""
+    return {"text": found.text, "enough": enough, "next": after}
 
 
 def _map(entry_session: EntrySession, target: Target, rough: RoughPlaces) -> Mapping[str, Any]:

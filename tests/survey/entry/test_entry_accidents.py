@@ -1,11 +1,11 @@
 """kill -9 at random moments, a full disk, a read-only folder: no acknowledged reading is lost."""
 
+import ctypes
 import os
 import random
 import re
 import resource
 import shutil
-import stat
 import subprocess
 import sys
 import threading
@@ -15,7 +15,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from entry_rooms import ANN, EntryRoom, entry_room
+from entry_rooms import ANN, EntryRoom, enter_all, entry_room
 from entry_server import EntryServer
 
 from survey.entry.entry_session import EntrySession
@@ -240,16 +240,34 @@ def test_a_read_only_disk_is_a_plain_error(big_room, small_disk):
     refused_plainly(room)
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def as_owner_only():
+    """Give up root's right to write everywhere, for this process and what it becomes."""
+    if os.geteuid() == 0:
+        drop_from_bounding_set, dac_override = 24, 1  # linux/prctl.h, linux/capability.h
+        ctypes.CDLL(None).prctl(drop_from_bounding_set, dac_override, 0, 0, 0)
+
+
 def test_a_read_only_folder_is_a_plain_error(big_room, tmp_path):
     room = fresh(big_room, tmp_path / "room")
     survey = room.folder / "survey"
-    survey.chmod(stat.S_IRUSR | stat.S_IXUSR)
-    refused_plainly(room)
-    survey.chmod(stat.S_IRWXU)
+    survey.chmod(0o555)
+    refused_plainly(room, as_owner_only)
+    assert not room.journal.exists()
+    survey.chmod(0o755)
 
 
-def refused_plainly(room):
+def test_a_read_only_journal_is_a_plain_error_and_stays_as_it_is(big_room, tmp_path):
+    room = fresh(big_room, tmp_path / "room")
+    entry_session = room.open()
+    enter_all(entry_session, room, 3)
+    entry_session.close()
+    before = room.journal.read_bytes()
+    room.journal.chmod(0o444)
+    refused_plainly(room, as_owner_only)
+    assert room.journal.read_bytes() == before
+
+
+def refused_plainly(room, prepare=None):
     for options in ((), ("--web", "--port", "0")):
         done = subprocess.run(
             [GTVAL, "enter", str(room.folder), *options],
@@ -258,7 +276,8 @@ def refused_plainly(room):
             capture_output=True,
             text=True,
             timeout=60,
+            preexec_fn=prepare,
         )
-        assert done.returncode == 2
+        assert done.returncode == 2, done.stderr
         assert "cannot write" in done.stderr
         assert "Traceback" not in done.stderr

@@ -145,6 +145,90 @@ def test_a_whole_stop_is_entered_with_the_link_lost_in_the_middle(browsers, serv
     assert [e for e in errors if not any(noise in e for noise in offline_noise)] == []
 
 
+def test_what_waits_survives_a_closed_page_and_is_delivered_once(browsers, served):
+    browser, room = join(browsers[0], served, "ann"), served.room
+    before = len(recorded(room))
+    offline(browser, down=True)
+    typed = [type_reading(browser, room) for _ in range(4)]
+    wait(lambda: "kept on this device" in text(browser, "answer"))
+    picture(browser, "kept")
+    first = browser.current_window_handle
+    browser.switch_to.new_window("tab")
+    second = browser.current_window_handle
+    browser.switch_to.window(first)
+    browser.close()
+    browser.switch_to.window(second)
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
+    assert len(recorded(room)) == before
+    browser.get(served.url)
+    wait(lambda: len(recorded(room)) == before + 4)
+    wait(lambda: text(browser, "link") == "connected")
+    browser.refresh()
+    wait(lambda: text(browser, "link") == "connected")
+    assert recorded(room)[before:] == typed
+
+
+def test_a_page_goes_on_after_the_laptop_died(browsers, served, tmp_path):
+    browser, room = join(browsers[0], served, "ann"), served.room
+    before = len(recorded(room))
+    first = type_reading(browser, room)
+    wait(lambda: len(recorded(room)) == before + 1)
+    port = served.url.rpartition(":")[2]
+    served.kill()
+    second = type_reading(browser, room)
+    wait(lambda: "1 waiting" in text(browser, "link"))
+    with EntryServer(room.folder, tmp_path / "again.log", "--port", port) as again:
+        wait(lambda: browser.find_elements("id", "code"))
+        picture(browser, "join")
+        browser.find_element("id", "code").send_keys(again.code)
+        browser.find_element("id", "name").send_keys("ann")
+        browser.find_element("css selector", "#join button").click()
+        wait(lambda: len(recorded(room)) == before + 2)
+    assert recorded(room)[before:] == [first, second]
+
+
+def test_a_stop_that_is_good_enough_is_said_with_the_way_on(browsers, measured_room, tmp_path):
+    from entry_rooms import copy_of
+
+    room = copy_of(measured_room, tmp_path / "room")
+    entry_session = room.open()
+    enter_all(entry_session, room, 16 + 16 + 4)
+    entry_session.close()
+    with EntryServer(room.folder, tmp_path / "log") as server:
+        browser = join(browsers[0], server, "ann")
+        wait(lambda: "12 more readings are not needed" in text(browser, "enough"))
+        picture(browser, "enough")
+        type_reading(browser, room)
+        wait(lambda: "11 more readings" in text(browser, "enough"))
+        browser.find_element("id", "next-stop").click()
+        wait(lambda: text(browser, "from") == "2/O")
+        assert text(browser, "move") == "Move the laser to 2/O."
+        picture(browser, "move")
+
+
+def test_a_small_phone_shows_target_field_and_answer_without_scrolling(browsers, served):
+    browser, room = join(browsers[0], served, "ann"), served.room
+    browser.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride", {**PHONE, "width": 320, "height": 568}
+    )
+    try:
+        type_reading(browser, room)
+        wait(lambda: "ok" in browser.find_element("id", "answer").get_attribute("class"))
+        picture(browser, "small")
+        sizes = browser.execute_script(
+            """
+            const box = (id) => document.getElementById(id).getBoundingClientRect();
+            return [document.documentElement.scrollWidth, box('answer').bottom, box('from').top,
+                    Math.min(...['undo', 'again', 'keep', 'skip'].map((id) => box(id).height))];
+            """
+        )
+    finally:
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
+    assert sizes[0] <= 320
+    assert 0 <= sizes[2] < sizes[1] <= 568
+    assert sizes[3] >= 44  # pixels, the least for a thumb
+
+
 def test_a_doubtful_reading_is_said_with_what_would_fit_and_comes_back(browsers, served):
     browser, room = join(browsers[0], served, "ann"), served.room
     for _ in range(8):

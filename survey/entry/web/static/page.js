@@ -29,7 +29,8 @@ function work() {
   let state = JSON.parse($("state").textContent);
   let targets = []; // those not yet typed here, the next one first
   let again = null; // a reading to measure once more, by the person's wish
-  let last = null;
+  let last = state.last; // the reading that Again and Keep are about
+  let standing = ""; // where the laser stood for the reading typed last here
   let submissions = 0;
   const queue = new Queue(state.key);
 
@@ -46,9 +47,14 @@ function work() {
     $("from").textContent = target?.from ?? "–";
     $("to").textContent = target?.to ?? "all done";
     $("why-again").hidden = !target?.again || target === again;
+    $("move").hidden = !target || !standing || standing === target.from;
+    $("move").textContent = target ? `Move the laser to ${target.from}.` : "";
     $("progress").textContent = state.progress;
-    $("status").textContent = state.behind || state.status.text + (state.status.enough ? " – good enough: more readings of this stop are not needed" : "");
-    $("status").className = state.status.enough ? "hint enough" : "hint";
+    $("status").textContent = state.behind || state.status.text;
+    $("enough").hidden = !state.status.enough;
+    $("enough-text").textContent = state.status.enough && `${state.status.enough}.`;
+    $("next-stop").hidden = !state.status.next;
+    $("next-stop").textContent = `Go on with stop ${state.status.next}`;
     drawMap($("map"), $("map-caption"), state.map, target);
     showLists();
   }
@@ -57,7 +63,7 @@ function work() {
     $("station-title").textContent = `Station ${state.station.name}: ${state.station.progress}`;
     list("station", state.station.rows, (row) => [[`${row.from}–${row.to}`, row.value, row.state], stationButton(row)]);
     list("recent", state.recent, (row) => [[row.pair, row.value, [row.by, row.fate, ...row.notes].filter(Boolean).join(", ")]]);
-    const unexamined = state.unexamined ? ` (${state.unexamined} more places being looked through)` : "";
+    const unexamined = state.unexamined ? " (still looking)" : "";
     $("doubtful-title").textContent = `Doubtful: ${state.doubtful.length}${unexamined}`;
     list("doubtful", state.doubtful, (row) => [
       [row.text, ""],
@@ -110,7 +116,7 @@ function work() {
     return made;
   }
 
-  function say(kind, lines, spoken = "") {
+  function say(kind, lines, spoken = "", aloud = true) {
     const box = $("answer");
     const as = [...box.children].map((child) => child.textContent);
     if (kind === "look" && box.className === kind && as.join() === lines.join() && !spoken) return;
@@ -120,7 +126,7 @@ function work() {
       paragraph.textContent = line;
       return paragraph;
     }));
-    confirmBySound(kind, spoken);
+    if (aloud) confirmBySound(kind, spoken);
   }
 
   function showLink(up) {
@@ -148,6 +154,7 @@ function work() {
       id: newId(), from: target.from, to: target.to, text, again: Boolean(target.again),
       by: state.by, second: state.second, typed: Date.now(),
     });
+    standing = target.from;
     if (target === again) again = null; else targets = targets.slice(1);
     field.value = "";
     say("waiting", [`${target.from}–${target.to}: ${text} …`]);
@@ -158,14 +165,30 @@ function work() {
   async function deliver() {
     const up = await queue.send(told);
     showLink(up);
+    const waiting = queue.waiting();
+    if (!up && waiting.length) sayWaiting(waiting.at(-1));
     if (up && !queue.waiting().length) await refresh(true);
   }
 
+  // Said in place of the dots, once; the sound was made when it was typed.
+  function sayWaiting(reading) {
+    const kept = queue.isUnsafe ? "kept on this page: do NOT close it" : "kept on this device";
+    const text = `${reading.from}–${reading.to}: ${reading.text} is ${kept} until the link is back. Go on.`;
+    if ($("answer").className === "waiting" && $("answer").textContent !== text) say("waiting", [text], "", false);
+  }
+
   function told(reading, answer) {
-    if (answer.status === 401) { say("look", [`${answer.error}. Reload the page; nothing is lost.`]); return; }
+    if (answer.status === 401) { joinAnew(); return; }
     if (answer.status !== 200) { say("look", [answer.error ?? "not taken"]); return; }
     if (answer.outcome !== "refused") last = { number: answer.number, from: reading.from, to: reading.to };
     say(answer.look ? "look" : "ok", answer.lines, reading.text);
+  }
+
+  // The laptop was started anew and knows this device no more: it asks for the code once more.
+  // What waits lies in the browser meanwhile.
+  function joinAnew() {
+    if (queue.isUnsafe) say("look", ["This device was not let in. Open this address once more in a further page and type the code there; leave this one open."]);
+    else location.reload();
   }
 
   // What the laptop has is taken over only if nothing was typed here since it was asked for, and
@@ -178,10 +201,11 @@ function work() {
       const fresh = response.status === 200 ? await response.json() : null;
       if (fresh && asked === submissions && !queue.waiting().length && fresh.version >= state.version) {
         state = fresh;
+        last = state.last;
         takeTargets();
         show();
       }
-      if (response.status === 401) say("look", ["This device was not let in. Reload the page and type the code; nothing is lost."]);
+      if (response.status === 401) joinAnew();
       showLink(true);
       return true;
     } catch {
@@ -220,6 +244,7 @@ function work() {
     if ($("skip-dialog").returnValue === "skip") act({ action: "skip", from: target.from, to: target.to, text: $("reason").value });
     $("skip-dialog").returnValue = "";
   });
+  $("next-stop").addEventListener("click", () => act({ action: "jump", text: state.status.next }));
   form("jump-form", "jump", (text) => act({ action: "jump", text }));
   form("stop-form", "stop", (text) => act({ action: "stop", text }));
   form("note-form", "note", (text) => needLast((one) => act({ action: "note", number: one.number, text })));
@@ -246,6 +271,8 @@ function work() {
     const typing = event.target.closest?.("input, dialog");
     if (!typing && /^[\d.,]$/.test(event.key) && !event.ctrlKey && !event.metaKey && !event.altKey) $("distance").focus();
   });
+
+  window.addEventListener("hashchange", () => location.reload()); // a new code for this very page
 
   allowSound();
   takeTargets();

@@ -34,5 +34,7 @@ function speak(kind, text) {
   if (!window.speechSynthesis) return;
   const said = { look: "Look! ", waiting: "Waiting. " }[kind] ?? "";
   speechSynthesis.cancel();
-  speechSynthesis.speak(new SpeechSynthesisUtterance(said + [...text].join(" ").replace(/[.,]/g, "point")));
+  const words = new SpeechSynthesisUtterance(said + [...text].join(" ").replace(/[.,]/g, "point"));
+  words.lang = "en";
+  speechSynthesis.speak(words);
 }
