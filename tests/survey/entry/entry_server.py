@@ -66,12 +66,12 @@ class EntryServer:
         return self.process.wait(20)
 
     def _said(self, pattern: str) -> str:
-        until = time.monotonic() + 30
+        until = time.monotonic() + 120
         while time.monotonic() < until:
             found = re.search(pattern, self.log.read_text())
             if found and self.log.read_text().rstrip().endswith(")"):
                 return found[1]
             if self.process.poll() is not None:
                 break
-            time.sleep(0.01)
+            time.sleep(0.02)
         raise AssertionError(self.log.read_text())

@@ -75,9 +75,21 @@ def test_a_file_behind_the_journal_is_an_error(entered):
     assert codes(entered)["entry-file-differs"].severity == "error"
 
 
-def test_the_survey_reports_it(entered):
+def test_the_survey_reports_it_and_script_in_names_and_remarks_is_text(entered):
+    hostile = "</td><script>alert(1)</script><img src=x onerror=alert(2)>"
+    eve = Person(hostile)
+    entry_session = entered.open()
+    target = entry_session.guide.target("1/Y 4")
+    again = entry_session.record(target, entered.shown[target.pair], eve, again=True)
+    entry_session.note(again.entry.number, hostile, eve)
+    entry_session.skip(entry_session.guide.target("1/Y 2"), hostile, eve)
+    entry_session.undo(eve)
+    entry_session.skip(entry_session.guide.target("1/Y 3"), hostile, eve)
+    entry_session.close()
     done = CliRunner().invoke(main, ["run", str(entered.folder)])
     assert done.exit_code == 0, done.output
     page = (entered.folder / "report" / "report.html").read_text()
     assert "How the readings were taken" in page
-    assert "behind the heater" in page
+    assert "&lt;script&gt;alert(1)" in page
+    assert "<script>alert" not in page
+    assert "<img src=x" not in page
