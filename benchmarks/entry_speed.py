@@ -2,21 +2,27 @@
 
 A campaign of 5,000 readings is entered, in the room's order, as far as that; then the time from
 a typed number to its acknowledgement is measured for the next ones, fsync and check included,
-beside the bare peer that it must not lose to: a line appended to a CSV file with fsync. Starting
-is measured as whole processes, in turn with Python and `gtval --help`.
+beside the bare peer that it must not lose to: a line appended to a CSV file with fsync. The same
+for what else people do, and for the page with its requests. Starting is measured as whole
+processes, in turn with Python and `gtval --help`: by the clock, which a busy machine stretches for
+all of them alike, and as their own processor time.
 """
 
 import os
 import pty
 import select
-import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from statistics import median
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "survey" / "entry"))
+
 import numpy as np
+from entry_server import EntryServer
 
 from data_samples.campaign_files import campaign_files
 from data_samples.rooms import RoomSettings, make_room
@@ -24,6 +30,7 @@ from data_samples.simulate import SimulationSettings, simulate_survey
 from survey.entry.entries import Entry, Person
 from survey.entry.entry_session import EntrySession
 from survey.entry.journal import Journal
+from survey.entry.targets import Target
 from validation.campaign import load_campaign
 from validation.files import write_files
 
@@ -31,6 +38,7 @@ READINGS = 5000
 TIMED = 300
 STOPS = 120
 ROUNDS = 9
+PAGES = 4
 GTVAL = str(Path(sys.executable).with_name("gtval"))
 ANN = Person("ann")
 
@@ -101,8 +109,69 @@ def bare_append(folder: Path) -> list[float]:
     return taken
 
 
-def until_prompt(folder: Path) -> float:
-    """Seconds from `gtval enter` to its first question."""
+def other_actions(folder: Path, shown: dict[frozenset[str], str]) -> dict[str, list[float]]:
+    """Seconds of all else that people do: the same measured again, undone, remarked on, kept."""
+    entry_session = EntrySession.open(load_campaign(folder))
+    guide = entry_session.guide
+    stop, wall = guide.target("3/X 5"), guide.target("X 5")
+
+    def again(target: Target) -> Callable[[], object]:
+        return lambda: entry_session.record(target, shown[target.pair], ANN, again=True)
+
+    def last(target: Target) -> int:
+        return entry_session.state.counting(target.pair)[-1]
+
+    actions: dict[str, Callable[[], object]] = {
+        "reading of a stop measured again": again(stop),
+        "undone": lambda: entry_session.undo(ANN),
+        "remark": lambda: entry_session.note(last(stop), "seen well", ANN),
+        "kept": lambda: entry_session.keep(last(stop), ANN),
+        "reading of a world point measured again": again(wall),
+    }
+    again(stop)()
+    taken = {name: [timed(action) for _ in range(TIMED // 10)] for name, action in actions.items()}
+    entry_session.close()
+    return taken
+
+
+def timed(action: Callable[[], object]) -> float:
+    """Seconds that it takes."""
+    started = time.perf_counter()
+    action()
+    return time.perf_counter() - started
+
+
+def page(folder: Path, shown: dict[frozenset[str], str]) -> dict[str, list[float]]:
+    """Seconds until the page is there, just after a start and later, and of its readings."""
+    taken: dict[str, list[float]] = {"served": [], "first": [], "later": [], "reading": []}
+    taken["used"] = []
+    for _ in range(PAGES):
+        log = folder.parent / "served.log"
+        started = time.perf_counter()
+        with EntryServer(folder, log) as server, server.join() as client:
+            taken["served"].append(time.perf_counter() - started)
+            taken["first"].append(timed(lambda: client.get("/").raise_for_status()))
+            taken["used"].append(processor_seconds(server.process.pid))
+            for _ in range(TIMED // 10):
+                said = client.get("/state").json()
+                target = said["targets"][0]
+                pair = frozenset((target["from"], target["to"]))
+                name = f"{len(taken['reading'])}-{started}"
+                body = {"from": target["from"], "to": target["to"], "text": shown.get(pair, "5.0")}
+                post = partial(client.post, "/readings", json={**body, "id": name})
+                taken["reading"].append(timed(post))
+            taken["later"] += [timed(lambda: client.get("/")) for _ in range(9)]
+    return taken
+
+
+def processor_seconds(process: int) -> float:
+    """Processor time of a running process so far."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def until_prompt(folder: Path) -> tuple[float, float]:
+    """Seconds, and processor seconds, from `gtval enter` to its first question."""
     started = time.perf_counter()
     child, master = pty.fork()
     if child == 0:
@@ -113,23 +182,28 @@ def until_prompt(folder: Path) -> float:
         seen += os.read(master, 4096)
     taken = time.perf_counter() - started
     os.kill(child, 9)
-    os.waitpid(child, 0)
+    used = os.wait4(child, 0)[2]
     os.close(master)
-    return taken
+    return taken, used.ru_utime + used.ru_stime
 
 
-def whole(command: list[str]) -> float:
-    """Seconds of a whole process."""
+def whole(command: list[str]) -> tuple[float, float]:
+    """Seconds, and processor seconds, of a whole process."""
     started = time.perf_counter()
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    return time.perf_counter() - started
+    child = os.fork()
+    if child == 0:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        os.execv(command[0], command)
+    used = os.wait4(child, 0)[2]
+    return time.perf_counter() - started, used.ru_utime + used.ru_stime
 
 
-def line(name: str, seconds: list[float]) -> None:
-    """Median, 99th percentile and worst in milliseconds."""
+def line(name: str, seconds: list[float], asked: str = "") -> None:
+    """Least, median, 99th percentile and worst in milliseconds, and what was asked."""
     ordered = sorted(seconds)
     late = ordered[int(0.99 * (len(ordered) - 1))]
-    print(f"{name:44} {1e3 * median(ordered):8.1f} {1e3 * late:8.1f} {1e3 * ordered[-1]:8.1f}")
+    figures = (ordered[0], median(ordered), late, ordered[-1])
+    print(f"{name:46}" + "".join(f"{1e3 * one:8.1f}" for one in figures) + f"  {asked}", flush=True)
 
 
 def main() -> None:
@@ -139,12 +213,20 @@ def main() -> None:
         fresh = Path(name) / "fresh"
         campaign(fresh)
         fill(folder, shown)
-        print(f"{'milliseconds':44} {'median':>8} {'99 %':>8} {'worst':>8}")
+        print(f"{'milliseconds':46}{'least':>8}{'median':>8}{'99 %':>8}{'worst':>8}  asked")
         line("bare line with fsync", bare_append(folder))
         taken = acknowledged(folder, shown)
-        line(f"first reading after the start, of {READINGS:,}", taken[:1])
-        line(f"reading acknowledged, {READINGS:,} in the journal", taken[1:])
-        starts: dict[str, list[float]] = {}
+        line("first reading after the start, numpy loaded", taken[:1])
+        line(f"reading acknowledged, {READINGS:,} in the journal", taken[1:], "50")
+        for what, times in other_actions(folder, shown).items():
+            line(what, times, "50")
+        of_page = page(folder, shown)
+        line("gtval enter --web serves, a device has joined", of_page["served"])
+        line(f"page just after that, {READINGS:,} readings", of_page["first"], "1000")
+        line("    the server's processor time since its start", of_page["used"], "1000")
+        line("page later", of_page["later"], "1000")
+        line("reading acknowledged by request", of_page["reading"], "50")
+        starts: dict[str, list[tuple[float, float]]] = {}
         for _ in range(ROUNDS):
             for what, run in (
                 ("python -c pass", lambda: whole([sys.executable, "-c", "pass"])),
@@ -153,8 +235,10 @@ def main() -> None:
                 (f"gtval enter asks, {READINGS:,} readings", lambda: until_prompt(folder)),
             ):
                 starts.setdefault(what, []).append(run())
-        for what, times in starts.items():
-            line(what, times)
+        for what, pairs in starts.items():
+            asked = "500" if "asks" in what else ""
+            line(what, [clock for clock, _ in pairs], asked)
+            line("    its processor time", [used for _, used in pairs])
 
 
 if __name__ == "__main__":

@@ -11,13 +11,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 from survey.entry.adoption import as_entries, refuse_hand_changes, remark_on
+from survey.entry.double import agreement, check_second
 from survey.entry.entries import MAX_NAME, MAX_NOTE, Entry, Kind, Person, clean_text
 from survey.entry.guide import Guide
 from survey.entry.journal import Journal
 from survey.entry.numbers import TypedDistance, both_units, parse_distance
 from survey.entry.readings_file import ReadingsFile
+from survey.entry.remembered import RememberedDoubts
 from survey.entry.settings import EntrySettings
-from survey.entry.state import WAS_SET_ASIDE, Agree, EntryState, Pair, replayed
+from survey.entry.state import WAS_SET_ASIDE, EntryState, Pair, replayed
 from survey.entry.targets import Station, Target, check_stop_name, load_names
 from survey.settings import SurveySettings
 from validation.campaign import Campaign
@@ -26,10 +28,6 @@ from validation.errors import GtvalError
 if TYPE_CHECKING:
     from survey.entry.checks import Verdict
     from survey.entry.room_checks import PointStatus, RoomChecks
-
-AGREEMENT = 3.29
-"""Two people disagree if their measurements differ by more standard deviations than this."""
-
 
 PREPARE_AFTER = 0.2
 """Seconds."""
@@ -83,9 +81,13 @@ class EntrySession:
         self.settings: EntrySettings = self.survey.entry
         self.journal = journal
         self.state: EntryState = replayed(
-            journal.entries, self._agree(), second_measures=self.settings.second != "type"
+            journal.entries,
+            agreement(campaign.settings.instrument, self.survey),
+            second_measures=self.settings.second != "type",
         )
         self.guide = Guide(campaign, self.settings, self.state, self._doubtful_pairs)
+        doubts = journal.path.with_suffix(".doubts")
+        self._remembered = RememberedDoubts(doubts, campaign)
         self.readings_file = ReadingsFile(campaign.folder / self.survey.readings)
         self.version = 0
         """Grows with every entry; a page asks for it to know whether it is up to date."""
@@ -233,7 +235,7 @@ class EntrySession:
             return Answer(known, "repeated", "this entry is there already")
         self._check_pair(target.pair)
         if person.second:
-            self._check_second(target.pair, person)
+            check_second(self.state, target.pair, person, self.settings.second)
         blind = person.second or self.state.disagrees(target.pair)
         entry = self._entry("reading", person, target, text)
         entry = replace(entry, id=entry_id, measured=clean_text(measured, MAX_NAME))
@@ -374,45 +376,21 @@ class EntrySession:
             entry, "disagrees", f"{what}: the two entries disagree; measure or read it again"
         )
 
-    def _agree(self) -> Agree:
-        """Whether two people's values agree: the same, or within what the instrument allows."""
-        instrument = self.campaign.settings.instrument
-        half_step = 0.5 * (instrument.resolution or 0.001)
-        if self.settings.second == "type":
-            return lambda a, b: abs(a - b) < half_step
-
-        stated = self.survey.reading_sigma
-
-        def agree(a: float, b: float) -> bool:
-            from survey.instrument import reading_sigma  # noqa: PLC0415  (numpy)
-
-            sigma = float(reading_sigma(instrument, max(a, b))) if stated is None else stated
-            return instrument.scale * abs(a - b) <= AGREEMENT * 2**0.5 * sigma + half_step
-
-        return agree
-
     def _check_pair(self, pair: Pair) -> None:
         """Raise where a pair is not among the points of the survey."""
         if not self.guide.names.may_be_measured(pair):
             raise GtvalError(f"{' and '.join(sorted(pair))} are no pair of points to measure")
 
-    def _check_second(self, pair: Pair, person: Person) -> None:
-        """Raise where a second entry has no first, or has it from the same person."""
-        if self.settings.second == "none":
-            raise GtvalError("this campaign has no second entries ([survey.entry] second)")
-        if self.state.disagrees(pair):
-            return
-        entries = [self.state.entries[n] for n in self.state.counting(pair)]
-        what = "–".join(sorted(pair))
-        if not entries:
-            raise GtvalError(f"{what} has no first entry yet")
-        if any(e.second for e in entries):
-            raise GtvalError(f"{what} has its second entry already")
-        if any(e.by == person.name for e in entries):
-            raise GtvalError(f"the second entry of {what} is for the other person")
-
     def _doubtful_pairs(self, station: Station) -> set[Pair]:
-        return {self.state.entries[number].pair for number in self.doubtful_at(station)}
+        """Doubtful pairs of a station that has nothing else left to measure."""
+        numbers = None
+        if self._checks is None:
+            numbers = self._remembered.recall(station.name, self.journal.entries)
+        if numbers is None:
+            numbers = self.doubtful_at(station)
+            if self.journal.is_open:
+                self._remembered.keep(station.name, self.journal.entries, numbers)
+        return {self.state.entries[number].pair for number in numbers}
 
     def _take_over(self, *, adopt: bool) -> None:
         """Bring journal and readings file together."""

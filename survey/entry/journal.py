@@ -180,6 +180,11 @@ class Journal:
         return cls(path, read_journal(path), CampaignLock.none())
 
     @property
+    def is_open(self) -> bool:
+        """Whether it can be written to."""
+        return self._file >= 0
+
+    @property
     def entries(self) -> Sequence[Entry]:
         """All entries."""
         return self._entries
@@ -192,7 +197,7 @@ class Journal:
         NotRecordedError
             If it could not be written; nothing of it is left in the file then.
         """
-        if self._file < 0:
+        if not self.is_open:
             raise NotRecordedError(f"NOT recorded: {self.path} is not open for writing")
         time = (now or datetime.now().astimezone()).isoformat(timespec="milliseconds")
         numbered = replace(entry, number=len(self._entries) + 1, time=time)

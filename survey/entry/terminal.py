@@ -300,6 +300,7 @@ class TerminalEntry:
 
     def _goodbye(self) -> None:
         entry_session = self._session
+        entry_session.guide.next_target(self._person)  # the next start asks this at once
         self._say(progress_text(entry_session.guide.progress()))
         if self._person.second or not entry_session.state.pairs:
             return

@@ -56,7 +56,7 @@ HEADERS = {
 LATE = 5.0
 """A reading that waited longer than so many seconds for the link has the time of its typing."""
 MAX_AGE = 7 * 86400.0
-PAUSE = 0.01
+PAUSE = 0.03
 """Seconds between two stops that are looked through, for the requests that wait."""
 
 Handler = Callable[[Request, Device], Awaitable[Response]]
@@ -85,6 +85,7 @@ class EntryApp:
             lstrip_blocks=True,
         )
         folder = files("survey.entry.web") / "static"
+        self._serving = 0
         self._examining: asyncio.Task[None] | None = None
         self._static = {name: (folder / name).read_bytes() for name in STATIC}
 
@@ -148,8 +149,9 @@ class EntryApp:
         """Look for doubtful readings everywhere, as after a start, while nobody waits."""
         left = 1
         while left:
-            left = self._session.examine()
             await asyncio.sleep(PAUSE)
+            if not self._serving:
+                left = self._session.examine()
         self._session.version += 1
 
     async def reading(self, request: Request, device: Device) -> Response:
@@ -232,12 +234,15 @@ class EntryApp:
             device = self._access.device(request.cookies.get(COOKIE))
             if device is None:
                 raise RefusedError(401, "this device was not let in; type the terminal's code")
+            self._serving += 1
             try:
                 return await handler(request, device)
             except NotRecordedError as error:
                 raise RefusedError(503, str(error)) from None
             except GtvalError as error:
                 raise RefusedError(409, str(error)) from None
+            finally:
+                self._serving -= 1
 
         return checked
 
