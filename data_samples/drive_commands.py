@@ -1,6 +1,7 @@
 """The command ``gtval simulate-drive``."""
 
 from pathlib import Path
+from typing import Literal
 
 import click
 
@@ -23,23 +24,50 @@ import click
     show_default=True,
     help="Share of fixes that are off by 30 cm.",
 )
+@click.option(
+    "--route",
+    type=click.Choice(["road", "eight"]),
+    default="road",
+    show_default=True,
+    help="Up and down a road, or figures of eight between buildings, as to calibrate scanners.",
+)
+@click.option("--receivers", type=click.IntRange(3, 5), default=3, show_default=True)
+@click.option("--scans", is_flag=True, help="Write the scans of both vertical scanners, too.")
 def simulate_drive_command(
-    folder: Path, seed: int, loops: int, steepest: float, false_fixes: float
+    folder: Path,
+    seed: int,
+    loops: int,
+    steepest: float,
+    false_fixes: float,
+    route: Literal["road", "eight"],
+    receivers: int,
+    scans: bool,
 ) -> None:
-    """Write a synthetic campus drive with three RTK-GPS receivers as a campaign to FOLDER.
+    """Write a synthetic campus drive with RTK-GPS receivers as a campaign to FOLDER.
 
     The truth is beside it, in FOLDER/truth.
     """
     from math import radians
 
-    from data_samples.drive_files import write_drive
-    from data_samples.drives import DriveSettings, simulate_drive
+    import numpy as np
+
+    from data_samples.drive_files import SCANNERS, write_drive
+    from data_samples.drives import DriveSettings, scan_along, simulate_drive
     from validation.errors import GtvalError
 
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise GtvalError(f"{folder} is not empty; nothing was written")
-    settings = DriveSettings(loops=loops, steepest=radians(steepest), false_fixes=false_fixes)
-    write_drive(folder, simulate_drive(seed, settings))
+    settings = DriveSettings(
+        loops=loops, steepest=radians(steepest), false_fixes=false_fixes, route=route,
+        receivers=receivers,
+    )  # fmt: skip
+    drive = simulate_drive(seed, settings)
+    read = {
+        name: scan_along(drive, pose, np.random.default_rng([seed, row]), every=0.2)
+        for row, (name, pose) in enumerate(SCANNERS.items())
+        if scans
+    }
+    write_drive(folder, drive, read)
     click.echo(f"A drive of {loops} loops is in {folder}. Next: gtval run {folder}")
 
 

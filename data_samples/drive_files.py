@@ -1,32 +1,48 @@
 """A synthetic drive as a campaign folder: NMEA logs, campaign.toml, and the truth beside it."""
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
 from data_samples.drives import (
-    ANTENNAS,
     LEFT_CAMERA,
     LEFT_SCANNER,
     RIGHT_SCANNER,
     Drive,
 )
 from rtk_gt.fixes import Fixes
+from rtk_gt.scans import LineScans
 from validation.angles import Array
 from validation.files import write_files
 from validation.poses import SPATIAL, PoseTable, to_csv
 
+SCANNERS = {"left_scanner": LEFT_SCANNER, "right_scanner": RIGHT_SCANNER}
+HAND_SIGMAS = np.array([0.02, 0.02, 0.02, *np.radians([2.0, 2.0, 2.0])])
+"""How well a scanner's place is measured by hand."""
 
-def write_drive(folder: Path, drive: Drive) -> list[Path]:
+
+def write_drive(
+    folder: Path, drive: Drive, scans: Mapping[str, LineScans] | None = None
+) -> list[Path]:
     """Write a drive as a campaign folder; returns the paths of its files.
 
-    The truth goes to ``truth/``: the vehicle's pose at every second and the offsets.
+    The truth goes to ``truth/``: the vehicle's pose at every second, the offsets, and where the
+    sensors are. Scanners with scans go to ``scans/``, and campaign.toml has their places as
+    measured by hand, with the errors that this has.
     """
     files: dict[str, str | bytes] = {
         f"rtk/{record.receiver}.nmea": nmea_text(record) for record in drive.records
     }
-    files["campaign.toml"] = _toml(drive)
+    generator = np.random.default_rng([drive.seed, 1])
+    sensors = {"left_camera": LEFT_CAMERA, **SCANNERS}
+    rows = [",".join([name, *(repr(float(v)) for v in pose)]) for name, pose in sensors.items()]
+    files["truth/sensors.csv"] = "\n".join(["sensor,x,y,z,yaw,pitch,roll", *rows]) + "\n"
+    for name, read in (scans or {}).items():
+        files[f"scans/{name}.csv"] = scan_text(read)
+        sensors[name] = sensors[name] + HAND_SIGMAS * generator.standard_normal(6)
+    files["campaign.toml"] = _toml(drive, sensors)
     times = drive.records[0].times
     truth = PoseTable(
         "truth", tuple(f"{time:.3f}" for time in times), drive.poses(times), components=SPATIAL
@@ -38,6 +54,17 @@ def write_drive(folder: Path, drive: Drive) -> list[Path]:
     ]
     files["truth/offsets.csv"] = "\n".join(["receiver,x,y,z", *rows]) + "\n"
     return write_files(folder, files)
+
+
+def scan_text(scans: LineScans) -> str:
+    """Line scans as the CSV file that ``gtval rtk scanner`` reads."""
+    step = float(scans.angles[1] - scans.angles[0])
+    lines = [
+        f"{time:.6f},{float(scans.angles[0])!r},{step!r},"
+        + " ".join(f"{r:.3f}" if np.isfinite(r) else "nan" for r in ranges)
+        for time, ranges in zip(scans.times, scans.ranges, strict=True)
+    ]
+    return "\n".join(["time,first_angle,angle_step,ranges", *lines]) + "\n"
 
 
 def nmea_text(record: Fixes) -> str:
@@ -80,7 +107,7 @@ def _sentence(body: str) -> str:
     return f"${body}*{value:02X}"
 
 
-def _toml(drive: Drive) -> str:
+def _toml(drive: Drive, sensors: Mapping[str, Array]) -> str:
     frame = drive.frame
     origin = (
         (
@@ -99,15 +126,12 @@ def _toml(drive: Drive) -> str:
         f"origin = {origin}",
         f"eta = {drive.settings.noise.eta}",
     ]
-    for record, antenna in zip(drive.records, ANTENNAS, strict=True):
+    for row, (record, antenna) in enumerate(zip(drive.records, drive.antennas, strict=True)):
         parts += ["", "[[rtk.receivers]]", f'name = "{record.receiver}"']
         parts += [f'file = "rtk/{record.receiver}.nmea"', f"height = {antenna[2]}"]
-    sensors = (
-        ("left_camera", LEFT_CAMERA),
-        ("left_scanner", LEFT_SCANNER),
-        ("right_scanner", RIGHT_SCANNER),
-    )
-    for name, pose in sensors:
+        if row >= 3:
+            parts.append(f"position = {_numbers(np.round(antenna, 1))}")
+    for name, pose in sensors.items():
         parts += ["", "[[rtk.sensors]]", f'name = "{name}"', f"pose = {_numbers(pose)}"]
     return "\n".join(parts) + "\n"
 

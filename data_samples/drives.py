@@ -7,6 +7,7 @@ receivers lose their fix beside tall buildings; some fixes are false on request.
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -25,6 +26,10 @@ ANTENNAS = np.array([[0.0, 0.0, 0.132], [1.729, 0.5725, 0.115], [1.733, -0.5725,
 """Blanco 2009, Table 1."""
 OFFSETS = np.array([[0.0, 0.0, 0.0], [-145.2875, 28.6745, 2.3344], [-145.2914, 28.6712, 1.2915]])
 """Blanco 2009, Table 3, campus."""
+MORE_RECEIVERS = ("middle_left", "middle_right")
+MORE_ANTENNAS = np.array([[0.85, 0.60, 0.14], [0.80, -0.62, 0.11]])
+MORE_OFFSETS = np.array([[35.4, -61.2, -0.85], [35.39, -61.21, -0.35]])
+"""A fourth and a fifth, on a third base station."""
 ROOF = 2.2
 """Height of the vehicle frame above the ground, metres."""
 FLOAT_SIGMA = 0.25
@@ -38,10 +43,13 @@ LEFT_CAMERA = np.array([2.216, 0.430, 0.022, *np.radians([-88.43, -2.99, -87.23]
 class DriveSettings:
     """What the drive is like.
 
-    ``loops`` round trips on a road of ``straight`` metres, at ``speed`` m/s. ``steepest`` is
-    the greatest slope in radians. ``shadow`` seconds beside tall buildings in each loop the
+    ``loops`` round trips at about ``speed`` m/s on a road of ``straight`` metres: up and down its
+    two lanes (``route`` "road"), or figures of eight of that length between the buildings
+    ("eight"), which show every wall from many directions. ``steepest`` is the greatest slope in
+    radians. ``shadow`` seconds beside tall buildings in each loop the
     receivers lose their fix; ``false_fixes`` is the share of fixes that are off by
-    ``false_size`` metres.
+    ``false_size`` metres, ``missing`` the share that never arrives. ``receivers`` are three to
+    five.
     """
 
     loops: int = 2
@@ -53,6 +61,9 @@ class DriveSettings:
     false_fixes: float = 0.0
     false_size: float = 0.3
     up: str = "ellipsoid"
+    route: Literal["road", "eight"] = "road"
+    missing: float = 0.0
+    receivers: int = 3
 
 
 @dataclass(frozen=True)
@@ -68,13 +79,17 @@ class Drive:
     frame : LocalFrame
         The local frame of all coordinates.
     offsets : FrameVectors
-        (3, 3) what has to be added to recorded positions.
+        (r, 3) what has to be added to recorded positions.
     records : tuple of Fixes
-        Of the three receivers.
+        Of the receivers.
     duration : float
         Seconds.
     wander : (2, 3) array
         Amplitudes and phases by which the vehicle leaves the centre of its lane.
+    antennas : (r, 3) array
+        On the vehicle, metres.
+    seed : int
+        That it was made from.
     """
 
     settings: DriveSettings
@@ -84,6 +99,8 @@ class Drive:
     records: tuple[Fixes, ...]
     duration: float
     wander: Array
+    antennas: Array
+    seed: int
 
     def T_local_vehicle(self, times: Array) -> RigidTransform:
         """True poses at times in seconds since 1970."""
@@ -111,12 +128,17 @@ def simulate_drive(seed: int, settings: DriveSettings | None = None) -> Drive:
     up = "geocentric" if settings.up == "geocentric" else "ellipsoid"
     frame = LocalFrame.from_degrees(36.714459075, -4.478958828333333, 38.8887, up)  # type: ignore[arg-type]
     duration = settings.loops * loop_length(settings) / settings.speed
+    roof = list(zip(
+        RECEIVERS + MORE_RECEIVERS, np.vstack([ANTENNAS, MORE_ANTENNAS]),
+        np.vstack([OFFSETS, MORE_OFFSETS]), strict=True,
+    ))[: settings.receivers]  # fmt: skip
     records = tuple(
-        _record(generator, settings, (campus, frame, wander), row, duration)
-        for row in range(len(RECEIVERS))
+        _record(generator, settings, (campus, frame, wander), row, one, duration)
+        for row, one in enumerate(roof)
     )
-    offsets = FrameVectors(frame, OFFSETS)
-    return Drive(settings, campus, frame, offsets, records, duration, wander)
+    offsets = FrameVectors(frame, np.array([offset for _, _, offset in roof]))
+    antennas = np.array([antenna for _, antenna, _ in roof])
+    return Drive(settings, campus, frame, offsets, records, duration, wander, antennas, seed)
 
 
 TURN_RADIUS = 7.0
@@ -124,11 +146,16 @@ TURN_RADIUS = 7.0
 
 def loop_length(settings: DriveSettings) -> float:
     """Length of one round trip, metres."""
+    if settings.route == "eight":
+        phase = np.linspace(0, 2 * np.pi, 2001)
+        return float(np.linalg.norm(np.diff(_eight(settings, phase), axis=0), axis=1).sum())
     return 2 * settings.straight + 2 * np.pi * TURN_RADIUS
 
 
 def _centre_line(settings: DriveSettings, s: Array) -> Array:
-    """(n, 2) the stadium-shaped line at the distances driven."""
+    """(n, 2) the line driven: a stadium at the distances s, or an eight, slower in its turns."""
+    if settings.route == "eight":
+        return _eight(settings, 2 * np.pi * s / loop_length(settings))
     s = np.mod(s, loop_length(settings))
     L, r = settings.straight, TURN_RADIUS
     arc = np.pi * r
@@ -142,6 +169,15 @@ def _centre_line(settings: DriveSettings, s: Array) -> Array:
         [s < L, s < L + arc, s < 2 * L + arc], [-r, -r * np.cos(first), r], r * np.cos(second)
     )
     return np.column_stack([x - L / 2, y])
+
+
+EIGHT_WIDTH = 8.0
+"""Greatest distance of the eight from its axis, metres."""
+
+
+def _eight(settings: DriveSettings, phase: Array) -> Array:
+    """(n, 2) a figure of eight, crossed at about 30 degrees to its axis."""
+    return np.column_stack([settings.straight / 2 * np.sin(phase), EIGHT_WIDTH * np.sin(2 * phase)])
 
 
 def road_line(settings: DriveSettings) -> Array:
@@ -182,10 +218,12 @@ def _record(
     settings: DriveSettings,
     place: tuple[Campus, LocalFrame, Array],
     row: int,
+    receiver: tuple[str, Array, Array],
     duration: float,
 ) -> Fixes:
     """What one receiver writes: 1 Hz at the rear, 5 Hz in front."""
     campus, frame, wander = place
+    name, antenna, offset = receiver
     every = 1.0 if row == 0 else 0.2
     elapsed: Array = np.arange(0.0, round(duration / every)) * every
     T = vehicle_transforms(campus, settings, wander, elapsed)
@@ -199,9 +237,9 @@ def _record(
     direction = generator.standard_normal((n, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     error += false[:, None] * settings.false_size * direction
-    recorded = T.apply(np.tile(ANTENNAS[row], (n, 1))) - OFFSETS[row] + error
-    return Fixes(
-        receiver=RECEIVERS[row],
+    recorded = T.apply(np.tile(antenna, (n, 1))) - offset + error
+    record = Fixes(
+        receiver=name,
         times=START + elapsed,
         geodetic=frame.to_geodetic(recorded),
         kinds=kinds.astype(np.int64),
@@ -210,8 +248,11 @@ def _record(
         hdop=np.round(np.where(shaded, 2.6, 1.1) + generator.uniform(0, 0.3, n), 2),
         covariances=sigmas[:, :, None] ** 2 * np.eye(3),
         lines=np.arange(1, n + 1),
-        source=Path(f"{RECEIVERS[row]}.nmea"),
+        source=Path(f"{name}.nmea"),
     )
+    # Drawn last: a drive without missing fixes is the same for the same seed as ever.
+    arrived = generator.random(n) >= settings.missing if settings.missing else np.full(n, True)
+    return record.select(arrived)
 
 
 def _shaded(settings: DriveSettings, elapsed: Array, row: int) -> Array:

@@ -1,331 +1,407 @@
-"""Where a vertical scanner is on the vehicle: the place at which its passes agree.
+"""Where a vertical scanner is on the vehicle: scans, fixes and walls adjusted together.
 
-Blanco 2009, section 5.3: the best pose of the scanner is the one that makes the point clouds of
-several passes over the same area match. Here matching points are paired with the plane around
-their partner from another pass, and the six numbers are found by Gauss-Newton; hand-measured
-values keep what the drive does not show.
+Blanco 2009, section 5.3, matches the point clouds of several passes along a path that it takes as
+exact. A path of three receivers on a roof is not: its roll has a noise of most of a degree, and
+an error of the offsets tilts all of it. Points moved by the path's noise pull a matching to one
+side, by centimetres, and nothing in the matching tells. Here the path, the offsets, the antennas'
+distances and the planes of walls and ground are unknowns like the scanner's place, each fix of
+each receiver is a measurement, and the covariance is that of the whole adjustment.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
+from scipy import sparse
+from scipy.sparse.linalg import splu
 
-from rtk_gt.fixes import Bools, Ints
-from rtk_gt.orientation import angles_of, matrix_of, rotation_rates
-from rtk_gt.scans import Cloud
+from rtk_gt.fixes import Ints
+from rtk_gt.ground import KnownGround, ground_rows, motion_rows
+from rtk_gt.offset_prior import VEHICLE_SIZE, OffsetPrior
+from rtk_gt.orientation import matrix_of
+from rtk_gt.pass_matching import (
+    MatchingSettings,
+    ScannerCalibration,
+    change_from,
+    match_passes,
+    perturbed,
+    weights_of,
+)
+from rtk_gt.scans import Cloud, LineScans, cloud_of
+from rtk_gt.surfaces import Surfaces, shared_surfaces
+from rtk_gt.trajectory import (
+    Spline,
+    Trajectory,
+    Vehicle,
+    antenna_equations,
+    fix_sigmas,
+    point_rows,
+    pose_columns,
+    roughness_information,
+)
 from validation.angles import Array
 from validation.errors import GtvalError
 
-NEIGHBOURS = 10
-FEWEST_PAIRS = 200
+FEWEST_SURFACES = 20
+_ROUNDS = 10
 
 
 @dataclass(frozen=True)
 class ScannerSettings:
-    """How a scanner is calibrated.
+    """How scans and fixes are adjusted.
 
-    ``apart``: passes are at least so many seconds apart. ``gates``: largest distances of
-    partners in metres, from round to round. ``block``: seconds whose points share one
-    independent error, for the covariance. ``flat``: ratio of the smallest to the middle spread
-    of a neighbourhood that counts as a plane. ``sources``: at most so many points are matched.
+    ``apart``: passes are at least so many seconds apart. ``pieces``: edge of the flat pieces and
+    how far from their planes points may be, metres, from round to round; the last are used until
+    the scanner stays where it is. ``points``: at most so many are used. ``block`` and
+    ``independent``: of the points that one piece shows in so many seconds, so many count, as they
+    share what the curves and the plane leave out. ``sharpest``: least standard deviation of a
+    point, metres. ``matching``: of the first, rough solution.
     """
 
     apart: float = 8.0
-    gates: tuple[float, ...] = (1.0, 0.7, 0.5, 0.4, 0.3, 0.3, 0.3, 0.3)
+    pieces: tuple[tuple[float, float], ...] = ((2.0, 0.6), (2.0, 0.4), (1.5, 0.3), (1.5, 0.2))
+    points: int = 60_000
     block: float = 1.0
-    flat: float = 0.1
-    sources: int = 12_000
+    independent: int = 4
+    sharpest: float = 0.005
+    matching: MatchingSettings = field(
+        default_factory=lambda: MatchingSettings(sources=6000, gates=(1.0, 0.7, 0.5, 0.5))
+    )
 
 
 @dataclass(frozen=True)
-class KnownGround:
-    """The road under the wheels: z of it in the vehicle frame, and how well that is known.
+class _State:
+    """All unknowns: curves, vehicle, scanner (6,), ground (3,) and planes (c, 3)."""
 
-    Points nearer than ``reach`` metres beside the vehicle are taken to be on it, with
-    ``roughness`` the standard deviation of a scan's points from that plane.
-    """
-
-    height: float
-    sigma: float = 0.01
-    reach: float = 4.0
-    roughness: float = 0.05
-
-
-@dataclass(frozen=True)
-class ScannerCalibration:
-    """The scanner's pose on the vehicle.
-
-    Parameters
-    ----------
-    pose : (6,) array
-        x, y, z, yaw, pitch, roll, metres and radians.
-    covariance : (6, 6) array
-        Of x, y, z and a rotation vector in the vehicle frame; see ``angle_covariance``.
-    sigmas : (6,) array
-        Standard deviations of x, y, z and rotations about the vehicle's x, y, z axes.
-    from_drive : (6,) array
-        Share of the information that is the drive's own, the rest being hand-measured.
-    pairs : int
-        Points matched in the last round.
-    rms_before, rms_after : float
-        Root mean square distance of matched points from their partners' planes, metres.
-    """
-
+    spline: Spline
+    vehicle: Vehicle
     pose: Array
-    covariance: Array
-    sigmas: Array
-    from_drive: Array
-    pairs: int
-    rms_before: float
-    rms_after: float
-
-    @property
-    def pose_covariance(self) -> Array:
-        """(6, 6) covariance of x, y, z, yaw, pitch, roll."""
-        J = np.eye(6)
-        J[3:, 3:] = np.linalg.inv(rotation_rates(self.pose[3:]))
-        return np.asarray(J @ self.covariance @ J.T)
+    ground: Array
+    planes: Array
 
 
 @dataclass(frozen=True)
-class _Pairs:
-    """Points, their partners and the partners' normals."""
+class _Places:
+    """First column of each group of unknowns, and the number of all."""
 
-    source: Ints
-    target: Ints
-    normals: Array
+    vehicle: int
+    scanner: int
+    ground: int
+    planes: int
+    total: int
+
+
+@dataclass(frozen=True)
+class _Data:
+    """All that does not change: fixes, points with their times, what is known beforehand."""
+
+    trajectory: Trajectory
+    cloud: Cloud
+    times: Array
+    start: Array
+    sigmas: Array
+    ground: KnownGround | None
+    prior: tuple[Array, Array]
+    settings: ScannerSettings
 
 
 def calibrate_scanner(
-    cloud: Cloud,
-    times: Array,
-    vehicle: Array,
+    trajectory: Trajectory,
+    scans: LineScans,
     start: Array,
     sigmas: Array,
     *,
-    settings: ScannerSettings | None = None,
     ground: KnownGround | None = None,
+    prior: OffsetPrior | None = None,
+    settings: ScannerSettings | None = None,
 ) -> ScannerCalibration:
-    """The pose of a scanner on the vehicle.
+    """The pose of a scanner on the vehicle, from scans along a measured path.
 
     Parameters
     ----------
-    cloud : Cloud
-        Points of all scans.
-    times : (s,) array
-        Of the scans.
-    vehicle : (s, 6) array
-        Poses of the vehicle at those times.
+    trajectory : Trajectory
+        The smooth path through the fixes (`smooth_trajectory`).
+    scans : LineScans
+        Of the scanner; those at times without a path are left out.
     start : (6,) array
         Hand-measured pose: x, y, z, yaw, pitch, roll.
     sigmas : (6,) array
         How well it was measured: x, y, z in metres, rotations about the vehicle's axes in
         radians. It keeps its weight.
+    ground : KnownGround, optional
+        The plane of the road under the wheels in the vehicle frame.
+    prior : OffsetPrior, optional
+        What is known of offsets and distances apart from the drive.
     settings : ScannerSettings, optional
         How to match.
-    ground : KnownGround, optional
-        The height of the road under the wheels. Passes over the same ground hardly tell how
-        high the scanner is, this does.
 
     Raises
     ------
     GtvalError
-        If too few points have a partner from another pass.
+        If too few flat pieces are seen from two passes.
 
     Notes
     -----
-    The path is taken as exact. An error that it has at all poses alike (a wrong vertical offset
-    tilts the whole vehicle frame) comes back as the opposite turn of the scanner, and noise of
-    the angles of a degree, as three receivers on a small roof give it, moves the result by
-    centimetres: compare ``rms_after`` with the scanner's own noise.
+    Gauss-Newton on sparse normal equations. Residuals are distances of points from the plane of
+    their piece, fixes minus curves, road points minus the road, and the direction of motion
+    minus the road's. What the drive does not show keeps its prior, and ``from_drive`` says so.
     """
     settings = settings or ScannerSettings()
-    rows = times[cloud.scan]
-    pose = np.array(start, dtype=float)
-    prior = np.diag(1 / np.square(sigmas))
-    first_rms = np.nan
-    for gate in settings.gates:
-        pairs = _matched(cloud, rows, vehicle, pose, gate, settings)
-        residual, J = _equations(cloud, vehicle, pose, pairs)
-        scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-4)
-        if np.isnan(first_rms):
-            first_rms = float(np.sqrt(np.mean(residual**2)))
-        weights = weights_of(residual)
-        # Points of one moment share the error of the path there: they count together.
-        information = (J * weights[:, None]).T @ J / scale**2
-        pull = -(J * weights[:, None]).T @ residual / scale**2
-        share = _independent_share(rows[pairs.source], settings.block, len(residual))
-        data, right = information * share, pull * share
-        if ground is not None:
-            more, toward = _ground_equations(cloud, pose, ground)
-            data, right = data + more, right + toward
-        moved = _change_from(start, pose)
-        change: Array = np.asarray(
-            np.linalg.solve(data + prior, right - prior @ moved), dtype=float
-        )
-        pose = _perturbed(pose, change)
-    pairs = _matched(cloud, rows, vehicle, pose, settings.gates[-1], settings)
-    residual, J = _equations(cloud, vehicle, pose, pairs)
-    covariance = _covariance(J, residual, weights_of(residual), rows[pairs.source], settings)
-    own: Array = np.asarray(np.linalg.inv(covariance), dtype=float)
-    information = own + prior + _ground_part(cloud, pose, ground)
-    total: Array = np.asarray(np.linalg.inv(information), dtype=float)
-    spread = np.sqrt(np.diagonal(total))
+    scans = scans.select(trajectory.spline.covers(scans.times))
+    if len(scans.times) == 0:
+        raise GtvalError("none of the scans is where there is ground truth")
+    data = _prepared(trajectory, scans, start, sigmas, ground, prior, settings)
+    rough = _rough(data, scans)
+    state = _State(
+        trajectory.spline, trajectory.vehicle, rough.pose,
+        np.zeros(3) if ground is None else ground.plane, np.empty((0, 3)),
+    )  # fmt: skip
+    for turn in range(_ROUNDS):
+        size, gate = settings.pieces[min(turn, len(settings.pieces) - 1)]
+        surfaces = _surfaces(data, state, size, gate)
+        state = replace(state, planes=np.zeros((len(surfaces.centres), 3)))
+        begin = state.pose
+        for _ in range(2):
+            state, covariance = _step(data, state, surfaces)
+        moved = np.abs(change_from(begin, state.pose))
+        if turn + 1 >= len(settings.pieces) and (moved < 0.1 * _sigmas(covariance)).all():
+            break
+    spread = _sigmas(covariance)
+    residual = _scan_residuals(data, state, surfaces)
     return ScannerCalibration(
-        pose=pose,
-        covariance=total,
+        pose=state.pose,
+        covariance=covariance,
         sigmas=spread,
         from_drive=1 - np.square(spread / sigmas),
         pairs=len(residual),
-        rms_before=first_rms,
-        rms_after=float(np.sqrt(np.mean(residual**2))),
+        rms_before=rough.rms_before,
+        rms_after=_rms(residual),
     )
 
 
-def weights_of(residual: Array) -> Array:
-    """Geman-McClure weights of residuals, scaled by their median."""
-    scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-4)
-    return np.asarray(1 / (1 + (residual / (2 * scale)) ** 2) ** 2)
+def _prepared(
+    trajectory: Trajectory,
+    scans: LineScans,
+    start: Array,
+    sigmas: Array,
+    ground: KnownGround | None,
+    prior: OffsetPrior | None,
+    settings: ScannerSettings,
+) -> _Data:
+    cloud = cloud_of(scans)
+    if len(cloud.own) > settings.points:
+        # A fraction of the golden ratio: never in step with the beams of a scan.
+        share = settings.points / len(cloud.own)
+        chosen = np.mod(np.arange(len(cloud.own)) * 0.6180339887498949, 1.0) < share
+        cloud = Cloud(cloud.own[chosen], cloud.scan[chosen])
+    known = _prior(trajectory.vehicle, prior or OffsetPrior())
+    return _Data(
+        trajectory, cloud, scans.times[cloud.scan], np.asarray(start, dtype=float),
+        np.asarray(sigmas, dtype=float), ground, known, settings,
+    )  # fmt: skip
 
 
-def _independent_share(times: Array, block: float, count: int) -> float:
-    return min(len(np.unique(np.floor(times / block))) * 20 / max(count, 1), 1.0)
+def _prior(vehicle: Vehicle, prior: OffsetPrior) -> tuple[Array, Array]:
+    """Information (k,) on offsets and distances, and the change (k,) that it asks for."""
+    k = 3 * (len(vehicle.offsets) - 1)
+    information = np.full(vehicle.size, VEHICLE_SIZE**-2)
+    wanted = np.zeros(vehicle.size)
+    if len(prior.offsets):
+        stated = np.isfinite(prior.offsets[1:]).ravel()
+        information[:k][stated] = 1 / prior.offset_sigmas[1:].ravel()[stated] ** 2
+        wanted[:k][stated] = (prior.offsets[1:] - vehicle.offsets[1:]).ravel()[stated]
+    if len(prior.distances):
+        stated = np.isfinite(prior.distances)
+        first, second = np.triu_indices(len(vehicle.offsets), 1)
+        now = np.linalg.norm(vehicle.antennas[first] - vehicle.antennas[second], axis=1)
+        information[k:][stated] = 1 / prior.distance_sigmas[stated] ** 2
+        wanted[k:][stated] = (prior.distances - now)[stated]
+    return information, wanted
 
 
-def _perturbed(pose: Array, change: Array) -> Array:
-    """The pose after a translation and a rotation vector, both in the vehicle frame."""
-    turned = Rotation.from_rotvec(change[3:]).as_matrix() @ matrix_of(pose[3:])
-    return np.concatenate([pose[:3] + change[:3], angles_of(turned)])
+def _rough(data: _Data, scans: LineScans) -> ScannerCalibration:
+    """The pose at which passes agree along the path as it is: good enough to begin with."""
+    spline = data.trajectory.spline
+    return match_passes(
+        data.cloud, scans.times, spline.poses(scans.times), data.start, data.sigmas,
+        settings=replace(data.settings.matching, apart=data.settings.apart), ground=data.ground,
+    )  # fmt: skip
 
 
-def _change_from(start: Array, pose: Array) -> Array:
-    """(6,) change in the vehicle frame that makes ``pose`` of ``start``."""
-    turn = matrix_of(pose[3:]) @ matrix_of(np.asarray(start)[3:]).T
-    return np.concatenate([pose[:3] - start[:3], Rotation.from_matrix(turn).as_rotvec()])
+def _world(data: _Data, state: _State) -> tuple[Array, Array, Array]:
+    """Points and scanner positions in the local frame, and the poses, one a point."""
+    poses = state.spline.poses(data.times)
+    R = matrix_of(poses[:, 3:])
+    own = data.cloud.in_vehicle(state.pose)
+    world = np.einsum("nij,nj->ni", R, own) + poses[:, :3]
+    return world, R @ state.pose[:3] + poses[:, :3], poses
 
 
-def _matched(
-    cloud: Cloud, times: Array, vehicle: Array, pose: Array, gate: float, settings: ScannerSettings
-) -> _Pairs:
-    """Points with their nearest partner from another pass, where that is on a plane."""
-    world = cloud.in_world(vehicle, pose)
-    seen_from = vehicle[:, :3] + matrix_of(vehicle[:, 3:]) @ pose[:3]
-    step = max(len(world) // settings.sources, 1)
-    chosen = np.arange(0, len(world), step)
-    blocks = np.floor((times - times.min()) / settings.apart).astype(np.int64)
-    sources, targets, normals = [], [], []
-    for block in np.unique(blocks):
-        own = chosen[blocks[chosen] == block]
-        other = np.flatnonzero(np.abs(blocks - block) > 1)
-        if len(own) == 0 or len(other) < NEIGHBOURS:
-            continue
-        tree = cKDTree(world[other])
-        distance, near = map(
-            np.asarray, tree.query(world[own], NEIGHBOURS, distance_upper_bound=3 * gate)
-        )
-        full = np.isfinite(distance).all(1) & (distance[:, 0] < gate)
-        partners = other[np.where(full[:, None], near, 0)]
-        normal, flat = _planes(world[partners], settings.flat)
-        # Both passes must have seen the plane from the same side: no wall is infinitely thin.
-        side = np.einsum("ni,ni->n", normal, world[own] - seen_from[cloud.scan[own]])
-        other_side = np.einsum(
-            "ni,ni->n", normal, world[partners[:, 0]] - seen_from[cloud.scan[partners[:, 0]]]
-        )
-        good = full & flat & (side * other_side > 0)
-        sources.append(own[good])
-        targets.append(partners[good, 0])
-        normals.append(normal[good])
-    count = sum(len(part) for part in sources)
-    if count < FEWEST_PAIRS:
+def _surfaces(data: _Data, state: _State, size: float, gate: float) -> Surfaces:
+    world, origins, _ = _world(data, state)
+    found = shared_surfaces(
+        world, origins, data.times, size=size, gate=gate, apart=data.settings.apart
+    )
+    if len(found.centres) < FEWEST_SURFACES:
         raise GtvalError(
-            f"only {count} points are seen from two passes at least {settings.apart:g} s apart; "
-            "drive past the same places again, in another direction"
+            f"only {len(found.centres)} flat pieces are seen from two passes at least "
+            f"{data.settings.apart:g} s apart; drive past the same walls and ground again, in "
+            "another direction"
         )
-    return _Pairs(np.concatenate(sources), np.concatenate(targets), np.concatenate(normals))
+    return found
 
 
-def _planes(groups: Array, flat: float) -> tuple[Array, Bools]:
-    """Normals (n, 3) of groups of points (n, k, 3), and which groups are planes."""
-    centred = groups - groups.mean(1, keepdims=True)
-    spreads: Array = np.swapaxes(centred, 1, 2) @ centred
-    values, vectors = np.linalg.eigh(spreads)
-    spread = values[:, 1] > 1e-4
-    return vectors[:, :, 0], np.asarray(spread & (values[:, 0] < flat**2 * values[:, 1] * 4))
+def _scan_residuals(data: _Data, state: _State, surfaces: Surfaces) -> Array:
+    local = surfaces.local(_world(data, state)[0])
+    planes = state.planes[surfaces.of]
+    return np.asarray(
+        local[:, 2] - planes[:, 0] - planes[:, 1] * local[:, 0] - planes[:, 2] * local[:, 1]
+    )
 
 
-def _equations(cloud: Cloud, vehicle: Array, pose: Array, pairs: _Pairs) -> tuple[Array, Array]:
-    """Distances from the partners' planes (n,), and their derivative (n, 6)."""
-    world = cloud.in_world(vehicle, pose)
-    arms = cloud.own @ matrix_of(pose[3:]).T
-    R = matrix_of(vehicle[:, 3:])
-    residual = np.einsum("ni,ni->n", pairs.normals, world[pairs.source] - world[pairs.target])
-    J = np.zeros((len(residual), 6))
-    for rows, sign in ((pairs.source, 1.0), (pairs.target, -1.0)):
-        own_normal = np.einsum("nij,ni->nj", R[cloud.scan[rows]], pairs.normals)
-        J[:, :3] += sign * own_normal
-        J[:, 3:] += sign * np.cross(arms[rows], own_normal)
-    return residual, J
+def _places(state: _State) -> _Places:
+    vehicle = state.spline.coefficients.size
+    scanner = vehicle + state.vehicle.size
+    return _Places(vehicle, scanner, scanner + 6, scanner + 9, scanner + 9 + 3 * len(state.planes))
 
 
-def _ground_rows(cloud: Cloud, pose: Array, ground: KnownGround) -> Ints:
-    """Points beside the vehicle that are on the road."""
-    points = cloud.in_vehicle(pose)
-    beside = np.linalg.norm(points[:, :2] - pose[:2], axis=1) < ground.reach
-    return np.flatnonzero(beside & (np.abs(points[:, 2] - ground.height) < 6 * ground.roughness))
+def _step(data: _Data, state: _State, surfaces: Surfaces) -> tuple[_State, Array]:
+    """One Gauss-Newton step, and the covariance (6, 6) of the scanner's pose there."""
+    places = _places(state)
+    rows = [_fix_rows(data, state, places), _scan_rows(data, state, surfaces, places)]
+    if data.ground is not None:
+        rows += [_road_rows(data, state, places), _motion_rows(data, state, places)]
+    J = sparse.vstack([part[0] for part in rows], format="csr")
+    residual = np.concatenate([part[1] for part in rows])
+    H, gradient = _known(data, state)
+    H = (H + J.T @ J).tocsc()
+    gradient = gradient + J.T @ residual
+    # Symmetric and positive: no pivoting, which keeps the factors sparse.
+    factor = splu(
+        H, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+    change = factor.solve(-gradient)
+    chosen = slice(places.scanner, places.ground)
+    unit = np.zeros((places.total, 6))
+    unit[chosen] = np.eye(6)
+    covariance = factor.solve(unit)[chosen]
+    k = places.planes
+    moved = _State(
+        state.spline.moved(change[: places.vehicle].reshape(-1, 6)),
+        state.vehicle.moved(change[places.vehicle : places.scanner]),
+        perturbed(state.pose, change[places.scanner : places.ground]),
+        state.ground + change[places.ground : k],
+        state.planes + change[k:].reshape(-1, 3),
+    )
+    return moved, (covariance + covariance.T) / 2
 
 
-def _ground_equations(cloud: Cloud, pose: Array, ground: KnownGround) -> tuple[Array, Array]:
-    """Information (6, 6) and right-hand side of the road under the wheels.
-
-    The points of one scan err together (camber, curvature), and all of them with the stated
-    height: the mean over the scans is known no better than ``sigma``.
-    """
-    rows = _ground_rows(cloud, pose, ground)
-    if len(rows) < 20:
-        return np.zeros((6, 6)), np.zeros(6)
-    points = cloud.in_vehicle(pose)[rows]
-    residual = points[:, 2] - ground.height
-    up = np.array([0.0, 0.0, 1.0])
-    J = np.hstack([np.tile(up, (len(rows), 1)), np.cross(points - pose[:3], up)])
-    scans = len(np.unique(cloud.scan[rows]))
-    white = J.T @ J * (scans / len(rows)) / ground.roughness**2
-    right = -J.T @ residual * (scans / len(rows)) / ground.roughness**2
-    mean = J.mean(0)
-    # An error of the stated height is common to all: it is marginalised (Woodbury).
-    bound = 1 / (ground.sigma**-2 + scans / ground.roughness**2)
-    weight = scans / ground.roughness**2 * mean
-    lost = np.outer(weight, weight) * bound
-    pulled = weight * bound * (-residual.mean() * scans / ground.roughness**2)
-    return white - lost, right - pulled
+def _known(data: _Data, state: _State) -> tuple["sparse.csc_matrix", Array]:
+    """Information and gradient of all that is known beforehand."""
+    smooth, slope = roughness_information(state.spline)
+    information, wanted = data.prior
+    made = _vehicle_change(data.trajectory.vehicle, state.vehicle)
+    diagonal = [information, 1 / data.sigmas**2]
+    gradient = [slope, information * (made - wanted)]
+    gradient.append(change_from(data.start, state.pose) / data.sigmas**2)
+    if data.ground is None:
+        diagonal.append(np.ones(3))
+        gradient.append(np.zeros(3))
+    else:
+        weight = data.ground.sigmas**-2
+        diagonal.append(weight)
+        gradient.append(weight * (state.ground - data.ground.plane))
+    # Planes rest on their points; the little here keeps a line of points from tilting freely.
+    diagonal.append(np.tile([1e-2, 1.0, 1.0], len(state.planes)))
+    gradient.append(np.tile([1e-2, 1.0, 1.0], len(state.planes)) * state.planes.ravel())
+    H = sparse.block_diag([smooth, sparse.diags(np.concatenate(diagonal))], format="csc")
+    return H, np.concatenate(gradient)
 
 
-def _ground_part(cloud: Cloud, pose: Array, ground: KnownGround | None) -> Array:
-    return np.zeros((6, 6)) if ground is None else _ground_equations(cloud, pose, ground)[0]
+def _vehicle_change(first: Vehicle, now: Vehicle) -> Array:
+    """Change (k,) of offsets and distances."""
+    moved = (now.antennas - first.antennas).ravel()
+    by_distance = np.linalg.pinv(first.by_distance) @ moved
+    return np.concatenate([(now.offsets - first.offsets)[1:].ravel(), by_distance])
 
 
-def _covariance(
-    J: Array, residual: Array, weights: Array, times: Array, settings: ScannerSettings
-) -> Array:
-    """Sandwich covariance (6, 6), the points of each block of time taken together."""
-    information = (J * weights[:, None]).T @ J
-    block = np.unique(np.floor(times / settings.block), return_inverse=True)[1]
-    scores = np.zeros((int(block.max()) + 1, 6))
-    np.add.at(scores, block, J * (weights * residual)[:, None])
-    meat = scores.T @ scores
-    inverse = np.linalg.pinv(information)
-    # Each matched pair holds the errors of two passes, of which the blocks count one, and
-    # partners of one plane share its error: twice twice.
-    return np.asarray(4 * inverse @ meat @ inverse + 1e-12 * np.eye(6))
+def _fix_rows(data: _Data, state: _State, places: _Places) -> tuple["sparse.csr_matrix", Array]:
+    fixes = data.trajectory.fixes
+    sigmas = fix_sigmas(data.trajectory.noise)
+    residual, by_pose, by_vehicle = antenna_equations(state.spline, state.vehicle, fixes)
+    path = pose_columns(state.spline, fixes.times, by_pose / sigmas[:, None])
+    vehicle = sparse.csr_matrix((by_vehicle / sigmas[:, None]).reshape(path.shape[0], -1))
+    rest = sparse.csr_matrix((path.shape[0], places.total - places.scanner))
+    return sparse.hstack([path, vehicle, rest], format="csr"), (residual / sigmas).ravel()
 
 
-def height_histogram(cloud: Cloud, pose: Array, bins: Array, reach: float = np.inf) -> Array:
-    """Share of the points in each bin of height in the vehicle frame.
+def _scan_rows(
+    data: _Data, state: _State, surfaces: Surfaces, places: _Places
+) -> tuple["sparse.csr_matrix", Array]:
+    """Distances of points from their planes, whitened, and their derivatives."""
+    world, _, poses = _world(data, state)
+    local = surfaces.local(world)
+    planes = state.planes[surfaces.of]
+    residual = local[:, 2] - planes[:, 0] - (planes[:, 1:] * local[:, :2]).sum(1)
+    lean = np.column_stack([-planes[:, 1:], np.ones(len(planes))])
+    normals = np.einsum("mji,mj->mi", surfaces.axes[surfaces.of], lean)
+    rows = surfaces.points
+    own = data.cloud.in_vehicle(state.pose)[rows]
+    by_pose = np.einsum("mi,mik->mk", normals, point_rows(poses[rows], own))
+    in_vehicle = np.einsum("mij,mi->mj", matrix_of(poses[rows, 3:]), normals)
+    by_scanner = np.hstack([in_vehicle, np.cross(own - state.pose[:3], in_vehicle)])
+    by_plane = -np.column_stack([np.ones(len(rows)), local[:, :2]])
+    scale = _whitening(data, surfaces, residual)
+    path = pose_columns(state.spline, data.times[rows], by_pose[:, None, :] * scale[:, None, None])
+    m = len(rows)
+    columns = places.planes + 3 * surfaces.of[:, None] + np.arange(3)
+    plane = _placed(by_plane * scale[:, None], columns, places.total)
+    scanner = _placed(
+        by_scanner * scale[:, None],
+        np.tile(np.arange(places.scanner, places.ground), (m, 1)),
+        places.total,
+    )
+    path.resize((m, places.total))
+    return path + plane + scanner, residual * scale
 
-    Blanco 2009, Fig. 15: on level ground the better pose has the narrower peak. On hills only
-    points within ``reach`` metres beside the vehicle are at one height.
-    """
-    points = cloud.in_vehicle(pose)
-    near = np.linalg.norm(points[:, :2], axis=1) < reach
-    return np.asarray(np.histogram(points[near, 2], bins)[0] / max(int(near.sum()), 1))
+
+def _whitening(data: _Data, surfaces: Surfaces, residual: Array) -> Array:
+    """(m,) square roots of the points' weights."""
+    settings = data.settings
+    sigma = max(1.4826 * float(np.median(np.abs(residual))), settings.sharpest)
+    block = np.floor(data.times[surfaces.points] / settings.block).astype(np.int64)
+    key = surfaces.of * (int(block.max() - block.min()) + 1) + block - block.min()
+    _, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)
+    share = np.minimum(settings.independent / counts[inverse], 1.0)
+    return np.asarray(np.sqrt(weights_of(residual) * share) / sigma)
+
+
+def _placed(values: Array, columns: Ints, total: int) -> "sparse.csr_matrix":
+    m, k = values.shape
+    return sparse.csr_matrix((values.ravel(), columns.ravel(), np.arange(m + 1) * k), (m, total))
+
+
+def _road_rows(data: _Data, state: _State, places: _Places) -> tuple["sparse.csr_matrix", Array]:
+    if data.ground is None:
+        raise ValueError("no ground is known")
+    points = data.cloud.in_vehicle(state.pose)
+    J, residual = ground_rows(points, state.pose, state.ground, data.times, data.ground)
+    columns = np.tile(np.arange(places.scanner, places.planes), (len(residual), 1))
+    return _placed(J, columns, places.total), residual
+
+
+def _motion_rows(data: _Data, state: _State, places: _Places) -> tuple["sparse.csr_matrix", Array]:
+    if data.ground is None:
+        raise ValueError("no ground is known")
+    path, by_ground, residual = motion_rows(state.spline, state.ground, data.ground)
+    path.resize((len(residual), places.total))
+    columns = np.tile(np.arange(places.ground, places.planes), (len(residual), 1))
+    return path + _placed(by_ground, columns, places.total), residual
+
+
+def _sigmas(covariance: Array) -> Array:
+    return np.asarray(np.sqrt(np.diagonal(covariance)))
+
+
+def _rms(residual: Array) -> float:
+    weights = weights_of(residual)
+    return float(np.sqrt(np.mean(weights * residual**2) / np.mean(weights)))

@@ -26,6 +26,16 @@ POSE_COLUMNS = ("x [m]", "y [m]", "z [m]", "yaw [deg]", "pitch [deg]", "roll [de
 @click.argument("sensor")
 @click.argument("scans", type=FILE)
 @click.option("--ground", type=float, help="z of the road in the vehicle frame, metres.")
+@click.option(
+    "--ground-sigma", type=float, default=0.01, show_default=True, help="Of --ground, metres."
+)
+@click.option(
+    "--ground-tilt-sigma",
+    type=float,
+    default=0.05,
+    show_default=True,
+    help="How well the vehicle frame is level on a level floor, degrees.",
+)
 @click.option("--hand-sigma", type=float, default=0.02, show_default=True, help="Metres.")
 @click.option("--hand-sigma-deg", type=float, default=2.0, show_default=True, help="Degrees.")
 @AS_JSON
@@ -34,6 +44,8 @@ def scanner(
     sensor: str,
     scans: Path,
     ground: float | None,
+    ground_sigma: float,
+    ground_tilt_sigma: float,
     hand_sigma: float,
     hand_sigma_deg: float,
     as_json: bool,
@@ -41,31 +53,41 @@ def scanner(
     """Find where a vertical scanner is on the vehicle, from passes that should agree.
 
     SENSOR is the scanner in campaign.toml, with its hand-measured pose; SCANS a CSV file
-    time,first_angle,angle_step,ranges. Writes nothing.
+    time,first_angle,angle_step,ranges. Path, offsets and the scanner's place are adjusted
+    together. Writes nothing.
     """
     import numpy as np
 
-    from rtk_gt.scanner_calibration import KnownGround, calibrate_scanner
-    from rtk_gt.scans import cloud_of
+    from rtk_gt.ground import KnownGround
+    from rtk_gt.scanner_calibration import calibrate_scanner
     from rtk_gt.sensor_files import read_line_scans
+    from rtk_gt.trajectory import smooth_trajectory
 
     read = read_line_scans(scans)
     outcome = _solved(campaign)
-    found = _at(outcome, read.times)
-    used = read.select(found.available)
+    _at(outcome, read.times)
+    trajectory = smooth_trajectory(
+        outcome.steps, outcome.path, outcome.offsets, outcome.antennas, outcome.noise,
+        outcome.settings.max_gap,
+    )  # fmt: skip
     start = np.array(_sensor(outcome, sensor).pose)
     sigmas = np.array([hand_sigma] * 3 + [np.radians(hand_sigma_deg)] * 3)
-    known = None if ground is None else KnownGround(ground)
-    result = calibrate_scanner(
-        cloud_of(used), used.times, found.poses[found.available], start, sigmas, ground=known
-    )
+    known = None
+    if ground is not None:
+        tilt = float(np.radians(ground_tilt_sigma))
+        known = KnownGround(ground, sigma=ground_sigma, tilt_sigma=tilt)
+    result = calibrate_scanner(trajectory, read, start, sigmas, ground=known, prior=outcome.prior)
     if as_json:
         _json(result)
         return
+    share = ", ".join(
+        f"{name} {100 * max(float(part), 0.0):.0f} %"
+        for name, part in zip(("x", "y", "z", "about x", "y", "z"), result.from_drive, strict=True)
+    )
     note = (
-        f"{result.pairs} points matched; distance from their planes {100 * result.rms_before:.1f} "
-        f"cm before and {100 * result.rms_after:.1f} cm after. If that is more than the scanner's "
-        "own noise, the path's errors decide, and the sigmas are too small."
+        f"{result.pairs} points on walls and ground that several passes saw; they are off by "
+        f"{100 * result.rms_before:.1f} cm before and {100 * result.rms_after:.1f} cm after. "
+        f"Known from the drive and not by hand: {share}."
     )
     spread = np.sqrt(np.diagonal(result.pose_covariance))
     _print(_poses(f"Scanner {sensor}", start, result.pose, spread, note))

@@ -20,18 +20,18 @@ from data_samples.drives import (
 from rtk_gt.camera_pose import Lens, camera_pose, in_camera
 from rtk_gt.characterisation import position_errors, rate_errors
 from rtk_gt.fixes import Fixes
+from rtk_gt.ground import KnownGround
 from rtk_gt.interpolation import Interpolated
-from rtk_gt.path import VehiclePath
-from rtk_gt.point_clouds import NOT_SEEN, colour_points, ply
-from rtk_gt.scanner_calibration import (
-    KnownGround,
-    ScannerSettings,
+from rtk_gt.pass_matching import (
+    MatchingSettings,
     _equations,
     _matched,
-    _perturbed,
-    calibrate_scanner,
     height_histogram,
+    match_passes,
+    perturbed,
 )
+from rtk_gt.path import VehiclePath
+from rtk_gt.point_clouds import NOT_SEEN, colour_points, ply
 from rtk_gt.scans import LineScans, cloud_of
 from validation.errors import GtvalError
 
@@ -63,7 +63,7 @@ def turn_of(pose):
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_vertical_scanner_is_recovered_within_1_cm_and_a_tenth_of_a_degree(seed):
     scans, vehicle, cloud = scanned(seed)
-    found = calibrate_scanner(
+    found = match_passes(
         cloud, scans.times, vehicle, hand_measured(seed), HAND_SIGMAS, ground=KnownGround(-ROOF)
     )
     assert np.abs(found.pose[:3] - LEFT_SCANNER[:3]).max() < 0.01
@@ -73,8 +73,8 @@ def test_a_vertical_scanner_is_recovered_within_1_cm_and_a_tenth_of_a_degree(see
 def test_the_scanner_gets_better_and_the_ground_sharper():
     scans, vehicle, cloud = scanned(1, every=0.25, beams=91)
     start = hand_measured(1)
-    settings = ScannerSettings(sources=3000)
-    found = calibrate_scanner(
+    settings = MatchingSettings(sources=3000)
+    found = match_passes(
         cloud, scans.times, vehicle, start, HAND_SIGMAS, settings=settings,
         ground=KnownGround(-ROOF),
     )  # fmt: skip
@@ -90,16 +90,16 @@ def test_the_scanner_gets_better_and_the_ground_sharper():
     pairs = _matched(cloud, scans.times[cloud.scan], vehicle, found.pose, 0.3, settings)
     residual, J = _equations(cloud, vehicle, found.pose, pairs)
     for k in range(6):
-        moved = _equations(cloud, vehicle, _perturbed(found.pose, 1e-6 * np.eye(6)[k]), pairs)[0]
+        moved = _equations(cloud, vehicle, perturbed(found.pose, 1e-6 * np.eye(6)[k]), pairs)[0]
         np.testing.assert_allclose((moved - residual) / 1e-6, J[:, k], atol=1e-3)
 
 
 def test_one_pass_calibrates_nothing():
     scans, vehicle, cloud = scanned(0, every=0.5, beams=31)
     with pytest.raises(GtvalError, match="seen from two passes"):
-        calibrate_scanner(
+        match_passes(
             cloud, scans.times, vehicle, LEFT_SCANNER, HAND_SIGMAS,
-            settings=ScannerSettings(apart=1000.0),
+            settings=MatchingSettings(apart=1000.0),
         )  # fmt: skip
 
 

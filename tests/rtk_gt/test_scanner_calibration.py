@@ -1,0 +1,266 @@
+"""A vertical scanner's place, from scans along paths that were measured, not known."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.spatial.transform import Rotation
+
+from data_samples.drives import (
+    LEFT_SCANNER,
+    RIGHT_SCANNER,
+    ROOF,
+    DriveSettings,
+    scan_along,
+    simulate_drive,
+)
+from rtk_gt.antennas import antenna_positions
+from rtk_gt.ground import KnownGround, ground_rows, motion_rows
+from rtk_gt.noise import GpsNoise
+from rtk_gt.offsets import estimate_offsets
+from rtk_gt.pass_matching import perturbed
+from rtk_gt.path import vehicle_path
+from rtk_gt.scanner_calibration import ScannerSettings, calibrate_scanner
+from rtk_gt.scans import LineScans
+from rtk_gt.steps import common_steps
+from rtk_gt.surfaces import shared_surfaces
+from rtk_gt.trajectory import (
+    antenna_equations,
+    point_rows,
+    pose_columns,
+    roughness_information,
+    smooth_trajectory,
+)
+from validation.errors import GtvalError
+from validation.poses import SPATIAL, pose_difference
+
+HAND_SIGMAS = np.array([0.02] * 3 + [np.radians(2.0)] * 3)
+EIGHT = {"route": "eight", "straight": 60.0, "shadow": 0.0}
+TAPE, LEVEL = 0.003, np.radians(0.03)
+"""Floor below the roof to 3 mm; antennas measured from a level floor, to 0.5 mm over 1.1 m."""
+
+
+def driven(seed, **settings):
+    """A drive, its poses one by one, and the smooth path."""
+    drive = simulate_drive(seed, DriveSettings(**settings))
+    steps = common_steps(drive.records, drive.frame)
+    offsets = estimate_offsets(steps)
+    others = drive.antennas[3:] if len(drive.antennas) > 3 else None
+    antennas = antenna_positions(offsets.distances, drive.antennas[:3, 2], others)
+    rows = np.flatnonzero(steps.complete)[offsets.weights > 0]
+    noise = GpsNoise(offsets.sigma, 1.75)
+    path = vehicle_path(steps.select(rows), offsets, antennas, noise)
+    return drive, path, smooth_trajectory(steps, path, offsets, antennas, noise, 2.0)
+
+
+def calibrated(seed, scanner, loops, *, every=0.2, beams=121, settings=None, known=True):
+    """Error (6,) in the vehicle frame and the result, all knowledge drawn from its sigmas."""
+    drive, _, trajectory = driven(seed, loops=loops, **EIGHT)
+    generator = np.random.default_rng([seed, 7])
+    scans = scan_along(drive, scanner, generator, every=every, beams=beams)
+    start = perturbed(scanner, HAND_SIGMAS * generator.standard_normal(6))
+    height, *slopes = generator.standard_normal(3) * [TAPE, LEVEL, LEVEL] + [-ROOF, 0, 0]
+    ground = KnownGround(height, TAPE, *slopes, tilt_sigma=LEVEL) if known else None
+    found = calibrate_scanner(
+        trajectory, scans, start, HAND_SIGMAS, ground=ground, settings=settings
+    )
+    return error_of(found.pose, scanner), found
+
+
+def error_of(pose, truth):
+    made = Rotation.from_euler("ZYX", pose[3:]) * Rotation.from_euler("ZYX", truth[3:]).inv()
+    return np.concatenate([pose[:3] - truth[:3], made.as_rotvec()])
+
+
+def nees(error, found):
+    return float(error @ np.linalg.solve(found.covariance, error))
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("scanner", [LEFT_SCANNER, RIGHT_SCANNER], ids=["left", "right"])
+@pytest.mark.parametrize("seed", [101, 102, 103])
+def test_within_1_cm_and_a_tenth_of_a_degree_on_a_measured_path(seed, scanner):
+    error, found = calibrated(seed, scanner, loops=12)
+    assert np.abs(error[:3]).max() < 0.01
+    assert np.degrees(np.abs(error[3:])).max() < 0.1
+    # And it knows that it is that good.
+    assert found.sigmas[:3].max() < 0.005
+    assert np.degrees(found.sigmas[3:]).max() < 0.06
+
+
+@pytest.mark.full
+def test_nees_over_many_drives():
+    small = ScannerSettings(points=25_000)
+    total = sum(
+        nees(*calibrated(seed, LEFT_SCANNER, 3, beams=91, settings=small))
+        for seed in range(200, 220)
+    )
+    low, high = stats.chi2(6 * 20).ppf([0.005, 0.995])
+    assert low < total < high
+
+
+def test_a_short_drive_finds_what_it_says_it_finds():
+    small = ScannerSettings(points=12_000)
+    error, found = calibrated(31, LEFT_SCANNER, 2, every=0.3, beams=61, settings=small)
+    assert nees(error, found) < stats.chi2(6).ppf(0.9999)
+    assert found.rms_after < 0.3 * found.rms_before
+    assert (found.sigmas < HAND_SIGMAS).all()
+    assert (found.sigmas[3:] < 0.3 * HAND_SIGMAS[3:]).all()
+
+
+def test_too_little_seen_twice_is_said():
+    drive, _, trajectory = driven(0, loops=1, **EIGHT)
+    scans = scan_along(drive, LEFT_SCANNER, np.random.default_rng(0), every=1.0, beams=31)
+    with pytest.raises(GtvalError, match="another direction"):
+        calibrate_scanner(
+            trajectory, scans.select(np.arange(10)), LEFT_SCANNER, HAND_SIGMAS,
+            ground=KnownGround(-ROOF),
+        )  # fmt: skip
+
+
+def test_scans_without_a_path_are_left_out():
+    drive, _, trajectory = driven(0, loops=1, **EIGHT)
+    scans = scan_along(drive, LEFT_SCANNER, np.random.default_rng(0), every=1.0, beams=31)
+    late = LineScans(scans.times + 1e5, scans.angles, scans.ranges)
+    with pytest.raises(GtvalError, match="none of the scans"):
+        calibrate_scanner(trajectory, late, LEFT_SCANNER, HAND_SIGMAS)
+
+
+@pytest.mark.parametrize("receivers", [3, 5])
+def test_smooth_paths_are_better_than_single_poses(receivers):
+    drive, path, trajectory = driven(
+        5, loops=1, straight=60.0, false_fixes=0.01, missing=0.05, receivers=receivers
+    )
+    assert set(trajectory.akaike) == {2.0, 1.5, 1.0, 0.75, 0.5}
+    assert 0.8 < trajectory.sigma_ratio < 1.2
+    inside = trajectory.spline.covers(path.times)
+    truth = drive.poses(path.times[inside])
+    single = pose_difference(path.poses[inside], truth, SPATIAL).std(0)
+    smooth = pose_difference(trajectory.spline.poses(path.times[inside]), truth, SPATIAL).std(0)
+    assert (smooth[[0, 1, 3, 5]] < single[[0, 1, 3, 5]]).all()
+    # 1 % of the fixes are off by 30 cm: nearly all of them are found.
+    wrong = 0.01 * sum(len(record) for record in drive.records)
+    inside = sum(trajectory.spline.covers(r.times[r.kinds == 4]).sum() for r in drive.records)
+    left_out = inside - len(trajectory.fixes.times)
+    assert 0.3 * wrong < left_out < 2 * wrong + 5
+
+
+def test_no_pose_outside_of_the_stretches():
+    _, path, trajectory = driven(5, loops=1, straight=60.0)
+    with pytest.raises(GtvalError, match="outside"):
+        trajectory.spline.poses(path.times[-1:] + 10)
+
+
+def curve(seed=3):
+    """A short smooth path and random antennas on it, for derivatives."""
+    _, _, trajectory = driven(seed, loops=1, straight=40.0, shadow=0.0)
+    return trajectory
+
+
+def test_derivatives_of_antennas_by_path_and_vehicle():
+    trajectory = curve()
+    spline, vehicle = trajectory.spline, trajectory.vehicle
+    fixes = trajectory.fixes.select(np.arange(len(trajectory.fixes.times)) % 40 == 0)
+    generator = np.random.default_rng(0)
+    residual, by_pose, by_vehicle = antenna_equations(spline, vehicle, fixes)
+    J = pose_columns(spline, fixes.times, by_pose)
+    change = 1e-6 * generator.standard_normal(spline.coefficients.size)
+    moved = antenna_equations(spline.moved(change.reshape(-1, 6)), vehicle, fixes)[0]
+    np.testing.assert_allclose((moved - residual).ravel(), J @ change, atol=1e-10)
+    change = 1e-6 * generator.standard_normal(vehicle.size)
+    moved = antenna_equations(spline, vehicle.moved(change), fixes)[0]
+    np.testing.assert_allclose(moved - residual, by_vehicle @ change, atol=1e-10)
+
+
+def test_rates_are_the_derivative_of_poses():
+    spline = curve().spline
+    times = spline.starts[0] + np.linspace(1, 10, 13)
+    # 0.1 ms: less would drown in the 0.2 microseconds that the clock is good for.
+    difference = (spline.poses(times + 1e-4) - spline.poses(times - 1e-4)) / 2e-4
+    np.testing.assert_allclose(difference, spline.rates(times), atol=0.02)
+
+
+def test_roughness_is_that_of_the_third_derivative():
+    spline = curve().spline
+    H, gradient = roughness_information(spline)
+    c = spline.coefficients.ravel()
+    np.testing.assert_allclose(gradient, H @ c, atol=1e-6 * np.abs(gradient).max())
+    times = spline.starts[0] + np.linspace(0, spline.spacings[0] * spline.counts[0], 50)
+    straight = spline.moved(-spline.coefficients)
+    assert np.abs(straight.poses(times)).max() < 1e-9
+
+
+def test_derivatives_of_motion_and_road():
+    trajectory = curve()
+    ground = KnownGround(-ROOF, slope_x=0.02, slope_y=-0.01)
+    plane = ground.plane
+    by_path, by_plane, residual = motion_rows(trajectory.spline, plane, ground)
+    generator = np.random.default_rng(1)
+    change = 1e-6 * generator.standard_normal(trajectory.spline.coefficients.size)
+    moved = motion_rows(trajectory.spline.moved(change.reshape(-1, 6)), plane, ground)[2]
+    np.testing.assert_allclose(moved - residual, by_path @ change, atol=1e-8)
+    step = 1e-6 * np.array([1.0, 2.0, -1.0])
+    moved = motion_rows(trajectory.spline, plane + step, ground)[2]
+    np.testing.assert_allclose(moved - residual, by_plane @ step, atol=1e-9)
+    own = generator.uniform(-3, 3, (400, 3)) * [0, 1, 0]
+    own[:, 2] = plane[0] + own[:, :2] @ plane[1:]  # where residuals are 0 the weights do not move
+    scanner = np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
+    times = np.sort(generator.uniform(0, 10, 400))
+    J, residual = ground_rows(own, scanner, plane, times, ground)
+    shift = 1e-6 * generator.standard_normal(9)
+    turned = Rotation.from_rotvec(shift[3:6]).apply(own - scanner[:3]) + scanner[:3] + shift[:3]
+    moved = ground_rows(turned, scanner, plane + shift[6:], times, ground)[1]
+    np.testing.assert_allclose(moved - residual, J @ shift, atol=1e-9)
+
+
+def test_points_of_a_second_are_whitened_by_their_covariance():
+    """The rows of one second against the dense covariance of heave, ride, curvature, texture."""
+    ground = KnownGround(-ROOF)
+    y = np.linspace(-2.0, 2.5, 8)
+    points = np.column_stack([np.zeros(8), y, np.full(8, -ROOF) + 0.01 * np.sin(5 * y)])
+    scanner = np.zeros(6)
+    J, residual = ground_rows(points, scanner, ground.plane, np.full(8, 0.5), ground)
+    Q = np.column_stack([np.ones(8), y, y**2 / 2])
+    S = np.diag(np.square([ground.heave, ground.ride, ground.curvature]))
+    covariance = ground.texture**2 * np.eye(8) + Q @ S @ Q.T
+    plain = points[:, 2] + ROOF
+    rows = np.column_stack(
+        [np.zeros((8, 2)), np.ones(8), y, np.zeros((8, 2)), -np.ones(8), np.zeros(8), -y]
+    )
+    np.testing.assert_allclose(residual @ residual, plain @ np.linalg.solve(covariance, plain))
+    np.testing.assert_allclose(J.T @ J, rows.T @ np.linalg.solve(covariance, rows), atol=1e-6)
+
+
+def test_point_rows_against_differences():
+    generator = np.random.default_rng(0)
+    poses = generator.uniform(-1, 1, (10, 6)) * [10, 10, 2, 3, 0.3, 0.3]
+    own = generator.uniform(-5, 5, (10, 3))
+
+    def place(at):
+        return Rotation.from_euler("ZYX", at[:, 3:]).apply(own) + at[:, :3]
+
+    J = point_rows(poses, own)
+    for k in range(6):
+        step = 1e-6 * np.eye(6)[k]
+        difference = (place(poses + step) - place(poses - step)) / 2e-6
+        np.testing.assert_allclose(difference, J[:, :, k], atol=1e-7)
+
+
+def test_pieces_are_not_cut_by_the_grid():
+    """Two noisy passes over a floor that lies on a wall of the grid: their planes agree."""
+    generator = np.random.default_rng(0)
+    n = 4000
+    flat = generator.uniform(0, 6, (2 * n, 2))
+    height = 2.0 + 0.05 * generator.standard_normal(2 * n)
+    height[n:] += 0.06
+    world = np.column_stack([flat, height])
+    times = np.concatenate([np.linspace(0, 5, n), np.linspace(60, 65, n)])
+    origins = world + np.array([0, 0, 2.0])
+    found = shared_surfaces(world, origins, times, size=2.0, gate=0.4, apart=8.0)
+    assert len(found.centres) >= 4
+    local = found.local(world)[:, 2] * np.sign(found.axes[found.of, 2, 2])
+    late = found.points >= n
+    assert local[late].mean() - local[~late].mean() == pytest.approx(0.06, abs=0.006)
+    below = shared_surfaces(world, 2 * world - origins, times, size=2.0, gate=0.4, apart=8.0)
+    assert len(below.points) == len(found.points)
+    once = shared_surfaces(world[:n], origins[:n], times[:n], size=2.0, gate=0.4, apart=8.0)
+    assert len(once.centres) == 0
