@@ -191,6 +191,7 @@ def _iterate(
 ) -> tuple[Array, Array, Array, Array, Array, float, Array, float]:
     """Offsets, joint covariance, distances, signal, directions, sigma_0, weights, tau."""
     t, p, m = equations.design.shape
+    dof = float(p)
     weights, sigma, offsets = np.ones(t), 0.0, np.zeros(m)
     whitening = np.eye(p) / _ROUGH_SIGMA**2
     tau, widen = 1.0, 8.0 if robust else 1.0
@@ -205,16 +206,19 @@ def _iterate(
         centres = -(equations.signs @ offsets.reshape(-1, 3))
         residual = normal.a - equations.design @ offsets - kappa
         rods = equations.differences - centres
-        unit_weight = _inverse(_residual_covariance(rods, equations, weights))
+        spread = _residual_covariance(rods, equations, weights)
+        unit_weight = _inverse(spread)
+        # Combinations of distances that noise does not change are no degrees of freedom.
+        dof = round(float(np.trace(unit_weight @ spread)), 3)
         squares = ((residual @ unit_weight) * residual).sum(1)
         if robust:
-            new_sigma = float(np.sqrt(np.median(squares) / special.chdtri(p, 0.5)))
+            new_sigma = float(np.sqrt(np.median(squares) / special.chdtri(dof, 0.5)))
         else:
-            new_sigma = float(np.sqrt(squares.mean() / p))
+            new_sigma = float(np.sqrt(squares.mean() / dof))
         floor = max(new_sigma, _SMALLEST_SIGMA)
         whitening = unit_weight / floor**2
         if robust:
-            weights = redescending_weights(squares / floor**2, p, widen)
+            weights = redescending_weights(squares / floor**2, dof, widen)
         settled = np.abs(offsets - before).max() < 1e-6 and abs(new_sigma - sigma) < 1e-3 * floor
         sigma = new_sigma
         if widen == 1.0:
@@ -222,9 +226,9 @@ def _iterate(
             if settled:
                 break
         widen = max(widen / 2, 1.0)
-    sigma = float(np.sqrt(weights @ squares / (p * weights.sum())))
+    sigma = float(np.sqrt(weights @ squares / (dof * weights.sum())))
     if robust:
-        sigma /= np.sqrt(expected_weighted_square(p))
+        sigma /= np.sqrt(expected_weighted_square(dof))
     covariance, distances = _covariance(
         equations, normal, weights, residual, whitening,
         (offsets, kappa, centres), (signal, directions, curvature, prior_part), tau,

@@ -3,42 +3,47 @@
 import csv
 import io
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from rtk_gt.offsets import distance_names
 from rtk_gt.outcome import RtkOutcome
 from rtk_gt.path import pose_table
-from validation.poses import SPATIAL, PoseTable
+from validation.poses import PoseTable, to_csv, to_tum
 
 
-def rtk_tables(outcome: RtkOutcome) -> list[PoseTable]:
-    """The vehicle's path as ``rtk``, each sensor's as ``rtk_<sensor>``."""
-    path = outcome.path
-    vehicle = pose_table(path)
-    sensors = [
-        PoseTable(
+def sensor_tables(outcome: RtkOutcome) -> dict[str, PoseTable]:
+    """The path of each sensor, by its name."""
+    vehicle = pose_table(outcome.path)
+    return {
+        name: replace(
+            vehicle,
             system=f"rtk_{name}",
-            ids=vehicle.ids,
             poses=composed.poses,
             covariances=composed.covariances,
-            components=SPATIAL,
-            sources=vehicle.sources,
-            provenance={"frame": str(path.frame)},
+            joint=None,
         )
         for name, composed in outcome.sensors.items()
-    ]
-    return [vehicle, *sensors]
+    }
 
 
 def rtk_files(outcome: RtkOutcome) -> dict[str, str | bytes]:
-    """Offsets, antennas, quality and gaps by their names; pose tables are written by the run."""
-    return {
+    """Offsets, quality, gaps and sensor paths by their names; the run writes the vehicle's path.
+
+    Sensor paths are no poses of the vehicle: a run must not compare them with its validation
+    poses, so that their files are not named like pose tables.
+    """
+    files: dict[str, str | bytes] = {
         "rtk_offsets.csv": _offsets(outcome),
         "rtk_distances.csv": _distances(outcome),
         "rtk_quality.csv": _quality(outcome),
         "rtk_gaps.csv": _gaps(outcome),
     }
+    for name, table in sensor_tables(outcome).items():
+        files[f"sensor_path_{name}.csv"] = to_csv(table)
+        files[f"sensor_path_{name}.tum"] = to_tum(table)
+    return files
 
 
 def _text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -8,14 +8,14 @@ from scipy import special
 from validation.angles import Array
 
 
-def redescending_weights(mahalanobis: Array, dof: int, widen: float = 1.0) -> Array:
+def redescending_weights(mahalanobis: Array, dof: float, widen: float = 1.0) -> Array:
     """Weights (t,) of steps from their squared Mahalanobis distances.
 
     Parameters
     ----------
     mahalanobis : (t,) array
         Squared distances, chi-squared with ``dof`` degrees of freedom for good steps.
-    dof : int
+    dof : float
         Degrees of freedom.
     widen : float
         Factor on both limits; larger than 1 in early iterations.
@@ -31,7 +31,7 @@ def redescending_weights(mahalanobis: Array, dof: int, widen: float = 1.0) -> Ar
 
 
 @cache
-def expected_weighted_square(dof: int) -> float:
+def expected_weighted_square(dof: float) -> float:
     """Weighted mean of chi-squared values over their degrees of freedom, slightly below 1.
 
     A variance from weighted residuals has to be divided by it.

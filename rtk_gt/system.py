@@ -30,12 +30,13 @@ class RtkSystem:
 def result_of(outcome: "RtkOutcome") -> "SystemResult":
     """An outcome in the form that all systems share."""
     from rtk_gt.findings import rtk_findings
-    from rtk_gt.result_files import rtk_files, rtk_tables
+    from rtk_gt.path import pose_table
+    from rtk_gt.result_files import rtk_files
     from rtk_gt.sections import rtk_sections
     from validation.results import SystemResult
 
     return SystemResult(
-        tables=rtk_tables(outcome),
+        tables=[pose_table(outcome.path)],
         findings=rtk_findings(outcome),
         sections=rtk_sections(outcome),
         files=rtk_files(outcome),

@@ -102,14 +102,18 @@ class RobotFrame(Settings):
 class Published(Settings):
     """Poses taken over from elsewhere, as a system of its own.
 
-    ``sigmas`` are the standard deviations (x, y, theta) to assume where the file states none;
-    without them errors have no normalised form.
+    ``sigmas`` are the standard deviations to assume where the file states none, (x, y, theta) or
+    (x, y, z, yaw, pitch, roll); without them errors have no normalised form.
     """
 
     system: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     file: str
     source: str = ""
-    sigmas: tuple[Positive, Positive, Positive] | None = None
+    sigmas: (
+        tuple[Positive, Positive, Positive]
+        | tuple[Positive, Positive, Positive, Positive, Positive, Positive]
+        | None
+    ) = None
 
 
 class Room(Settings):

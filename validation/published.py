@@ -7,6 +7,7 @@ from validation.campaign import Campaign, Published
 from validation.csv_tables import Column, read_csv
 from validation.errors import InputError, Problem
 from validation.poses import PoseTable, from_csv
+from validation.stored import components_of
 
 
 def published_tables(campaign: Campaign) -> list[PoseTable]:
@@ -51,7 +52,11 @@ def published_table(folder: Path, entry: Published) -> PoseTable:
         Naming file, line, field and value of every bad place.
     """
     path = folder / entry.file
-    table = from_csv(path, system=entry.system, sigmas=entry.sigmas)
+    components = components_of(path)
+    if entry.sigmas is not None and len(entry.sigmas) != len(components):
+        expected = f"poses of {len(components)} components need as many sigmas"
+        raise InputError([Problem(path, expected, field="sigmas", value=str(entry.sigmas))])
+    table = from_csv(path, system=entry.system, sigmas=entry.sigmas, components=components)
     cameras = read_csv(path, [Column("camera", required=False, blank=True)]).text["camera"]
     sources = tuple(
         source or (f"camera {camera}" if camera else "")

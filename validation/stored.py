@@ -59,7 +59,7 @@ def compare_results(campaign: Campaign, method: IntervalMethod = "student") -> l
     return compare_files(validation, gt, campaign.settings.comparison, method)
 
 
-def _components(path: Path) -> tuple[Component, ...]:
+def components_of(path: Path) -> tuple[Component, ...]:
     """What the poses of a file consist of: spatial ones have a column yaw."""
     yaw = read_csv(path, [Column("yaw", required=False, blank=True)]).text["yaw"]
     return SPATIAL if any(yaw) else PLANAR
@@ -71,7 +71,7 @@ def _read_all(paths: Sequence[Path]) -> list[PoseTable]:
     problems: list[Problem] = []
     for path in paths:
         try:
-            tables.append(from_csv(path, components=_components(path)))
+            tables.append(from_csv(path, components=components_of(path)))
         except InputError as error:
             problems += error.problems
     if problems:

@@ -121,6 +121,47 @@ def test_the_commands_of_the_group(campaign, tmp_path):
     assert "no sensor 'nose'" in wrong.output
 
 
+SURVEYED = """
+[[published]]
+system = "survey"
+file = "truth/poses_truth.csv"
+sigmas = {sigmas}
+"""
+
+
+def with_reference(folder, to, sigmas="[1e-3, 1e-3, 1e-3, 1e-4, 1e-4, 1e-4]"):
+    shutil.copytree(folder, to, ignore=shutil.ignore_patterns("results", "report"))
+    toml = to / "campaign.toml"
+    toml.write_text(toml.read_text() + SURVEYED.format(sigmas=sigmas))
+    return to
+
+
+def test_a_path_is_compared_with_spatial_reference_poses(campaign, tmp_path):
+    folder, _ = campaign
+    there = with_reference(folder, tmp_path / "compared")
+    done = run("run", there)
+    assert done.exit_code == 0, done.output
+    statistics = (there / "results" / "statistics.csv").read_text()
+    for component in ("x", "y", "z", "yaw", "pitch", "roll"):
+        assert f"rtk,{component}," in statistics
+    # The path of a camera is no path of the vehicle: it is written, but not compared.
+    assert "left_camera" not in statistics
+    assert (there / "results" / "sensor_path_left_camera.csv").exists()
+    assert (there / "results" / "sensor_path_left_camera.tum").exists()
+    errors = from_csv(there / "results" / "poses_rtk.csv", components=SPATIAL)
+    assert len(errors.ids) > 50
+    assert "mean NEES" in done.output
+    assert "joint NEES" in done.output  # with the error of the offsets that all poses share
+
+
+def test_sigmas_of_a_spatial_reference_are_six(campaign, tmp_path):
+    folder, _ = campaign
+    there = with_reference(folder, tmp_path / "three", "[0.001, 0.001, 0.001]")
+    done = run("run", there)
+    assert done.exit_code == 2
+    assert "6 components need as many sigmas" in done.output
+
+
 def test_mixed_frames_are_refused(campaign, tmp_path):
     folder, _ = campaign
     shutil.copytree(folder, tmp_path / "mixed")
