@@ -226,12 +226,16 @@ def _iterate(
             if settled:
                 break
         widen = max(widen / 2, 1.0)
-    sigma = float(np.sqrt(weights @ squares / (dof * weights.sum())))
+    # What was fitted takes its share of the scatter, like n - 1 in a sample's variance.
+    total = dof * weights.sum()
+    fitted = dof + np.count_nonzero(signal)
+    loss = float(total / max(total - fitted, 1.0))
+    sigma = float(np.sqrt(weights @ squares / total * loss))
     if robust:
         sigma /= np.sqrt(expected_weighted_square(dof))
     covariance, distances = _covariance(
         equations, normal, weights, residual, whitening,
-        (offsets, kappa, centres), (signal, directions, curvature, prior_part), tau,
+        (offsets, kappa, centres), (signal, directions, curvature, prior_part), tau * loss,
     )  # fmt: skip
     return offsets, covariance, distances, signal, directions, sigma, weights, tau
 

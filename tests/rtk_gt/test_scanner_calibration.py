@@ -59,7 +59,7 @@ def calibrated(seed, scanner, loops, *, every=0.2, beams=121, settings=None, kno
     scans = scan_along(drive, scanner, generator, every=every, beams=beams)
     start = perturbed(scanner, HAND_SIGMAS * generator.standard_normal(6))
     height, *slopes = generator.standard_normal(3) * [TAPE, LEVEL, LEVEL] + [-ROOF, 0, 0]
-    ground = KnownGround(height, TAPE, *slopes, tilt_sigma=LEVEL) if known else None
+    ground = KnownGround(height, TAPE, *slopes, LEVEL) if known else None
     found = calibrate_scanner(
         trajectory, scans, start, HAND_SIGMAS, ground=ground, settings=settings
     )
