@@ -174,11 +174,14 @@ class TerminalEntry:
         self._standing = target.start
         self._last = answer.entry
         self._tell(answer)
+        self._tell_how_well(target)
         self._tell_if_enough(target)
 
     def _undo(self, _: str) -> None:
         undone = self._session.undo(self._person)
         self._again = None
+        if undone is not None and self._last is not None and undone.number == self._last.number:
+            self._last = None
         self._say(undone_text(undone), "yellow")
 
     def _repeat(self, text: str) -> None:
@@ -272,6 +275,14 @@ class TerminalEntry:
         if self._session.readings_file.problem:
             self._say(f"   {self._session.readings_file.problem}", "yellow")
 
+    def _tell_how_well(self, target: Target) -> None:
+        """Redundancy, m0 and sigmas of the stop or world point, for who can read them."""
+        if not self._keyboard or self._person.second:
+            return
+        status = self._session.status(target)
+        if status is not None:
+            self._say(f"   {status.text}", "dim")
+
     def _tell_if_enough(self, target: Target) -> None:
         """Say once that a stop is as exact as planned."""
         stop = stop_of(target)
@@ -285,9 +296,6 @@ class TerminalEntry:
         self._say(
             f"{said}{f'; j {after} goes on with stop {after}' if after else ''}", "bold green"
         )
-        status = self._session.status(target)
-        if status is not None:
-            self._say(f"   {status.text}", "green")
 
     def _welcome(self) -> None:
         entry_session = self._session

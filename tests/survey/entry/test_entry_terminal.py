@@ -170,6 +170,7 @@ def test_a_stop_at_the_keyboard(half):
         end = re.search(r"→ (\d+) ", asked)[1]
         terminal.type(half.shown[frozenset(("1/O", end))] + "\n")
         terminal.wait_for("ok ")
+        terminal.wait_for(r"stop 1: \d+ readings?, \d+ to spare")
     end = re.search(r"→ (\d+) ", terminal.wait_for(r"1/O → \d+ "))[1]
     shown = half.shown[frozenset(("1/O", end))]
     terminal.type(f"{float(shown) + 0.1:.3f}\n")
