@@ -276,9 +276,11 @@ class EntrySession:
         Raises
         ------
         GtvalError
-            If there is no such reading.
+            If there is no such reading, or nothing is said.
         """
         said = clean_text(text, MAX_NOTE)
+        if not said:
+            raise GtvalError("the remark is empty")
         self._write(replace(self._about(number, "note", person), text=said))
 
     def skip(self, target: Target, reason: str, person: Person) -> None:

@@ -1,11 +1,13 @@
 import shutil
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from entry_rooms import ANN, BOB, EntryRoom, enter_all, entry_room, until
 
 from survey.entry.entries import Person
 from survey.entry.entry_session import EntrySession
+from survey.entry.readings_csv import csv_text
 from survey.entry.targets import Target
 from survey.readings import load_readings
 from survey.settings import SurveySettings
@@ -321,3 +323,34 @@ def test_formulas_in_names_do_not_reach_a_spreadsheet(entry_session, room):
     target = entry_session.guide.next_target(ANN)
     entry_session.record(target, room.shown[target.pair], Person("=1+1"))
     assert rows(room)[0].split(",")[4] == "'=1+1"
+
+
+def test_an_empty_remark_is_none(entry_session, room):
+    target = entry_session.guide.next_target(ANN)
+    number = entry_session.record(target, room.shown[target.pair], ANN).entry.number
+    with pytest.raises(GtvalError, match="empty"):
+        entry_session.note(number, " \x00 ", ANN)
+    assert entry_session.state.notes == {}
+
+
+def test_the_readings_file_follows_whatever_is_done(entry_session, room):
+    """The file that grows line by line is the one that the journal gives as a whole."""
+    rng = np.random.default_rng(20261125)
+    done = []
+    for _ in range(150):
+        what = rng.integers(6)
+        if what < 2 or not done:
+            target = entry_session.guide.next_target(ANN)
+            done.append(entry_session.record(target, room.shown[target.pair], ANN).entry)
+        elif what == 2:
+            entry_session.undo(ANN)
+        else:
+            one = done[rng.integers(len(done))]
+            pair = Target(one.start, one.end)
+            if what == 3:
+                entry_session.record(pair, "4.321", ANN, again=bool(rng.integers(2)))
+            elif what == 4:
+                entry_session.note(one.number, 'a "remark", with all', ANN)
+            else:
+                entry_session.keep(one.number, ANN)
+        assert room.readings.read_text() == csv_text(entry_session.state)
