@@ -22,11 +22,12 @@ from validation.angles import Array
 PARTS = {
     "frame": ("frame_x", "frame_y", "frame_theta"),
     "mount": ("mount_x", "mount_y", "mount_theta"),
+    "turn": ("mount_theta",),
     "scale": ("scale",),
     "time": ("time",),
     "slip": ("slip_x", "slip_y", "slip_theta"),
 }
-PARAMETERS = tuple(name for names in PARTS.values() for name in names)
+PARAMETERS = tuple(dict.fromkeys(name for names in PARTS.values() for name in names))
 UNITS = {
     name: "m"
     if name.endswith(("_x", "_y"))
@@ -48,7 +49,7 @@ class ErrorModel:
     words : str
         What it says, for a sentence.
     parts : tuple of str
-        The systematic parts, of 'frame', 'mount', 'scale', 'time'.
+        The systematic parts, of 'frame', 'mount', 'turn' (of the mount alone), 'scale', 'time'.
     through_reference : bool
         Whether the mount also stands in P A P^-1.
     slip : bool
@@ -91,6 +92,13 @@ class Corrected(NamedTuple):
     poses: Array
     by_parameters: Array
     by_pose: Array
+
+
+FRAME_TURN = ErrorModel(
+    "frame_turn", "a wrong frame and a wrong heading of the mount", ("frame", "turn")
+)
+"""What is left of 'frame_mount' where all poses have one heading: the shift of either looks the
+same there, but their turns do not, as only the frame's moves positions."""
 
 
 def candidates(*, reference: bool, moving: bool) -> tuple[ErrorModel, ...]:
@@ -181,7 +189,7 @@ def correct(
         chain.move(np.zeros_like(poses) if velocities is None else velocities)
     if "scale" in model.parts:
         chain.stretch(centre)
-    if "mount" in model.parts:
+    if "mount" in model.parts or "turn" in model.parts:
         chain.unmount()
         if model.through_reference:
             chain.remount(centre, pivot[2])
@@ -237,14 +245,15 @@ class _Chain:
         """The inverse of the mount correction, on the right: z - e^(i (theta - alpha)) a."""
         alpha = self.at["mount_theta"]
         turned = np.exp(1j * (self.theta - alpha))
-        arm = turned * (self.at["mount_x"] + 1j * self.at["mount_y"])
+        arm = turned * (self.at.get("mount_x", 0.0) + 1j * self.at.get("mount_y", 0.0))
         self.z = self.z - arm
         # What came before changes theta, and so the direction of the arm.
         self.dz = self.dz - 1j * arm[..., None] * self.dtheta
         self.by_theta = self.by_theta - 1j * arm
         self.theta = self.theta - alpha
-        self.dz[..., self._column("mount_x")] += -turned
-        self.dz[..., self._column("mount_y")] += -1j * turned
+        if "mount_x" in self.at:
+            self.dz[..., self._column("mount_x")] += -turned
+            self.dz[..., self._column("mount_y")] += -1j * turned
         self.dz[..., self._column("mount_theta")] += 1j * arm
         self.dtheta[..., self._column("mount_theta")] -= 1.0
 

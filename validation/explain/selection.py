@@ -8,7 +8,7 @@ from scipy import special
 
 from validation.explain.fitting import Fit, fit
 from validation.explain.leave_one_out import LeaveOneOut, leave_one_out
-from validation.explain.models import ErrorModel, candidates
+from validation.explain.models import FRAME_TURN, ErrorModel, candidates
 from validation.explain.observability import Observability, observability
 from validation.explain.pairs import Pairs
 from validation.explain.shared import dropped_p_value, shared_covariance
@@ -115,6 +115,10 @@ def select(pairs: Pairs, false_alarm: float = FALSE_ALARM) -> Selection:
         reference=pairs.reference_pose is not None, moving=pairs.velocities is not None
     )
     fits = [fit(pairs, model) for model in models]
+    both = next(one for one in fits if one.model.name == "frame_mount")
+    if not observability(both).complete:
+        models = (*models, FRAME_TURN)
+        fits.append(fit(pairs, FRAME_TURN))
     threshold = false_alarm / (len(models) - 1)
     made: list[Candidate] = []
     for one in fits:
@@ -166,6 +170,32 @@ def gain_p_value(simple: Fit, full: Fit) -> float:
         return 1.0
     statistic = np.expm1(gain / n) * left / extra
     return float(special.fdtrc(extra, left, statistic))
+
+
+def smallest_shown(found: Fit, threshold: float) -> tuple[float, float]:
+    """Shift and turn that an explanation must have to pass its test in 95 % of campaigns.
+
+    Parameters
+    ----------
+    found : Fit
+        Of 'frame' or 'mount'.
+    threshold : float
+        p-value that the test asks for.
+
+    Returns
+    -------
+    shift, turn : float
+        In metres and radians, each by itself; to first order.
+    """
+    k = len(found.model.parameters)
+    sigma = np.sqrt(np.diagonal(found.covariance[0])[:k])
+    if found.estimated:
+        left = max(found.observations - len(found.model.fitted) - 2, 1)
+        sigma = sigma * np.sqrt(found.observations / left)
+        reach = np.sqrt(k * special.fdtri(k, left, 1 - threshold)) + special.stdtrit(left, 0.95)
+    else:
+        reach = np.sqrt(special.chdtri(k, threshold)) + special.ndtri(0.95)
+    return float(reach * sigma[:2].max()), float(reach * sigma[2])
 
 
 def _rivals(

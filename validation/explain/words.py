@@ -1,17 +1,16 @@
 """The explanation in plain sentences, made from its numbers and from nothing else."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from validation.explain.agreement import MOUNT, Agreement
 from validation.explain.analysis import Explanation, SystemExplanation
 from validation.explain.models import ErrorModel
 from validation.explain.reference import ReferenceEvidence
-from validation.explain.selection import Candidate, Selection
+from validation.explain.selection import Candidate, Selection, smallest_shown
 from validation.explain.settled import Parameter, Settled
-from validation.explain.sources import Arbitration, Verdict, listed
-from validation.results import Finding, Severity
+from validation.explain.sources import listed
+from validation.explain.verdict_words import arbitration_findings
+from validation.results import Finding
 
 ALL_ODDS = 1e6
 """Odds beyond this are not told in figures."""
@@ -23,7 +22,7 @@ def findings(explanation: Explanation) -> list[Finding]:
     for one in explanation.systems:
         told += system_findings(one, explanation.question.confidence)
     told += [_agreement(one, explanation.question.confidence) for one in explanation.agreements]
-    told += _arbitration(explanation.arbitration)
+    told += arbitration_findings(explanation.arbitration)
     return told
 
 
@@ -69,15 +68,41 @@ def _cause(
         text = (
             f"No systematic error is shown. The best of the others, {best.model.words}, would "
             f"fit this well by chance with p = {p:.2g}; it counts below {selection.threshold:.2g}."
+            f"{_hidden(selection)}"
         )
         return Finding("good", text, one.system, "no_systematic_error")
     values = [p for p in settled.parameters(confidence) if p.name in model.parameters]
     said = ", ".join(parameter_text(value) for value in values)
     text = (
-        f"Explained by {_named(one, model)}: {said}; {100 * confidence:.3g} % intervals. "
+        f"Explained by {_named(one, model)}{_or(selection)}: {said}; "
+        f"{100 * confidence:.3g} % intervals. "
         f"{_sureness(selection)} {_taken_away(settled)} {measure(one, settled)}"
     )
     return Finding("warning", text, one.system, "systematic_error")
+
+
+def _or(selection: Selection) -> str:
+    """The simplest explanations that these poses do not tell from the chosen one."""
+    rivals = [one.model for one in selection.rivals]
+    simplest = [one for one in rivals if not any(other.nested_in(one) for other in rivals)]
+    if not simplest:
+        return ""
+    others = " or ".join(one.words for one in simplest)
+    words = selection.chosen.model.words
+    return f", or as well by {others}; these poses do not tell which. Taken for {words}"
+
+
+def _hidden(selection: Selection) -> str:
+    """How large a frame or mount error would have to be to be claimed in 95 % of campaigns."""
+    said = []
+    for name in ("frame", "mount"):
+        one = selection.candidate(name)
+        if one.observability.complete:
+            shift, turn = smallest_shown(one.fit, selection.threshold)
+            said.append(f"of the {name} by {1000 * shift:.1f} mm or {1000 * turn:.1f} mrad")
+    if not said:
+        return ""
+    return f" These poses would not reliably show a smaller error than one {' or '.join(said)}."
 
 
 def _named(one: SystemExplanation, model: ErrorModel) -> str:
@@ -149,6 +174,12 @@ def measure(one: SystemExplanation, settled: Settled) -> str:
             "measure the sensor's place on the robot again (the numbers are what to add to it, "
             "along the robot's axes), and turn the robot by 180 degrees on one spot: its given "
             f"position must then move by {2 * arm:.3f} m"
+        )
+    if "turn" in parts:
+        advice.append(
+            "compare a given heading with the robot's, as its mount is turned by "
+            f"{1000 * values['mount_theta']:+.1f} mrad; whether the shift is the frame's or the "
+            "mount's shows only at another heading"
         )
     through = settled.fit.model.through_reference or (
         one.reference is not None and one.reference.accepted
@@ -231,9 +262,17 @@ def _rivals(selection: Selection) -> list[Finding]:
     spread = np.degrees(selection.chosen.observability.heading_spread)
     text = (
         f"Not ruled out: {said}. The poses do not tell these apart (headings spread by "
-        f"{spread:.0f} degrees). Survey stops at other headings and farther apart."
+        f"{spread:.0f} degrees). {_why(selection)}Survey stops at other headings and farther apart."
     )
     return [Finding("warning", text, selection.pairs.system, "rivals")]
+
+
+def _why(selection: Selection) -> str:
+    """Why a frame and a mount look alike, where they do."""
+    names = {selection.chosen.name, *(one.name for one in selection.rivals)}
+    if {"frame", "mount"} <= names:
+        return "At a single heading, a wrong mount and a wrong frame shift all poses alike. "
+    return ""
 
 
 def _more(selection: Selection) -> list[Finding]:
@@ -347,87 +386,3 @@ def _agreement(one: Agreement, confidence: float) -> Finding:
         "not the whole cause, or a pose that is not flagged spoils one of them."
     )
     return Finding("warning", text, one.sensor, "different_mounts")
-
-
-def _arbitration(result: Arbitration) -> list[Finding]:
-    """Who is wrong where, and the noise of each source."""
-    told = [_verdict(one, result.sources[0]) for one in result.verdicts]
-    cells = int((result.present.sum(0) > 1).sum()) * 2
-    text = (
-        f"{len(result.verdicts)} of {cells} cells (position and heading of each stop) do not fit. "
-        f"In a table of good poses the chance of any such flag is {100 * result.false_alarm:.3g} % "
-        f"(shared over {result.questions} questions)."
-    )
-    told.append(Finding("note", text, "all sources", "arbitration"))
-    told += _suspects(result)
-    told += _pairs_only(result)
-    told.append(_hat(result))
-    return told
-
-
-def _suspects(result: Arbitration) -> list[Finding]:
-    """Cells worth a second look."""
-    if not result.suspects:
-        return []
-    said = "; ".join(
-        f"pose {one.stop}, {one.cell} ({' or '.join(one.blamed)}, off by {one.size:.3f} "
-        f"{'m' if one.cell == 'position' else 'rad'})"
-        for one in result.suspects
-    )
-    text = (
-        f"Worth a second look, but held against nobody: {said}. One such entry is to be expected "
-        "in a table of good poses."
-    )
-    return [Finding("note", text, "all sources", "suspects")]
-
-
-def _verdict(one: Verdict, validation: str) -> Finding:
-    """One flagged cell."""
-    size = f"{one.size:.3f} {'m' if one.cell == 'position' else 'rad'}"
-    code = {"sure": "wrong_pose", "likely": "likely_wrong_pose"}.get(one.certainty, "disputed_pose")
-    if one.certainty == "undecided":
-        text = f"The {one.cell} is off by {size}: {one.reason}."
-    else:
-        held = "held responsible" if one.certainty == "sure" else "most likely responsible"
-        text = f"{listed(one.blamed)} {held} for the {one.cell}, off by {size}: {one.reason}."
-        if validation in one.blamed:
-            text += " Survey this stop again."
-    severity: Severity = "warning"
-    return Finding(severity, text, f"pose {one.stop}", code)
-
-
-def _pairs_only(result: Arbitration) -> list[Finding]:
-    """Stops with two sources, at which a disagreement cannot be laid at anyone's door."""
-    two = [name for name, n in zip(result.ids, result.present.sum(0), strict=True) if n == 2]
-    if not two:
-        return []
-    where = "all stops" if len(two) == len(result.ids) else f"pose {', '.join(two)}"
-    text = (
-        f"At {where} there are only two sources: they can be seen to disagree, but not which of "
-        "them is wrong."
-    )
-    return [Finding("note", text, "all sources", "two_sources")]
-
-
-def _hat(result: Arbitration) -> Finding:
-    """Noise of each source alone."""
-    if not result.variances.determined:
-        text = (
-            "The noise of each source alone cannot be told: that takes three sources that share "
-            "no sensor, each with at least three stops in common with the others."
-        )
-        return Finding("note", text, "all sources", "no_three_cornered_hat")
-    intervals = result.variances.intervals()
-    said = "; ".join(
-        f"{name} {_range(intervals[row, 0], 'mm')}, {_range(intervals[row, 1], 'mrad')}"
-        for row, name in enumerate(result.sources)
-    )
-    text = (
-        "Noise of each source alone, from the differences between independent ones (standard "
-        f"deviation of a coordinate and of the heading, 95 % intervals): {said}."
-    )
-    return Finding("note", text, "all sources", "three_cornered_hat")
-
-
-def _range(ends: Sequence[float], unit: str) -> str:
-    return f"{1000 * ends[0]:.1f} to {1000 * ends[1]:.1f} {unit}"
