@@ -135,25 +135,24 @@ def suspect_table(explanation: Explanation) -> Table | None:
         "Held against nobody, and not left out of anything. In a table of good poses one such "
         "entry is to be expected. The p says how many good tables have one that stands out as much."
     )
-    return _verdict_table("Worth a second look", explanation.arbitration.suspects, note)
+    # How sure it would be of the culprit says nothing about whether there is one.
+    suspects = explanation.arbitration.suspects
+    return _verdict_table("Worth a second look", suspects, note, certainty=False)
 
 
-def _verdict_table(title: str, verdicts: Sequence[Verdict], note: str) -> Table:
+def _verdict_table(
+    title: str, verdicts: Sequence[Verdict], note: str, *, certainty: bool = True
+) -> Table:
     """One row a cell."""
-    rows: Rows = [
-        [
-            one.stop,
-            one.cell,
-            " or ".join(one.blamed) if one.certainty == "undecided" else " and ".join(one.blamed),
-            one.certainty,
-            one.size,
-            one.table_p_value,
-            one.reason,
-        ]
-        for one in verdicts
-    ]
-    head = ["pose", "cell", "source", "certainty", "off by [m, rad]", "p in the whole table", "why"]
-    return Table(title, head, rows, ["", "", "", "", ".3f", ".1g", ""], note=note)
+    rows: Rows = []
+    for one in verdicts:
+        who = " or " if one.certainty == "undecided" else " and "
+        row: list[str | int | float | None] = [one.stop, one.cell, who.join(one.blamed)]
+        row += [one.certainty] if certainty else []
+        rows.append([*row, one.size, one.table_p_value, one.reason])
+    sure = ["certainty"] if certainty else []
+    columns = ["pose", "cell", "source", *sure, "off by [m, rad]", "p in the whole table", "why"]
+    return Table(title, columns, rows, ["", "", "", *[""] * len(sure), ".3f", ".1g", ""], note=note)
 
 
 def noise_table(explanation: Explanation) -> Table:
