@@ -72,12 +72,15 @@ def track_map(
     records: Sequence[Fixes], steps: Steps, offsets: Offsets, path: VehiclePath, max_gap: float
 ) -> Figure:
     """The drive from above: where all receivers are fixed together, and where they are not."""
-    figure = Figure(figsize=(7, 5.5), layout="constrained")
-    axes = figure.add_subplot()
     record = max(records, key=lambda one: np.ptp(one.times))
     column = steps.receivers.index(record.receiver)
     track = steps.frame.from_geodetic(record.geodetic)
     track = track + offsets.offsets.within(steps.frame)[column]
+    east, north = np.ptp(track[:, :2], axis=0)
+    # As high as the drive is at this width, within what a page takes.
+    height = float(np.clip(6.2 * north / max(east, 1.0) + 1.6, 3.0, 7.0))
+    figure = Figure(figsize=(7, height), layout="constrained")
+    axes = figure.add_subplot()
     for kind in np.unique(record.kinds):
         rows = record.kinds == kind
         axes.plot(

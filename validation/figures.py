@@ -45,6 +45,10 @@ def arrow_scale(distances: Array, extent: float) -> int:
     return int(power * max(step for step in (1, 2, 3, 5) if step * power <= wanted))
 
 
+MOST_NAMES = 60
+"""Up to so many poses are named on a map."""
+
+
 def error_map(
     comparison: Comparison, walls: Walls = (), landmarks: Landmarks | None = None
 ) -> Figure:
@@ -89,7 +93,9 @@ def error_map(
     # Arrows are no data to matplotlib: make room for their heads.
     axes.update_datalim(positions + scale * arrows)
     axes.autoscale_view()
-    for name, point, arrow in zip(comparison.ids, positions, arrows, strict=True):
+    # Names of a whole path would cover it.
+    named = comparison.ids if len(comparison.ids) <= MOST_NAMES else ()
+    for name, point, arrow in zip(named, positions, arrows, strict=False):
         side = -5 if arrow[0] > 0 else 5
         axes.annotate(
             name,

@@ -90,7 +90,12 @@ def _facts(run: RunResult) -> list[tuple[str, str]]:
     settings = run.campaign.settings
     instrument = settings.instrument
     poses = "none" if run.validation is None else str(len(run.validation))
+    taken_over = {} if run.validation is None else run.validation.provenance
+    source = str(taken_over.get("published") or taken_over.get("file") or "")
+    if "published" in taken_over:
+        poses += f", taken over from {source}"
     surveyed = any(system.name == VALIDATION_SYSTEM for system in run.systems)
+    surveyed &= "published" not in taken_over
     hand_laser = f"{instrument.model}, ±{1000 * instrument.tolerance:g} mm" if surveyed else ""
     stated = [
         ("place", settings.place),
