@@ -4,7 +4,7 @@ Blanco 2009, section 5.3, matches the point clouds of several passes along a pat
 exact. A path of three receivers on a roof is not: its roll has a noise of most of a degree, and
 an error of the offsets tilts all of it. Points moved by the path's noise pull a matching to one
 side, by centimetres, and nothing in the matching tells. Here the path, the offsets, the antennas'
-distances and the planes of walls and ground are unknowns like the scanner's place, each fix of
+distances and the pieces of walls and ground are unknowns like the scanner's place, each fix of
 each receiver is a measurement, and the covariance is that of the whole adjustment.
 """
 
@@ -42,6 +42,10 @@ from validation.angles import Array
 from validation.errors import GtvalError
 
 FEWEST_SURFACES = 20
+GRAZING = 0.3
+"""Surfaces are rough: the noise across them is at least this share of that along the beam."""
+SHAPE = 6
+"""Numbers of a piece: height, two slopes, three curvatures."""
 _ROUNDS = 10
 
 
@@ -54,7 +58,8 @@ class ScannerSettings:
     the scanner stays where it is. ``points``: at most so many are used. ``block`` and
     ``independent``: of the points that one piece shows in so many seconds, so many count, as they
     share what the curves and the plane leave out. ``sharpest``: least standard deviation of a
-    point, metres. ``matching``: of the first, rough solution.
+    point, metres. ``bend``: standard deviation of the curvature of walls and ground, 1/m.
+    ``matching``: of the first, rough solution.
     """
 
     apart: float = 8.0
@@ -63,6 +68,7 @@ class ScannerSettings:
     block: float = 1.0
     independent: int = 4
     sharpest: float = 0.005
+    bend: float = 0.02
     matching: MatchingSettings = field(
         default_factory=lambda: MatchingSettings(sources=6000, gates=(1.0, 0.7, 0.5, 0.5))
     )
@@ -70,13 +76,13 @@ class ScannerSettings:
 
 @dataclass(frozen=True)
 class _State:
-    """All unknowns: curves, vehicle, scanner (6,), ground (3,) and planes (c, 3)."""
+    """All unknowns: curves, vehicle, scanner (6,), ground (3,) and pieces (c, 6)."""
 
     spline: Spline
     vehicle: Vehicle
     pose: Array
     ground: Array
-    planes: Array
+    pieces: Array
 
 
 @dataclass(frozen=True)
@@ -86,7 +92,7 @@ class _Places:
     vehicle: int
     scanner: int
     ground: int
-    planes: int
+    pieces: int
     total: int
 
 
@@ -141,8 +147,8 @@ def calibrate_scanner(
 
     Notes
     -----
-    Gauss-Newton on sparse normal equations. Residuals are distances of points from the plane of
-    their piece, fixes minus curves, road points minus the road, and the direction of motion
+    Gauss-Newton on sparse normal equations. Residuals are distances of points from their
+    slightly bent piece, fixes minus curves, road points minus the road, and the direction of motion
     minus the road's. What the drive does not show keeps its prior, and ``from_drive`` says so.
     """
     settings = settings or ScannerSettings()
@@ -158,7 +164,7 @@ def calibrate_scanner(
     for turn in range(_ROUNDS):
         size, gate = settings.pieces[min(turn, len(settings.pieces) - 1)]
         surfaces = _surfaces(data, state, size, gate)
-        state = replace(state, planes=np.zeros((len(surfaces.centres), 3)))
+        state = replace(state, pieces=np.zeros((len(surfaces.centres), SHAPE)))
         begin = state.pose
         for _ in range(2):
             state, covariance = _step(data, state, surfaces)
@@ -252,16 +258,26 @@ def _surfaces(data: _Data, state: _State, size: float, gate: float) -> Surfaces:
 
 def _scan_residuals(data: _Data, state: _State, surfaces: Surfaces) -> Array:
     local = surfaces.local(_world(data, state)[0])
-    planes = state.planes[surfaces.of]
-    return np.asarray(
-        local[:, 2] - planes[:, 0] - planes[:, 1] * local[:, 0] - planes[:, 2] * local[:, 1]
-    )
+    return _heights(local, state.pieces[surfaces.of])
+
+
+def _bends(local: Array) -> Array:
+    """(m, 6) what the numbers of a piece are multiplied by: 1, u, v, u^2 / 2, u v, v^2 / 2."""
+    u, v = local[:, 0], local[:, 1]
+    return np.column_stack([np.ones(len(u)), u, v, u**2 / 2, u * v, v**2 / 2])
+
+
+def _heights(local: Array, pieces: Array) -> Array:
+    """(m,) heights of points over their slightly bent pieces."""
+    return np.asarray(local[:, 2] - (_bends(local) * pieces).sum(1))
 
 
 def _places(state: _State) -> _Places:
     vehicle = state.spline.coefficients.size
     scanner = vehicle + state.vehicle.size
-    return _Places(vehicle, scanner, scanner + 6, scanner + 9, scanner + 9 + 3 * len(state.planes))
+    return _Places(
+        vehicle, scanner, scanner + 6, scanner + 9, scanner + 9 + SHAPE * len(state.pieces)
+    )
 
 
 def _step(data: _Data, state: _State, surfaces: Surfaces) -> tuple[_State, Array]:
@@ -284,13 +300,13 @@ def _step(data: _Data, state: _State, surfaces: Surfaces) -> tuple[_State, Array
     unit = np.zeros((places.total, 6))
     unit[chosen] = np.eye(6)
     covariance = factor.solve(unit)[chosen]
-    k = places.planes
+    k = places.pieces
     moved = _State(
         state.spline.moved(change[: places.vehicle].reshape(-1, 6)),
         state.vehicle.moved(change[places.vehicle : places.scanner]),
         perturbed(state.pose, change[places.scanner : places.ground]),
         state.ground + change[places.ground : k],
-        state.planes + change[k:].reshape(-1, 3),
+        state.pieces + change[k:].reshape(-1, SHAPE),
     )
     return moved, (covariance + covariance.T) / 2
 
@@ -310,9 +326,10 @@ def _known(data: _Data, state: _State) -> tuple["sparse.csc_matrix", Array]:
         weight = data.ground.sigmas**-2
         diagonal.append(weight)
         gradient.append(weight * (state.ground - data.ground.plane))
-    # Planes rest on their points; the little here keeps a line of points from tilting freely.
-    diagonal.append(np.tile([1e-2, 1.0, 1.0], len(state.planes)))
-    gradient.append(np.tile([1e-2, 1.0, 1.0], len(state.planes)) * state.planes.ravel())
+    # Pieces rest on their points; the little here keeps a line of points from tilting freely.
+    own = np.tile([1e-2, 1.0, 1.0, *[data.settings.bend**-2] * 3], len(state.pieces))
+    diagonal.append(own)
+    gradient.append(own * state.pieces.ravel())
     H = sparse.block_diag([smooth, sparse.diags(np.concatenate(diagonal))], format="csc")
     return H, np.concatenate(gradient)
 
@@ -340,39 +357,46 @@ def _scan_rows(
     """Distances of points from their planes, whitened, and their derivatives."""
     world, _, poses = _world(data, state)
     local = surfaces.local(world)
-    planes = state.planes[surfaces.of]
-    residual = local[:, 2] - planes[:, 0] - (planes[:, 1:] * local[:, :2]).sum(1)
-    lean = np.column_stack([-planes[:, 1:], np.ones(len(planes))])
+    pieces = state.pieces[surfaces.of]
+    residual = _heights(local, pieces)
+    u, v = local[:, 0], local[:, 1]
+    by_u = pieces[:, 1] + pieces[:, 3] * u + pieces[:, 4] * v
+    by_v = pieces[:, 2] + pieces[:, 4] * u + pieces[:, 5] * v
+    lean = np.column_stack([-by_u, -by_v, np.ones(len(u))])
     normals = np.einsum("mji,mj->mi", surfaces.axes[surfaces.of], lean)
     rows = surfaces.points
     own = data.cloud.in_vehicle(state.pose)[rows]
     by_pose = np.einsum("mi,mik->mk", normals, point_rows(poses[rows], own))
     in_vehicle = np.einsum("mij,mi->mj", matrix_of(poses[rows, 3:]), normals)
-    by_scanner = np.hstack([in_vehicle, np.cross(own - state.pose[:3], in_vehicle)])
-    by_plane = -np.column_stack([np.ones(len(rows)), local[:, :2]])
-    scale = _whitening(data, surfaces, residual)
+    arms = own - state.pose[:3]
+    by_scanner = np.hstack([in_vehicle, np.cross(arms, in_vehicle)])
+    by_piece = -_bends(local)
+    # The noise of a range moves a point along its beam: less of it is across a grazed surface.
+    facing = np.abs((in_vehicle * arms).sum(1)) / np.linalg.norm(arms, axis=1)
+    scale = _whitening(data, surfaces, residual, np.maximum(facing, GRAZING))
     path = pose_columns(state.spline, data.times[rows], by_pose[:, None, :] * scale[:, None, None])
     m = len(rows)
-    columns = places.planes + 3 * surfaces.of[:, None] + np.arange(3)
-    plane = _placed(by_plane * scale[:, None], columns, places.total)
+    columns = places.pieces + SHAPE * surfaces.of[:, None] + np.arange(SHAPE)
+    piece = _placed(by_piece * scale[:, None], columns, places.total)
     scanner = _placed(
         by_scanner * scale[:, None],
         np.tile(np.arange(places.scanner, places.ground), (m, 1)),
         places.total,
     )
     path.resize((m, places.total))
-    return path + plane + scanner, residual * scale
+    return path + piece + scanner, residual * scale
 
 
-def _whitening(data: _Data, surfaces: Surfaces, residual: Array) -> Array:
-    """(m,) square roots of the points' weights."""
+def _whitening(data: _Data, surfaces: Surfaces, residual: Array, facing: Array) -> Array:
+    """(m,) square roots of the points' weights; noise is in proportion to ``facing``."""
     settings = data.settings
-    sigma = max(1.4826 * float(np.median(np.abs(residual))), settings.sharpest)
+    along = residual / facing
+    sigma = max(1.4826 * float(np.median(np.abs(along))), settings.sharpest)
     block = np.floor(data.times[surfaces.points] / settings.block).astype(np.int64)
     key = surfaces.of * (int(block.max() - block.min()) + 1) + block - block.min()
     _, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)
     share = np.minimum(settings.independent / counts[inverse], 1.0)
-    return np.asarray(np.sqrt(weights_of(residual) * share) / sigma)
+    return np.asarray(np.sqrt(weights_of(along) * share) / (sigma * facing))
 
 
 def _placed(values: Array, columns: Ints, total: int) -> "sparse.csr_matrix":
@@ -385,7 +409,7 @@ def _road_rows(data: _Data, state: _State, places: _Places) -> tuple["sparse.csr
         raise ValueError("no ground is known")
     points = data.cloud.in_vehicle(state.pose)
     J, residual = ground_rows(points, state.pose, state.ground, data.times, data.ground)
-    columns = np.tile(np.arange(places.scanner, places.planes), (len(residual), 1))
+    columns = np.tile(np.arange(places.scanner, places.pieces), (len(residual), 1))
     return _placed(J, columns, places.total), residual
 
 
@@ -394,7 +418,7 @@ def _motion_rows(data: _Data, state: _State, places: _Places) -> tuple["sparse.c
         raise ValueError("no ground is known")
     path, by_ground, residual = motion_rows(state.spline, state.ground, data.ground)
     path.resize((len(residual), places.total))
-    columns = np.tile(np.arange(places.ground, places.planes), (len(residual), 1))
+    columns = np.tile(np.arange(places.ground, places.pieces), (len(residual), 1))
     return path + _placed(by_ground, columns, places.total), residual
 
 
