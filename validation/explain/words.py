@@ -35,6 +35,9 @@ def system_findings(one: SystemExplanation, confidence: float) -> list[Finding]:
         )
         return [Finding("warning", text, one.system, "too_few_poses")]
     told = [_cause(one, one.selection, one.settled, confidence)]
+    if one.settled.fit.model.parts:
+        evidence = f"{_sureness(one.selection)} {_taken_away(one.settled)}"
+        told.append(Finding("note", evidence, one.system, "evidence"))
     told += _reference(one)
     told += _slip(one.selection, one.settled, confidence)
     told += _rivals(one.selection)
@@ -52,9 +55,9 @@ def _number(value: float, unit: str) -> str:
 
 
 def parameter_text(one: Parameter) -> str:
-    """'mount_x -89.3 mm (-92.8 to -85.8)'."""
+    """'mount x -89.3 mm (-92.8 to -85.8)'."""
     low, high = (_number(value, one.unit).split(" ")[0] for value in (one.low, one.high))
-    return f"{one.name} {_number(one.value, one.unit)} ({low} to {high})"
+    return f"{one.name.replace('_', ' ')} {_number(one.value, one.unit)} ({low} to {high})"
 
 
 def _cause(
@@ -75,8 +78,7 @@ def _cause(
     said = ", ".join(parameter_text(value) for value in values)
     text = (
         f"Explained by {_named(one, model)}{_or(selection)}: {said}; "
-        f"{100 * confidence:.3g} % intervals. "
-        f"{_sureness(selection)} {_taken_away(settled)} {measure(one, settled)}"
+        f"{100 * confidence:.3g} % intervals. {_change(settled)} {measure(one, settled)}"
     )
     return Finding("warning", text, one.system, "systematic_error")
 
@@ -132,9 +134,20 @@ def _sureness(selection: Selection) -> str:
     gain = chosen.loo.score - best.loo.score
     p = max(chosen.p_values.values(), default=1.0)
     return (
-        f"Odds over the next best that does not contain it ('{best.name}'): {told} by BIC; "
+        f"How sure: odds over the next best that does not contain it ({best.model.words}) are "
+        f"{told} by BIC; "
         f"left-out poses are predicted {'better' if gain > 0 else 'no better'} "
         f"(log score {gain:+.1f}); every part is needed (largest p = {p:.1g})."
+    )
+
+
+def _change(settled: Settled) -> str:
+    """The spread before and after in short."""
+    before, after = settled.spread(settled.before), settled.spread(settled.after)
+    return (
+        f"It takes the standard deviation of the poses not flagged from {1000 * before[0]:.1f} to "
+        f"{1000 * after[0]:.1f} mm in x and from {1000 * before[1]:.1f} to "
+        f"{1000 * after[1]:.1f} mm in y."
     )
 
 
@@ -362,14 +375,15 @@ def _agreement(one: Agreement, confidence: float) -> Finding:
     """Whether systems of one sensor share a mount error."""
     half = one.interval_factor(confidence) * np.sqrt(np.diagonal(one.joint_covariance))
     joint = ", ".join(
-        f"{name} {_number(float(v), unit)} (+-{1000 * h:.1f})"
+        f"{name.replace('_', ' ')} {_number(float(v), unit)} (+-{1000 * h:.1f})"
         for name, unit, v, h in zip(MOUNT, ("m", "m", "rad"), one.joint, half, strict=True)
     )
     differences = one.differences(confidence)
     apart = "; ".join(
         f"{system} minus {one.systems[0]}: "
         + ", ".join(
-            f"{name} {1000 * d[0]:+.1f} ({1000 * d[1]:+.1f} to {1000 * d[2]:+.1f}) m{unit}"
+            f"{name.replace('_', ' ')} {1000 * d[0]:+.1f} "
+            f"({1000 * d[1]:+.1f} to {1000 * d[2]:+.1f}) m{unit}"
             for name, unit, d in zip(MOUNT, ("m", "m", "rad"), rows, strict=True)
         )
         for system, rows in zip(one.systems[1:], differences, strict=True)
