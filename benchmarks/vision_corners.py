@@ -2,9 +2,11 @@
 
 f = 1000 px, lens blur 0.7 px, noise 2 grey levels, tilts of 10 to 55 degrees. For each distance
 and detector: root mean square of the corners' errors (length, pixels), bias of the sides, poses
-of the single marker off by more than 10 degrees, and milliseconds an image.
+of the single marker off by more than 10 degrees, and milliseconds of processor time for the part
+of the image around the marker.
+pupil-apriltags comes with the extra `bench`.
 
-    python benchmarks/vision_corners.py [renders a distance]
+    python benchmarks/vision_corners.py [renders a distance [distance ...]]
 """
 
 import sys
@@ -17,15 +19,16 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "vision_gt"))
 
-from vision_scenes import APRIL, LENS, SIDE, camera, marker_image, random_marker
+from vision_scenes import APRIL, SIDE, close_up, random_marker
 
 from validation.angles import Array
-from vision_gt.markers import detect_markers
+from vision_gt.camera import Camera
+from vision_gt.markers import Image, Refinement, detect_markers
 from vision_gt.planar_pose import planar_solutions
 from vision_gt.transforms import angle_between
 
 SQUARE = SIDE / 2 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)
-OURS = ("none", "subpix", "apriltag", "edges")
+OURS: tuple[Refinement, ...] = ("none", "subpix", "apriltag", "edges")
 
 
 def peer() -> Any:
@@ -37,10 +40,13 @@ def peer() -> Any:
     return Detector(families="tag36h11", quad_decimate=1.0)
 
 
-def found_corners(name: str, detector: Any, image: Array, number: int, true: Array) -> Array | None:
+def found_corners(
+    name: str, detector: Any, photograph: tuple[Camera, Image, Array], number: int
+) -> Array | None:
     """Corners (4, 2) in the order of the truth; None if the marker was not found."""
+    camera, image, true = photograph
     if name != "pupil":
-        views = detect_markers(image, APRIL, camera(), [number], name).views
+        views = detect_markers(image, APRIL, camera, [number], name).views
         return views[0].corners if views else None
     tags = [tag.corners - 0.5 for tag in detector.detect(image) if tag.tag_id == number]
     if not tags:
@@ -49,38 +55,42 @@ def found_corners(name: str, detector: Any, image: Array, number: int, true: Arr
     return min(orders, key=lambda corners: np.abs(corners - true).sum())
 
 
-def main(count: int) -> None:
+def main(count: int, distances: list[int]) -> None:
     cv2.setNumThreads(1)
     detector = peer()
     names = [*OURS, *(["pupil"] if detector else [])]
     print(f"{count} renders a distance")
     print("distance  detector   rms [px]  side bias [px]  flips  missed  ms")
-    for distance in (2, 3, 4, 5):
+    for distance in distances:
         rng = np.random.default_rng(distance)
         errors, sides, flips, spent = ({n: [] for n in names} for _ in range(4))
         for _ in range(count):
             number = int(rng.integers(200))
             T = random_marker(rng, distance)
-            image, true = marker_image(rng, T, number)
+            photograph = close_up(rng, T, number)
+            camera, _, true = photograph
             for name in names:
-                start = time.perf_counter()
-                corners = found_corners(name, detector, image, number, true)
-                spent[name].append(time.perf_counter() - start)
+                start = time.process_time()
+                corners = found_corners(name, detector, photograph, number)
+                spent[name].append(time.process_time() - start)
                 if corners is None:
                     continue
                 errors[name].append(corners - true)
                 lengths = [np.linalg.norm(np.roll(c, -1, 0) - c, axis=1) for c in (corners, true)]
                 sides[name].append((lengths[0] - lengths[1]).mean())
-                best = planar_solutions(SQUARE, corners, LENS)
+                best = planar_solutions(SQUARE, corners, camera.parameters)
                 flips[name].append(best and np.rad2deg(angle_between(best.best, T)) > 10)
         for name in names:
             rms = np.sqrt((np.array(errors[name]) ** 2).sum(-1).mean())
             print(
                 f"{distance:8d}  {name:9s}  {rms:8.3f}  {np.mean(sides[name]):+14.3f}  "
                 f"{sum(map(bool, flips[name])):5d}  {count - len(errors[name]):6d}  "
-                f"{1e3 * np.median(spent[name]):.1f}"
+                f"{1e3 * np.median(spent[name]):.1f}",
+                flush=True,
             )
+    print("asked of edges: rms at most 0.10 px, side bias below 0.05 px, no flip, none missed")
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 40)
+    numbers = [int(word) for word in sys.argv[1:]]
+    main(numbers[0] if numbers else 40, numbers[1:] or [2, 3, 4, 5])

@@ -121,18 +121,11 @@ def project_with_jacobians(points: Array, parameters: Array) -> tuple[Array, Arr
     by_normalised, by_coefficients = distortion_jacobians(normalised, parameters[..., 4:])
     focal, centre = parameters[..., :2], parameters[..., 2:4]
     pixels = focal * lens + centre
-    zeros = np.zeros_like(z)
-    perspective = (
-        np.stack(
-            [
-                np.stack([np.ones_like(z), zeros, -normalised[..., 0]], -1),
-                np.stack([zeros, np.ones_like(z), -normalised[..., 1]], -1),
-            ],
-            -2,
-        )
-        / z[..., None, None]
-    )
-    by_point = focal[..., :, None] * (by_normalised @ perspective)
+    # The derivative of x / z, y / z is the unit matrix beside -(x, y) / z, over z.
+    by_point = np.empty((*points.shape[:-1], 2, 3))
+    by_point[..., :2] = by_normalised
+    by_point[..., 2] = -(by_normalised @ normalised[..., None])[..., 0]
+    by_point *= (focal / z[..., None])[..., None]
     by_parameters = np.zeros((*points.shape[:-1], 2, 9))
     for axis in (0, 1):
         by_parameters[..., axis, axis] = lens[..., axis]
@@ -163,17 +156,21 @@ def distorted(normalised: Array, coefficients: Array) -> Array:
     D. C. Brown, "Close-range camera calibration", Photogrammetric Engineering 37 (1971).
     """
     x, y = normalised[..., 0], normalised[..., 1]
-    k1, k2, p1, p2, k3 = np.moveaxis(np.asarray(coefficients, dtype=float), -1, 0)
-    r2 = x * x + y * y
+    k1, k2, p1, p2, k3 = _coefficients(coefficients)
+    x2, y2 = x * x, y * y
+    r2 = x2 + y2
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
     cross = 2 * x * y
-    return np.stack(
-        [
-            x * radial + p1 * cross + p2 * (r2 + 2 * x * x),
-            y * radial + p1 * (r2 + 2 * y * y) + p2 * cross,
-        ],
-        -1,
-    )
+    lens = np.empty((*r2.shape, 2))
+    lens[..., 0] = x * radial + p1 * cross + p2 * (r2 + 2 * x2)
+    lens[..., 1] = y * radial + p1 * (r2 + 2 * y2) + p2 * cross
+    return lens
+
+
+def _coefficients(values: Array) -> list[Array]:
+    """The five coefficients, each (...), of an array (..., 5)."""
+    values = np.asarray(values, dtype=float)
+    return [values[..., i] for i in range(5)]
 
 
 def distortion_jacobians(normalised: Array, coefficients: Array) -> tuple[Array, Array]:
@@ -187,27 +184,38 @@ def distortion_jacobians(normalised: Array, coefficients: Array) -> tuple[Array,
         k1, k2, p1, p2, k3.
     """
     x, y = normalised[..., 0], normalised[..., 1]
-    k1, k2, p1, p2, k3 = np.moveaxis(np.asarray(coefficients, dtype=float), -1, 0)
-    r2 = x * x + y * y
+    r2, cross = x * x + y * y, 2 * x * y
+    by_coefficients = np.empty((*r2.shape, 2, 5))
+    for row, own in ((0, x), (1, y)):
+        by_coefficients[..., row, 0] = own * r2
+        by_coefficients[..., row, 1] = by_coefficients[..., row, 0] * r2
+        by_coefficients[..., row, 2 + row] = cross
+        by_coefficients[..., row, 3 - row] = r2 + 2 * own * own
+        by_coefficients[..., row, 4] = by_coefficients[..., row, 1] * r2
+    return distortion_slopes(normalised, coefficients), by_coefficients
+
+
+def distortion_slopes(normalised: Array, coefficients: Array) -> Array:
+    """Derivative (..., 2, 2) of `distorted` by the image point.
+
+    Parameters
+    ----------
+    normalised : (..., 2) array
+        Undistorted image coordinates x / z, y / z.
+    coefficients : (..., 5) array
+        k1, k2, p1, p2, k3.
+    """
+    x, y = normalised[..., 0], normalised[..., 1]
+    k1, k2, p1, p2, k3 = _coefficients(coefficients)
+    x2, y2 = x * x, y * y
+    r2 = x2 + y2
     radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
     slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d(x, y) = slope * (x, y)
-    cross = 2 * x * y
-    mixed = x * y * slope + 2 * (p1 * x + p2 * y)
-    by_normalised = np.stack(
-        [
-            np.stack([radial + x * x * slope + 2 * p1 * y + 6 * p2 * x, mixed], -1),
-            np.stack([mixed, radial + y * y * slope + 6 * p1 * y + 2 * p2 * x], -1),
-        ],
-        -2,
-    )
-    by_coefficients = np.stack(
-        [
-            np.stack([x * r2, x * r2**2, cross, r2 + 2 * x * x, x * r2**3], -1),
-            np.stack([y * r2, y * r2**2, r2 + 2 * y * y, cross, y * r2**3], -1),
-        ],
-        -2,
-    )
-    return by_normalised, by_coefficients
+    slopes = np.empty((*r2.shape, 2, 2))
+    slopes[..., 0, 0] = radial + x2 * slope + 2 * p1 * y + 6 * p2 * x
+    slopes[..., 0, 1] = slopes[..., 1, 0] = x * y * slope + 2 * (p1 * x + p2 * y)
+    slopes[..., 1, 1] = radial + y2 * slope + 6 * p1 * y + 2 * p2 * x
+    return slopes
 
 
 def undistort(pixels: Array, parameters: Array) -> Array:
@@ -231,20 +239,20 @@ def undistort(pixels: Array, parameters: Array) -> Array:
     wanted = (np.asarray(pixels, dtype=float) - parameters[..., 2:4]) / parameters[..., :2]
     found = wanted.copy()
     with np.errstate(all="ignore"):
-        for _ in range(_NEWTON_STEPS):
+        for step in range(_NEWTON_STEPS + 1):
             miss = wanted - distorted(found, coefficients)
-            if np.nanmax(np.abs(miss), initial=0.0) < _CONVERGED:
+            slope = distortion_slopes(found, coefficients)
+            if np.nanmax(np.abs(miss), initial=0.0) < _CONVERGED or step == _NEWTON_STEPS:
                 break
-            slope, _by = distortion_jacobians(found, coefficients)
             a, b, c, d = slope[..., 0, 0], slope[..., 0, 1], slope[..., 1, 0], slope[..., 1, 1]
             u, v = miss[..., 0], miss[..., 1]
-            found = (
-                found + np.stack([d * u - b * v, a * v - c * u], -1) / (a * d - b * c)[..., None]
-            )
-        bad = ~(np.abs(wanted - distorted(found, coefficients)).max(-1) < 1e-9)
+            change = np.empty_like(found)
+            change[..., 0], change[..., 1] = d * u - b * v, a * v - c * u
+            found = found + change / (a * d - b * c)[..., None]
+        a, b, c, d = slope[..., 0, 0], slope[..., 0, 1], slope[..., 1, 0], slope[..., 1, 1]
+        bad = ~(np.abs(miss).max(-1) < 1e-9)
         # Beyond the turning point of the radial polynomial the model folds back on itself.
-        slope, _by = distortion_jacobians(found, coefficients)
-        bad |= ~((np.linalg.det(slope) > 0) & (np.trace(slope, axis1=-2, axis2=-1) > 0))
+        bad |= ~((a * d - b * c > 0) & (a + d > 0))
     return np.where(bad[..., None], np.nan, found)
 
 

@@ -8,7 +8,7 @@ from vision_scenes import (
     LENS,
     SIDE,
     camera,
-    exact_network,
+    close_up,
     marker_image,
     random_marker,
 )
@@ -18,9 +18,8 @@ from validation.errors import GtvalError
 from vision_gt.camera import Camera
 from vision_gt.dictionaries import ARTOOLKITPLUS, Family, artoolkitplus_bits
 from vision_gt.edges import refine_corners
-from vision_gt.layout import Layout
+from vision_gt.marker_poses import marker_solutions
 from vision_gt.markers import detect_markers
-from vision_gt.robot_pose import Sighting, robot_pose
 from vision_gt.transforms import angle_between
 
 
@@ -31,33 +30,25 @@ def corner_errors(distance: float, count: int, refinement: str = "edges", seed: 
     for _ in range(count):
         number = int(rng.integers(0, 200))
         T = random_marker(rng, distance)
-        image, true = marker_image(rng, T, number)
-        views = detect_markers(image, APRIL, camera(), [number], refinement).views
+        part, image, true = close_up(rng, T, number)
+        views = detect_markers(image, APRIL, part, [number], refinement).views
         assert len(views) == 1
         errors.append(views[0].corners - true)
         truths.append(true)
         covariances.append(views[0].covariances)
-        flips += is_silent_flip(views[0], T)
+        flips += is_flip(views[0], T, part)
     return np.array(errors), np.array(truths), np.array(covariances), flips
 
 
-def is_silent_flip(view, T_camera_marker) -> bool:
-    """Whether the pose of a single marker is wrong by more than 10 degrees and not declared so.
+def is_flip(view, T_camera_marker, part) -> bool:
+    """Whether the better pose of a single marker is wrong by more than 10 degrees.
 
     Detection has y down and z away from the viewer, the marker's own frame y up and z towards
     him: half a turn about x.
     """
-    layout = Layout(
-        (view.number,),
-        np.array([SIDE]),
-        RigidTransform.concatenate([RigidTransform.identity()]),
-        np.zeros((6, 6)),
-    )
-    network = exact_network(RigidTransform.identity())
-    pose = robot_pose([Sighting("1", (view,))], network, layout)
+    solutions = marker_solutions(view, SIDE, part)
     own = RigidTransform.from_rotation(Rotation.from_rotvec([np.pi, 0, 0]))
-    off = np.rad2deg(angle_between(pose.T_gtv_robot, T_camera_marker * own))
-    return bool(off > 10 and not pose.ambiguous)
+    return bool(np.rad2deg(angle_between(solutions.best, T_camera_marker * own)) > 10)
 
 
 def side_bias(errors, truths):

@@ -42,8 +42,10 @@ def marker_image(
     optics: Optics | None = None,
     family: Family = APRIL,
     side: float = SIDE,
+    taken_by: Camera | None = None,
 ):
     """A photograph of one marker, x right and y down on the print, and its true corners."""
+    taken_by = taken_by or camera()
     cell = side / family.cells
     grey = np.pad(np.where(family.bits(number) > 0, 0.95, 0.05), 1, constant_values=0.95)
     outer = -side / 2 - cell
@@ -51,9 +53,23 @@ def marker_image(
         grey, (cell, cell), T_camera_marker * RigidTransform.from_translation([outer, outer, 0])
     )
     optics = optics or Optics(rays=64)
-    image = render(camera(), RigidTransform.identity(), Scene([sheet]), optics, rng)
+    image = render(taken_by, RigidTransform.identity(), Scene([sheet]), optics, rng)
     square = side / 2 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)
-    return image, project(T_camera_marker.apply(square), LENS)
+    return image, project(T_camera_marker.apply(square), taken_by.parameters)
+
+
+def close_up(rng: np.random.Generator, T_camera_marker: RigidTransform, number: int):
+    """The part of the photograph around a marker: its camera, the image, the true corners.
+
+    The camera is the same with the rest of its image cut off, so the lens is the same too.
+    """
+    middle = project(T_camera_marker.translation, LENS)
+    half = int(0.9 * LENS[0] * SIDE / T_camera_marker.translation[2]) + 30
+    parameters = LENS.copy()
+    parameters[2:4] -= np.round(middle) - half
+    part = Camera("1", (2 * half, 2 * half), parameters)
+    image, true = marker_image(rng, T_camera_marker, number, taken_by=part)
+    return part, image, true
 
 
 def board_view(
