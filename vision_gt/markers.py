@@ -19,6 +19,10 @@ Refinement = Literal["edges", "none", "subpix", "apriltag"]
 
 STOCK_SIGMA = 0.5
 """Pixels; what is assumed of corners that were not fitted here."""
+_WINDOW = 11
+"""Pixels of the window that the thresholding of the first look uses."""
+_LEAST_CELL = 1.6
+"""Pixels of a cell's side below which no code can be read."""
 _APRILTAG_OFFSET = 0.5
 """OpenCV's AprilTag refinement counts pixels from the corner of the top-left one."""
 
@@ -123,24 +127,45 @@ def _with_stock(covariances: Array, good: npt.NDArray[np.bool_]) -> Array:
 
 def _candidates(image: Image, family: Family, refinement: Refinement) -> tuple[Array, list[int]]:
     """Corners (n, 4, 2) and ids as OpenCV finds them."""
+    if refinement == "edges":
+        careful = _careful(family, max(image.shape))
+        careful.adaptiveThreshWinSizeMin = careful.adaptiveThreshWinSizeMax = _WINDOW
+        found, numbers = _found(image, family, careful)
+        if numbers:
+            return found, numbers
+        return _found(image, family, _careful(family, max(image.shape)))
     parameters = cv2.aruco.DetectorParameters()
-    parameters.markerBorderBits = family.border
     parameters.cornerRefinementMethod = {
-        "edges": cv2.aruco.CORNER_REFINE_NONE,
         "none": cv2.aruco.CORNER_REFINE_NONE,
         "subpix": cv2.aruco.CORNER_REFINE_SUBPIX,
         "apriltag": cv2.aruco.CORNER_REFINE_APRILTAG,
     }[refinement]
-    if refinement == "edges":
-        # Two of OpenCV's three thresholding windows find the same markers in half the time.
-        parameters.adaptiveThreshWinSizeMin = 7
-        parameters.adaptiveThreshWinSizeMax = 23
-        parameters.adaptiveThreshWinSizeStep = 16
+    found, numbers = _found(image, family, parameters)
+    return found - (_APRILTAG_OFFSET if refinement == "apriltag" else 0.0), numbers
+
+
+def _careful(family: Family, size: int) -> cv2.aruco.DetectorParameters:
+    """OpenCV's parameters with bits that are read more carefully, for images of a size.
+
+    Bits are read in the middle of cells of six pixels: the cells of a far marker are blurred
+    into each other. Outlines may be as crooked as those of small, blurred quadrangles are, and
+    those too small for any code to be read are not tried. So one thresholding window finds as
+    many markers as OpenCV's defaults do with three.
+    """
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.perspectiveRemovePixelPerCell = 6
+    parameters.perspectiveRemoveIgnoredMarginPerCell = 0.3
+    parameters.polygonalApproxAccuracyRate = 0.05
+    parameters.minMarkerPerimeterRate = min(4 * _LEAST_CELL * family.cells / size, 0.1)
+    return parameters
+
+
+def _found(
+    image: Image, family: Family, parameters: cv2.aruco.DetectorParameters
+) -> tuple[Array, list[int]]:
+    parameters.markerBorderBits = family.border
     detector = cv2.aruco.ArucoDetector(family.dictionary, parameters)
     corners, ids, _rejected = detector.detectMarkers(image)
     if ids is None or len(ids) == 0:
         return np.zeros((0, 4, 2)), []
-    found = np.array(corners, dtype=float).reshape(-1, 4, 2)
-    if refinement == "apriltag":
-        found -= _APRILTAG_OFFSET
-    return found, [int(number) for number in np.ravel(ids)]
+    return np.array(corners, dtype=float).reshape(-1, 4, 2), [int(n) for n in np.ravel(ids)]
