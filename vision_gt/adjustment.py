@@ -8,19 +8,30 @@ different things known; the bodies, of which there are many, are eliminated firs
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from validation.angles import Array
 from validation.errors import GtvalError
-from vision_gt.setups import CAMERA_UNKNOWNS, Arrays, Setup, Views, linearised_at, whiten
+from vision_gt.setups import (
+    CAMERA_UNKNOWNS,
+    Arrays,
+    Linearised,
+    Setup,
+    Views,
+    linearised_at,
+    whiten,
+)
 
 Mask = npt.NDArray[np.bool_]
 
 _MAX_STEPS = 60
 _SMALL_GAIN = 1e-8
 _SINGULAR = 1e-11
+_DEPENDENT = 1e-12
+"""Eigenvalues of a correlation matrix below this are taken for zero."""
 
 
 class NotDeterminedError(GtvalError):
@@ -46,9 +57,10 @@ class Knowledge:
     free: Mask
 
 
-def nothing_known(setup: Setup) -> Knowledge:
+def nothing_known(start: Setup | Arrays) -> Knowledge:
     """All free, and no prior information."""
-    g, b = setup.shared, len(setup.T_world_body)
+    at = _plain(start)
+    g, b = at.shared, len(at.R_body)
     return Knowledge(np.zeros((g, g)), np.zeros((b, 6, 6)), np.ones(g, dtype=bool))
 
 
@@ -58,8 +70,8 @@ class Adjustment:
 
     Parameters
     ----------
-    setup : Setup
-        Estimates.
+    at : Arrays
+        Estimates, as plain arrays.
     covariance : (g, g) array
         Of the shared unknowns; zero rows for those held fixed.
     body_covariances : (b, 6, 6) array
@@ -76,7 +88,7 @@ class Adjustment:
         Whether the last step was negligible.
     """
 
-    setup: Setup
+    at: Arrays
     covariance: Array
     body_covariances: Array
     residuals: Array
@@ -84,6 +96,11 @@ class Adjustment:
     cost: float
     freedom: int
     converged: bool
+
+    @cached_property
+    def setup(self) -> Setup:
+        """Estimates."""
+        return self.at.setup
 
     @property
     def m0(self) -> float:
@@ -94,7 +111,7 @@ class Adjustment:
 
 def adjust(
     views: Views,
-    start: Setup,
+    start: Setup | Arrays,
     knowledge: Knowledge | None = None,
     huber: float | None = 4.0,
     describe: Callable[[int], str] | None = None,
@@ -105,7 +122,7 @@ def adjust(
     ----------
     views : Views
         What was seen.
-    start : Setup
+    start : Setup or Arrays
         Where to start; also the mean of what ``knowledge`` knows.
     knowledge : Knowledge, optional
         Priors, and what is held fixed; nothing by default.
@@ -126,8 +143,8 @@ def adjust(
     those of the linearised problem at the solution.
     """
     known = knowledge or nothing_known(start)
-    problem = _Problem(views, start, known, huber)
-    at = Arrays.of(start)
+    at = _plain(start)
+    problem = _Problem(views, at, known, huber)
     state = problem.evaluate(at)
     if not np.isfinite(state.cost):
         raise NotDeterminedError("the start puts seen points behind their camera")
@@ -152,7 +169,11 @@ def adjust(
             if damping > 1e8:
                 converged = _tiny(step)
                 break
-    return _result(problem, at.setup, state, converged, describe)
+    return _result(problem, at, state, converged, describe)
+
+
+def _plain(start: Setup | Arrays) -> Arrays:
+    return Arrays.of(start) if isinstance(start, Setup) else start
 
 
 def _tiny(step: tuple[Array, Array]) -> bool:
@@ -176,59 +197,55 @@ class _State:
 class _Problem:
     """What does not change between steps."""
 
-    def __init__(self, views: Views, start: Setup, known: Knowledge, huber: float | None) -> None:
-        self.views, self.start, self.known, self.huber = views, start, known, huber
-        self.whitening = whiten(views.covariance)
-        self.origin = Arrays.of(start)
+    def __init__(self, views: Views, start: Arrays, known: Knowledge, huber: float | None) -> None:
+        self.known, self.huber, self.origin = known, huber, start
         self.has_prior = bool(known.shared.any() or known.bodies.any())
         self.free = np.flatnonzero(known.free)
-        c = len(start.T_world_camera)
-        slots = np.concatenate(
+        # Views that share camera, part and body share their columns, and stand together: one
+        # product for each such group.
+        order = np.lexsort((views.part, views.camera, views.body))
+        self.views = views.select(order)
+        self.place = np.empty_like(order)
+        self.place[order] = np.arange(len(order))
+        self.whitening = whiten(self.views.covariance)
+        keys = np.stack([self.views.body, self.views.camera, self.views.part])
+        first = np.flatnonzero(np.append(True, (np.diff(keys, axis=1) != 0).any(0)))
+        self.groups = list(zip(first, [*first[1:], len(order)], strict=True))
+        self.bodies = self.views.body[first]
+        c = len(start.R_camera)
+        self.slots = np.concatenate(
             [
-                CAMERA_UNKNOWNS * views.camera[:, None] + np.arange(CAMERA_UNKNOWNS),
-                CAMERA_UNKNOWNS * c + 6 * views.part[:, None] + np.arange(6),
+                CAMERA_UNKNOWNS * self.views.camera[first, None] + np.arange(CAMERA_UNKNOWNS),
+                CAMERA_UNKNOWNS * c + 6 * self.views.part[first, None] + np.arange(6),
             ],
             axis=1,
         )
-        # Views that share camera, part and body share their columns: one product for each.
-        keys = np.column_stack([views.body, views.camera, views.part])
-        order = np.lexsort(keys.T[::-1])
-        _, first = np.unique(keys[order], axis=0, return_index=True)
-        self.groups = [
-            (rows, int(views.body[rows[0]]), slots[rows[0]])
-            for rows in np.split(order, np.sort(first)[1:])
-        ]
 
     def evaluate(self, at: Arrays) -> _State:
         """Cost and normal equations; infinite cost where a point falls behind its camera."""
         lin = linearised_at(self.views, at, self.whitening)
-        size = np.linalg.norm(lin.residual, axis=1)
+        size = np.sqrt((lin.residual**2).sum(1))
         weights, losses = _huber(size, self.huber)
         known = self.known
         g, b = len(known.shared), len(at.R_body)
-        shared_off, body_off = np.zeros(g), np.zeros((b, 6))
+        shared, body, mixed = known.shared.copy(), known.bodies.copy(), np.zeros((b, g, 6))
+        shared_right, body_right = np.zeros(g), np.zeros((b, 6))
+        cost = float(losses.sum())
         if self.has_prior:
             shared_off, body_off = at.change_from(self.origin)
-        cost = float(losses.sum() + 0.5 * shared_off @ known.shared @ shared_off)
-        cost += float(0.5 * np.einsum("bi,bij,bj->", body_off, known.bodies, body_off))
+            shared_right = -known.shared @ shared_off
+            body_right = -(known.bodies @ body_off[..., None])[..., 0]
+            cost -= 0.5 * float(shared_off @ shared_right + (body_off * body_right).sum())
         if not np.isfinite(cost):
             cost = np.inf
-        shared, mixed = known.shared.copy(), np.zeros((b, g, 6))
-        shared_right = -known.shared @ shared_off
-        body = known.bodies.copy()
-        body_right = -np.einsum("bij,bj->bi", known.bodies, body_off)
-        if np.isfinite(cost):
-            root = np.sqrt(weights)[:, None]
-            r = root * lin.residual
-            Jg = root[..., None] * np.concatenate([lin.by_camera, lin.by_part], axis=2)
-            Jb = root[..., None] * lin.by_body
-            for rows, one, slots in self.groups:
-                jg, jb, rest = Jg[rows].reshape(-1, 21), Jb[rows].reshape(-1, 6), r[rows].ravel()
-                shared[np.ix_(slots, slots)] += jg.T @ jg
-                shared_right[slots] += jg.T @ rest
-                body[one] += jb.T @ jb
-                body_right[one] += jb.T @ rest
-                mixed[one][slots] += jg.T @ jb
+        else:
+            products = self._products(lin, weights)
+            own, rows = self.slots, self.bodies
+            np.add.at(shared, (own[:, :, None], own[:, None, :]), products[:, :21, :21])
+            np.add.at(shared_right, own, products[:, :21, 27])
+            np.add.at(body, rows, products[:, 21:27, 21:27])
+            np.add.at(body_right, rows, products[:, 21:27, 27])
+            np.add.at(mixed, (rows[:, None], own), products[:, :21, 21:27])
         free = self.free
         return _State(
             cost,
@@ -240,6 +257,18 @@ class _Problem:
             body_right,
             mixed[:, free],
         )
+
+    def _products(self, lin: Linearised, weights: Array) -> Array:
+        """(k, 28, 28) products of the columns of each group: camera, part, body, residual."""
+        columns = np.empty((len(weights), 2, 28))
+        columns[..., :15], columns[..., 15:21] = lin.by_camera, lin.by_part
+        columns[..., 21:27], columns[..., 27] = lin.by_body, lin.residual
+        columns *= np.sqrt(weights)[:, None, None]
+        products = np.empty((len(self.groups), 28, 28))
+        for (first, end), product in zip(self.groups, products, strict=True):
+            rows = columns[first:end].reshape(-1, 28)
+            np.matmul(rows.T, rows, out=product)
+        return products
 
 
 def _huber(size: Array, limit: float | None) -> tuple[Array, Array]:
@@ -264,36 +293,41 @@ def _step(problem: _Problem, state: _State, damping: float) -> tuple[Array, Arra
     try:
         inverse = np.linalg.inv(body) if b else body
         carried = state.mixed @ inverse
-        reduced = shared - np.einsum("bgi,bhi->gh", carried, state.mixed)
-        right = state.shared_right - np.einsum("bgi,bi->g", carried, state.body_right)
+        reduced = shared - _summed(carried, state.mixed)
+        right = state.shared_right - (carried @ state.body_right[..., None])[..., 0].sum(0)
         scale = 1 / np.sqrt(np.maximum(np.diagonal(shared), 1e-300))
         free = scale * np.linalg.solve(scale[:, None] * reduced * scale, scale * right)
     except np.linalg.LinAlgError:
         return None
-    moved = np.einsum(
-        "bij,bj->bi", inverse, state.body_right - np.einsum("bgi,g->bi", state.mixed, free)
-    )
+    rest = state.body_right - free @ state.mixed
+    moved = (inverse @ rest[..., None])[..., 0]
     if not (np.isfinite(free).all() and np.isfinite(moved).all()):
         return None
-    whole = np.zeros(problem.start.shared)
+    whole = np.zeros(problem.origin.shared)
     whole[problem.free] = free
     return whole, moved
 
 
+def _summed(a: Array, b: Array) -> Array:
+    """(g, h) sum over the bodies of a (n, g, 6) times b (n, h, 6) transposed."""
+    n, g, _ = a.shape
+    left = np.swapaxes(a, 0, 1).reshape(g, 6 * n)
+    return np.asarray(left @ np.swapaxes(b, 0, 1).reshape(b.shape[1], 6 * n).T)
+
+
 def _result(
     problem: _Problem,
-    setup: Setup,
+    at: Arrays,
     state: _State,
     converged: bool,
     describe: Callable[[int], str] | None,
 ) -> Adjustment:
     """Covariances at the solution."""
-    _check_bodies(state.body)
-    inverse = np.linalg.inv(state.body) if len(state.body) else state.body
+    inverse = _inverse_of_bodies(state.body)
     carried = state.mixed @ inverse
-    reduced = state.shared - np.einsum("bgi,bhi->gh", carried, state.mixed)
+    reduced = state.shared - _summed(carried, state.mixed)
     free = _inverse_of_reduced(reduced, np.diagonal(state.shared), problem, describe)
-    g = setup.shared
+    g = at.shared
     covariance = np.zeros((g, g))
     covariance[np.ix_(problem.free, problem.free)] = free
     bodies = inverse + np.swapaxes(carried, 1, 2) @ free @ carried
@@ -306,23 +340,28 @@ def _result(
         if information.any()
     )
     return Adjustment(
-        setup,
+        at,
         covariance,
         bodies,
-        state.residual,
-        state.weights,
+        state.residual[problem.place],
+        state.weights[problem.place],
         state.cost,
         2 * len(problem.views) + known - unknowns,
         converged,
     )
 
 
-def _check_bodies(body: Array) -> None:
-    """Raise if a body is not determined even with all else known."""
-    for number, matrix in enumerate(body):
-        scale = 1 / np.sqrt(np.maximum(np.diagonal(matrix), 1e-300))
-        if np.linalg.eigvalsh(scale[:, None] * matrix * scale)[0] < _SINGULAR:
-            raise NotDeterminedError(f"too little is seen of body {number} to place it")
+def _inverse_of_bodies(body: Array) -> Array:
+    """Inverses (b, 6, 6); an error if a body is not determined even with all else known."""
+    if not len(body):
+        return body
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(body, axis1=1, axis2=2), 1e-300))
+    values, vectors = np.linalg.eigh(scale[:, :, None] * body * scale[:, None])
+    bad = np.flatnonzero(values[:, 0] < _SINGULAR)
+    if len(bad):
+        raise NotDeterminedError(f"too little is seen of body {bad[0]} to place it")
+    scaled = scale[:, :, None] * vectors
+    return np.asarray((scaled / values[:, None]) @ np.swapaxes(scaled, 1, 2))
 
 
 def _inverse_of_reduced(
@@ -332,9 +371,38 @@ def _inverse_of_reduced(
     if not len(reduced):
         return reduced
     scale = 1 / np.sqrt(np.maximum(diagonal, 1e-300))
+    # The largest eigenvalue of an inverse is at most its trace.
+    inverse = _inverse(scale[:, None] * reduced * scale)
+    if inverse is not None and np.trace(inverse) < 1 / _SINGULAR:
+        return np.asarray(scale[:, None] * inverse * scale)
     values, vectors = np.linalg.eigh(scale[:, None] * reduced * scale)
     if values[0] < _SINGULAR:
         worst = int(problem.free[np.argmax(np.abs(vectors[:, 0]))])
         name = describe(worst) if describe else f"unknown {worst}"
         raise NotDeterminedError(f"the images do not determine {name}")
     return np.asarray(scale[:, None] * (vectors / values) @ vectors.T * scale)
+
+
+def information_of(covariance: Array) -> Array:
+    """Inverse of a covariance; of one without full rank that on what varies.
+
+    Parameters
+    ----------
+    covariance : (k, k) array
+        With a positive diagonal.
+    """
+    scale = 1 / np.sqrt(np.diagonal(covariance))
+    scaled = scale[:, None] * covariance * scale
+    inverse = _inverse(scaled)
+    if inverse is None or np.trace(inverse) > 1 / _DEPENDENT:
+        inverse = np.asarray(np.linalg.pinv(scaled, rcond=_DEPENDENT, hermitian=True))
+    return np.asarray(scale[:, None] * inverse * scale)
+
+
+def _inverse(matrix: Array) -> Array | None:
+    """Of a positive definite matrix; None if it is not."""
+    try:
+        root = np.linalg.inv(np.linalg.cholesky(matrix))
+    except np.linalg.LinAlgError:
+        return None
+    return np.asarray(root.T @ root)

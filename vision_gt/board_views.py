@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from validation.angles import Array
 from vision_gt.boards import Board
 from vision_gt.camera import Camera
 from vision_gt.network import BoardPose
-from vision_gt.planar_pose import planar_solutions
+from vision_gt.planar_pose import planar_arrays
 from vision_gt.setups import Views
 
 STATED_SIGMA = 0.1
@@ -77,8 +77,11 @@ def camera_pose_of_board(view: BoardView, camera: Camera) -> RigidTransform | No
     """T_camera_board from one view; None if it has too few corners."""
     if len(view.ids) < 6:
         return None
-    solutions = planar_solutions(view.points, view.pixels, camera.parameters)
-    return None if solutions is None else solutions.best
+    found = planar_arrays(view.points, view.pixels, camera.parameters)
+    if found is None:
+        return None
+    R, t, _ = found
+    return RigidTransform.from_components(t[0], Rotation.from_matrix(R[0]))
 
 
 def bar_poses(

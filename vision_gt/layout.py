@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -12,7 +13,13 @@ from validation.angles import Array
 from validation.errors import GtvalError
 from vision_gt.adjustment import Adjustment, Knowledge, adjust
 from vision_gt.camera import Camera
-from vision_gt.marker_poses import best_start, marker_corners, marker_solutions, marker_views
+from vision_gt.marker_poses import (
+    Placed,
+    best_start,
+    marker_corners,
+    marker_solutions,
+    marker_views,
+)
 from vision_gt.markers import MarkerView
 from vision_gt.planar_pose import PlanarSolutions
 from vision_gt.setups import CAMERA_UNKNOWNS, Setup, part_slots
@@ -48,6 +55,11 @@ class Layout:
     sides: Array
     T_robot_marker: RigidTransform
     covariance: Array
+
+    @cached_property
+    def placed(self) -> Placed:
+        """The same as plain arrays."""
+        return Placed.of(self.numbers, self.sides.tolist(), self.T_robot_marker)
 
     def index(self, number: int) -> int:
         """Place of a marker in the stacks."""
@@ -261,9 +273,10 @@ def _refined(
     """All corners of all images in one adjustment, started from the chains."""
     T_robot_marker, pairs, chains = chained
     numbers = tuple(sorted(sides))
+    placed = Placed.of(numbers, [sides[n] for n in numbers], T_robot_marker)
     bodies, kept = [], []
     for frame in frames:
-        T = best_start(frame.views, camera, sides, numbers, T_robot_marker)
+        T = best_start(frame.views, camera, placed)
         if T is not None:
             bodies.append(T)
             kept.append(frame)

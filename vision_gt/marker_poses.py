@@ -1,20 +1,29 @@
 """What markers say about where they are, and where the robot is that carries them."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from validation.angles import Array
-from vision_gt.camera import Camera, project
+from vision_gt.camera import Camera, project, undistort
 from vision_gt.markers import MarkerView
-from vision_gt.planar_pose import PlanarSolutions, planar_solutions
+from vision_gt.planar_pose import (
+    PlanarSolutions,
+    planar_arrays,
+    planar_guesses,
+    planar_solutions,
+)
 from vision_gt.setups import Views
 
-_ENOUGH, _GOOD = 2, 25.0
-"""After so many markers, the largest first, a guess with this mean square is good enough."""
+_ENOUGH, _GOOD, _CAP = 2, 25.0, 40.0
+"""After so many markers, the largest first, a guess with this mean square is good enough; no
+corner counts for more pixels than the cap."""
 
 
+@lru_cache(maxsize=64)
 def marker_corners(side: float) -> Array:
     """(4, 3) corners of a marker in its own frame, metres, in the order of detection.
 
@@ -22,7 +31,9 @@ def marker_corners(side: float) -> Array:
     viewer, as in AD2.3, where the dima-marker lies on its back with z upwards.
     """
     h = side / 2
-    return np.array([[-h, h, 0], [h, h, 0], [h, -h, 0], [-h, -h, 0]])
+    corners = np.array([[-h, h, 0], [h, h, 0], [h, -h, 0], [-h, -h, 0]])
+    corners.setflags(write=False)
+    return corners
 
 
 def marker_solutions(view: MarkerView, side: float, camera: Camera) -> PlanarSolutions | None:
@@ -57,13 +68,41 @@ def marker_views(
     )
 
 
+@dataclass(frozen=True)
+class Placed:
+    """Markers on the robot, as plain arrays.
+
+    Parameters
+    ----------
+    numbers : sequence of int
+        Ids in the order of the stacks.
+    corners : (m, 4, 3) array
+        Their corners in the robot frame, metres.
+    R, t : (m, 3, 3) and (m, 3) arrays
+        T_robot_marker.
+    sides : sequence of float
+        Metres.
+    """
+
+    numbers: Sequence[int]
+    corners: Array
+    R: Array
+    t: Array
+    sides: Sequence[float]
+
+    @classmethod
+    def of(
+        cls, numbers: Sequence[int], sides: Sequence[float], T_robot_marker: RigidTransform
+    ) -> "Placed":
+        """Of a stack of transforms."""
+        R, t = T_robot_marker.rotation.as_matrix(), np.asarray(T_robot_marker.translation)
+        own = np.array([marker_corners(float(side)) for side in sides])
+        return cls(tuple(numbers), own @ np.swapaxes(R, 1, 2) + t[:, None], R, t, tuple(sides))
+
+
 def robot_candidates(
-    views: Sequence[MarkerView],
-    camera: Camera,
-    sides: Mapping[int, float],
-    numbers: Sequence[int],
-    T_robot_marker: RigidTransform,
-) -> list[tuple[float, RigidTransform]]:
+    views: Sequence[MarkerView], camera: Camera, placed: Placed
+) -> tuple[Array, Array, Array]:
     """T_camera_robot by either solution of each marker, with how badly all corners fit.
 
     Parameters
@@ -72,63 +111,54 @@ def robot_candidates(
         Of one image.
     camera : Camera
         That took it.
-    sides : mapping of int to float
-        Of the markers, metres.
-    numbers : sequence of int
-        Ids in the order of the stack.
-    T_robot_marker : RigidTransform
+    placed : Placed
         Where the markers are on the robot.
 
     Returns
     -------
-    list of (float, RigidTransform)
-        Best first; the mean over all corners of the squared residual length, capped, so that a
+    misfits : (k,) array
+        Ascending; the mean over all corners of the squared residual length, capped, so that a
         wrong marker does not decide.
+    R, t : (k, 3, 3) and (k, 3) arrays
+        The candidates.
     """
-    found: list[tuple[float, RigidTransform]] = []
-    points = np.concatenate(
-        [
-            T_robot_marker[numbers.index(v.number)].apply(marker_corners(sides[v.number]))
-            for v in views
-        ]
-    )
-    pixels = np.concatenate([view.corners for view in views])
-    largest_first = sorted(views, key=lambda view: -float(np.ptp(view.corners, axis=0).prod()))
-    for count, view in enumerate(largest_first):
-        if count >= _ENOUGH and found and min(found, key=_first)[0] < _GOOD:
+    rows = [placed.numbers.index(view.number) for view in views]
+    pixels = np.array([view.corners for view in views], dtype=float)
+    directions = undistort(pixels, camera.parameters)
+    points = placed.corners[rows].reshape(-1, 3)
+    largest_first = np.argsort(-np.prod(np.ptp(pixels, axis=1), axis=1), kind="stable")
+    found: list[tuple[Array, Array, Array]] = []
+    least = np.inf
+    for count, one in enumerate(largest_first):
+        if count >= _ENOUGH and least < _GOOD:
             break
-        solutions = planar_solutions(
-            marker_corners(sides[view.number]),
-            view.corners,
-            camera.parameters,
-            refine=len(views) < 2,
+        marker = marker_corners(placed.sides[rows[one]])
+        # Alone, a marker's two solutions are judged by their fit, so they are refined.
+        solved = (
+            planar_guesses(marker, directions[one])
+            if len(views) > 1
+            else planar_arrays(marker, pixels[one], camera.parameters)
         )
-        if solutions is None:
+        if solved is None:
             continue
-        T_marker_robot = T_robot_marker[numbers.index(view.number)].inv()
-        for T in solutions.T_camera_plane:
-            T_camera_robot = T * T_marker_robot
-            found.append((_misfit(T_camera_robot, points, pixels, camera), T_camera_robot))
-    return sorted(found, key=_first)
-
-
-def _first(pair: tuple[float, RigidTransform]) -> float:
-    return pair[0]
-
-
-def _misfit(T: RigidTransform, points: Array, pixels: Array, camera: Camera) -> float:
-    miss = project(T.apply(points), camera.parameters) - pixels
-    squares = np.nan_to_num((miss**2).sum(1), nan=np.inf)
-    return float(np.minimum(squares, 40.0**2).mean())
+        R = solved[0] @ placed.R[rows[one]].T
+        t = solved[1] - R @ placed.t[rows[one]]
+        seen = points @ np.swapaxes(R, 1, 2) + t[:, None]
+        miss = project(seen, camera.parameters) - pixels.reshape(-1, 2)
+        squares = np.nan_to_num((miss**2).sum(-1), nan=np.inf)
+        misfits = np.minimum(squares, _CAP**2).mean(-1)
+        found.append((misfits, R, t))
+        least = min(least, float(misfits.min()))
+    if not found:
+        return np.zeros(0), np.zeros((0, 3, 3)), np.zeros((0, 3))
+    misfits, R, t = (np.concatenate([one[i] for one in found]) for i in range(3))
+    order = np.argsort(misfits, kind="stable")
+    return misfits[order], R[order], t[order]
 
 
 def best_start(
-    views: Sequence[MarkerView],
-    camera: Camera,
-    sides: Mapping[int, float],
-    numbers: Sequence[int],
-    T_robot_marker: RigidTransform,
+    views: Sequence[MarkerView], camera: Camera, placed: Placed
 ) -> RigidTransform | None:
     """The best of `robot_candidates`, if there is any."""
-    found = robot_candidates(views, camera, sides, numbers, T_robot_marker)
-    return found[0][1] if found else None
+    _, R, t = robot_candidates(views, camera, placed)
+    return RigidTransform.from_components(t[0], Rotation.from_matrix(R[0])) if len(R) else None

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -96,6 +97,11 @@ class Network:
         """Names of the cameras."""
         return tuple(camera.name for camera in self.cameras)
 
+    @cached_property
+    def placed(self) -> tuple[Array, Array]:
+        """Rotations (c, 3, 3) and translations (c, 3) of T_gtv_camera."""
+        return self.T_gtv_camera.rotation.as_matrix(), np.asarray(self.T_gtv_camera.translation)
+
     def index(self, name: str) -> int:
         """Place of a camera in the stacks."""
         return self.names.index(name)
@@ -143,8 +149,10 @@ def adjust_network(
     by_name = dict(zip(names, cameras, strict=True))
     starts = {}
     for view in views:
+        if view.body in starts:
+            continue
         T = camera_pose_of_board(view, by_name[view.camera])
-        if T is not None and view.body not in starts:
+        if T is not None:
             T_pattern_bar = bar.patterns[view.part].inv()
             starts[view.body] = T_gtv_camera[view.camera] * T * T_pattern_bar
     starts.update({name: body.T_gtv_body for name, body in known.items() if name in starts})

@@ -8,8 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from validation.angles import Array
 from vision_gt.camera import project, undistort
-
-_SIGMA = 0.5
+from vision_gt.transforms import rotation_matrices
 
 
 @dataclass(frozen=True)
@@ -33,9 +32,7 @@ class PlanarSolutions:
         return self.T_camera_plane[0]
 
 
-def planar_solutions(
-    points: Array, pixels: Array, parameters: Array, *, refine: bool = True
-) -> PlanarSolutions | None:
+def planar_solutions(points: Array, pixels: Array, parameters: Array) -> PlanarSolutions | None:
     """Both poses of a flat thing; None if there is none in front of the camera.
 
     Parameters
@@ -46,15 +43,57 @@ def planar_solutions(
         Where they are seen.
     parameters : (9,) array
         Intrinsic parameters.
-    refine : bool
-        Whether to refine each solution by least squares on the pixels.
 
     Notes
     -----
     Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109 (2014). Refined,
     each solution is a local minimum of the reprojection error if it is one at all.
     """
-    directions = undistort(pixels, parameters)
+    found = planar_arrays(points, pixels, parameters)
+    if found is None:
+        return None
+    R, t, errors = found
+    return PlanarSolutions(RigidTransform.from_components(t, Rotation.from_matrix(R)), errors)
+
+
+def planar_arrays(
+    points: Array, pixels: Array, parameters: Array
+) -> tuple[Array, Array, Array] | None:
+    """The same as rotations (k, 3, 3), translations (k, 3) and errors (k,), best first."""
+    pixels = np.asarray(pixels, dtype=float)
+    guesses = planar_guesses(points, undistort(pixels, parameters))
+    if guesses is None:
+        return None
+    K = np.array([[parameters[0], 0, parameters[2]], [0, parameters[1], parameters[3]], [0, 0, 1]])
+    centre = points.mean(0)
+    turned, moved = [], []
+    for R, t in zip(*guesses, strict=True):
+        about_centre = (t + R @ centre)[:, None]
+        rotvec, about_centre = cv2.solvePnPRefineLM(
+            points - centre, pixels, K, parameters[4:], cv2.Rodrigues(R)[0], about_centre
+        )
+        turned.append(np.ravel(rotvec))
+        moved.append(np.ravel(about_centre))
+    R = rotation_matrices(np.array(turned))
+    t = np.array(moved) - R @ centre
+    seen = points @ np.swapaxes(R, 1, 2) + t[:, None]
+    errors = np.sqrt(((project(seen, parameters) - pixels) ** 2).sum(-1).mean(-1))
+    order = np.argsort(errors)[: int(np.isfinite(errors).sum())]
+    if not len(order):
+        return None
+    return R[order], t[order], errors[order]
+
+
+def planar_guesses(points: Array, directions: Array) -> tuple[Array, Array] | None:
+    """Both poses in closed form: rotations (k, 3, 3) and translations (k, 3).
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Points of the thing's plane z = 0, at least four, metres.
+    directions : (n, 2) array
+        Undistorted image coordinates at which they are seen.
+    """
     if not np.isfinite(directions).all():
         return None
     centre = points.mean(0)
@@ -67,24 +106,11 @@ def planar_solutions(
         return None
     if not found:
         return None
-    K = np.array([[parameters[0], 0, parameters[2]], [0, parameters[1], parameters[3]], [0, 0, 1]])
-    solutions = []
-    for rotvec, t in zip(rotations, translations, strict=True):
-        if not (np.isfinite(rotvec).all() and np.isfinite(t).all()) or t[2] <= 0:
-            continue
-        refined, moved = rotvec, t
-        if refine:
-            refined, moved = cv2.solvePnPRefineLM(
-                points - centre, np.asarray(pixels, dtype=float), K, parameters[4:], rotvec, t
-            )
-        R = Rotation.from_rotvec(np.ravel(refined))
-        T = RigidTransform.from_components(np.ravel(moved) - R.apply(centre), R)
-        miss = project(T.apply(points), parameters) - pixels
-        error = float(np.sqrt((miss**2).sum(-1).mean()))
-        if np.isfinite(error):
-            solutions.append((error, T))
-    if not solutions:
+    turned = np.array(rotations, dtype=float).reshape(-1, 3)
+    moved = np.array(translations, dtype=float).reshape(-1, 3)
+    fine = np.isfinite(turned).all(1) & np.isfinite(moved).all(1)
+    fine[fine] &= moved[fine, 2] > 0
+    if not fine.any():
         return None
-    solutions.sort(key=lambda pair: pair[0])
-    errors = np.array([error for error, _ in solutions])
-    return PlanarSolutions(RigidTransform.concatenate([T for _, T in solutions]), errors)
+    R = rotation_matrices(turned[fine])
+    return R, moved[fine] - R @ centre

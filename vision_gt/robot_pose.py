@@ -4,24 +4,29 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
-from scipy.stats import chi2
+from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.special import chdtrc
 
 from validation.angles import Array
-from vision_gt.adjustment import Adjustment, Knowledge, NotDeterminedError, adjust
+from vision_gt.adjustment import (
+    Adjustment,
+    Knowledge,
+    NotDeterminedError,
+    adjust,
+    information_of,
+)
 from vision_gt.camera import Camera
 from vision_gt.layout import Layout
 from vision_gt.marker_poses import marker_solutions, marker_views, robot_candidates
 from vision_gt.markers import MarkerView
 from vision_gt.network_adjustment import Network
-from vision_gt.setups import CAMERA_UNKNOWNS, Setup, camera_slots, linearise
+from vision_gt.setups import CAMERA_UNKNOWNS, Arrays, camera_slots, linearised_at, whiten
 from vision_gt.transforms import (
-    angle_between,
-    change_between,
     mean_transform,
     planar_jacobian,
     planar_pose,
-    planar_transform,
+    rotation_matrices,
+    rotation_vectors,
 )
 
 AMBIGUOUS_EXCESS = 13.8
@@ -116,7 +121,7 @@ class RobotPose:
     @property
     def p_value(self) -> float:
         """How likely so bad a fit of the corners is by chance."""
-        return float(chi2.sf(self.chi_square, max(self.freedom, 1)))
+        return float(chdtrc(max(self.freedom, 1), self.chi_square))
 
     @property
     def planar(self) -> tuple[Array, Array]:
@@ -162,16 +167,16 @@ def robot_pose(
         other = solutions[1].setup.T_world_body[0]
         # Where corners are worse than stated, so is their power to tell the two apart.
         excess = 2 * (solutions[1].cost - best.cost) / max(best.m0, 1.0) ** 2
-    unbound = best if floor is None else problem.adjusted(best.setup.T_world_body[0], None)
+    R, t = best.at.R_body[0], best.at.t_body[0]
+    unbound = best if floor is None else problem.adjusted(R, t, None)
     sensitivity, own = problem.sensitivity(best, floor)
     chi_square = float((best.weights[:, None] * best.residuals**2).sum())
-    if chi2.sf(chi_square, max(best.freedom, 1)) < _POOR_FIT:
+    if chdtrc(max(best.freedom, 1), chi_square) < _POOR_FIT:
         own = own * chi_square / max(best.freedom, 1)
-    shared = problem.covariance
     used = sensitivity[:, problem.slots]
-    covariance = own + used @ shared @ used.T
+    covariance = own + used @ problem.covariance @ used.T
     return RobotPose(
-        best.setup.T_world_body[0],
+        RigidTransform.from_components(t, Rotation.from_matrix(R)),
         0.5 * (covariance + covariance.T),
         sensitivity,
         own,
@@ -204,7 +209,9 @@ class _Problem:
         self.views = marker_views(
             [(i, 0, s.views) for i, s in enumerate(self.sightings)], self.markers, self.sides
         )
-        self.T_robot_marker = layout.T_robot_marker[self.parts]
+        R, t = network.placed
+        self.R_camera, self.t_camera = R[self.cameras], t[self.cameras]
+        self.intrinsics = np.array([network.cameras[i].parameters for i in self.cameras])
         self.slots, self.covariance = self._shared()
 
     def _shared(self) -> tuple[Array, Array]:
@@ -220,75 +227,77 @@ class _Problem:
         covariance[n:, n:] = self.layout.covariance[np.ix_(parts, parts)]
         return np.concatenate([cameras, first + parts]), covariance
 
-    def _setup(self, T_gtv_robot: RigidTransform) -> Setup:
-        intrinsics = np.array([self.network.cameras[i].parameters for i in self.cameras])
-        return Setup(
-            self.network.T_gtv_camera[self.cameras],
-            intrinsics,
-            RigidTransform.concatenate([T_gtv_robot]),
-            self.T_robot_marker,
-        )
-
     def _knowledge(self, floor: Floor | None) -> Knowledge:
         free = np.diagonal(self.covariance) > 0
         information = np.zeros_like(self.covariance)
         kept = np.flatnonzero(free)
         if len(kept):
             block = self.covariance[np.ix_(kept, kept)]
-            scale = 1 / np.sqrt(np.diagonal(block))
-            inverse = np.linalg.pinv(scale[:, None] * block * scale, rcond=1e-12, hermitian=True)
-            information[np.ix_(kept, kept)] = scale[:, None] * inverse * scale
+            information[np.ix_(kept, kept)] = information_of(block)
         return Knowledge(information, _floor_information(floor)[None], free)
 
-    def adjusted(self, T_gtv_robot: RigidTransform, floor: Floor | None) -> Adjustment:
-        """The adjustment from one start."""
+    def adjusted(self, R: Array, t: Array, floor: Floor | None) -> Adjustment:
+        """The adjustment from one start of the robot's pose."""
         if floor is not None:
-            T_gtv_robot = planar_transform(planar_pose(T_gtv_robot))
-        return adjust(self.views, self._setup(T_gtv_robot), self._knowledge(floor), huber=_HUBER)
+            heading = np.arctan2(R[1, 0], R[0, 0])
+            R, t = rotation_matrices(np.array([0, 0, heading])), np.array([t[0], t[1], 0.0])
+        placed = self.layout.placed
+        start = Arrays(
+            self.R_camera,
+            self.t_camera,
+            self.intrinsics,
+            R[None],
+            t[None],
+            placed.R[self.parts],
+            placed.t[self.parts],
+        )
+        return adjust(self.views, start, self._knowledge(floor), huber=_HUBER)
 
     def solutions(self, floor: Floor | None) -> list[Adjustment]:
         """All distinct solutions, best first."""
         found: list[Adjustment] = []
-        for start in self._starts():
+        for R, t in self._starts():
             try:
-                done = self.adjusted(start, floor)
+                done = self.adjusted(R, t, floor)
             except (NotDeterminedError, np.linalg.LinAlgError):
                 continue
-            T = done.setup.T_world_body[0]
-            if all(_distinct(T, other.setup.T_world_body[0]) for other in found):
+            ends = [(other.at.R_body[0], other.at.t_body[0]) for other in found]
+            if all(_distinct((done.at.R_body[0], done.at.t_body[0]), end) for end in ends):
                 found.append(done)
         return sorted(found, key=lambda one: one.cost)
 
-    def _starts(self) -> list[RigidTransform]:
-        """Distinct first guesses, best first."""
-        guesses = []
-        for i, sighting in zip(self.cameras, self.sightings, strict=True):
-            T_gtv_camera = self.network.T_gtv_camera[i]
-            camera = self.network.cameras[i]
-            found = robot_candidates(
-                sighting.views, camera, self.sides, self.markers, self.T_robot_marker
-            )
-            guesses += [(misfit, T_gtv_camera * T) for misfit, T in found]
-        guesses.sort(key=lambda pair: pair[0])
-        starts: list[RigidTransform] = []
-        for misfit, T in guesses:
+    def _starts(self) -> list[tuple[Array, Array]]:
+        """Distinct first guesses R, t of the robot's pose, best first."""
+        guesses: list[tuple[float, Array, Array]] = []
+        for place, sighting in enumerate(self.sightings):
+            R_camera, t_camera = self.R_camera[place], self.t_camera[place]
+            camera = self.network.cameras[self.cameras[place]]
+            found = robot_candidates(sighting.views, camera, self.layout.placed)
+            guesses += [
+                (float(misfit), R_camera @ R, R_camera @ t + t_camera)
+                for misfit, R, t in zip(*found, strict=True)
+            ]
+        guesses.sort(key=lambda guess: guess[0])
+        starts: list[tuple[Array, Array]] = []
+        for misfit, R, t in guesses:
             if misfit > _HOPELESS * guesses[0][0] + _HOPELESS_PIXELS**2:
                 break
-            if all(_distinct(T, other, 3.0) for other in starts):
-                starts.append(T)
+            if all(_distinct((R, t), other, 3.0) for other in starts):
+                starts.append((R, t))
         return starts[:_MOST_STARTS]
 
     def sensitivity(self, done: Adjustment, floor: Floor | None) -> tuple[Array, Array]:
         """How cameras and markers move the pose (6, t), and the pose's own covariance (6, 6)."""
-        lin = linearise(self.views, done.setup)
+        lin = linearised_at(self.views, done.at, whiten(self.views.covariance))
         root = np.sqrt(done.weights)[:, None, None]
-        n = len(self.views)
+        n, c = len(self.views), len(self.cameras)
         A = (root * lin.by_body).reshape(2 * n, 6)
         by_shared = np.zeros((n, 2, len(self.slots)))
-        for row in range(n):
-            by_shared[row][:, camera_slots(int(self.views.camera[row]))] = lin.by_camera[row]
-            first = CAMERA_UNKNOWNS * len(self.cameras) + 6 * int(self.views.part[row])
-            by_shared[row][:, first : first + 6] = lin.by_part[row]
+        row, side = np.arange(n)[:, None, None], np.arange(2)[:, None]
+        of_camera = CAMERA_UNKNOWNS * self.views.camera[:, None] + np.arange(CAMERA_UNKNOWNS)
+        of_part = CAMERA_UNKNOWNS * c + 6 * self.views.part[:, None] + np.arange(6)
+        by_shared[row, side, of_camera[:, None]] = lin.by_camera
+        by_shared[row, side, of_part[:, None]] = lin.by_part
         B = (root * by_shared).reshape(2 * n, -1)
         inverse = np.linalg.inv(np.eye(2 * n) + B @ self.covariance @ B.T)
         weighted = A.T @ inverse
@@ -312,17 +321,20 @@ def _floor_information(floor: Floor | None) -> Array:
 
 def _floor_p(unbound: Adjustment, floor: Floor) -> float:
     """Probability of standing so far off the floor, or so tilted, by chance."""
-    T = unbound.setup.T_world_body[0]
-    off = change_between(T, planar_transform(planar_pose(T)))[[2, 3, 4]]
-    covariance = unbound.body_covariances[0][np.ix_([2, 3, 4], [2, 3, 4])]
+    R, t = unbound.at.R_body[0], unbound.at.t_body[0]
+    heading = rotation_matrices(np.array([0, 0, np.arctan2(R[1, 0], R[0, 0])]))
+    off = np.array([t[2], *rotation_vectors(R @ heading.T)[:2]])
+    covariance = unbound.body_covariances[0][2:5, 2:5]
     covariance = covariance + np.diag(np.square([floor.height, floor.tilt, floor.tilt]))
-    return float(chi2.sf(off @ np.linalg.solve(covariance, off), 3))
+    return float(chdtrc(3, off @ np.linalg.solve(covariance, off)))
 
 
-def _distinct(a: RigidTransform, b: RigidTransform, factor: float = 1.0) -> bool:
-    """Whether two poses differ by more than a least-squares solution does from itself."""
-    apart = float(np.linalg.norm(a.translation - b.translation))
-    return bool(angle_between(a, b) > factor * _DISTINCT or apart > factor * _DISTINCT_LENGTH)
+def _distinct(a: tuple[Array, Array], b: tuple[Array, Array], factor: float = 1.0) -> bool:
+    """Whether two poses (R, t) differ by more than a least-squares solution does from itself."""
+    apart = a[1] - b[1]
+    cosine = 0.5 * (float((a[0] * b[0]).sum()) - 1)
+    turned = cosine < np.cos(factor * _DISTINCT)
+    return bool(turned or apart @ apart > (factor * _DISTINCT_LENGTH) ** 2)
 
 
 def published_pose(

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from validation.angles import Array
 from vision_gt.camera import project_with_jacobians
-from vision_gt.transforms import cross_matrix, rotation_matrices, rotation_vectors
+from vision_gt.transforms import rotation_matrices, rotation_vectors
 
 Ints = npt.NDArray[np.intp]
 
@@ -95,6 +95,11 @@ class Arrays:
     t_body: Array
     R_part: Array
     t_part: Array
+
+    @property
+    def shared(self) -> int:
+        """Number of unknowns that are not a body's."""
+        return CAMERA_UNKNOWNS * len(self.R_camera) + 6 * len(self.R_part)
 
     @classmethod
     def of(cls, setup: Setup) -> "Arrays":
@@ -189,21 +194,18 @@ class Linearised:
     by_body: Array
 
 
-def linearise(views: Views, setup: Setup) -> Linearised:
+def linearised_at(views: Views, at: Arrays, whitening: Array) -> Linearised:
     """Residuals of all views, and the derivatives of the predictions.
 
     Parameters
     ----------
     views : Views
         What was seen.
-    setup : Setup
+    at : Arrays
         Where things are taken to be.
+    whitening : (n, 2, 2) array
+        From `whiten`.
     """
-    return linearised_at(views, Arrays.of(setup), whiten(views.covariance))
-
-
-def linearised_at(views: Views, at: Arrays, whitening: Array) -> Linearised:
-    """The same as `linearise`, for plain arrays and whitening matrices from `whiten`."""
     R_body = at.R_body[views.body]
     turned_part = (at.R_part[views.part] @ views.point[..., None])[..., 0]
     on_body = turned_part + at.t_part[views.part]
@@ -213,17 +215,40 @@ def linearised_at(views: Views, at: Arrays, whitening: Array) -> Linearised:
     to_camera = np.swapaxes(at.R_camera[views.camera], 1, 2)
     seen = (to_camera @ from_camera[..., None])[..., 0]
     pixel, by_point, by_intrinsics = project_with_jacobians(seen, at.intrinsics[views.camera])
+    n = len(views.camera)
     by_world = whitening @ by_point @ to_camera
-    by_camera = np.concatenate(
-        [-by_world, by_world @ cross_matrix(from_camera), whitening @ by_intrinsics], axis=2
-    )
-    by_body = np.concatenate([by_world, -by_world @ cross_matrix(turned_body)], axis=2)
+    by_camera, by_body, by_part = np.empty((n, 2, 15)), np.empty((n, 2, 6)), np.empty((n, 2, 6))
+    # A turn by phi moves a point at r by phi x r, and a . (phi x r) = (r x a) . phi.
+    np.negative(by_world, out=by_camera[..., :3])
+    by_camera[..., 3:6] = -_turned_by(from_camera, by_world)
+    by_camera[..., 6:] = whitening @ by_intrinsics
+    by_body[..., :3] = by_world
+    by_body[..., 3:] = _turned_by(turned_body, by_world)
     on_part = by_world @ R_body
-    by_part = np.concatenate([on_part, -on_part @ cross_matrix(turned_part)], axis=2)
+    by_part[..., :3] = on_part
+    by_part[..., 3:] = _turned_by(turned_part, on_part)
     residual = (whitening @ (views.pixel - pixel)[..., None])[..., 0]
     return Linearised(residual, by_camera, by_part, by_body)
 
 
+def _turned_by(r: Array, rows: Array) -> Array:
+    """(n, 2, 3) cross products of points r (n, 3) and rows a (n, 2, 3)."""
+    x, y, z = r[:, None, 0], r[:, None, 1], r[:, None, 2]
+    a, b, c = rows[..., 0], rows[..., 1], rows[..., 2]
+    out = np.empty_like(rows)
+    out[..., 0], out[..., 1], out[..., 2] = y * c - z * b, z * a - x * c, x * b - y * a
+    return out
+
+
 def whiten(covariance: Array) -> Array:
     """(n, 2, 2) matrices W with W cov W^T = 1."""
-    return np.linalg.inv(np.linalg.cholesky(covariance))
+    a, b, c = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
+    if not (a > 0).all() or not (a * c > b * b).all():
+        raise np.linalg.LinAlgError("a covariance is not positive definite")
+    # The inverse of the Cholesky factor, written out.
+    first = 1 / np.sqrt(a)
+    second = 1 / np.sqrt(c - b * b / a)
+    matrices = np.zeros_like(covariance)
+    matrices[:, 0, 0], matrices[:, 1, 1] = first, second
+    matrices[:, 1, 0] = -b / a * second
+    return matrices

@@ -90,10 +90,10 @@ def nearest_rotation(matrix: Array) -> Array:
 
 def cross_matrix(vector: Array) -> Array:
     """(..., 3, 3) matrices [v]x with [v]x w = v x w."""
-    x, y, z = np.moveaxis(np.asarray(vector, dtype=float), -1, 0)
-    o = np.zeros_like(x)
-    rows = [np.stack(row, -1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))]
-    return np.stack(rows, -2)
+    v = np.asarray(vector, dtype=float)
+    K = np.zeros((*v.shape, 3))
+    K[..., 2, 1], K[..., 0, 2], K[..., 1, 0] = v[..., 0], v[..., 1], v[..., 2]
+    return K - np.swapaxes(K, -1, -2)
 
 
 def composition_jacobians(T_a_b: RigidTransform, T_b_c: RigidTransform) -> tuple[Array, Array]:
