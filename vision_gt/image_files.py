@@ -94,11 +94,11 @@ def campaign_images(folder: Path) -> CampaignImages:
         calibration=_by_camera(folder / "calibration"),
         network=_snapshots(folder / "network", problems),
         bar=_of_cameras(folder / "bar", problems),
-        reference={path.stem: path for path in list_images(folder / "reference")},
+        reference=_one_each(folder / "reference", problems),
         movie=_by_camera(folder / "layout"),
         poses=_poses(folder / "poses", problems),
-        before={path.stem: path for path in list_images(folder / "steadiness" / "before")},
-        after={path.stem: path for path in list_images(folder / "steadiness" / "after")},
+        before=_one_each(folder / "steadiness" / "before", problems),
+        after=_one_each(folder / "steadiness" / "after", problems),
     )
     if problems:
         raise InputError(problems)
@@ -139,6 +139,17 @@ def _by_camera(folder: Path) -> dict[str, list[Path]]:
         return {}
     cameras = sorted(path for path in folder.iterdir() if path.is_dir())
     return {camera.name: images for camera in cameras if (images := list_images(camera))}
+
+
+def _one_each(folder: Path, problems: list[Problem]) -> dict[str, Path]:
+    """One image of each camera, named as it is."""
+    found: dict[str, Path] = {}
+    for path in list_images(folder):
+        if path.stem in found:
+            twin = found[path.stem].name
+            problems.append(Problem(path, f"the same camera as {twin}; keep one of them"))
+        found[path.stem] = path
+    return found
 
 
 def _snapshots(folder: Path, problems: list[Problem]) -> list[Snapshot]:

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from data_samples.cameras import MARKER_FAMILY
 from validation.campaign import load_campaign
 from validation.cli import main
 from validation.poses import from_csv, pose_difference
 from vision_gt.choices import Choices
+from vision_gt.markers import detect_markers
 from vision_gt.solve import solve_campaign
 from vision_gt.system import SYSTEM, result_of
 
@@ -149,6 +151,30 @@ def test_an_image_name_that_says_nothing_is_an_error(campaign):
     expect_error(campaign, "first.png", "expected a name such as 2-1-4")
 
 
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [(b"", "has 0 bytes"), (b"no picture", "not an image"), (None, "the same camera as")],
+    ids=["empty", "text", "twice"],
+)
+def test_bad_reference_files_are_errors_that_name_them(campaign, content, said):
+    path = next((campaign / "vision" / "reference").iterdir())
+    if content is None:
+        shutil.copy(path, path.with_suffix(".bmp"))
+    else:
+        # Nothing else to look at: what is asked is that the bad file is named.
+        for folder in ("calibration", "network", "bar", "steadiness"):
+            for image in (campaign / "vision" / folder).rglob("*.png"):
+                image.unlink()
+        for name in ("1", "2"):
+            camera = (campaign / "truth" / f"camera_{name}.yaml").read_text()
+            (campaign / f"{name}.yaml").write_text(camera)
+        toml = campaign / "campaign.toml"
+        files = 'camera_files = { "1" = "1.yaml", "2" = "2.yaml", "hand" = "2.yaml" }'
+        toml.write_text(toml.read_text().replace("[vision]\n", f"[vision]\n{files}\n"))
+        path.write_bytes(content)
+    expect_error(campaign, path.stem, said)
+
+
 def test_a_missing_reference_is_an_error(campaign):
     shutil.rmtree(campaign / "vision" / "reference")
     expect_error(campaign, "no image of the reference pattern")
@@ -156,10 +182,11 @@ def test_a_missing_reference_is_an_error(campaign):
 
 def test_blank_and_mirrored_images_and_swapped_pairs_are_findings(campaign):
     poses = campaign / "vision" / "poses" / "2"
-    blank, mirrored = sorted(poses.iterdir())[:2]
+    blank, mirrored, doubled = sorted(poses.iterdir())[:3]
     noise = np.random.default_rng(0).normal(60, 2, (960, 1280))
     cv2.imwrite(str(blank), noise.astype(np.uint8))
     cv2.imwrite(str(mirrored), cv2.imread(str(mirrored), 0)[:, ::-1])
+    number = show_a_marker_twice(doubled)
     network = campaign / "vision" / "network"
     one, other = network / "2-1-2.png", network / "1-2-2.png"
     spare = network / "spare.tmp"
@@ -175,7 +202,21 @@ def test_blank_and_mirrored_images_and_swapped_pairs_are_findings(campaign):
     assert "blank" in images
     assert mirrored.name in images
     assert "mirror" in images
+    assert doubled.name in images
+    assert f"marker {number} is seen twice" in images
     assert "1-2-2" in said["snapshot_outliers"]
+
+
+def show_a_marker_twice(path) -> int:
+    """Copy one of the markers into a corner of its image; its id."""
+    image = cv2.imread(str(path), 0)
+    view = detect_markers(image, MARKER_FAMILY).views[0]
+    low = np.floor(view.corners.min(0)).astype(int) - 12
+    high = np.ceil(view.corners.max(0)).astype(int) + 12
+    part = image[max(low[1], 0) : high[1], max(low[0], 0) : high[0]]
+    image[10 : 10 + part.shape[0], 10 : 10 + part.shape[1]] = part
+    cv2.imwrite(str(path), image)
+    return view.number
 
 
 def test_a_campaign_without_images_has_no_vision(tmp_path):
