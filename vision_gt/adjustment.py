@@ -28,7 +28,8 @@ from vision_gt.setups import (
 Mask = npt.NDArray[np.bool_]
 
 _MAX_STEPS = 60
-_SMALL_GAIN = 1e-8
+_SMALL_GAIN, _SMALL_SHARE = 1e-6, 1e-8
+"""Of half the sum of squares: less than a thousandth of a standard deviation; and of its size."""
 _SINGULAR = 1e-11
 _DEPENDENT = 1e-12
 """Eigenvalues of a correlation matrix below this are taken for zero."""
@@ -161,7 +162,7 @@ def adjust(
         if candidate.cost <= state.cost * (1 + 1e-14):
             gain = state.cost - candidate.cost
             at, state, damping = trial, candidate, max(damping / 10, 1e-12)
-            converged = gain <= _SMALL_GAIN * max(state.cost, 1e-3) or _tiny(step)
+            converged = gain <= max(_SMALL_GAIN, _SMALL_SHARE * state.cost) or _tiny(step)
             if converged:
                 break
         else:
@@ -231,7 +232,7 @@ class _Problem:
         shared, body, mixed = known.shared.copy(), known.bodies.copy(), np.zeros((b, g, 6))
         shared_right, body_right = np.zeros(g), np.zeros((b, 6))
         cost = float(losses.sum())
-        if self.has_prior:
+        if self.has_prior and at is not self.origin:
             shared_off, body_off = at.change_from(self.origin)
             shared_right = -known.shared @ shared_off
             body_right = -(known.bodies @ body_off[..., None])[..., 0]
