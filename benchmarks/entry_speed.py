@@ -35,12 +35,13 @@ from validation.campaign import load_campaign
 from validation.files import write_files
 
 READINGS = 5000
-TIMED = 300
+TIMED = 200
 STOPS = 120
-ROUNDS = 9
-PAGES = 4
+ROUNDS = 7
+PAGES = 3
 GTVAL = str(Path(sys.executable).with_name("gtval"))
 ANN = Person("ann")
+Times = tuple[float, float]
 
 
 def campaign(folder: Path) -> dict[frozenset[str], str]:
@@ -80,37 +81,39 @@ def fill(folder: Path, shown: dict[frozenset[str], str]) -> None:
     journal.close()
 
 
-def acknowledged(folder: Path, shown: dict[frozenset[str], str]) -> list[float]:
-    """Seconds from a number to its answer, one after the other."""
+def acknowledged(folder: Path, shown: dict[frozenset[str], str]) -> list[Times]:
+    """Times from a number to its answer, one after the other."""
     entry_session = EntrySession.open(load_campaign(folder))
     taken = []
     while len(taken) < TIMED and (target := entry_session.guide.next_target(ANN)):
         if target.pair not in shown:
             entry_session.skip(target, "not seen", ANN)
             continue
-        started = time.perf_counter()
-        entry_session.record(target, shown[target.pair], ANN)
-        entry_session.guide.next_target(ANN)
-        taken.append(time.perf_counter() - started)
+        taken.append(timed(partial(enter, entry_session, target, shown[target.pair])))
     entry_session.close()
     return taken
 
 
-def bare_append(folder: Path) -> list[float]:
+def enter(entry_session: EntrySession, target: Target, text: str) -> None:
+    """Record a number, and find out what is next."""
+    entry_session.record(target, text, ANN)
+    entry_session.guide.next_target(ANN)
+
+
+def bare_append(folder: Path) -> list[Times]:
     """The same for a line appended to a CSV file, flushed to the disk."""
-    taken = []
     with (folder / "bare.csv").open("ab") as stream:
-        for number in range(TIMED):
-            started = time.perf_counter()
-            stream.write(b"2024-03-04T09:00,O,1,%d\n" % number)
+
+        def append() -> None:
+            stream.write(b"2024-03-04T09:00,O,1,2.500\n")
             stream.flush()
             os.fsync(stream.fileno())
-            taken.append(time.perf_counter() - started)
-    return taken
+
+        return [timed(append) for _ in range(TIMED)]
 
 
-def other_actions(folder: Path, shown: dict[frozenset[str], str]) -> dict[str, list[float]]:
-    """Seconds of all else that people do: the same measured again, undone, remarked on, kept."""
+def other_actions(folder: Path, shown: dict[frozenset[str], str]) -> dict[str, list[Times]]:
+    """Times of all else that people do: the same measured again, undone, remarked on, kept."""
     entry_session = EntrySession.open(load_campaign(folder))
     guide = entry_session.guide
     stop, wall = guide.target("3/X 5"), guide.target("X 5")
@@ -134,43 +137,51 @@ def other_actions(folder: Path, shown: dict[frozenset[str], str]) -> dict[str, l
     return taken
 
 
-def timed(action: Callable[[], object]) -> float:
-    """Seconds that it takes."""
-    started = time.perf_counter()
+def timed(action: Callable[[], object]) -> Times:
+    """Seconds, and processor seconds of this process, that it takes."""
+    started, used = time.perf_counter(), time.process_time()
     action()
-    return time.perf_counter() - started
+    return time.perf_counter() - started, time.process_time() - used
 
 
-def page(folder: Path, shown: dict[frozenset[str], str]) -> dict[str, list[float]]:
-    """Seconds until the page is there, just after a start and later, and of its readings."""
-    taken: dict[str, list[float]] = {"served": [], "first": [], "later": [], "reading": []}
-    taken["used"] = []
+def page(folder: Path, shown: dict[frozenset[str], str]) -> dict[str, list[Times]]:
+    """Times until the page is there, just after a start and later, and of its readings.
+
+    Processor seconds are those of the server.
+    """
+    taken: dict[str, list[Times]] = {"joined": [], "first": [], "later": [], "reading": []}
     for _ in range(PAGES):
-        log = folder.parent / "served.log"
         started = time.perf_counter()
-        with EntryServer(folder, log) as server, server.join() as client:
-            taken["served"].append(time.perf_counter() - started)
-            taken["first"].append(timed(lambda: client.get("/").raise_for_status()))
-            taken["used"].append(processor_seconds(server.process.pid))
-            for _ in range(TIMED // 10):
-                said = client.get("/state").json()
-                target = said["targets"][0]
+        with EntryServer(folder, folder.parent / "log") as server, server.join() as client:
+            own = server.process.pid
+            taken["joined"].append((time.perf_counter() - started, processor_seconds(own)))
+            taken["first"].append(served(own, partial(client.get, "/")))
+            while client.get("/state").json()["unexamined"]:
+                time.sleep(0.2)
+            taken["later"] += [served(own, partial(client.get, "/")) for _ in range(9)]
+            for number in range(TIMED // 10):
+                target = client.get("/state").json()["targets"][0]
                 pair = frozenset((target["from"], target["to"]))
-                name = f"{len(taken['reading'])}-{started}"
-                body = {"from": target["from"], "to": target["to"], "text": shown.get(pair, "5.0")}
-                post = partial(client.post, "/readings", json={**body, "id": name})
-                taken["reading"].append(timed(post))
-            taken["later"] += [timed(lambda: client.get("/")) for _ in range(9)]
+                said = {"from": target["from"], "to": target["to"], "text": shown.get(pair, "5.0")}
+                said["id"] = f"{number}-{started}"
+                taken["reading"].append(served(own, partial(client.post, "/readings", json=said)))
     return taken
 
 
+def served(server: int, request: Callable[[], object]) -> Times:
+    """Seconds, and processor seconds of the server, that a request takes."""
+    used = processor_seconds(server)
+    taken, _ = timed(request)
+    return taken, processor_seconds(server) - used
+
+
 def processor_seconds(process: int) -> float:
-    """Processor time of a running process so far."""
+    """Processor time of a running process so far, to a hundredth."""
     fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def until_prompt(folder: Path) -> tuple[float, float]:
+def until_prompt(folder: Path) -> Times:
     """Seconds, and processor seconds, from `gtval enter` to its first question."""
     started = time.perf_counter()
     child, master = pty.fork()
@@ -187,7 +198,7 @@ def until_prompt(folder: Path) -> tuple[float, float]:
     return taken, used.ru_utime + used.ru_stime
 
 
-def whole(command: list[str]) -> tuple[float, float]:
+def whole(command: list[str]) -> Times:
     """Seconds, and processor seconds, of a whole process."""
     started = time.perf_counter()
     child = os.fork()
@@ -198,12 +209,14 @@ def whole(command: list[str]) -> tuple[float, float]:
     return time.perf_counter() - started, used.ru_utime + used.ru_stime
 
 
-def line(name: str, seconds: list[float], asked: str = "") -> None:
-    """Least, median, 99th percentile and worst in milliseconds, and what was asked."""
-    ordered = sorted(seconds)
-    late = ordered[int(0.99 * (len(ordered) - 1))]
-    figures = (ordered[0], median(ordered), late, ordered[-1])
-    print(f"{name:46}" + "".join(f"{1e3 * one:8.1f}" for one in figures) + f"  {asked}", flush=True)
+def line(name: str, times: list[Times], asked: str = "") -> None:
+    """By the clock, and in processor time: least, median and worst, in milliseconds."""
+    figures = ""
+    for column in zip(*times, strict=True):
+        figures += "".join(
+            f"{1e3 * one:8.1f}" for one in (min(column), median(column), max(column))
+        )
+    print(f"{name:44}{figures}  {asked}", flush=True)
 
 
 def main() -> None:
@@ -213,20 +226,21 @@ def main() -> None:
         fresh = Path(name) / "fresh"
         campaign(fresh)
         fill(folder, shown)
-        print(f"{'milliseconds':46}{'least':>8}{'median':>8}{'99 %':>8}{'worst':>8}  asked")
+        columns = f"{'least':>8}{'median':>8}{'worst':>8}"
+        print(f"{'milliseconds':44}{columns}{columns}  asked")
+        print(f"{'':44}{'by the clock':>24}{'processor time':>24}")
         line("bare line with fsync", bare_append(folder))
         taken = acknowledged(folder, shown)
-        line("first reading after the start, numpy loaded", taken[:1])
+        line("first reading after the start", taken[:1])
         line(f"reading acknowledged, {READINGS:,} in the journal", taken[1:], "50")
         for what, times in other_actions(folder, shown).items():
             line(what, times, "50")
         of_page = page(folder, shown)
-        line("gtval enter --web serves, a device has joined", of_page["served"])
+        line("gtval enter --web serves, a device joined", of_page["joined"])
         line(f"page just after that, {READINGS:,} readings", of_page["first"], "1000")
-        line("    the server's processor time since its start", of_page["used"], "1000")
         line("page later", of_page["later"], "1000")
         line("reading acknowledged by request", of_page["reading"], "50")
-        starts: dict[str, list[tuple[float, float]]] = {}
+        starts: dict[str, list[Times]] = {}
         for _ in range(ROUNDS):
             for what, run in (
                 ("python -c pass", lambda: whole([sys.executable, "-c", "pass"])),
@@ -235,10 +249,8 @@ def main() -> None:
                 (f"gtval enter asks, {READINGS:,} readings", lambda: until_prompt(folder)),
             ):
                 starts.setdefault(what, []).append(run())
-        for what, pairs in starts.items():
-            asked = "500" if "asks" in what else ""
-            line(what, [clock for clock, _ in pairs], asked)
-            line("    its processor time", [used for _, used in pairs])
+        for what, times in starts.items():
+            line(what, times, "500" if "asks" in what else "")
 
 
 if __name__ == "__main__":
