@@ -48,10 +48,8 @@ def noise_covariance(antennas: Array, rotation: Array, noise: GpsNoise) -> Array
 
     Parameters
     ----------
-    antennas : (r, 3) array
-        In the vehicle frame, metres.
-    rotation : (..., 3, 3) array
-        Vehicle to local frame.
+    antennas, rotation
+        As in `pose_jacobian`.
     noise : GpsNoise
         Of each receiver, independent, with its larger part along the local vertical.
     """
@@ -121,10 +119,8 @@ def systematic_jacobian(antennas: Array, rotation: Array, by_distance: Array) ->
 
     Parameters
     ----------
-    antennas : (r, 3) array
-        In the vehicle frame, metres.
-    rotation : (..., 3, 3) array
-        Vehicle to local frame.
+    antennas, rotation
+        As in `pose_jacobian`.
     by_distance : (3 r, p) array
         Derivative of the antenna positions with respect to the distances.
 
@@ -137,6 +133,6 @@ def systematic_jacobian(antennas: Array, rotation: Array, by_distance: Array) ->
     r = len(antennas)
     J = pose_jacobian(antennas, rotation)
     places = by_distance.reshape(r, 3, -1)
-    moved = np.einsum("...ij,rjp->...rip", rotation, places)
-    moved = moved.reshape(*rotation.shape[:-2], 3 * r, -1)
-    return np.concatenate([J[..., 3:], -J @ moved], axis=-1)
+    turned = np.einsum("...ij,rjp->...rip", rotation, places)
+    turned = turned.reshape(*rotation.shape[:-2], 3 * r, -1)
+    return np.concatenate([J[..., 3:], -J @ turned], axis=-1)
