@@ -10,6 +10,9 @@ from rtk_gt.robust import autocorrelation_time
 from rtk_gt.steps import pair_differences
 from validation.angles import Array
 
+LEAST_SPREAD = 0.02
+"""Combinations of distances with less than this share of the greatest variance do not count."""
+
 
 @dataclass(frozen=True)
 class Consistency:
@@ -83,18 +86,30 @@ def consistency(
     incidence = pair_incidence(positions.shape[1])
     too_long = np.diagonal(incidence @ incidence.T) * np.trace(noise.covariance)
     error = np.square(difference).sum(-1) - too_long - distances**2
-    covariance = squared_distance_covariance(positions, noise)
-    # Second order keeps it regular where antennas are in one plane: 2 tr(C^2) of each pair.
-    pair = 2 * noise.covariance
-    covariance = covariance + 2 * np.trace(pair @ pair) * np.eye(len(distances))
-    squares = np.einsum("tp,tp->t", error, np.linalg.solve(covariance, error[..., None])[..., 0])
+    squares, dof = _normalised(error, squared_distance_covariance(positions, noise), noise)
     tau = autocorrelation_time(error)
-    return _judged(squares, error / (2 * distances), tau, confidence)
+    return _judged(squares, dof, error / (2 * distances), tau, confidence)
 
 
-def _judged(squares: Array, error: Array, tau: float, confidence: float) -> Consistency:
+def _normalised(error: Array, covariance: Array, noise: GpsNoise) -> tuple[Array, int]:
+    """Squared Mahalanobis distances (t,), and their degrees of freedom.
+
+    Four and more antennas near one plane have combinations of distances that noise changes in
+    second order only. They are far from Gaussian and left out: 5 of the 6 distances of four
+    antennas count, 7 of the 10 of five.
+    """
+    spreads, directions = np.linalg.eigh(covariance)
+    counted = (spreads > LEAST_SPREAD * spreads[:, -1:]).sum(1)
+    dof = int(np.median(counted))
+    along = np.einsum("tpk,tp->tk", directions[:, :, -dof:], error)
+    pair = 2 * noise.covariance
+    second = 2 * float(np.trace(pair @ pair))
+    return np.asarray((along**2 / (spreads[:, -dof:] + second)).sum(1)), dof
+
+
+def _judged(squares: Array, dof: int, error: Array, tau: float, confidence: float) -> Consistency:
     """Statistics of the squared measure and of the distances' errors."""
-    t, dof = len(squares), error.shape[1]
+    t = len(squares)
     bound = float(np.sqrt(special.chdtri(dof, 1 - confidence)))
     q = np.sqrt(squares)
     free = max(t / tau, 1.0) * dof

@@ -7,6 +7,7 @@ from scipy import stats
 from data_samples.drives import LEFT_CAMERA, DriveSettings, simulate_drive
 from rtk_gt.antennas import antenna_positions
 from rtk_gt.composition import compose
+from rtk_gt.consistency import consistency
 from rtk_gt.noise import GpsNoise
 from rtk_gt.offsets import estimate_offsets
 from rtk_gt.orientation import pose_of, transform_of
@@ -57,6 +58,26 @@ def check(settings, seeds):
     assert abs(joint.sum() - count.sum()) < 3.3 * spread
     low, high = stats.chi2(6 * len(seeds)).ppf([0.0005, 0.9995])
     assert low < sensor.sum() < 1.05 * high
+
+
+@pytest.mark.parametrize(("receivers", "dof"), [(4, 5), (5, 7)])
+def test_q_keeps_its_bound_with_more_receivers(receivers, dof):
+    """1 % of the poses should pass it; 6 drives hold about 700 poses."""
+    beyond, squares, poses = 0.0, 0.0, 0
+    for seed in range(700, 706):
+        drive = simulate_drive(seed, DriveSettings(receivers=receivers))
+        steps = common_steps(drive.records, drive.frame)
+        offsets = estimate_offsets(steps)
+        good = steps.select(np.flatnonzero(steps.complete)[offsets.weights > 0])
+        noise = GpsNoise(offsets.sigma, 1.75)
+        found = consistency(good.corrected(offsets.offsets).positions, offsets.distances, noise)
+        assert found.dof == dof
+        beyond += found.share_beyond * len(good)
+        squares += found.mean_square * len(good)
+        poses += len(good)
+    assert beyond / poses == pytest.approx(0.01, abs=4 * np.sqrt(0.01 / poses))
+    # Offsets and noise come from the same steps: the mean lies a little below 1.
+    assert squares / poses == pytest.approx(0.98, abs=4 * np.sqrt(2 / dof / poses))
 
 
 @pytest.mark.parametrize("name", QUICK)
