@@ -176,7 +176,7 @@ def _antennas(outcome: RtkOutcome) -> Iterator[Finding]:
             "One antenna moved, or an offset is wrong."
         )
         yield Finding("warning", text, SUBJECT, "antennas_misfit")
-    heights = ", ".join(f"{z:.3f}" for z in outcome.antennas.positions[:, 2])
+    heights = ", ".join(f"{z:.3f}" for z in outcome.antennas.positions[:3, 2])
     text = (
         f"The heights of the first three antennas on the vehicle ({heights} m) are stated, not "
         "measured by this drive: they decide what is called level."

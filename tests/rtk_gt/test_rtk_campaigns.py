@@ -154,6 +154,18 @@ def test_a_path_is_compared_with_spatial_reference_poses(campaign, tmp_path):
     assert "joint NEES" in done.output  # with the error of the offsets that all poses share
 
 
+def test_five_receivers_from_files(tmp_path):
+    drive = simulate_drive(3, DriveSettings(receivers=5, false_fixes=0.01))
+    write_drive(tmp_path, drive)
+    outcome = solve_campaign(load_campaign(tmp_path))
+    # Their rough positions in campaign.toml are rounded to 10 cm.
+    np.testing.assert_allclose(outcome.antennas.positions[:, :2], drive.antennas[:, :2], atol=0.01)
+    errors = pose_difference(outcome.path.poses, drive.poses(outcome.path.times), SPATIAL)
+    assert np.median(nees(errors, outcome.path.covariances)) < 12
+    text = " ".join(finding.text for finding in result_of(outcome).findings)
+    assert "(0.132, 0.115, 0.128 m)" in text
+
+
 def test_sigmas_of_a_spatial_reference_are_six(campaign, tmp_path):
     folder, _ = campaign
     there = with_reference(folder, tmp_path / "three", "[0.001, 0.001, 0.001]")
