@@ -61,7 +61,7 @@ def turn_of(pose):
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_vertical_scanner_is_recovered_within_1_cm_and_a_tenth_of_a_degree(seed):
+def test_passes_along_an_exact_path_place_the_scanner_within_1_cm_and_a_tenth_of_a_degree(seed):
     scans, vehicle, cloud = scanned(seed)
     found = match_passes(
         cloud, scans.times, vehicle, hand_measured(seed), HAND_SIGMAS, ground=KnownGround(-ROOF)
