@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 _NAMES = ("x [mm]", "y [mm]", "theta [mrad]")
 _SCORES = LinearSegmentedColormap.from_list("scores", ["#FFFFFF", "#F6D9A8", "#D55E00"])
 _FULL_SCORE = 8.0
+_NAME_WIDTH = 45.0
+"""Degrees of heading that the name of a flagged pose takes up at most."""
 
 
 def error_with_curve(one: SystemExplanation) -> Figure:
@@ -56,7 +58,10 @@ def error_with_curve(one: SystemExplanation) -> Figure:
         axes.set_ylabel(f"error in {_NAMES[column]}")
         axes.grid(visible=True, linewidth=0.3)
     panels[0].legend(loc="upper right", fontsize=8, ncols=3)
-    panels[0].set_title(f"{one.system}: errors (validation minus GT) and '{one.name}'")
+    panels[0].set_title(
+        f"{one.system}: errors (validation minus GT)\nfitted by {settled.fit.model.words}",
+        fontsize=10,
+    )
     panels[2].set_xlabel("heading of the validation pose [degrees]")
     panels[2].xaxis.set_major_locator(MultipleLocator(45))
     panels[2].set_xlim(-185, 185)
@@ -81,18 +86,29 @@ def _name_flagged(
 ) -> None:
     """Names of the flagged poses; those outside the axes are named at the edge with an arrow."""
     low, high = axes.get_ylim()
-    for row in np.flatnonzero(~used):
+    rows = np.flatnonzero(~used)
+    rows = rows[np.argsort(headings[rows])]
+    last = -np.inf
+    lines = 0
+    for row in rows:
         value, name = errors[row], settled.pairs.ids[row]
         at = float(np.clip(value, low, high))
         beyond = value != at
         text = f"{name} ({value:+.0f})" if beyond else name
-        # Names near the top hang below their mark, clear of the title.
-        drop = -10 if at > low + 0.9 * (high - low) else 4
+        # Names near the top hang below their mark, clear of the title; of neighbours there, each
+        # hangs lower than the one before.
+        drop = 4
+        heading = float(np.degrees(headings[row]))
+        if at > low + 0.9 * (high - low):
+            lines = lines + 1 if heading - last < _NAME_WIDTH else 0
+            last = heading
+            drop = -10 - 9 * lines
         axes.annotate(
             text,
-            (float(np.degrees(headings[row])), at),
-            (4, drop),
+            (heading, at),
+            (-4 if heading > 180 - _NAME_WIDTH else 4, drop),
             textcoords="offset points",
+            ha="right" if heading > 180 - _NAME_WIDTH else "left",
             fontsize=7,
         )
         if beyond:
