@@ -1,8 +1,9 @@
 """Synthetic campaigns of 26 stops from scans to robot poses, against the truth.
 
-Each seed is a room of its own, with odometry and a survey. Three ways: all surveyed stops place
-the laser frame (mean errors near zero by construction), one does, and the mount stated wrong by
-9 and 5 cm, with the document's own way beside ours.
+Each seed is a room of its own, with odometry and a survey. Three ways: one surveyed stop places
+the laser frame, all do (mean errors near zero by construction), and the mount stated wrong by
+9 and 5 cm, with the document's own way beside ours. A mean over the stops of a room placed by one
+stop is mostly the error of that stop's survey; it is shown, and held against 3 mm and 1 mrad too.
 """
 
 import tempfile
@@ -17,16 +18,18 @@ from data_samples.laser_campaign import LaserSimulation, laser_files
 from data_samples.rooms import RoomSettings, make_room
 from data_samples.simulate import SimulationSettings, simulate_survey
 from laser_gt.outcome import LaserOutcome, solve_campaign
+from laser_gt.solve import Engine, LaserSolution, solve
 from validation.angles import Array, wrap
 from validation.campaign import load_campaign
 from validation.poses import from_csv
 
 REFERENCE = "6"
+ENGINES: tuple[Engine, ...] = ("scanmatch", "genetic")
 MOUNT_ERROR = (0.09, 0.05, 0.0)
 
 
-def solved(seed: int, stops: int, *, one_reference: bool, wrong_mount: bool) -> "Campaign":
-    """A campaign written, solved, and compared with its truth."""
+def solved(seed: int, stops: int, *, wrong_mount: bool) -> "Campaign":
+    """A campaign written, solved with one reference stop, and compared with its truth."""
     rng = np.random.default_rng(seed)
     room = make_room(RoomSettings(stops=stops), rng)
     survey = simulate_survey(room, SimulationSettings(systems=()), rng)
@@ -34,12 +37,12 @@ def solved(seed: int, stops: int, *, one_reference: bool, wrong_mount: bool) -> 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_campaign(folder, survey, seed, laser_files(room, laser, rng))
-        if one_reference:
-            toml = folder / "campaign.toml"
-            text = toml.read_text(encoding="utf-8")
-            named = f'[laser]\nreference = ["{REFERENCE}"]\n'
-            toml.write_text(text.replace("[laser]\n", named), encoding="utf-8")
-        outcome = solve_campaign(load_campaign(folder), as_published=wrong_mount)
+        toml = folder / "campaign.toml"
+        text = toml.read_text(encoding="utf-8")
+        named = f'[laser]\nreference = ["{REFERENCE}"]\n'
+        toml.write_text(text.replace("[laser]\n", named), encoding="utf-8")
+        engines: tuple[Engine, ...] = ("scanmatch",) if wrong_mount else ENGINES
+        outcome = solve_campaign(load_campaign(folder), engines=engines, as_published=wrong_mount)
         truth = from_csv(folder / "truth" / "poses.csv")
         return Campaign(outcome, truth.ids, truth.poses)
 
@@ -67,11 +70,23 @@ def show_errors(lines: Lines, who: str, errors: Array) -> None:
     lines.at_most(f"{who}: standard deviation of theta", spread[2] * 1e3, 2, "mrad")
 
 
+def by_all(outcome: LaserOutcome) -> dict[Engine, LaserSolution]:
+    """The same matches, placed by all surveyed stops."""
+    return {
+        engine: solve(outcome.inputs, outcome.trajectory, matching, outcome.survey)
+        for engine, matching in outcome.matchings.items()
+    }
+
+
 def show_engines(
-    lines: Lines, name: str, campaign: Campaign, total: dict[str, list[float]]
+    lines: Lines,
+    name: str,
+    campaign: Campaign,
+    solutions: dict[Engine, LaserSolution],
+    total: dict[str, list[float]],
 ) -> None:
     """Both engines: errors, and the joint NEES, which is collected."""
-    for engine, solution in campaign.outcome.solutions.items():
+    for engine, solution in solutions.items():
         errors = campaign.errors(solution.stops, solution.placement.poses)
         accepted = len(solution.matching.accepted)
         who = f"{name}, {engine}"
@@ -127,11 +142,11 @@ if __name__ == "__main__":
     lines = Lines()
     total: dict[str, dict[str, list[float]]] = {"all": {}, "one": {}}
     for seed in range(chosen.seed, chosen.seed + chosen.rooms):
-        everything = solved(seed, chosen.stops, one_reference=False, wrong_mount=False)
-        show_engines(lines, f"seed {seed}, all references", everything, total["all"])
-        single = solved(seed, chosen.stops, one_reference=True, wrong_mount=False)
-        show_engines(lines, f"seed {seed}, reference {REFERENCE}", single, total["one"])
-        wrong = solved(seed, chosen.stops, one_reference=True, wrong_mount=True)
+        right = solved(seed, chosen.stops, wrong_mount=False)
+        one, every = right.outcome.solutions, by_all(right.outcome)
+        show_engines(lines, f"seed {seed}, reference {REFERENCE}", right, one, total["one"])
+        show_engines(lines, f"seed {seed}, all references", right, every, total["all"])
+        wrong = solved(seed, chosen.stops, wrong_mount=True)
         show_wrong_mount(lines, f"seed {seed}, mount off by 9 and 5 cm", wrong)
     for name, engines in total.items():
         for engine, values in engines.items():
@@ -141,3 +156,5 @@ if __name__ == "__main__":
             lines.show(f"NEES of all rooms, {name} reference(s), {engine}", f"{mean:.3f}",
                        f"{low:.3f} to {high:.3f}", met=low <= mean <= high)  # fmt: skip
     print(f"{len(lines.missed)} missed")
+    for what in lines.missed:
+        print(f"  {what}")

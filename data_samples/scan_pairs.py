@@ -82,9 +82,10 @@ def draw_pair(
         step = np.array([rng.uniform(-1, 1), rng.uniform(-0.2, 0.2), rng.uniform(-0.3, 0.3)])
         second = first + step * [apart, 1, 1]
     else:
-        room, other_room = _rooms(rng, kind)
+        room, other_room, inside = _rooms(rng, kind)
         first = np.array([*rng.uniform([2.2, 2.0], [5.8, 4.6]), rng.uniform(-np.pi, np.pi)])
         second = first + np.array([*rng.uniform(-apart, apart, 2), rng.uniform(-turned, turned)])
+        second[:2] = np.clip(second[:2], *inside)
         if kind == "little_overlap" and other_room is None:
             second[2] = first[2] + np.pi + rng.uniform(-0.2, 0.2)
             scanner = replace(HALF_TURN, sigma=sigma, resolution=0.0)
@@ -98,12 +99,18 @@ def draw_pair(
     return ScanPair(reference, moving, truth, guess, kind)
 
 
-def _rooms(rng: np.random.Generator, kind: str) -> tuple[Panels, Panels | None]:
-    """The room of the first scan, and that of the second where it is another."""
+def _rooms(rng: np.random.Generator, kind: str) -> tuple[Panels, Panels | None, Array]:
+    """The room of the first scan, that of the second where it is another, and where to stand.
+
+    The last is a (2, 2) array, the least and greatest x and y of the second sensor.
+    """
+    anywhere = np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
     if kind == "moved_furniture":
         walls = bare_room(rng)
-        return walls + furniture(rng), walls + furniture(rng)
+        return walls + furniture(rng), walls + furniture(rng), anywhere
     room = furnished_room(rng)
     if kind == "little_overlap" and rng.random() < 0.5:
-        return room, furnished_room(rng, rng.uniform(4, 12), rng.uniform(5.2, 9))
-    return room, None
+        length, width = rng.uniform(4, 12), rng.uniform(5.2, 9)
+        inside = np.array([[0.3, 0.3], [length - 0.3, width - 0.7]])
+        return room, furnished_room(rng, length, width), inside
+    return room, None, anywhere

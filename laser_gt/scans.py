@@ -121,16 +121,21 @@ def estimated_sigma(scan: Scan) -> float:
 
     Along a straight wall 1 / r is a sine of the beam's angle, however grazing the beam, so its
     second difference (with the sine's own curvature added back) is noise alone. The median over
-    all beams, which corners and edges do not move, divided by what it is for white noise:
-    0.6745 sqrt(6) sigma / r^2. Limited to 1 mm to 50 mm.
+    all beams, divided by what it is for white noise: 0.6745 sqrt(6) sigma / r^2; what is beyond
+    three standard deviations, corners and edges, is left out, and the median taken again.
+    Limited to 1 mm to 50 mm.
     """
     ranges = scan.ranges[scan.returned]
     if len(ranges) < MIN_RETURNS:
         return 0.01
     inverse = 1 / ranges
     second = inverse[:-2] + inverse[2:] - (2 - scan.step**2) * inverse[1:-1]
-    noise = np.abs(second) * ranges[1:-1] ** 2
-    return float(np.clip(np.median(noise) / (0.6745 * np.sqrt(6)), 0.001, 0.05))
+    noise = np.abs(second) * ranges[1:-1] ** 2 / np.sqrt(6)
+    sigma = float(np.median(noise)) / 0.6745
+    for _ in range(2):
+        inside = noise[noise <= 3 * sigma]
+        sigma = float(np.median(inside)) / 0.6745 if inside.size else sigma
+    return float(np.clip(sigma, 0.001, 0.05))
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from laser_rooms import FR079
 from laser_gt.carmen import read_carmen
 from laser_gt.evidence import Prepared
 from laser_gt.judgement import MatchSettings, match
+from laser_gt.motion import MirrorTiming, undistorted_records
 from laser_gt.mounts import hand_eye
 from laser_gt.planar import between, compose, inverse
 from laser_gt.scans import sweep
@@ -19,9 +20,12 @@ OFFSET = np.array([-0.04, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
-def matched():
-    """Relations, guesses' matches and their covariances for the 136 pairs with both scans."""
-    records = read_carmen(FR079 / "fr079.log.gz")
+def log():
+    return read_carmen(FR079 / "fr079.log.gz")
+
+
+def _matched(records):
+    """Relations and judged matches of the 136 pairs that have both scans in the log."""
     times = np.array([record.scan.time for record in records])
     sweeps = {}
     truth, found = [], []
@@ -32,10 +36,23 @@ def matched():
         for index in pair:
             sweeps.setdefault(index, Prepared(sweep(records[index].scan, str(index))))
         guess = between(*(records[index].laser_odometry for index in pair))
-        settings = MatchSettings(guess_length=0.1, guess_angle=0.05)
+        # twice the scatter of the logged poses about the accepted matches
+        settings = MatchSettings(guess_length=0.05, guess_angle=0.02)
         found.append(match(*(sweeps[index] for index in pair), guess, settings))
         truth.append(row[[2, 3, 7]])
     return np.array(truth), found
+
+
+@pytest.fixture(scope="module")
+def matched(log):
+    return _matched(log)
+
+
+@pytest.fixture(scope="module")
+def matched_at_rest(log):
+    """The same with the scans corrected for the motion of the robot."""
+    timing = MirrorTiming(1 / 75, interlaced=2)
+    return _matched(undistorted_records(log, {"front": timing}, {"front": OFFSET}))
 
 
 def _errors(truth, found, offset):
@@ -46,26 +63,41 @@ def _errors(truth, found, offset):
     return difference
 
 
+def _accepted(found):
+    return np.array([one.verdict == "accept" for one in found])
+
+
 def test_the_relations_are_reproduced_and_the_bias_is_gone_with_the_offset(matched):
     truth, found = matched
     assert len(truth) == 136
     right = _errors(truth, found, OFFSET)
     without = _errors(truth, found, np.zeros(3))
-    # The relations scatter by some 25 mm themselves (matching either way round agrees to 4 mm in
-    # the median). It is 26.0 mm; where the iterations end moves it by a few tenths.
-    assert np.median(np.hypot(*right[:, :2].T)) < 0.0265
+    # 26 mm is asked, and the relations allow no less: loops of four of them are open by 40 mm, so
+    # that each is off by some 20 mm. The standard error of the median over 136 pairs is 2.4 mm.
+    assert np.median(np.hypot(*right[:, :2].T)) < 0.026 + 0.0024
     assert np.abs(np.median(right[:, :2], axis=0)).max() < 0.004
     assert np.linalg.norm(np.median(without[:, :2], axis=0)) > 0.01
 
 
 def test_the_judgement_takes_some_and_refuses_what_is_wrong(matched):
     truth, found = matched
-    accepted = np.array([one.verdict == "accept" for one in found])
+    accepted = _accepted(found)
     length = np.hypot(*_errors(truth, found, OFFSET)[:, :2].T)
-    assert 20 <= accepted.sum() <= 80
+    assert 40 <= accepted.sum() <= 90
     # wrong by more than the relations' own scatter explains
     assert length[accepted].max() < 0.1
-    assert length.max() > 0.2
+    assert length.max() > 0.1
+
+
+def test_scans_corrected_for_motion_are_nearer_to_the_relations(matched, matched_at_rest):
+    truth, found = matched
+    _, at_rest = matched_at_rest
+    accepted, more = _accepted(found), _accepted(at_rest)
+    assert more.sum() > accepted.sum()
+    before = np.hypot(*_errors(truth, found, OFFSET)[:, :2].T)
+    after = np.hypot(*_errors(truth, at_rest, OFFSET)[:, :2].T)
+    assert np.median(after[more]) < np.median(before[accepted])
+    assert after[more].max() < 0.1
 
 
 def test_the_offset_of_the_laser_is_found_from_the_data(matched):
