@@ -8,6 +8,7 @@ that stands under each pair or by any other hand, and the next run obeys.
 import base64
 import html
 import io
+import shlex
 from collections.abc import Mapping, Sequence
 
 from laser_gt.evidence import Prepared
@@ -66,7 +67,8 @@ def _article(match: Match, sweeps: Mapping[str, Prepared], campaign: str) -> str
     """One pair."""
     pair = f"{match.reference} - {match.moving}"
     reasons = "".join(f"<li>{html.escape(reason)}</li>" for reason in match.reasons)
-    command = f"gtval laser decide {campaign} {match.reference} {match.moving}"
+    words = ("gtval", "laser", "decide", campaign, match.reference, match.moving)
+    command = shlex.join(words)
     x, y, theta = match.pose
     picture = _picture(match, sweeps)
     return (
