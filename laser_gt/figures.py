@@ -156,7 +156,8 @@ def quality_figure(matching: Matching) -> Figure:
     left.legend(fontsize=8)
     right.set_xlabel("standard deviation of the position [mm]")
     right.set_ylabel("residuals over noise")
-    left.set_ylim(bottom=min(-0.002, left.get_ylim()[0] / 10))
+    top = max(left.get_ylim()[1], 0.02)
+    left.set_ylim(-0.03 * top, top)
     spread = [m.sigma_length for m in matching.matches]
     if spread and max(spread) > 30 * min(spread):
         right.set_xscale("log")

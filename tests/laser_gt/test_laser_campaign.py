@@ -46,6 +46,19 @@ def test_without_odometry_the_scans_find_their_way_alone(tmp_path):
     assert np.abs(difference[:, :2]).max() < 0.02
 
 
+@pytest.mark.parametrize("initial", ["gpm", "kiss"])
+def test_other_initialisers_lead_to_the_same_poses(tmp_path, initial):
+    write_campaign(tmp_path, seed=9, stops=4)
+    usual = solve_campaign(load_campaign(tmp_path), engines=("scanmatch",))
+    toml = tmp_path / "campaign.toml"
+    toml.write_text(toml.read_text().replace("[laser]\n", f'[laser]\ninitial = "{initial}"\n'))
+    other = solve_campaign(load_campaign(tmp_path), engines=("scanmatch",))
+    assert other.settings.initial == initial
+    poses, same = (one.solutions["scanmatch"].placement.poses for one in (usual, other))
+    # the matcher ends where the scans say, whatever it starts from
+    assert np.abs(poses - same).max() < 1e-3
+
+
 def test_a_pair_that_closes_no_loop_is_no_longer_accepted(tmp_path):
     from dataclasses import replace
 
