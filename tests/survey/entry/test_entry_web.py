@@ -199,6 +199,7 @@ def test_a_blind_person_gets_no_value(served, ann):
         bob.post("/actions", json={"action": "undo"})
 
 
+@pytest.mark.full
 def test_a_thousand_requests_in_a_burst_lose_nothing(served, ann):
     before = len(readings(served.room))
 
