@@ -205,21 +205,22 @@ def _alignment(
     information, fake = pairing.moments[:, :3, :3], pairing.fake
     squared = (pairing.model[:, 3] ** 2 / pairing.variance * used).sum(-1)
     scale = np.sqrt(squared / np.maximum(pairs - 3, 1))
-    gradient = _gradient_covariance(reference, pairing, np.maximum(scale, 0.7))
+    gradient = _gradient_covariance(reference, pairing)
     covariance = _sandwich(information, fake, gradient)
     covariance[pairs < MIN_PAIRS] = np.inf
     pose[:, 2] = wrap(pose[:, 2])
     return Alignment(pose, covariance, information - fake, fake, pairs, scale, converged, steps)
 
 
-def _gradient_covariance(reference: Surface, pairing: Pairing, scale: Array) -> Array:
+def _gradient_covariance(reference: Surface, pairing: Pairing) -> Array:
     """(k, 3, 3) covariance of the gradient from the noise of both sweeps.
 
     The moving points' noise is independent from pair to pair, and taken from the residuals
     themselves (White's estimator). That of the reference is not: a
     point of it takes part in all the lines whose windows hold it. Its share in the gradient is
     the sum over those lines of weight times Jacobian over window length, found for all points
-    at once as a running sum over window starts and ends.
+    at once as a running sum over window starts and ends. Its variance is the scatter about its
+    own line, as measured: what a model allows for grazing beams is more than there is.
     """
     jacobian = pairing.model[:, :3]
     terms = jacobian * (pairing.weight * pairing.model[:, 3])[:, None]
@@ -232,8 +233,8 @@ def _gradient_covariance(reference: Surface, pairing: Pairing, scale: Array) -> 
     places = (ends[:, :, None] + table).ravel()
     steps = np.bincount(places, signed.ravel(), len(share) * 3 * size)
     parts = steps.reshape(-1, 3, size).cumsum(-1)[..., :-1]
-    common = (parts * reference.normal_variances) @ parts.transpose(0, 2, 1)
-    return np.asarray(total + scale[:, None, None] ** 2 * common)
+    common = (parts * reference.measured_variances) @ parts.transpose(0, 2, 1)
+    return np.asarray(total + common)
 
 
 def _sandwich(information: Array, fake: Array, gradient: Array) -> Array:

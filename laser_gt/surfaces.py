@@ -56,6 +56,9 @@ class Surface:
     spacing : (n,) array
         Larger distance to the neighbours before and after in the same run, metres; 0 where
         there is none.
+    scatter : (n,) array
+        Variance of the points of the window about their line, as measured, square metres; 0
+        where there is no line.
     """
 
     points: Array
@@ -69,6 +72,7 @@ class Surface:
     normal_sigmas: Array
     flat: Flags
     spacing: Array
+    scatter: Array
 
     def __len__(self) -> int:
         return len(self.points)
@@ -84,6 +88,11 @@ class Surface:
         cosine = (self.normals * self.beams).sum(-1)
         across = self.sigmas**2 * np.maximum(cosine**2, 0.1) + MODEL_SIGMA**2
         return np.where(self.flat, across, self.sigmas**2 + MODEL_SIGMA**2)
+
+    @cached_property
+    def measured_variances(self) -> Array:
+        """(n,) the same as it was found around each point, where there is a line."""
+        return np.where(self.flat, self.scatter, self.normal_variances)
 
     @cached_property
     def noise(self) -> float:
@@ -236,6 +245,7 @@ def _best_lines(
         normal_sigmas=SELECTION / np.sqrt(np.where(flat, known[pick], 1.0)),
         flat=flat,
         spacing=spacing,
+        scatter=np.where(flat, (scatter / freedom)[pick], 0.0),
     )
 
 
