@@ -8,19 +8,13 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.special import chdtrc
 
 from validation.angles import Array
-from vision_gt.adjustment import (
-    Adjustment,
-    Knowledge,
-    NotDeterminedError,
-    adjust,
-    information_of,
-)
 from vision_gt.camera import Camera
 from vision_gt.layout import Layout
+from vision_gt.marginal_pose import BodyPose, MarginalPose
 from vision_gt.marker_poses import marker_solutions, marker_views, robot_candidates
 from vision_gt.markers import MarkerView
 from vision_gt.network_adjustment import Network
-from vision_gt.setups import CAMERA_UNKNOWNS, Arrays, camera_slots, linearised_at, whiten
+from vision_gt.setups import CAMERA_UNKNOWNS, Arrays, camera_slots
 from vision_gt.transforms import (
     mean_transform,
     planar_jacobian,
@@ -92,7 +86,7 @@ class RobotPose:
     numbers : tuple of int
         Markers used.
     chi_square, freedom : float, int
-        Fit of the corners.
+        Fit of the corners, with what cameras and markers may be off.
     other : RigidTransform or None
         The second solution, if there is one.
     excess : float
@@ -151,9 +145,9 @@ def robot_pose(
 
     Notes
     -----
-    Cameras, intrinsic parameters and markers are unknowns with the covariance they come with,
-    so that a badly known marker counts less. Every distinct solution of every marker starts an
-    adjustment of its own; two that end apart and fit alike are ambiguous.
+    Cameras, intrinsic parameters and markers err with the covariance they come with, so that a
+    badly known marker counts less (see `MarginalPose`). Every distinct solution of every marker
+    starts a search of its own; two that end apart and fit alike are ambiguous.
     """
     problem = _Problem(sightings, network, layout)
     if not problem.sightings:
@@ -162,27 +156,27 @@ def robot_pose(
     if not solutions:
         return None
     best = solutions[0]
+    freedom = max(best.freedom, 1)
     other, excess = None, np.inf
     if len(solutions) > 1:
-        other = solutions[1].setup.T_world_body[0]
+        other = _transform(solutions[1])
         # Where corners are worse than stated, so is their power to tell the two apart.
-        excess = 2 * (solutions[1].cost - best.cost) / max(best.m0, 1.0) ** 2
-    R, t = best.at.R_body[0], best.at.t_body[0]
-    unbound = best if floor is None else problem.adjusted(R, t, None)
-    sensitivity, own = problem.sensitivity(best, floor)
-    chi_square = float((best.weights[:, None] * best.residuals**2).sum())
-    if chdtrc(max(best.freedom, 1), chi_square) < _POOR_FIT:
-        own = own * chi_square / max(best.freedom, 1)
-    used = sensitivity[:, problem.slots]
-    covariance = own + used @ problem.covariance @ used.T
+        excess = 2 * (solutions[1].cost - best.cost) / max(best.chi_square / freedom, 1.0)
+    unbound = best if floor is None else problem.solved(best.R, best.t, None)
+    own = best.own_covariance
+    if chdtrc(freedom, best.chi_square) < _POOR_FIT:
+        own = own * best.chi_square / freedom
+    covariance = own + best.sensitivity @ problem.covariance @ best.sensitivity.T
+    sensitivity = np.zeros((6, len(network.covariance) + len(layout.covariance)))
+    sensitivity[:, problem.slots] = best.sensitivity
     return RobotPose(
-        RigidTransform.from_components(t, Rotation.from_matrix(R)),
+        _transform(best),
         0.5 * (covariance + covariance.T),
         sensitivity,
         own,
         tuple(s.camera for s in problem.sightings),
         tuple(sorted({v.number for s in problem.sightings for v in s.views})),
-        chi_square,
+        best.chi_square,
         best.freedom,
         other,
         float(excess),
@@ -211,8 +205,18 @@ class _Problem:
         )
         R, t = network.placed
         self.R_camera, self.t_camera = R[self.cameras], t[self.cameras]
-        self.intrinsics = np.array([network.cameras[i].parameters for i in self.cameras])
         self.slots, self.covariance = self._shared()
+        placed = layout.placed
+        known = Arrays(
+            self.R_camera,
+            self.t_camera,
+            np.array([network.cameras[i].parameters for i in self.cameras]),
+            np.zeros((0, 3, 3)),
+            np.zeros((0, 3)),
+            placed.R[self.parts],
+            placed.t[self.parts],
+        )
+        self.problem = MarginalPose(self.views, known, self.covariance, _HUBER)
 
     def _shared(self) -> tuple[Array, Array]:
         """Places of the shared unknowns among all cameras' and markers', and their covariance."""
@@ -227,42 +231,22 @@ class _Problem:
         covariance[n:, n:] = self.layout.covariance[np.ix_(parts, parts)]
         return np.concatenate([cameras, first + parts]), covariance
 
-    def _knowledge(self, floor: Floor | None) -> Knowledge:
-        free = np.diagonal(self.covariance) > 0
-        information = np.zeros_like(self.covariance)
-        kept = np.flatnonzero(free)
-        if len(kept):
-            block = self.covariance[np.ix_(kept, kept)]
-            information[np.ix_(kept, kept)] = information_of(block)
-        return Knowledge(information, _floor_information(floor)[None], free)
-
-    def adjusted(self, R: Array, t: Array, floor: Floor | None) -> Adjustment:
-        """The adjustment from one start of the robot's pose."""
+    def solved(self, R: Array, t: Array, floor: Floor | None) -> BodyPose:
+        """The solution from one start of the robot's pose."""
         if floor is not None:
             heading = np.arctan2(R[1, 0], R[0, 0])
             R, t = rotation_matrices(np.array([0, 0, heading])), np.array([t[0], t[1], 0.0])
-        placed = self.layout.placed
-        start = Arrays(
-            self.R_camera,
-            self.t_camera,
-            self.intrinsics,
-            R[None],
-            t[None],
-            placed.R[self.parts],
-            placed.t[self.parts],
-        )
-        return adjust(self.views, start, self._knowledge(floor), huber=_HUBER)
+        return self.problem.solve(R, t, _floor_information(floor))
 
-    def solutions(self, floor: Floor | None) -> list[Adjustment]:
+    def solutions(self, floor: Floor | None) -> list[BodyPose]:
         """All distinct solutions, best first."""
-        found: list[Adjustment] = []
+        found: list[BodyPose] = []
         for R, t in self._starts():
             try:
-                done = self.adjusted(R, t, floor)
-            except (NotDeterminedError, np.linalg.LinAlgError):
+                done = self.solved(R, t, floor)
+            except np.linalg.LinAlgError:
                 continue
-            ends = [(other.at.R_body[0], other.at.t_body[0]) for other in found]
-            if all(_distinct((done.at.R_body[0], done.at.t_body[0]), end) for end in ends):
+            if all(_distinct((done.R, done.t), (other.R, other.t)) for other in found):
                 found.append(done)
         return sorted(found, key=lambda one: one.cost)
 
@@ -286,29 +270,9 @@ class _Problem:
                 starts.append((R, t))
         return starts[:_MOST_STARTS]
 
-    def sensitivity(self, done: Adjustment, floor: Floor | None) -> tuple[Array, Array]:
-        """How cameras and markers move the pose (6, t), and the pose's own covariance (6, 6)."""
-        lin = linearised_at(self.views, done.at, whiten(self.views.covariance))
-        root = np.sqrt(done.weights)[:, None, None]
-        n, c = len(self.views), len(self.cameras)
-        A = (root * lin.by_body).reshape(2 * n, 6)
-        by_shared = np.zeros((n, 2, len(self.slots)))
-        row, side = np.arange(n)[:, None, None], np.arange(2)[:, None]
-        of_camera = CAMERA_UNKNOWNS * self.views.camera[:, None] + np.arange(CAMERA_UNKNOWNS)
-        of_part = CAMERA_UNKNOWNS * c + 6 * self.views.part[:, None] + np.arange(6)
-        by_shared[row, side, of_camera[:, None]] = lin.by_camera
-        by_shared[row, side, of_part[:, None]] = lin.by_part
-        B = (root * by_shared).reshape(2 * n, -1)
-        inverse = np.linalg.inv(np.eye(2 * n) + B @ self.covariance @ B.T)
-        weighted = A.T @ inverse
-        prior = _floor_information(floor)
-        cofactor = np.linalg.inv(weighted @ A + prior)
-        gain = cofactor @ weighted
-        whole = np.zeros(
-            (6, CAMERA_UNKNOWNS * len(self.network.cameras) + len(self.layout.covariance))
-        )
-        whole[:, self.slots] = -gain @ B
-        return whole, gain @ gain.T + cofactor @ prior @ cofactor
+
+def _transform(pose: BodyPose) -> RigidTransform:
+    return RigidTransform.from_components(pose.t, Rotation.from_matrix(pose.R))
 
 
 def _floor_information(floor: Floor | None) -> Array:
@@ -319,12 +283,12 @@ def _floor_information(floor: Floor | None) -> Array:
     return np.diag([0.0, 0.0, h, t, t, 0.0])
 
 
-def _floor_p(unbound: Adjustment, floor: Floor) -> float:
+def _floor_p(unbound: BodyPose, floor: Floor) -> float:
     """Probability of standing so far off the floor, or so tilted, by chance."""
-    R, t = unbound.at.R_body[0], unbound.at.t_body[0]
+    R, t = unbound.R, unbound.t
     heading = rotation_matrices(np.array([0, 0, np.arctan2(R[1, 0], R[0, 0])]))
     off = np.array([t[2], *rotation_vectors(R @ heading.T)[:2]])
-    covariance = unbound.body_covariances[0][2:5, 2:5]
+    covariance = unbound.covariance[2:5, 2:5]
     covariance = covariance + np.diag(np.square([floor.height, floor.tilt, floor.tilt]))
     return float(chdtrc(3, off @ np.linalg.solve(covariance, off)))
 

@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 from vision_scenes import LENS, camera_at, exact_network, random_robot, seen_robot
 
 from data_samples.cameras import robot_layout
+from vision_gt.adjustment import Knowledge, adjust
 from vision_gt.camera import project
 from vision_gt.layout import marker_corners
+from vision_gt.marker_poses import marker_views
 from vision_gt.markers import MarkerView
 from vision_gt.robot_pose import (
     Floor,
@@ -20,7 +22,8 @@ from vision_gt.robot_pose import (
     published_pose,
     robot_pose,
 )
-from vision_gt.transforms import angle_between, change_between, perturbed
+from vision_gt.setups import Setup
+from vision_gt.transforms import angle_between, change_between, perturbed, planar_pose
 
 
 def six_marker_errors(distance: float, noise: float, count: int):
@@ -173,6 +176,54 @@ def test_covariances_that_include_the_layout_hold():
     assert low < total < high
 
 
+@pytest.mark.parametrize("spoiled", [0.0, 3.0])
+@pytest.mark.parametrize("floor", [False, True])
+def test_a_pose_is_what_an_adjustment_of_all_unknowns_gives(spoiled, floor):
+    """Cameras and markers as unknowns of their own, with what is known of them as a prior."""
+    T_camera, layout = camera_at(2.5), robot_layout()
+    sigmas = [1e-3] * 3 + [5e-4] * 3 + [0.3, 0.3, 0.4, 0.4, 1e-3, 2e-3, 1e-4, 1e-4, 1e-3]
+    camera_covariance = np.diag(np.square(sigmas))
+    network = exact_network(T_camera, camera_covariance)
+    layout = replace(layout, covariance=np.diag(np.square(np.tile([3e-4] * 3 + [1e-3] * 3, 6))))
+    rng = np.random.default_rng(8)
+    true = random_robot(rng)
+    sighting = seen_robot(T_camera, true, 0.1, rng)
+    sighting.views[0].corners[1] += spoiled
+    pose = robot_pose([sighting], network, layout, Floor() if floor else None)
+    numbers = [view.number for view in sighting.views]
+    sides = {number: float(layout.sides[layout.index(number)]) for number in numbers}
+    views = marker_views([(0, 0, sighting.views)], numbers, sides)
+    rows = [layout.index(number) for number in numbers]
+    # The prior of the floor is about a robot that stands upright on it.
+    x, y, theta = planar_pose(pose.T_gtv_robot)
+    upright = RigidTransform.from_components([x, y, 0], Rotation.from_rotvec([0, 0, theta]))
+    start = Setup(
+        RigidTransform.concatenate([T_camera]),
+        network.cameras[0].parameters[None],
+        RigidTransform.concatenate([upright]),
+        layout.T_robot_marker[rows],
+    )
+    variances = np.concatenate(
+        [np.diagonal(camera_covariance), np.tile(np.square([3e-4] * 3 + [1e-3] * 3), len(rows))]
+    )
+    on_floor = np.diag([0, 0, 0.003**-2, 0.005**-2, 0.005**-2, 0])[None]
+    knowledge = Knowledge(
+        np.diag(1 / variances),
+        on_floor if floor else np.zeros((1, 6, 6)),
+        np.ones(len(variances), dtype=bool),
+    )
+    done = adjust(views, start, knowledge, huber=4.0)
+    full = done.body_covariances[0]
+    apart = change_between(done.setup.T_world_body[0], pose.T_gtv_robot)
+    assert apart @ np.linalg.solve(full, apart) < 0.02**2
+    assert pose.freedom == done.freedom
+    if not spoiled:
+        root = np.linalg.cholesky(full)
+        ratio = np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, pose.covariance).T))
+        np.testing.assert_allclose(ratio, 1.0, atol=0.02)
+        assert pose.chi_square == pytest.approx(2 * done.cost, rel=0.02, abs=2 if floor else 0)
+
+
 def test_a_misplaced_corner_is_held_back():
     T_camera, layout = camera_at(2.5), robot_layout()
     rng = np.random.default_rng(5)
@@ -214,8 +265,6 @@ def test_no_known_marker_is_no_pose():
 
 def test_marker_corners_are_seen_in_the_order_of_detection():
     """From the front, x right and y up in the marker's frame: clockwise from the top left."""
-    from scipy.spatial.transform import Rotation
-
     facing = RigidTransform.from_components([0, 0, 2], Rotation.from_rotvec([np.pi, 0, 0]))
     pixels = project(facing.apply(marker_corners(0.1)), LENS)
     assert (pixels[0] < pixels[2]).all()
