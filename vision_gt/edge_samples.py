@@ -150,9 +150,19 @@ def samples(
     on = (
         share[..., None] + (along[:, 0] * off[..., :1] + along[:, 1] * off[..., 1:] + step) / length
     )
-    weight = inside & (np.abs(distance) <= half[:, None, None])
-    e = len(ends)
-    return Samples(*(a.reshape(e, -1) for a in (grey, on, distance, weight.astype(float))))
+    counts = inside & (np.abs(distance) <= half[:, None, None])
+    return _gathered(grey, on, distance, counts)
+
+
+def _gathered(grey: Array, share: Array, distance: Array, counts: Mask) -> Samples:
+    """Samples of places (e, k, s), those that count first, without the columns where none does."""
+    e = len(grey)
+    counts = counts.reshape(e, -1)
+    most = int(counts.sum(1).max())
+    order = np.argsort(~counts, axis=1, kind="stable")[:, :most]
+    order += np.arange(e)[:, None] * counts.shape[1]
+    taken = (a.reshape(-1)[order] for a in (grey, share, distance, counts.astype(float)))
+    return Samples(*taken)
 
 
 def _inside(

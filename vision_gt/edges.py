@@ -22,6 +22,15 @@ _HALF_WINDOW = 3.5
 _LEAST_HALF_WINDOW = 1.5
 _BLUR_OF_NEXT = 1.0
 """Pixels that the windows keep off the edges of the next cells."""
+_NARROW = 2.5
+"""Half windows below this see no plateau on either side, but the blur of the next cells."""
+_SHARPEST = 0.35
+"""Pixels of blur: pixels alone make 0.29 of a sharp edge, and lenses more. A narrow window that
+finds less has taken the next cells for a part of the edge."""
+_MISTAKEN = 0.3
+"""Pixels by which such a fit may be off: a tenth of the width of the narrowest window."""
+_BITS = 6
+"""Bits along a side: those of the usual families."""
 _MAX_STATIONS = 40
 _STEPS_OF_FIT = 4
 _SEARCH = np.arange(-4.0, 2.51, 0.5)
@@ -102,10 +111,11 @@ def refine_corners(
         return CornerFit(np.zeros((0, 4, 2)), np.zeros((0, 4, 2, 2)), nothing)
     flat = Flat(parameters)
     corners = flat.from_image(np.asarray(start, dtype=float))
-    half = _half_windows(corners, cells).ravel()
+    cell = _cells(corners, cells).ravel()
+    half = np.clip(cell - _BLUR_OF_NEXT, _LEAST_HALF_WINDOW, _HALF_WINDOW)
     sought, start_values = _sought_edges(image, _sides(corners), half, flat)
     corners, _, _ = _crossings(corners, sought)
-    fitted = _fitted_edges(image, _sides(corners), half, flat, start_values)
+    fitted = _fitted_edges(image, _sides(corners), (half, cell), flat, start_values)
     corners, covariances, good = _crossings(corners, fitted)
     refined, scale = flat.to_image_with_slope(corners)
     covariances = scale @ covariances @ np.swapaxes(scale, -1, -2) + _FLOOR**2 * np.eye(2)
@@ -123,8 +133,8 @@ def _sides(corners: Array) -> Array:
     return np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)
 
 
-def _half_windows(corners: Array, cells: int) -> Array:
-    """(m, 4) half widths of the windows around the edges: not beyond the black border."""
+def _cells(corners: Array, cells: int) -> Array:
+    """(m, 4) widths of the cells along each side, pixels across the side."""
     after, before = np.roll(corners, -1, axis=1), np.roll(corners, 1, axis=1)
     opposite = np.roll(corners, -2, axis=1)
     along = after - corners
@@ -134,8 +144,7 @@ def _half_windows(corners: Array, cells: int) -> Array:
         / length
         for p in (before, opposite)
     ]
-    cell = np.minimum(*heights) / cells
-    return np.asarray(np.clip(cell - _BLUR_OF_NEXT, _LEAST_HALF_WINDOW, _HALF_WINDOW))
+    return np.asarray(np.minimum(*heights) / cells)
 
 
 def _sought_edges(image: Image, ends: Array, half: Array, flat: Flat) -> tuple[_Edges, Array]:
@@ -174,14 +183,20 @@ def _picked(profile: Array, place: Places) -> Array:
     return np.take_along_axis(profile, place[..., None], axis=2)[..., 0]
 
 
-def _fitted_edges(image: Image, ends: Array, half: Array, flat: Flat, start: Array) -> _Edges:
-    """Blurred steps fitted from values (e, 7), with covariances and a judgement."""
+def _fitted_edges(
+    image: Image, ends: Array, widths: tuple[Array, Array], flat: Flat, start: Array
+) -> _Edges:
+    """Blurred steps fitted from values (e, 7), with covariances and a judgement.
+
+    ``widths`` are those of half the windows and of the cells, (e,) each.
+    """
+    half, cell = widths
     frame = edge_frame(ends)
     seen = samples(image, ends, half, flat, frame, _MAX_STATIONS)
     fit = _fitted_steps(seen, start)
     found, count = fit.values, np.maximum(fit.weights.sum(1), 1.0)
     variance = (fit.weights * fit.residual**2).sum(1) / np.maximum(count - _UNKNOWNS, 1.0)
-    inverse = np.linalg.inv(fit.normal)
+    inverse = np.asarray(np.linalg.inv(fit.normal), dtype=float)
     covariance = inverse[:, :2, :2] * np.maximum(variance, 0.1)[:, None, None]
     contrast = np.minimum(found[:, 5], found[:, 5] + found[:, 6]) - np.maximum(
         found[:, 3], found[:, 3] + found[:, 4]
@@ -196,22 +211,51 @@ def _fitted_edges(image: Image, ends: Array, half: Array, flat: Flat, start: Arr
         & (np.abs(found[:, :2]).max(1) < _HALF_WINDOW)
         & (np.sqrt(variance) < 0.25 * np.maximum(contrast, 1.0))
     )
+    close = np.flatnonzero(half < _NARROW)
+    covariance[close] += _by_next_cells(seen, fit, inverse, cell, close)
+    covariance[(half < _NARROW) & (found[:, 2] < _SHARPEST)] += _MISTAKEN**2 * np.eye(2)
     return _Edges(ends, frame[1], found[:, :2], covariance, good)
 
 
 @dataclass(frozen=True)
 class _StepFit:
-    """Fitted steps: unknowns (e, 7), residuals and weights (e, n), normal matrices (e, 7, 7).
+    """Fitted steps: unknowns (e, 7), residuals and weights (e, n), and normal matrices (e, 7, 7).
 
-    The unknowns are the shifts of the two ends, the width, dark and its slope, bright and its
-    slope. ``enough`` (e,) says whether there was enough to fit.
+    The model's derivative is the jacobian (e, 7, n). The unknowns are the shifts of the two
+    ends, the width, dark and its slope, bright and its slope. ``enough`` (e,) says whether there
+    was enough to fit.
     """
 
     values: Array
     residual: Array
+    jacobian: Array
     weights: Array
     normal: Array
     enough: Mask
+
+
+def _by_next_cells(
+    seen: Samples, fit: _StepFit, inverse: Array, cell: Array, close: Places
+) -> Array:
+    """(k, 2, 2) covariances of the shifts of edges (k,) whose windows the next cells blur into.
+
+    A bit behind the border is white or black with the same chance, and what lies behind the
+    white rim, one cell wide, is darker than it by an unknown share. Either is a departure from
+    the model of which the mean square is known; what it does to the shifts is linear.
+    """
+    share, distance, weights = seen.share[close], seen.distance[close], fit.weights[close]
+    # Windows so narrow do not tell the width well.
+    width = np.maximum(fit.values[close, 2, None], _START_BLUR)
+    cell = cell[close, None]
+    bits = 0.5 * ndtr((distance - cell) / width)
+    behind = 0.5 * ndtr((-distance - cell) / width)
+    part = np.clip((share * _BITS).astype(np.intp), 0, _BITS - 1)
+    of_bit = np.where(part[:, None] == np.arange(_BITS)[:, None], bits[:, None], 0.0)
+    patterns = np.concatenate([of_bit, bits[:, None], behind[:, None]], axis=1) * weights[:, None]
+    contrast = fit.values[close, 5] - fit.values[close, 3]
+    moved = inverse[close, :2] @ (fit.jacobian[close] @ np.swapaxes(patterns, 1, 2))
+    moved *= contrast[:, None, None]
+    return np.asarray(moved @ np.swapaxes(moved, 1, 2))
 
 
 def _fitted_steps(seen: Samples, prior: Array) -> _StepFit:
@@ -233,7 +277,7 @@ def _fitted_steps(seen: Samples, prior: Array) -> _StepFit:
         found[:, 2] = np.clip(found[:, 2], 0.3, 3.0)
     # The last step was small: what it changed is linear.
     residual = residual - (change[:, None] @ jacobian)[:, 0]
-    return _StepFit(found, residual, weights, normal, enough)
+    return _StepFit(found, residual, jacobian, weights, normal, enough)
 
 
 def _step_model(values: Array, seen: Samples) -> tuple[Array, Array]:

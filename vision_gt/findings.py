@@ -39,11 +39,16 @@ def _coverage(outcome: VisionOutcome) -> Iterator[Finding]:
     """How many stops have a pose."""
     known = [stop.pose for stop in outcome.stops if stop.chosen is not None]
     missing = [stop.pose for stop in outcome.stops if stop.chosen is None]
-    text = f"{len(known)} of the {len(outcome.stops)} stops with images have a vision pose"
-    if missing:
-        text += f"; none for {_listed(missing)}"
+    seen = {pose for (_, pose), found in outcome.detections.items() if found.views}
+    text = f"{len(known)} of the {len(outcome.stops)} stops with images have a vision pose."
+    blind = [pose for pose in missing if pose not in seen]
+    if blind:
+        text += f" No marker was found in the images of {_listed(blind)}."
+    unsolved = [pose for pose in missing if pose in seen]
+    if unsolved:
+        text += f" Markers were found, but give no sure pose, for {_listed(unsolved)}."
     severity: Severity = "good" if not missing else "note" if known else "error"
-    yield Finding(severity, text + ".", SUBJECT, "coverage")
+    yield Finding(severity, text, SUBJECT, "coverage")
 
 
 def _poses(outcome: VisionOutcome) -> Iterator[Finding]:

@@ -141,17 +141,18 @@ class MarginalPose:
             damped = normal.copy()
             damped.flat[::7] *= 1 + damping
             step = np.asarray(np.linalg.solve(damped, right), dtype=float)
-            expected = 0.5 * float(step @ right)
-            trial = self._at(
-                rotation_matrices(step[3:]) @ state.R, state.t + step[:3], prior, origin
-            )
+            moved = rotation_matrices(step[3:]) @ state.R, state.t + step[:3]
+            if 0.5 * float(step @ right) <= _SMALL_GAIN:
+                # So small a step changes neither derivatives nor weights.
+                return self._result(state, moved, prior)
+            trial = self._at(*moved, prior, origin)
             if trial.cost <= state.cost * (1 + 1e-14):
                 state, damping = trial, max(damping / 10, 1e-12)
             else:
                 damping *= 10
-            if expected <= _SMALL_GAIN or damping > _MOST_DAMPING:
+            if damping > _MOST_DAMPING:
                 break
-        return self._result(state, prior)
+        return self._result(state, (state.R, state.t), prior)
 
     def _at(self, R: Array, t: Array, prior: Array, origin: tuple[Array, Array]) -> _State:
         """The problem at a pose; of infinite cost where a point falls behind its camera."""
@@ -204,8 +205,8 @@ class MarginalPose:
             roots = new
         return roots, np.asarray(inverse)
 
-    def _result(self, state: _State, prior: Array) -> BodyPose:
-        """Covariances at the solution."""
+    def _result(self, state: _State, at: tuple[Array, Array], prior: Array) -> BodyPose:
+        """The pose R, t, and covariances from the problem there or next to it."""
         if not np.isfinite(state.cost):
             raise np.linalg.LinAlgError("seen points would be behind their camera")
         weighted = state.by_body.T @ state.inverse
@@ -219,8 +220,7 @@ class MarginalPose:
         gain = covariance @ weighted
         own = gain @ gain.T + covariance @ prior @ covariance
         return BodyPose(
-            state.R,
-            state.t,
+            *at,
             covariance,
             own,
             -gain @ state.by_shared,
