@@ -170,8 +170,11 @@ class MarginalPose:
         n, g = len(self.views), len(self.covariance)
         residual, by_body = lin.residual.ravel(), lin.by_body.reshape(2 * n, 6)
         by_shared = np.zeros((2 * n, g))
-        by_shared.flat[self._places] = np.concatenate([lin.by_camera, lin.by_part], 2).ravel()
-        off = np.concatenate([t - origin[1], rotation_vectors(R @ origin[0].T)])
+        derivatives = np.concatenate([lin.by_camera, lin.by_part], axis=2)
+        by_shared.reshape(-1)[self._places] = derivatives.reshape(-1)
+        off = np.zeros(6)
+        if prior.any():
+            off = np.concatenate([t - origin[1], rotation_vectors(R @ origin[0].T)])
         cost = 0.5 * float(off @ prior @ off)
         if not np.isfinite(residual).all():
             cost, empty = np.inf, np.zeros((2 * n, 2 * n))

@@ -18,7 +18,7 @@ from vision_gt.planar_pose import (
 )
 from vision_gt.setups import Views
 
-_ENOUGH, _GOOD, _CAP = 2, 25.0, 40.0
+_ENOUGH, _GOOD, _CAP = 1, 25.0, 40.0
 """After so many markers, the largest first, a guess with this mean square is good enough; no
 corner counts for more pixels than the cap."""
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -17,8 +18,8 @@ from vision_gt.network_adjustment import Network
 from vision_gt.setups import CAMERA_UNKNOWNS, Arrays, camera_slots
 from vision_gt.transforms import (
     mean_transform,
-    planar_jacobian,
-    planar_pose,
+    planar_jacobian_of,
+    planar_pose_of,
     rotation_matrices,
     rotation_vectors,
 )
@@ -72,7 +73,7 @@ class RobotPose:
 
     Parameters
     ----------
-    T_gtv_robot : RigidTransform
+    best : BodyPose
         The pose in space.
     covariance : (6, 6) array
         From corner noise, layout, cameras and intrinsic parameters.
@@ -87,15 +88,17 @@ class RobotPose:
         Markers used.
     chi_square, freedom : float, int
         Fit of the corners, with what cameras and markers may be off.
-    other : RigidTransform or None
+    second : BodyPose or None
         The second solution, if there is one.
     excess : float
         By how much chi^2 of the second solution is larger; infinite without one.
-    floor_p : float
-        How likely a robot on the floor looks so high or tilted by chance.
+    unbound : BodyPose
+        The pose by the corners alone.
+    floor : Floor
+        What it is tested against.
     """
 
-    T_gtv_robot: RigidTransform
+    best: BodyPose = field(repr=False)
     covariance: Array
     sensitivity: Array = field(repr=False)
     own_covariance: Array = field(repr=False)
@@ -103,9 +106,25 @@ class RobotPose:
     numbers: tuple[int, ...]
     chi_square: float
     freedom: int
-    other: RigidTransform | None
+    second: BodyPose | None = field(repr=False)
     excess: float
-    floor_p: float
+    unbound: BodyPose = field(repr=False)
+    floor: Floor
+
+    @cached_property
+    def T_gtv_robot(self) -> RigidTransform:
+        """The pose in space."""
+        return _transform(self.best)
+
+    @cached_property
+    def other(self) -> RigidTransform | None:
+        """The second solution, if there is one."""
+        return None if self.second is None else _transform(self.second)
+
+    @cached_property
+    def floor_p(self) -> float:
+        """How likely a robot on the floor looks so high or tilted by chance."""
+        return _floor_p(self.unbound, self.floor)
 
     @property
     def ambiguous(self) -> bool:
@@ -120,8 +139,8 @@ class RobotPose:
     @property
     def planar(self) -> tuple[Array, Array]:
         """x, y, theta, and their covariance (3, 3)."""
-        jacobian = planar_jacobian(self.T_gtv_robot)
-        return planar_pose(self.T_gtv_robot), jacobian @ self.covariance @ jacobian.T
+        jacobian = planar_jacobian_of(self.best.R)
+        return planar_pose_of(self.best.R, self.best.t), jacobian @ self.covariance @ jacobian.T
 
 
 def robot_pose(
@@ -157,11 +176,11 @@ def robot_pose(
         return None
     best = solutions[0]
     freedom = max(best.freedom, 1)
-    other, excess = None, np.inf
+    second, excess = None, np.inf
     if len(solutions) > 1:
-        other = _transform(solutions[1])
+        second = solutions[1]
         # Where corners are worse than stated, so is their power to tell the two apart.
-        excess = 2 * (solutions[1].cost - best.cost) / max(best.chi_square / freedom, 1.0)
+        excess = 2 * (second.cost - best.cost) / max(best.chi_square / freedom, 1.0)
     unbound = best if floor is None else problem.solved(best.R, best.t, None)
     own = best.own_covariance
     if chdtrc(freedom, best.chi_square) < _POOR_FIT:
@@ -170,7 +189,7 @@ def robot_pose(
     sensitivity = np.zeros((6, len(network.covariance) + len(layout.covariance)))
     sensitivity[:, problem.slots] = best.sensitivity
     return RobotPose(
-        _transform(best),
+        best,
         0.5 * (covariance + covariance.T),
         sensitivity,
         own,
@@ -178,9 +197,10 @@ def robot_pose(
         tuple(sorted({v.number for s in problem.sightings for v in s.views})),
         best.chi_square,
         best.freedom,
-        other,
+        second,
         float(excess),
-        _floor_p(unbound, floor or Floor()),
+        unbound,
+        floor or Floor(),
     )
 
 
@@ -338,7 +358,7 @@ def joint_covariance(poses: Sequence[RobotPose], network: Network, layout: Layou
     Poses share cameras and markers, so they err together.
     """
     n, c = len(poses), len(network.covariance)
-    jacobians = [planar_jacobian(pose.T_gtv_robot) for pose in poses]
+    jacobians = [planar_jacobian_of(pose.best.R) for pose in poses]
     S = np.concatenate([J @ p.sensitivity for J, p in zip(jacobians, poses, strict=True)])
     shared = np.zeros((S.shape[1], S.shape[1]))
     shared[:c, :c] = network.covariance

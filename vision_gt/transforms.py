@@ -126,14 +126,23 @@ def inverse_jacobian(T_a_b: RigidTransform) -> Array:
 
 def planar_pose(T_a_b: RigidTransform) -> Array:
     """x, y and the heading of b's x axis in the plane of a: (..., 3), metres and radians."""
-    R, t = T_a_b.rotation.as_matrix(), T_a_b.translation
+    return planar_pose_of(T_a_b.rotation.as_matrix(), T_a_b.translation)
+
+
+def planar_pose_of(R: Array, t: Array) -> Array:
+    """The same from a rotation (..., 3, 3) and a translation (..., 3)."""
     heading = np.arctan2(R[..., 1, 0], R[..., 0, 0])
     return np.stack([t[..., 0], t[..., 1], heading], -1)
 
 
 def planar_jacobian(T_a_b: RigidTransform) -> Array:
     """Derivative (3, 6) of `planar_pose` by the small change."""
-    e = T_a_b.rotation.as_matrix()[:, 0]
+    return planar_jacobian_of(T_a_b.rotation.as_matrix())
+
+
+def planar_jacobian_of(R: Array) -> Array:
+    """The same from a rotation (3, 3)."""
+    e = R[:, 0]
     jacobian = np.zeros((3, 6))
     jacobian[0, 0] = jacobian[1, 1] = 1.0
     # d e = phi x e = -[e]x phi, and the heading is atan2(e_y, e_x).
