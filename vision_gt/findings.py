@@ -72,7 +72,8 @@ def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
                 "note",
                 f"Pose {stop.pose}: the corners fit worse than they should (chi² "
                 f"{chosen.chi_square:.0f} with {chosen.freedom} degrees of freedom); something "
-                "covers a marker, or one has moved on the robot. Its covariance is enlarged.",
+                "(the sheet of the next marker?) covers the edge of a marker, or one has moved on "
+                "the robot. Its covariance is enlarged.",
                 f"pose {stop.pose}",
                 "poor_fit",
             )
