@@ -2,6 +2,7 @@
 
 import concurrent.futures
 import re
+import socket
 
 import httpx
 import pytest
@@ -10,6 +11,7 @@ from entry_server import EntryServer
 
 from survey.entry.entry_session import EntrySession
 from survey.entry.web.access import WINDOW, WRONG_CODES, Access, AccessError
+from survey.entry.web.serving import _listen
 from validation.campaign import load_campaign
 
 
@@ -240,3 +242,9 @@ def test_it_ends_orderly_and_notes_that(tmp_path):
             client.post("/readings", json=reading(1))
         assert server.stop() == 0
     assert room.readings.read_text().count("\n") == 2
+
+
+def test_small_answers_are_sent_at_once():
+    """asyncio turns Nagle's algorithm off only where the listening socket names TCP."""
+    with _listen("127.0.0.1", 0) as listening:
+        assert listening.proto == socket.IPPROTO_TCP
