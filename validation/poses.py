@@ -183,6 +183,18 @@ def covariance_fault(covariance: Array) -> str | None:
     return None
 
 
+def _bad_place(names: Sequence[str], values: Array, covariance: Array) -> tuple[str, str | None]:
+    """The columns of a covariance that is none, and the value where one alone is to blame."""
+    variances = np.diagonal(covariance)
+    if (bad := np.flatnonzero(variances <= 0)).size:
+        # Where row i of the upper triangle begins: its own diagonal element.
+        first = int(bad[0] * (2 * len(variances) - bad[0] + 1) // 2)
+        return names[first], f"{values[first]:g}"
+    if (bad := np.flatnonzero(~np.isfinite(values))).size:
+        return names[int(bad[0])], None
+    return f"{names[0]} to {names[-1]}", None
+
+
 def pose_difference(a: Array, b: Array, components: Sequence[Component] = PLANAR) -> Array:
     """Difference a - b per component, angles wrapped to (-pi, pi].
 
@@ -289,7 +301,7 @@ def from_csv(
                     path,
                     f"the covariance of pose {csv.text['pose'][row]} {fault}",
                     csv.lines[row],
-                    names[0],
+                    *_bad_place(names, values, covariances[row]),
                 )
             )
     if n == 0:

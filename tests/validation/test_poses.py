@@ -85,8 +85,9 @@ def test_stated_sigmas_fill_in_where_a_row_has_no_covariance(tmp_path):
     ("row", "fault"),
     [
         ("1,0,0,0,1,0,0,1,0,", "missing or not finite"),
-        ("1,0,0,0,-1,0,0,1,0,1", "not positive"),
-        ("1,0,0,0,0,0,0,1,0,1", "not positive"),
+        ("1,0,0,0,-1,0,0,1,0,1", "field 'xx': '-1' .*not positive"),
+        ("1,0,0,0,1,0,0,0,0,1", "field 'yy': '0' .*not positive"),
+        ("1,0,0,0,1,0,0,1,0,-2", "field 'tt': '-2' .*not positive"),
         ("1,0,0,0,1,2,0,1,0,1", "not positive definite"),
         ("1,0,0,0,1,1,0,1,0,1", "not positive definite"),
         ("1,0,0,0,1e-300,1e300,0,1e-300,0,1", "not positive definite"),

@@ -21,6 +21,9 @@ _TOLERANCE = 1e-4
 _SMALLEST_SCALE = np.array([1e-6, 1e-6])
 """Metres and radians: below this, noise is of the arithmetic."""
 
+LEAST_P = float(np.finfo(float).tiny)
+"""p-values end here: a zero would claim certainty where only the arithmetic ends."""
+
 _SPIKE = 0.35
 """The noise level may not fall below this part of the median residual, so that a fit through a
 few poses exactly, with all others gross, is never the best."""

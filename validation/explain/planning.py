@@ -85,7 +85,7 @@ def poses_for_deviation(
 
 def _first(chance: Callable[[npt.NDArray[np.intp]], Array], power: float, what: str) -> int:
     """The least n with the wanted chance, searched in blocks, as most plans are short."""
-    start, size = 2, 16
+    start, size = 2, 4
     while start <= MOST:
         n = np.arange(start, min(start + size, MOST + 1))
         enough = n[chance(n) >= power]

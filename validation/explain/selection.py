@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from validation.explain.fitting import Fit, fit
+from validation.explain.fitting import LEAST_P, Fit, fit
 from validation.explain.leave_one_out import LeaveOneOut, leave_one_out
 from validation.explain.models import FRAME_TURN, ErrorModel, candidates
 from validation.explain.observability import Observability, observability
@@ -162,14 +162,14 @@ def gain_p_value(simple: Fit, full: Fit) -> float:
     extra = len(full.model.parameters) - len(simple.model.parameters)
     gain = max(2 * float(full.log_likelihood[0] - simple.log_likelihood[0]), 0.0)
     if not full.estimated:
-        return float(special.chdtrc(extra, gain))
+        return max(float(special.chdtrc(extra, gain)), LEAST_P)
     n = full.observations
     # Two noise levels are estimated besides the parameters.
     left = n - len(full.model.fitted) - 2
     if left < 1:
         return 1.0
     statistic = np.expm1(gain / n) * left / extra
-    return float(special.fdtrc(extra, left, statistic))
+    return max(float(special.fdtrc(extra, left, statistic)), LEAST_P)
 
 
 def smallest_shown(found: Fit, threshold: float) -> tuple[float, float]:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import special
 
 from validation.angles import Array, wrap
-from validation.explain.fitting import Fit, covariance_of, fit
+from validation.explain.fitting import LEAST_P, Fit, covariance_of, fit
 from validation.explain.models import UNITS, correct
 from validation.explain.noise import Mask, masked_precision, precision
 from validation.explain.pairs import Pairs
@@ -127,8 +127,8 @@ class Settled:
             else:
                 quantile = float(special.ndtri((1 + confidence) / 2))
                 p = 2 * float(special.ndtr(-abs(value) / sigma))
-            half = quantile * sigma
-            rows.append(Parameter(name, UNITS[name], value, sigma, value - half, value + half, p))
+            low, high = value - quantile * sigma, value + quantile * sigma
+            rows.append(Parameter(name, UNITS[name], value, sigma, low, high, max(p, LEAST_P)))
         return tuple(rows)
 
     def spread(self, errors: Array, *, everything: bool = False) -> Array:
