@@ -18,6 +18,7 @@ from laser_matching import small_gicp
 from data_samples.scan_pairs import ScanPair
 from laser_gt.carmen import read_carmen
 from laser_gt.evidence import Prepared
+from laser_gt.guesses import guess_scatter
 from laser_gt.judgement import Match, MatchSettings, match
 from laser_gt.kiss import register
 from laser_gt.motion import MirrorTiming, undistorted_records
@@ -32,8 +33,8 @@ FOLDER = DATA / "laser" / "fr079"
 OFFSET = np.array([-0.04, 0.0, 0.0])
 """The laser in the robot frame, as the data set states it."""
 TIMING = MirrorTiming(1 / 75, 2)
-GUESS = MatchSettings(guess_length=0.05, guess_angle=0.02)
-"""Twice the scatter of the logged poses about the accepted matches: 25 mm and 6 mrad."""
+GENEROUS = 2.0
+"""On the scatter of the guesses about the accepted matches, which are the easy ones."""
 RELATION_SIGMAS = (0.02, 0.02, 0.005)
 
 
@@ -59,6 +60,14 @@ class Relations:
     def prepared(self, records: list[ScanRecord]) -> dict[int, Prepared]:
         """The scans that the relations name."""
         return {i: Prepared(sweep(records[i].scan, str(i))) for i in np.unique(self.pairs).tolist()}
+
+
+def guess_settings(found: list[Match]) -> MatchSettings:
+    """What the accepted matches say of the guesses: nothing of the relations is used."""
+    scatter = guess_scatter(found)
+    assert scatter is not None, "hardly any match was accepted"
+    length, angle = GENEROUS * scatter
+    return MatchSettings(guess_length=float(length), guess_angle=float(angle))
 
 
 def median_with_interval(lengths: Array) -> tuple[float, float, float]:
@@ -165,10 +174,14 @@ if __name__ == "__main__":
     lines = Lines()
     for name, log in (("as logged", records), ("corrected for motion", corrected)):
         scans = relations.prepared(log)
-        found = [
-            match(scans[i], scans[j], guess, GUESS)
-            for (i, j), guess in zip(relations.pairs.tolist(), relations.guesses, strict=True)
-        ]
-        show_matches(lines, name, relations, found)
+        settings = MatchSettings()
+        for step in ("guess taken as rough", "guess as the accepted say"):
+            found = [
+                match(scans[i], scans[j], guess, settings)
+                for (i, j), guess in zip(relations.pairs.tolist(), relations.guesses, strict=True)
+            ]
+            print(f"guess good to {settings.guess_length:.3f} m, {settings.guess_angle:.3f} rad:")
+            show_matches(lines, f"{name}, {step}", relations, found)
+            settings = guess_settings(found)
         if log is records:
             show_peers(relations, scans)

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+from laser_lines import arguments
 
 from data_samples.scan_pairs import ScanPair, draw_pair
 from data_samples.scanners import FULL_TURN, HALF_TURN, Scanner
@@ -21,7 +22,6 @@ from laser_gt.surfaces import surface
 from validation.angles import Array, wrap
 
 Method = Callable[[ScanPair], Array]
-PAIRS = 150
 CLOSE = (0.05, float(np.deg2rad(2)))
 
 
@@ -72,7 +72,7 @@ METHODS: dict[str, Method] = {
 }
 
 
-def run(scanner: Scanner, guess_length: float, guess_angle: float) -> None:
+def run(scanner: Scanner, guess_length: float, guess_angle: float, seeds: range) -> None:
     """One table."""
     pairs = [
         draw_pair(
@@ -84,11 +84,11 @@ def run(scanner: Scanner, guess_length: float, guess_angle: float) -> None:
             guess_length=guess_length,
             guess_angle=guess_angle,
         )
-        for seed in range(PAIRS)
+        for seed in seeds
     ]
     print(
         f"\n{scanner.beams} beams, guess off by up to {guess_length} m and "
-        f"{np.rad2deg(guess_angle):.0f} degrees, {PAIRS} pairs"
+        f"{np.rad2deg(guess_angle):.0f} degrees, {len(pairs)} pairs"
     )
     print(f"{'method':>12} {'median mm':>10} {'95 % mm':>9} {'mrad':>7} {'right %':>8} {'ms':>7}")
     for name, method in METHODS.items():
@@ -137,6 +137,8 @@ def _timed(method: Method, pairs: list[ScanPair]) -> tuple[Array, Array]:
 
 
 if __name__ == "__main__":
+    chosen = arguments(__doc__, 0, pairs=150)
+    seeds = range(chosen.seed, chosen.seed + chosen.pairs)
     for scanner in (FULL_TURN, HALF_TURN):
-        run(scanner, 0.1, float(np.deg2rad(5)))
-        run(scanner, 0.5, float(np.deg2rad(30)))
+        run(scanner, 0.1, float(np.deg2rad(5)), seeds)
+        run(scanner, 0.5, float(np.deg2rad(30)), seeds)

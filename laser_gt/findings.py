@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from laser_gt.guesses import guess_growth, guess_scatter
 from laser_gt.outcome import LaserOutcome
 from laser_gt.solve import LaserSolution
 from validation.results import Finding
@@ -13,6 +14,7 @@ def laser_findings(outcome: LaserOutcome) -> list[Finding]:
     for solution in outcome.solutions.values():
         found += _of_solution(solution)
     found += _mount(outcome)
+    found += _guesses(outcome)
     if outcome.trajectory.doubtful:
         stops = ", ".join(outcome.trajectory.doubtful)
         found.append(
@@ -86,6 +88,36 @@ def _mount(outcome: LaserOutcome) -> list[Finding]:
         "`gtval laser check-mount`"
     )
     return [Finding("warning", text, "laser", "mount")]
+
+
+def _guesses(outcome: LaserOutcome) -> list[Finding]:
+    """Whether the guesses were as good as stated, by what the accepted matches say."""
+    stated = np.array(outcome.settings.guess_sigmas)
+    place = {stop: number for number, stop in enumerate(outcome.inputs.stops)}
+    for matching in outcome.matchings.values():
+        free = [
+            one
+            for one in matching.matches
+            if (one.reference, one.moving) not in outcome.inputs.decisions
+        ]
+        growth = [guess_growth(abs(place[one.moving] - place[one.reference])) for one in free]
+        scatter = guess_scatter(free, growth)
+        if scatter is None:
+            continue
+        text = (
+            f"from stop to stop the initial guesses are off by {scatter[0] * 1e3:.0f} mm and "
+            f"{scatter[1] * 1e3:.0f} mrad (standard deviation about the accepted matches; stated: "
+            f"{stated[0] * 1e3:.0f} mm and {stated[1] * 1e3:.0f} mrad)"
+        )
+        if (scatter > stated).any():
+            wider = np.maximum(2 * scatter, stated)
+            text += (
+                f". They are worse than stated, so some matches may have been sought too near: set "
+                f"[laser] guess_sigmas = [{wider[0]:.2g}, {wider[1]:.2g}]"
+            )
+            return [Finding("warning", text, "laser", "guess_sigmas")]
+        return [Finding("note", text, "laser", "guess_sigmas")]
+    return []
 
 
 def laser_facts(outcome: LaserOutcome) -> dict[str, object]:

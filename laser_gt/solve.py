@@ -10,6 +10,7 @@ from laser_gt.decisions import Decision
 from laser_gt.genetic import GeneticSettings, genetic_match
 from laser_gt.gpm import associate
 from laser_gt.graph import Edge, Graph, GraphSolution, connected_stops, solve_graph
+from laser_gt.guesses import guess_growth
 from laser_gt.inputs import LaserInputs
 from laser_gt.judgement import Match, MatchSettings, judged, match
 from laser_gt.kiss import odometry, register
@@ -221,7 +222,7 @@ def _limits(settings: LaserSettings, apart: int, decision: Decision | None) -> M
     """How well the guess of a pair is known: it gets worse with the stops in between."""
     if decision is not None and decision.guess is not None:
         return MatchSettings(guess_length=0.1, guess_angle=0.1)
-    worse = min(np.sqrt(max(apart, 1)), 5.0)
+    worse = guess_growth(apart)
     length, angle = settings.guess_sigmas
     return MatchSettings(guess_length=length * worse, guess_angle=angle * worse)
 

@@ -6,6 +6,7 @@ from laser_rooms import FR079
 
 from laser_gt.carmen import read_carmen
 from laser_gt.evidence import Prepared
+from laser_gt.guesses import guess_scatter
 from laser_gt.judgement import MatchSettings, match
 from laser_gt.motion import MirrorTiming, undistorted_records
 from laser_gt.mounts import hand_eye
@@ -25,21 +26,26 @@ def log():
 
 
 def _matched(records):
-    """Relations and judged matches of the 136 pairs that have both scans in the log."""
+    """Relations and judged matches of the 136 pairs that have both scans in the log.
+
+    How good the logged poses are as guesses is not known: first they are taken as rough, then as
+    twice what the accepted matches say.
+    """
     times = np.array([record.scan.time for record in records])
-    sweeps = {}
-    truth, found = [], []
+    sweeps, truth, pairs, guesses = {}, [], [], []
     for row in np.loadtxt(FR079 / "fr079.relations"):
         pair = [int(np.abs(times - stamp).argmin()) for stamp in row[:2]]
         if np.abs(times[pair] - row[:2]).max() > 1e-3:
             continue
         for index in pair:
             sweeps.setdefault(index, Prepared(sweep(records[index].scan, str(index))))
-        guess = between(*(records[index].laser_odometry for index in pair))
-        # twice the scatter of the logged poses about the accepted matches
-        settings = MatchSettings(guess_length=0.05, guess_angle=0.02)
-        found.append(match(*(sweeps[index] for index in pair), guess, settings))
+        guesses.append(between(*(records[index].laser_odometry for index in pair)))
+        pairs.append([sweeps[index] for index in pair])
         truth.append(row[[2, 3, 7]])
+    found = [match(*pair, guess) for pair, guess in zip(pairs, guesses, strict=True)]
+    length, angle = 2 * guess_scatter(found)
+    settings = MatchSettings(guess_length=length, guess_angle=angle)
+    found = [match(*pair, guess, settings) for pair, guess in zip(pairs, guesses, strict=True)]
     return np.array(truth), found
 
 
