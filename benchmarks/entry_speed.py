@@ -83,7 +83,7 @@ def fill(folder: Path, shown: dict[frozenset[str], str]) -> None:
 
 def acknowledged(folder: Path, shown: dict[frozenset[str], str]) -> list[Times]:
     """Times from a number to its answer, one after the other."""
-    entry_session = EntrySession.open(load_campaign(folder))
+    entry_session = begun(folder)
     taken = []
     while len(taken) < TIMED and (target := entry_session.guide.next_target(ANN)):
         if target.pair not in shown:
@@ -92,6 +92,13 @@ def acknowledged(folder: Path, shown: dict[frozenset[str], str]) -> list[Times]:
         taken.append(timed(partial(enter, entry_session, target, shown[target.pair])))
     entry_session.close()
     return taken
+
+
+def begun(folder: Path) -> EntrySession:
+    """An entry session as a person finds it who types the first number: with the checks made."""
+    entry_session = EntrySession.open(load_campaign(folder))
+    entry_session.prepare().join()
+    return entry_session
 
 
 def enter(entry_session: EntrySession, target: Target, text: str) -> None:
@@ -114,7 +121,7 @@ def bare_append(folder: Path) -> list[Times]:
 
 def other_actions(folder: Path, shown: dict[frozenset[str], str]) -> dict[str, list[Times]]:
     """Times of all else that people do: the same measured again, undone, remarked on, kept."""
-    entry_session = EntrySession.open(load_campaign(folder))
+    entry_session = begun(folder)
     guide = entry_session.guide
     stop, wall = guide.target("3/X 5"), guide.target("X 5")
 
@@ -131,9 +138,20 @@ def other_actions(folder: Path, shown: dict[frozenset[str], str]) -> dict[str, l
         "kept": lambda: entry_session.keep(last(stop), ANN),
         "reading of a world point measured again": again(wall),
     }
-    again(stop)()
     taken = {name: [timed(action) for _ in range(TIMED // 10)] for name, action in actions.items()}
     entry_session.close()
+    return taken
+
+
+def doubtful_listed(folder: Path) -> dict[str, list[Times]]:
+    """Times of a list of all that is doubtful, as at the end: found anew, and remembered."""
+    taken: dict[str, list[Times]] = {"found anew": [], "remembered": []}
+    for _ in range(PAGES):
+        (folder / "survey/journal.doubts").unlink(missing_ok=True)
+        for times in taken.values():
+            entry_session = begun(folder)
+            times.append(timed(entry_session.doubtful))
+            entry_session.close()
     return taken
 
 
@@ -231,10 +249,12 @@ def main() -> None:
         print(f"{'':44}{'by the clock':>24}{'processor time':>24}")
         line("bare line with fsync", bare_append(folder))
         taken = acknowledged(folder, shown)
-        line("first reading after the start", taken[:1])
+        line("first reading after the start", taken[:1], "50")
         line(f"reading acknowledged, {READINGS:,} in the journal", taken[1:], "50")
         for what, times in other_actions(folder, shown).items():
             line(what, times, "50")
+        for what, times in doubtful_listed(folder).items():
+            line(f"list of the doubtful, {what}", times)
         of_page = page(folder, shown)
         line("gtval enter --web serves, a device joined", of_page["joined"])
         line(f"page just after that, {READINGS:,} readings", of_page["first"], "1000")

@@ -1,5 +1,8 @@
 """The command ``gtval enter``."""
 
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,19 +43,22 @@ def enter(
     Every reading is safe in survey/journal.jsonl before it is acknowledged; survey/readings.csv
     follows from it. Also takes a list from a pipe. --status and --json only look.
     """
-    from validation.campaign import load_campaign
-    from validation.errors import GtvalError
+    with _nothing_collected():
+        from survey.entry.entries import Person
+        from survey.entry.entry_session import EntrySession
+        from validation.campaign import load_campaign
+        from validation.errors import GtvalError
 
-    loaded = load_campaign(campaign)
-    from survey.entry.entries import Person
-    from survey.entry.entry_session import EntrySession
-
-    if status or as_json:
-        _print_status(EntrySession.look(loaded), as_json=as_json)
+        loaded = load_campaign(campaign)
+        if second and not by:
+            raise GtvalError("say who makes the second entry: --second --by NAME")
+        look = status or as_json
+        entry_session = (
+            EntrySession.look(loaded) if look else EntrySession.open(loaded, by, adopt=adopt)
+        )
+    if look:
+        _print_status(entry_session, as_json=as_json)
         return
-    if second and not by:
-        raise GtvalError("say who makes the second entry: --second --by NAME")
-    entry_session = EntrySession.open(loaded, by, adopt=adopt)
     try:
         if web:
             from survey.entry.web.serving import serve
@@ -64,6 +70,18 @@ def enter(
         entry_session.close()
     if exit_status:
         raise click.exceptions.Exit(exit_status)
+
+
+@contextmanager
+def _nothing_collected() -> Iterator[None]:
+    """Without looking for garbage: a start makes thousands of objects, and all of them stay."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
 
 
 def _at_terminal(entry_session: "EntrySession", person: "Person") -> int:

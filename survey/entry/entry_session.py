@@ -4,6 +4,7 @@ It knows nothing of screens: the terminal and the page call the same methods and
 return. Every change goes to the journal first and is only then taken into account.
 """
 
+import gc
 import threading
 import uuid
 from collections.abc import Callable, Iterable
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Self
 from survey.entry.adoption import as_entries, refuse_hand_changes, remark_on
 from survey.entry.double import agreement, check_second
 from survey.entry.entries import MAX_NAME, MAX_NOTE, Entry, Kind, Person, clean_text
+from survey.entry.groups import group_key
 from survey.entry.guide import Guide
 from survey.entry.journal import Journal
 from survey.entry.numbers import TypedDistance, both_units, parse_distance
@@ -132,6 +134,7 @@ class EntrySession:
 
     def close(self) -> None:
         """End it; the readings file is brought up to date."""
+        self._remember()
         if self.readings_file.problem:
             self.readings_file.write(self.state)
         self.journal.close()
@@ -144,30 +147,41 @@ class EntrySession:
 
             with self._changing:
                 if self._checks is None:
-                    self._checks = RoomChecks(self.campaign.settings, self.survey, self.state)
+                    checks = RoomChecks(self.campaign.settings, self.survey, self.state)
+                    checks.take_as_examined(self._remembered.recall(self.journal.entries))
+                    self._checks = checks
         return self._checks
 
-    def prepare(self, *others: Callable[[], object]) -> None:
-        """Make the checks, and whatever else is slow, in the background while nobody types yet.
+    def prepare(self, *others: Callable[[], object]) -> threading.Thread:
+        """The thread that makes the checks, and whatever else is slow, while nobody types yet.
 
-        A moment later, so that it does not hold up the first question.
+        A moment later, so that it does not hold up the first question. What is there then stays,
+        and need not be looked through for garbage again and again.
         """
 
         def make() -> None:
             for other in others:
                 other()
-            self.checks  # noqa: B018  (made when first asked for)
+            with self._changing:
+                self.checks  # noqa: B018  (made when first asked for)
+                self.readings_file.prepare(self.state)
+            gc.freeze()
 
         making = threading.Timer(PREPARE_AFTER, make)
         making.daemon = True
         making.start()
+        return making
 
     # -- what there is to look at -----------------------------------------------------------
 
     def doubtful(self) -> list[int]:
         """All doubtful readings, in the order entered."""
+        recalled = self._recalled(self.state.pairs)
+        if recalled is not None:
+            return recalled
         while self.examine():
             pass
+        self._remember()
         return self.doubtful_so_far()
 
     def doubtful_so_far(self) -> list[int]:
@@ -345,10 +359,15 @@ class EntrySession:
         with self._changing:
             written = self.journal.append(entry)
             self.state.apply(written)
+            pairs = {written.pair, self.state.entries.get(written.of, written).pair}
             if self._checks is not None:
-                for pair in {written.pair, self.state.entries.get(written.of, written).pair}:
+                for pair in pairs:
                     self._checks.update(pair)
             self.readings_file.follow(written, self.state)
+            if self._checks is not None and written.kind in ("reading", "undo", "keep"):
+                # Kept at once, for a start after a crash.
+                self._checks.doubtful(pairs)
+                self._remember()
             self.version += 1
         return written
 
@@ -385,14 +404,28 @@ class EntrySession:
 
     def _doubtful_pairs(self, station: Station) -> set[Pair]:
         """Doubtful pairs of a station that has nothing else left to measure."""
-        numbers = None
-        if self._checks is None:
-            numbers = self._remembered.recall(station.name, self.journal.entries)
+        numbers = self._recalled(target.pair for target in station.targets)
         if numbers is None:
             numbers = self.doubtful_at(station)
-            if self.journal.is_open:
-                self._remembered.keep(station.name, self.journal.entries, numbers)
+            self._remember()
         return {self.state.entries[number].pair for number in numbers}
+
+    def _recalled(self, pairs: Iterable[Pair]) -> list[int] | None:
+        """Doubtful readings of some pairs as found before the start; None where not known."""
+        if self._checks is not None:
+            return None
+        wanted = {pair for pair in pairs if self.state.counting(pair)}
+        keys = {group_key(pair, self.guide.names.world) for pair in wanted}
+        found = self._remembered.recall(self.journal.entries)
+        if not keys <= found.keys():
+            return None
+        numbers = (number for key in keys for number in found[key] - self.state.kept)
+        return sorted(number for number in numbers if self.state.entries[number].pair in wanted)
+
+    def _remember(self) -> None:
+        """Keep what is doubtful for the next start."""
+        if self._checks is not None and self.journal.is_open:
+            self._remembered.keep(self.journal.entries, self._checks.examined)
 
     def _take_over(self, *, adopt: bool) -> None:
         """Bring journal and readings file together."""
@@ -413,4 +446,6 @@ class EntrySession:
     def _append_only(self, entries: Iterable[Entry]) -> None:
         """To the journal without writing the readings file anew each time."""
         for entry in entries:
-            self.state.apply(self.journal.append(entry))
+            written = self.journal.append(entry)
+            self.state.apply(written)
+            self.readings_file.take_in(written, self.state)

@@ -16,6 +16,7 @@ from survey.entry.fits import (
     PoseFit,
     predicted_distances,
 )
+from survey.entry.groups import Pair, group_key
 from survey.entry.judgement import Judgement, judge
 from survey.entry.prediction import Prediction, Sides
 from survey.geometry import rotate
@@ -28,10 +29,6 @@ from survey.vframe import VframeEstimate, estimate_vframe
 from survey.world_points import WorldPoints, joint_covariance, place_at, vframe_sigma
 from validation.angles import Array
 from validation.campaign import CampaignSettings
-
-Pair = frozenset[str]
-FRAME = ""
-"""Key of the group of readings within the Vframe; the others' are world points and stops."""
 
 
 @dataclass(frozen=True)
@@ -133,12 +130,8 @@ class RoomKnowledge:
         return {key: group.changes for key, group in self._groups.items() if group.pairs}
 
     def group_key(self, pair: Pair) -> str:
-        """The stop, else the world point, else `FRAME`, that a pair's reading says something of."""
-        for name in pair:
-            point = robot_point(name)
-            if point is not None:
-                return f"{point[0]}/"
-        return next((name for name in sorted(pair) if name in self._world_names), FRAME)
+        """The group that a pair's reading belongs to."""
+        return group_key(pair, self._world_names)
 
     def sigma(self, metres: float) -> float:
         """Standard deviation of a reading."""

@@ -17,6 +17,9 @@ from survey.entry.state import EntryState, Pair
 from validation.errors import GtvalError
 from validation.files import write_files
 
+_CHANGES = ("reading", "undo", "keep", "note")
+"""Kinds of entries that change the file."""
+
 
 class ReadingsFile:
     """survey/readings.csv as derived from the journal.
@@ -51,19 +54,27 @@ class ReadingsFile:
 
     def write(self, state: EntryState) -> None:
         """Write it anew, whole or not at all."""
-        if self._rows is None:
-            self._rows = {pair: _rows_of(pair, state) for pair in state.pairs}
-        rows = sorted(chain.from_iterable(self._rows.values()))
+        rows = sorted(chain.from_iterable(self.prepare(state).values()))
         text = "".join([HEADING_LINE, *(line for _, line in rows)])
         self._try(lambda: self._replace(text.encode()))
 
-    def follow(self, entry: Entry, state: EntryState) -> None:
-        """Take one more entry into account."""
-        if entry.kind not in ("reading", "undo", "keep", "note"):
-            return
-        if self._rows is not None:
+    def prepare(self, state: EntryState) -> dict[Pair, list[tuple[int, str]]]:
+        """The lines of all pairs, which take a while when first made."""
+        if self._rows is None:
+            self._rows = {pair: _rows_of(pair, state) for pair in state.pairs}
+        return self._rows
+
+    def take_in(self, entry: Entry, state: EntryState) -> None:
+        """Take one more entry into account, to be written with the next."""
+        if self._rows is not None and entry.kind in _CHANGES:
             for pair in {entry.pair, state.entries.get(entry.of, entry).pair}:
                 self._rows[pair] = _rows_of(pair, state)
+
+    def follow(self, entry: Entry, state: EntryState) -> None:
+        """Take one more entry into account, and write it."""
+        self.take_in(entry, state)
+        if entry.kind not in _CHANGES:
+            return
         if entry.kind == "reading" and state.counting(entry.pair) == [entry.number]:
             new = not (entry.of or entry.second)
             if new and self._is_as_left():

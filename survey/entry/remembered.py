@@ -1,25 +1,28 @@
-"""The doubtful readings of the station where the work stands, kept for the next start.
+"""What was doubtful among all readings, kept for the next start.
 
-To find them again takes numpy and all readings of the room; the first question of a session need
-not wait for that. What is kept is a mere copy: it counts only for the very campaign.toml and
-journal that it was made with; whatever is amiss with it, the answer is computed anew.
+To find it again takes numpy and a judgement of every stop; neither the first question of a
+session nor a look at what is doubtful need wait for that. What is kept is a mere copy: it counts
+only for the very campaign.toml and journal that it was made with; whatever is amiss with it, the
+answer is computed anew.
 """
 
 import contextlib
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from survey.entry.entries import Entry
 from validation.campaign import Campaign
 
+Doubts = Mapping[str, frozenset[int]]
+"""Doubtful readings by the group they are of, for each group that was examined."""
 _CHANGES = ("reading", "undo", "keep")
 """Kinds of entries that make readings doubtful, or no more so."""
 
 
 class RememberedDoubts:
-    """The copy of what is doubtful at one station.
+    """The copy of what is doubtful.
 
     Parameters
     ----------
@@ -34,26 +37,31 @@ class RememberedDoubts:
         self._toml = campaign.toml
         self._kept = ""
 
-    def recall(self, station: str, entries: Sequence[Entry]) -> list[int] | None:
-        """Entries of the doubtful readings of a station; None where they are not known."""
+    def recall(self, entries: Sequence[Entry]) -> Doubts:
+        """Doubtful readings of the groups for which they are known; none where nothing is."""
         try:
             said = json.loads(self._path.read_text(encoding="utf-8"))
-            if said["of"] == self._stamp(station, entries):
-                return [int(number) for number in said["doubtful"]]
-        except (OSError, ValueError, KeyError, TypeError):
-            pass
-        return None
+            if said["of"] != self._stamp(entries):
+                return {}
+            known = range(1, len(entries) + 1)
+            return {
+                key: frozenset(known[known.index(number)] for number in numbers)
+                for key, numbers in said["doubtful"].items()
+            }
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return {}
 
-    def keep(self, station: str, entries: Sequence[Entry], numbers: Sequence[int]) -> None:
+    def keep(self, entries: Sequence[Entry], doubts: Doubts) -> None:
         """Write down what is doubtful; no harm is done where that fails."""
+        found = {key: sorted(numbers) for key, numbers in doubts.items()}
         with contextlib.suppress(OSError):
-            said = json.dumps({"of": self._stamp(station, entries), "doubtful": list(numbers)})
+            said = json.dumps({"of": self._stamp(entries), "doubtful": found})
             if said != self._kept:
                 self._path.write_text(said, encoding="utf-8")
                 self._kept = said
 
-    def _stamp(self, station: str, entries: Sequence[Entry]) -> str:
+    def _stamp(self, entries: Sequence[Entry]) -> str:
         """What the answer depends on."""
         last = next((e for e in reversed(entries) if e.kind in _CHANGES), None)
         settings = hashlib.sha256(self._toml.read_bytes()).hexdigest()
-        return f"{station} {settings} {last.as_json() if last else ''}"
+        return f"{settings} {last.as_json() if last else ''}"

@@ -1,14 +1,15 @@
 """The checks of an entry session: readings against everything that the others say."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
 from survey.entry.checks import Verdict, other_ends, suspects_of, verdict
 from survey.entry.entries import Entry
 from survey.entry.fits import test_values
+from survey.entry.groups import FRAME
 from survey.entry.judgement import LIMIT
-from survey.entry.knowledge import FRAME, Judged, KnownReading, RoomKnowledge
+from survey.entry.knowledge import Judged, KnownReading, RoomKnowledge
 from survey.entry.numbers import TypedDistance
 from survey.entry.prediction import Prediction
 from survey.entry.settings import EntrySettings
@@ -89,6 +90,22 @@ class RoomChecks:
         self._examined: dict[str, tuple[int, frozenset[int]]] = {}
         for pair in state.pairs:
             self.update(pair)
+        self.knowledge.world()  # all stops need it; better now than at a reading
+
+    @property
+    def examined(self) -> dict[str, frozenset[int]]:
+        """Doubtful readings, kept ones among them, of all groups examined since they changed."""
+        groups = self.knowledge.groups()
+        return {
+            key: numbers
+            for key, (changes, numbers) in self._examined.items()
+            if groups.get(key) == changes
+        }
+
+    def take_as_examined(self, found: Mapping[str, frozenset[int]]) -> None:
+        """Take over what was found before of the very same readings."""
+        groups = self.knowledge.groups()
+        self._examined |= {key: (groups[key], found[key]) for key in found.keys() & groups.keys()}
 
     def update(self, pair: Pair) -> None:
         """Take over what counts of a pair now."""
@@ -158,14 +175,7 @@ class RoomChecks:
 
     def doubtful_so_far(self) -> list[int]:
         """Doubtful readings of all groups that were examined, not kept, in the order entered."""
-        groups = self.knowledge.groups()
-        found = (
-            number
-            for key, (changes, numbers) in self._examined.items()
-            if groups.get(key) == changes
-            for number in numbers
-        )
-        return sorted(set(found) - self._state.kept)
+        return sorted(frozenset().union(*self.examined.values()) - self._state.kept)
 
     def status(self, pair: Pair) -> PointStatus | None:
         """How well the world point or stop is known that a pair belongs to."""
