@@ -1,4 +1,4 @@
-"""The road under the wheels: a plane that the vehicle carries with it."""
+"""The road under the wheels: a slightly bent surface that the vehicle carries with it."""
 
 from dataclasses import dataclass
 
@@ -10,25 +10,29 @@ from rtk_gt.orientation import matrix_of, rotation_rates
 from rtk_gt.trajectory import Spline, pose_columns
 from validation.angles import Array
 
-INDEPENDENT = 10
-"""So many points of a second count."""
+SPOT = 0.25
+"""Points of one scan that are nearer to each other than so many metres share their pebbles."""
+ROAD = 5
+"""Numbers of the road in the vehicle frame."""
 _SLOWEST = 1.0
 """Below this speed in m/s the direction of motion says nothing."""
 
 
 @dataclass(frozen=True)
 class KnownGround:
-    """The plane of the road in the vehicle frame, z = height + slope_x x + slope_y y.
+    """The road in the vehicle frame: z = height + slope_x x + slope_y y + b y^2 / 2 + c y^3 / 6.
 
     Measured with the vehicle on a level floor: the height of the floor below the frame, and how
     far the frame of the antennas is from level. Where their heights were measured from that
-    floor, the slopes are 0.
+    floor, the slopes are 0. ``sigma`` in metres and ``tilt_sigma`` in radians say how well this
+    is known.
 
-    ``sigma`` in metres and ``tilt_sigma`` in radians say how well this is known. From second to
-    second the springs move the body by ``heave`` metres and ``ride`` radians, and the road is
-    bent across by ``curvature`` (1/m), each with that standard deviation; what is left of a road
-    point is ``texture``. Points within ``reach`` metres beside the scanner and ``roughness`` of
-    the plane (metres, three standard deviations at most) are road.
+    Roads are bent across: b has the standard deviation ``curvature`` (1/m), c that of
+    ``curvature_change`` (1/m^2), both in the mean of the drive, which the scans then show, and
+    again from second to second. The springs move the body by ``heave`` metres and ``ride``
+    radians from second to second. What is left of a road point is ``texture``. Points within
+    ``reach`` metres beside the scanner and ``roughness`` of the road (metres, three standard
+    deviations at most) are road.
     """
 
     height: float
@@ -41,30 +45,39 @@ class KnownGround:
     heave: float = 0.01
     ride: float = float(np.radians(0.3))
     curvature: float = 0.02
+    curvature_change: float = 0.002
     texture: float = 0.01
 
     @property
-    def plane(self) -> Array:
-        """(3,) height and slopes."""
-        return np.array([self.height, self.slope_x, self.slope_y])
+    def shape(self) -> Array:
+        """(5,) height, slopes, b and c as they are known beforehand."""
+        return np.array([self.height, self.slope_x, self.slope_y, 0.0, 0.0])
 
     @property
     def sigmas(self) -> Array:
-        """(3,) their standard deviations."""
-        return np.array([self.sigma, self.tilt_sigma, self.tilt_sigma])
+        """(5,) their standard deviations."""
+        return np.array(
+            [self.sigma, self.tilt_sigma, self.tilt_sigma, self.curvature, self.curvature_change]
+        )
 
 
-def road_points(points: Array, scanner: Array, plane: Array, ground: KnownGround) -> Ints:
+def _above(points: Array, shape: Array) -> Array:
+    """(n,) heights of points over the road."""
+    x, y, z = points.T
+    height, slope_x, slope_y, bend, change = shape
+    return np.asarray(z - height - slope_x * x - slope_y * y - bend * y**2 / 2 - change * y**3 / 6)
+
+
+def road_points(points: Array, scanner: Array, shape: Array, ground: KnownGround) -> Ints:
     """Rows of the points (n, 3), in the vehicle frame, that are on the road beside the vehicle."""
     beside = np.linalg.norm(points[:, :2] - scanner[:2], axis=1) < ground.reach
-    above = points[:, 2] - plane[0] - points[:, :2] @ plane[1:]
-    return np.flatnonzero(beside & (np.abs(above) < 6 * ground.roughness))
+    return np.flatnonzero(beside & (np.abs(_above(points, shape)) < 6 * ground.roughness))
 
 
 def ground_rows(
-    points: Array, scanner: Array, plane: Array, times: Array, ground: KnownGround
+    points: Array, scanner: Array, shape: Array, times: Array, ground: KnownGround
 ) -> tuple[Array, Array]:
-    """Heights of the road points over the plane, whitened, and their derivatives.
+    """Heights of the road points over the road, whitened, and their derivatives.
 
     Parameters
     ----------
@@ -72,52 +85,49 @@ def ground_rows(
         In the vehicle frame.
     scanner : (6,) array
         Pose of the scanner on the vehicle.
-    plane : (3,) array
-        Height and slopes of the road.
+    shape : (5,) array
+        Of the road, see `KnownGround`.
     times : (n,) array
-        Of the points, seconds.
+        Of the points, seconds; those of one scan have one time.
     ground : KnownGround
         What is a road point, and how rough roads are.
 
     Returns
     -------
-    J : (m, 9) array
-        By the scanner's translation and rotation vector in the vehicle frame, and the plane.
+    J : (m, 11) array
+        By the scanner's translation and rotation vector in the vehicle frame, and the shape.
     residual : (m,) array
         Over their standard deviations.
     """
-    rows = road_points(points, scanner, plane, ground)
+    rows = road_points(points, scanner, shape, ground)
     p = points[rows]
-    residual = p[:, 2] - plane[0] - p[:, :2] @ plane[1:]
-    normal = np.array([-plane[1], -plane[2], 1.0])
-    J = np.hstack(
-        [
-            np.tile(normal, (len(p), 1)),
-            np.cross(p - scanner[:3], normal),
-            -np.ones((len(p), 1)),
-            -p[:, :2],
-        ]
-    )
-    return _whitened(J, residual, p[:, 1], np.floor(times[rows]), ground)
+    y = p[:, 1]
+    across = -(shape[2] + shape[3] * y + shape[4] * y**2 / 2)
+    normals = np.column_stack([np.full(len(p), -shape[1]), across, np.ones(len(p))])
+    by_shape = -np.column_stack([np.ones(len(p)), p[:, :2], y**2 / 2, y**3 / 6])
+    J = np.hstack([normals, np.cross(p - scanner[:3], normals), by_shape])
+    return _whitened(J, _above(p, shape), y, times[rows], ground)
 
 
 def _whitened(
-    J: Array, residual: Array, across: Array, seconds: Array, ground: KnownGround
+    J: Array, residual: Array, across: Array, times: Array, ground: KnownGround
 ) -> tuple[Array, Array]:
     """Rows in units of their noise, with what each second has of its own taken out.
 
-    The covariance of a second's points is texture^2 I + Q S Q', with the columns 1, y and y^2 / 2
-    of Q for heave, ride and curvature: its inverse root comes from a thin decomposition.
+    The covariance of a second's points is texture^2 I + Q S Q', with the columns 1, y, y^2 / 2
+    and y^3 / 6 of Q for heave, ride and the bends: its inverse root comes from a thin
+    decomposition.
     """
-    shared = np.array([ground.heave, ground.ride, ground.curvature])
-    order = np.argsort(seconds, kind="stable")
+    shared = np.array([ground.heave, ground.ride, ground.curvature, ground.curvature_change])
+    order = np.argsort(times, kind="stable")
     both = np.column_stack([J, residual])[order]
-    across, seconds = across[order], seconds[order]
+    across, times = across[order], times[order]
+    seconds = np.floor(times)
     for rows in np.split(np.arange(len(order)), np.flatnonzero(np.diff(seconds)) + 1):
         y = across[rows]
-        # Of the points of a second INDEPENDENT count: their texture is the same pebbles.
-        noise = ground.texture * np.sqrt(max(len(rows) / INDEPENDENT, 1.0))
-        Q = np.column_stack([np.ones(len(rows)), y, y**2 / 2]) * shared / noise
+        spots = np.unique(np.column_stack([times[rows], np.floor(y / SPOT)]), axis=0)
+        noise = ground.texture * np.sqrt(len(rows) / len(spots)) if len(rows) else ground.texture
+        Q = np.column_stack([np.ones(len(rows)), y, y**2 / 2, y**3 / 6]) * shared / noise
         U, spread, _ = np.linalg.svd(Q, full_matrices=False)
         part = both[rows] / noise
         both[rows] = part - U @ ((1 - 1 / np.sqrt(1 + spread**2))[:, None] * (U.T @ part))
@@ -125,7 +135,7 @@ def _whitened(
 
 
 def motion_rows(
-    spline: Spline, plane: Array, ground: KnownGround
+    spline: Spline, shape: Array, ground: KnownGround
 ) -> tuple["sparse.csr_matrix", Array, Array]:
     """Angles between the direction of motion and the road, whitened, one a second.
 
@@ -133,8 +143,8 @@ def motion_rows(
     -------
     by_path : sparse (m, 6 n)
         Derivative by the coefficients of the curves.
-    by_plane : (m, 3) array
-        By height and slopes of the road.
+    by_shape : (m, 5) array
+        By the shape of the road, see `KnownGround`; only its slopes under the vehicle matter.
     residual : (m,) array
         Angle over its standard deviation.
     """
@@ -151,7 +161,7 @@ def motion_rows(
     times, velocity, speed = (a[speed > _SLOWEST] for a in (times, velocity, speed))
     angles = spline.poses(times)[:, 3:]
     R = matrix_of(angles)
-    normal = R @ np.array([-plane[1], -plane[2], 1.0])
+    normal = R @ np.array([-shape[1], -shape[2], 1.0])
     scale = 1 / (speed * ground.ride)
     residual = (normal * velocity).sum(1) * scale
     own = np.einsum("mji,mj->mi", R, velocity)
@@ -162,5 +172,6 @@ def motion_rows(
     turned = np.einsum("mj,mjk->mk", np.cross(normal, velocity), rotation_rates(angles))
     by_angles[:, 0, 3:] = turned * scale[:, None]
     by_path = pose_columns(spline, times, by_velocity, 1) + pose_columns(spline, times, by_angles)
-    by_plane = np.column_stack([np.zeros(len(times)), -own[:, :2] * scale[:, None]])
-    return by_path, by_plane, residual
+    by_shape = np.zeros((len(times), ROAD))
+    by_shape[:, 1:3] = -own[:, :2] * scale[:, None]
+    return by_path, by_shape, residual

@@ -264,7 +264,7 @@ def _ground_equations(cloud: Cloud, pose: Array, ground: KnownGround) -> tuple[A
     height: the mean over the scans is known no better than ``sigma``.
     """
     points = cloud.in_vehicle(pose)
-    rows = road_points(points, pose, ground.plane, ground)
+    rows = road_points(points, pose, ground.shape, ground)
     if len(rows) < 20:
         return np.zeros((6, 6)), np.zeros(6)
     points = points[rows]

@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from rtk_gt.fixes import Ints
-from rtk_gt.ground import KnownGround, ground_rows, motion_rows
+from rtk_gt.ground import ROAD, KnownGround, ground_rows, motion_rows
 from rtk_gt.offset_prior import VEHICLE_SIZE, OffsetPrior
 from rtk_gt.orientation import matrix_of
 from rtk_gt.pass_matching import (
@@ -76,7 +76,7 @@ class ScannerSettings:
 
 @dataclass(frozen=True)
 class _State:
-    """All unknowns: curves, vehicle, scanner (6,), ground (3,) and pieces (c, 6)."""
+    """All unknowns: curves, vehicle, scanner (6,), road (5,) and pieces (c, 6)."""
 
     spline: Spline
     vehicle: Vehicle
@@ -159,7 +159,7 @@ def calibrate_scanner(
     rough = _rough(data, scans)
     state = _State(
         trajectory.spline, trajectory.vehicle, rough.pose,
-        np.zeros(3) if ground is None else ground.plane, np.empty((0, 3)),
+        np.zeros(ROAD) if ground is None else ground.shape, np.empty((0, 3)),
     )  # fmt: skip
     for turn in range(_ROUNDS):
         size, gate = settings.pieces[min(turn, len(settings.pieces) - 1)]
@@ -275,9 +275,9 @@ def _heights(local: Array, pieces: Array) -> Array:
 def _places(state: _State) -> _Places:
     vehicle = state.spline.coefficients.size
     scanner = vehicle + state.vehicle.size
-    return _Places(
-        vehicle, scanner, scanner + 6, scanner + 9, scanner + 9 + SHAPE * len(state.pieces)
-    )
+    ground = scanner + 6
+    pieces = ground + ROAD
+    return _Places(vehicle, scanner, ground, pieces, pieces + SHAPE * len(state.pieces))
 
 
 def _step(data: _Data, state: _State, surfaces: Surfaces) -> tuple[_State, Array]:
@@ -320,12 +320,12 @@ def _known(data: _Data, state: _State) -> tuple["sparse.csc_matrix", Array]:
     gradient = [slope, information * (made - wanted)]
     gradient.append(change_from(data.start, state.pose) / data.sigmas**2)
     if data.ground is None:
-        diagonal.append(np.ones(3))
-        gradient.append(np.zeros(3))
+        diagonal.append(np.ones(ROAD))
+        gradient.append(np.zeros(ROAD))
     else:
         weight = data.ground.sigmas**-2
         diagonal.append(weight)
-        gradient.append(weight * (state.ground - data.ground.plane))
+        gradient.append(weight * (state.ground - data.ground.shape))
     # Pieces rest on their points; the little here keeps a line of points from tilting freely.
     own = np.tile([1e-2, 1.0, 1.0, *[data.settings.bend**-2] * 3], len(state.pieces))
     diagonal.append(own)

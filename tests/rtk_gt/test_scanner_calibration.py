@@ -196,42 +196,70 @@ def test_roughness_is_that_of_the_third_derivative():
 def test_derivatives_of_motion_and_road():
     trajectory = curve()
     ground = KnownGround(-ROOF, slope_x=0.02, slope_y=-0.01)
-    plane = ground.plane
-    by_path, by_plane, residual = motion_rows(trajectory.spline, plane, ground)
+    shape = ground.shape
+    by_path, by_shape, residual = motion_rows(trajectory.spline, shape, ground)
     generator = np.random.default_rng(1)
     change = 1e-6 * generator.standard_normal(trajectory.spline.coefficients.size)
-    moved = motion_rows(trajectory.spline.moved(change.reshape(-1, 6)), plane, ground)[2]
+    moved = motion_rows(trajectory.spline.moved(change.reshape(-1, 6)), shape, ground)[2]
     np.testing.assert_allclose(moved - residual, by_path @ change, atol=1e-8)
-    step = 1e-6 * np.array([1.0, 2.0, -1.0])
-    moved = motion_rows(trajectory.spline, plane + step, ground)[2]
-    np.testing.assert_allclose(moved - residual, by_plane @ step, atol=1e-9)
+    step = 1e-6 * np.array([1.0, 2.0, -1.0, 3.0, -2.0])
+    moved = motion_rows(trajectory.spline, shape + step, ground)[2]
+    np.testing.assert_allclose(moved - residual, by_shape @ step, atol=1e-9)
     own = generator.uniform(-3, 3, (400, 3)) * [0, 1, 0]
-    own[:, 2] = plane[0] + own[:, :2] @ plane[1:]  # where residuals are 0 the weights do not move
+    shape = shape + np.array([0.0, 0.0, 0.0, 0.01, -0.003])
+    x, y = own[:, 0], own[:, 1]
+    own[:, 2] = np.column_stack([x**0, x, y, y**2 / 2, y**3 / 6]) @ shape
+    # Where residuals are 0 the weights do not move.
     scanner = np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
     times = np.sort(generator.uniform(0, 10, 400))
-    J, residual = ground_rows(own, scanner, plane, times, ground)
-    shift = 1e-6 * generator.standard_normal(9)
+    J, residual = ground_rows(own, scanner, shape, times, ground)
+    shift = 1e-6 * generator.standard_normal(11)
     turned = Rotation.from_rotvec(shift[3:6]).apply(own - scanner[:3]) + scanner[:3] + shift[:3]
-    moved = ground_rows(turned, scanner, plane + shift[6:], times, ground)[1]
+    moved = ground_rows(turned, scanner, shape + shift[6:], times, ground)[1]
     np.testing.assert_allclose(moved - residual, J @ shift, atol=1e-9)
 
 
 def test_points_of_a_second_are_whitened_by_their_covariance():
-    """The rows of one second against the dense covariance of heave, ride, curvature, texture."""
+    """The rows of one second against the dense covariance of heave, ride, bends and texture."""
     ground = KnownGround(-ROOF)
     y = np.linspace(-2.0, 2.5, 8)
     points = np.column_stack([np.zeros(8), y, np.full(8, -ROOF) + 0.01 * np.sin(5 * y)])
     scanner = np.zeros(6)
-    J, residual = ground_rows(points, scanner, ground.plane, np.full(8, 0.5), ground)
-    Q = np.column_stack([np.ones(8), y, y**2 / 2])
-    S = np.diag(np.square([ground.heave, ground.ride, ground.curvature]))
+    J, residual = ground_rows(points, scanner, ground.shape, np.full(8, 0.5), ground)
+    Q = np.column_stack([np.ones(8), y, y**2 / 2, y**3 / 6])
+    S = np.diag(np.square([ground.heave, ground.ride, ground.curvature, ground.curvature_change]))
     covariance = ground.texture**2 * np.eye(8) + Q @ S @ Q.T
     plain = points[:, 2] + ROOF
-    rows = np.column_stack(
-        [np.zeros((8, 2)), np.ones(8), y, np.zeros((8, 2)), -np.ones(8), np.zeros(8), -y]
-    )
+    up, none = np.ones(8), np.zeros(8)
+    by_shape = [-up, none, -y, -(y**2) / 2, -(y**3) / 6]
+    rows = np.column_stack([none, none, up, y, none, none, *by_shape])
     np.testing.assert_allclose(residual @ residual, plain @ np.linalg.solve(covariance, plain))
     np.testing.assert_allclose(J.T @ J, rows.T @ np.linalg.solve(covariance, rows), atol=1e-6)
+
+
+@pytest.mark.parametrize("bends", [(0.02, 0.0), (0.0, 0.002), (-0.02, 0.002)])
+def test_a_road_that_is_bent_everywhere_does_not_turn_the_scanner(bends):
+    """Ten minutes past the same camber: no second has a bend of its own, all have one together.
+
+    Taken as new in each second, it would turn the scanner by up to six standard deviations.
+    """
+    generator = np.random.default_rng(4)
+    ground = KnownGround(-ROOF, TAPE, tilt_sigma=LEVEL)
+    times = np.repeat(np.arange(0.0, 600.0, 0.2), 8)
+    y = generator.uniform(-3.7, -0.9, len(times))
+    height = -ROOF + bends[0] * y**2 / 2 + bends[1] * y**3 / 6
+    height += ground.texture * generator.standard_normal(len(y))
+    scanner = np.array([-0.3, -0.8, 0.0, 0.0, 0.0, 0.0])
+    points = np.column_stack([np.full(len(y), -0.3), y, height])
+    # z and the rotation about x, with the road; the rest does not matter beside the vehicle.
+    J, residual = ground_rows(points, scanner, ground.shape, times, ground)
+    J = J[:, [2, 3, 6, 7, 8, 9, 10]]
+    known = np.concatenate([[0.02, np.radians(2.0)], ground.sigmas]) ** -2
+    covariance = np.linalg.inv(J.T @ J + np.diag(known))
+    found = -covariance @ J.T @ residual
+    normalised = found[:2] @ np.linalg.solve(covariance[:2, :2], found[:2])
+    assert normalised < stats.chi2(2).ppf(0.999)
+    assert np.degrees(np.sqrt(covariance[1, 1])) < 0.2
 
 
 def test_point_rows_against_differences():
