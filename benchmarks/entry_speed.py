@@ -22,6 +22,7 @@ from statistics import median
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "survey" / "entry"))
 
 import numpy as np
+from entry_rooms import EntryRoom
 from entry_server import EntryServer
 
 from data_samples.campaign_files import campaign_files
@@ -170,7 +171,10 @@ def page(folder: Path, shown: dict[frozenset[str], str]) -> dict[str, list[Times
     taken: dict[str, list[Times]] = {"joined": [], "first": [], "later": [], "reading": []}
     for _ in range(PAGES):
         started = time.perf_counter()
-        with EntryServer(folder, folder.parent / "log") as server, server.join() as client:
+        with (
+            EntryServer(EntryRoom(folder, shown), folder.parent / "log") as server,
+            server.join() as client,
+        ):
             own = server.process.pid
             taken["joined"].append((time.perf_counter() - started, processor_seconds(own)))
             taken["first"].append(served(own, partial(client.get, "/")))

@@ -57,7 +57,7 @@ class Entry:
     of : int
         The entry that this one is about: undone, kept, replaced, noted. 0: none.
     second : bool
-        Whether a reading is the other person's blind entry.
+        Whether a reading is the other person's blind entry, or a skip is of that one alone.
     measured : str
         When a reading was measured, where that is not when it was written: read from a file, or
         queued while the link was down.

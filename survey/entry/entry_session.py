@@ -95,6 +95,7 @@ class EntrySession:
         """Grows with every entry; a page asks for it to know whether it is up to date."""
         self._checks: RoomChecks | None = None
         self._changing = threading.RLock()
+        self._preparing: threading.Timer | None = None
 
     @classmethod
     def open(cls, campaign: Campaign, who: str = "", *, adopt: bool = False) -> Self:
@@ -134,6 +135,9 @@ class EntrySession:
 
     def close(self) -> None:
         """End it; the readings file is brought up to date."""
+        if self._preparing is not None:
+            self._preparing.cancel()
+            self._preparing.join()  # a process must not end in the middle of an import
         self._remember()
         if self.readings_file.problem:
             self.readings_file.write(self.state)
@@ -153,7 +157,7 @@ class EntrySession:
         return self._checks
 
     def prepare(self, *others: Callable[[], object]) -> threading.Thread:
-        """The thread that makes the checks, and whatever else is slow, while nobody types yet.
+        """A thread that makes the checks, and whatever else is slow, while nobody types yet.
 
         A moment later, so that it does not hold up the first question. What is there then stays,
         and need not be looked through for garbage again and again.
@@ -167,10 +171,10 @@ class EntrySession:
                 self.readings_file.prepare(self.state)
             gc.freeze()
 
-        making = threading.Timer(PREPARE_AFTER, make)
-        making.daemon = True
-        making.start()
-        return making
+        self._preparing = threading.Timer(PREPARE_AFTER, make)
+        self._preparing.daemon = True
+        self._preparing.start()
+        return self._preparing
 
     # -- what there is to look at -----------------------------------------------------------
 
@@ -183,6 +187,10 @@ class EntrySession:
             pass
         self._remember()
         return self.doubtful_so_far()
+
+    def disagreeing(self) -> list[Pair]:
+        """Pairs of which no two entries by different people agree: none of them counts."""
+        return [pair for pair in self.state.pairs if self.state.disagrees(pair)]
 
     def doubtful_so_far(self) -> list[int]:
         """Those of all stops and world points that were examined since they last changed."""
@@ -298,16 +306,19 @@ class EntrySession:
         self._write(replace(self._about(number, "note", person), text=said))
 
     def skip(self, target: Target, reason: str, person: Person) -> None:
-        """Do not measure a pair, for a reason."""
+        """Do not measure a pair, or not a second time, for a reason."""
         self._check_pair(target.pair)
-        self._write(self._entry("skip", person, target, reason or "no reason given"))
+        entry = self._entry("skip", person, target, reason or "no reason given")
+        self._write(replace(entry, second=person.second))
 
     def jump(self, target: Target, person: Person) -> None:
         """Go on with a target, also if it was to be skipped."""
         self._check_pair(target.pair)
         reason = self.guide.skipped(target.pair)
-        kind: Kind = "jump" if reason is None else "unskip"
-        self._write(self._entry(kind, person, target, reason or ""))
+        of_second = person.second and target.pair in self.state.without_second
+        kind: Kind = "jump" if reason is None and not of_second else "unskip"
+        entry = self._entry(kind, person, target, reason or "")
+        self._write(replace(entry, second=of_second))
 
     def begin_stop(self, name: str, person: Person) -> Target:
         """The first target of a further stop.

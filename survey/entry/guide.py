@@ -1,6 +1,6 @@
 """What is to be measured next, as it follows from the plan and from what was done."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from survey.entry.entries import Person
@@ -11,6 +11,7 @@ from survey.entry.targets import (
     Station,
     Target,
     find_target,
+    from_the_other_end,
     load_names,
     load_skipped,
     stations,
@@ -25,6 +26,28 @@ class Progress:
     done: int
     left: int
     skipped: int
+
+
+class Way:
+    """Stations in their order, and where each pair is among them.
+
+    Parameters
+    ----------
+    stations : sequence of Station
+        All of them.
+    """
+
+    def __init__(self, stations: Sequence[Station]) -> None:
+        self.stations = stations
+        self._where = {
+            target.pair: (i, j)
+            for i, station in enumerate(stations)
+            for j, target in enumerate(station.targets)
+        }
+
+    def position(self, pair: Pair | None) -> tuple[int, int]:
+        """Station and place in it of a pair; the beginning for one that is none of the plan."""
+        return (0, 0) if pair is None else self._where.get(pair, (0, 0))
 
 
 DoubtfulAt = Callable[[Station], set[Pair]]
@@ -64,11 +87,8 @@ class Guide:
         self.names: Names = load_names(self._campaign, self._state.stops)
         self.hidden = load_skipped(self._campaign, self.names)
         self.plan: list[Station] = stations(self.names, self._settings)
-        self._where = {
-            target.pair: (i, j)
-            for i, station in enumerate(self.plan)
-            for j, target in enumerate(station.targets)
-        }
+        self._way = Way(self.plan)
+        self._way_back: Way | None = None
 
     def skipped(self, pair: Pair) -> str | None:
         """Why a pair is not measured; None where it is."""
@@ -84,6 +104,8 @@ class Guide:
 
     def is_open_for(self, target: Target, person: Person) -> bool:
         """Whether a target needs a reading by this person, blind second entries included."""
+        if person.second and target.pair in self._state.without_second:
+            return False
         if not person.second or self._state.disagrees(target.pair):
             return self.is_open(target)
         numbers = self._state.counting(target.pair)
@@ -97,20 +119,21 @@ class Guide:
         more, before the laser is moved; then the stations after it, then any left out before.
         For a list that was written before, ``look_again`` is false: it knows of no doubts.
         """
-        at, place = self._position()
-        here = self.plan[at].targets
+        way = self._way_of(person)
+        at, place = way.position(self._state.cursor)
+        here = way.stations[at].targets
         for target in (*here[place:], *here[:place]):
             if self.is_open_for(target, person):
-                return self._turned(target, person)
+                return target
         if look_again and not person.second:
-            doubtful = self._doubtful_at(self.plan[at])
+            doubtful = self._doubtful_at(way.stations[at])
             for target in here:
                 if target.pair in doubtful:
                     return target
-        for station in (*self.plan[at + 1 :], *self.plan[:at]):
+        for station in (*way.stations[at + 1 :], *way.stations[:at]):
             for target in station.targets:
                 if self.is_open_for(target, person):
-                    return self._turned(target, person)
+                    return target
         return None
 
     def following(self, person: Person, most: int) -> list[Target]:
@@ -119,13 +142,14 @@ class Guide:
         if first is None:
             return []
         found = [first]
-        start = self._where.get(first.pair, (0, 0))[0]
-        for station in (*self.plan[start:], *self.plan[:start]):
+        way = self._way_of(person)
+        start, _ = way.position(first.pair)
+        for station in (*way.stations[start:], *way.stations[:start]):
             for target in station.targets:
                 if len(found) >= most:
                     return found
                 if target.pair != first.pair and self.is_open_for(target, person):
-                    found.append(self._turned(target, person))
+                    found.append(target)
         return found
 
     def target(self, where: str) -> Target:
@@ -134,10 +158,8 @@ class Guide:
 
     def progress(self, targets: Iterable[Target] | None = None) -> Progress:
         """How far the work is, at some targets or in all."""
-        if targets is None:
-            targets = (target for station in self.plan for target in station.targets)
         done = left = skipped = 0
-        for target in targets:
+        for target in self._all_targets() if targets is None else targets:
             if self._state.counting(target.pair):
                 done += 1
             elif self.skipped(target.pair) is None:
@@ -145,6 +167,17 @@ class Guide:
             else:
                 skipped += 1
         return Progress(done, left, skipped)
+
+    def second_progress(self, person: Person, targets: Iterable[Target] | None = None) -> Progress:
+        """How far the blind second entries of a person are, at some targets or in all."""
+        state = self._state
+        some = list(self._all_targets() if targets is None else targets)
+        done = sum(state.has_second(target.pair) for target in some)
+        left = sum(self.is_open_for(target, person) for target in some)
+        return Progress(done, left, sum(target.pair in state.without_second for target in some))
+
+    def _all_targets(self) -> Iterator[Target]:
+        return (target for station in self.plan for target in station.targets)
 
     def targets_from(self, start: str) -> tuple[Target, ...]:
         """All targets of the station at a point; none where nothing is read from there."""
@@ -163,18 +196,15 @@ class Guide:
                 return other
         return ""
 
-    def station_of(self, target: Target) -> Station:
-        """The station that a target belongs to."""
-        return self.plan[self._where[target.pair][0]]
+    def station_of(self, target: Target, person: Person) -> Station:
+        """The station that a target belongs to, on the way of a person."""
+        way = self._way_of(person)
+        return way.stations[way.position(target.pair)[0]]
 
-    def _position(self) -> tuple[int, int]:
-        """Station and place in it at which the work goes on."""
-        if self._state.cursor is None:
-            return 0, 0
-        return self._where.get(self._state.cursor, (0, 0))
-
-    def _turned(self, target: Target, person: Person) -> Target:
-        """A second measurement is taken from the other end."""
-        if person.second and self._settings.second == "measure":
-            return Target(target.end, target.start)
-        return target
+    def _way_of(self, person: Person) -> Way:
+        """A second measurement is taken from the other end, and the laser moved as little."""
+        if not (person.second and self._settings.second == "measure"):
+            return self._way
+        if self._way_back is None:
+            self._way_back = Way(from_the_other_end(self.plan))
+        return self._way_back

@@ -267,9 +267,13 @@ def _status(
     """Counts, m0 and sigmas with the sentence that says them."""
     readings = sum(len(one.numbers) for one in judged)
     redundancy = sum(max(one.judgement.redundancy, 0) for one in judged)
-    sigmas, m0 = (
-        ((), None) if precision is None else (tuple(map(float, precision[0])), precision[1])
-    )
+    sigmas: tuple[float, ...] = ()
+    if precision is None:
+        # No pose yet, or something is doubtful: that of the readings which fit, mark by mark.
+        cost = sum(one.judgement.cost for one in judged)
+        m0 = (cost / redundancy) ** 0.5 if redundancy else None
+    else:
+        sigmas, m0 = tuple(map(float, precision[0])), precision[1]
     text = f"{name}: {readings} reading{'' if readings == 1 else 's'}, {redundancy} to spare"
     if m0 is not None:
         text += f", m0 {m0:.1f}"

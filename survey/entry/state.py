@@ -54,6 +54,8 @@ class EntryState:
     notes: dict[int, list[str]] = field(default_factory=dict)
     stops: list[str] = field(default_factory=list)
     wanted: set[Pair] = field(default_factory=set)
+    without_second: set[Pair] = field(default_factory=set)
+    """Pairs that are not to be measured a second time."""
     cursor: Pair | None = None
 
     def apply(self, entry: Entry) -> None:
@@ -96,6 +98,10 @@ class EntryState:
                 if one.by != other.by and self.agree(_metres(one), _metres(other)):
                     return [numbers[j], numbers[i]]
         return []
+
+    def has_second(self, pair: Pair) -> bool:
+        """Whether a blind second entry of a pair counts."""
+        return any(self.entries[n].second for n in self.counting(pair))
 
     def disagrees(self, pair: Pair) -> bool:
         """Whether there is a double entry, and no two values of it agree."""
@@ -181,13 +187,19 @@ class EntryState:
         self.set_aside.discard(entry.of)
 
     def _skip(self, entry: Entry) -> None:
-        self._own(entry.pair).skipped = entry.text
-        self.wanted.discard(entry.pair)
+        if entry.second:
+            self.without_second.add(entry.pair)
+        else:
+            self._own(entry.pair).skipped = entry.text
+            self.wanted.discard(entry.pair)
         self.cursor = entry.pair
 
     def _unskip(self, entry: Entry) -> None:
-        self._own(entry.pair).skipped = None
-        self.wanted.add(entry.pair)
+        if entry.second:
+            self.without_second.discard(entry.pair)
+        else:
+            self._own(entry.pair).skipped = None
+            self.wanted.add(entry.pair)
         self.cursor = entry.pair
 
     def _jump(self, entry: Entry) -> None:

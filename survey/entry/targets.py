@@ -156,6 +156,19 @@ def stations(names: Names, settings: EntrySettings) -> list[Station]:
     return found
 
 
+def from_the_other_end(plan: Sequence[Station]) -> list[Station]:
+    """The same targets turned round, those with the laser on one point together.
+
+    Within the frame and within each stop, so that a stop is measured whole before the next.
+    """
+    places: dict[tuple[str, str], list[Target]] = {}
+    for station in plan:
+        for target in station.targets:
+            turned = Target(target.end, target.start)
+            places.setdefault((stop_of(target), target.end), []).append(turned)
+    return [Station(name, tuple(targets)) for (_, name), targets in places.items()]
+
+
 def spread(world: Sequence[str]) -> list[str]:
     """The world points with the first few taken at equal steps, the others as they were.
 

@@ -4,18 +4,21 @@ import os
 import select
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, TextIO
 
-from survey.entry.entries import Entry, Person
+from survey.entry.entries import MAX_NAME, Entry, Person, clean_text
 from survey.entry.entry_session import Answer, EntrySession
 from survey.entry.targets import Target, stop_of
 from survey.entry.words import (
     COMMANDS,
     answer_lines,
+    disagreeing_text,
     enough_text,
+    jumped_text,
     pair_text,
-    progress_text,
+    progress_of,
     readings_text,
     undone_text,
     value_text,
@@ -93,6 +96,8 @@ class TerminalEntry:
         if not self._keyboard:
             return self._source.readline() or None
         what = "all done; j to go on elsewhere, q to end"
+        if self._person.second:
+            what = "nothing left that somebody else measured; q to end"
         if self._asked is not None:
             what = pair_text(self._asked)
             if self._standing not in ("", self._asked.start):
@@ -141,6 +146,8 @@ class TerminalEntry:
         target = self._asked
         if target is None:
             raise GtvalError("everything is done; say j and where to go on, or q to end")
+        if words[0].isalpha():
+            raise GtvalError(f"there is no command '{words[0][:40]}'; ? lists the commands")
         self._record(target, line, again=self._is_measured(target))
 
     def _is_measured(self, target: Target) -> bool:
@@ -156,6 +163,7 @@ class TerminalEntry:
             "j": self._jump,
             "p": self._begin_stop,
             "n": self._note,
+            "b": self._by,
             "l": self._list,
             "d": self._list_doubtful,
             "i": self._info,
@@ -211,8 +219,11 @@ class TerminalEntry:
             self._say(f"skipped: {pair_text(target)}", "yellow")
 
     def _jump(self, where: str) -> None:
-        self._session.jump(self._session.guide.target(where), self._person)
+        target = self._session.guide.target(where)
+        self._session.jump(target, self._person)
         self._again = None
+        if len(where.split()) > 1:
+            self._say(jumped_text(self._session, target, self._person))
 
     def _begin_stop(self, name: str) -> None:
         self._session.begin_stop(name, self._person)
@@ -222,24 +233,38 @@ class TerminalEntry:
         self._session.note(last.number, text, self._person)
         self._say(f"noted at {last.start}–{last.end}", "green")
 
+    def _by(self, name: str) -> None:
+        said = clean_text(name, MAX_NAME)
+        if not said:
+            raise GtvalError("say who is at the laser: b BOB")
+        self._person = replace(self._person, name=said)
+        self._session.begin(self._person)
+        self._say(f"at the laser: {said}", "green")
+
     def _list(self, _: str) -> None:
         target = self._asked or self._session.guide.plan[0].targets[0]
         blind = self._person.second
         doubtful = set() if blind else set(self._session.doubtful())
-        for one in self._session.guide.station_of(target).targets:
+        for one in self._session.guide.station_of(target, self._person).targets:
             value = value_text(self._session, one.pair, blind=blind)
             marked = doubtful & set(self._session.state.counting(one.pair))
             self._say(f"{one.start}–{one.end}  {value}{'  DOUBTFUL' if marked else ''}")
 
     def _list_doubtful(self, _: str) -> None:
         numbers = [] if self._person.second else self._session.doubtful()
-        if not numbers:
+        if not numbers and not self._person.second:
             self._say("no reading is doubtful", "green")
         for number in numbers:
             self._say(readings_text(self._session, [number]), "bold red")
+        self._say_disagreeing()
+
+    def _say_disagreeing(self) -> None:
+        said = disagreeing_text(self._session)
+        if said:
+            self._say(said, "bold red")
 
     def _info(self, _: str) -> None:
-        self._say(progress_text(self._session.guide.progress()))
+        self._say(progress_of(self._session, self._person))
         target = self._asked
         status = None if target is None or self._person.second else self._session.status(target)
         if status is not None:
@@ -302,14 +327,15 @@ class TerminalEntry:
         if entry_session.journal.recovered_bytes:
             self._say("An unfinished last line of the journal was cut off.", "yellow")
         name = entry_session.campaign.settings.name
-        self._say(f"{name}: {progress_text(entry_session.guide.progress())}")
+        self._say(f"{name}: {progress_of(entry_session, self._person)}")
         role = "blind second entry" if self._person.second else "at the laser"
-        self._say(f"{self._person.name or 'nobody named'}, {role}. ? lists the commands.")
+        who = self._person.name or "nobody named (b BOB names somebody)"
+        self._say(f"{who}, {role}. ? lists the commands.")
 
     def _goodbye(self) -> None:
         entry_session = self._session
         entry_session.guide.next_target(self._person)  # the next start asks this at once
-        self._say(progress_text(entry_session.guide.progress()))
+        self._say(progress_of(entry_session, self._person))
         if self._person.second or not entry_session.state.pairs:
             return
         numbers = entry_session.doubtful()
@@ -317,6 +343,7 @@ class TerminalEntry:
             self._say(
                 f"{len(numbers)} doubtful: {readings_text(entry_session, numbers)}", "bold red"
             )
+        self._say_disagreeing()
 
     def _say(self, text: str, style: str = "") -> None:
         """One line, as it is: nothing in it is taken as markup."""

@@ -1,8 +1,9 @@
 """What both front ends say, in the same words."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from survey.entry.entries import Entry
+from survey.entry.entries import Entry, Person
 from survey.entry.entry_session import Answer, EntrySession
 from survey.entry.guide import Progress
 from survey.entry.numbers import plain, signed_mm
@@ -23,6 +24,7 @@ COMMANDS = (
     ("j 7/X 3", "go on with 7/X–3; also: j 7/X, j 7"),
     ("p 27", "begin a further stop called 27"),
     ("n TEXT", "a remark about the last reading"),
+    ("b BOB", "somebody else is at the laser from now on"),
     ("l", "list the readings of this station"),
     ("d", "list all doubtful readings"),
     ("i", "how far the work is"),
@@ -77,6 +79,26 @@ def undone_text(undone: Entry | None) -> str:
     return f"undone: {undone.kind} {what}"
 
 
+def jumped_text(entry_session: EntrySession, target: Target, person: Person) -> str:
+    """That the work goes on with a target, or that it has a reading and is not asked for."""
+    numbers = entry_session.state.counting(target.pair)
+    if not numbers or entry_session.guide.is_open_for(target, person):
+        return f"going on with {target.start}–{target.end}"
+    what = f"{target.start}–{target.end}"
+    value = "a reading" if person.second else value_text(entry_session, target.pair, blind=False)
+    return f"{what} has {value} already; r {target.start} {target.end} measures it again"
+
+
+def disagreeing_text(entry_session: EntrySession, most: int = 6) -> str:
+    """The pairs of which two people's entries disagree, without their values; '' if none."""
+    pairs = entry_session.disagreeing()
+    if not pairs:
+        return ""
+    said = ", ".join("–".join(sorted(pair)) for pair in pairs[:most])
+    more = f" and {len(pairs) - most} more" if len(pairs) > most else ""
+    return f"two entries disagree, measure again: {said}{more}"
+
+
 def enough_text(entry_session: EntrySession, target: Target) -> str:
     """That a stop is good enough, and how much of it may be left out; '' while it is not."""
     status = entry_session.status(target)
@@ -96,14 +118,28 @@ def progress_text(progress: Progress) -> str:
     return said + (f", {progress.skipped} skipped" if progress.skipped else "")
 
 
+def progress_of(
+    entry_session: EntrySession, person: Person, targets: Sequence[Target] | None = None
+) -> str:
+    """How far a person's work is, at some targets or in all: readings, or blind second ones."""
+    guide = entry_session.guide
+    if person.second:
+        return f"second entries: {progress_text(guide.second_progress(person, targets))}"
+    return progress_text(guide.progress(targets))
+
+
 def value_text(entry_session: EntrySession, pair: Pair, *, blind: bool) -> str:
-    """The value of a pair as a list shows it: '5.378', 'done' where it is not to be seen, '–'."""
+    """The value of a pair as a list shows it: '5.378', '–'.
+
+    For whom the first value is not to see: whether there is a second.
+    """
     numbers = entry_session.state.counting(pair)
     if entry_session.state.disagrees(pair):
         return "two entries disagree"
+    if blind:
+        skipped = pair in entry_session.state.without_second
+        return "done" if entry_session.state.has_second(pair) else "skipped" if skipped else "–"
     if not numbers:
         reason = entry_session.guide.skipped(pair)
         return "–" if reason is None else f"skipped: {reason}"
-    if blind:
-        return "done"
     return " / ".join(plain(entry_session.state.entries[n].metres or 0.0) for n in numbers)

@@ -32,7 +32,7 @@ from survey.entry.web.requests import (
     number_field,
     text_field,
 )
-from survey.entry.words import undone_text
+from survey.entry.words import jumped_text, undone_text
 from validation.errors import GtvalError
 
 COOKIE = "gtval_entry"
@@ -212,7 +212,7 @@ class EntryApp:
         def jump() -> str:
             target = entry_session.guide.target(text)
             entry_session.jump(target, person)
-            return f"going on with {target.start}–{target.end}"
+            return jumped_text(entry_session, target, person)
 
         def stop() -> str:
             target = entry_session.begin_stop(text, person)

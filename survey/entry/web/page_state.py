@@ -8,11 +8,12 @@ from survey.entry.entries import Entry, Person
 from survey.entry.entry_session import Answer, EntrySession
 from survey.entry.numbers import plain
 from survey.entry.rough_places import RoughPlaces
+from survey.entry.state import Pair
 from survey.entry.targets import Target, stop_of
 from survey.entry.words import (
     answer_lines,
     enough_text,
-    progress_text,
+    progress_of,
     readings_text,
     value_text,
 )
@@ -45,8 +46,8 @@ def page_state(entry_session: EntrySession, person: Person, rough: RoughPlaces) 
         "by": person.name,
         "second": person.second,
         "second_wanted": entry_session.settings.second != "none",
-        "progress": progress_text(guide.progress()),
-        "targets": [_target(entry_session, one) for one in following],
+        "progress": progress_of(entry_session, person),
+        "targets": [_target(entry_session, one, person) for one in following],
         "station": _station(entry_session, shown_at, person),
         "recent": _recent(entry_session, person),
         "last": _last(entry_session, person),
@@ -76,26 +77,34 @@ def answer_state(entry_session: EntrySession, answer: Answer) -> dict[str, Any]:
     }
 
 
-def _target(entry_session: EntrySession, target: Target) -> dict[str, Any]:
-    done = bool(entry_session.state.counting(target.pair))
-    return {"from": target.start, "to": target.end, "again": done}
+def _target(entry_session: EntrySession, target: Target, person: Person) -> dict[str, Any]:
+    again = not person.second and bool(entry_session.state.counting(target.pair))
+    return {"from": target.start, "to": target.end, "again": again}
 
 
 def _station(entry_session: EntrySession, target: Target, person: Person) -> dict[str, Any]:
-    station = entry_session.guide.station_of(target)
+    station = entry_session.guide.station_of(target, person)
     doubtful = set() if person.second else set(entry_session.doubtful_at(station))
     rows = []
     for one in station.targets:
-        numbers = entry_session.state.counting(one.pair)
-        state = "open"
-        if numbers:
-            state = "doubtful" if doubtful & set(numbers) else "done"
-        elif entry_session.guide.skipped(one.pair) is not None:
-            state = "skipped"
         value = value_text(entry_session, one.pair, blind=person.second)
+        state = _state_of(entry_session, one.pair, person)
+        if doubtful & set(entry_session.state.counting(one.pair)):
+            state = "doubtful"
         rows.append({"from": one.start, "to": one.end, "value": value, "state": state})
-    progress = progress_text(entry_session.guide.progress(station.targets))
+    progress = progress_of(entry_session, person, station.targets)
     return {"name": station.name, "rows": rows, "progress": progress}
+
+
+def _state_of(entry_session: EntrySession, pair: Pair, person: Person) -> str:
+    """Whether a pair is done, open or skipped, for a person."""
+    state = entry_session.state
+    if person.second:
+        skipped = pair in state.without_second
+        return "done" if state.has_second(pair) else "skipped" if skipped else "open"
+    if state.counting(pair):
+        return "done"
+    return "open" if entry_session.guide.skipped(pair) is None else "skipped"
 
 
 def _recent(entry_session: EntrySession, person: Person) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ import numpy as np
 from data_samples.campaign_files import campaign_files
 from data_samples.rooms import RoomSettings, make_room
 from data_samples.simulate import SimulationSettings, simulate_survey
-from survey.entry.entries import Person
+from survey.entry.entries import Entry, Person
 from survey.entry.entry_session import EntrySession
 from survey.entry.targets import Target
 from validation.campaign import load_campaign
@@ -31,6 +31,11 @@ class EntryRoom:
 
     def open(self) -> EntrySession:
         return EntrySession.open(load_campaign(self.folder))
+
+    def recorded(self) -> list[Entry]:
+        """The readings in the journal, in their order."""
+        entries = EntrySession.look(load_campaign(self.folder)).journal.entries
+        return [entry for entry in entries if entry.kind == "reading"]
 
     @property
     def journal(self) -> Path:

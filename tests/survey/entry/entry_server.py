@@ -12,18 +12,25 @@ from types import TracebackType
 from typing import Self
 
 import httpx
+from entry_rooms import EntryRoom
 
 GTVAL = str(Path(sys.executable).with_name("gtval"))
 
 
-class EntryServer:
-    """The served page of a campaign folder; killed at the end if it still runs."""
+def reading(name: str, **values: object) -> dict[str, object]:
+    """What a device sends for a reading, again and again of one pair."""
+    return {"id": name, "from": "O", "to": "X", "text": "2.5", "again": True, **values}
 
-    def __init__(self, folder: Path, log: Path, *options: str, prepare=None) -> None:
+
+class EntryServer:
+    """The served page of a room; killed at the end if it still runs."""
+
+    def __init__(self, room: EntryRoom, log: Path, *options: str, prepare=None) -> None:
+        self.room = room
         self.log = log
         with log.open("wb") as stream:
             self.process = subprocess.Popen(
-                [GTVAL, "enter", str(folder), "--web", "--port", "0", *options],
+                [GTVAL, "enter", str(room.folder), "--web", "--port", "0", *options],
                 stdout=stream,
                 stderr=subprocess.STDOUT,
                 preexec_fn=prepare,  # noqa: PLW1509  (sets a limit, nothing else)

@@ -106,7 +106,7 @@ def kill_servers(big_room, folder, runs, seed):
     acknowledged: list[frozenset[str]] = []
     number = {t.pair: f"id{n}" for n, t in enumerate(waiting)}
     for _ in range(runs):
-        with EntryServer(room.folder, folder / "log") as server, server.join() as client:
+        with EntryServer(room, folder / "log") as server, server.join() as client:
             end = time.monotonic() + rng.random() * 0.6
             sent = 0
             while time.monotonic() < end:
@@ -186,7 +186,7 @@ def test_a_full_disk_is_told_to_the_page_which_keeps_the_reading(big_room, tmp_p
     room = fresh(big_room, tmp_path / "room")
     acknowledged = []
     limit = limit_files_to(5000)
-    server = EntryServer(room.folder, tmp_path / "log", prepare=limit)
+    server = EntryServer(room, tmp_path / "log", prepare=limit)
     with server, server.join() as client:
         for number, target in enumerate(all_readable(room)[:60]):
             said = {"from": target.start, "to": target.end, "text": room.shown[target.pair]}

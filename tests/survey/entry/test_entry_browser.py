@@ -8,9 +8,6 @@ import pytest
 from entry_rooms import enter_all, entry_room
 from entry_server import EntryServer
 
-from survey.entry.entry_session import EntrySession
-from validation.campaign import load_campaign
-
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 DRIVER = shutil.which("chromedriver")
 
@@ -63,8 +60,7 @@ def served(measured_room, tmp_path):
     from entry_rooms import copy_of
 
     room = copy_of(measured_room, tmp_path / "room")
-    with EntryServer(room.folder, tmp_path / "log") as server:
-        server.room = room
+    with EntryServer(room, tmp_path / "log") as server:
         yield server
 
 
@@ -115,8 +111,7 @@ def picture(browser, name):
 
 def recorded(room):
     """Pairs of the readings in the journal, in their order."""
-    entry_session = EntrySession.look(load_campaign(room.folder))
-    return [e.pair for e in entry_session.journal.entries if e.kind == "reading"]
+    return [entry.pair for entry in room.recorded()]
 
 
 def test_a_whole_stop_is_entered_with_the_link_lost_in_the_middle(browsers, served):
@@ -177,7 +172,7 @@ def test_a_page_goes_on_after_the_laptop_died(browsers, served, tmp_path):
     served.kill()
     second = type_reading(browser, room)
     wait(lambda: "1 waiting" in text(browser, "link"))
-    with EntryServer(room.folder, tmp_path / "again.log", "--port", port) as again:
+    with EntryServer(room, tmp_path / "again.log", "--port", port) as again:
         wait(lambda: browser.find_elements("id", "code"))
         picture(browser, "join")
         browser.find_element("id", "code").send_keys(again.code)
@@ -194,7 +189,7 @@ def test_a_stop_that_is_good_enough_is_said_with_the_way_on(browsers, measured_r
     entry_session = room.open()
     enter_all(entry_session, room, 16 + 16 + 4)
     entry_session.close()
-    with EntryServer(room.folder, tmp_path / "log") as server:
+    with EntryServer(room, tmp_path / "log") as server:
         browser = join(browsers[0], server, "ann")
         wait(lambda: "12 more readings are not needed" in text(browser, "enough"))
         picture(browser, "enough")

@@ -1,5 +1,6 @@
 import shutil
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -236,6 +237,36 @@ def test_a_second_measurement_from_the_other_end_counts_too(copy):
     entry_session.close()
 
 
+def test_from_the_other_end_the_laser_stands_on_each_point_once_a_stop(copy):
+    entry_session = copy.open()
+    entry_session.jump(entry_session.guide.target("O X"), BOB_BLIND)
+    targets = entry_session.guide.following(BOB_BLIND, 1000)
+    assert {target.pair for target in targets} == set(copy.shown)
+    of_stop = [t.start for t in targets if "/" in t.end]
+    moves = [a for a, b in pairwise([*of_stop, ""]) if a != b]
+    assert sorted(moves) == sorted(set(of_stop))  # never twice on the same world point
+    entry_session.close()
+
+
+def test_who_measures_a_second_time_may_leave_a_pair_out(copy):
+    entry_session = copy.open()
+    guide = entry_session.guide
+    target = guide.next_target(BOB_BLIND)
+    left = guide.second_progress(BOB_BLIND).left
+    entry_session.skip(target, "cannot stand there", BOB_BLIND)
+    assert guide.next_target(BOB_BLIND) != target
+    assert entry_session.state.counting(target.pair)  # the first reading stays
+    assert guide.skipped(target.pair) is None
+    assert guide.second_progress(BOB_BLIND).left == left - 1
+    entry_session.close()
+    entry_session = copy.open()
+    assert target not in entry_session.guide.following(BOB_BLIND, 1000)
+    entry_session.jump(target, BOB_BLIND)
+    assert entry_session.guide.next_target(BOB_BLIND) == target
+    entry_session.undo(BOB_BLIND)
+    entry_session.close()
+
+
 def test_two_people_who_disagree_are_told_no_value_and_measure_again(copy):
     entry_session = copy.open()
     target = entry_session.guide.next_target(BOB_BLIND)
@@ -246,6 +277,7 @@ def test_two_people_who_disagree_are_told_no_value_and_measure_again(copy):
     assert shown not in answer.text
     assert other not in answer.text
     assert len(rows(copy)) == len(copy.shown) - 1
+    assert entry_session.disagreeing() == [target.pair]
     assert entry_session.guide.next_target(ANN).pair == target.pair
     settled = entry_session.record(entry_session.guide.next_target(ANN), other, ANN)
     assert settled.outcome == "agrees"

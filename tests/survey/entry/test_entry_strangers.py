@@ -10,44 +10,20 @@ from functools import partial
 
 import httpx
 import pytest
-from entry_rooms import entry_room
-from entry_server import EntryServer
+from entry_server import reading
 
-from survey.entry.entry_session import EntrySession
 from survey.entry.web.connection import MAX_SECONDS
-from validation.campaign import load_campaign
 
 SILENT = 300
 """More silent connections than browsers would ever open."""
 
 
-@pytest.fixture(scope="module")
-def served(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("strangers")
-    room = entry_room(5, 1, folder / "room")
-    with EntryServer(room.folder, folder / "log") as server:
-        server.room = room
-        yield server
-        assert server.process.poll() is None
-        said = server.log.read_text()
-        assert "Traceback" not in said
-        assert "Exception" not in said
-
-
-@pytest.fixture(scope="module")
-def ann(served):
-    with served.join("ann") as client:
-        yield client
-
-
-def ids(room):
-    entries = EntrySession.look(load_campaign(room.folder)).journal.entries
-    return [e.id for e in entries if e.kind == "reading"]
+def ids(served):
+    return [entry.id for entry in served.room.recorded()]
 
 
 def record(client, name):
-    said = {"id": name, "from": "O", "to": "X", "text": "2.5", "again": True}
-    answer = client.post("/readings", json=said)
+    answer = client.post("/readings", json=reading(name))
     assert answer.status_code == 200, answer.text
     return name
 
@@ -89,16 +65,16 @@ def test_connections_that_say_nothing_or_little_keep_nobody_out(served, ann):
         started = time.monotonic()
         name = record(ann, "meanwhile")
         assert time.monotonic() - started < MAX_SECONDS / 2
-        assert name in ids(served.room)
+        assert name in ids(served)
         assert all(ends(one, 3 * MAX_SECONDS) for one in silent)
     finally:
         for one in silent:
             one.close()
-    assert record(ann, "afterwards") in ids(served.room)
+    assert record(ann, "afterwards") in ids(served)
 
 
 def test_a_body_that_comes_drop_by_drop_is_given_up(served, ann):
-    before = ids(served.room)
+    before = ids(served)
     with connect(served) as slow:
         slow.sendall(head(ann, "/readings", "Content-Type: application/json", "Content-Length: 99"))
         until = time.monotonic() + 3 * MAX_SECONDS
@@ -109,11 +85,11 @@ def test_a_body_that_comes_drop_by_drop_is_given_up(served, ann):
             if select.select([slow], [], [], 0.5)[0]:
                 said = slow.recv(4096)
     assert said.startswith(b"HTTP/1.1 408 ")
-    assert ids(served.room) == before
+    assert ids(served) == before
 
 
 def test_a_body_of_ten_megabytes_in_pieces_is_refused_and_not_read(served, ann):
-    before = ids(served.room)
+    before = ids(served)
 
     def pieces():
         for _ in range(1000):
@@ -124,8 +100,8 @@ def test_a_body_of_ten_megabytes_in_pieces_is_refused_and_not_read(served, ann):
             "/readings", content=pieces(), headers={"Content-Type": "application/json"}
         )
         assert answer.status_code == 413
-    assert ids(served.room) == before
-    assert record(ann, "after-ten-megabytes") in ids(served.room)
+    assert ids(served) == before
+    assert record(ann, "after-ten-megabytes") in ids(served)
 
 
 @pytest.mark.parametrize(
@@ -202,8 +178,8 @@ def test_a_page_called_by_a_foreign_name_is_not_served(ann, host):
 
 def test_a_thousand_connections_at_once_are_served_or_refused_and_lose_nothing(served):
     def send(client, number):
-        said = {"id": f"many-{number}", "from": "O", "to": "X", "text": "2.5", "again": True}
         try:
+            said = reading(f"many-{number}")
             return number, client.post("/readings", json=said, timeout=120).status_code
         except httpx.TransportError:
             return number, 0
@@ -212,7 +188,7 @@ def test_a_thousand_connections_at_once_are_served_or_refused_and_lose_nothing(s
         client.headers["Connection"] = "close"  # each request by a connection of its own
         answers = dict(pool.map(partial(send, client), range(1000)))
     assert set(answers.values()) <= {0, 200, 503}
-    there = ids(served.room)
+    there = ids(served)
     acknowledged = {f"many-{number}" for number, status in answers.items() if status == 200}
     assert len(acknowledged) > 900
     assert acknowledged <= set(there)

@@ -7,36 +7,10 @@ import socket
 import httpx
 import pytest
 from entry_rooms import entry_room
-from entry_server import EntryServer
+from entry_server import EntryServer, reading
 
-from survey.entry.entry_session import EntrySession
 from survey.entry.web.access import WINDOW, WRONG_CODES, Access, AccessError
 from survey.entry.web.serving import _listen
-from validation.campaign import load_campaign
-
-
-@pytest.fixture(scope="module")
-def served(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("web")
-    room = entry_room(5, 1, folder / "room")
-    with EntryServer(room.folder, folder / "log") as server:
-        server.room = room
-        yield server
-
-
-@pytest.fixture(scope="module")
-def ann(served):
-    with served.join("ann") as client:
-        yield client
-
-
-def readings(room):
-    entry_session = EntrySession.look(load_campaign(room.folder))
-    return [e for e in entry_session.journal.entries if e.kind == "reading"]
-
-
-def reading(number, **values):
-    return {"id": f"test-{number}", "from": "O", "to": "X", "text": "2.5", "again": True, **values}
 
 
 def test_a_code_works_once():
@@ -68,11 +42,11 @@ def test_without_a_code_there_is_nothing_to_see_or_do(served):
         assert "Type the code" in page.text
         assert "1/O" not in page.text
         assert stranger.get("/state").status_code == 401
-        assert stranger.post("/readings", json=reading(1)).status_code == 401
+        assert stranger.post("/readings", json=reading("1")).status_code == 401
         assert stranger.post("/join", json={"code": "AAAAAAAA"}).status_code == 403
         stranger.cookies.set("gtval_entry", "made-up")
         assert stranger.get("/state").status_code == 401
-    assert readings(served.room) == []
+    assert served.room.recorded() == []
 
 
 def test_it_listens_on_this_machine_alone(served):
@@ -84,12 +58,12 @@ def test_a_reading_is_recorded_once_however_often_it_is_sent(served, ann):
     again = ann.post("/readings", json=reading("once", text="2.501", again=False))
     assert first.json()["outcome"] == "recorded"
     assert again.json()["outcome"] == "repeated"
-    assert [e.text for e in readings(served.room) if e.id == "test-once"] == ["2.501"]
+    assert [e.text for e in served.room.recorded() if e.id == "once"] == ["2.501"]
 
 
 def test_a_reading_that_waited_has_the_time_of_its_typing(served, ann):
     ann.post("/readings", json=reading("late", age=120))
-    (entry,) = [e for e in readings(served.room) if e.id == "test-late"]
+    (entry,) = [e for e in served.room.recorded() if e.id == "late"]
     assert entry.measured < entry.time
     assert entry.by == "ann"
     assert entry.device == "page 1"
@@ -105,10 +79,10 @@ def test_a_reading_that_waited_has_the_time_of_its_typing(served, ann):
     ],
 )
 def test_requests_from_other_sites_are_refused(served, ann, headers):
-    before = len(readings(served.room))
+    before = len(served.room.recorded())
     answer = ann.post("/readings", json=reading("foreign"), headers=headers)
     assert answer.status_code in (403, 421)
-    assert len(readings(served.room)) == before
+    assert len(served.room.recorded()) == before
 
 
 @pytest.mark.parametrize(
@@ -130,14 +104,14 @@ def test_requests_from_other_sites_are_refused(served, ann, headers):
     ],
 )
 def test_hostile_bodies_are_refused_and_record_nothing(served, ann, content, kind, status):
-    before = len(readings(served.room))
+    before = len(served.room.recorded())
     try:
         answer = ann.post("/readings", content=content, headers={"Content-Type": kind})
     except (httpx.WriteError, httpx.ReadError, httpx.RemoteProtocolError):
         pass  # the server hung up on the body, which is a refusal too
     else:
         assert answer.status_code in status, answer.text
-    assert len(readings(served.room)) == before
+    assert len(served.room.recorded()) == before
     assert ann.get("/state").status_code == 200
 
 
@@ -203,7 +177,7 @@ def test_a_blind_person_gets_no_value(served, ann):
 
 @pytest.mark.full
 def test_a_thousand_requests_in_a_burst_lose_nothing(served, ann):
-    before = len(readings(served.room))
+    before = len(served.room.recorded())
 
     def send(number):
         answer = ann.post("/readings", json=reading(f"burst-{number}"), timeout=60)
@@ -212,8 +186,8 @@ def test_a_thousand_requests_in_a_burst_lose_nothing(served, ann):
     with concurrent.futures.ThreadPoolExecutor(32) as pool:
         answers = list(pool.map(send, range(1000)))
     assert set(answers) == {(200, "recorded")}
-    ids = [e.id for e in readings(served.room)[before:]]
-    assert sorted(ids) == sorted(f"test-burst-{n}" for n in range(1000))
+    ids = [e.id for e in served.room.recorded()[before:]]
+    assert sorted(ids) == sorted(f"burst-{n}" for n in range(1000))
 
 
 def test_a_port_that_is_taken_is_a_plain_error(served, tmp_path):
@@ -237,9 +211,9 @@ def test_a_port_that_is_taken_is_a_plain_error(served, tmp_path):
 
 def test_it_ends_orderly_and_notes_that(tmp_path):
     room = entry_room(6, 1, tmp_path / "room")
-    with EntryServer(room.folder, tmp_path / "log") as server:
+    with EntryServer(room, tmp_path / "log") as server:
         with server.join() as client:
-            client.post("/readings", json=reading(1))
+            client.post("/readings", json=reading("1"))
         assert server.stop() == 0
     assert room.readings.read_text().count("\n") == 2
 
