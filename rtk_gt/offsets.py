@@ -234,8 +234,8 @@ def _iterate(
     if robust:
         sigma /= np.sqrt(expected_weighted_square(dof))
     covariance, distances = _covariance(
-        equations, normal, weights, residual, whitening,
-        (offsets, kappa, centres), (signal, directions, curvature, prior_part), tau * loss,
+        equations, normal, weights, (rods, max(sigma, _SMALLEST_SIGMA)), whitening,
+        (offsets, kappa, centres), (signal, directions, curvature, prior_part), tau,
     )  # fmt: skip
     return offsets, covariance, distances, signal, directions, sigma, weights, tau
 
@@ -322,31 +322,49 @@ def _covariance(
     equations: _Equations,
     normal: _Normal,
     weights: Array,
-    residual: Array,
+    noise: tuple[Array, float],
     W: Array,
     place: tuple[Array, Array, Array],
     curvature: tuple[Array, Array, Array, Array],
     tau: float,
 ) -> tuple[Array, Array]:
-    """Sandwich covariance of (offsets, distances), and the distances."""
+    """Covariance of (offsets, distances), and the distances.
+
+    Of the sandwich form: weights are those of the average step, its noise is that of each step.
+    The scatter of the scores themselves would be the more tolerant filling, but five receivers
+    have 22 unknowns, and a covariance of 22 numbers from a hundred steps is too small along some
+    of their combinations.
+    """
     _, kappa, centres = place
     signal, directions, hessian, prior_part = curvature
     elimination = np.linalg.solve(normal.kappa, normal.cross.T)
-    scores: Array = (weights[:, None] * residual) @ W
+    rods, sigma = noise
+    spread = equations.shared * (rods @ equations.unit @ np.swapaxes(rods, 1, 2))
+    # What the scores W r of each step vary by.
+    filling = (tau * sigma**2 * weights**2)[:, None, None] * (W @ spread @ W)
     design = equations.design - elimination
-    offset_scores = np.einsum("tpm,tp->tm", design, scores)
-    offset_scores -= offset_scores.mean(0)
     known = directions * (signal > 0)
     projector = known @ directions.T
-    meat = tau * projector @ (offset_scores.T @ offset_scores) @ projector.T
+    meat = np.tensordot(design, filling @ design, ((0, 1), (0, 1)))
+    meat = projector @ meat @ projector.T
     inverse = np.linalg.inv(hessian)
     offsets_cov = inverse @ (meat + prior_part) @ inverse
     kappa_inverse = np.linalg.inv(normal.kappa)
-    kappa_cov = tau * kappa_inverse @ (scores.T @ scores) @ kappa_inverse
+    kappa_cov = kappa_inverse @ filling.sum(0) @ kappa_inverse
+    # What the squares of noise lift |D|^2 by is known as well as sigma_0 is.
+    lift = np.diagonal(equations.shared) * np.trace(equations.unit) / 2 * sigma**2
+    kappa_cov = kappa_cov + np.outer(lift, lift) * tau * 2 / (weights.sum() * min(3, len(kappa)))
     distances = np.sqrt(np.maximum(2 * kappa + np.square(centres).sum(1), 1e-12))
     toward = -(equations.signs[:, :, None] * centres[:, None, :]).reshape(len(kappa), -1)
     slope = (toward - elimination) / distances[:, None]
     own = kappa_cov / np.outer(distances, distances)
+    # Antennas in one plane leave a combination of distances to the second order.
+    pairs = (
+        np.kron(equations.signs, np.eye(3)) @ offsets_cov @ np.kron(equations.signs.T, np.eye(3))
+    )
+    blocks = pairs.reshape(len(kappa), 3, len(kappa), 3)
+    second = np.einsum("paqb,paqb->pq", blocks, blocks) / 2
+    own = own + second / np.outer(distances, distances)
     cross = offsets_cov @ slope.T
     return np.block(
         [[offsets_cov, cross], [cross.T, slope @ offsets_cov @ slope.T + own]]

@@ -5,6 +5,15 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
+from data_samples.drive_trials import (
+    HAND_SIGMAS,
+    LEVEL,
+    TAPE,
+    calibration_drive,
+    placement_error,
+    scanner_trial,
+    solve_drive,
+)
 from data_samples.drives import (
     LEFT_SCANNER,
     RIGHT_SCANNER,
@@ -13,62 +22,26 @@ from data_samples.drives import (
     scan_along,
     simulate_drive,
 )
-from rtk_gt.antennas import antenna_positions
 from rtk_gt.ground import KnownGround, ground_rows, motion_rows
-from rtk_gt.noise import GpsNoise
-from rtk_gt.offsets import estimate_offsets
-from rtk_gt.pass_matching import perturbed
-from rtk_gt.path import vehicle_path
 from rtk_gt.scanner_calibration import ScannerSettings, calibrate_scanner
 from rtk_gt.scans import LineScans
-from rtk_gt.steps import common_steps
 from rtk_gt.surfaces import shared_surfaces
 from rtk_gt.trajectory import (
     antenna_equations,
     point_rows,
     pose_columns,
     roughness_information,
-    smooth_trajectory,
 )
 from validation.errors import GtvalError
 from validation.poses import SPATIAL, pose_difference
 
-HAND_SIGMAS = np.array([0.02] * 3 + [np.radians(2.0)] * 3)
-EIGHT = {"route": "eight", "straight": 60.0, "shadow": 0.0}
-TAPE, LEVEL = 0.003, np.radians(0.03)
-"""Floor below the roof to 3 mm; antennas measured from a level floor, to 0.5 mm over 1.1 m."""
 
-
-def driven(seed, **settings):
-    """A drive, its poses one by one, and the smooth path."""
-    drive = simulate_drive(seed, DriveSettings(**settings))
-    steps = common_steps(drive.records, drive.frame)
-    offsets = estimate_offsets(steps)
-    others = drive.antennas[3:] if len(drive.antennas) > 3 else None
-    antennas = antenna_positions(offsets.distances, drive.antennas[:3, 2], others)
-    rows = np.flatnonzero(steps.complete)[offsets.weights > 0]
-    noise = GpsNoise(offsets.sigma, 1.75)
-    path = vehicle_path(steps.select(rows), offsets, antennas, noise)
-    return drive, path, smooth_trajectory(steps, path, offsets, antennas, noise, 2.0)
-
-
-def calibrated(seed, scanner, loops, *, every=0.2, beams=121, settings=None, known=True):
-    """Error (6,) in the vehicle frame and the result, all knowledge drawn from its sigmas."""
-    drive, _, trajectory = driven(seed, loops=loops, **EIGHT)
-    generator = np.random.default_rng([seed, 7])
-    scans = scan_along(drive, scanner, generator, every=every, beams=beams)
-    start = perturbed(scanner, HAND_SIGMAS * generator.standard_normal(6))
-    height, *slopes = generator.standard_normal(3) * [TAPE, LEVEL, LEVEL] + [-ROOF, 0, 0]
-    ground = KnownGround(height, TAPE, *slopes, LEVEL) if known else None
-    found = calibrate_scanner(
-        trajectory, scans, start, HAND_SIGMAS, ground=ground, settings=settings
-    )
-    return error_of(found.pose, scanner), found
-
-
-def error_of(pose, truth):
-    made = Rotation.from_euler("ZYX", pose[3:]) * Rotation.from_euler("ZYX", truth[3:]).inv()
-    return np.concatenate([pose[:3] - truth[:3], made.as_rotvec()])
+def calibrated(seed, scanner, loops, *, every=0.2, beams=121, settings=None):
+    """Error (6,) in the vehicle frame and the result."""
+    drive = simulate_drive(seed, calibration_drive(loops))
+    trial = scanner_trial(drive, scanner, every=every, beams=beams)
+    found = trial.calibrated(solve_drive(drive).trajectory(), settings)
+    return placement_error(found.pose, scanner), found
 
 
 def nees(error, found):
@@ -112,7 +85,8 @@ def test_a_short_drive_finds_what_it_says_it_finds():
 
 
 def test_too_little_seen_twice_is_said():
-    drive, _, trajectory = driven(0, loops=1, **EIGHT)
+    drive = simulate_drive(0, calibration_drive(1))
+    trajectory = solve_drive(drive).trajectory()
     scans = scan_along(drive, LEFT_SCANNER, np.random.default_rng(0), every=1.0, beams=31)
     with pytest.raises(GtvalError, match="another direction"):
         calibrate_scanner(
@@ -122,7 +96,8 @@ def test_too_little_seen_twice_is_said():
 
 
 def test_scans_without_a_path_are_left_out():
-    drive, _, trajectory = driven(0, loops=1, **EIGHT)
+    drive = simulate_drive(0, calibration_drive(1))
+    trajectory = solve_drive(drive).trajectory()
     scans = scan_along(drive, LEFT_SCANNER, np.random.default_rng(0), every=1.0, beams=31)
     late = LineScans(scans.times + 1e5, scans.angles, scans.ranges)
     with pytest.raises(GtvalError, match="none of the scans"):
@@ -131,9 +106,12 @@ def test_scans_without_a_path_are_left_out():
 
 @pytest.mark.parametrize("receivers", [3, 5])
 def test_smooth_paths_are_better_than_single_poses(receivers):
-    drive, path, trajectory = driven(
-        5, loops=1, straight=60.0, false_fixes=0.01, missing=0.05, receivers=receivers
+    settings = DriveSettings(
+        loops=1, straight=60.0, false_fixes=0.01, missing=0.05, receivers=receivers
     )
+    drive = simulate_drive(5, settings)
+    solved = solve_drive(drive)
+    path, trajectory = solved.path, solved.trajectory()
     assert set(trajectory.akaike) == {2.0, 1.5, 1.0, 0.75, 0.5}
     assert 0.8 < trajectory.sigma_ratio < 1.2
     inside = trajectory.spline.covers(path.times)
@@ -149,15 +127,15 @@ def test_smooth_paths_are_better_than_single_poses(receivers):
 
 
 def test_no_pose_outside_of_the_stretches():
-    _, path, trajectory = driven(5, loops=1, straight=60.0)
+    solved = solve_drive(simulate_drive(5, DriveSettings(loops=1, straight=60.0)))
     with pytest.raises(GtvalError, match="outside"):
-        trajectory.spline.poses(path.times[-1:] + 10)
+        solved.trajectory().spline.poses(solved.path.times[-1:] + 10)
 
 
 def curve(seed=3):
     """A short smooth path and random antennas on it, for derivatives."""
-    _, _, trajectory = driven(seed, loops=1, straight=40.0, shadow=0.0)
-    return trajectory
+    settings = DriveSettings(loops=1, straight=40.0, shadow=0.0)
+    return solve_drive(simulate_drive(seed, settings)).trajectory()
 
 
 def test_derivatives_of_antennas_by_path_and_vehicle():
