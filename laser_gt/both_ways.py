@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from laser_gt.matching import align
-from laser_gt.planar import inverse, inverse_covariance_of
+from laser_gt.matching import align, influence
+from laser_gt.planar import inverse, inverse_covariance_of, inverse_jacobian
 from laser_gt.surfaces import Surface
 from validation.angles import Array, wrap
 
@@ -38,7 +38,8 @@ def both_ways(
     One way, only points of one sweep and only lines of the other are used, and where they are
     sparse or short the answer depends on which is which. The result is the mean of both, weighted
     by their information: a direction that one way does not determine is taken from the other.
-    Both see the same noise, so the information is averaged, not added.
+    Both see the same noise: the covariance comes from what the noise of each point of either
+    sweep does to the mean of the two (`laser_gt.matching.influence`).
 
     If the ways contradict each other, neither can be preferred on their own say: the pose given
     stays, and the difference is added to its covariance. If one way determines nothing at all,
@@ -52,9 +53,16 @@ def both_ways(
     difference[2] = wrap(difference[2])
     if difference @ np.linalg.solve(covariance + other, difference) > CONTRADICTION:
         return pose, covariance + np.outer(difference, difference)
-    # In the basis of the sum of both covariances: mean of informations = 2 A (A + B)^-1 B.
+    # In the basis of the sum of both covariances: the mean weighted by information.
     share = covariance @ np.linalg.inv(covariance + other)
     mean = pose + share @ difference
     mean[2] = wrap(mean[2])
-    joint = 2 * share @ other
+    there = influence(reference, moving, pose)
+    again = influence(moving, reference, back.pose[0])
+    turned = share @ inverse_jacobian(back.pose[0])
+    rest = np.eye(3) - share
+    by_moving = rest @ there.moving + turned @ again.reference
+    by_reference = rest @ there.reference + turned @ again.moving
+    joint = (by_moving * there.variances) @ by_moving.T
+    joint += (by_reference * again.variances) @ by_reference.T
     return mean, (joint + joint.T) / 2

@@ -80,6 +80,8 @@ class Pairing:
         Inverse variance times the outlier weight; 0 for no pair.
     variance : (k, n) array
         Of the residual, from both sweeps.
+    own : (k, n) array
+        Share of the moving point's own noise in that variance.
     moments : (k, 4, 4) array
         Weighted products of the model: Hessian, gradient, and squared residuals.
     fake : (k, 3, 3) array
@@ -91,6 +93,7 @@ class Pairing:
     model: Array
     weight: Array
     variance: Array
+    own: Array
     moments: Array
     fake: Array
 
@@ -174,7 +177,7 @@ def _pair(reference: Surface, source: Array, pose: Array, gate: float) -> Pairin
     weight = tukey * tukey / variance * ((squared < gate**2) & (facing > FACING))
     moments = (model * weight[:, None]) @ model.transpose(0, 2, 1)
     fake = (tangent * (weight * scatter)[:, None]) @ tangent.transpose(0, 2, 1)
-    return Pairing(index, model, weight, variance, moments, fake)
+    return Pairing(index, model, weight, variance, source[4] / variance, moments, fake)
 
 
 def _gauss_newton(pairing: Pairing) -> Array:
@@ -215,30 +218,88 @@ def _alignment(
 def _gradient_covariance(reference: Surface, pairing: Pairing) -> Array:
     """(k, 3, 3) covariance of the gradient from the noise of both sweeps.
 
-    The moving points' noise is independent from pair to pair, and taken from the residuals
-    themselves (White's estimator). That of the reference is not: a
-    point of it takes part in all the lines whose windows hold it. Its share in the gradient is
-    the sum over those lines of weight times Jacobian over window length, found for all points
-    at once as a running sum over window starts and ends. Its variance is the scatter about its
-    own line, as measured: what a model allows for grazing beams is more than there is.
+    The moving points' noise is independent from pair to pair, that of the reference is not: a
+    point of it takes part in all the lines whose windows hold it.
     """
-    jacobian = pairing.model[:, :3]
-    terms = jacobian * (pairing.weight * pairing.model[:, 3])[:, None]
-    total = terms @ terms.transpose(0, 2, 1)
-    share = jacobian * (pairing.weight / reference.window_lengths.take(pairing.index))[:, None]
+    moving, common = _shares(reference, pairing)
+    total = (moving * _own_squares(pairing)[:, None]) @ moving.transpose(0, 2, 1)
+    common_t = common.transpose(0, 2, 1)
+    return np.asarray(total + (common * reference.measured_variances) @ common_t)
+
+
+def _shares(reference: Surface, pairing: Pairing) -> tuple[Array, Array]:
+    """(k, 3, m) and (k, 3, n) derivative of the gradient by the noise of each point.
+
+    By the m moving points, and by the n points of the reference: the sum over the lines that a
+    point takes part in of weight times Jacobian over window length, found for all points at once
+    as a running sum over window starts and ends. Noise is counted along the normal, so that of
+    the reference enters with the other sign.
+    """
+    moving = pairing.model[:, :3] * pairing.weight[:, None]
+    share = moving / reference.window_lengths.take(pairing.index)[:, None]
     ends = np.stack([reference.first, reference.last + 1]).take(pairing.index, axis=1)
     signed = np.stack([share, -share])
     size = len(reference) + 1
     table = np.arange(len(share) * 3).reshape(-1, 3, 1) * size
     places = (ends[:, :, None] + table).ravel()
     steps = np.bincount(places, signed.ravel(), len(share) * 3 * size)
-    parts = steps.reshape(-1, 3, size).cumsum(-1)[..., :-1]
-    common = (parts * reference.measured_variances) @ parts.transpose(0, 2, 1)
-    return np.asarray(total + common)
+    return moving, steps.reshape(-1, 3, size).cumsum(-1)[..., :-1]
+
+
+def _own_squares(pairing: Pairing) -> Array:
+    """(k, m) what the squared residuals say of the moving points' own variance (White).
+
+    The part of a residual that is the line's is left out, as the reference's points bring it in.
+    """
+    return np.asarray(pairing.model[:, 3] ** 2 * pairing.own)
+
+
+@dataclass(frozen=True)
+class Influence:
+    """What the noise of each point does to a pose.
+
+    Parameters
+    ----------
+    moving : (3, n) array
+        Derivative of the pose by the noise of each point of the moving sweep along its normal.
+    reference : (3, m) array
+        By that of each point of the reference.
+    variances : (n,) array
+        Of the moving points along their normals: squared residuals of those that are paired.
+    """
+
+    moving: Array
+    reference: Array
+    variances: Array
+
+
+def influence(reference: Surface, moving: Surface, pose: Array) -> Influence:
+    """How the noise of both sweeps moves a pose, (3,), that `align` has ended at.
+
+    Notes
+    -----
+    The pose solves H d = -g with the gradient g a sum over the pairs, so that its derivative by
+    the noise is -H^-1 times that of g; H without the part that scattering normals fake.
+    """
+    pairing = _pair(reference, moving.movable, pose[None], FINEST * moving.noise)
+    by_moving, by_reference = _shares(reference, pairing)
+    solver = -_real_inverse(pairing.moments[:, :3, :3], pairing.fake)[0]
+    every = np.zeros((3, len(moving)))
+    every[:, moving.flat] = solver @ by_moving[0]
+    variances = moving.measured_variances.copy()
+    paired = pairing.weight[0] > 0
+    variances[np.flatnonzero(moving.flat)[paired]] = _own_squares(pairing)[0, paired]
+    return Influence(every, -solver @ by_reference[0], variances)
 
 
 def _sandwich(information: Array, fake: Array, gradient: Array) -> Array:
-    """(k, 3, 3) covariance H^-1 G H^-1 with the fake part taken out of H.
+    """(k, 3, 3) covariance H^-1 G H^-1 with the fake part taken out of H."""
+    inverse = _real_inverse(information, fake)
+    return np.asarray(inverse @ gradient @ inverse)
+
+
+def _real_inverse(information: Array, fake: Array) -> Array:
+    """(k, 3, 3) inverse of the Hessian with the fake part taken out.
 
     A direction in which less than half the information is real is not determined: its
     information is taken as what is real, but no less than a hundredth of the fake, so that the
@@ -248,5 +309,4 @@ def _sandwich(information: Array, fake: Array, gradient: Array) -> Array:
     total = np.maximum(values, 1e-12)
     faked = (vectors * (fake @ vectors)).sum(-2)
     real = np.maximum(total - faked, 0.01 * faked + 1e-6)
-    inverse = (vectors / real[:, None]) @ vectors.transpose(0, 2, 1)
-    return np.asarray(inverse @ gradient @ inverse)
+    return np.asarray((vectors / real[:, None]) @ vectors.transpose(0, 2, 1))
