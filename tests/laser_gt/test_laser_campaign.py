@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 from laser_rooms import write_campaign
+from scipy.stats import chi2
 
+from data_samples.scanners import SICK_FRONT
 from laser_gt.outcome import solve_campaign
+from laser_gt.planar import between, compose
 from laser_gt.solve import solve
 from validation.angles import wrap
 from validation.campaign import load_campaign
@@ -78,6 +81,37 @@ def test_a_pair_that_closes_no_loop_is_no_longer_accepted(tmp_path):
     again = solve(outcome.inputs, outcome.trajectory, matching, outcome.surveyed)
     difference = again.placement.poses - outcome.solutions["scanmatch"].placement.poses
     assert np.abs(difference[:, :2]).max() < 0.005
+
+
+def _chi_squared(folder):
+    """Squared errors of a room's matches and of its poses in units of their covariances."""
+    outcome = solve_campaign(load_campaign(folder), engines=("scanmatch",))
+    solution = outcome.solutions["scanmatch"]
+    errors = _errors(folder, solution.stops, solution.placement.poses).ravel()
+    joint = errors @ np.linalg.solve(solution.placement.joint, errors)
+    truth = from_csv(folder / "truth" / "poses.csv")
+    laser = dict(zip(truth.ids, compose(truth.poses, np.array(SICK_FRONT.mount)), strict=True))
+    matches = []
+    for one in solution.matching.accepted:
+        difference = one.pose - between(laser[one.reference], laser[one.moving])
+        difference[2] = wrap(difference[2])
+        matches.append(difference @ np.linalg.solve(one.covariance, difference))
+    return float(joint), errors.size, float(np.mean(matches))
+
+
+@pytest.mark.full
+def test_covariances_of_matches_and_poses_are_right_over_many_rooms(tmp_path):
+    rooms = 12
+    for room in range(rooms):
+        write_campaign(tmp_path / str(room), seed=9900 + room)
+    joint, size, matches = zip(
+        *(_chi_squared(tmp_path / str(room)) for room in range(rooms)), strict=True
+    )
+    low, high = chi2.ppf([0.025, 0.975], sum(size))
+    assert low < sum(joint) < high
+    # The matches of a room share 26 scans, of 3 numbers each, and no more is independent.
+    low, high = chi2.ppf([0.025, 0.975], 3 * 26 * rooms) / (26 * rooms)
+    assert low < np.mean(matches) < high
 
 
 @pytest.mark.full
