@@ -249,12 +249,14 @@ class EntrySession:
         Raises
         ------
         GtvalError
-            If the pair cannot be measured, or nothing could be written.
+            If the pair cannot be measured, the id is that of another reading, or nothing could
+            be written.
         """
-        entry_id = clean_text(entry_id, MAX_NAME) or uuid.uuid4().hex
+        if entry_id != clean_text(entry_id, MAX_NAME):
+            raise GtvalError(f"the id of an entry is one word of at most {MAX_NAME} characters")
+        entry_id = entry_id or uuid.uuid4().hex
         if entry_id in self.state.by_id:
-            known = self.state.entries[self.state.by_id[entry_id]]
-            return Answer(known, "repeated", "this entry is there already")
+            return self._repeated(entry_id, target, text)
         self._check_pair(target.pair)
         if person.second:
             check_second(self.state, target.pair, person, self.settings.second)
@@ -391,6 +393,13 @@ class EntrySession:
             return Answer(entry, "set aside", self._already_measured(entry, echo))
         ends = (target.end for target in self.guide.targets_from(entry.start))
         return Answer(entry, "recorded", echo, self.checks.verdict(entry, typed, expected, ends))
+
+    def _repeated(self, entry_id: str, target: Target, text: str) -> Answer:
+        """The answer to an entry that was sent once more."""
+        known = self.state.entries[self.state.by_id[entry_id]]
+        if known.pair != target.pair or known.text != clean_text(text, MAX_NOTE):
+            raise GtvalError("NOT recorded: the id of this entry is that of another one")
+        return Answer(known, "repeated", "this entry is there already")
 
     def _already_measured(self, entry: Entry, echo: str) -> str:
         first = self.state.entries[self.state.counting(entry.pair)[0]]

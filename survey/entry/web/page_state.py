@@ -52,6 +52,7 @@ def page_state(entry_session: EntrySession, person: Person, rough: RoughPlaces) 
         "recent": _recent(entry_session, person),
         "last": _last(entry_session, person),
         "doubtful": _doubtful(entry_session, person),
+        "disagreeing": _disagreeing(entry_session),
         "unexamined": entry_session.unexamined(),
         "status": _status(entry_session, shown_at, person),
         "map": _map(entry_session, shown_at, rough),
@@ -160,6 +161,13 @@ def _doubtful(entry_session: EntrySession, person: Person) -> list[dict[str, Any
         }
         for number in entry_session.doubtful_so_far()
     ]
+
+
+def _disagreeing(entry_session: EntrySession) -> list[dict[str, Any]]:
+    """Pairs of which two people's entries disagree; no value."""
+    state = entry_session.state
+    last = [state.entries[state.pair(pair).numbers[-1]] for pair in entry_session.disagreeing()]
+    return [{"from": e.start, "to": e.end, "text": f"{e.start}–{e.end}"} for e in last]
 
 
 def _status(entry_session: EntrySession, target: Target, person: Person) -> dict[str, Any]:

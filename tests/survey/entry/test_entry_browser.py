@@ -1,5 +1,6 @@
 """The page in a real browser of the size of a phone."""
 
+import contextlib
 import os
 import shutil
 import time
@@ -163,6 +164,59 @@ def test_what_waits_survives_a_closed_page_and_is_delivered_once(browsers, serve
     assert recorded(room)[before:] == typed
 
 
+def test_a_reload_without_the_link_is_asked_about_and_loses_nothing(browsers, served):
+    browser, room = join(browsers[0], served, "ann"), served.room
+    before = len(recorded(room))
+    asks = """
+        const leaving = new Event('beforeunload', { cancelable: true });
+        return !window.dispatchEvent(leaving);
+    """
+    wait(lambda: text(browser, "link") == "connected")
+    assert not browser.execute_script(asks)
+    offline(browser, down=True)
+    typed = [type_reading(browser, room) for _ in range(3)]
+    wait(lambda: "do not reload" in text(browser, "answer"))
+    assert browser.execute_script(asks)
+    from selenium.common.exceptions import WebDriverException
+
+    with contextlib.suppress(WebDriverException):  # there is no page without the link
+        browser.refresh()
+    assert not browser.find_elements("id", "distance")
+    offline(browser, down=False)
+    browser.get(served.url)
+    wait(lambda: len(recorded(room)) == before + 3)
+    assert recorded(room)[before:] == typed
+    wait(lambda: text(browser, "link") == "connected")
+
+
+def test_the_second_person_is_led_from_the_other_end_and_sees_no_value(browsers, served):
+    browser, room = join(browsers[0], served, "bob"), served.room
+    browser.execute_script("document.querySelectorAll('details').forEach((d) => { d.open = true })")
+    browser.find_element("id", "second").click()
+    wait(lambda: "second entries: 0 of" in text(browser, "progress"))
+    wait(lambda: text(browser, "from") in ("X", "Y", "XY", *map(str, range(1, 17))))
+    assert not browser.find_element("id", "why-again").is_displayed()
+    page = browser.find_element("tag name", "main").text
+    assert not {value for value in room.shown.values() if value in page}
+    pair = type_reading(browser, room, "9.876")
+    wait(lambda: "disagree" in text(browser, "answer"))
+    assert "9.876" not in text(browser, "answer")
+    wait(lambda: text(browser, "doubtful-title").startswith("Doubtful: 1"))
+    assert "two entries disagree" in text(browser, "doubtful")
+    picture(browser, "second")
+    pair = type_reading(browser, room)
+    wait(lambda: "both agree" in text(browser, "answer"))
+    assert room.shown[pair] in text(browser, "answer")
+    wait(lambda: "second entries: 1 of" in text(browser, "progress"))
+    laser = text(browser, "from")
+    browser.find_element("id", "skip").click()
+    browser.find_element("id", "reason").send_keys("a wall\n")
+    wait(lambda: "1 skipped" in text(browser, "progress"))
+    assert text(browser, "from") == laser
+    browser.find_element("id", "second").click()
+    wait(lambda: "second" not in text(browser, "progress"))
+
+
 def test_a_page_goes_on_after_the_laptop_died(browsers, served, tmp_path):
     browser, room = join(browsers[0], served, "ann"), served.room
     before = len(recorded(room))
@@ -201,15 +255,16 @@ def test_a_stop_that_is_good_enough_is_said_with_the_way_on(browsers, measured_r
         picture(browser, "move")
 
 
-def test_a_small_phone_shows_target_field_and_answer_without_scrolling(browsers, served):
+@pytest.mark.parametrize(("width", "height"), [(320, 568), (360, 640), (820, 1180)])
+def test_target_field_and_answer_are_seen_without_scrolling(browsers, served, width, height):
     browser, room = join(browsers[0], served, "ann"), served.room
     browser.execute_cdp_cmd(
-        "Emulation.setDeviceMetricsOverride", {**PHONE, "width": 320, "height": 568}
+        "Emulation.setDeviceMetricsOverride", {**PHONE, "width": width, "height": height}
     )
     try:
         type_reading(browser, room)
         wait(lambda: "ok" in browser.find_element("id", "answer").get_attribute("class"))
-        picture(browser, "small")
+        picture(browser, f"width_{width}")
         sizes = browser.execute_script(
             """
             const box = (id) => document.getElementById(id).getBoundingClientRect();
@@ -219,8 +274,8 @@ def test_a_small_phone_shows_target_field_and_answer_without_scrolling(browsers,
         )
     finally:
         browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
-    assert sizes[0] <= 320
-    assert 0 <= sizes[2] < sizes[1] <= 568
+    assert sizes[0] <= width
+    assert 0 <= sizes[2] < sizes[1] <= height
     assert sizes[3] >= 44  # pixels, the least for a thumb
 
 

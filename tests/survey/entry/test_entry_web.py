@@ -61,6 +61,21 @@ def test_a_reading_is_recorded_once_however_often_it_is_sent(served, ann):
     assert [e.text for e in served.room.recorded() if e.id == "once"] == ["2.501"]
 
 
+@pytest.mark.parametrize("other", [{"text": "2.502"}, {"to": "Y"}])
+def test_another_reading_under_the_same_id_is_not_taken_for_it(ann, other):
+    ann.post("/readings", json=reading("mine"))
+    answer = ann.post("/readings", json=reading("mine", **other))
+    assert answer.status_code == 409
+    assert "NOT recorded" in answer.json()["error"]
+
+
+def test_long_ids_are_refused_not_cut_to_the_same(served, ann):
+    before = len(served.room.recorded())
+    for last in "ab":
+        assert ann.post("/readings", json=reading("x" * 100 + last)).status_code == 409
+    assert len(served.room.recorded()) == before
+
+
 def test_a_reading_that_waited_has_the_time_of_its_typing(served, ann):
     ann.post("/readings", json=reading("late", age=120))
     (entry,) = [e for e in served.room.recorded() if e.id == "late"]

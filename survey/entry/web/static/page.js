@@ -64,11 +64,15 @@ function work() {
     list("station", state.station.rows, (row) => [[`${row.from}–${row.to}`, row.value, row.state], stationButton(row)]);
     list("recent", state.recent, (row) => [[row.pair, row.value, [row.by, row.fate, ...row.notes].filter(Boolean).join(", ")]]);
     const unexamined = state.unexamined ? " (still looking)" : "";
-    $("doubtful-title").textContent = `Doubtful: ${state.doubtful.length}${unexamined}`;
-    list("doubtful", state.doubtful, (row) => [
+    const doubtful = [...state.doubtful, ...state.disagreeing];
+    $("doubtful-title").textContent = `Doubtful: ${doubtful.length}${unexamined}`;
+    list("doubtful", doubtful, (row) => row.number ? [
       [row.text, ""],
       button("Again", `Measure ${row.text} again`, () => measureAgain(row)),
       button("Keep", `Keep ${row.text}`, () => act({ action: "keep", number: row.number })),
+    ] : [
+      [`${row.text}: two entries disagree`, ""],
+      button("Go", `Measure ${row.text} again`, () => act({ action: "jump", text: `${row.from} ${row.to}` })),
     ]);
     const refused = queue.refused();
     $("refused-box").hidden = !refused.length;
@@ -173,7 +177,7 @@ function work() {
   // Said in place of the dots, once; the sound was made when it was typed.
   function sayWaiting(reading) {
     const kept = queue.isUnsafe ? "kept on this page: do NOT close it" : "kept on this device";
-    const text = `${reading.from}–${reading.to}: ${reading.text} is ${kept} until the link is back. Go on.`;
+    const text = `${reading.from}–${reading.to}: ${reading.text} is ${kept} until the link is back. Go on, and do not reload.`;
     if ($("answer").className === "waiting" && $("answer").textContent !== text) say("waiting", [text], "", false);
   }
 
@@ -272,6 +276,11 @@ function work() {
     if (!typing && /^[\d.,]$/.test(event.key) && !event.ctrlKey && !event.metaKey && !event.altKey) $("distance").focus();
   });
 
+  // Without the link there is no page to come back to, though what waits would not be lost. The
+  // browser asks first; most do so only after something was typed, which is when it matters.
+  window.addEventListener("beforeunload", (event) => {
+    if ($("link").className === "down" || queue.isUnsafe) event.preventDefault();
+  });
   window.addEventListener("hashchange", () => location.reload()); // a new code for this very page
 
   allowSound();
