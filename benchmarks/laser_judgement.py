@@ -11,8 +11,8 @@ from collections import Counter
 import numpy as np
 from laser_lines import Lines, arguments
 
-from data_samples.scan_pairs import KINDS, draw_pair
-from data_samples.scanners import FULL_TURN, HALF_TURN, Scanner, corridor, take_sweep
+from data_samples.scan_pairs import KINDS, mixed_pair
+from data_samples.scanners import Scanner, corridor, take_sweep
 from laser_gt.evidence import Prepared
 from laser_gt.judgement import MatchSettings, match
 from laser_gt.planar import between, rotation
@@ -28,9 +28,8 @@ def judge(lines: Lines, seeds: range) -> None:
     wrong: list[str] = []
     worst = 0.0
     for number, seed in enumerate(seeds):
-        kind = KINDS[0] if number % 3 else KINDS[1 + (number // 3) % 3]
-        scanner = (FULL_TURN, HALF_TURN)[(number // 2) % 2]
-        pair = draw_pair(np.random.default_rng(seed), kind, scanner)
+        pair = mixed_pair(number, seed)
+        kind = pair.kind
         found = match(Prepared(pair.reference), Prepared(pair.moving), pair.guess, LIMITS)
         length = float(np.hypot(*(found.pose - pair.truth)[:2]))
         angle = float(abs(wrap(found.pose[2] - pair.truth[2])))

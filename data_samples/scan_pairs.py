@@ -99,6 +99,21 @@ def draw_pair(
     return ScanPair(reference, moving, truth, guess, kind)
 
 
+def mixed_pair(number: int, seed: int) -> ScanPair:
+    """One of a series of pairs of which two thirds are good and a third has no right answer.
+
+    Parameters
+    ----------
+    number : int
+        Place in the series: the kinds and both scanners take turns.
+    seed : int
+        Of all chance.
+    """
+    kind = KINDS[0] if number % 3 else KINDS[1 + (number // 3) % 3]
+    scanner = (FULL_TURN, HALF_TURN)[(number // 2) % 2]
+    return draw_pair(np.random.default_rng(seed), kind, scanner)
+
+
 def _rooms(rng: np.random.Generator, kind: str) -> tuple[Panels, Panels | None, Array]:
     """The room of the first scan, that of the second where it is another, and where to stand.
 

@@ -18,6 +18,9 @@ from validation.angles import Array, wrap
 MARGIN = 0.06
 """Distances up to this plus 4 sigma count as explained, in metres."""
 
+ROW_GAP = 0.3
+"""Points of one row are no further apart than this, in metres."""
+
 
 @dataclass(frozen=True)
 class Prepared:
@@ -106,6 +109,41 @@ def evidence(reference: Prepared, moving: Prepared, pose: Array, stride: int = 1
         counts += np.stack([explained.sum(-1), violating.sum(-1), hidden.sum(-1)])
         total += points.shape[1]
     return Evidence(*(counts / total))
+
+
+def intruder(reference: Prepared, moving: Prepared, pose: Array) -> float:
+    """Length of the longest surface that stands where the other scanner saw free space.
+
+    Scattered points in free space are mixed pixels and grazing beams; a row of them is a thing
+    that the other scanner would have seen: it was moved, or the match is wrong.
+
+    Parameters
+    ----------
+    reference, moving : Prepared
+        The two sweeps.
+    pose : (3,) array
+        Moving frame in the reference frame.
+
+    Returns
+    -------
+    float
+        Metres from the first to the last point of the longest unbroken row, in either sweep.
+    """
+    tolerance = max(reference.tolerance, moving.tolerance)
+    longest = 0.0
+    for target, source, motion in ((reference, moving, pose), (moving, reference, inverse(pose))):
+        points = transform(motion[None], source.sweep.points)
+        violating = _asked(target, points, tolerance)[1][0]
+        index = np.flatnonzero(violating)
+        if index.size < 2:
+            continue
+        row = source.sweep.points[index]
+        step = np.diff(row, axis=0)
+        broken = (np.diff(index) > 1) | ((step**2).sum(-1) > ROW_GAP**2)
+        first, last = np.append(True, broken), np.append(broken, True)
+        length = np.hypot(*(row[last] - row[first]).T)
+        longest = max(longest, float(length.max()))
+    return longest
 
 
 def _asked(target: Prepared, points: Array, tolerance: float) -> tuple[Flags, Flags, Flags]:

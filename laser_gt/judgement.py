@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from laser_gt.both_ways import both_ways
-from laser_gt.evidence import Prepared, evidence
+from laser_gt.evidence import Prepared, evidence, intruder
 from laser_gt.global_matching import SearchSettings, distinct, global_match
 from laser_gt.matching import Alignment, align
 from laser_gt.scans import Flags
@@ -36,6 +36,9 @@ class JudgementSettings:
         Share of the points that the other sensor could see and that are explained.
     violating : (float, float)
         Share of the points where the other sensor's beams have passed.
+    intruder : float
+        Longest surface in metres that may stand where the other scanner saw free space: more
+        than a bin or a pair of legs.
     scale : (float, float)
         Residuals over what noise explains.
     sigma_length, sigma_angle : float
@@ -58,6 +61,7 @@ class JudgementSettings:
     explained: tuple[float, float] = (0.45, 0.2)
     agreement: tuple[float, float] = (0.85, 0.5)
     violating: tuple[float, float] = (0.06, 0.25)
+    intruder: float = 0.5
     scale: tuple[float, float] = (1.6, 3.0)
     sigma_length: float = 0.006
     sigma_angle: float = 0.003
@@ -109,6 +113,8 @@ class Match:
         Of the pose: noise of both sweeps, widened by the spread of the starts.
     explained, violating, hidden, agreement : float
         See `Evidence`; agreement is explained over not hidden.
+    intruder : float
+        Longest surface where the other scanner saw free space, in metres.
     scale : float
         Residuals over what noise explains.
     real_share : float
@@ -136,6 +142,7 @@ class Match:
     violating: float
     hidden: float
     agreement: float
+    intruder: float
     scale: float
     real_share: float
     eigenvalue_ratio: float
@@ -223,6 +230,7 @@ def judged(
             violating=float(seen.violating[best]),
             hidden=float(seen.hidden[best]),
             agreement=float(seen.explained[best] / max(1 - seen.hidden[best], 1e-9)),
+            intruder=intruder(reference, moving, found.pose[best]),
             scale=float(found.scale[best]),
             real_share=_real_share(found, best),
             eigenvalue_ratio=_eigenvalue_ratio(found.information[best]),
@@ -380,6 +388,8 @@ def _doubts(found: Match, limits: JudgementSettings) -> list[str]:
     )
     checks = [
         (corridor, not_determined),
+        (found.intruder > limits.intruder,
+         f"a surface of {found.intruder:.1f} m stands where the other scanner saw free space"),
         (found.sigma_length > limits.sigma_length,
          f"standard deviation of the position {found.sigma_length * 1e3:.1f} mm"),
         (found.sigma_angle > limits.sigma_angle,

@@ -206,8 +206,8 @@ def overlay_figure(outcome: LaserOutcome, check: MountCheck) -> Figure:
 
 MATCH_COLUMNS = (
     "reference", "moving", "verdict", "x", "y", "theta", "xx", "xy", "xt", "yy", "yt", "tt",
-    "explained", "violating", "hidden", "agreement", "scale", "real_share", "eigenvalue_ratio",
-    "returned", "rival", "guess_x", "guess_y", "guess_theta", "reasons",
+    "explained", "violating", "hidden", "agreement", "intruder", "scale", "real_share",
+    "eigenvalue_ratio", "returned", "rival", "guess_x", "guess_y", "guess_theta", "reasons",
 )  # fmt: skip
 
 
@@ -220,8 +220,8 @@ def matches_csv(matching: Matching) -> str:
     for one in matching.matches:
         numbers = [
             *one.pose, *one.covariance[upper], one.explained, one.violating, one.hidden,
-            one.agreement, one.scale, one.real_share, one.eigenvalue_ratio, one.returned,
-            one.rival, *one.guess,
+            one.agreement, one.intruder, one.scale, one.real_share, one.eigenvalue_ratio,
+            one.returned, one.rival, *one.guess,
         ]  # fmt: skip
         cells = [repr(float(v)) if np.isfinite(v) else "" for v in numbers]
         writer.writerow([one.reference, one.moving, one.verdict, *cells, "; ".join(one.reasons)])
