@@ -20,6 +20,8 @@ from validation.results import Finding, Section, Table
 
 PAUSE = 300.0
 """Seconds without a reading after which people are taken to have had a break."""
+MOST_PLACES = 8
+"""So many places of a person are named in the table."""
 SUBJECT = "field entry"
 
 
@@ -46,7 +48,11 @@ def entry_report(campaign: Campaign) -> EntryReport:
     readings = [e for e in entry_session.journal.entries if e.kind == "reading"]
     if not readings:
         return EntryReport()
-    tables = [_people(entry_session, readings), _fates(entry_session, readings)]
+    tables = [
+        _people(entry_session, readings),
+        _places(readings),
+        _fates(entry_session, readings),
+    ]
     findings = [*_behind(entry_session), *_doubtful(entry_session), *_left(entry_session)]
     double = _double_entries(entry_session)
     if double:
@@ -57,6 +63,10 @@ def entry_report(campaign: Campaign) -> EntryReport:
         tables.append(
             Table("Pairs not measured", ("reason", "pairs"), sorted(skipped.items()), ("", ""))
         )
+    remarks = _remarks(entry_session)
+    if remarks:
+        heading = ("reading", "value [m]", "measured by", "remark")
+        tables.append(Table("Remarks", heading, remarks, ("", "", "", "")))
     return EntryReport(findings, [Section("How the readings were taken", tables)])
 
 
@@ -67,14 +77,12 @@ def _people(entry_session: EntrySession, readings: Sequence[Entry]) -> Table:
         own = [e for e in readings if e.by == person]
         times = sorted(_time(e) for e in own)
         gaps = [b - a for a, b in pairwise(times) if b - a <= PAUSE]
-        stations = {e.start for e in own}
         counting = sum(e.number in entry_session.state.counting(e.pair) for e in own)
         rows.append(
             (
                 person or "not named",
                 len(own),
                 counting,
-                len(stations),
                 _day(times[0]),
                 _day(times[-1]),
                 sum(gaps) / 60,
@@ -87,16 +95,38 @@ def _people(entry_session: EntrySession, readings: Sequence[Entry]) -> Table:
             "person",
             "numbers entered",
             "readings that count",
-            "stations",
             "first",
             "last",
             "at work [min]",
             "median between readings [s]",
         ),
         rows,
-        ("", "", "", "", "", "", ".0f", ".0f"),
+        ("", "", "", "", "", ".0f", ".0f"),
         note="At work: without breaks of more than 5 minutes.",
     )
+
+
+def _places(readings: Sequence[Entry]) -> Table:
+    """Where the laser stood for whom: the first few points and stops, and the last."""
+    rows = []
+    for person in dict.fromkeys(e.by for e in readings):
+        starts = [e.start for e in readings if e.by == person]
+        names = [f"stop {s.partition('/')[0]}" if "/" in s else s for s in starts]
+        said = list(dict.fromkeys(names))
+        if len(said) > MOST_PLACES:
+            said = [*said[: MOST_PLACES - 1], "…", f"{said[-1]} ({len(said)} in all)"]
+        rows.append((person or "not named", ", ".join(said)))
+    return Table("What they measured", ("person", "laser on"), rows, ("", ""))
+
+
+def _remarks(entry_session: EntrySession) -> list[tuple[str, str, str, str]]:
+    """What people remarked on readings, in the order of these."""
+    state = entry_session.state
+    return [
+        (f"{e.start}–{e.end}", plain(e.metres or 0.0), e.by, remark)
+        for e in (state.entries[number] for number in sorted(state.notes))
+        for remark in state.notes[e.number]
+    ]
 
 
 def _fates(entry_session: EntrySession, readings: Sequence[Entry]) -> Table:

@@ -47,6 +47,7 @@ def entered(room):
 def test_who_measured_how_much_and_what_became_of_it(entered):
     people = {row[0]: row for row in tables(entered)["Who measured"].rows}
     assert set(people) == {"ann", "bob"}
+    assert dict(tables(entered)["What they measured"].rows)["ann"] == "O, X, Y, XY, stop 1"
     fates = dict(tables(entered)["Corrections"].rows)
     assert fates["replaced by a new reading"] == 2
     assert fates["numbers entered"] == sum(row[1] for row in people.values())
@@ -93,3 +94,14 @@ def test_the_survey_reports_it_and_script_in_names_and_remarks_is_text(entered):
     assert "&lt;script&gt;alert(1)" in page
     assert "<script>alert" not in page
     assert "<img src=x" not in page
+    assert "&lt;img src=x" in page  # the remark is there, as text
+
+
+def test_remarks_are_in_the_report(room):
+    entry_session = room.open()
+    enter_all(entry_session, room, 3)
+    entry_session.note(2, "stand moved", BOB)
+    entry_session.close()
+    (remark,) = tables(room)["Remarks"].rows
+    assert remark[0] == "O–Y"
+    assert remark[-1] == "stand moved"
