@@ -1,6 +1,7 @@
 """Clients that behave badly on purpose: the page serves the others and loses nothing."""
 
 import contextlib
+import json
 import re
 import select
 import socket
@@ -115,6 +116,9 @@ def test_a_body_of_ten_megabytes_in_pieces_is_refused_and_not_read(served, ann):
         b"\r\n\r\n\r\n",
         b"GET /" + b"../" * 5000 + b" HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n",
         bytes(range(256)) * 40,
+        b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nHost: evil.example\r\n\r\n",
+        b"POST / HTTP/1.1\r\nContent-Length: 4\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
     ],
 )
 def test_what_is_no_request_is_refused_and_hung_up_on(served, ann, said):
@@ -174,6 +178,20 @@ def test_a_page_called_by_a_foreign_name_is_not_served(ann, host):
         )
         assert answer.status_code == 421
         assert "2.5" not in answer.text
+
+
+def test_requests_one_behind_the_other_in_one_piece_are_all_served(served, ann):
+    said = json.dumps(reading("in-one-piece")).encode()
+    line = f"Content-Length: {len(said)}"
+    whole = head(ann, "/readings", "Content-Type: application/json", line) + said
+    with connect(served) as busy:
+        busy.sendall(whole * 200)
+        answers = b""
+        while answers.count(b"HTTP/1.1 200 ") < 200:
+            got = busy.recv(65536)
+            assert got, answers[-500:]
+            answers += got
+    assert ids(served).count("in-one-piece") == 1
 
 
 def test_a_thousand_connections_at_once_are_served_or_refused_and_lose_nothing(served):
