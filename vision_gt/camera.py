@@ -159,12 +159,17 @@ def distorted(normalised: Array, coefficients: Array) -> Array:
     k1, k2, p1, p2, k3 = _coefficients(coefficients)
     x2, y2 = x * x, y * y
     r2 = x2 + y2
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    radial = _radial(r2, k1, k2, k3)
     cross = 2 * x * y
     lens = np.empty((*r2.shape, 2))
     lens[..., 0] = x * radial + p1 * cross + p2 * (r2 + 2 * x2)
     lens[..., 1] = y * radial + p1 * (r2 + 2 * y2) + p2 * cross
     return lens
+
+
+def _radial(r2: Array, k1: Array, k2: Array, k3: Array) -> Array:
+    """By how much the lens stretches points at squared distance r2 from the axis."""
+    return 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
 
 
 def _coefficients(values: Array) -> list[Array]:
@@ -209,7 +214,7 @@ def distortion_slopes(normalised: Array, coefficients: Array) -> Array:
     k1, k2, p1, p2, k3 = _coefficients(coefficients)
     x2, y2 = x * x, y * y
     r2 = x2 + y2
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    radial = _radial(r2, k1, k2, k3)
     slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d(x, y) = slope * (x, y)
     slopes = np.empty((*r2.shape, 2, 2))
     slopes[..., 0, 0] = radial + x2 * slope + 2 * p1 * y + 6 * p2 * x

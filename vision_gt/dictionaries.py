@@ -63,15 +63,7 @@ class Family:
         GtvalError
             If the family has no such id.
         """
-        dictionary = self.dictionary
-        count = len(dictionary.bytesList)
-        if not 0 <= number < count:
-            raise GtvalError(f"marker {number}: the family {self.name} has ids 0 to {count - 1}")
-        import cv2  # noqa: PLC0415  (settings are read without it)
-
-        side = self.cells
-        image = cv2.aruco.generateImageMarker(dictionary, number, side, borderBits=self.border)
-        return (np.asarray(image) > 127).astype(np.uint8)
+        return _bits(self, number)
 
 
 def artoolkitplus_bits(number: int) -> Bits:
@@ -113,3 +105,18 @@ def _dictionary(name: str) -> "cv2.aruco.Dictionary":
             f"APRILTAG_16H5, 25H9, 36H10 and 36H11, and here is also {ARTOOLKITPLUS}"
         )
     return cv2.aruco.getPredefinedDictionary(constant)
+
+
+@lru_cache(maxsize=1024)
+def _bits(family: Family, number: int) -> Bits:
+    import cv2  # noqa: PLC0415
+
+    dictionary = family.dictionary
+    count = len(dictionary.bytesList)
+    if not 0 <= number < count:
+        raise GtvalError(f"marker {number}: the family {family.name} has ids 0 to {count - 1}")
+    side = family.cells
+    image = cv2.aruco.generateImageMarker(dictionary, number, side, borderBits=family.border)
+    bits = (np.asarray(image) > 127).astype(np.uint8)
+    bits.setflags(write=False)
+    return bits

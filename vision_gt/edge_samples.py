@@ -16,6 +16,16 @@ Mask = npt.NDArray[np.bool_]
 Image = npt.NDArray[np.uint8]
 
 
+def _second_degree(x: Array, y: Array) -> Array:
+    """(6, n) monomials of x and y (n,)."""
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+
+
+_NINE = np.array([[x, y] for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0)])
+_FROM_NINE = np.linalg.pinv(_second_degree(*_NINE.T).T)
+"""Coefficients of a polynomial of the second degree from its values at the nine places."""
+
+
 class Flat:
     """Undistorted pixels: what the image would be without lens distortion.
 
@@ -34,6 +44,20 @@ class Flat:
             return pixels
         flat = undistort(pixels, self.parameters) * self.parameters[:2] + self.parameters[2:4]
         return np.asarray(flat)
+
+    def from_patch(self, pixels: Array) -> Array:
+        """(n, 2) undistorted pixels of some that lie within a few dozen pixels of each other.
+
+        Over so short a way the lens is as good as a polynomial of the second degree, fitted
+        here at nine places.
+        """
+        if self.parameters is None or len(pixels) == 0:
+            return pixels
+        low, high = pixels.min(0), pixels.max(0)
+        middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1.0)
+        bends = _FROM_NINE @ self.from_image(middle + half * _NINE)
+        x, y = ((pixels - middle) / half).T
+        return np.asarray(bends.T @ _second_degree(x, y)).T
 
     def to_image(self, flat: Array) -> Array:
         """(..., 2) pixels of undistorted ones."""

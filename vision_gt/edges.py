@@ -1,4 +1,4 @@
-"""Marker corners where the fitted edges of the marker cross.
+"""The sides of markers, fitted to the grey levels around them.
 
 Each side of a marker is a straight line in undistorted coordinates, black on one side and white
 on the other. The grey levels around it are fitted by a blurred step whose position, slope, width
@@ -15,66 +15,40 @@ from scipy.special import ndtr
 
 from validation.angles import Array
 from vision_gt.edge_samples import Flat, Image, Mask, Samples, edge_frame, profiles, samples
+from vision_gt.grey_fits import (
+    BLUR_INFORMATION,
+    LEAST_BLUR,
+    LEAST_CONTRAST,
+    LEAST_KEPT,
+    LEAST_VARIANCE,
+    MOST_BLUR,
+    MOST_NOISE,
+    MOST_SIGMA,
+    SATURATED,
+    START_BLUR,
+    tukey,
+)
 
 Places = npt.NDArray[np.intp]
 
-_HALF_WINDOW = 3.5
-_LEAST_HALF_WINDOW = 1.5
-_BLUR_OF_NEXT = 1.0
-"""Pixels that the windows keep off the edges of the next cells."""
-_NARROW = 2.5
-"""Half windows below this see no plateau on either side, but the blur of the next cells."""
-_SHARPEST = 0.35
-"""Pixels of blur: pixels alone make 0.29 of a sharp edge, and lenses more. A narrow window that
-finds less has taken the next cells for a part of the edge."""
-_MISTAKEN = 0.3
-"""Pixels by which such a fit may be off: a tenth of the width of the narrowest window."""
-_BITS = 6
-"""Bits along a side: those of the usual families."""
+HALF_WINDOW = 3.5
+"""Pixels to either side of an edge that are looked at, at most."""
 _MAX_STATIONS = 40
-_STEPS_OF_FIT = 4
+_MOST_STEPS = 4
+_CONVERGED = 0.05
+"""Pixels that no end of an edge moves any more."""
 _SEARCH = np.arange(-4.0, 2.51, 0.5)
 """Displacements (pixels, inwards) among which the edge is sought first: found corners tend to
 lie inside, and two cells further in the next edges of the same kind begin."""
 _STEPS = np.arange(-5.0, 3.51, 0.5)
 """Where the profiles are taken: a pixel before and after each of these."""
 _SEARCH_STATIONS = 6
-_SATURATED = 254
-"""Such a pixel says that the light is at least so much: a brighter model is no misfit."""
-_START_BLUR = 0.8
-_BLUR_PRIOR = 0.5
-"""Standard deviation of the width about its start: keeps a saturated edge solvable."""
 _LEVEL_PRIOR = 20.0
 """Standard deviation (grey levels) of the levels about where they start and of their slopes about
 zero: narrow windows of small markers see no plateau, and would trade levels for position."""
 _UNKNOWNS = 7
-_PRIOR = np.array([1e-3, 1e-3, 4 / _BLUR_PRIOR**2, *[1 / _LEVEL_PRIOR**2] * 4])
+_PRIOR = np.array([1e-3, 1e-3, BLUR_INFORMATION, *[1 / _LEVEL_PRIOR**2] * 4])
 """Information on the unknowns, for noise of one grey level."""
-_LEAST_CONTRAST = 12.0
-_TUKEY = 6.0
-_MISFIT = (0.05, 0.02)
-"""Shares of the contrast that are no outlier's sign: after the first step, and then."""
-_FLOOR = 0.015
-"""Pixels of corner error that no fit sees: the model of the blur, the print."""
-
-
-@dataclass(frozen=True)
-class CornerFit:
-    """Refined corners of m markers.
-
-    Parameters
-    ----------
-    corners : (m, 4, 2) array
-        Pixels in the image; where an edge could not be fitted, the start.
-    covariances : (m, 4, 2, 2) array
-        Of each corner, square pixels.
-    good : (m, 4) array of bool
-        Whether both edges of the corner could be fitted.
-    """
-
-    corners: Array
-    covariances: Array
-    good: Mask
 
 
 @dataclass(frozen=True)
@@ -88,63 +62,37 @@ class _Edges:
     good: Mask
 
 
-def refine_corners(
-    image: Image, start: Array, cells: int, parameters: Array | None = None
-) -> CornerFit:
-    """Corners of markers from their fitted edges.
+def fit_edges(image: Image, corners: Array, half: Array, flat: Flat) -> tuple[Array, Array, Mask]:
+    """Corners where the fitted edges cross.
 
     Parameters
     ----------
     image : (h, w) array of uint8
         Grey levels.
-    start : (m, 4, 2) array
-        Corners to about 2 pixels, in order around the marker.
-    cells : int
-        Cells along a side of the marker: the fit keeps to its black border.
-    parameters : (9,) array, optional
-        Intrinsic parameters, so that edges are straight; without them they are taken as
-        straight in the image.
+    corners : (m, 4, 2) array
+        To about 2 pixels, in order around the marker, undistorted pixels.
+    half : (4 m,) array
+        Pixels to either side of each edge that nothing but the edge reaches.
+    flat : Flat
+        The lens.
+
+    Returns
+    -------
+    corners : (m, 4, 2) array
+        Undistorted pixels; where an edge could not be fitted, where it was sought.
+    covariances : (m, 4, 2, 2) array
+        Of the fit alone.
+    good : (m, 4) array of bool
+        Whether both edges of the corner could be fitted.
     """
-    m = len(start)
-    if m == 0:
-        nothing = np.zeros((0, 4), dtype=bool)
-        return CornerFit(np.zeros((0, 4, 2)), np.zeros((0, 4, 2, 2)), nothing)
-    flat = Flat(parameters)
-    corners = flat.from_image(np.asarray(start, dtype=float))
-    cell = _cells(corners, cells).ravel()
-    half = np.clip(cell - _BLUR_OF_NEXT, _LEAST_HALF_WINDOW, _HALF_WINDOW)
     sought, start_values = _sought_edges(image, _sides(corners), half, flat)
     corners, _, _ = _crossings(corners, sought)
-    fitted = _fitted_edges(image, _sides(corners), (half, cell), flat, start_values)
-    corners, covariances, good = _crossings(corners, fitted)
-    refined, scale = flat.to_image_with_slope(corners)
-    covariances = scale @ covariances @ np.swapaxes(scale, -1, -2) + _FLOOR**2 * np.eye(2)
-    far = np.linalg.norm(refined - start, axis=-1) > 2 * _HALF_WINDOW
-    good &= ~far & np.isfinite(refined).all(-1)
-    return CornerFit(
-        np.where(good[..., None], refined, start),
-        np.where(good[..., None, None], covariances, np.eye(2)),
-        good,
-    )
+    return _crossings(corners, _fitted_edges(image, _sides(corners), half, flat, start_values))
 
 
 def _sides(corners: Array) -> Array:
     """(4 m, 2, 2) the two ends of each side."""
     return np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)
-
-
-def _cells(corners: Array, cells: int) -> Array:
-    """(m, 4) widths of the cells along each side, pixels across the side."""
-    after, before = np.roll(corners, -1, axis=1), np.roll(corners, 1, axis=1)
-    opposite = np.roll(corners, -2, axis=1)
-    along = after - corners
-    length = np.maximum(np.linalg.norm(along, axis=-1), 1e-9)
-    heights = [
-        np.abs(along[..., 0] * (p - corners)[..., 1] - along[..., 1] * (p - corners)[..., 0])
-        / length
-        for p in (before, opposite)
-    ]
-    return np.asarray(np.minimum(*heights) / cells)
 
 
 def _sought_edges(image: Image, ends: Array, half: Array, flat: Flat) -> tuple[_Edges, Array]:
@@ -170,7 +118,7 @@ def _sought_edges(image: Image, ends: Array, half: Array, flat: Flat) -> tuple[_
     bright = np.maximum(_picked(grey, place - 1), _picked(grey, place))
     dark = np.minimum(_picked(grey, place + 4), _picked(grey, place + 5))
     values = np.zeros((len(ends), _UNKNOWNS))
-    values[:, 2] = _START_BLUR
+    values[:, 2] = START_BLUR
     for first_of, level in ((3, dark), (5, bright)):
         values[:, first_of] = 1.5 * level[:, 0] - 0.5 * level[:, 1]
         values[:, first_of + 1] = 2 * (level[:, 1] - level[:, 0])
@@ -183,21 +131,15 @@ def _picked(profile: Array, place: Places) -> Array:
     return np.take_along_axis(profile, place[..., None], axis=2)[..., 0]
 
 
-def _fitted_edges(
-    image: Image, ends: Array, widths: tuple[Array, Array], flat: Flat, start: Array
-) -> _Edges:
-    """Blurred steps fitted from values (e, 7), with covariances and a judgement.
-
-    ``widths`` are those of half the windows and of the cells, (e,) each.
-    """
-    half, cell = widths
+def _fitted_edges(image: Image, ends: Array, half: Array, flat: Flat, start: Array) -> _Edges:
+    """Blurred steps fitted from values (e, 7), with covariances and a judgement."""
     frame = edge_frame(ends)
     seen = samples(image, ends, half, flat, frame, _MAX_STATIONS)
     fit = _fitted_steps(seen, start)
     found, count = fit.values, np.maximum(fit.weights.sum(1), 1.0)
     variance = (fit.weights * fit.residual**2).sum(1) / np.maximum(count - _UNKNOWNS, 1.0)
-    inverse = np.asarray(np.linalg.inv(fit.normal), dtype=float)
-    covariance = inverse[:, :2, :2] * np.maximum(variance, 0.1)[:, None, None]
+    covariance = np.linalg.inv(fit.normal)[:, :2, :2]
+    covariance = covariance * np.maximum(variance, LEAST_VARIANCE)[:, None, None]
     contrast = np.minimum(found[:, 5], found[:, 5] + found[:, 6]) - np.maximum(
         found[:, 3], found[:, 3] + found[:, 4]
     )
@@ -205,79 +147,52 @@ def _fitted_edges(
     sigma = np.sqrt(np.abs(covariance[:, [0, 1], [0, 1]])).max(1)
     good = (
         fit.enough
-        & (contrast > _LEAST_CONTRAST)
-        & (kept > 0.5)
-        & (sigma < 0.5)
-        & (np.abs(found[:, :2]).max(1) < _HALF_WINDOW)
-        & (np.sqrt(variance) < 0.25 * np.maximum(contrast, 1.0))
+        & (contrast > LEAST_CONTRAST)
+        & (kept > LEAST_KEPT)
+        & (sigma < MOST_SIGMA)
+        & (np.abs(found[:, :2]).max(1) < HALF_WINDOW)
+        & (np.sqrt(variance) < MOST_NOISE * np.maximum(contrast, 1.0))
     )
-    close = np.flatnonzero(half < _NARROW)
-    covariance[close] += _by_next_cells(seen, fit, inverse, cell, close)
-    covariance[(half < _NARROW) & (found[:, 2] < _SHARPEST)] += _MISTAKEN**2 * np.eye(2)
-    return _Edges(ends, frame[1], found[:, :2], covariance, good)
+    return _Edges(ends, frame[1], found[:, :2], np.asarray(covariance, dtype=float), good)
 
 
 @dataclass(frozen=True)
 class _StepFit:
     """Fitted steps: unknowns (e, 7), residuals and weights (e, n), and normal matrices (e, 7, 7).
 
-    The model's derivative is the jacobian (e, 7, n). The unknowns are the shifts of the two
+    The unknowns are the shifts of the two
     ends, the width, dark and its slope, bright and its slope. ``enough`` (e,) says whether there
     was enough to fit.
     """
 
     values: Array
     residual: Array
-    jacobian: Array
     weights: Array
     normal: Array
     enough: Mask
-
-
-def _by_next_cells(
-    seen: Samples, fit: _StepFit, inverse: Array, cell: Array, close: Places
-) -> Array:
-    """(k, 2, 2) covariances of the shifts of edges (k,) whose windows the next cells blur into.
-
-    A bit behind the border is white or black with the same chance, and what lies behind the
-    white rim, one cell wide, is darker than it by an unknown share. Either is a departure from
-    the model of which the mean square is known; what it does to the shifts is linear.
-    """
-    share, distance, weights = seen.share[close], seen.distance[close], fit.weights[close]
-    # Windows so narrow do not tell the width well.
-    width = np.maximum(fit.values[close, 2, None], _START_BLUR)
-    cell = cell[close, None]
-    bits = 0.5 * ndtr((distance - cell) / width)
-    behind = 0.5 * ndtr((-distance - cell) / width)
-    part = np.clip((share * _BITS).astype(np.intp), 0, _BITS - 1)
-    of_bit = np.where(part[:, None] == np.arange(_BITS)[:, None], bits[:, None], 0.0)
-    patterns = np.concatenate([of_bit, bits[:, None], behind[:, None]], axis=1) * weights[:, None]
-    contrast = fit.values[close, 5] - fit.values[close, 3]
-    moved = inverse[close, :2] @ (fit.jacobian[close] @ np.swapaxes(patterns, 1, 2))
-    moved *= contrast[:, None, None]
-    return np.asarray(moved @ np.swapaxes(moved, 1, 2))
 
 
 def _fitted_steps(seen: Samples, prior: Array) -> _StepFit:
     """Gauss-Newton steps from what is expected (e, 7); outliers are held back after the first."""
     found = prior
     enough = seen.weight.sum(1) >= 3 * _UNKNOWNS
-    bright = seen.grey >= _SATURATED
-    for step in range(_STEPS_OF_FIT):
+    bright = seen.grey >= SATURATED
+    for step in range(_MOST_STEPS):
         residual, jacobian = _step_model(found, seen)
         weights = seen.weight * ~(bright & (residual < 0))
         if step > 0:
             contrast = np.abs(found[:, 5] - found[:, 3])
-            scale = _scales(residual, seen.weight, _MISFIT[min(step, 2) - 1] * contrast)
-            weights = weights * _tukey(residual, scale)
+            weights = weights * tukey(residual, seen.weight, contrast, step)
         change, normal = _solve(residual, jacobian, weights, prior - found)
         change[:, :2] = np.clip(change[:, :2], -1.5, 1.5)
         change[~enough] = 0.0
         found = found + change
-        found[:, 2] = np.clip(found[:, 2], 0.3, 3.0)
+        found[:, 2] = np.clip(found[:, 2], LEAST_BLUR, MOST_BLUR)
+        if step > 0 and np.abs(change[:, :2]).max() < _CONVERGED:
+            break
     # The last step was small: what it changed is linear.
     residual = residual - (change[:, None] @ jacobian)[:, 0]
-    return _StepFit(found, residual, jacobian, weights, normal, enough)
+    return _StepFit(found, residual, weights, normal, enough)
 
 
 def _step_model(values: Array, seen: Samples) -> tuple[Array, Array]:
@@ -308,20 +223,6 @@ def _solve(
     normal[:, np.arange(_UNKNOWNS), np.arange(_UNKNOWNS)] += _PRIOR
     right = (weighted @ residual[..., None])[..., 0] + _PRIOR * to_prior
     return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0]), np.asarray(normal)
-
-
-def _scales(residual: Array, weight: Array, least: Array) -> Array:
-    """(e,) standard deviations of each edge's residuals, from their median; not below ``least``."""
-    ordered = np.sort(np.where(weight > 0, np.abs(residual), np.inf), axis=1)
-    middle = (weight.sum(1) / 2).astype(np.intp)
-    scale = 1.4826 * ordered[np.arange(len(ordered)), middle]
-    return np.maximum(np.where(np.isfinite(scale), scale, 0.0), np.maximum(least, 1.0))
-
-
-def _tukey(residual: Array, scale: Array) -> Array:
-    """Tukey's weights (e, n)."""
-    ratio = np.minimum(np.square(residual / (_TUKEY * scale)[:, None]), 1.0)
-    return np.asarray(np.square(1 - ratio))
 
 
 def _crossings(start: Array, edges: _Edges) -> tuple[Array, Array, Mask]:

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from validation.angles import Array
 from validation.errors import GtvalError
 from vision_gt.camera import Camera
+from vision_gt.corners import refine_corners
 from vision_gt.dictionaries import Family
-from vision_gt.edges import refine_corners
 
 Image = npt.NDArray[np.uint8]
 Refinement = Literal["edges", "none", "subpix", "apriltag"]
@@ -110,7 +110,10 @@ def detect_markers(
     covariances = np.broadcast_to(STOCK_SIGMA**2 * np.eye(2), (len(use), 4, 2, 2))
     if refinement == "edges":
         parameters = None if camera is None else camera.parameters
-        fit = refine_corners(image, corners, family.cells, parameters)
+        bits = np.array([family.bits(numbers[i]) for i in use]).reshape(
+            len(use), *2 * (family.cells,)
+        )
+        fit = refine_corners(image, corners, bits, parameters)
         corners, covariances = fit.corners, _with_stock(fit.covariances, fit.good)
     views = [MarkerView(numbers[i], corners[row], covariances[row]) for row, i in enumerate(use)]
     return Detection(

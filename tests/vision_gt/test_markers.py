@@ -19,8 +19,8 @@ from vision_scenes import (
 from data_samples.rendering import Optics
 from validation.errors import GtvalError
 from vision_gt.camera import Camera
+from vision_gt.corners import refine_corners
 from vision_gt.dictionaries import ARTOOLKITPLUS, Family, artoolkitplus_bits
-from vision_gt.edges import refine_corners
 from vision_gt.layout import Layout
 from vision_gt.markers import detect_markers
 from vision_gt.robot_pose import Sighting, robot_pose
@@ -118,8 +118,9 @@ def test_the_distortion_matters():
     T = type(T).from_components([0.25, 0.18, 0.6], T.rotation)
     image, true = marker_image(rng, T, 3)
     start = detect_markers(image, APRIL, None, [3], "none").views[0].corners[None]
-    with_lens = refine_corners(image, start, APRIL.cells, LENS).corners[0] - true
-    without = refine_corners(image, start, APRIL.cells).corners[0] - true
+    bits = APRIL.bits(3)[None]
+    with_lens = refine_corners(image, start, bits, LENS).corners[0] - true
+    without = refine_corners(image, start, bits).corners[0] - true
     assert np.abs(with_lens).max() < 0.06
     assert np.abs(without).max() > 2 * np.abs(with_lens).max()
 

@@ -1,0 +1,91 @@
+"""Corners of small markers, from the whole print: what covers a part of it does no harm."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from vision_scenes import APRIL, SIDE, close_up, marker_image, random_marker
+
+from data_samples.rendering import Optics
+from vision_gt.dictionaries import ARTOOLKITPLUS, Family
+from vision_gt.edge_samples import Flat
+from vision_gt.markers import detect_markers
+from vision_gt.prints import fit_print
+
+
+def fitted(image, camera, true, number, start_off, family=APRIL):
+    flat = Flat(camera.parameters)
+    start = flat.from_image(true) + start_off
+    corners, covariances, good = fit_print(image, start, family.bits(number), 0.5, flat)
+    return flat.to_image(corners) - true, covariances, good
+
+
+@pytest.mark.parametrize("distance", [4.0, 5.0])
+def test_the_fit_comes_home_from_a_pixel_off_and_says_how_good_it_is(distance):
+    rng = np.random.default_rng(int(distance))
+    normalised = []
+    for _ in range(12):
+        number = int(rng.integers(200))
+        camera, image, true = close_up(rng, random_marker(rng, distance), number)
+        off = rng.uniform(-0.7, 0.7, 2) + rng.uniform(-0.3, 0.3, (4, 2))
+        error, covariances, good = fitted(image, camera, true, number, off)
+        assert good
+        assert np.linalg.norm(error, axis=1).max() < 0.15
+        # The floor of the corners is there for what no fit sees, such as the renderer's rays.
+        stated = covariances + 0.015**2 * np.eye(2)
+        normalised.append(np.einsum("ki,kij,kj->", error, np.linalg.inv(stated), error) / 8)
+    # A marker's eight numbers err together: it counts for no more than two of them.
+    low, high = chi2.ppf([1e-3, 1 - 1e-3], 2 * len(normalised)) / (2 * len(normalised))
+    assert low < np.mean(normalised) < high
+
+
+def test_a_covered_part_does_not_move_the_corners():
+    rng = np.random.default_rng(3)
+    for _ in range(6):
+        camera, image, true = close_up(rng, random_marker(rng, 4.0), 11)
+        half = image.shape[0] // 2
+        spoiled = image.copy()
+        # A grey sheet over the corner of the marker, and a fifth of its area.
+        corner = np.rint(true[int(rng.integers(4))]).astype(int)
+        inner = np.rint(corner + 0.45 * (np.array([half, half]) - corner)).astype(int)
+        low, high = np.minimum(corner, inner) - 8 * (corner < inner), np.maximum(corner, inner)
+        high = high + 8 * (corner > inner)
+        spoiled[max(low[1], 0) : high[1], max(low[0], 0) : high[0]] = 130
+        whole, _, sure = fitted(image, camera, true, 11, 0.2)
+        error, covariances, good = fitted(spoiled, camera, true, 11, 0.2)
+        assert sure
+        assert good
+        assert np.linalg.norm(error - whole, axis=1).max() < 6 * np.sqrt(covariances.max()) + 0.02
+
+
+def test_another_print_is_not_taken_for_this_one():
+    rng = np.random.default_rng(5)
+    camera, image, true = close_up(rng, random_marker(rng, 5.0), 7)
+    _, _, good = fitted(image, camera, true, 7, 0.1)
+    assert good
+    for other in (8, 9, 10):
+        _, _, good = fitted(image, camera, true, other, 0.1)
+        assert not good
+
+
+def test_nothing_to_fit_is_no_fit():
+    rng = np.random.default_rng(6)
+    camera, image, true = close_up(rng, random_marker(rng, 5.0), 7)
+    for nothing in (np.full_like(image, 120), rng.integers(0, 255, image.shape, dtype=np.uint8)):
+        start_kept, _, good = fitted(nothing, camera, true, 7, 0.0)
+        assert not good
+        np.testing.assert_allclose(start_kept, 0.0, atol=1e-6)
+    _, _, good = fitted(image, camera, true + 1e5, 7, 0.0)
+    assert not good
+    _, _, good = fitted(image, camera, np.full((4, 2), np.nan), 7, 0.0)
+    assert not good
+
+
+@pytest.mark.parametrize("family", [Family(ARTOOLKITPLUS), Family("4X4_50", 2), Family("7X7_50")])
+def test_every_family_is_fitted(family):
+    rng = np.random.default_rng(9)
+    for number in (3, 40):
+        T = random_marker(rng, 4.0 * SIDE * 8 / family.cells / 0.156)
+        image, true = marker_image(rng, T, number, Optics(rays=64), family)
+        views = detect_markers(image, family, None, [number]).views
+        assert [view.number for view in views] == [number]
+        assert np.linalg.norm(views[0].corners - true, axis=1).max() < 0.15
