@@ -190,7 +190,7 @@ class EntrySession:
 
     def disagreeing(self) -> list[Pair]:
         """Pairs of which no two entries by different people agree: none of them counts."""
-        return [pair for pair in self.state.pairs if self.state.disagrees(pair)]
+        return [pair for pair in self.state.doubled if self.state.disagrees(pair)]
 
     def doubtful_so_far(self) -> list[int]:
         """Those of all stops and world points that were examined since they last changed."""

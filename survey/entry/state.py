@@ -54,6 +54,8 @@ class EntryState:
     notes: dict[int, list[str]] = field(default_factory=dict)
     stops: list[str] = field(default_factory=list)
     wanted: set[Pair] = field(default_factory=set)
+    doubled: dict[Pair, None] = field(default_factory=dict)
+    """Pairs with a blind second entry, taken back or not, in the order of these."""
     without_second: set[Pair] = field(default_factory=set)
     """Pairs that are not to be measured a second time."""
     cursor: Pair | None = None
@@ -101,10 +103,12 @@ class EntryState:
 
     def has_second(self, pair: Pair) -> bool:
         """Whether a blind second entry of a pair counts."""
-        return any(self.entries[n].second for n in self.counting(pair))
+        return pair in self.doubled and any(self.entries[n].second for n in self.counting(pair))
 
     def disagrees(self, pair: Pair) -> bool:
         """Whether there is a double entry, and no two values of it agree."""
+        if pair not in self.doubled:
+            return False
         numbers = self._considered(pair)
         return any(self.entries[n].second for n in numbers) and not self.agreeing(numbers)
 
@@ -143,6 +147,8 @@ class EntryState:
 
     def _reading(self, entry: Entry) -> None:
         own = self._own(entry.pair)
+        if entry.second:
+            self.doubled[entry.pair] = None
         if entry.of and entry.of in own.numbers:
             own.numbers.remove(entry.of)
             self.replaced[entry.of] = entry.number
