@@ -5,7 +5,8 @@ Columns: pose (the stop), sensor, time (seconds, may be blank), angle_min and an
 for no return).
 """
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ COLUMNS = (
     Column("angle_step", "number", low=-np.pi, high=np.pi, unit="rad"),
     Column("range_min", "number", required=False, blank=True, low=0, high=1e3, unit="m"),
     Column("range_max", "number", required=False, blank=True, low=0, high=1e4, unit="m"),
-    Column("ranges"),
+    Column("ranges", blank=True),
 )
 RANGE_MIN, RANGE_MAX = 0.02, 80.0
 MAX_BYTES = 200_000_000
@@ -35,7 +36,8 @@ def read_scan_csv(path: Path) -> list[ScanRecord]:
     Raises
     ------
     InputError
-        Naming every bad place: no numbers, NaN, no ranges, a stop and sensor that come twice.
+        Naming every bad place: no numbers, NaN, no ranges, fewer ranges than the other scans of
+        the sensor, a stop and sensor that come twice.
     """
     table = read_csv(path, COLUMNS, max_bytes=MAX_BYTES)
     table.flag_duplicates(["pose", "sensor"])
@@ -66,7 +68,38 @@ def read_scan_csv(path: Path) -> list[ScanRecord]:
             records.append(ScanRecord(scan, line=line, stop=table.text["pose"][row]))
     if not records:
         raise InputError([Problem(path, "the file has a header but no scan", 1)])
-    return checked(path, records)
+    return checked(path, _of_one_length(path, records))
+
+
+def _of_one_length(
+    path: Path, records: Sequence[ScanRecord | Problem]
+) -> list[ScanRecord | Problem]:
+    """The records, with a problem in place of each scan that has not all of its beams.
+
+    A sensor with the same first angle and step has the same number of beams in every scan; where
+    it has not, a line was cut.
+    """
+    kinds: dict[tuple[str, float, float], list[ScanRecord]] = {}
+    for record in records:
+        if isinstance(record, ScanRecord):
+            first, step = record.scan.angles[0], record.scan.step
+            kind = (record.scan.sensor, round(float(first), 9), round(float(step), 9))
+            kinds.setdefault(kind, []).append(record)
+    odd: dict[int, Problem] = {}
+    for (sensor, *_), members in kinds.items():
+        counts = Counter(len(one.scan) for one in members)
+        usual = max(counts, key=lambda count: (counts[count], count))
+        for one in members:
+            if len(one.scan) != usual:
+                what = (
+                    f"{len(one.scan)} ranges, where other scans of '{sensor}' with these angles "
+                    f"have {usual}; was the line cut?"
+                )
+                odd[one.line] = Problem(path, what, one.line, "ranges")
+    return [
+        odd.get(record.line, record) if isinstance(record, ScanRecord) else record
+        for record in records
+    ]
 
 
 def _or(value: float, default: float) -> float:

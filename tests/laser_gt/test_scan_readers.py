@@ -133,3 +133,20 @@ def test_bags_read_back_what_rosbags_wrote(tmp_path):
     assert not record.scan.returned[-4]
     with pytest.raises(GtvalError):
         read_bag(_write(tmp_path, "nothing", "x.bag"))
+
+
+def test_a_csv_scan_with_fewer_ranges_than_its_sensor_has_was_cut(tmp_path):
+    head = "pose,sensor,angle_min,angle_step,ranges\n"
+    path = tmp_path / "scans.csv"
+    path.write_text(
+        head
+        + "1,a,0,0.1,1 1 1 1\n2,a,0,0.1,1 1 1 1\n3,a,0,0.2,1 1 1\n1,b,0,0.1,1 1 1\n4,a,0,0.1,1 1"
+    )
+    with pytest.raises(InputError) as error:
+        read_scan_csv(path)
+    (problem,) = error.value.problems
+    assert (problem.line, problem.field) == (6, "ranges")
+    assert "2 ranges, where other scans of 'a' with these angles have 4" in problem.expected
+    path.write_text(head + "1,a,0,0.1,\n")
+    with pytest.raises(InputError, match=r"line 2, field 'ranges'.*no beams"):
+        read_scan_csv(path)
