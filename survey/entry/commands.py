@@ -106,6 +106,8 @@ def _print_status(entry_session: "EntrySession", *, as_json: bool) -> None:
     progress = entry_session.guide.progress()
     target = entry_session.guide.next_target(Person(""))
     doubtful = entry_session.doubtful()
+    changes = entry_session.readings_file.changes_by_hand(entry_session.state)
+    waiting = 0 if changes is None else len(changes.added)
     if as_json:
         from validation.json_text import json_text
 
@@ -114,6 +116,7 @@ def _print_status(entry_session: "EntrySession", *, as_json: bool) -> None:
             "done": progress.done,
             "left": progress.left,
             "skipped": progress.skipped,
+            "not_in_journal": waiting,
             "next": None if target is None else {"from": target.start, "to": target.end},
             "doubtful": [
                 {"entry": e.number, "from": e.start, "to": e.end, "distance": e.metres}
@@ -123,6 +126,9 @@ def _print_status(entry_session: "EntrySession", *, as_json: bool) -> None:
         click.echo(json_text(said), nl=False)
         return
     click.echo(progress_text(progress))
+    if waiting:
+        name = entry_session.readings_file.path.name
+        click.echo(f"{name} has {waiting} reading(s) that the journal does not have yet")
     click.echo("all done" if target is None else f"next: {pair_text(target)}")
     if doubtful:
         click.echo(f"{len(doubtful)} doubtful: {readings_text(entry_session, doubtful)}")

@@ -82,6 +82,12 @@ class Entry:
         """The two points, without order."""
         return pair_of(self.start, self.end)
 
+    @property
+    def when(self) -> str:
+        """When a reading was measured; '' where a file that it was taken over from did not say."""
+        from_file = self.device in (FROM_FILE, FROM_FILE_UNUSED)
+        return self.measured or ("" if from_file else self.time)
+
     def as_json(self) -> str:
         """A JSON object of all that is not at its default."""
         said = {

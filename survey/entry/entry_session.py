@@ -91,6 +91,8 @@ class EntrySession:
         doubts = journal.path.with_suffix(".doubts")
         self._remembered = RememberedDoubts(doubts, campaign)
         self.readings_file = ReadingsFile(campaign.folder / self.survey.readings)
+        self.taken_over = 0
+        """Rows of the readings file that the journal did not have when this was opened."""
         self.version = 0
         """Grows with every entry; a page asks for it to know whether it is up to date."""
         self._checks: RoomChecks | None = None
@@ -456,6 +458,7 @@ class EntrySession:
         if changes is not None:
             if self.state.pairs and not adopt:
                 raise refuse_hand_changes(file.path, changes)
+            self.taken_over = len(changes.added)
             for entry, remark in as_entries(file.path, changes, self.guide.names.may_be_measured):
                 self._append_only([replace(entry, id=uuid.uuid4().hex)])
                 if remark:

@@ -38,7 +38,7 @@ def csv_row(entry: Entry, state: EntryState) -> tuple[str, ...]:
     """The cells of a reading."""
     note = "; ".join(state.notes[entry.number]) if entry.number in state.notes else ""
     return (
-        entry.measured or entry.time,
+        entry.when,
         entry.start,
         entry.end,
         plain(entry.metres or 0.0),

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
@@ -75,7 +76,7 @@ def _people(entry_session: EntrySession, readings: Sequence[Entry]) -> Table:
     rows = []
     for person in dict.fromkeys(e.by for e in readings):
         own = [e for e in readings if e.by == person]
-        times = sorted(_time(e) for e in own)
+        times = _times(own)
         gaps = [b - a for a, b in pairwise(times) if b - a <= PAUSE]
         counting = sum(e.number in entry_session.state.counting(e.pair) for e in own)
         rows.append(
@@ -83,9 +84,9 @@ def _people(entry_session: EntrySession, readings: Sequence[Entry]) -> Table:
                 person or "not named",
                 len(own),
                 counting,
-                _day(times[0]),
-                _day(times[-1]),
-                sum(gaps) / 60,
+                _day(times[0]) if times else "",
+                _day(times[-1]) if times else "",
+                sum(gaps) / 60 if times else None,
                 median(gaps) if gaps else None,
             )
         )
@@ -300,14 +301,13 @@ def _skipped(entry_session: EntrySession) -> Counter[str]:
     return Counter(reason for reason in reasons if reason is not None)
 
 
-def _time(entry: Entry) -> float:
-    """When a reading was measured, seconds; as far as its time can be read."""
-    for text in (entry.measured, entry.time):
-        try:
-            return datetime.fromisoformat(text).timestamp()
-        except ValueError:
-            continue
-    return 0.0
+def _times(entries: Iterable[Entry]) -> list[float]:
+    """When readings were measured, seconds, in order; of those whose time is known."""
+    found = []
+    for entry in entries:
+        with suppress(ValueError):
+            found.append(datetime.fromisoformat(entry.when).timestamp())
+    return sorted(found)
 
 
 def _day(seconds: float) -> str:

@@ -20,6 +20,7 @@ from survey.entry.words import (
     pair_text,
     progress_of,
     readings_text,
+    taken_over_text,
     undone_text,
     value_text,
 )
@@ -63,9 +64,11 @@ class TerminalEntry:
         At a keyboard a bad line is said and the rest of a paste dropped; from a pipe nothing
         after a bad line is recorded, as it might belong to another target.
         """
+        taken_over = taken_over_text(self._session)
+        if taken_over:
+            self._say(taken_over)
         if self._keyboard:
             self._welcome()
-        if self._keyboard:
             # numpy and rich take a while to load; the first number can be typed meanwhile.
             self._session.prepare(lambda: self._console)
         number = 0

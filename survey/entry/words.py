@@ -118,6 +118,13 @@ def progress_text(progress: Progress) -> str:
     return said + (f", {progress.skipped} skipped" if progress.skipped else "")
 
 
+def taken_over_text(entry_session: EntrySession) -> str:
+    """That readings of a file were taken over; '' if none were."""
+    count = entry_session.taken_over
+    name = entry_session.readings_file.path.name
+    return f"{count} reading(s) of {name} were taken over into the journal" if count else ""
+
+
 def progress_of(
     entry_session: EntrySession, person: Person, targets: Sequence[Target] | None = None
 ) -> str:

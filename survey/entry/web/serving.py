@@ -7,6 +7,7 @@ from collections.abc import Callable
 from survey.entry.entries import Person
 from survey.entry.entry_session import EntrySession
 from survey.entry.web.access import Access, last_device, shown_code
+from survey.entry.words import taken_over_text
 from validation.errors import GtvalError
 from validation.report.terminal import console
 
@@ -41,6 +42,9 @@ def serve(entry_session: EntrySession, host: str, port: int) -> int:
     app = make_app(entry_session, access, hosts)
     # numpy takes a while to load; devices can join meanwhile.
     entry_session.prepare()
+    taken_over = taken_over_text(entry_session)
+    if taken_over:
+        console().print(taken_over, markup=False)
     _announce(url, access, f"{entry_session.campaign.settings.name}: the page is at {url}")
     config = uvicorn.Config(
         app,

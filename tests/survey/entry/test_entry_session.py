@@ -298,10 +298,18 @@ def test_readings_from_before_are_taken_over_with_their_notes(copy):
     text = copy.readings.read_text().replace(",,,2\n", ',yes,"a, note",2\n', 1)
     copy.readings.write_text(text)
     entry_session = copy.open()
+    assert entry_session.taken_over == len(before)
     assert len(entry_session.state.rows_of_file()) == len(before)
     assert "a, note" in copy.readings.read_text()
     assert entry_session.guide.next_target(ANN) is None
     entry_session.close()
+
+
+def test_a_time_that_a_file_does_not_say_is_not_made_up(room):
+    room.readings.write_text("time,from,to,distance\n,O,X,2.5\n2008-08-06T10:00,O,Y,2.5\n")
+    room.open().close()
+    assert [row.split(",")[0] for row in rows(room)] == ["", "2008-08-06T10:00"]
+    room.open().close()  # it is as derived from the journal
 
 
 def test_changes_by_hand_are_refused_until_they_are_adopted(copy):

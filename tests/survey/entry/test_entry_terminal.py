@@ -228,6 +228,15 @@ def test_the_rest_of_a_paste_after_a_bad_line_goes_nowhere(half):
     assert len(readings(half)) == before + 1
 
 
+def test_readings_from_before_are_announced(tmp_path):
+    room = entry_room(3, 1, tmp_path / "room")
+    room.readings.write_text("from,to,distance\nO,X,2.5\nO,Y,2.5\n")
+    said = piped(room, "", "--status").stdout
+    assert "readings.csv has 2 reading(s) that the journal does not have yet" in said
+    assert "2 reading(s) of readings.csv were taken over" in piped(room, "").stdout
+    assert "taken over" not in piped(room, "").stdout
+
+
 def test_people_take_turns_at_the_laser(half):
     shown = [half.shown[frozenset(("1/O", end))] for end in ("1", "6")]
     done = piped(half, f"{shown[0]}\nb bob\n{shown[1]}\nb\n", "--by", "ann")
