@@ -1,6 +1,6 @@
 """What a person should read about the vision system's results."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -17,10 +17,18 @@ _LEAST_TILT = np.deg2rad(25)
 _HAND_LENGTH, _HAND_ANGLE = 0.03, np.deg2rad(8)
 
 
-def vision_findings(outcome: VisionOutcome) -> list[Finding]:
-    """All findings, the most important first within their kind."""
+def vision_findings(outcome: VisionOutcome, surveyed: Sequence[str] = ()) -> list[Finding]:
+    """All findings, the most important first within their kind.
+
+    Parameters
+    ----------
+    outcome : VisionOutcome
+        What they are about.
+    surveyed : sequence of str
+        Stops that have a validation pose, with images or without.
+    """
     return [
-        *_coverage(outcome),
+        *_coverage(outcome, surveyed),
         *_poses(outcome),
         *_calibrations(outcome),
         *_network(outcome),
@@ -35,8 +43,8 @@ def _listed(names: list[str], most: int = 12) -> str:
     return ", ".join(names[:most]) + more
 
 
-def _coverage(outcome: VisionOutcome) -> Iterator[Finding]:
-    """How many stops have a pose."""
+def _coverage(outcome: VisionOutcome, surveyed: Sequence[str]) -> Iterator[Finding]:
+    """How many stops have a pose, and why the others have none."""
     known = [stop.pose for stop in outcome.stops if stop.chosen is not None]
     missing = [stop.pose for stop in outcome.stops if stop.chosen is None]
     seen = {pose for (_, pose), found in outcome.detections.items() if found.views}
@@ -47,7 +55,11 @@ def _coverage(outcome: VisionOutcome) -> Iterator[Finding]:
     unsolved = [pose for pose in missing if pose in seen]
     if unsolved:
         text += f" Markers were found, but give no sure pose, for {_listed(unsolved)}."
-    severity: Severity = "good" if not missing else "note" if known else "error"
+    with_images = {stop.pose for stop in outcome.stops}
+    unseen = [pose for pose in surveyed if pose not in with_images]
+    if unseen:
+        text += f" No camera has an image of {_listed(unseen)}: out of all cameras' view?"
+    severity: Severity = "good" if not missing and not unseen else "note" if known else "error"
     yield Finding(severity, text, SUBJECT, "coverage")
 
 
@@ -141,6 +153,14 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
             "vision.bar.second_on_first right?",
             "bar",
             "bar_outliers",
+        )
+    if solution.bar_single:
+        yield Finding(
+            "note",
+            "Only one of the bar's two boards was found in "
+            f"{_listed(list(solution.bar_single))}; they say nothing about the bar.",
+            "bar",
+            "bar_single",
         )
     network = solution.network
     if network.bar_covariance.any() and network.adjustment is not None:

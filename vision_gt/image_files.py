@@ -1,6 +1,7 @@
 """Images of a campaign: where they lie, what their names say, and reading them."""
 
 import re
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,9 @@ ENDINGS = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm"}
 MAX_BYTES = 100_000_000
 BLANK = 1.5
 """Standard deviation of the grey levels (of a blurred copy) below which an image shows nothing."""
+_PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
+_LEAST_FILLED = 8
+"""Rows: JPEG files are cut in blocks of eight."""
 _SNAPSHOT = re.compile(r"(?P<one>[^-]+)-(?P<other>[^-]+)-(?P<number>\d+)")
 _OF_CAMERA = re.compile(r"(?P<camera>[^-]+)-(?P<number>\d+)")
 _POSE = re.compile(r"pose(?P<pose>.+)")
@@ -213,22 +217,52 @@ def read_image(path: Path) -> Image:
     except OSError as error:
         raise InputError([Problem(path, f"cannot be read: {error.strerror or error}")]) from None
     if _is_cut(data):
-        raise InputError([Problem(path, "the image is truncated; copy it again")])
+        raise InputError([Problem(path, "the image is truncated or damaged; copy it again")])
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
     if image is None:
         raise InputError([Problem(path, "not an image that OpenCV can read")])
-    return np.asarray(image, dtype=np.uint8)
+    grey = np.asarray(image, dtype=np.uint8)
+    if data.startswith(_JPEG) and (rows := _filled_rows(grey)):
+        expected = f"its last {rows} rows are one even grey: it is truncated; copy it again"
+        raise InputError([Problem(path, expected)])
+    return grey
 
 
 def _is_cut(data: bytes) -> bool:
     """Whether a PNG, JPEG or BMP file ends too early: decoders fill such images with grey."""
-    if data.startswith(b"\x89PNG"):
-        return b"IEND" not in data[-64:]
-    if data.startswith(b"\xff\xd8"):
+    if data.startswith(_PNG):
+        return not _is_whole_png(data)
+    if data.startswith(_JPEG):
         return b"\xff\xd9" not in data[-4096:]
     if data.startswith(b"BM"):
         return len(data) < int.from_bytes(data[2:6], "little")
     return False
+
+
+def _is_whole_png(data: bytes) -> bool:
+    """Whether the chunks of a PNG file follow each other to its end, each with its check sum."""
+    place = len(_PNG)
+    while place + 12 <= len(data):
+        end = place + 8 + int.from_bytes(data[place : place + 4], "big")
+        kind = data[place + 4 : place + 8]
+        if zlib.crc32(data[place + 4 : end]) != int.from_bytes(data[end : end + 4], "big"):
+            return False
+        if kind == b"IEND":
+            return True
+        place = end + 4
+    return False
+
+
+def _filled_rows(image: Image) -> int:
+    """How many rows at the end are one even grey, while the others are not; 0 if few are.
+
+    That is how a decoder fills a JPEG file that was cut and has an end mark none the less. No
+    camera takes such rows: its pixels have noise, unless all of them are black or saturated.
+    """
+    fill = int(image[-1, 0])
+    others = np.flatnonzero((image != fill).any(axis=1))
+    rows = len(image) - 1 - int(others[-1]) if len(others) else 0
+    return rows if rows >= _LEAST_FILLED and 0 < fill < 255 else 0
 
 
 def is_blank(image: Image) -> bool:

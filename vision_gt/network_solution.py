@@ -71,6 +71,8 @@ class NetworkSolution:
         The camera that the chain starts from.
     bar_outliers : tuple of str
         Images of both boards that do not fit the bar.
+    bar_single : tuple of str
+        Images in which only one of them was found.
     """
 
     network: Network
@@ -79,6 +81,7 @@ class NetworkSolution:
     chain: Chain
     reference: str
     bar_outliers: tuple[str, ...] = field(default=())
+    bar_single: tuple[str, ...] = field(default=())
 
 
 def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution:
@@ -111,7 +114,7 @@ def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution
     if not joint:
         return NetworkSolution(averaged, averaged, tuple(links), chain, root)
     snapshots = _as_read(given.snapshots, links)
-    both, left = _fitting_bar(given)
+    both, left, single = _fitting_bar(given)
     views = [*snapshots, *both, *reference, *given.calibration]
     network = adjust_network(
         given.cameras,
@@ -121,7 +124,7 @@ def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution
         given.bar,
         free_intrinsics=bool(given.calibration),
     )
-    return NetworkSolution(network, averaged, tuple(links), chain, root, left)
+    return NetworkSolution(network, averaged, tuple(links), chain, root, left, single)
 
 
 def _read_reference(given: NetworkInput) -> list[BoardView]:
@@ -170,21 +173,30 @@ def _as_read(views: Sequence[BoardView], links: Sequence[PairLink]) -> list[Boar
     ]
 
 
-def _fitting_bar(given: NetworkInput) -> tuple[list[BoardView], tuple[str, ...]]:
-    """Views of both boards, by the readings that fit the bar as built, and images that do not."""
+def _fitting_bar(
+    given: NetworkInput,
+) -> tuple[list[BoardView], tuple[str, ...], tuple[str, ...]]:
+    """Views of both boards, by the readings that fit the bar as built.
+
+    Then the images whose boards do not fit it, and those that show only one of them.
+    """
     by_image: dict[str, list[BoardView]] = {}
     for view in given.both:
         by_image.setdefault(view.body, []).append(view)
     cameras = {camera.name: camera for camera in given.cameras}
     kept: list[BoardView] = []
-    left = []
+    left, single = [], []
     for body, views in by_image.items():
+        name = views[0].source or body
+        if len({view.part for view in views}) < 2:
+            single.append(name)
+            continue
         chosen = _fitting_pair(views, cameras, given.bar)
         if chosen is None:
-            left.append(views[0].source or body)
+            left.append(name)
         else:
             kept += chosen
-    return kept, tuple(left)
+    return kept, tuple(left), tuple(single)
 
 
 def _fitting_pair(

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from validation.systems import VALIDATION_SYSTEM
 from vision_gt.settings import VisionSettings
 
 if TYPE_CHECKING:
@@ -38,11 +39,17 @@ def result_of(outcome: "VisionOutcome", campaign: "Campaign") -> "SystemResult":
     tables = [table for table in (outcome.poses, outcome.published) if table is not None]
     return SystemResult(
         tables=tables,
-        findings=vision_findings(outcome),
+        findings=vision_findings(outcome, _surveyed(campaign)),
         sections=vision_sections(outcome, campaign),
         files=vision_files(outcome),
         facts=vision_facts(outcome),
     )
+
+
+def _surveyed(campaign: "Campaign") -> tuple[str, ...]:
+    """Stops that the survey of this run has placed; none outside of a run."""
+    solved = campaign.solved.get(VALIDATION_SYSTEM)
+    return () if solved is None else tuple(name for table in solved.tables for name in table.ids)
 
 
 def vision_facts(outcome: "VisionOutcome") -> dict[str, object]:

@@ -65,6 +65,17 @@ def test_a_bar_that_starts_wrong_calibrates_itself(seed):
     assert chi2.ppf(1e-4, 6) < statistic < chi2.ppf(1 - 1e-4, 6)
 
 
+def test_images_of_one_board_are_not_blamed_on_the_bar():
+    row = CameraRow(4, bar_error=(0.002, np.deg2rad(0.2)), both=4)
+    row.both.remove(next(v for v in row.both if v.body == "both-1" and v.part == 1))
+    wrong = [v for v in row.both if v.body == "both-2"]
+    row.both.remove(wrong[1])
+    row.both.append(replace(wrong[1], pixels=wrong[1].pixels + 60.0))
+    solution = solve_network(given(row, UNSURE))
+    assert solution.bar_single == ("both-1",)
+    assert solution.bar_outliers == ("both-2",)
+
+
 @pytest.mark.full
 def test_known_and_unknown_bars_over_many_seeds():
     for seed in range(10, 22):

@@ -3,6 +3,7 @@
 import csv
 import json
 import shutil
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -14,7 +15,9 @@ from validation.campaign import load_campaign
 from validation.cli import main
 from validation.poses import from_csv, pose_difference
 from vision_gt.choices import Choices
+from vision_gt.findings import vision_findings
 from vision_gt.markers import detect_markers
+from vision_gt.outcome import StopPose
 from vision_gt.solve import solve_campaign
 from vision_gt.system import SYSTEM, result_of
 
@@ -68,6 +71,19 @@ def test_findings_files_and_figures(rendered, outcome):
         for block in section.blocks:
             if hasattr(block, "draw"):
                 block.draw().canvas.draw()
+
+
+def test_a_stop_without_a_pose_has_a_reason(outcome):
+    nothing = StopPose("7", {}, None)
+    text = {
+        finding.code: finding.text
+        for finding in vision_findings(
+            replace(outcome, stops=(*outcome.stops, nothing)),
+            [*(stop.pose for stop in outcome.stops), "7", "99"],
+        )
+    }["coverage"]
+    assert "No marker was found in the images of 7." in text
+    assert "No camera has an image of 99" in text
 
 
 def test_the_command_writes_and_the_table_check_reads(campaign):
