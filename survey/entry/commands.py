@@ -43,6 +43,7 @@ def enter(
     Every reading is safe in survey/journal.jsonl before it is acknowledged; survey/readings.csv
     follows from it. Also takes a list from a pipe. --status and --json only look.
     """
+    _show_what_the_screen_can()
     with _nothing_collected():
         from survey.entry.entries import Person
         from survey.entry.entry_session import EntrySession
@@ -70,6 +71,16 @@ def enter(
         entry_session.close()
     if exit_status:
         raise click.exceptions.Exit(exit_status)
+
+
+def _show_what_the_screen_can() -> None:
+    """A sign that the terminal does not have, or a byte that is no text, ends nothing."""
+    import io
+    import sys
+
+    for stream in (sys.stdin, sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 @contextmanager

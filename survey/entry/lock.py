@@ -50,9 +50,8 @@ class CampaignLock:
         with contextlib.suppress(OSError):
             os.ftruncate(handle, 0)
             since = datetime.now().astimezone().strftime("%H:%M:%S")
-            os.write(
-                handle, f"{who or 'somebody'}, process {os.getpid()}, since {since}\n".encode()
-            )
+            holder = f"{who or 'somebody'}, process {os.getpid()}, since {since}\n"
+            os.write(handle, holder.encode(errors="replace"))
         return cls(handle)
 
     @classmethod

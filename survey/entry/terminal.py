@@ -97,7 +97,7 @@ class TerminalEntry:
         """The next line; None at the end."""
         self._asked = self._target()
         if not self._keyboard:
-            return self._source.readline() or None
+            return self._source.readline().removeprefix("\ufeff") or None
         what = "all done; j to go on elsewhere, q to end"
         if self._person.second:
             what = "nothing left that somebody else measured; q to end"
@@ -140,8 +140,8 @@ class TerminalEntry:
         return True
 
     def _take_number(self, line: str) -> None:
-        """Record '5.378', or '7/O 3 5.378' for a pair that is named."""
-        words = line.replace(";", " ").split()
+        """Record '5.378', or '7/O 3 5.378' for a pair that is named, also '7/O–3 5.378'."""
+        words = line.replace(";", " ").replace("–", " ").split()
         if len(words) >= 3:
             named = self._session.guide.target(f"{words[0]} {words[1]}")
             self._record(named, " ".join(words[2:]), again=False)

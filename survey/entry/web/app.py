@@ -56,6 +56,9 @@ HEADERS = {
 LATE = 5.0
 """A reading that waited longer than so many seconds for the link has the time of its typing."""
 MAX_AGE = 7 * 86400.0
+"""Seconds that a device stays let in, while the page is served."""
+MAX_WAIT = 366 * 86400.0
+"""A reading that waited longer on a device is refused: its clock is wrong."""
 PAUSE = 0.03
 """Seconds between two stops that are looked through, for the requests that wait."""
 
@@ -158,7 +161,7 @@ class EntryApp:
         """Record a reading."""
         said = await json_fields(request)
         target = Target(text_field(said, "from", needed=True), text_field(said, "to", needed=True))
-        age = number_field(said, "age", MAX_AGE)
+        age = number_field(said, "age", MAX_WAIT)
         second = flag_field(said, "second")
         by = clean_text(text_field(said, "by"), MAX_NAME) or device.person.name
         answer = self._session.record(

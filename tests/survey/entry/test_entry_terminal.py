@@ -237,6 +237,31 @@ def test_readings_from_before_are_announced(tmp_path):
     assert "taken over" not in piped(room, "").stdout
 
 
+def test_no_sign_ends_it_in_a_traceback(half):
+    """A terminal without arrows and dashes, bytes that are no text, a name that is none."""
+    shown = half.shown[frozenset(("1/O", "1"))]
+    plain = {**os.environ, "PYTHONIOENCODING": "ascii:strict", "PYTHONUTF8": "0"}
+    for text in (f"{shown}\nl\n".encode(), b"\xff\xfe\n"):
+        done = subprocess.run(
+            [GTVAL, "enter", str(half.folder), "--by", b"\xff\xfe"],
+            check=False,
+            input=text,
+            capture_output=True,
+            env=plain,
+            timeout=60,
+        )
+        assert done.returncode == (0 if text.startswith(shown.encode()) else 2)
+        assert b"Traceback" not in done.stderr
+    assert half.recorded()[-1].text == shown
+
+
+def test_a_list_may_begin_with_a_mark_and_name_pairs_as_the_screen_does(half):
+    shown = [half.shown[frozenset(("1/O", end))] for end in ("1", "9")]
+    done = piped(half, f"\ufeff{shown[0]}\n1/O–9 {shown[1]}\n")
+    assert done.returncode == 0
+    assert [(e.end, e.text) for e in half.recorded()[-2:]] == [("1", shown[0]), ("9", shown[1])]
+
+
 def test_people_take_turns_at_the_laser(half):
     shown = [half.shown[frozenset(("1/O", end))] for end in ("1", "6")]
     done = piped(half, f"{shown[0]}\nb bob\n{shown[1]}\nb\n", "--by", "ann")
