@@ -4,7 +4,7 @@ Normalised errors (NEES) of whole paths and of a camera's path on hills of 10 de
 five receivers, with fixes missing or false; then a vertical scanner whose place was measured by
 hand to 2 cm and 2 degrees, from scans along the path that the receivers measured, beside the
 matching of passes along that path. Numbers on the command line: first seed, drives a condition,
-drives with scans.
+drives with scans, and their figures of eight.
 """
 
 import sys
@@ -28,7 +28,6 @@ from rtk_gt.pass_matching import match_passes
 from rtk_gt.scans import cloud_of
 from validation.angles import Array
 
-LOOPS = 12
 FALSE = {"1 % false fixes": replace(DriveSettings(), false_fixes=0.01)}
 
 
@@ -58,13 +57,13 @@ def said(error: Array) -> str:
     return f"{place:7.1f} mm {turn:7.3f} deg"
 
 
-def scanners(first: int, drives: int) -> None:
-    print(f"\nVertical scanner, {drives} drives of {LOOPS} eights; asked: 10 mm, 0.1 degrees")
+def scanners(first: int, drives: int, loops: int) -> None:
+    print(f"\nVertical scanner, {drives} drives of {loops} eights; asked: 10 mm, 0.1 degrees")
     print(
         f"  {'':14} {'greatest error':>20} {'greatest sigma':>22} {'NEES of 6':>10}  passes alone"
     )
     for seed in range(first, first + drives):
-        drive = simulate_drive(seed, calibration_drive(LOOPS))
+        drive = simulate_drive(seed, calibration_drive(loops))
         trajectory = solve_drive(drive).trajectory()
         for name, truth in (("left", LEFT_SCANNER), ("right", RIGHT_SCANNER)):
             trial = scanner_trial(drive, truth)
@@ -84,11 +83,11 @@ def scanners(first: int, drives: int) -> None:
 
 
 def main() -> None:
-    first, drives, scanned = ([int(n) for n in sys.argv[1:]] + [1000, 40, 2][len(sys.argv) - 1 :])[
-        :3
-    ]
-    nees(first, drives)
-    scanners(first, scanned)
+    given = [int(n) for n in sys.argv[1:]]
+    first, drives, scanned, loops = (given + [1000, 40, 2, 12][len(given) :])[:4]
+    if drives:
+        nees(first, drives)
+    scanners(first, scanned, loops)
 
 
 if __name__ == "__main__":

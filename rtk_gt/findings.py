@@ -25,6 +25,7 @@ def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
         *_motion(outcome),
         *_antennas(outcome),
         *_consistency(outcome),
+        *_leaps(outcome),
         *_records(outcome),
     ]
 
@@ -219,6 +220,23 @@ def _consistency(outcome: RtkOutcome) -> Iterator[Finding]:
     if false:
         text = f"{false} steps have a false fix, told by their distances, and give no pose."
         yield Finding("note", text, SUBJECT, "false_fixes")
+
+
+def _leaps(outcome: RtkOutcome) -> Iterator[Finding]:
+    """Poses that their neighbours contradict, though their distances are right."""
+    rows = np.flatnonzero(outcome.leaps)
+    if len(rows) == 0:
+        return
+    seconds = ", ".join(
+        f"{outcome.path.times[row] - outcome.coverage.start:.1f}" for row in rows[:10]
+    )
+    more = f" and {len(rows) - 10} more" if len(rows) > 10 else ""
+    text = (
+        f"{len(rows)} poses leap in height, pitch or roll against their neighbours, at second "
+        f"{seconds}{more}. A false fix that moves an antenna up or down does that and keeps all "
+        "distances; so does a kerb. They stay in the path, marked 'leaps' in its sources."
+    )
+    yield Finding("warning", text, SUBJECT, "leaps")
 
 
 def _records(outcome: RtkOutcome) -> Iterator[Finding]:

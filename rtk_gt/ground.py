@@ -40,7 +40,7 @@ class KnownGround:
     slope_x: float = 0.0
     slope_y: float = 0.0
     tilt_sigma: float = float(np.radians(0.05))
-    reach: float = 3.0
+    reach: float = 4.0
     roughness: float = 0.05
     heave: float = 0.01
     ride: float = float(np.radians(0.3))

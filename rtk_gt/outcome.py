@@ -8,9 +8,10 @@ from rtk_gt.antennas import Antennas, antenna_positions
 from rtk_gt.composition import Composed, compose
 from rtk_gt.consistency import Consistency, consistency
 from rtk_gt.coverage import Coverage, coverage
-from rtk_gt.fixes import Fixes
+from rtk_gt.fixes import Bools, Fixes
 from rtk_gt.inputs import local_frame, offset_prior, read_records
 from rtk_gt.interpolation import HoldOut, hold_out
+from rtk_gt.leaps import leaping_poses
 from rtk_gt.motion_check import MotionCheck, motion_check
 from rtk_gt.noise import GpsNoise
 from rtk_gt.offset_prior import OffsetPrior
@@ -52,6 +53,8 @@ class RtkOutcome:
         Used for the covariances.
     path : VehiclePath
         The ground truth.
+    leaps : (n,) bool array
+        Poses that leap against their neighbours; they are flagged, not taken out.
     reference : (6, 6) array
         W* of these antennas and this noise.
     consistency : Consistency
@@ -75,6 +78,7 @@ class RtkOutcome:
     antennas: Antennas
     noise: GpsNoise
     path: VehiclePath
+    leaps: Bools
     reference: Array
     consistency: Consistency
     motion: MotionCheck | None
@@ -116,6 +120,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
         antennas=antennas,
         noise=noise,
         path=path,
+        leaps=leaping_poses(path, settings.max_gap),
         reference=reference_covariance(antennas.positions, noise),
         consistency=consistency(
             good.corrected(offsets.offsets).positions,

@@ -145,16 +145,22 @@ def vehicle_path(
     )
 
 
-def pose_table(path: VehiclePath, system: str = "rtk", source: str = "RTK fixed") -> PoseTable:
-    """The path as the table that all systems share; the stops are named by their times."""
+def pose_table(
+    path: VehiclePath, system: str = "rtk", leaps: npt.NDArray[np.bool_] | None = None
+) -> PoseTable:
+    """The path as the table that all systems share; the stops are named by their times.
+
+    Poses that leap against their neighbours say so in their source.
+    """
     n = len(path)
+    leaps = np.zeros(n, dtype=bool) if leaps is None else leaps
     return PoseTable(
         system=system,
         ids=tuple(f"{time:.3f}" for time in path.times),
         poses=path.poses,
         covariances=path.covariances,
         components=SPATIAL,
-        sources=(source,) * n,
+        sources=tuple("RTK fixed, leaps" if leap else "RTK fixed" for leap in leaps),
         joint=path.joint_covariance if n <= LARGEST_JOINT else None,
         provenance={"frame": str(path.frame), "published_as": "times are seconds UTC since 1970"},
     )

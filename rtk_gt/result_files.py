@@ -15,7 +15,7 @@ from validation.poses import PoseTable, to_csv, to_tum
 
 def sensor_tables(outcome: RtkOutcome) -> dict[str, PoseTable]:
     """The path of each sensor, by its name."""
-    vehicle = pose_table(outcome.path)
+    vehicle = pose_table(outcome.path, leaps=outcome.leaps)
     return {
         name: replace(
             vehicle,

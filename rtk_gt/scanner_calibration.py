@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from rtk_gt.fixes import Ints
-from rtk_gt.ground import ROAD, KnownGround, ground_rows, motion_rows
+from rtk_gt.ground import ROAD, KnownGround, ground_rows, motion_rows, road_points
 from rtk_gt.offset_prior import VEHICLE_SIZE, OffsetPrior
 from rtk_gt.orientation import matrix_of
 from rtk_gt.pass_matching import (
@@ -98,11 +98,16 @@ class _Places:
 
 @dataclass(frozen=True)
 class _Data:
-    """All that does not change: fixes, points with their times, what is known beforehand."""
+    """All that does not change: fixes, points with their times, what is known beforehand.
+
+    ``cloud`` are the points for walls and ground, ``road`` all that may be on the road.
+    """
 
     trajectory: Trajectory
     cloud: Cloud
     times: Array
+    road: Cloud
+    road_times: Array
     start: Array
     sigmas: Array
     ground: KnownGround | None
@@ -194,6 +199,8 @@ def _prepared(
     settings: ScannerSettings,
 ) -> _Data:
     cloud = cloud_of(scans)
+    start = np.asarray(start, dtype=float)
+    road = _beside(cloud, start, ground)
     if len(cloud.own) > settings.points:
         # A fraction of the golden ratio: never in step with the beams of a scan.
         share = settings.points / len(cloud.own)
@@ -201,9 +208,18 @@ def _prepared(
         cloud = Cloud(cloud.own[chosen], cloud.scan[chosen])
     known = _prior(trajectory.vehicle, prior or OffsetPrior())
     return _Data(
-        trajectory, cloud, scans.times[cloud.scan], np.asarray(start, dtype=float),
+        trajectory, cloud, scans.times[cloud.scan], road, scans.times[road.scan], start,
         np.asarray(sigmas, dtype=float), ground, known, settings,
     )  # fmt: skip
+
+
+def _beside(cloud: Cloud, start: Array, ground: KnownGround | None) -> Cloud:
+    """All points that may be road once the scanner's place is known better."""
+    if ground is None:
+        return Cloud(cloud.own[:0], cloud.scan[:0])
+    wide = replace(ground, reach=ground.reach + 0.5, roughness=2 * ground.roughness)
+    rows = road_points(cloud.in_vehicle(start), start, ground.shape, wide)
+    return Cloud(cloud.own[rows], cloud.scan[rows])
 
 
 def _prior(vehicle: Vehicle, prior: OffsetPrior) -> tuple[Array, Array]:
@@ -407,8 +423,8 @@ def _placed(values: Array, columns: Ints, total: int) -> "sparse.csr_matrix":
 def _road_rows(data: _Data, state: _State, places: _Places) -> tuple["sparse.csr_matrix", Array]:
     if data.ground is None:
         raise ValueError("no ground is known")
-    points = data.cloud.in_vehicle(state.pose)
-    J, residual = ground_rows(points, state.pose, state.ground, data.times, data.ground)
+    points = data.road.in_vehicle(state.pose)
+    J, residual = ground_rows(points, state.pose, state.ground, data.road_times, data.ground)
     columns = np.tile(np.arange(places.scanner, places.pieces), (len(residual), 1))
     return _placed(J, columns, places.total), residual
 

@@ -87,7 +87,7 @@ def scanner(
     note = (
         f"{result.pairs} points on walls and ground that several passes saw; they are off by "
         f"{100 * result.rms_before:.1f} cm before and {100 * result.rms_after:.1f} cm after. "
-        f"Known from the drive and not by hand: {share}."
+        f"Known from the drive and not by hand: {share}. {_determined(result.sigmas)}"
     )
     spread = np.sqrt(np.diagonal(result.pose_covariance))
     _print(_poses(f"Scanner {sensor}", start, result.pose, spread, note))
@@ -324,6 +324,27 @@ def _poses(title: str, start: "Array", pose: "Array", spread: "Array", note: str
         )
     ]
     return Table(title, ["pose", *POSE_COLUMNS], rows, ["", *[".4f"] * 3, *[".3f"] * 3], note)
+
+
+def _determined(sigmas: "Array") -> str:
+    """Whether two standard deviations are within 1 cm and 0.1 degrees."""
+    import numpy as np
+
+    twice = 2 * np.concatenate([100 * sigmas[:3], np.degrees(sigmas[3:])])
+    limits = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
+    names = ("x", "y", "z", "about x", "about y", "about z")
+    units = ["cm"] * 3 + ["degrees"] * 3
+    open_ones = [
+        f"{name} to {value:.2g} {unit}"
+        for name, value, unit, limit in zip(names, twice, units, limits, strict=True)
+        if value > limit
+    ]
+    if not open_ones:
+        return "All six are determined to 1 cm and 0.1 degrees (two standard deviations)."
+    return (
+        f"Not determined to 1 cm and 0.1 degrees (two standard deviations): {', '.join(open_ones)}."
+        " A longer drive with more headings and slopes is what helps."
+    )
 
 
 def _print(table: "Table") -> None:

@@ -36,7 +36,7 @@ def result_of(outcome: "RtkOutcome") -> "SystemResult":
     from validation.results import SystemResult
 
     return SystemResult(
-        tables=[pose_table(outcome.path)],
+        tables=[pose_table(outcome.path, leaps=outcome.leaps)],
         findings=rtk_findings(outcome),
         sections=rtk_sections(outcome),
         files=rtk_files(outcome),
@@ -67,6 +67,7 @@ def rtk_facts(outcome: "RtkOutcome") -> dict[str, object]:
         "tilt_spread": tilt_spread(outcome.path),
         "motion": outcome.motion,
         "false_fixes": int((offsets.weights == 0).sum()),
+        "leaping_poses": outcome.path.times[outcome.leaps],
         "consistency": {
             "bound": outcome.consistency.bound,
             "share_beyond": outcome.consistency.share_beyond,

@@ -1,5 +1,7 @@
 """Normalised errors of paths and sensor paths: other vehicles, other noise, missing fixes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -12,6 +14,7 @@ from data_samples.drive_trials import (
 )
 from data_samples.drives import DriveSettings, simulate_drive
 from rtk_gt.consistency import consistency
+from rtk_gt.leaps import leaping_poses
 from validation.poses import SPATIAL, pose_difference
 
 QUICK = ("five receivers", "a tenth of the fixes missing")
@@ -84,3 +87,35 @@ def test_nine_in_ten_false_fixes_are_taken_out_of_the_path():
         far += int((squares > stats.chi2(6).isf(1e-8)).sum())
         poses += len(path)
     assert far < 0.1 * (1 - 0.99**3) * poses
+
+
+def test_what_stays_in_is_flagged_as_a_leap_and_nothing_else_is():
+    settings = DriveSettings(false_fixes=0.01)
+    bad = unsaid = alarms = 0
+    for seed in range(3200, 3240):
+        drive = simulate_drive(seed, settings)
+        path = solve_drive(drive).path
+        leaps = leaping_poses(path, 2.0)
+        errors = pose_difference(path.poses, drive.poses(path.times), SPATIAL)
+        squares = np.einsum("ni,nij,nj->n", errors, np.linalg.inv(path.covariances), errors)
+        wrong = squares > stats.chi2(6).isf(1e-5)
+        bad += int(wrong.sum())
+        unsaid += int((wrong & ~leaps).sum())
+        alarms += int((~wrong & leaps).sum())
+    assert bad > 0
+    assert unsaid <= 0.25 * bad
+    assert alarms <= 1
+
+
+def test_a_leap_is_told_from_a_hill():
+    """One height is off by 30 cm at each of three moments; hills of 10 degrees are not leaps."""
+    path = solve_drive(simulate_drive(3300, DriveSettings())).path
+    assert not leaping_poses(path, 2.0).any()
+    rows = np.array([20, 50, 80])
+    poses = path.poses.copy()
+    poses[rows, 2] += 0.3
+    np.testing.assert_array_equal(
+        np.flatnonzero(leaping_poses(replace(path, poses=poses), 2.0)), rows
+    )
+    few = replace(path, poses=poses).select(np.arange(18, 22))
+    assert not leaping_poses(few, 2.0).any()
