@@ -194,6 +194,7 @@ def test_the_second_person_is_led_from_the_other_end_and_sees_no_value(browsers,
     browser.execute_script("document.querySelectorAll('details').forEach((d) => { d.open = true })")
     browser.find_element("id", "second").click()
     wait(lambda: "second entries: 0 of" in text(browser, "progress"))
+    assert text(browser, "who") == "bob"
     wait(lambda: text(browser, "from") in ("X", "Y", "XY", *map(str, range(1, 17))))
     assert not browser.find_element("id", "why-again").is_displayed()
     page = browser.find_element("tag name", "main").text

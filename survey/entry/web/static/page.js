@@ -50,6 +50,7 @@ function work() {
     $("move").hidden = !target || !standing || standing === target.from;
     $("move").textContent = target ? `Move the laser to ${target.from}.` : "";
     $("progress").textContent = state.progress;
+    $("who").textContent = state.by || "nobody named";
     $("status").textContent = state.behind || state.status.text;
     $("enough").hidden = !state.status.enough;
     $("enough-text").textContent = state.status.enough && `${state.status.enough}.`;
