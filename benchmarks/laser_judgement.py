@@ -11,11 +11,9 @@ from collections import Counter
 import numpy as np
 from laser_lines import Lines, arguments
 
-from data_samples.scan_pairs import KINDS, mixed_pair
-from data_samples.scanners import Scanner, corridor, take_sweep
+from data_samples.scan_pairs import CORRIDOR_GUESS, KINDS, corridor_pair, mixed_pair
 from laser_gt.evidence import Prepared
 from laser_gt.judgement import MatchSettings, match
-from laser_gt.planar import between, rotation
 from validation.angles import wrap
 
 FAR_OFF = (0.02, 0.01)
@@ -52,23 +50,12 @@ def judge(lines: Lines, seeds: range) -> None:
 
 def corridors(lines: Lines, seeds: range) -> None:
     """Stated against true standard deviation along corridors without features, and verdicts."""
-    scanner = Scanner(722, 2 * np.pi, range_max=12.0, resolution=0.0)
     errors, stated, accepted = [], [], 0
     for seed in seeds:
-        rng = np.random.default_rng(seed)
-        hall = corridor(rng, 50)
-        first = np.array([rng.uniform(-3, 3), rng.uniform(-0.4, 0.4), rng.normal(0, 0.3)])
-        second = first + rng.uniform(-1, 1, 3) * [0.5, 0.1, 0.2]
-        truth = between(first, second)
-        guess = truth + rng.normal(0, 1, 3) * [0.1, 0.1, 0.05]
-        found = match(
-            Prepared(take_sweep(hall, [scanner], first, rng)),
-            Prepared(take_sweep(hall, [scanner], second, rng)),
-            guess,
-            MatchSettings(guess_length=0.1, guess_angle=0.05),
-        )
-        along = rotation(first[2]).T @ [1, 0]
-        errors.append(float(along @ (found.pose - truth)[:2]))
+        pair, along = corridor_pair(seed)
+        settings = MatchSettings(guess_length=CORRIDOR_GUESS[0], guess_angle=CORRIDOR_GUESS[1])
+        found = match(Prepared(pair.reference), Prepared(pair.moving), pair.guess, settings)
+        errors.append(float(along @ (found.pose - pair.truth)[:2]))
         stated.append(float(np.sqrt(along @ found.covariance[:2, :2] @ along)))
         accepted += found.verdict == "accept"
     true = float(np.sqrt(np.mean(np.square(errors))))

@@ -15,7 +15,7 @@ from data_samples.scanners import (
     furniture,
     take_sweep,
 )
-from laser_gt.planar import between
+from laser_gt.planar import between, rotation
 from laser_gt.scans import Sweep
 from validation.angles import Array
 
@@ -112,6 +112,36 @@ def mixed_pair(number: int, seed: int) -> ScanPair:
     kind = KINDS[0] if number % 3 else KINDS[1 + (number // 3) % 3]
     scanner = (FULL_TURN, HALF_TURN)[(number // 2) % 2]
     return draw_pair(np.random.default_rng(seed), kind, scanner)
+
+
+CORRIDOR_GUESS = (0.1, 0.05)
+"""Standard deviations of the guesses of `corridor_pair`: metres, radians."""
+
+
+def corridor_pair(seed: int) -> tuple[ScanPair, Array]:
+    """A pair in a corridor of which neither scan sees an end, and its direction.
+
+    Parameters
+    ----------
+    seed : int
+        Of all chance.
+
+    Returns
+    -------
+    ScanPair, (2,) array
+        The pair, and the unit vector along the corridor in the frame of the reference.
+    """
+    rng = np.random.default_rng(seed)
+    scanner = Scanner(722, 2 * np.pi, range_max=12.0, resolution=0.0)
+    hall = corridor(rng, 50)
+    first = np.array([rng.uniform(-3, 3), rng.uniform(-0.4, 0.4), rng.normal(0, 0.3)])
+    second = first + rng.uniform(-1, 1, 3) * [0.5, 0.1, 0.2]
+    truth = between(first, second)
+    length, angle = CORRIDOR_GUESS
+    guess = truth + rng.normal(0, 1, 3) * [length, length, angle]
+    reference, moving = (take_sweep(hall, [scanner], pose, rng) for pose in (first, second))
+    along = rotation(first[2]).T @ np.array([1.0, 0.0])
+    return ScanPair(reference, moving, truth, guess, "corridor"), along
 
 
 def _rooms(rng: np.random.Generator, kind: str) -> tuple[Panels, Panels | None, Array]:

@@ -2,11 +2,9 @@ import numpy as np
 import pytest
 from laser_rooms import error, pair_of, prepared
 
-from data_samples.scan_pairs import mixed_pair
-from data_samples.scanners import FULL_TURN, corridor, take_sweep
+from data_samples.scan_pairs import CORRIDOR_GUESS, corridor_pair, mixed_pair
 from laser_gt.evidence import Prepared
 from laser_gt.judgement import MatchSettings, match
-from laser_gt.planar import between, rotation
 
 LIMITS = MatchSettings(guess_length=0.06, guess_angle=0.06)
 
@@ -53,21 +51,10 @@ def test_judgement_of_a_thousand_pairs():
 def test_along_a_corridor_the_stated_deviation_is_that_of_the_guess_and_true():
     errors, stated = [], []
     for seed in range(25):
-        rng = np.random.default_rng(seed)
-        hall = corridor(rng, 50)
-        scanner = FULL_TURN.__class__(722, 2 * np.pi, range_max=12.0, resolution=0.0)
-        first = np.array([rng.uniform(-3, 3), rng.uniform(-0.4, 0.4), rng.normal(0, 0.3)])
-        second = first + rng.uniform(-1, 1, 3) * [0.5, 0.1, 0.2]
-        truth = between(first, second)
-        guess = truth + rng.normal(0, 1, 3) * [0.1, 0.1, 0.05]
-        found = match(
-            Prepared(take_sweep(hall, [scanner], first, rng)),
-            Prepared(take_sweep(hall, [scanner], second, rng)),
-            guess,
-            MatchSettings(guess_length=0.1, guess_angle=0.05),
-        )
-        along = rotation(first[2]).T @ [1, 0]
-        errors.append(along @ (found.pose - truth)[:2])
+        pair, along = corridor_pair(seed)
+        settings = MatchSettings(guess_length=CORRIDOR_GUESS[0], guess_angle=CORRIDOR_GUESS[1])
+        found = match(Prepared(pair.reference), Prepared(pair.moving), pair.guess, settings)
+        errors.append(along @ (found.pose - pair.truth)[:2])
         stated.append(np.sqrt(along @ found.covariance[:2, :2] @ along))
         assert found.verdict != "accept"
         assert any("corridor" in reason for reason in found.reasons)
