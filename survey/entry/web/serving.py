@@ -95,7 +95,7 @@ def _listen(host: str, port: int) -> socket.socket:
     except OSError as error:
         raise GtvalError(
             f"the page cannot be served at {host}, port {port}: {error.strerror or error}; "
-            "choose another with --port"
+            "choose others with --host and --port"
         ) from error
     return listening
 

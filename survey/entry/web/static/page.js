@@ -32,6 +32,7 @@ function work() {
   let last = state.last; // the reading that Again and Keep are about
   let standing = ""; // where the laser stood for the reading typed last here
   let submissions = 0;
+  let meant = false; // whether the page is left by its own wish
   const queue = new Queue(state.key);
 
   // What waits here for the link is done as far as this device is concerned.
@@ -193,7 +194,13 @@ function work() {
   // What waits lies in the browser meanwhile.
   function joinAnew() {
     if (queue.isUnsafe) say("look", ["This device was not let in. Open this address once more in a further page and type the code there; leave this one open."]);
-    else location.reload();
+    else reload();
+  }
+
+  // By the page's own wish: the laptop is there, and nothing needs to be asked.
+  function reload() {
+    meant = true;
+    location.reload();
   }
 
   // What the laptop has is taken over only if nothing was typed here since it was asked for, and
@@ -280,9 +287,9 @@ function work() {
   // Without the link there is no page to come back to, though what waits would not be lost. The
   // browser asks first; most do so only after something was typed, which is when it matters.
   window.addEventListener("beforeunload", (event) => {
-    if ($("link").className === "down" || queue.isUnsafe) event.preventDefault();
+    if (!meant && ($("link").className === "down" || queue.isUnsafe)) event.preventDefault();
   });
-  window.addEventListener("hashchange", () => location.reload()); // a new code for this very page
+  window.addEventListener("hashchange", reload); // a new code for this very page
 
   allowSound();
   takeTargets();
