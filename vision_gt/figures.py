@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WIDTH = 5.6
+_MAP_WIDTH, _MAP_MARGIN = 4.8, 1.1
+"""Inches of the camera map that show the floor, and those that labels and legend need."""
 _FARTHEST = 6.5
 _RIM = 24
 
@@ -91,6 +93,10 @@ def camera_map(
         axes.plot(*pose[:2], ".", color="black", markersize=4)
         axes.annotate(name, (pose[0], pose[1]), (2, 2), textcoords="offset points", fontsize=6)
     axes.set_aspect("equal")
+    # As high as the map needs at this width, with its labels and the legend.
+    across, up = axes.dataLim.width, axes.dataLim.height
+    height = float(np.clip(_MAP_WIDTH * up / across, 2.0, 6.0)) if across > 0 else WIDTH
+    figure.set_size_inches(WIDTH, height + _MAP_MARGIN)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     figure.legend(loc="outside upper center", ncols=4, fontsize=8, frameon=False)
@@ -252,6 +258,7 @@ def layout_map(layout: Layout, hand: Mapping[int, Array]) -> Figure:
         axes.set_ylabel(f"{names[1]} [m]", fontsize=8)
         axes.set_aspect("equal", adjustable="datalim")
         axes.tick_params(labelsize=7)
+        axes.margins(0.12)
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=8, frameon=False)
     return figure
