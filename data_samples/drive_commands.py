@@ -33,6 +33,9 @@ import click
 )
 @click.option("--receivers", type=click.IntRange(3, 5), default=3, show_default=True)
 @click.option("--scans", is_flag=True, help="Write the scans of both vertical scanners, too.")
+@click.option(
+    "--sensors", is_flag=True, help="Write a consumer GPS, an IMU and a camera's points, too."
+)
 def simulate_drive_command(
     folder: Path,
     seed: int,
@@ -42,6 +45,7 @@ def simulate_drive_command(
     route: Literal["road", "eight"],
     receivers: int,
     scans: bool,
+    sensors: bool,
 ) -> None:
     """Write a synthetic campus drive with RTK-GPS receivers as a campaign to FOLDER.
 
@@ -67,7 +71,7 @@ def simulate_drive_command(
         for row, (name, pose) in enumerate(SCANNERS.items())
         if scans
     }
-    write_drive(folder, drive, read)
+    write_drive(folder, drive, read, other_sensors=sensors)
     click.echo(f"A drive of {loops} loops is in {folder}. Next: gtval run {folder}")
 
 

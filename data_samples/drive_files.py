@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from data_samples.drive_sensors import LENS, consumer_fixes, corner_sightings, imu_angles
 from data_samples.drives import (
     LEFT_CAMERA,
     LEFT_SCANNER,
@@ -24,13 +25,18 @@ HAND_SIGMAS = np.array([0.02, 0.02, 0.02, *np.radians([2.0, 2.0, 2.0])])
 
 
 def write_drive(
-    folder: Path, drive: Drive, scans: Mapping[str, LineScans] | None = None
+    folder: Path,
+    drive: Drive,
+    scans: Mapping[str, LineScans] | None = None,
+    *,
+    other_sensors: bool = False,
 ) -> list[Path]:
     """Write a drive as a campaign folder; returns the paths of its files.
 
     The truth goes to ``truth/``: the vehicle's pose at every second, the offsets, and where the
     sensors are. Scanners with scans go to ``scans/``, and campaign.toml has their places as
-    measured by hand, with the errors that this has.
+    measured by hand, with the errors that this has. With ``other_sensors`` the records of a
+    consumer GPS, an IMU and the left camera go to ``sensors/``.
     """
     files: dict[str, str | bytes] = {
         f"rtk/{record.receiver}.nmea": nmea_text(record) for record in drive.records
@@ -39,6 +45,9 @@ def write_drive(
     sensors = {"left_camera": LEFT_CAMERA, **SCANNERS}
     rows = [",".join([name, *(repr(float(v)) for v in pose)]) for name, pose in sensors.items()]
     files["truth/sensors.csv"] = "\n".join(["sensor,x,y,z,yaw,pitch,roll", *rows]) + "\n"
+    if other_sensors:
+        files.update(sensor_files(drive))
+        sensors["left_camera"] = LEFT_CAMERA + HAND_SIGMAS * generator.standard_normal(6)
     for name, read in (scans or {}).items():
         files[f"scans/{name}.csv"] = scan_text(read)
         sensors[name] = sensors[name] + HAND_SIGMAS * generator.standard_normal(6)
@@ -54,6 +63,29 @@ def write_drive(
     ]
     files["truth/offsets.csv"] = "\n".join(["receiver,x,y,z", *rows]) + "\n"
     return write_files(folder, files)
+
+
+def sensor_files(drive: Drive) -> dict[str, str]:
+    """What the consumer GPS, the IMU and the left camera record, as the commands read it."""
+    generator = np.random.default_rng([drive.seed, 2])
+    times, angles = imu_angles(drive, generator)
+    seen, points, pixels = corner_sightings(drive, generator)
+    return {
+        "sensors/consumer.nmea": nmea_text(consumer_fixes(drive, generator)),
+        "sensors/imu.csv": _csv("time,yaw,pitch,roll", np.column_stack([times, angles])),
+        "sensors/left_camera_points.csv": _csv(
+            "time,x,y,z,u,v", np.column_stack([seen, points, pixels])
+        ),
+        "sensors/left_camera_lens.txt": " ".join(
+            f"{value:g}" for value in (*LENS.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], *LENS.distortion)
+        )
+        + "\n",
+    }
+
+
+def _csv(head: str, rows: Array) -> str:
+    lines = [",".join([f"{row[0]:.3f}", *(f"{value:.6f}" for value in row[1:])]) for row in rows]
+    return "\n".join([head, *lines]) + "\n"
 
 
 def scan_text(scans: LineScans) -> str:

@@ -3,10 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
-from rtk_gt.orientation import angles_of, matrix_of, rotation_rates
+from rtk_gt.antennas import Antennas
+from rtk_gt.fixes import Ints
+from rtk_gt.noise import GpsNoise
+from rtk_gt.orientation import matrix_of, rotation_rates
+from rtk_gt.pass_matching import perturbed
+from rtk_gt.pose_covariance import noise_covariance, systematic_jacobian
 from validation.angles import Array
 from validation.errors import GtvalError
 
@@ -72,8 +77,65 @@ def in_camera(points: Array, vehicle: Array, camera: Array) -> Array:
     return np.asarray((own - camera[:3]) @ matrix_of(camera[3:]))
 
 
+@dataclass(frozen=True)
+class VehicleErrors:
+    """How wrong the vehicle poses of the points may be.
+
+    Parameters
+    ----------
+    images : (n,) int array
+        The image of each point: points of one image share the noise of its pose.
+    noise : (n, 6, 6) array
+        Covariance of that noise.
+    systematic : (n, 6, k) array
+        How an error of offsets and distances, the same in all images, moves each pose.
+    systematic_covariance : (k, k) array
+        Its covariance.
+    point_sigma : float
+        Of each coordinate of each point, metres.
+    """
+
+    images: Ints
+    noise: Array
+    systematic: Array
+    systematic_covariance: Array
+    point_sigma: float = 0.0
+
+
+def vehicle_errors(
+    times: Array,
+    poses: Array,
+    antennas: Antennas,
+    noise: GpsNoise,
+    offset_covariance: Array,
+    point_sigma: float = 0.0,
+) -> VehicleErrors:
+    """Errors of vehicle poses (n, 6) at the times (n,) of the images of n points.
+
+    Between two poses of the path the noise is smaller than this says, and that of images taken
+    within the same second is partly the same: images should be seconds apart.
+    """
+    rotation = matrix_of(poses[:, 3:])
+    return VehicleErrors(
+        np.unique(times, return_inverse=True)[1],
+        noise_covariance(antennas.positions, rotation, noise),
+        systematic_jacobian(antennas.positions, rotation, antennas.by_distance),
+        offset_covariance,
+        point_sigma,
+    )
+
+
+PIXEL_SIGMA = 0.5
+"""What a person clicks on, or a detector finds, is off by about so much, pixels."""
+
+
 def camera_pose(
-    lens: Lens, points: Array, vehicle: Array, pixels: Array, start: Array
+    lens: Lens,
+    points: Array,
+    vehicle: Array,
+    pixels: Array,
+    start: Array,
+    errors: VehicleErrors | None = None,
 ) -> CameraPose:
     """The camera pose that projects known points onto the pixels where they were seen.
 
@@ -89,6 +151,9 @@ def camera_pose(
         Where.
     start : (6,) array
         Tape-measured pose.
+    errors : VehicleErrors, optional
+        Of the vehicle poses. Without them the poses are taken as exact and the noise is that of
+        the pixels.
 
     Raises
     ------
@@ -98,14 +163,16 @@ def camera_pose(
     Notes
     -----
     Blanco 2009, section 5.4: Levenberg-Marquardt on the sum of squared pixel errors. Unknown
-    are a shift and a rotation vector in the vehicle frame, which have no gimbal lock.
+    are a shift and a rotation vector in the vehicle frame, which have no gimbal lock. The paper
+    takes the path as exact; but half a degree of a pose is several pixels, the same for all
+    points of its image. With ``errors`` the residuals are weighted by the covariance of all of
+    them together, which the result's covariance then holds.
     """
     if len(points) < 4:
         raise GtvalError(f"{len(points)} points are too few for a camera pose; at least 4")
 
     def pose_at(change: Array) -> Array:
-        turned = Rotation.from_rotvec(change[3:]).as_matrix() @ matrix_of(start[3:])
-        return np.concatenate([start[:3] + change[:3], angles_of(turned)])
+        return perturbed(start, change)
 
     def residuals(change: Array) -> Array:
         seen = lens.project(in_camera(points, vehicle, pose_at(change)))
@@ -117,11 +184,46 @@ def camera_pose(
             f"{behind} of {len(points)} points are behind the camera: is its pose right? Cameras "
             "look along their z axis, x to the right and y down"
         )
-    found = least_squares(residuals, np.zeros(6), method="lm", x_scale=[1, 1, 1, 0.1, 0.1, 0.1])
-    left, slope = np.asarray(found.fun, dtype=float), np.asarray(found.jac, dtype=float)
-    variance = float(left @ left) / max(2 * len(points) - 6, 1)
+    scale = [1, 1, 1, 0.1, 0.1, 0.1]
+    found = least_squares(residuals, np.zeros(6), method="lm", x_scale=scale)
+    if errors is not None:
+        root = np.linalg.cholesky(
+            _pixel_covariance(lens, points, vehicle, pose_at(np.asarray(found.x)), errors)
+        )
+        found = least_squares(
+            lambda change: solve_triangular(root, residuals(change), lower=True),
+            np.asarray(found.x), method="lm", x_scale=scale,
+        )  # fmt: skip
+    left = residuals(np.asarray(found.x))
+    whitened, slope = np.asarray(found.fun, dtype=float), np.asarray(found.jac, dtype=float)
+    variance = float(whitened @ whitened) / max(2 * len(points) - 6, 1)
+    if errors is not None:  # what is known of the path is not made better by a lucky fit
+        variance = max(variance, 1.0)
     pose = pose_at(np.asarray(found.x, dtype=float))
     J = np.eye(6)
     J[3:, 3:] = np.linalg.inv(rotation_rates(pose[3:]))
     covariance = variance * J @ np.linalg.inv(slope.T @ slope) @ J.T
-    return CameraPose(pose, covariance, left.reshape(-1, 2), float(np.sqrt(variance)))
+    sigma = float(np.sqrt(left @ left / max(2 * len(points) - 6, 1)))
+    return CameraPose(pose, covariance, left.reshape(-1, 2), sigma)
+
+
+def _pixel_covariance(
+    lens: Lens, points: Array, vehicle: Array, camera: Array, errors: VehicleErrors
+) -> Array:
+    """(2 n, 2 n) covariance of the residuals: pixels, the poses of images, offsets."""
+    n = len(points)
+    by_pose = np.empty((n, 2, 6))
+    for k, step in enumerate(1e-6 * np.eye(6)):
+        ahead = lens.project(in_camera(points, vehicle + step, camera))
+        behind = lens.project(in_camera(points, vehicle - step, camera))
+        by_pose[:, :, k] = (ahead - behind) / 2e-6
+    shared = (by_pose @ errors.systematic).reshape(2 * n, -1)
+    total = np.ascontiguousarray(shared @ errors.systematic_covariance @ shared.T)
+    together = errors.images[:, None] == errors.images
+    own = np.einsum("nik,nkl,mjl->nimj", by_pose, errors.noise, by_pose)
+    total += (own * together[:, None, :, None]).reshape(2 * n, 2 * n)
+    # A point moves against its image as the vehicle does, the other way.
+    by_point = errors.point_sigma**2 * by_pose[:, :, :3] @ np.swapaxes(by_pose[:, :, :3], 1, 2)
+    each = total.reshape(n, 2, n, 2)
+    each[np.arange(n), :, np.arange(n)] += by_point + PIXEL_SIGMA**2 * np.eye(2)
+    return total

@@ -98,9 +98,17 @@ def scanner(
 @click.argument("sensor")
 @click.argument("points", type=FILE)
 @click.option("--lens", nargs=8, type=float, required=True, help="fx fy cx cy k1 k2 p1 p2.")
+@click.option(
+    "--point-sigma", type=float, default=0.02, show_default=True, help="Of the points, metres."
+)
 @AS_JSON
 def camera(
-    campaign: Path, sensor: str, points: Path, lens: tuple[float, ...], as_json: bool
+    campaign: Path,
+    sensor: str,
+    points: Path,
+    lens: tuple[float, ...],
+    point_sigma: float,
+    as_json: bool,
 ) -> None:
     """Find where a camera is on the vehicle, from known points seen in its images.
 
@@ -109,7 +117,7 @@ def camera(
     """
     import numpy as np
 
-    from rtk_gt.camera_pose import camera_pose
+    from rtk_gt.camera_pose import camera_pose, vehicle_errors
     from rtk_gt.sensor_files import read_seen_points
 
     seen = read_seen_points(points)
@@ -117,13 +125,21 @@ def camera(
     found = _at(outcome, seen.times)
     rows = found.available
     start = np.array(_sensor(outcome, sensor).pose)
+    errors = vehicle_errors(
+        seen.times[rows], found.poses[rows], outcome.antennas, outcome.noise,
+        outcome.offsets.covariance, point_sigma,
+    )  # fmt: skip
     result = camera_pose(
-        _lens(lens), seen.points[rows], found.poses[rows], seen.pixels[rows], start
+        _lens(lens), seen.points[rows], found.poses[rows], seen.pixels[rows], start, errors
     )
     if as_json:
         _json(result)
         return
-    note = f"{int(rows.sum())} points, residuals of {result.sigma:.2f} pixels."
+    note = (
+        f"{int(rows.sum())} points in {len(np.unique(seen.times[rows]))} images, residuals of "
+        f"{result.sigma:.2f} pixels, which hold the noise of the path. The sigmas hold it, too, "
+        "and the error of the offsets."
+    )
     spread = np.sqrt(np.diagonal(result.covariance))
     _print(_poses(f"Camera {sensor}", start, result.pose, spread, note))
 

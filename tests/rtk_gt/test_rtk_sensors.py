@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rtk_samples import MALAGA
+from scipy import stats
 from scipy.spatial.transform import Rotation
 
+from data_samples.drive_trials import solve_drive
 from data_samples.drives import (
     LEFT_CAMERA,
     LEFT_SCANNER,
@@ -17,11 +19,12 @@ from data_samples.drives import (
     scan_along,
     simulate_drive,
 )
-from rtk_gt.camera_pose import Lens, camera_pose, in_camera
+from rtk_gt.camera_pose import Lens, camera_pose, in_camera, vehicle_errors
 from rtk_gt.characterisation import position_errors, rate_errors
 from rtk_gt.fixes import Fixes
 from rtk_gt.ground import KnownGround
 from rtk_gt.interpolation import Interpolated
+from rtk_gt.orientation import transform_of
 from rtk_gt.pass_matching import (
     MatchingSettings,
     _equations,
@@ -139,6 +142,36 @@ def test_the_camera_is_recovered_as_surely_as_it_says():
         assert found.sigma == pytest.approx(0.5, rel=0.3)
     # Chi-squared with 48 degrees of freedom: 0.05 % below 21, 0.05 % above 88.
     assert 21 < total < 88
+
+
+def sighted(drive, path, seed, images=20, each=6):
+    """Points in the camera's view at some poses of a measured path, and rows of these poses."""
+    generator = np.random.default_rng(seed)
+    rows = np.repeat(np.sort(generator.choice(len(path), images, replace=False)), each)
+    own = generator.uniform([-3, -2, 6], [3, 2, 20], (len(rows), 3))
+    T = drive.T_local_vehicle(path.times[rows]) * transform_of(LEFT_CAMERA[None])
+    return T.apply(own), rows, LENS.project(own) + 0.5 * generator.standard_normal((len(rows), 2))
+
+
+def test_a_camera_on_a_measured_path_knows_what_the_path_leaves_open():
+    """Half a degree of a pose is eight pixels, alike for all points of its image."""
+    start = LEFT_CAMERA + np.array([0.05, -0.05, 0.04, 0.05, -0.04, 0.05])
+    squares, exact = [], []
+    for seed in range(4100, 4124):
+        solved = solve_drive(simulate_drive(seed, DriveSettings(loops=3)))
+        path = solved.path
+        points, rows, pixels = sighted(solved.drive, path, seed)
+        errors = vehicle_errors(
+            path.times[rows], path.poses[rows], solved.antennas, solved.noise,
+            path.systematic_covariance,
+        )  # fmt: skip
+        for known, into in ((errors, squares), (None, exact)):
+            found = camera_pose(LENS, points, path.poses[rows], pixels, start, known)
+            error = found.pose - LEFT_CAMERA
+            into.append(error @ np.linalg.solve(found.covariance, error))
+    low, high = stats.chi2(6 * len(squares)).ppf([0.001, 0.999])
+    assert low < sum(squares) < high
+    assert sum(exact) > 5 * high  # taken as exact, the path makes it far too sure
 
 
 def test_projection_agrees_with_opencv():

@@ -5,9 +5,18 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy import stats
 
 from data_samples.drive_files import nmea_text, write_drive
-from data_samples.drives import LEFT_SCANNER, START, DriveSettings, scan_along, simulate_drive
+from data_samples.drives import (
+    LEFT_CAMERA,
+    LEFT_SCANNER,
+    START,
+    DriveSettings,
+    scan_along,
+    simulate_drive,
+)
+from rtk_gt.orientation import transform_of
 from rtk_gt.sensor_files import read_imu, read_line_scans, read_seen_points
 from validation.cli import main
 from validation.errors import InputError
@@ -76,6 +85,47 @@ def test_a_scanner_is_calibrated(drive):
     # Two round trips on a road are no calibration drive, and it says so.
     assert "Not determined to 1 cm and 0.1 degrees" in " ".join(done.output.split())
     assert run("rtk", "scanner", folder, "nothing", path).exit_code == 2
+
+
+def test_a_camera_is_calibrated(drive, tmp_path):
+    folder, made = drive
+    generator = np.random.default_rng(0)
+    rows = []
+    for second in range(5, 60, 5):
+        own = generator.uniform([-3, -2, 6], [3, 2, 20], (6, 3))
+        time = START + second
+        T = made.T_local_vehicle(np.array([time])) * transform_of(LEFT_CAMERA[None])
+        pixels = own[:, :2] / own[:, 2:] * 900 + [500, 380]
+        for place, pixel in zip(T.apply(own), pixels, strict=True):
+            rows.append(",".join(repr(float(value)) for value in (time, *place, *pixel)))
+    points = tmp_path / "points.csv"
+    points.write_text("time,x,y,z,u,v\n" + "\n".join(rows) + "\n")
+    lens = ["--lens", 900, 900, 500, 380, 0, 0, 0, 0]
+    done = run("rtk", "camera", folder, "left_camera", points, *lens, "--json")
+    found = json.loads(done.output)
+    error = np.array(found["pose"]) - LEFT_CAMERA
+    assert error @ np.linalg.solve(np.array(found["covariance"]), error) < stats.chi2(6).ppf(0.9999)
+    said = run("rtk", "camera", folder, "left_camera", points, *lens).output
+    assert "which hold the noise of the path" in " ".join(said.split())
+
+
+def test_all_that_a_drive_writes_can_be_used(tmp_path):
+    """The camera that a drive's own files give is right within what is said of it."""
+    folder = tmp_path / "drive"
+    assert run("simulate-drive", folder, "--seed", 11, "--sensors").exit_code == 0
+    lens = (folder / "sensors" / "left_camera_lens.txt").read_text().split()
+    points = folder / "sensors" / "left_camera_points.csv"
+    done = run("rtk", "camera", folder, "left_camera", points, "--lens", *lens, "--json")
+    assert done.exit_code == 0, done.output
+    found = json.loads(done.output)
+    error = np.array(found["pose"]) - LEFT_CAMERA
+    assert error @ np.linalg.solve(np.array(found["covariance"]), error) < stats.chi2(6).ppf(0.9999)
+    log = folder / "sensors" / "consumer.nmea"
+    done = run("rtk", "dgps", folder, log, "--antenna", "-0.25", "0", "0.1", "--json")
+    assert 0.7 < json.loads(done.output)["rmse_horizontal"] < 5
+    done = run("rtk", "imu", folder, folder / "sensors" / "imu.csv", "--json")
+    yaw = json.loads(done.output)[0]
+    assert abs(yaw["drift"] - np.radians(0.02)) < 4 * yaw["drift_sigma"]
 
 
 def test_another_receiver_and_an_imu_are_compared(drive, tmp_path):
