@@ -10,7 +10,7 @@ from laser_gt.decisions import Decision
 from laser_gt.genetic import GeneticSettings, genetic_match
 from laser_gt.gpm import associate
 from laser_gt.graph import Edge, Graph, GraphSolution, connected_stops, solve_graph
-from laser_gt.guesses import guess_growth
+from laser_gt.guesses import guess_deviations
 from laser_gt.inputs import LaserInputs
 from laser_gt.judgement import Match, MatchSettings, judged, match
 from laser_gt.kiss import odometry, register
@@ -191,7 +191,7 @@ def match_pairs(
         report(f"{engine}: {inputs.stops[i]} - {inputs.stops[j]}", number / len(pairs.index))
         decision = inputs.decisions.get((inputs.stops[i], inputs.stops[j]))
         guess = between(trajectory.poses[i], trajectory.poses[j])
-        limits = _limits(settings, abs(int(j) - int(i)), decision)
+        limits = _limits(settings, trajectory.poses, (int(i), int(j)), decision)
         if decision is not None and decision.guess is not None:
             guess = decision.guess
         reference, moving = inputs.sweeps[i], inputs.sweeps[j]
@@ -218,13 +218,14 @@ def match_pairs(
     return Matching(engine, decided, loops, convergence)
 
 
-def _limits(settings: LaserSettings, apart: int, decision: Decision | None) -> MatchSettings:
+def _limits(
+    settings: LaserSettings, poses: Array, pair: tuple[int, int], decision: Decision | None
+) -> MatchSettings:
     """How well the guess of a pair is known: it gets worse with the stops in between."""
     if decision is not None and decision.guess is not None:
         return MatchSettings(guess_length=0.1, guess_angle=0.1)
-    worse = guess_growth(apart)
-    length, angle = settings.guess_sigmas
-    return MatchSettings(guess_length=length * worse, guess_angle=angle * worse)
+    length, angle = guess_deviations(poses, *pair, settings.guess_sigmas)
+    return MatchSettings(guess_length=float(length), guess_angle=float(angle))
 
 
 def _obeying(found: Match, decisions: Mapping[tuple[str, str], Decision]) -> Match:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from laser_gt.guesses import FEWEST, guess_growth, guess_scatter
+from laser_gt.guesses import FEWEST, guess_deviations, guess_scatter
+from laser_gt.planar import compose
 
 
 @dataclass
@@ -17,7 +18,7 @@ class Judged:
 
 def _matches(seed, n, growth=1.0):
     rng = np.random.default_rng(seed)
-    off = rng.normal(size=(n, 3)) * [0.03, 0.03, 0.01] * np.broadcast_to(growth, n)[:, None]
+    off = rng.normal(size=(n, 3)) * [0.03, 0.03, 0.01] * growth
     poses = rng.uniform(-3, 3, (n, 3))
     return [Judged(pose, pose - o) for pose, o in zip(poses, off, strict=True)]
 
@@ -31,12 +32,31 @@ def test_the_scatter_of_normal_guesses_is_their_standard_deviation():
 
 
 def test_guesses_over_several_stops_are_brought_to_one():
-    growth = [guess_growth(apart) for apart in range(1000)]
-    assert growth[0] == growth[1] == 1
-    assert growth[4] == 2
-    assert growth[999] == 5
-    found = guess_scatter(_matches(2, 1000, growth), growth)
+    growth = np.random.default_rng(7).uniform(1, 5, (1000, 2))
+    found = guess_scatter(_matches(2, 1000, growth[:, [0, 0, 1]]), growth)
     assert found == pytest.approx([0.03, 0.01], rel=4 * 1.17 / np.sqrt(1000))
+
+
+def test_a_chain_of_motions_is_as_uncertain_as_a_simulated_one():
+    rng = np.random.default_rng(8)
+    motions = np.array([[1.5, 0, 0.4], [1.0, 0.2, -0.9], [2.0, 0, 0.1], [0.5, 0.5, 1.0]])
+    poses = [np.zeros(3)]
+    for motion in motions:
+        poses.append(compose(poses[-1], motion))
+    noisy = motions + rng.normal(size=(4000, 4, 3)) * [0.03, 0.03, 0.02]
+    end = np.zeros((4000, 3))
+    for step in range(4):
+        end = compose(end, noisy[:, step])
+    # the worst direction of the position, and the heading; a deviation of 4,000 is good to 1.1 %
+    worst = np.sqrt(np.linalg.eigvalsh(np.cov(end[:, :2].T))[-1])
+    length, angle = guess_deviations(np.array(poses), 0, 4, (0.03, 0.02))
+    assert angle == pytest.approx(end[:, 2].std(), rel=0.045)
+    # The formula takes the turned parts as all in one direction: no less than the truth, and no
+    # more than the root of the sum over both.
+    both = np.sqrt(np.trace(np.cov(end[:, :2].T)))
+    assert 0.955 * worst < length < 1.045 * both
+    assert guess_deviations(np.array(poses), 4, 0, (0.03, 0.02)) == pytest.approx([length, angle])
+    assert guess_deviations(np.array(poses), 1, 2, (0.03, 0.02)) == pytest.approx([0.03, 0.02])
 
 
 def test_wild_guesses_and_matches_not_accepted_do_not_count():
