@@ -15,7 +15,9 @@ from rtk_gt.fixes import FIX_NAMES, RTK_FIXED, RTK_FLOAT, Fixes
 from rtk_gt.interpolation import segments
 from rtk_gt.noise import GpsNoise
 from rtk_gt.offsets import Offsets, distance_names
+from rtk_gt.pass_matching import height_histogram
 from rtk_gt.path import VehiclePath
+from rtk_gt.scans import Cloud
 from rtk_gt.steps import Steps
 from validation.angles import Array
 from validation.figures import COLOURS, GREY, MARKERS
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 KIND_COLOURS: Mapping[int, str] = {RTK_FIXED: COLOURS[2], RTK_FLOAT: COLOURS[4], 2: COLOURS[3]}
+BESIDE = 4.0
+"""Farther from the vehicle, in metres, hills take the ground out of its frame."""
 CHI_95_OF_2 = 2.4477
 """95 % radius of a Gaussian in the plane, in standard deviations."""
 
@@ -147,6 +151,31 @@ def residual_histograms(offsets: Offsets, noise: GpsNoise) -> Figure:
         axes.set_xlabel("residual [mm]")
         axes.set_yticks([])
     panels[0].set_ylabel("density")
+    return figure
+
+
+def heights_before_and_after(cloud: Cloud, before: Array, after: Array) -> Figure:
+    """Heights of the ground beside the vehicle, in its frame, for two places of a scanner.
+
+    As Figure 15 of Blanco 2009: the better place has the narrower peak.
+    """
+    figure = Figure(figsize=(7, 2.8), layout="constrained")
+    axes = figure.subplots()
+    points = cloud.in_vehicle(after)
+    near = np.linalg.norm(points[:, :2], axis=1) < BESIDE
+    ground = float(np.median(points[near & (points[:, 2] < 0), 2])) if near.any() else 0.0
+    bins = ground + np.arange(-0.5, 0.501, 0.02)
+    middles = (bins[1:] + bins[:-1]) / 2
+    for pose, name, colour, style in (
+        (before, "place measured by hand", COLOURS[1], "--"),
+        (after, "place found", COLOURS[0], "-"),
+    ):
+        share = 100 * height_histogram(cloud, pose, bins, reach=BESIDE)
+        axes.step(middles, share, style, where="mid", color=colour, label=name)
+    axes.set_xlabel("height in the vehicle frame [m]")
+    axes.set_ylabel(f"points within {BESIDE:g} m [%]")
+    axes.grid(visible=True, linewidth=0.3)
+    axes.legend(fontsize=8)
     return figure
 
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rtk_gt.interpolation import Interpolated
     from rtk_gt.outcome import RtkOutcome
     from rtk_gt.point_clouds import Bytes
+    from rtk_gt.scans import LineScans
     from rtk_gt.settings import Sensor
     from validation.angles import Array
     from validation.results import Table
@@ -38,6 +39,11 @@ POSE_COLUMNS = ("x [m]", "y [m]", "z [m]", "yaw [deg]", "pitch [deg]", "roll [de
 )
 @click.option("--hand-sigma", type=float, default=0.02, show_default=True, help="Metres.")
 @click.option("--hand-sigma-deg", type=float, default=2.0, show_default=True, help="Degrees.")
+@click.option(
+    "--histogram",
+    type=FILE,
+    help="Draw the heights of the ground beside the vehicle, before and after (.png, .svg).",
+)
 @AS_JSON
 def scanner(
     campaign: Path,
@@ -48,13 +54,14 @@ def scanner(
     ground_tilt_sigma: float,
     hand_sigma: float,
     hand_sigma_deg: float,
+    histogram: Path | None,
     as_json: bool,
 ) -> None:
     """Find where a vertical scanner is on the vehicle, from passes that should agree.
 
     SENSOR is the scanner in campaign.toml, with its hand-measured pose; SCANS a CSV file
     time,first_angle,angle_step,ranges. Path, offsets and the scanner's place are adjusted
-    together. Writes nothing.
+    together. Writes nothing but the histogram, if asked.
     """
     import numpy as np
 
@@ -63,6 +70,8 @@ def scanner(
     from rtk_gt.sensor_files import read_line_scans
     from rtk_gt.trajectory import smooth_trajectory
 
+    if histogram is not None and histogram.suffix.lower() not in {".png", ".svg"}:
+        raise click.UsageError(f"--histogram writes .png or .svg, not '{histogram.suffix}'")
     read = read_line_scans(scans)
     outcome = _solved(campaign)
     _at(outcome, read.times)
@@ -77,6 +86,8 @@ def scanner(
         tilt = float(np.radians(ground_tilt_sigma))
         known = KnownGround(ground, sigma=ground_sigma, tilt_sigma=tilt)
     result = calibrate_scanner(trajectory, read, start, sigmas, ground=known, prior=outcome.prior)
+    if histogram is not None:
+        _draw_heights(histogram, read, start, result.pose)
     if as_json:
         _json(result)
         return
@@ -340,6 +351,19 @@ def _poses(title: str, start: "Array", pose: "Array", spread: "Array", note: str
         )
     ]
     return Table(title, ["pose", *POSE_COLUMNS], rows, ["", *[".4f"] * 3, *[".3f"] * 3], note)
+
+
+def _draw_heights(path: Path, scans: "LineScans", before: "Array", after: "Array") -> None:
+    from io import BytesIO
+
+    from rtk_gt.figures import heights_before_and_after
+    from rtk_gt.scans import cloud_of
+    from validation.files import write_files
+
+    stream = BytesIO()
+    figure = heights_before_and_after(cloud_of(scans), before, after)
+    figure.savefig(stream, format=path.suffix[1:].lower(), dpi=120)
+    write_files(path.parent, {path.name: stream.getvalue()})
 
 
 def _determined(sigmas: "Array") -> str:

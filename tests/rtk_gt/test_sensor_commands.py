@@ -76,10 +76,14 @@ def test_a_cloud_takes_the_colours_of_images(drive, tmp_path):
     assert "no such file" in missing.output
 
 
-def test_a_scanner_is_calibrated(drive):
+def test_a_scanner_is_calibrated(drive, tmp_path):
     folder, made = drive
     path = scan_file(folder, made)
-    done = run("rtk", "scanner", folder, "left_scanner", path, "--ground", "-2.2")
+    picture = tmp_path / "heights.png"
+    known = ["--ground", "-2.2", "--histogram"]
+    assert run("rtk", "scanner", folder, "left_scanner", path, *known, "a.doc").exit_code == 2
+    done = run("rtk", "scanner", folder, "left_scanner", path, *known, picture)
+    assert picture.read_bytes().startswith(b"\x89PNG")
     assert done.exit_code == 0, done.output
     assert "measured by hand" in done.output
     # Two round trips on a road are no calibration drive, and it says so.
