@@ -16,6 +16,8 @@ _PLATEAU = 2.5
 """Pixels, three widths of a usual blur: narrower windows see no plateau beside an edge."""
 _FLOOR = 0.015
 """Pixels of corner error that no fit sees: the model of the blur, the print."""
+_LARGEST_CELL = 12.0
+"""Pixels of cells up to which a print can be read in short time."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ def refine_corners(
     Corners are where fitted edges cross. Where the cells are so small that an edge is not seen
     apart from the next ones, the whole print is fitted instead: which cells are next is known,
     as the marker has been read. So it is where edges would do, but no marker of the image is
-    large.
+    large, and where something lies over an edge: what is left of the print still places it.
     """
     m = len(start)
     if m == 0:
@@ -69,14 +71,17 @@ def refine_corners(
     corners = flat.from_image(np.asarray(start, dtype=float))
     cell = _cells(corners, bits.shape[1])
     half = np.clip(cell - _BLUR_OF_NEXT, _LEAST_HALF_WINDOW, HALF_WINDOW).ravel()
-    corners, covariances, good = fit_edges(image, corners, half, flat)
+    corners, covariances, good, disturbed = fit_edges(image, corners, half, flat)
     least = cell.min(1)
     # The print tells more, but takes longer: it is read where nothing larger is in the image.
     alone = least.max() < HALF_WINDOW + _BLUR_OF_NEXT
-    window = HALF_WINDOW if alone else _PLATEAU
-    for i in np.flatnonzero(least < window + _BLUR_OF_NEXT):
+    small = least < (HALF_WINDOW if alone else _PLATEAU) + _BLUR_OF_NEXT
+    disturbed &= least < _LARGEST_CELL
+    for i in np.flatnonzero(small | disturbed):
         rim = max(1 - _BLUR_OF_NEXT / least[i], 0.0)
-        corners[i], covariances[i], good[i] = fit_print(image, corners[i], bits[i], rim, flat)
+        found = fit_print(image, corners[i], bits[i], rim, flat)
+        if found[2] or small[i]:
+            corners[i], covariances[i], good[i] = found
     refined, scale = flat.to_image_with_slope(corners)
     covariances = scale @ covariances @ np.swapaxes(scale, -1, -2) + _FLOOR**2 * np.eye(2)
     far = np.linalg.norm(refined - start, axis=-1) > 2 * HALF_WINDOW

@@ -46,6 +46,11 @@ _SEARCH_STATIONS = 6
 _LEVEL_PRIOR = 20.0
 """Standard deviation (grey levels) of the levels about where they start and of their slopes about
 zero: narrow windows of small markers see no plateau, and would trade levels for position."""
+_UNDISTURBED = 0.88
+"""Of Tukey's weights, which end at six standard deviations, normal noise keeps 0.947, and noise
+that is larger on the edge than beside it some 0.91; less is left where something lies over it."""
+_ALIKE = 2.0
+"""Edges of one marker have about the same noise."""
 _UNKNOWNS = 7
 _PRIOR = np.array([1e-3, 1e-3, BLUR_INFORMATION, *[1 / _LEVEL_PRIOR**2] * 4])
 """Information on the unknowns, for noise of one grey level."""
@@ -53,16 +58,24 @@ _PRIOR = np.array([1e-3, 1e-3, BLUR_INFORMATION, *[1 / _LEVEL_PRIOR**2] * 4])
 
 @dataclass(frozen=True)
 class _Edges:
-    """Fitted edges: displacements (e, 2) of their two ends to the inside, in undistorted pixels."""
+    """Fitted edges: displacements (e, 2) of their two ends to the inside, in undistorted pixels.
+
+    ``kept`` (e,) is the mean weight that outliers have left, ``noise`` (e,) the standard
+    deviation of the others, grey levels.
+    """
 
     ends: Array
     normal: Array
     shift: Array
     covariance: Array
     good: Mask
+    kept: Array
+    noise: Array
 
 
-def fit_edges(image: Image, corners: Array, half: Array, flat: Flat) -> tuple[Array, Array, Mask]:
+def fit_edges(
+    image: Image, corners: Array, half: Array, flat: Flat
+) -> tuple[Array, Array, Mask, Mask]:
     """Corners where the fitted edges cross.
 
     Parameters
@@ -84,10 +97,17 @@ def fit_edges(image: Image, corners: Array, half: Array, flat: Flat) -> tuple[Ar
         Of the fit alone.
     good : (m, 4) array of bool
         Whether both edges of the corner could be fitted.
+    disturbed : (m,) array of bool
+        Whether something lies over an edge of the marker, or it could not be fitted.
     """
     sought, start_values = _sought_edges(image, _sides(corners), half, flat)
     corners, _, _ = _crossings(corners, sought)
-    return _crossings(corners, _fitted_edges(image, _sides(corners), half, flat, start_values))
+    edges = _fitted_edges(image, _sides(corners), half, flat, start_values)
+    noise = edges.noise.reshape(-1, 4)
+    disturbed = (~edges.good | (edges.kept < _UNDISTURBED)).reshape(-1, 4).any(1)
+    disturbed |= noise.max(1) > _ALIKE * noise.min(1)
+    corners, covariances, good = _crossings(corners, edges)
+    return corners, covariances, good, np.asarray(disturbed)
 
 
 def _sides(corners: Array) -> Array:
@@ -123,7 +143,8 @@ def _sought_edges(image: Image, ends: Array, half: Array, flat: Flat) -> tuple[_
         values[:, first_of] = 1.5 * level[:, 0] - 0.5 * level[:, 1]
         values[:, first_of + 1] = 2 * (level[:, 1] - level[:, 0])
     unknown = np.broadcast_to(np.eye(2), (len(ends), 2, 2))
-    return _Edges(ends, frame[1], shift, unknown, np.ones(len(ends), dtype=bool)), values
+    sure = np.ones(len(ends))
+    return _Edges(ends, frame[1], shift, unknown, sure > 0, sure, sure), values
 
 
 def _picked(profile: Array, place: Places) -> Array:
@@ -138,8 +159,10 @@ def _fitted_edges(image: Image, ends: Array, half: Array, flat: Flat, start: Arr
     fit = _fitted_steps(seen, start)
     found, count = fit.values, np.maximum(fit.weights.sum(1), 1.0)
     variance = (fit.weights * fit.residual**2).sum(1) / np.maximum(count - _UNKNOWNS, 1.0)
-    covariance = np.linalg.inv(fit.normal)[:, :2, :2]
-    covariance = covariance * np.maximum(variance, LEAST_VARIANCE)[:, None, None]
+    unscaled = np.linalg.inv(fit.normal)[:, :2, :2]
+    covariance = np.asarray(
+        unscaled * np.maximum(variance, LEAST_VARIANCE)[:, None, None], dtype=float
+    )
     contrast = np.minimum(found[:, 5], found[:, 5] + found[:, 6]) - np.maximum(
         found[:, 3], found[:, 3] + found[:, 4]
     )
@@ -153,7 +176,7 @@ def _fitted_edges(image: Image, ends: Array, half: Array, flat: Flat, start: Arr
         & (np.abs(found[:, :2]).max(1) < HALF_WINDOW)
         & (np.sqrt(variance) < MOST_NOISE * np.maximum(contrast, 1.0))
     )
-    return _Edges(ends, frame[1], found[:, :2], np.asarray(covariance, dtype=float), good)
+    return _Edges(ends, frame[1], found[:, :2], covariance, good, kept, np.sqrt(variance))
 
 
 @dataclass(frozen=True)

@@ -40,8 +40,10 @@ _CORNERS_BY_CHANGE = np.array(
 _UNKNOWNS = 15
 """Eight of the homography, the blur, three of the light on black, three of that on white."""
 _BLUR = 8
-_FINENESS = 10
-"""Steps of the tables a cell."""
+_FINENESS = 1.8
+"""Steps of the tables a width of the blur, which makes them good to some hundredths of the
+contrast between the steps; and how few and many steps a cell has."""
+_STEPS_A_CELL = 10, 32
 _MOST_STEPS = 8
 _REPLICATE = cv2.BORDER_REPLICATE
 _CONVERGED, _DIVERGED = 0.05, 3.0
@@ -251,7 +253,8 @@ def _blurred(cells: Array, width: Array, x: Array, y: Array) -> list[Array]:
     """
     count = len(cells) - 2
     end = 1 + 2 / count
-    grid = np.linspace(-end, end, _FINENESS * len(cells) + 1)
+    finest = int(np.ceil(_FINENESS * 2 / count / float(width.min())))
+    grid = np.linspace(-end, end, int(np.clip(finest, *_STEPS_A_CELL)) * len(cells) + 1)
     (on_x, on_y), (by_x, by_y), (wider_x, wider_y) = _shares(grid, width, count)
     rows = [np.asarray(a @ cells, dtype=np.float32) for a in (on_y, by_y, wider_y)]
     plain, sloped, wider = (a.astype(np.float32).T for a in (on_x, by_x, wider_x))

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -110,6 +111,26 @@ def test_saturated_paper_does_not_move_the_edges():
     assert (image == 255).sum() > 100
     views = detect_markers(image, APRIL, camera(), [11]).views
     assert np.sqrt(((views[0].corners - true) ** 2).mean()) < 0.15
+
+
+def test_a_blade_of_sun_along_an_edge_does_not_tilt_it():
+    """What is left of the print places the corners, the covered one too."""
+    rng = np.random.default_rng(12)
+    T = RigidTransform.from_components([0.1, 0.05, 2.4], Rotation.from_rotvec([0.3, -0.2, 0.1]))
+    image, true = marker_image(rng, T, 11)
+    worst = []
+    for inside in (0.5, 1.5, 2.5, 3.5):
+        spoiled = image.copy()
+        # From a cell outside of the top edge, on its left, to some pixels inside, on its right.
+        along, down = true[1] - true[0], (true[3] - true[0]) / np.linalg.norm(true[3] - true[0])
+        ends = true[0] - 0.6 * along - 9 * down, true[1] + 0.6 * along + (2 * inside - 2) * down
+        blade = [ends[0], ends[1], ends[1] - 14 * down, ends[0] - 14 * down]
+        cv2.fillPoly(spoiled, [np.rint(16 * np.array(blade)).astype(np.int32)], 255, shift=4)
+        views = detect_markers(spoiled, APRIL, camera(), [11]).views
+        if views:
+            worst.append(np.linalg.norm(views[0].corners - true, axis=1).max())
+    assert len(worst) >= 3
+    assert max(worst) < 0.15
 
 
 def test_the_distortion_matters():
