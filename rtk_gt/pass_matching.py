@@ -59,6 +59,8 @@ class ScannerCalibration:
         Points matched in the last round.
     rms_before, rms_after : float
         Root mean square distance of matched points from their partners' planes, metres.
+    settled : bool
+        Whether choosing the points anew left the pose where it was.
     """
 
     pose: Array
@@ -68,6 +70,7 @@ class ScannerCalibration:
     pairs: int
     rms_before: float
     rms_after: float
+    settled: bool = True
 
     @property
     def pose_covariance(self) -> Array:

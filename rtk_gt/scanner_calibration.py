@@ -47,6 +47,10 @@ GRAZING = 0.3
 SHAPE = 6
 """Numbers of a piece: height, two slopes, three curvatures."""
 _ROUNDS = 10
+FARTHEST = 5.0
+"""Standard deviations of the hand-measured place beyond which a result cannot be right."""
+_SETTLED = 0.1
+"""The last choice of points moved the scanner by less than this share of its sigmas."""
 
 
 @dataclass(frozen=True)
@@ -148,13 +152,16 @@ def calibrate_scanner(
     Raises
     ------
     GtvalError
-        If too few flat pieces are seen from two passes.
+        If too few flat pieces are seen from two passes, or the result contradicts the place that
+        was measured by hand by more than `FARTHEST` standard deviations.
 
     Notes
     -----
     Gauss-Newton on sparse normal equations. Residuals are distances of points from their
     slightly bent piece, fixes minus curves, road points minus the road, and the direction of motion
-    minus the road's. What the drive does not show keeps its prior, and ``from_drive`` says so.
+    minus the road's. Each round chooses the points of the pieces anew; where that goes on moving
+    the scanner, the last movement is added to the covariance. What the drive does not show keeps
+    its prior, and ``from_drive`` says so.
     """
     settings = settings or ScannerSettings()
     scans = scans.select(trajectory.spline.covers(scans.times))
@@ -173,9 +180,14 @@ def calibrate_scanner(
         begin = state.pose
         for _ in range(2):
             state, covariance = _step(data, state, surfaces)
-        moved = np.abs(change_from(begin, state.pose))
-        if turn + 1 >= len(settings.pieces) and (moved < 0.1 * _sigmas(covariance)).all():
+        moved = change_from(begin, state.pose)
+        settled = turn + 1 >= len(settings.pieces)
+        settled = settled and bool((np.abs(moved) < _SETTLED * _sigmas(covariance)).all())
+        if settled:
             break
+    _check_near(data, state.pose)
+    # What a new choice of points still moves is not known any better than that.
+    covariance = covariance + np.outer(moved, moved)
     spread = _sigmas(covariance)
     residual = _scan_residuals(data, state, surfaces)
     return ScannerCalibration(
@@ -186,6 +198,26 @@ def calibrate_scanner(
         pairs=len(residual),
         rms_before=rough.rms_before,
         rms_after=_rms(residual),
+        settled=settled,
+    )
+
+
+def _check_near(data: _Data, pose: Array) -> None:
+    """Refuse a place that the hand-measured one excludes: the matching went astray, or the hand."""
+    away = change_from(data.start, pose)
+    worst = int(np.abs(away / data.sigmas).argmax())
+    if abs(away[worst]) <= FARTHEST * data.sigmas[worst]:
+        return
+    name = ("x", "y", "z", "about x", "about y", "about z")[worst]
+    said = (
+        f"{100 * away[worst]:+.1f} cm in {name}"
+        if worst < 3
+        else f"{np.degrees(away[worst]):+.1f} degrees {name}"
+    )
+    raise GtvalError(
+        f"the scans put the scanner {said} of where it was measured by hand, "
+        f"{abs(away[worst] / data.sigmas[worst]):.0f} standard deviations: either that measurement "
+        "or its sigma is wrong, or this drive sees its walls from too few directions"
     )
 
 

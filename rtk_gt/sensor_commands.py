@@ -100,6 +100,11 @@ def scanner(
         f"{100 * result.rms_before:.1f} cm before and {100 * result.rms_after:.1f} cm after. "
         f"Known from the drive and not by hand: {share}. {_determined(result.sigmas)}"
     )
+    if not result.settled:
+        note += (
+            " It had not settled: each choice of points still moves it, as drives do that see"
+            " their walls from few directions. Take these sigmas as the least."
+        )
     spread = np.sqrt(np.diagonal(result.pose_covariance))
     _print(_poses(f"Scanner {sensor}", start, result.pose, spread, note))
 

@@ -1,5 +1,7 @@
 """A vertical scanner's place, from scans along paths that were measured, not known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -82,6 +84,15 @@ def test_a_short_drive_finds_what_it_says_it_finds():
     assert found.rms_after < 0.3 * found.rms_before
     assert (found.sigmas < HAND_SIGMAS).all()
     assert (found.sigmas[3:] < 0.3 * HAND_SIGMAS[3:]).all()
+
+
+def test_a_place_that_the_hand_excludes_is_refused():
+    """20 cm too low by the hand, 2 cm claimed: the floor knows better, and one of them is wrong."""
+    drive = simulate_drive(31, calibration_drive(2))
+    trial = scanner_trial(drive, LEFT_SCANNER, every=0.3, beams=61)
+    wrong = replace(trial, start=trial.start - np.array([0, 0, 0.2, 0, 0, 0]))
+    with pytest.raises(GtvalError, match=r"cm in z of where it was measured by hand"):
+        wrong.calibrated(solve_drive(drive).trajectory(), ScannerSettings(points=12_000))
 
 
 def test_too_little_seen_twice_is_said():
