@@ -232,9 +232,10 @@ def _leaps(outcome: RtkOutcome) -> Iterator[Finding]:
     )
     more = f" and {len(rows) - 10} more" if len(rows) > 10 else ""
     text = (
-        f"{len(rows)} poses leap in height, pitch or roll against their neighbours, at second "
+        f"{len(rows)} {'pose leaps' if len(rows) == 1 else 'poses leap'} in height, pitch or roll "
+        "against the neighbours, at second "
         f"{seconds}{more}. A false fix that moves an antenna up or down does that and keeps all "
-        "distances; so does a kerb. They stay in the path, marked 'leaps' in its sources."
+        "distances; so does a kerb. Such poses stay in the path, marked 'leaps' in its sources."
     )
     yield Finding("warning", text, SUBJECT, "leaps")
 
