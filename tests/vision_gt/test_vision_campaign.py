@@ -14,10 +14,13 @@ from data_samples.cameras import MARKER_FAMILY
 from validation.campaign import load_campaign
 from validation.cli import main
 from validation.poses import from_csv, pose_difference
+from vision_gt.campaign_objects import made_board
 from vision_gt.choices import Choices
+from vision_gt.detection_jobs import BoardJob, detect_one
 from vision_gt.findings import vision_findings
 from vision_gt.markers import detect_markers
 from vision_gt.outcome import StopPose
+from vision_gt.settings import VisionSettings
 from vision_gt.solve import solve_campaign
 from vision_gt.system import SYSTEM, result_of
 
@@ -221,6 +224,19 @@ def test_blank_and_mirrored_images_and_swapped_pairs_are_findings(campaign):
     assert doubled.name in images
     assert f"marker {number} is seen twice" in images
     assert "1-2-2" in said["snapshot_outliers"]
+
+
+def test_a_mirrored_board_is_told_from_one_that_is_not_there(rendered, tmp_path):
+    settings = load_campaign(rendered).section("vision", VisionSettings).bar
+    boards = [(0, made_board(settings.first)), (1, made_board(settings.second))]
+    whole = cv2.imread(str(next((rendered / "vision" / "bar").glob("*.png"))), 0)
+    notes = {}
+    for name, image in {"as_is": whole, "mirrored": whole[:, ::-1], "none": whole[:200]}.items():
+        path = tmp_path / f"{name}.png"
+        cv2.imwrite(str(path), image)
+        found = detect_one(BoardJob(path, "2", name, boards))
+        notes[name] = found.note, bool(found.boards)
+    assert notes == {"as_is": ("", True), "mirrored": ("mirrored", False), "none": ("", False)}
 
 
 def show_a_marker_twice(path) -> int:
