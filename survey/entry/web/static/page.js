@@ -16,7 +16,7 @@ function join() {
     $("code").value = decodeURIComponent(location.hash.slice(1));
     history.replaceState(null, "", "/"); // the code is nobody else's business
     $("name").focus();
-  }
+  } else $("code").focus();
   $("join").addEventListener("submit", async (event) => {
     event.preventDefault();
     const answer = await post("/join", { code: $("code").value, name: $("name").value });
@@ -291,6 +291,7 @@ function work() {
   });
   window.addEventListener("hashchange", reload); // a new code for this very page
 
+  if (!document.activeElement?.closest("input, dialog")) $("distance").focus();
   allowSound();
   takeTargets();
   show();
