@@ -13,7 +13,6 @@ from survey.adjustment import Adjustment
 from survey.check_figures import convergence_map, instrument_figure, planning_map
 from survey.convergence import explore_convergence
 from survey.convergence_problems import unknowns_of
-from survey.figure_files import write_figure
 from survey.figures import Places, residual_figure, survey_map
 from survey.figures import Room as DrawnRoom
 from survey.geometry import mirror_in_line
@@ -29,6 +28,7 @@ from survey.planning import (
 from survey.solve import SurveySolution, solve_survey
 from validation.angles import Array
 from validation.campaign import Instrument, RobotFrame, Vframe
+from validation.figure_files import write_figure
 
 IMAGES = Path(__file__).parent / "images"
 INSTRUMENT = Instrument(setup_sigma=0.002)

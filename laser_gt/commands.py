@@ -192,21 +192,17 @@ def check_mount(campaign: Path, as_json: bool) -> None:
     Writes CAMPAIGN/report/laser_mount_overlay.png: two scans laid over each other through the
     surveyed poses, with the stated mount and with the one found.
     """
-    import io
-
     from laser_gt.findings import laser_facts, laser_findings
     from laser_gt.sections import mount_table, overlay_figure
     from validation.errors import GtvalError
-    from validation.files import write_files
+    from validation.figure_files import write_figure
     from validation.report.terminal import print_findings, print_json, print_table
 
     loaded, outcome = _solved(campaign, ("scanmatch",))
     if outcome.mount_check is None:
         raise GtvalError(f"the mount cannot be checked: {outcome.mount_note}")
-    stream = io.BytesIO()
-    overlay_figure(outcome, outcome.mount_check).draw().savefig(stream, format="png", dpi=120)
-    write_files(loaded.report, {"laser_mount_overlay.png": stream.getvalue()})
     path = loaded.report / "laser_mount_overlay.png"
+    write_figure(path, overlay_figure(outcome, outcome.mount_check).draw())
     if as_json:
         print_json({"mount": laser_facts(outcome)["mount"], "overlay": path})
         return

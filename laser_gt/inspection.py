@@ -7,7 +7,6 @@ that stands under each pair or by any other hand, and the next run obeys.
 
 import base64
 import html
-import io
 import shlex
 from collections.abc import Mapping, Sequence
 
@@ -87,8 +86,8 @@ def _article(match: Match, sweeps: Mapping[str, Prepared], campaign: str) -> str
 def _picture(match: Match, sweeps: Mapping[str, Prepared]) -> str:
     """The figure as a data address."""
     from laser_gt.figures import match_figure  # noqa: PLC0415  (matplotlib is slow to load)
+    from validation.figure_files import figure_bytes  # noqa: PLC0415
 
     figure = match_figure(match, sweeps[match.reference], sweeps[match.moving])
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=80)
-    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode()
+    image = figure_bytes(figure, ".png", "the picture of a match", dots_per_inch=80)
+    return "data:image/png;base64," + base64.b64encode(image).decode()

@@ -359,16 +359,11 @@ def _poses(title: str, start: "Array", pose: "Array", spread: "Array", note: str
 
 
 def _draw_heights(path: Path, scans: "LineScans", before: "Array", after: "Array") -> None:
-    from io import BytesIO
-
     from rtk_gt.figures import heights_before_and_after
     from rtk_gt.scans import cloud_of
-    from validation.files import write_files
+    from validation.figure_files import write_figure
 
-    stream = BytesIO()
-    figure = heights_before_and_after(cloud_of(scans), before, after)
-    figure.savefig(stream, format=path.suffix[1:].lower(), dpi=120)
-    write_files(path.parent, {path.name: stream.getvalue()})
+    write_figure(path, heights_before_and_after(cloud_of(scans), before, after))
 
 
 def _determined(sigmas: "Array") -> str:

@@ -202,7 +202,7 @@ def _facts(unknown: "Unknown", result: "Convergence") -> dict[str, object]:
 def _write_maps(folder: Path, found: "list[Explored]") -> None:
     """One PNG for each unknown."""
     from survey.check_figures import convergence_map
-    from survey.figure_files import figure_bytes
+    from validation.figure_files import figure_bytes
     from validation.files import write_files
 
     contents: dict[str, str | bytes] = {}

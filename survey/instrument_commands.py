@@ -60,7 +60,7 @@ def instrument_check(
     snippet = settings_snippet(check, instrument)
     if figure is not None:
         from survey.check_figures import instrument_figure
-        from survey.figure_files import write_figure
+        from validation.figure_files import write_figure
 
         write_figure(figure, instrument_figure(length, reading, check, instrument))
     if as_json:

@@ -301,9 +301,9 @@ def _write_map(path: Path, campaign: "Campaign", prediction: Prediction) -> None
     import numpy as np
 
     from survey.check_figures import planning_map
-    from survey.figure_files import write_figure
     from survey.figures import Places, Room
     from survey.planning import diagonal_blocks, world_names
+    from validation.figure_files import write_figure
 
     adjustment = prediction.adjustment
     network, parameters = adjustment.network, adjustment.parameters

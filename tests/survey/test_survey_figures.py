@@ -12,7 +12,6 @@ from survey.check_figures import (
     planning_map,
 )
 from survey.convergence import NOT_CONVERGED, Convergence, regions
-from survey.figure_files import figure_bytes, write_figure
 from survey.figures import (
     Places,
     Room,
@@ -25,6 +24,7 @@ from survey.figures import (
 from survey.instrument_check import check_instrument
 from validation.campaign import Instrument
 from validation.errors import GtvalError
+from validation.figure_files import figure_bytes, write_figure
 
 ROOM = Room(vframe=[("O", (0.0, 0.0)), ("X", (2.5, 0.0)), ("Y", (0.0, 2.5)), ("XY", (2.5, 2.5))])
 WORLD = Places(

@@ -24,7 +24,9 @@ def write_figure(path: Path, figure: Figure) -> None:
     write_files(path.parent, {path.name: figure_bytes(figure, path.suffix.lower(), str(path))})
 
 
-def figure_bytes(figure: Figure, suffix: str, name: str) -> bytes:
+def figure_bytes(
+    figure: Figure, suffix: str, name: str, dots_per_inch: int = PNG_DOTS_PER_INCH
+) -> bytes:
     """The figure as a PNG or SVG file, the same bytes every time.
 
     Parameters
@@ -35,6 +37,8 @@ def figure_bytes(figure: Figure, suffix: str, name: str) -> bytes:
         '.png' or '.svg'.
     name : str
         The file, for the message.
+    dots_per_inch : int
+        Of a PNG file.
 
     Raises
     ------
@@ -46,5 +50,5 @@ def figure_bytes(figure: Figure, suffix: str, name: str) -> bytes:
     stream = io.BytesIO()
     metadata = {"Date": None, "Creator": None} if suffix == ".svg" else {"Software": None}
     with mpl.rc_context({"svg.hashsalt": "gtval", "svg.fonttype": "none"}):
-        figure.savefig(stream, format=suffix[1:], dpi=PNG_DOTS_PER_INCH, metadata=metadata)
+        figure.savefig(stream, format=suffix[1:], dpi=dots_per_inch, metadata=metadata)
     return stream.getvalue()
