@@ -7,12 +7,10 @@ import numpy.typing as npt
 
 from laser_gt.judgement import Match
 from validation.angles import Array, wrap
+from validation.robust import sigma_from_median
 
 FEWEST = 10
 """Accepted matches below which nothing is said."""
-
-_NORMAL = 1.482602218505602
-"""Standard deviation of a normal variable over the median of its size."""
 
 
 def guess_deviations(poses: Array, start: int, end: int, sigmas: Sequence[float]) -> Array:
@@ -75,5 +73,5 @@ def guess_scatter(matches: Sequence[Match], growth: npt.ArrayLike | None = None)
     off[:, 2] = wrap(off[:, 2])
     if growth is not None:
         off /= np.asarray(growth, dtype=float)[accepted][:, [0, 0, 1]]
-    x, y, theta = _NORMAL * np.median(np.abs(off), axis=0)
+    x, y, theta = sigma_from_median(off, axis=0)
     return np.array([np.hypot(x, y) / np.sqrt(2), theta])

@@ -11,6 +11,7 @@ from rtk_gt.fixes import Bools, Ints
 from rtk_gt.interpolation import segments
 from rtk_gt.path import VehiclePath
 from validation.angles import Array
+from validation.robust import sigma_from_median
 
 LEAP = 5.0
 """Standard deviations from what the neighbours say."""
@@ -68,7 +69,7 @@ def _greatest(times: Array, poses: Array, variances: Array, max_gap: float) -> I
     weights = _cubic_weights(times[near] - times[row][:, None])
     off = poses[row] - np.einsum("mk,mkc->mc", weights, poses[near])
     noise = variances[row] + np.einsum("mk,mkc->mc", weights**2, variances[near])
-    motion = np.square(1.4826 * np.median(np.abs(off), axis=0)) - np.median(noise, axis=0)
+    motion = np.square(sigma_from_median(off, axis=0)) - np.median(noise, axis=0)
     size = np.zeros(len(times))
     size[row] = (np.abs(off) / np.sqrt(noise + np.maximum(motion, 0.0))).max(1)
     around = size[np.clip(near, 0, len(times) - 1)].max(1)

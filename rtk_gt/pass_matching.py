@@ -19,6 +19,7 @@ from rtk_gt.orientation import angles_of, matrix_of, rotation_rates
 from rtk_gt.scans import Cloud
 from validation.angles import Array
 from validation.errors import GtvalError
+from validation.robust import sigma_from_median
 
 NEIGHBOURS = 10
 FEWEST_PAIRS = 200
@@ -140,7 +141,7 @@ def match_passes(
     for gate in settings.gates:
         pairs = _matched(cloud, rows, vehicle, pose, gate, settings)
         residual, J = _equations(cloud, vehicle, pose, pairs)
-        scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-4)
+        scale = max(float(sigma_from_median(residual)), 1e-4)
         if np.isnan(first_rms):
             first_rms = float(np.sqrt(np.mean(residual**2)))
         weights = weights_of(residual)
@@ -177,7 +178,7 @@ def match_passes(
 
 def weights_of(residual: Array) -> Array:
     """Geman-McClure weights of residuals, scaled by their median."""
-    scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-4)
+    scale = max(float(sigma_from_median(residual)), 1e-4)
     return np.asarray(1 / (1 + (residual / (2 * scale)) ** 2) ** 2)
 
 

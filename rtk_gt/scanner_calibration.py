@@ -40,6 +40,7 @@ from rtk_gt.trajectory import (
 )
 from validation.angles import Array
 from validation.errors import GtvalError
+from validation.robust import sigma_from_median
 
 FEWEST_SURFACES = 20
 GRAZING = 0.3
@@ -439,7 +440,7 @@ def _whitening(data: _Data, surfaces: Surfaces, residual: Array, facing: Array) 
     """(m,) square roots of the points' weights; noise is in proportion to ``facing``."""
     settings = data.settings
     along = residual / facing
-    sigma = max(1.4826 * float(np.median(np.abs(along))), settings.sharpest)
+    sigma = max(float(sigma_from_median(along)), settings.sharpest)
     block = np.floor(data.times[surfaces.points] / settings.block).astype(np.int64)
     key = surfaces.of * (int(block.max() - block.min()) + 1) + block - block.min()
     _, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)

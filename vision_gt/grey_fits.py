@@ -3,6 +3,7 @@
 import numpy as np
 
 from validation.angles import Array
+from validation.robust import SIGMA_OF_MEDIAN
 
 SATURATED = 254
 """Such a pixel says that the light is at least so much: a brighter model is no misfit."""
@@ -23,8 +24,6 @@ LEAST_VARIANCE = 0.1
 _TUKEY = 6.0
 _MISFIT = (0.05, 0.02)
 """Shares of the contrast that are no outlier's sign: after the first step, and then."""
-_MEDIAN = 1.4826
-"""Standard deviation of a normal variable over the median of its size."""
 
 
 def tukey(residual: Array, weight: Array, contrast: Array, step: int) -> Array:
@@ -41,7 +40,7 @@ def tukey(residual: Array, weight: Array, contrast: Array, step: int) -> Array:
     """
     ordered = np.sort(np.where(weight > 0, np.abs(residual), np.inf), axis=1)
     middle = (weight.sum(1) / 2).astype(np.intp)
-    scale = _MEDIAN * ordered[np.arange(len(ordered)), middle]
+    scale = SIGMA_OF_MEDIAN * ordered[np.arange(len(ordered)), middle]
     least = np.maximum(_MISFIT[min(step, 2) - 1] * contrast, 1.0)
     scale = np.maximum(np.where(np.isfinite(scale), scale, 0.0), least)
     ratio = np.minimum(np.square(residual / (_TUKEY * scale)[:, None]), 1.0)

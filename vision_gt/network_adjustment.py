@@ -9,6 +9,7 @@ from scipy.spatial.transform import RigidTransform
 
 from validation.angles import Array
 from validation.errors import GtvalError
+from validation.robust import sigma_from_median
 from vision_gt.adjustment import Adjustment, Knowledge, adjust
 from vision_gt.board_views import BoardView, as_views, camera_pose_of_board
 from vision_gt.camera import PARAMETERS, Camera
@@ -217,7 +218,7 @@ def _two_rounds(
 def _robust_m0(adjustment: Adjustment) -> float:
     """Residuals in units of what was stated, from their median, with the freedom counted."""
     n = adjustment.residuals.size
-    middle = 1.4826 * float(np.median(np.abs(adjustment.residuals)))
+    middle = float(sigma_from_median(adjustment.residuals))
     return middle * float(np.sqrt(n / max(adjustment.freedom, 1)))
 
 
