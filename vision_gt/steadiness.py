@@ -21,6 +21,8 @@ _LEVEL = 1e-3
 """A camera that stands still is accused so often by chance."""
 _TILES = (4, 3)
 _BORDER = 24
+_MEDIAN_LENGTH = float(np.sqrt(2 * np.log(2)))
+"""Median length of a normal vector in the plane, in standard deviations of a coordinate."""
 _FLOOR_PIXELS = 0.02
 """Pixels; what interpolation and changing light add to a shift of the whole image."""
 
@@ -248,11 +250,12 @@ def _rigid_shift(places: Array, shifts: Array) -> tuple[Array, Array]:
         normal = np.einsum("t,tij,tik->jk", weights, A, A)
         unknown = np.linalg.solve(normal, np.einsum("t,tij,ti->j", weights, A, shifts))
         off = np.linalg.norm(shifts - A @ unknown, axis=1)
-        scale = max(1.4826 * float(np.median(off)) / 1.18, _FLOOR_PIXELS)
-        ratio = np.minimum(off / (4 * scale), 1.0)
+        scale = max(float(np.median(off)) / _MEDIAN_LENGTH, _FLOOR_PIXELS)
+        ratio = np.minimum(off / (6 * scale), 1.0)
         weights = np.maximum((1 - ratio**2) ** 2, 1e-6)
     normal = np.einsum("t,tij,tik->jk", weights, A, A)
-    # With few tiles the scatter itself is not well known: Student's factor for 2 t - 3.
-    freedom = max(2 * t - 3, 3)
+    # With few tiles the scatter itself is not well known: Student's factor for 2 t - 3, of which
+    # a median makes use of 40 %.
+    freedom = max(0.4 * (2 * t - 3), 3.0)
     covariance = np.linalg.inv(normal) * scale**2 * freedom / (freedom - 2)
     return unknown, covariance + np.diag([_FLOOR_PIXELS**2, _FLOOR_PIXELS**2, 1e-10])
