@@ -18,7 +18,7 @@ from laser_matching import small_gicp
 from data_samples.scan_pairs import ScanPair
 from laser_gt.carmen import read_carmen
 from laser_gt.evidence import Prepared
-from laser_gt.guesses import guess_scatter
+from laser_gt.guesses import GENEROUS, guess_scatter
 from laser_gt.judgement import Match, MatchSettings, match
 from laser_gt.kiss import register
 from laser_gt.motion import MirrorTiming, undistorted_records
@@ -33,8 +33,6 @@ FOLDER = DATA / "laser" / "fr079"
 OFFSET = np.array([-0.04, 0.0, 0.0])
 """The laser in the robot frame, as the data set states it."""
 TIMING = MirrorTiming(1 / 75, 2)
-GENEROUS = 2.0
-"""On the scatter of the guesses about the accepted matches, which are the easy ones."""
 RELATION_SIGMAS = (0.02, 0.02, 0.005)
 
 

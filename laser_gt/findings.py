@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from laser_gt.guesses import guess_deviations, guess_scatter
+from laser_gt.guesses import GENEROUS, guess_deviations, guess_scatter
 from laser_gt.outcome import LaserOutcome
 from laser_gt.solve import LaserSolution
 from validation.results import Finding
@@ -118,7 +118,7 @@ def _guesses(outcome: LaserOutcome) -> list[Finding]:
             f"{stated[0] * 1e3:.0f} mm and {stated[1] * 1e3:.0f} mrad)"
         )
         if (scatter > WORSE * stated).any():
-            wider = np.maximum(2 * scatter, stated)
+            wider = np.maximum(GENEROUS * scatter, stated)
             text += (
                 f". They are worse than stated, so some matches may have been sought too near: set "
                 f"[laser] guess_sigmas = [{wider[0]:.2g}, {wider[1]:.2g}]"

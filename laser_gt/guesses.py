@@ -9,6 +9,10 @@ from laser_gt.judgement import Match
 from validation.angles import Array, wrap
 from validation.robust import sigma_from_median
 
+GENEROUS = 2.0
+"""What to take the guesses' deviations for, over their scatter about the accepted matches: those
+are the easy ones."""
+
 FEWEST = 10
 """Accepted matches below which nothing is said."""
 

@@ -6,7 +6,7 @@ from laser_rooms import FR079
 
 from laser_gt.carmen import read_carmen
 from laser_gt.evidence import Prepared
-from laser_gt.guesses import guess_scatter
+from laser_gt.guesses import GENEROUS, guess_scatter
 from laser_gt.judgement import MatchSettings, match
 from laser_gt.motion import MirrorTiming, undistorted_records
 from laser_gt.mounts import hand_eye
@@ -43,7 +43,7 @@ def _matched(records):
         pairs.append([sweeps[index] for index in pair])
         truth.append(row[[2, 3, 7]])
     found = [match(*pair, guess) for pair, guess in zip(pairs, guesses, strict=True)]
-    length, angle = 2 * guess_scatter(found)
+    length, angle = GENEROUS * guess_scatter(found)
     settings = MatchSettings(guess_length=length, guess_angle=angle)
     found = [match(*pair, guess, settings) for pair, guess in zip(pairs, guesses, strict=True)]
     return np.array(truth), found
