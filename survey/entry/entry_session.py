@@ -8,10 +8,11 @@ import gc
 import threading
 import uuid
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Self
 
 from survey.entry.adoption import as_entries, refuse_hand_changes, remark_on
+from survey.entry.answers import Answer
 from survey.entry.double import agreement, check_second
 from survey.entry.entries import MAX_NAME, MAX_NOTE, Entry, Kind, Person, clean_text
 from survey.entry.groups import group_key
@@ -28,42 +29,10 @@ from validation.campaign import Campaign
 from validation.errors import GtvalError
 
 if TYPE_CHECKING:
-    from survey.entry.checks import Verdict
     from survey.entry.room_checks import PointStatus, RoomChecks
 
 PREPARE_AFTER = 0.2
 """Seconds."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What became of a number that was entered.
-
-    Parameters
-    ----------
-    entry : Entry
-        As it stands in the journal.
-    outcome : str
-        'recorded', 'refused' (no possible distance), 'set aside' (the pair has a reading),
-        'repeated' (this very entry was there already), 'agrees' or 'disagrees' (blind entry).
-    text : str
-        In a sentence, with the value where it may be seen.
-    verdict : Verdict or None
-        What the check says; None where nothing may be said, or there is nothing to check.
-    """
-
-    entry: Entry
-    outcome: str
-    text: str
-    verdict: "Verdict | None" = None
-
-    @property
-    def needs_a_look(self) -> bool:
-        """Whether a person should stop and look."""
-        doubtful = self.verdict is not None and (
-            self.verdict.status == "doubtful" or bool(self.verdict.suspects)
-        )
-        return doubtful or self.outcome in ("refused", "set aside", "disagrees")
 
 
 class EntrySession:

@@ -8,8 +8,9 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, TextIO
 
+from survey.entry.answers import Answer
 from survey.entry.entries import MAX_NAME, Entry, Person, clean_text
-from survey.entry.entry_session import Answer, EntrySession
+from survey.entry.entry_session import EntrySession
 from survey.entry.targets import Target, stop_of
 from survey.entry.words import (
     COMMANDS,

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from survey.entry.answers import Answer
 from survey.entry.entries import Entry, Person
-from survey.entry.entry_session import Answer, EntrySession
+from survey.entry.entry_session import EntrySession
 from survey.entry.guide import Progress
 from survey.entry.numbers import plain, signed_mm
 from survey.entry.state import Pair

@@ -4,8 +4,9 @@ import hashlib
 from collections.abc import Mapping
 from typing import Any
 
+from survey.entry.answers import Answer
 from survey.entry.entries import Entry, Person
-from survey.entry.entry_session import Answer, EntrySession
+from survey.entry.entry_session import EntrySession
 from survey.entry.numbers import plain
 from survey.entry.rough_places import RoughPlaces
 from survey.entry.state import Pair

@@ -10,7 +10,8 @@ import numpy as np
 from entry_rooms import ANN, EntryRoom, entry_room
 
 from data_samples.typing_errors import TYPING_ERRORS, mistyped
-from survey.entry.entry_session import Answer, EntrySession
+from survey.entry.answers import Answer
+from survey.entry.entry_session import EntrySession
 from survey.entry.numbers import parse_distance
 from survey.entry.targets import Target
 
