@@ -16,7 +16,8 @@ from rtk_gt.offsets import Offsets, estimate_offsets
 from rtk_gt.orientation import pose_of, transform_of
 from rtk_gt.pass_matching import ScannerCalibration, perturbed
 from rtk_gt.path import VehiclePath, vehicle_path
-from rtk_gt.scanner_calibration import ScannerSettings, calibrate_scanner
+from rtk_gt.scanner_calibration import calibrate_scanner
+from rtk_gt.scanner_equations import ScannerSettings
 from rtk_gt.scans import LineScans
 from rtk_gt.steps import Steps, common_steps
 from rtk_gt.trajectory import KNOT_SPACINGS, Trajectory, smooth_trajectory

@@ -25,7 +25,8 @@ from data_samples.drives import (
     simulate_drive,
 )
 from rtk_gt.ground import KnownGround, ground_rows, motion_rows
-from rtk_gt.scanner_calibration import ScannerSettings, calibrate_scanner
+from rtk_gt.scanner_calibration import calibrate_scanner
+from rtk_gt.scanner_equations import ScannerSettings
 from rtk_gt.scans import LineScans
 from rtk_gt.surfaces import shared_surfaces
 from rtk_gt.trajectory import (
