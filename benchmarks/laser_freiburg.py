@@ -19,13 +19,14 @@ from data_samples.scan_pairs import ScanPair
 from laser_gt.carmen import read_carmen
 from laser_gt.evidence import Prepared
 from laser_gt.guesses import GENEROUS, guess_scatter
-from laser_gt.judgement import Match, MatchSettings, match
+from laser_gt.judgement import MatchSettings, match
 from laser_gt.kiss import register
 from laser_gt.motion import MirrorTiming, undistorted_records
 from laser_gt.mounts import hand_eye
 from laser_gt.planar import between, compose, inverse
 from laser_gt.records import ScanRecord
 from laser_gt.scans import sweep
+from laser_gt.verdicts import Match
 from validation.angles import Array, wrap
 
 DATA = Path(os.environ.get("GTVAL_REAL_DATA", Path(__file__).parents[2] / "shared" / "real"))

@@ -7,10 +7,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from laser_gt.evidence import Prepared
-from laser_gt.judgement import Match
 from laser_gt.mounts import MountCheck
 from laser_gt.planar import between, compose, transform
 from laser_gt.solve import LaserSolution, Matching
+from laser_gt.verdicts import Match
 from validation.angles import Array
 from validation.figures import COLOURS, GREY
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from laser_gt.judgement import Match
+from laser_gt.verdicts import Match
 from validation.angles import Array, wrap
 from validation.robust import sigma_from_median
 

@@ -11,8 +11,8 @@ import shlex
 from collections.abc import Mapping, Sequence
 
 from laser_gt.evidence import Prepared
-from laser_gt.judgement import Match
 from laser_gt.sections import worst_first
+from laser_gt.verdicts import Match
 
 STYLE = """
 body { font-family: system-ui, sans-serif; margin: 1.5rem auto; padding: 0 1rem;

@@ -6,7 +6,6 @@ in every direction, and whether another pose would do as well.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -16,62 +15,11 @@ from laser_gt.evidence import Prepared, evidence, intruder
 from laser_gt.global_matching import SearchSettings, distinct, global_match
 from laser_gt.matching import Alignment, align
 from laser_gt.scans import Flags
+from laser_gt.verdicts import JudgementSettings, Match, with_verdict
 from validation.angles import Array, wrap
 
-Verdict = Literal["accept", "look", "reject"]
 FINISH = 5
 """Steps with all points at the end of a disturbed start."""
-SEVERITY: dict[Verdict, int] = {"accept": 0, "look": 1, "reject": 2}
-
-
-@dataclass(frozen=True)
-class JudgementSettings:
-    """Limits between accept, look and reject; each pair is (accept up to, reject beyond).
-
-    Parameters
-    ----------
-    explained : (float, float)
-        Share of all points that lie on the other sweep: at least, and reject below.
-    agreement : (float, float)
-        Share of the points that the other sensor could see and that are explained.
-    violating : (float, float)
-        Share of the points where the other sensor's beams have passed.
-    intruder : float
-        Longest surface in metres that may stand where the other scanner saw free space: more
-        than a bin or a pair of legs.
-    scale : (float, float)
-        Residuals over what noise explains.
-    sigma_length, sigma_angle : float
-        Largest standard deviation of an accepted match, metres and radians. 6 mm and 3 mrad
-        keep three standard deviations inside 20 mm and 10 mrad.
-    real_share : float
-        Least share of the information, in every direction, that scattering normals do not fake.
-    eigenvalue_ratio : float
-        Least ratio of the smallest to the largest eigenvalue of the information on position.
-    return_share : float
-        Least share of disturbed starts that come back to the same pose.
-    rival_margin : float
-        A different pose with a score less than this below the best makes the match ambiguous.
-    start_length, start_angle : float
-        Size of the disturbances of the multi-start check.
-    starts : int
-        Their number.
-    """
-
-    explained: tuple[float, float] = (0.45, 0.2)
-    agreement: tuple[float, float] = (0.85, 0.5)
-    violating: tuple[float, float] = (0.06, 0.25)
-    intruder: float = 0.5
-    scale: tuple[float, float] = (1.6, 3.0)
-    sigma_length: float = 0.006
-    sigma_angle: float = 0.003
-    real_share: float = 0.6
-    eigenvalue_ratio: float = 0.01
-    return_share: float = 0.6
-    rival_margin: float = 0.08
-    start_length: float = 0.12
-    start_angle: float = 0.09
-    starts: int = 8
 
 
 @dataclass(frozen=True)
@@ -99,76 +47,12 @@ class MatchSettings:
     judgement: JudgementSettings = field(default_factory=JudgementSettings)
 
 
-@dataclass(frozen=True)
-class Match:
-    """A pose of one sweep in the frame of another, and how far it can be trusted.
-
-    Parameters
-    ----------
-    reference, moving : str
-        Stops.
-    guess, pose : (3,) array
-        Before and after, moving frame in the reference frame.
-    covariance : (3, 3) array
-        Of the pose: noise of both sweeps, widened by the spread of the starts.
-    explained, violating, hidden, agreement : float
-        See `Evidence`; agreement is explained over not hidden.
-    intruder : float
-        Longest surface where the other scanner saw free space, in metres.
-    scale : float
-        Residuals over what noise explains.
-    real_share : float
-        Least share of real information over the directions.
-    eigenvalue_ratio : float
-        Smallest over largest eigenvalue of the information on position.
-    returned : float
-        Share of disturbed starts that came back.
-    rival : float
-        Score of the best different pose found, less the score of this one; -inf for none.
-    verdict : {"accept", "look", "reject"}
-        What to do with it.
-    reasons : tuple of str
-        Why not 'accept'; empty if it is.
-    engine : str
-        What found it.
-    """
-
-    reference: str
-    moving: str
-    guess: Array
-    pose: Array
-    covariance: Array
-    explained: float
-    violating: float
-    hidden: float
-    agreement: float
-    intruder: float
-    scale: float
-    real_share: float
-    eigenvalue_ratio: float
-    returned: float
-    rival: float
-    pairs: int
-    verdict: Verdict = "look"
-    reasons: tuple[str, ...] = ()
-    engine: str = "scanmatch"
-
-    @property
-    def sigma_length(self) -> float:
-        """Standard deviation of the position along its worst direction, metres."""
-        return float(np.sqrt(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
-
-    @property
-    def sigma_angle(self) -> float:
-        """Standard deviation of the heading, radians."""
-        return float(np.sqrt(self.covariance[2, 2]))
-
-
 def match(
     reference: Prepared,
     moving: Prepared,
     guess: npt.ArrayLike = (0.0, 0.0, 0.0),
     settings: MatchSettings | None = None,
+    start: npt.ArrayLike | None = None,
 ) -> Match:
     """The pose of a sweep in the frame of another, judged.
 
@@ -180,10 +64,13 @@ def match(
         Moving frame in the reference frame, with the standard deviations of the settings.
     settings : MatchSettings
         How well the guess is known, and the limits.
+    start : (3,) array_like, optional
+        Where to look first, if some other matcher has been there; the guess if not given.
     """
     settings = settings or MatchSettings()
     guess = np.asarray(guess, dtype=float)
-    candidates = _candidates(reference, moving, guess, settings)
+    first = guess if start is None else np.asarray(start, dtype=float)
+    candidates = _candidates(reference, moving, first, settings)
     return judged(reference, moving, guess, candidates, settings)
 
 
@@ -218,8 +105,10 @@ def judged(
     pose, covariance = both_ways(
         reference.surface, moving.surface, found.pose[best], found.covariance[best]
     )
-    pose, covariance = _with_guess(pose, covariance + spread, guess, settings)
-    return _with_verdict(
+    covariance = covariance + spread
+    surprise = _surprise(pose, covariance, guess, settings)
+    pose, covariance = _with_guess(pose, covariance, guess, settings)
+    return with_verdict(
         Match(
             reference=reference.name,
             moving=moving.name,
@@ -236,6 +125,7 @@ def judged(
             eigenvalue_ratio=_eigenvalue_ratio(found.information[best]),
             returned=float(same.mean()),
             rival=rival - float(seen.score[best]),
+            surprise=surprise,
             pairs=int(found.pairs[best]),
             engine=engine,
         ),
@@ -315,6 +205,21 @@ def _spread(poses: Array, pose: Array) -> Array:
     return np.asarray(difference.T @ difference / len(poses))
 
 
+def _prior(settings: MatchSettings) -> Array:
+    """(3, 3) covariance of the guess."""
+    length, angle = settings.guess_length, settings.guess_angle
+    return np.diag([length**2, length**2, angle**2])
+
+
+def _surprise(pose: Array, covariance: Array, guess: Array, settings: MatchSettings) -> float:
+    """Squared distance of a pose from its guess in standard deviations of both."""
+    if not np.isfinite(covariance).all():
+        return 0.0
+    difference = pose - guess
+    difference[2] = wrap(difference[2])
+    return float(difference @ np.linalg.solve(covariance + _prior(settings), difference))
+
+
 def _with_guess(
     pose: Array, covariance: Array, guess: Array, settings: MatchSettings
 ) -> tuple[Array, Array]:
@@ -323,7 +228,7 @@ def _with_guess(
     Where the scans determine nothing (along a corridor), that is the guess; where they determine
     a direction to millimetres, the guess does not move it by a hundredth of that.
     """
-    prior = np.diag([settings.guess_length**2, settings.guess_length**2, settings.guess_angle**2])
+    prior = _prior(settings)
     if not np.isfinite(covariance).all():
         return guess.copy(), prior
     gain = covariance @ np.linalg.inv(covariance + prior)
@@ -353,50 +258,3 @@ def _eigenvalue_ratio(information: Array) -> float:
     position = information[:2, :2] - np.outer(cross, cross) / heading
     values = np.linalg.eigvalsh(position)
     return float(max(values[0], 0.0) / max(values[1], 1e-9))
-
-
-def _with_verdict(found: Match, limits: JudgementSettings) -> Match:
-    """The match with its verdict: the worst of all checks, each with a sentence."""
-    graded = [
-        (found.explained, *limits.explained,
-         f"only {found.explained:.0%} of the points lie on the other scan"),
-        (found.agreement, *limits.agreement,
-         f"of the points that both could see, only {found.agreement:.0%} agree"),
-        (-found.violating, -limits.violating[0], -limits.violating[1],
-         f"{found.violating:.0%} of the points lie where the other scanner saw free space"),
-        (-found.scale, -limits.scale[0], -limits.scale[1],
-         f"residuals are {found.scale:.1f} times what range noise explains"),
-    ]  # fmt: skip
-    remarks: list[tuple[Verdict, str]] = [
-        ("reject" if value < bad else "look", text)
-        for value, good, bad, text in graded
-        if value < good
-    ]
-    remarks += [("look", text) for text in _doubts(found, limits)]
-    verdicts: list[Verdict] = ["accept", *(verdict for verdict, _ in remarks)]
-    worst = max(verdicts, key=SEVERITY.__getitem__)
-    return replace(found, verdict=worst, reasons=tuple(text for _, text in remarks))
-
-
-def _doubts(found: Match, limits: JudgementSettings) -> list[str]:
-    """Reasons to look that no number of explained points can outweigh."""
-    corridor = found.real_share < limits.real_share
-    corridor |= found.eigenvalue_ratio < limits.eigenvalue_ratio
-    not_determined = (
-        "the scans do not determine one direction (a corridor?): "
-        f"eigenvalue ratio {found.eigenvalue_ratio:.3f}, real share {found.real_share:.0%}"
-    )
-    checks = [
-        (corridor, not_determined),
-        (found.intruder > limits.intruder,
-         f"a surface of {found.intruder:.1f} m stands where the other scanner saw free space"),
-        (found.sigma_length > limits.sigma_length,
-         f"standard deviation of the position {found.sigma_length * 1e3:.1f} mm"),
-        (found.sigma_angle > limits.sigma_angle,
-         f"standard deviation of the heading {found.sigma_angle * 1e3:.1f} mrad"),
-        (found.returned < limits.return_share,
-         f"only {found.returned:.0%} of the disturbed starts come back to this pose"),
-        (found.rival > -limits.rival_margin,
-         "a different pose agrees as well with what was seen"),
-    ]  # fmt: skip
-    return [text for bad, text in checks if bad]

@@ -6,8 +6,8 @@ from itertools import combinations
 
 import numpy as np
 
-from laser_gt.judgement import SEVERITY, Match, Verdict
 from laser_gt.planar import compose, compose_jacobians, inverse, inverse_covariance_of
+from laser_gt.verdicts import SEVERITY, Match, Verdict
 from validation.angles import Array
 
 LIMIT = 16.27

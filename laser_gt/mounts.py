@@ -12,9 +12,9 @@ import numpy as np
 
 from laser_gt.graph import Edge, Graph, solve_graph
 from laser_gt.inputs import LaserInputs
-from laser_gt.judgement import Match
 from laser_gt.planar import between, compose, compose_jacobians
 from laser_gt.solve import Surveyed, edges_of
+from laser_gt.verdicts import Match
 from validation.angles import Array, wrap
 from validation.errors import GtvalError
 

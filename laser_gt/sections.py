@@ -7,11 +7,11 @@ from types import ModuleType
 
 import numpy as np
 
-from laser_gt.judgement import SEVERITY, Match
 from laser_gt.mounts import MountCheck
 from laser_gt.outcome import LaserOutcome
 from laser_gt.planar import compose
 from laser_gt.solve import LaserSolution, Matching
+from laser_gt.verdicts import SEVERITY, Match
 from validation.results import Figure, Section, Table, Text
 
 SHOWN = 16
@@ -207,7 +207,8 @@ def overlay_figure(outcome: LaserOutcome, check: MountCheck) -> Figure:
 MATCH_COLUMNS = (
     "reference", "moving", "verdict", "x", "y", "theta", "xx", "xy", "xt", "yy", "yt", "tt",
     "explained", "violating", "hidden", "agreement", "intruder", "scale", "real_share",
-    "eigenvalue_ratio", "returned", "rival", "guess_x", "guess_y", "guess_theta", "reasons",
+    "eigenvalue_ratio", "returned", "rival", "surprise", "guess_x", "guess_y",
+    "guess_theta", "reasons",
 )  # fmt: skip
 
 
@@ -221,7 +222,7 @@ def matches_csv(matching: Matching) -> str:
         numbers = [
             *one.pose, *one.covariance[upper], one.explained, one.violating, one.hidden,
             one.agreement, one.intruder, one.scale, one.real_share, one.eigenvalue_ratio,
-            one.returned, one.rival, *one.guess,
+            one.returned, one.rival, one.surprise, *one.guess,
         ]  # fmt: skip
         cells = [repr(float(v)) if np.isfinite(v) else "" for v in numbers]
         writer.writerow([one.reference, one.moving, one.verdict, *cells, "; ".join(one.reasons)])

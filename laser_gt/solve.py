@@ -12,13 +12,14 @@ from laser_gt.gpm import associate
 from laser_gt.graph import Edge, Graph, GraphSolution, connected_stops, solve_graph
 from laser_gt.guesses import guess_deviations
 from laser_gt.inputs import LaserInputs
-from laser_gt.judgement import Match, MatchSettings, judged, match
+from laser_gt.judgement import MatchSettings, judged, match
 from laser_gt.kiss import odometry, register
 from laser_gt.loops import Loop, with_loops
 from laser_gt.pairs import CandidatePairs, PairSettings, candidate_pairs
 from laser_gt.placement import Placement, place
 from laser_gt.planar import between, compose
 from laser_gt.settings import LaserSettings
+from laser_gt.verdicts import Match
 from validation.angles import Array
 from validation.errors import GtvalError
 
@@ -207,12 +208,12 @@ def match_pairs(
             convergence[reference.name, moving.name] = found.convergence
             matches.append(judged(reference, moving, guess, found.finalists, limits, "genetic"))
         else:
-            start = guess
+            start = None
             if settings.initial == "gpm":
                 start = associate(reference, moving, guess, count=1)[0]
             elif settings.initial == "kiss":
                 start = register(reference, moving, guess)
-            matches.append(replace(match(reference, moving, start, limits), guess=guess))
+            matches.append(match(reference, moving, guess, limits, start))
     judged_matches, loops = with_loops(matches)
     decided = [_obeying(one, inputs.decisions) for one in judged_matches]
     return Matching(engine, decided, loops, convergence)

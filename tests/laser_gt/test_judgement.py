@@ -72,3 +72,29 @@ def test_moved_furniture_shows_in_free_space():
         one.violating < 0.01
         for one in (match(*prepared(p), p.guess, LIMITS) for p in map(pair_of, range(6)))
     )
+
+
+def test_a_match_that_contradicts_its_guess_is_for_a_person_to_look_at():
+    """The same match with a guess 0.1 m off: stated with 20 mm it contradicts, with 60 mm not."""
+    pair = pair_of(3)
+    guess = pair.truth + np.array([0.1, 0.0, 0.0])
+    doubted = match(*prepared(pair), guess, MatchSettings(guess_length=0.02, guess_angle=0.06))
+    believed = match(*prepared(pair), guess, LIMITS)
+    assert doubted.surprise == pytest.approx(25, rel=0.1)
+    assert doubted.verdict == "look"
+    assert len(doubted.reasons) == 1
+    assert doubted.reasons[0].startswith("it contradicts its guess: ")
+    assert believed.surprise == pytest.approx((0.1 / 0.06) ** 2, rel=0.1)
+    assert believed.verdict == "accept"
+
+
+def test_right_matches_hardly_ever_contradict_honest_guesses():
+    """The squared distance from the guess is chi-squared with 3 degrees of freedom."""
+    rng = np.random.default_rng(11)
+    surprises = []
+    for seed in range(60):
+        pair = pair_of(seed)
+        guess = pair.truth + rng.normal(0, 1, 3) * [0.06, 0.06, 0.06]
+        surprises.append(match(*prepared(pair), guess, LIMITS).surprise)
+    # 99.9 % of sums of 60 such values lie in this interval: 180 degrees of freedom.
+    assert 0.689 < np.mean(surprises) / 3 < 1.384
