@@ -355,8 +355,9 @@ def _misfit(settled: Settled) -> list[Finding]:
         if low > 1:
             text = (
                 f"What is left of the {name} is {factor:.2g} times what the stated covariances "
-                f"say (99 % interval {low:.2g} to {high:.2g}). Either they are too small, or the "
-                "errors have a cause that is not among the explanations. Intervals and p-values "
+                f"say (99 % interval {low:.2g} to {high:.2g}). Either they are too small, or poses "
+                "share errors (cameras, a frame), or the errors have a cause that is not among the "
+                "explanations. Intervals and p-values "
                 "are too sure by as much; leave the covariances out of the tables to have the "
                 "noise estimated."
             )
@@ -364,8 +365,9 @@ def _misfit(settled: Settled) -> list[Finding]:
         elif high < 1:
             text = (
                 f"What is left of the {name} is only {factor:.2g} times what the stated "
-                f"covariances say (99 % interval {low:.2g} to {high:.2g}): they are too large, and "
-                "small causes of error stay hidden."
+                f"covariances say (99 % interval {low:.2g} to {high:.2g}): they are too large, or "
+                "poses and survey share errors that cancel in the differences (as of a frame that "
+                "all surveyed stops place). Small causes of error stay hidden."
             )
             told.append(Finding("note", text, settled.pairs.system, "covariance_too_large"))
     return told
