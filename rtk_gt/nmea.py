@@ -24,6 +24,7 @@ HALF_DAY = 43200.0
 _SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3}),([^*$]*)(?:\*([0-9A-Fa-f]{0,2}))?\s*$")
 _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?|[+-]?\.\d+")
 _TIME = re.compile(r"(\d{2})(\d{2})(\d{2}(?:\.\d*)?)")
+_DATED = re.compile(r"\$..(?:RMC,([^,]*),(?:[^,]*,){7}(\d{6})|ZDA,([^,]*),(\d\d,\d\d,\d{4}))")
 
 
 @dataclass
@@ -85,7 +86,7 @@ def read_nmea(
     text = _text(path)
     start = None if day is None else datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()
     log = _Log(path, skip_damaged, start)
-    log.day = start if start is not None else _first_date(text)
+    log.day, log.last_clock = (start, None) if start is not None else _first_date(text)
     log.dated = log.day is not None
     if log.day is None:
         log.day = 0.0
@@ -110,15 +111,26 @@ def _text(path: Path) -> str:
         raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
 
 
-def _first_date(text: str) -> float | None:
-    """Midnight of the first RMC or ZDA sentence that has a date."""
-    for match in re.finditer(r"\$..(?:RMC,(?:[^,]*,){8}(\d{6})|ZDA,[^,]*,(\d\d,\d\d,\d{4}))", text):
-        layout, value = ("%d%m%y", match[1]) if match[1] else ("%d,%m,%Y", match[2])
+def _first_date(text: str) -> tuple[float | None, float | None]:
+    """Midnight of the first RMC or ZDA sentence that has a date, and its own time of day.
+
+    With the time of day, fixes of the evening before a date that was written after midnight are
+    of the day before.
+    """
+    for match in _DATED.finditer(text):
+        layout, value = ("%d%m%y", match[2]) if match[2] else ("%d,%m,%Y", match[4])
+        clock = _TIME.fullmatch(match[1] or match[3] or "")
         try:
-            return datetime.strptime(value, layout).replace(tzinfo=UTC).timestamp()
+            day = datetime.strptime(value, layout).replace(tzinfo=UTC).timestamp()
         except ValueError:
             continue
-    return None
+        return day, _seconds(clock) if clock else None
+    return None, None
+
+
+def _seconds(clock: re.Match[str]) -> float:
+    """Seconds of the day of a match of hhmmss.ss."""
+    return 3600 * int(clock[1]) + 60 * int(clock[2]) + float(clock[3])
 
 
 def _read_line(log: _Log, number: int, line: str) -> None:
@@ -163,15 +175,25 @@ def _checksum_holds(log: _Log, number: int, sentence: str, checksum: str | None)
     return True
 
 
-def _clock(log: _Log, number: int, cell: str) -> float | None:
-    """Seconds since 1970 of a time of day; midnight passes where the clock falls by half a day."""
+def _clock(log: _Log, number: int, cell: str, *, of_errors: bool = False) -> float | None:
+    """Seconds since 1970 of a time of day.
+
+    Midnight passes where the clock falls by half a day. Where it rises by half a day midnight was
+    not yet: at the first fix, if the date was written after midnight, and at the errors of a fix,
+    which may be written after the next fix. Other rises are pauses.
+    """
     match = _TIME.fullmatch(cell)
     if match is None or int(match[1]) > 23 or int(match[2]) > 59 or float(match[3]) >= 61:
         log.bad(number, "time", cell, "not a time of day; expected hhmmss.ss")
         return None
-    clock = 3600 * int(match[1]) + 60 * int(match[2]) + float(match[3])
-    if log.last_clock is not None and clock < log.last_clock - HALF_DAY:
+    clock = _seconds(match)
+    rise = 0.0 if log.last_clock is None else clock - log.last_clock
+    if rise > HALF_DAY and of_errors:
+        return (log.day or 0.0) - 86400.0 + clock
+    if rise < -HALF_DAY:
         log.day = (log.day or 0.0) + 86400.0
+    elif rise > HALF_DAY and not log.rows:
+        log.day = (log.day or 0.0) - 86400.0
     log.last_clock = clock
     return (log.day or 0.0) + clock
 
@@ -221,12 +243,25 @@ def _angle(
     degrees, minutes = int(cell[:digits]), float(cell[digits:] or "0")
     value = degrees + minutes / 60
     if minutes >= 60 or value > largest:
-        log.bad(number, name, cell, f"out of range; expected up to {largest:g} degrees")
+        log.bad(number, name, cell, _beyond(cell, digits, minutes, largest))
         return None
     if side not in tuple(sides):
         log.bad(number, name, side, f"not a hemisphere; expected {sides[0]} or {sides[1]}")
         return None
     return float(np.radians(value if side == sides[0] else -value))
+
+
+def _beyond(cell: str, digits: int, minutes: float, largest: float) -> str:
+    """What is wrong with an angle that is none: usually its digits, not its size."""
+    written = cell.partition(".")[0]
+    if len(written) != digits + 2:
+        return (
+            f"{len(written)} digits before the point, expected {digits + 2} ({'d' * digits}mm); "
+            "are latitude and longitude exchanged?"
+        )
+    if minutes >= 60:
+        return f"{minutes:g} minutes; expected less than 60"
+    return f"out of range; expected up to {largest:g} degrees"
 
 
 def _cell(log: _Log, number: int, name: str, cell: str) -> float | None:
@@ -242,11 +277,16 @@ def _gst(log: _Log, number: int, cells: list[str]) -> None:
     if len(cells) != 8:
         log.bad(number, "GST", ",".join(cells), f"{len(cells)} fields, expected 8")
         return
-    time = _clock(log, number, cells[0])
+    time = _clock(log, number, cells[0], of_errors=True)
     numbers = [float(c) if _NUMBER.fullmatch(c) else np.nan for c in cells[2:]]
     if time is None or any(np.isnan(numbers)):
         log.tolerated["GST with empty fields"] += 1
         if time is None or any(np.isnan(numbers[3:])):
+            return
+    names = ("major sigma", "minor sigma", "", "latitude sigma", "longitude sigma", "height sigma")
+    for name, value, cell in zip(names, numbers, cells[2:], strict=True):
+        if name and value < 0:
+            log.bad(number, f"GST {name}", cell, "a standard deviation cannot be negative")
             return
     log.ellipses[time] = EllipseRecord(*numbers)
 

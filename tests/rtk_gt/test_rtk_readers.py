@@ -104,13 +104,38 @@ def test_dates_and_midnight(tmp_path):
     assert any("no date" in note for note in read_nmea(written(tmp_path, gga()), "r").notes)
 
 
+def test_a_date_written_after_midnight_is_of_the_new_day(tmp_path):
+    rmc = sentence("GPRMC,000000.50,A,3642.98,N,00428.54,W,7.2,80.9,101108,,,A")
+    lines = [gga(clock="235959.00"), gga(clock="000000.00"), rmc, gga(clock="000001.00")]
+    found = read_nmea(written(tmp_path, *lines), "rear")
+    assert found.times.tolist() == [1226275199.0, 1226275200.0, 1226275201.0]
+
+
+def test_errors_written_after_the_fix_of_the_new_day(tmp_path):
+    ellipse = "0.012,0.007,30.0,0.0110,0.0086,0.021"
+    lines = [gga(clock="235959.00"), gga(clock="000000.00"), gst(ellipse=ellipse)]
+    lines[2] = sentence(f"GPGST,235959.00,0.02,{ellipse}")
+    found = read_nmea(written(tmp_path, *lines, gga(clock="000001.00")), "rear")
+    assert np.diff(found.times).tolist() == [1.0, 1.0]
+    assert np.isfinite(found.covariances).all((1, 2)).tolist() == [True, False, False]
+
+
+def test_a_negative_deviation_is_an_error(tmp_path):
+    path = written(tmp_path, gga(), gst(ellipse="0.012,0.007,30.0,-0.0110,0.0086,0.021"))
+    with pytest.raises(InputError, match="cannot be negative") as raised:
+        read_nmea(path, "rear")
+    assert raised.value.problems[0].field == "GST latitude sigma"
+
+
 @pytest.mark.parametrize(
     ("line", "field", "words"),
     [
         (gga()[:40], "sentence", "cut|not a whole"),
         (gga()[:-1] + ("0" if gga()[-1] != "0" else "1"), "sentence", "checksum"),
         (gga(latitude="3642,9846633"), "GGA", "decimal comma"),
-        (gga(latitude="3671.5"), "latitude", "out of range"),
+        (gga(latitude="3671.5"), "latitude", "71.5 minutes"),
+        (gga(latitude="9100.5"), "latitude", "out of range"),
+        (gga(latitude="00428.5"), "latitude", "exchanged"),
         (gga(height="high"), "altitude", "not a number"),
         (gga(clock="256161.00"), "time", "hhmmss"),
         ("no sentence at all", "sentence", "no sentence begins"),
@@ -225,6 +250,9 @@ def records(tmp_path, **changes):
         (["0,36.7,-4.4,48", "0,36.7,-4.4,48", "2,36.7,-4.4,48"], 3, "the same time"),
         (["0,36.7,-4.4,48", "1,36.7,-4.4,48", "900000,36.7,-4.4,48"], 4, "leaps of days"),
         (["0,-4.4,36.7,48", "1,-4.4,36.7,48", "2,-4.4,36.7,48"], 2, "exchanged"),
+        (["0,4.4,-36.7,48", "1,4.4,-36.7,48", "2,4.4,-36.7,48"], 2, "without their hemispheres"),
+        (["0,-36.7,-4.4,48", "1,-36.7,-4.4,48", "2,-36.7,-4.4,48"], 2, "N and S are exchanged"),
+        (["0,36.7,4.4,48", "1,36.7,4.4,48", "2,36.7,4.4,48"], 2, "E and W are exchanged"),
         (["0,46.7,-4.4,48", "1,46.7,-4.4,48", "2,46.7,-4.4,48"], 2, "km from"),
         (["0,36.7,-4.4,48", "1,36.9,-4.4,48", "2,36.7,-4.4,48"], 3, "22.2 km from the fix"),
     ],
