@@ -7,6 +7,7 @@ import numpy as np
 from rtk_gt.offsets import distance_names
 from rtk_gt.outcome import RtkOutcome
 from rtk_gt.path import heading_span, tilt_spread
+from rtk_gt.prior_check import differences_said
 from validation.angles import Array
 from validation.results import Finding
 
@@ -14,6 +15,8 @@ SUBJECT = "rtk"
 AXES = ("x", "y", "z")
 LARGEST_SLIP = np.radians(1.0)
 """Vehicle frames and wheels agree better than this."""
+UNLIKELY = 1e-3
+"""Stated offsets that differ from the drive's by more than that often by chance are said."""
 
 
 def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
@@ -103,9 +106,11 @@ def _offsets(outcome: RtkOutcome) -> Iterator[Finding]:
         yield Finding("error" if worst > 0.5 else "warning", text, SUBJECT, "offsets_undetermined")
     else:
         text += (
-            "There they are those stated in campaign.toml, which this drive cannot check; their "
-            f"error makes up to {_degrees_of(outcome)} degrees of attitude at all poses alike."
+            "There they are those stated in campaign.toml, which this drive cannot check; "
+            if outcome.settings.known_offsets or outcome.settings.known_distances
+            else f"No single offset is worse than {_metres(worst)}; "
         )
+        text += f"their error makes up to {_degrees_of(outcome)} degrees of attitude at all poses."
         yield Finding("warning", text, SUBJECT, "offsets_from_prior")
 
 
@@ -127,15 +132,24 @@ def _degrees_of(outcome: RtkOutcome) -> str:
 
 
 def _prior(outcome: RtkOutcome) -> Iterator[Finding]:
-    """Measured distances that the drive contradicts."""
+    """Stated offsets and measured distances that the drive contradicts."""
+    if outcome.stated is not None and outcome.stated.probability < UNLIKELY:
+        said = differences_said(outcome.stated, outcome.offsets.receivers[1:], 2.0)
+        text = (
+            "The stated offsets do not agree with those of the drive alone (probability "
+            f"{100 * outcome.stated.probability:.2g} %): {said or 'in their combination'}. "
+            "Their sigma may be too small, or they belong to another drive or frame."
+        )
+        yield Finding("warning", text, SUBJECT, "offsets_differ")
     known = outcome.settings.known_distances
     if known is None:
         return
     names = distance_names(outcome.offsets.receivers)
     for row, name in enumerate(names):
-        if name not in known.values:
+        stated = known.of_pair(name, np.nan)
+        if np.isnan(stated):
             continue
-        off = outcome.offsets.distances[row] - known.values[name]
+        off = outcome.offsets.distances[row] - stated
         sigma = np.hypot(known.sigma, outcome.offsets.distance_sigmas[row])
         if abs(off) > 3 * sigma:
             text = (

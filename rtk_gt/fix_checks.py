@@ -6,6 +6,7 @@ import numpy as np
 
 from rtk_gt.fixes import Fixes
 from rtk_gt.frames import LocalFrame, ecef_from_geodetic
+from validation.angles import Array
 from validation.errors import InputError, Problem
 
 FAR = 100_000.0
@@ -98,20 +99,35 @@ def _apart(records: Sequence[Fixes], frame: LocalFrame | None) -> list[Problem]:
     for record, place in zip(records, where, strict=True):
         if np.linalg.norm(place - centre) <= FAR:
             continue
-        exchanged = record.geodetic[:, [1, 0, 2]]
-        swapped = np.median(ecef_from_geodetic(exchanged), axis=0)
-        near = np.linalg.norm(swapped - centre) <= FAR
         distance = np.linalg.norm(place - centre) / 1000
         found.append(
             Problem(
                 record.source,
-                "latitude and longitude are exchanged"
-                if near
-                else f"receiver {record.receiver} is {distance:.0f} km from the frame's origin or "
-                "the other receivers",
+                _mistaken(record, centre)
+                or f"receiver {record.receiver} is {distance:.0f} km from the frame's origin or "
+                "the other receivers; state the origin of this drive, or the file of it",
                 int(record.lines[0]),
                 "position",
                 _degrees(record, 0),
             )
         )
     return found
+
+
+def _mistaken(record: Fixes, centre: Array) -> str:
+    """Which mistake of writing would explain that a record is far away; '' if none would."""
+    latitude, longitude, height = np.median(record.geodetic, axis=0)
+    for words, north, east in (
+        ("latitude and longitude are exchanged", longitude, latitude),
+        ("the hemisphere is wrong: N and S are exchanged", -latitude, longitude),
+        ("the hemisphere is wrong: E and W are exchanged", latitude, -longitude),
+        ("the hemispheres are wrong: N and S, E and W are exchanged", -latitude, -longitude),
+        ("latitude and longitude are exchanged, without their hemispheres", -longitude, -latitude),
+        ("latitude and longitude are exchanged, without their hemispheres", longitude, -latitude),
+        ("latitude and longitude are exchanged, without their hemispheres", -longitude, latitude),
+    ):
+        if abs(north) > np.pi / 2:
+            continue
+        if np.linalg.norm(ecef_from_geodetic([north, east, height]) - centre) <= FAR:
+            return f"receiver {record.receiver}: {words}"
+    return ""

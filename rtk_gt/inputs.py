@@ -136,13 +136,7 @@ def offset_prior(settings: RtkSettings, frame: LocalFrame) -> OffsetPrior:
     if settings.known_distances is not None:
         stated = settings.known_distances
         pairs = distance_names(names)
-        unknown = set(stated.values) - set(pairs)
-        if unknown:
-            raise GtvalError(
-                f"[rtk.known_distances] {', '.join(sorted(unknown))}: no pair of receivers; "
-                f"expected {', '.join(pairs)}"
-            )
-        distances = np.array([stated.values.get(pair, np.nan) for pair in pairs])
+        distances = np.array([stated.of_pair(pair, np.nan) for pair in pairs])
         prior = replace(
             prior, distances=distances, distance_sigmas=np.full(len(pairs), stated.sigma)
         )

@@ -18,8 +18,10 @@ from rtk_gt.offset_prior import OffsetPrior
 from rtk_gt.offsets import Offsets, estimate_offsets
 from rtk_gt.path import VehiclePath, vehicle_path
 from rtk_gt.pose_covariance import reference_covariance
+from rtk_gt.prior_check import PriorCheck, check_prior
 from rtk_gt.settings import RtkSettings
 from rtk_gt.steps import Steps, common_steps
+from rtk_gt.together import check_together
 from validation.angles import Array
 from validation.campaign import Campaign
 from validation.errors import GtvalError
@@ -45,6 +47,8 @@ class RtkOutcome:
         The same, brought together, as recorded.
     prior : OffsetPrior
         What campaign.toml states of offsets and distances.
+    stated : PriorCheck, optional
+        The stated offsets beside those of the drive alone; None if none are stated.
     offsets : Offsets
         Offsets and distances from the drive and the prior.
     antennas : Antennas
@@ -74,6 +78,7 @@ class RtkOutcome:
     records: tuple[Fixes, ...]
     steps: Steps
     prior: OffsetPrior
+    stated: PriorCheck | None
     offsets: Offsets
     antennas: Antennas
     noise: GpsNoise
@@ -101,7 +106,9 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     progress("reading the receivers", 0.0)
     records, steps = recorded_steps(campaign, settings)
     progress("offsets of the receivers", 0.3)
+    check_together(records, steps, settings.simultaneous)
     prior = offset_prior(settings, steps.frame)
+    stated = check_prior(steps, prior, eta=settings.eta, robust=settings.robust)
     offsets = estimate_offsets(steps, eta=settings.eta, robust=settings.robust, prior=prior)
     _check_determined(offsets)
     antennas = _antennas(settings, offsets)
@@ -116,6 +123,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
         records=tuple(records),
         steps=steps,
         prior=prior,
+        stated=stated,
         offsets=offsets,
         antennas=antennas,
         noise=noise,

@@ -1,5 +1,6 @@
 """The [rtk] table of campaign.toml."""
 
+from itertools import combinations
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -60,11 +61,20 @@ class KnownOffsets(Settings):
     up: Literal["ellipsoid", "geocentric"]
 
 
+def reversed_pair(pair: str) -> str:
+    """'b - a' of 'a - b'."""
+    return " - ".join(reversed(pair.split(" - ")))
+
+
 class KnownDistances(Settings):
     """Tape-measured distances: 'rear - left' to metres, with one standard deviation."""
 
     values: dict[str, Positive]
     sigma: Positive = 0.01
+
+    def of_pair(self, pair: str, default: float) -> float:
+        """The distance of 'a - b', which may have been stated as 'b - a'."""
+        return self.values.get(pair, self.values.get(reversed_pair(pair), default))
 
 
 class RtkSettings(Settings):
@@ -103,8 +113,17 @@ class RtkSettings(Settings):
         known = set(self.known_offsets.values) if self.known_offsets else set()
         if known - set(names):
             raise ValueError(
-                f"known_offsets of no receiver: {', '.join(sorted(known - set(names)))}"
+                f"known_offsets of no receiver: {', '.join(sorted(known - set(names)))}; expected "
+                f"{', '.join(names)}"
             )
+        if self.known_distances:
+            pairs = [f"{a} - {b}" for a, b in combinations(names, 2)]
+            for stated in self.known_distances.values:
+                if stated not in pairs and reversed_pair(stated) not in pairs:
+                    raise ValueError(
+                        f"known_distances '{stated}' is no pair of receivers; expected one of "
+                        f"{', '.join(pairs)}"
+                    )
         if len({sensor.name for sensor in self.sensors}) < len(self.sensors):
             raise ValueError("two sensors have the same name")
         return self

@@ -301,9 +301,8 @@ def _input_error(path: Path, error: ValidationError, prefix: tuple[str, ...] = (
         keys = prefix + tuple(str(part) for part in fault["loc"])
         value = fault["input"]
         shown = None if fault["type"] == "missing" or isinstance(value, dict) else str(value)
-        problems.append(
-            Problem(path, fault["msg"], _line_of(path, keys), ".".join(keys) or None, shown)
-        )
+        what = fault["msg"].removeprefix("Value error, ")
+        problems.append(Problem(path, what, _line_of(path, keys), ".".join(keys) or None, shown))
     return InputError(problems)
 
 

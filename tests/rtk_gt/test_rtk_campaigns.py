@@ -252,7 +252,7 @@ def test_a_tape_measure_gives_the_fragment_a_path(tmp_path):
     distances = """
 [rtk.known_distances]
 sigma = 0.01
-values = { "rear - left" = 1.79, "rear - right" = 1.79, "left - right" = 1.15 }
+values = { "rear - left" = 1.79, "right - rear" = 1.79, "left - right" = 1.15 }
 """
     outcome = solve_campaign(fragment_campaign(tmp_path, known=distances))
     assert 0.01 < outcome.offsets.offset_sigmas.max() < 0.5
