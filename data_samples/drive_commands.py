@@ -36,6 +36,9 @@ import click
 @click.option(
     "--sensors", is_flag=True, help="Write a consumer GPS, an IMU and a camera's points, too."
 )
+@click.option(
+    "--images", is_flag=True, help="Draw the left camera's images, too: half a second each."
+)
 def simulate_drive_command(
     folder: Path,
     seed: int,
@@ -46,6 +49,7 @@ def simulate_drive_command(
     receivers: int,
     scans: bool,
     sensors: bool,
+    images: bool,
 ) -> None:
     """Write a synthetic campus drive with RTK-GPS receivers as a campaign to FOLDER.
 
@@ -71,7 +75,7 @@ def simulate_drive_command(
         for row, (name, pose) in enumerate(SCANNERS.items())
         if scans
     }
-    write_drive(folder, drive, read, other_sensors=sensors)
+    write_drive(folder, drive, read, other_sensors=sensors, images=images)
     click.echo(f"A drive of {loops} loops is in {folder}. Next: gtval run {folder}")
 
 

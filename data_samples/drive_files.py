@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
+import cv2
 import numpy as np
 
+from data_samples.drive_images import camera_images, image_times
 from data_samples.drive_sensors import LENS, consumer_fixes, corner_sightings, imu_angles
 from data_samples.drives import (
     LEFT_CAMERA,
@@ -30,13 +32,15 @@ def write_drive(
     scans: Mapping[str, LineScans] | None = None,
     *,
     other_sensors: bool = False,
+    images: bool = False,
 ) -> list[Path]:
     """Write a drive as a campaign folder; returns the paths of its files.
 
     The truth goes to ``truth/``: the vehicle's pose at every second, the offsets, and where the
     sensors are. Scanners with scans go to ``scans/``, and campaign.toml has their places as
     measured by hand, with the errors that this has. With ``other_sensors`` the records of a
-    consumer GPS, an IMU and the left camera go to ``sensors/``.
+    consumer GPS, an IMU and the left camera go to ``sensors/``, with ``images`` those of the left
+    camera, too, listed in ``sensors/left_camera_images.csv``.
     """
     files: dict[str, str | bytes] = {
         f"rtk/{record.receiver}.nmea": nmea_text(record) for record in drive.records
@@ -45,6 +49,8 @@ def write_drive(
     sensors = {"left_camera": LEFT_CAMERA, **SCANNERS}
     rows = [",".join([name, *(repr(float(v)) for v in pose)]) for name, pose in sensors.items()]
     files["truth/sensors.csv"] = "\n".join(["sensor,x,y,z,yaw,pitch,roll", *rows]) + "\n"
+    if images:
+        files.update(image_files(drive))
     if other_sensors:
         files.update(sensor_files(drive))
         sensors["left_camera"] = LEFT_CAMERA + HAND_SIGMAS * generator.standard_normal(6)
@@ -76,11 +82,30 @@ def sensor_files(drive: Drive) -> dict[str, str]:
         "sensors/left_camera_points.csv": _csv(
             "time,x,y,z,u,v", np.column_stack([seen, points, pixels])
         ),
-        "sensors/left_camera_lens.txt": " ".join(
-            f"{value:g}" for value in (*LENS.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], *LENS.distortion)
-        )
-        + "\n",
+        LENS_FILE: lens_text(),
     }
+
+
+LENS_FILE = "sensors/left_camera_lens.txt"
+
+
+def lens_text() -> str:
+    """The left camera's fx fy cx cy k1 k2 p1 p2, as the commands take them."""
+    numbers = (*LENS.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], *LENS.distortion)
+    return " ".join(f"{value:.10g}" for value in numbers) + "\n"
+
+
+def image_files(drive: Drive) -> dict[str, str | bytes]:
+    """The left camera's images as PNG files, with their list ``time,file`` and the lens."""
+    times = image_times(drive)
+    files: dict[str, str | bytes] = {LENS_FILE: lens_text()}
+    rows = ["time,file"]
+    for time, image in zip(times, camera_images(drive, times), strict=True):
+        name = f"left_camera/{time:.3f}.png"
+        files[f"sensors/{name}"] = cv2.imencode(".png", image[:, :, ::-1])[1].tobytes()
+        rows.append(f"{time:.3f},{name}")
+    files["sensors/left_camera_images.csv"] = "\n".join(rows) + "\n"
+    return files
 
 
 def _csv(head: str, rows: Array) -> str:

@@ -7,7 +7,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 
 from rtk_gt.antennas import Antennas
-from rtk_gt.fixes import Ints
+from rtk_gt.fixes import Bools, Ints
 from rtk_gt.noise import GpsNoise
 from rtk_gt.orientation import matrix_of, rotation_rates
 from rtk_gt.pass_matching import perturbed
@@ -44,6 +44,20 @@ class Lens:
         v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
         K = self.matrix
         return np.stack([K[0, 0] * u + K[0, 2], K[1, 1] * v + K[1, 2]], axis=-1)
+
+    def shows(self, points: Array) -> Bools:
+        """(...,) True where the polynomial of the radial distortion still leads outwards.
+
+        Farther from the axis it turns back, and a point far outside of the image would be
+        projected into it.
+        """
+        depth = np.where(points[..., 2] > 1e-6, points[..., 2], np.nan)
+        r2 = np.square(points[..., :2]).sum(-1) / depth**2
+        k1, k2 = self.distortion[:2]
+        # Of r + k1 r^3 + k2 r^5 the derivative 1 + 3 k1 r^2 + 5 k2 r^4 turns at its first root.
+        roots = np.roots([5 * k2, 3 * k1, 1.0])
+        turns = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
+        return np.asarray(r2 < min(turns, default=np.inf))
 
 
 @dataclass(frozen=True)

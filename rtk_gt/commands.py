@@ -81,6 +81,38 @@ def coverage(campaign: Path, as_json: bool) -> None:
     print_table(gap_table_of(found))
 
 
+@rtk.command("reference-covariance")
+@CAMPAIGN
+@click.option(
+    "--samples",
+    type=click.IntRange(1000, 10**9),
+    default=10**7,
+    show_default=True,
+    help="Simulated measurements; 10^7 take ten seconds.",
+)
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
+@AS_JSON
+def reference_covariance(campaign: Path, samples: int, seed: int, as_json: bool) -> None:
+    """Covariance W* of a pose at the origin, to first order and by simulation.
+
+    Of the antennas and the noise that the drive of CAMPAIGN gives; without offsets. Writes nothing.
+    """
+    import numpy as np
+
+    from rtk_gt.pose_covariance import simulated_covariance
+    from rtk_gt.sections import reference_table
+    from validation.report.terminal import print_json, print_table
+
+    outcome = _solved(campaign)
+    simulated = simulated_covariance(
+        outcome.antennas.positions, outcome.noise, samples, np.random.default_rng(seed)
+    )
+    if as_json:
+        print_json({"first_order": outcome.reference, "simulated": simulated, "samples": samples})
+        return
+    print_table(reference_table(outcome.reference, simulated, outcome.noise, samples))
+
+
 @rtk.command("sensor-path")
 @CAMPAIGN
 @click.argument("sensor")
@@ -91,26 +123,42 @@ def coverage(campaign: Path, as_json: bool) -> None:
     is_flag=True,
     help="Splines in x and y, lines else, instead of what does best on the data.",
 )
+@click.option(
+    "--additive-angles",
+    is_flag=True,
+    help="Add the angles of vehicle and sensor (Eq. 30), as published files do. Wrong where the"
+    " vehicle pitches or rolls; only to compare with such files.",
+)
 def sensor_path(
-    campaign: Path, sensor: str, times: Path, output: Path | None, published_interpolation: bool
+    campaign: Path,
+    sensor: str,
+    times: Path,
+    output: Path | None,
+    published_interpolation: bool,
+    additive_angles: bool,
 ) -> None:
     """Poses of a sensor at the TIMES (a CSV file with a column time) of its own data.
 
     SENSOR is one of campaign.toml, or 'vehicle'. Times in gaps of the ground truth give no pose.
     """
-    from rtk_gt.sensor_times import read_times, sensor_poses
+    from rtk_gt.sensor_times import VEHICLE, read_times, sensor_poses
     from validation.files import write_files
     from validation.poses import to_csv, to_tum
 
     wanted = read_times(times)
     outcome = _solved(campaign)
-    table, missing = sensor_poses(outcome, sensor, wanted, published=published_interpolation)
+    table, missing = sensor_poses(
+        outcome, sensor, wanted, published=published_interpolation, additive_angles=additive_angles
+    )
     text = to_tum(table) if output and output.suffix == ".tum" else to_csv(table)
     if output is None:
         click.echo(text, nl=False)
     else:
         write_files(output.parent, {output.name: text})
-    click.echo(f"{len(table)} poses; {missing} times are in gaps of the ground truth.", err=True)
+    said = f"{len(table)} poses; {missing} times are in gaps of the ground truth."
+    if additive_angles and sensor != VEHICLE:
+        said += " Angles were added, not composed: wrong where the vehicle pitches or rolls."
+    click.echo(said, err=True)
 
 
 def _need_receivers(toml: Path, settings: object) -> None:
@@ -129,7 +177,7 @@ def _solved(campaign: Path) -> "RtkOutcome":
         return solve_campaign(loaded, report)
 
 
-_MODULES = ("rtk_gt.sensor_commands",)
+_MODULES = ("rtk_gt.sensor_commands", "rtk_gt.cloud_commands")
 for _module in _MODULES:
     for _command in import_module(_module).COMMANDS:
         rtk.add_command(_command)

@@ -1,5 +1,7 @@
 """Coloured point clouds of a drive, and PLY files of them."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,7 +16,7 @@ NOT_SEEN = (128, 128, 128)
 
 def colour_points(
     points: Array,
-    images: npt.NDArray[np.uint8],
+    images: Iterable[Bytes],
     vehicle: Array,
     camera: Array,
     lens: Lens,
@@ -27,8 +29,8 @@ def colour_points(
     ----------
     points : (n, 3) array
         Local frame, metres.
-    images : (m, h, w, 3) uint8 array
-        Red, green, blue.
+    images : m of (h, w, 3) uint8 arrays
+        Red, green, blue; taken one at a time, so that they need not all be in memory.
     vehicle : (m, 6) array
         Vehicle poses at the images.
     camera : (6,) array
@@ -46,13 +48,13 @@ def colour_points(
     """
     colours = np.tile(np.array(NOT_SEEN, dtype=np.uint8), (len(points), 1))
     best = np.full(len(points), np.inf)
-    height, width = images.shape[1:3]
     for image, pose in zip(images, vehicle, strict=True):
+        height, width = image.shape[:2]
         own = in_camera(points, pose, camera)
         with np.errstate(invalid="ignore", over="ignore"):
             pixels = np.round(lens.project(own))
             inside = (
-                np.isfinite(pixels).all(1)
+                np.isfinite(pixels).all(1) & lens.shows(own)
                 & (pixels[:, 0] >= 0) & (pixels[:, 0] < width)
                 & (pixels[:, 1] >= 0) & (pixels[:, 1] < height)
             )  # fmt: skip

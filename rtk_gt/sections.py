@@ -9,8 +9,10 @@ import numpy as np
 from rtk_gt.coverage import Coverage
 from rtk_gt.fixes import FIX_NAMES
 from rtk_gt.interpolation import METHODS, NAMES
+from rtk_gt.noise import GpsNoise
 from rtk_gt.offsets import distance_names
 from rtk_gt.outcome import RtkOutcome
+from validation.angles import Array
 from validation.results import Figure, Section, Table, Text
 
 if TYPE_CHECKING:
@@ -283,6 +285,25 @@ def uncertainty_table(outcome: RtkOutcome) -> Table:
         ["", *[".1f"] * 3, *[".3f"] * 3],
         "Noise is new at each pose. Errors of offsets and distances are the same along the "
         "whole drive: averaging does not reduce them.",
+    )
+
+
+def reference_table(first: Array, simulated: Array, noise: GpsNoise, samples: int) -> Table:
+    """Standard deviations of W* by both ways, and how far the variances differ."""
+    variances = np.diagonal(first), np.diagonal(simulated)
+    rows: list[Cells] = [
+        [name, *(1000 * np.sqrt(of[:3])), *np.degrees(np.sqrt(of[3:]))]
+        for name, of in zip(("first order", f"{samples:,} samples"), variances, strict=True)
+    ]
+    off = 100 * np.abs(variances[1] / variances[0] - 1).max()
+    return Table(
+        "Reference covariance W* of a pose at the origin",
+        ["way", "x [mm]", "y [mm]", "z [mm]", "yaw [deg]", "pitch [deg]", "roll [deg]"],
+        rows,
+        ["", *[".3f"] * 3, *[".4f"] * 3],
+        f"Noise of a receiver: {1000 * noise.sigma:.2f} mm in x and y, "
+        f"{1000 * noise.eta * noise.sigma:.2f} mm in z. The variances differ by up to {off:.2f} %; "
+        f"chance alone makes {100 * np.sqrt(2 / samples):.2f} % (one sigma). All numbers: --json.",
     )
 
 

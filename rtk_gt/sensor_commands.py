@@ -1,4 +1,4 @@
-"""The commands ``gtval rtk scanner``, ``camera``, ``dgps``, ``imu`` and ``cloud``."""
+"""The commands ``gtval rtk scanner``, ``camera``, ``dgps`` and ``imu``."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,10 +9,8 @@ from validation.commands import AS_JSON, CAMPAIGN
 
 if TYPE_CHECKING:
     from rtk_gt.camera_pose import Lens
-    from rtk_gt.fixes import Bools
     from rtk_gt.interpolation import Interpolated
     from rtk_gt.outcome import RtkOutcome
-    from rtk_gt.point_clouds import Bytes
     from rtk_gt.scans import LineScans
     from rtk_gt.settings import Sensor
     from validation.angles import Array
@@ -73,13 +71,13 @@ def scanner(
     if histogram is not None and histogram.suffix.lower() not in {".png", ".svg"}:
         raise click.UsageError(f"--histogram writes .png or .svg, not '{histogram.suffix}'")
     read = read_line_scans(scans)
-    outcome = _solved(campaign)
-    _at(outcome, read.times)
+    outcome = solved(campaign)
+    along_path(outcome, read.times, scans)
     trajectory = smooth_trajectory(
         outcome.steps, outcome.path, outcome.offsets, outcome.antennas, outcome.noise,
         outcome.settings.max_gap,
     )  # fmt: skip
-    start = np.array(_sensor(outcome, sensor).pose)
+    start = np.array(sensor_named(outcome, sensor).pose)
     sigmas = np.array([hand_sigma] * 3 + [np.radians(hand_sigma_deg)] * 3)
     known = None
     if ground is not None:
@@ -137,16 +135,16 @@ def camera(
     from rtk_gt.sensor_files import read_seen_points
 
     seen = read_seen_points(points)
-    outcome = _solved(campaign)
-    found = _at(outcome, seen.times)
+    outcome = solved(campaign)
+    found = along_path(outcome, seen.times, points)
     rows = found.available
-    start = np.array(_sensor(outcome, sensor).pose)
+    start = np.array(sensor_named(outcome, sensor).pose)
     errors = vehicle_errors(
         seen.times[rows], found.poses[rows], outcome.antennas, outcome.noise,
         outcome.offsets.covariance, point_sigma,
     )  # fmt: skip
     result = camera_pose(
-        _lens(lens), seen.points[rows], found.poses[rows], seen.pixels[rows], start, errors
+        lens_of(lens), seen.points[rows], found.poses[rows], seen.pixels[rows], start, errors
     )
     if as_json:
         _json(result)
@@ -176,8 +174,8 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
 
     read = read_fix_csv if log.suffix.lower() == ".csv" else read_nmea
     record = read(log, log.stem)
-    outcome = _solved(campaign)
-    found = _at(outcome, record.times)
+    outcome = solved(campaign)
+    found = along_path(outcome, record.times, log)
     result = position_errors(record, found, np.array(antenna), outcome.path)
     if as_json:
         _json(result)
@@ -210,7 +208,7 @@ def imu(campaign: Path, angles: Path, as_json: bool) -> None:
     from validation.results import Table
 
     times, read = read_imu(angles)
-    outcome = _solved(campaign)
+    outcome = solved(campaign)
     result = rate_errors(times, read, outcome.path, outcome.settings.max_gap)
     if as_json:
         _json(result)
@@ -227,90 +225,24 @@ def imu(campaign: Path, angles: Path, as_json: bool) -> None:
         ]
         for one in result
     ]  # fmt: skip
-    columns = ["angle", "RMSE [deg/s]", "mean rate", "greatest rate", "drift", "standard error"]
-    note = f"{result[0].intervals} intervals between poses; the RMSE contains the path's noise."
+    columns = ["angle", "RMSE", "mean rate", "greatest rate", "drift", "its sigma"]
+    note = (
+        f"Degrees per second. {result[0].intervals} intervals between poses; the RMSE contains the "
+        "path's noise. The rates are those of the path, the drift is the IMU's mean error."
+    )
     _print(Table("Rates of the IMU", columns, rows, ["", *[".3f"] * 5], note))
 
 
-@click.command()
-@CAMPAIGN
-@click.argument("sensor")
-@click.argument("scans", type=FILE)
-@click.argument("output", type=FILE)
-@click.option("--images", type=FILE, help="CSV file time,file: colour the points by these.")
-@click.option("--camera", "camera_name", help="The camera of the images in campaign.toml.")
-@click.option("--lens", nargs=8, type=float, help="Of the camera: fx fy cx cy k1 k2 p1 p2.")
-def cloud(
-    campaign: Path,
-    sensor: str,
-    scans: Path,
-    output: Path,
-    images: Path | None,
-    camera_name: str | None,
-    lens: tuple[float, ...] | None,
-) -> None:
-    """Write the point cloud of a scanner's SCANS along the path as a PLY file.
-
-    With --images, --camera and --lens the points take their colours from the images.
-    """
-    import numpy as np
-
-    from rtk_gt.point_clouds import ply
-    from rtk_gt.scans import cloud_of
-    from rtk_gt.sensor_files import read_line_scans
-    from validation.files import write_files
-
-    given = (images is not None, camera_name is not None, bool(lens))
-    if any(given) and not all(given):
-        raise click.UsageError("give --images, --camera and --lens together, or none of them")
-    read = read_line_scans(scans)
-    outcome = _solved(campaign)
-    found = _at(outcome, read.times)
-    used = cloud_of(read.select(found.available))
-    pose = np.array(_sensor(outcome, sensor).pose)
-    points = used.in_world(found.poses[found.available], pose)
-    colours = None
-    if images is not None and camera_name is not None and lens:
-        colours, seen = _coloured(outcome, points, images, camera_name, _lens(lens))
-        click.echo(f"{int(seen.sum())} points are seen in an image.")
-    write_files(output.parent, {output.name: ply(points, colours)})
-    left_out = int((~found.available).sum())
-    click.echo(f"{len(points)} points in {output}; {left_out} scans are in gaps.")
-
-
-def _coloured(
-    outcome: "RtkOutcome", points: "Array", images: Path, camera_name: str, lens: "Lens"
-) -> "tuple[Bytes, Bools]":
-    """Colours of points from the images that have ground truth, and which points are seen."""
-    import cv2
-    import numpy as np
-
-    from rtk_gt.point_clouds import colour_points
-    from rtk_gt.sensor_files import read_images
-    from validation.errors import InputError, Problem
-
-    times, files = read_images(images)
-    found = _at(outcome, times)
-    pose = np.array(_sensor(outcome, camera_name).pose)
-    read: list[Bytes] = []
-    for row in np.flatnonzero(found.available):
-        image = cv2.imread(str(files[row]))
-        if image is None or (read and image.shape != read[0].shape):
-            expected = "no image that can be read, or of another size than the first"
-            raise InputError([Problem(files[row], expected)])
-        read.append(np.asarray(image[:, :, ::-1], dtype=np.uint8))
-    pictures = np.array(read, dtype=np.uint8)
-    return colour_points(points, pictures, found.poses[found.available], pose, lens)
-
-
-def _solved(campaign: Path) -> "RtkOutcome":
+def solved(campaign: Path) -> "RtkOutcome":
+    """The drive of a campaign."""
     from rtk_gt.outcome import solve_campaign
     from validation.campaign import load_campaign
 
     return solve_campaign(load_campaign(campaign))
 
 
-def _sensor(outcome: "RtkOutcome", name: str) -> "Sensor":
+def sensor_named(outcome: "RtkOutcome", name: str) -> "Sensor":
+    """A sensor of campaign.toml; a GtvalError lists those there are."""
     from validation.errors import GtvalError
 
     known = {one.name: one for one in outcome.settings.sensors}
@@ -320,17 +252,24 @@ def _sensor(outcome: "RtkOutcome", name: str) -> "Sensor":
     return known[name]
 
 
-def _at(outcome: "RtkOutcome", times: "Array") -> "Interpolated":
+def along_path(outcome: "RtkOutcome", times: "Array", file: Path) -> "Interpolated":
+    """Vehicle poses at the times of a file; a GtvalError if there is ground truth at none."""
     from rtk_gt.sensor_times import path_at
     from validation.errors import GtvalError
 
     found = path_at(outcome, times)
     if not found.available.any():
-        raise GtvalError("none of the times is where there is ground truth")
+        path = outcome.path.times
+        raise GtvalError(
+            f"{file}: none of its times, {times.min():.3f} to {times.max():.3f}, is where there is "
+            f"ground truth ({path[0]:.3f} to {path[-1]:.3f} seconds since 1970 UTC, without gaps). "
+            "Are they of the same drive and clock?"
+        )
     return found
 
 
-def _lens(numbers: tuple[float, ...]) -> "Lens":
+def lens_of(numbers: tuple[float, ...]) -> "Lens":
+    """The lens of fx fy cx cy k1 k2 p1 p2."""
     import numpy as np
 
     from rtk_gt.camera_pose import Lens
@@ -399,4 +338,4 @@ def _json(result: object) -> None:
     print_json(result)
 
 
-COMMANDS: list[click.Command] = [scanner, camera, dgps, imu, cloud]
+COMMANDS: list[click.Command] = [scanner, camera, dgps, imu]

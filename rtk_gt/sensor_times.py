@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rtk_gt.composition import compose
+from rtk_gt.composition import compose, published_composition
 from rtk_gt.fix_csv import seconds_of
 from rtk_gt.interpolation import PUBLISHED, Interpolated, interpolate
 from rtk_gt.outcome import RtkOutcome
@@ -49,7 +49,12 @@ def path_at(outcome: RtkOutcome, times: Array, *, published: bool = False) -> In
 
 
 def sensor_poses(
-    outcome: RtkOutcome, sensor: str, times: Array, *, published: bool = False
+    outcome: RtkOutcome,
+    sensor: str,
+    times: Array,
+    *,
+    published: bool = False,
+    additive_angles: bool = False,
 ) -> tuple[PoseTable, int]:
     """Poses of a sensor at the times of its data, and how many times are in gaps.
 
@@ -63,6 +68,8 @@ def sensor_poses(
         Seconds since 1970.
     published : bool
         Interpolate as published.
+    additive_angles : bool
+        Compose as published, by adding angles; the sources of the poses then say so.
 
     Raises
     ------
@@ -76,17 +83,20 @@ def sensor_poses(
     found = path_at(outcome, times, published=published)
     rows = found.available
     poses, covariances = found.poses[rows], found.covariances[rows]
+    source = "interpolated"
     if sensor != VEHICLE:
         one = known[sensor]
         own = np.diag(np.square(one.sigmas))
-        poses, covariances = compose(poses, covariances, np.array(one.pose), own)
+        composed = published_composition if additive_angles else compose
+        poses, covariances = composed(poses, covariances, np.array(one.pose), own)
+        source = "interpolated, angles added" if additive_angles else source
     table = PoseTable(
         system="rtk" if sensor == VEHICLE else f"rtk_{sensor}",
         ids=tuple(f"{time:.6f}" for time in times[rows]),
         poses=poses,
         covariances=covariances,
         components=SPATIAL,
-        sources=("interpolated",) * int(rows.sum()),
+        sources=(source,) * int(rows.sum()),
         provenance={"methods": dict(found.methods)},
     )
     return table, int((~rows).sum())

@@ -306,3 +306,15 @@ def test_replaced_scans_are_selected():
     scans = LineScans(np.arange(3.0), np.zeros(1), np.arange(3.0)[:, None])
     assert scans.select(np.array([2])).ranges.tolist() == [[2.0]]
     assert replace(scans, times=scans.times + 1).times[0] == 1.0
+
+
+def test_points_where_the_distortion_turns_back_take_no_colour():
+    """With k1 = -0.3 alone all beyond 47 degrees from the axis would be projected inwards."""
+    lens = Lens(np.array([[500.0, 0, 500], [0, 500, 500], [0, 0, 1]]), np.array([-0.3, 0, 0, 0]))
+    points = np.array([[1.0, 0, 2], [1.7, 0, 1]])  # 27 and 60 degrees from the axis
+    pixels = lens.project(points)
+    assert ((pixels > 0) & (pixels < 1000)).all()
+    assert lens.shows(points).tolist() == [True, False]
+    image = np.full((1, 1000, 1000, 3), 7, np.uint8)
+    _, seen = colour_points(points, image, np.zeros((1, 6)), np.zeros(6), lens)
+    assert seen.tolist() == [True, False]

@@ -16,10 +16,11 @@ from data_samples.drives import (
     scan_along,
     simulate_drive,
 )
-from rtk_gt.orientation import transform_of
+from rtk_gt.orientation import pose_of, transform_of
 from rtk_gt.sensor_files import read_imu, read_line_scans, read_seen_points
 from validation.cli import main
 from validation.errors import InputError
+from validation.poses import SPATIAL, from_csv
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +75,101 @@ def test_a_cloud_takes_the_colours_of_images(drive, tmp_path):
     images.write_text("time,file\n1,nowhere.png\n")
     missing = run("rtk", "cloud", folder, "left_scanner", scans, out, *colour)
     assert "no such file" in missing.output
+
+
+def test_a_cloud_takes_the_right_colours_of_a_drives_own_images(tmp_path):
+    """Each point's true colour is known; a camera turned by ten degrees gives other ones."""
+    made = simulate_drive(12, DriveSettings(loops=1, straight=50.0, shadow=0.0, route="eight"))
+    folder = tmp_path / "drive"
+    scans = scan_along(made, LEFT_SCANNER, np.random.default_rng(0), every=0.4, beams=61)
+    write_drive(folder, made, {"left_scanner": scans}, images=True)
+    toml = (folder / "campaign.toml").read_text()
+    lens = (folder / "sensors" / "left_camera_lens.txt").read_text().split()
+    share = {}
+    for turn in (0.0, np.radians(10.0)):
+        moved = toml.split('name = "left_camera"')[0] + 'name = "left_camera"\npose = '
+        pose = (LEFT_CAMERA + np.array([0, 0, 0, turn, 0, 0])).tolist()
+        # Both sensors where they are; where the hand puts the scanner is another question.
+        where = f"{LEFT_SCANNER.tolist()}\n"
+        moved += f'{pose}\n[[rtk.sensors]]\nname = "left_scanner"\npose = {where}'
+        (folder / "campaign.toml").write_text(moved)
+        out = tmp_path / "cloud.ply"
+        images = folder / "sensors" / "left_camera_images.csv"
+        done = run(
+            *("rtk", "cloud", folder, "left_scanner", folder / "scans" / "left_scanner.csv", out),
+            *("--images", images, "--camera", "left_camera", "--lens", *lens),
+        )
+        assert done.exit_code == 0, done.output
+        body = out.read_bytes().split(b"end_header\n", 1)[1]
+        cloud = np.frombuffer(body, dtype=[("p", "<f4", 3), ("c", "u1", 3)])
+        seen = (cloud["c"] != 128).any(1)
+        assert seen.mean() > 0.3
+        true = np.round(255 * made.campus.colours(cloud["p"][seen].astype(float)))
+        share[turn] = (np.abs(true - cloud["c"][seen]) <= 1).all(1).mean()
+    # The path's noise of half a degree is 10 to 20 cm of a wall, whose bands are 2 m high; both
+    # the point and its colour are off by that near the borders of a band.
+    assert share[0.0] > 0.8
+    assert share[np.radians(10.0)] < share[0.0] - 0.15
+
+
+def test_images_that_cannot_be_used(drive, tmp_path):
+    import cv2
+
+    folder, made = drive
+    scans = scan_file(folder, made)
+    images = tmp_path / "images.csv"
+    lens = ["--lens", 80, 80, 63.5, 47.5, 0, 0, 0, 0]
+    rest = [tmp_path / "cloud.ply", "--images", images, "--camera", "left_camera", *lens]
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((96, 128, 3), np.uint8))
+    cv2.imwrite(str(tmp_path / "b.png"), np.zeros((48, 64, 3), np.uint8))
+    (tmp_path / "c.png").write_text("no image")
+    for second, file, words in (
+        (7, "b.png", "64 x 48 pixels; expected 128 x 96"),
+        (7, "c.png", "no image that can be read"),
+        (7e6, "a.png", ""),
+    ):
+        images.write_text(f"time,file\n{START + 5},a.png\n{START + second},{file}\n")
+        done = run("rtk", "cloud", folder, "left_scanner", scans, *rest)
+        assert done.exit_code == (2 if words else 0)
+        assert words in " ".join(done.output.split())
+    images.write_text("time,file\n5,a.png\n")
+    done = run("rtk", "cloud", folder, "left_scanner", scans, *rest)
+    assert done.exit_code == 2
+    assert "images.csv: none of its times, 5.000 to 5.000," in " ".join(done.output.split())
+
+
+def test_a_sensors_path_with_added_angles_says_so(drive, tmp_path):
+    folder, made = drive
+    times = tmp_path / "times.csv"
+    times.write_text("time\n" + "".join(f"{START + t}\n" for t in range(5, 40)))
+    files = [tmp_path / "composed.csv", tmp_path / "added.csv"]
+    for file, option in zip(files, ([], ["--additive-angles"]), strict=True):
+        done = run("rtk", "sensor-path", folder, "left_camera", times, "-o", file, *option)
+        assert done.exit_code == 0, done.output
+    composed, added = (from_csv(file, "camera", SPATIAL) for file in files)
+    assert "angles added" in files[1].read_text()
+    assert "angles added" not in files[0].read_text()
+    at = np.array([float(one) for one in composed.ids])
+    true = pose_of(made.T_local_vehicle(at) * transform_of(np.tile(LEFT_CAMERA, (len(at), 1))))
+    off = [
+        (transform_of(table.poses).rotation * transform_of(true).rotation.inv()).magnitude()
+        for table in (composed, added)
+    ]
+    # On slopes of ten degrees added angles are several degrees off; the path's noise is one.
+    assert np.median(off[0]) < np.radians(2)
+    assert off[1].max() > np.radians(5)
+    np.testing.assert_allclose(added.poses[:, :3], composed.poses[:, :3], atol=1e-9)
+
+
+def test_the_reference_covariance_is_the_same_by_both_ways(drive):
+    folder, _ = drive
+    options = ["--samples", 200_000, "--seed", 3]
+    done = run("rtk", "reference-covariance", folder, *options, "--json")
+    found = json.loads(done.output)
+    first, simulated = (np.diagonal(found[way]) for way in ("first_order", "simulated"))
+    # Five standard deviations of chance, and half a percent of second order.
+    np.testing.assert_allclose(simulated, first, rtol=5 * np.sqrt(2 / 200_000) + 0.005)
+    assert "200,000 samples" in run("rtk", "reference-covariance", folder, *options).output
 
 
 def test_a_scanner_is_calibrated(drive, tmp_path):
