@@ -28,7 +28,8 @@ class PositionErrors:
     bias : (3,) array
         Mean error.
     bias_sigma : (3,) array
-        Its standard error, for the autocorrelation found.
+        Its standard error, for the autocorrelation found. Of a record of fewer than some fifty
+        correlation times this is too small: its mean has taken the slowest part of the errors.
     correlation_time : float
         How many fixes are worth one independent fix.
     """
@@ -126,7 +127,11 @@ def rate_errors(times: Array, angles: Array, path: VehiclePath, max_gap: float) 
     inside = (path.times >= times[0]) & (path.times <= times[-1])
     pairs = np.flatnonzero(inside[:-1] & inside[1:] & (np.diff(path.times) <= max_gap))
     if len(pairs) < 3:
-        raise GtvalError("the IMU has no readings along the path")
+        raise GtvalError(
+            f"the IMU has readings at {len(pairs)} pairs of neighbouring poses only: it recorded "
+            f"from {times[0]:.3f} to {times[-1]:.3f}, the path is from {path.times[0]:.3f} to "
+            f"{path.times[-1]:.3f} seconds since 1970 UTC. Are they of the same drive and clock?"
+        )
     unwrapped = np.unwrap(angles, axis=0)
     at = np.column_stack([np.interp(path.times, times, unwrapped[:, k]) for k in range(3)])
     lasting = np.diff(path.times)[pairs, None]

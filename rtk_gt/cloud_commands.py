@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rtk_gt.sensor_commands import FILE, along_path, lens_of, sensor_named, solved
+from rtk_gt.sensor_commands import FILE, FINITE, along_path, lens_of, sensor_named, solved
 from validation.commands import CAMPAIGN
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.argument("output", type=FILE)
 @click.option("--images", type=FILE, help="CSV file time,file: colour the points by these.")
 @click.option("--camera", "camera_name", help="The camera of the images in campaign.toml.")
-@click.option("--lens", nargs=8, type=float, help="Of the camera: fx fy cx cy k1 k2 p1 p2.")
+@click.option("--lens", nargs=8, type=FINITE, help="Of the camera: fx fy cx cy k1 k2 p1 p2.")
 def cloud(
     campaign: Path,
     sensor: str,
@@ -40,6 +40,7 @@ def cloud(
     from rtk_gt.point_clouds import colour_points, ply
     from rtk_gt.scans import cloud_of
     from rtk_gt.sensor_files import read_images, read_line_scans
+    from validation.errors import GtvalError
     from validation.files import write_files
 
     given = (images is not None, camera_name is not None, bool(lens))
@@ -52,6 +53,8 @@ def cloud(
     used = cloud_of(read.select(found.available))
     pose = np.array(sensor_named(outcome, sensor).pose)
     points = used.in_world(found.poses[found.available], pose)
+    if len(points) == 0:
+        raise GtvalError(f"{scans}: no beam hit anything between 0.5 and 30 m; no cloud to write")
     colours = None
     said = ""
     if images is not None and pictures is not None and camera_name is not None and lens:

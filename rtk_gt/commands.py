@@ -142,6 +142,7 @@ def sensor_path(
     SENSOR is one of campaign.toml, or 'vehicle'. Times in gaps of the ground truth give no pose.
     """
     from rtk_gt.sensor_times import VEHICLE, read_times, sensor_poses
+    from validation.errors import GtvalError
     from validation.files import write_files
     from validation.poses import to_csv, to_tum
 
@@ -150,6 +151,12 @@ def sensor_path(
     table, missing = sensor_poses(
         outcome, sensor, wanted, published=published_interpolation, additive_angles=additive_angles
     )
+    if len(table) == 0:
+        raise GtvalError(
+            f"{times}: none of its {missing} times is where there is ground truth "
+            f"({outcome.path.times[0]:.3f} to {outcome.path.times[-1]:.3f} seconds since 1970 UTC, "
+            "without gaps). Are they of the same drive and clock?"
+        )
     text = to_tum(table) if output and output.suffix == ".tum" else to_csv(table)
     if output is None:
         click.echo(text, nl=False)

@@ -23,6 +23,9 @@ COLUMNS = (
     ),
 )
 MAX_BYTES = 500_000_000
+LATEST = 4_102_444_800.0
+"""Seconds from 1970 to 2100."""
+NO_TIME = "not a time; expected seconds (not milliseconds) since 1970, or ISO 8601"
 _KINDS = {
     **{name: kind for kind, name in FIX_NAMES.items()},
     **{str(kind): kind for kind in FIX_NAMES},
@@ -75,22 +78,25 @@ def read_fix_csv(path: Path, receiver: str) -> Fixes:
 
 
 def seconds_of(text: str) -> float:
-    """Seconds since 1970 of a number or an ISO 8601 time (UTC without a zone); NaN if bad."""
+    """Seconds since 1970 of a number or an ISO 8601 time (UTC without a zone); NaN if bad.
+
+    Numbers beyond the year 2100 are no seconds: milliseconds, most likely.
+    """
     try:
-        value = float(text)
+        value = float(text.replace(",", "."))
     except ValueError:
         try:
             stamp = datetime.fromisoformat(text)
         except ValueError:
             return math.nan
         value = (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
-    return value if math.isfinite(value) else math.nan
+    return value if abs(value) < LATEST else math.nan
 
 
 def _time(table: CsvTable, row: int) -> float:
     value = seconds_of(table.text["time"][row])
     if math.isnan(value):
-        table.flag(row, "time", "not a time; expected seconds since 1970, or ISO 8601")
+        table.flag(row, "time", NO_TIME)
     return value
 
 

@@ -1,7 +1,8 @@
 """The commands ``gtval rtk scanner``, ``camera``, ``dgps`` and ``imu``."""
 
+from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,6 +18,25 @@ if TYPE_CHECKING:
     from validation.results import Table
 
 FILE = click.Path(path_type=Path)
+
+
+class Number(click.FloatRange):
+    """A number within limits; click's own range lets NaN pass."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The number, or a usage error."""
+        number = float(super().convert(value, param, ctx))
+        if isnan(number):
+            self.fail("nan is not a number", param, ctx)
+        return number
+
+
+LONG_ENOUGH = 50
+"""Times its correlation time a record has to last for that time to be found (Sokal 1997)."""
+FINITE = Number(-1e9, 1e9)
+SIGMA = Number(1e-9, 1e3)
 POSE_COLUMNS = ("x [m]", "y [m]", "z [m]", "yaw [deg]", "pitch [deg]", "roll [deg]")
 
 
@@ -24,19 +44,19 @@ POSE_COLUMNS = ("x [m]", "y [m]", "z [m]", "yaw [deg]", "pitch [deg]", "roll [de
 @CAMPAIGN
 @click.argument("sensor")
 @click.argument("scans", type=FILE)
-@click.option("--ground", type=float, help="z of the road in the vehicle frame, metres.")
+@click.option("--ground", type=FINITE, help="z of the road in the vehicle frame, metres.")
 @click.option(
-    "--ground-sigma", type=float, default=0.01, show_default=True, help="Of --ground, metres."
+    "--ground-sigma", type=SIGMA, default=0.01, show_default=True, help="Of --ground, metres."
 )
 @click.option(
     "--ground-tilt-sigma",
-    type=float,
+    type=SIGMA,
     default=0.05,
     show_default=True,
     help="How well the vehicle frame is level on a level floor, degrees.",
 )
-@click.option("--hand-sigma", type=float, default=0.02, show_default=True, help="Metres.")
-@click.option("--hand-sigma-deg", type=float, default=2.0, show_default=True, help="Degrees.")
+@click.option("--hand-sigma", type=SIGMA, default=0.02, show_default=True, help="Metres.")
+@click.option("--hand-sigma-deg", type=SIGMA, default=2.0, show_default=True, help="Degrees.")
 @click.option(
     "--histogram",
     type=FILE,
@@ -111,9 +131,9 @@ def scanner(
 @CAMPAIGN
 @click.argument("sensor")
 @click.argument("points", type=FILE)
-@click.option("--lens", nargs=8, type=float, required=True, help="fx fy cx cy k1 k2 p1 p2.")
+@click.option("--lens", nargs=8, type=FINITE, required=True, help="fx fy cx cy k1 k2 p1 p2.")
 @click.option(
-    "--point-sigma", type=float, default=0.02, show_default=True, help="Of the points, metres."
+    "--point-sigma", type=SIGMA, default=0.02, show_default=True, help="Of the points, metres."
 )
 @AS_JSON
 def camera(
@@ -161,7 +181,14 @@ def camera(
 @click.command()
 @CAMPAIGN
 @click.argument("log", type=FILE)
-@click.option("--antenna", nargs=3, type=float, default=(0.0, 0.0, 0.0), show_default=True)
+@click.option(
+    "--antenna",
+    nargs=3,
+    type=FINITE,
+    default=(0.0, 0.0, 0.0),
+    show_default=True,
+    help="x y z of its antenna on the vehicle, metres.",
+)
 @AS_JSON
 def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -> None:
     """Compare another GPS receiver on the vehicle (NMEA or CSV) with the ground truth."""
@@ -191,6 +218,11 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
         f"{result.rmse_horizontal:.3f} m horizontal, {result.rmse_vertical:.3f} m vertical; "
         f"{result.correlation_time:.1f} fixes are worth one independent fix."
     )
+    if len(result.errors) < LONG_ENOUGH * result.correlation_time:
+        note += (
+            " The errors hang together for too much of the record to say how long they do: take "
+            "the standard errors as the least, and compare a longer drive, or several."
+        )
     columns = ["direction", "mean error [m]", "standard error [m]"]
     _print(Table(f"Errors of {record.receiver}", columns, rows, ["", ".3f", ".3f"], note))
 
@@ -275,6 +307,8 @@ def lens_of(numbers: tuple[float, ...]) -> "Lens":
     from rtk_gt.camera_pose import Lens
 
     fx, fy, cx, cy, *distortion = numbers
+    if not (fx > 0 and fy > 0):
+        raise click.UsageError(f"--lens: focal lengths {fx:g}, {fy:g} pixels; both must be above 0")
     return Lens(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), np.array(distortion))
 
 

@@ -1,23 +1,34 @@
 """CSV files of what hangs on the vehicle: line scans, IMU angles, points seen in images."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from rtk_gt.fix_csv import seconds_of
+from rtk_gt.fix_csv import NO_TIME, seconds_of
 from rtk_gt.scans import LineScans
 from validation.angles import Array
 from validation.csv_tables import Column, CsvTable, read_csv
+from validation.errors import InputError, Problem
 
 MAX_BYTES = 1_000_000_000
+
+
+def _rows(path: Path, columns: Sequence[Column]) -> CsvTable:
+    """The table of a file that has to have rows; cells that are wrong are recorded in it."""
+    table = read_csv(path, columns, max_bytes=MAX_BYTES)
+    if len(table) == 0:
+        table.raise_problems()
+        raise InputError([Problem(path, "no rows below the header")])
+    return table
 
 
 def _times(table: CsvTable) -> Array:
     """(n,) seconds since 1970 of the column ``time``; bad ones are recorded as problems."""
     times = np.array([seconds_of(text) for text in table.text["time"]])
     for row in np.flatnonzero(np.isnan(times)):
-        table.flag(int(row), "time", "not a time; expected seconds since 1970, or ISO 8601")
+        table.flag(int(row), "time", NO_TIME)
     return times
 
 
@@ -43,7 +54,7 @@ def read_line_scans(path: Path) -> LineScans:
         Column("angle_step", "number", low=-1, high=1, unit="rad"),
         Column("ranges"),
     ]
-    table = read_csv(path, columns, max_bytes=MAX_BYTES)
+    table = _rows(path, columns)
     times = _times(table)
     _increasing(table, times)
     rows: list[list[float]] = []
@@ -53,9 +64,11 @@ def read_line_scans(path: Path) -> LineScans:
         except ValueError:
             table.flag(row, "ranges", "not numbers separated by blanks")
             continue
+        if any(r < 0 for r in rows[-1]):
+            table.flag(row, "ranges", "a negative range; expected metres, 0 or nan for no hit")
         if len(rows[-1]) != len(rows[0]):
             table.flag(row, "ranges", f"{len(rows[-1])} ranges; the first scan has {len(rows[0])}")
-    for name in ("first_angle", "angle_step"):
+    for name in ("first_angle", "angle_step") if table.numbers["first_angle"] else ():
         for other in np.flatnonzero(np.array(table.numbers[name]) != table.numbers[name][0]):
             table.flag(int(other), name, "differs from the first scan; one file, one scan plane")
     table.raise_problems()
@@ -75,8 +88,13 @@ def read_imu(path: Path) -> tuple[Array, Array]:
         Naming file, line, field and value of every bad place.
     """
     names = ("yaw", "pitch", "roll")
-    angles = [Column(name, "number", low=-1e4, high=1e4, unit="rad") for name in names]
-    table = read_csv(path, [Column("time"), *angles], max_bytes=MAX_BYTES)
+    # Ten turns and more are degrees, or a yaw that nobody would call one.
+    limits = (60.0, 2.0, 4.0)
+    angles = [
+        Column(name, "number", low=-limit, high=limit, unit="radians (not degrees)")
+        for name, limit in zip(names, limits, strict=True)
+    ]
+    table = _rows(path, [Column("time"), *angles])
     times = _times(table)
     _increasing(table, times)
     table.raise_problems()
@@ -91,7 +109,7 @@ def read_images(path: Path) -> tuple[Array, list[Path]]:
     InputError
         Naming file, line, field and value of every bad place, and images that are missing.
     """
-    table = read_csv(path, [Column("time"), Column("file")], max_bytes=MAX_BYTES)
+    table = _rows(path, [Column("time"), Column("file")])
     times = _times(table)
     files = [path.parent / name for name in table.text["file"]]
     for row, file in enumerate(files):
@@ -123,7 +141,7 @@ def read_seen_points(path: Path) -> SeenPoints:
     """
     columns = [Column(name, "number", low=-1e6, high=1e6, unit="m") for name in "xyz"]
     columns += [Column(name, "number", low=-1e5, high=1e5, unit="pixels") for name in "uv"]
-    table = read_csv(path, [Column("time"), *columns], max_bytes=MAX_BYTES)
+    table = _rows(path, [Column("time"), *columns])
     times = _times(table)
     table.raise_problems()
     numbers = {name: np.array(table.numbers[name]) for name in "xyzuv"}

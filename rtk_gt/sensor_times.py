@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from rtk_gt.composition import compose, published_composition
-from rtk_gt.fix_csv import seconds_of
+from rtk_gt.fix_csv import NO_TIME, seconds_of
 from rtk_gt.interpolation import PUBLISHED, Interpolated, interpolate
 from rtk_gt.outcome import RtkOutcome
 from validation.angles import Array
 from validation.csv_tables import Column, read_csv
-from validation.errors import GtvalError
+from validation.errors import GtvalError, InputError, Problem
 from validation.poses import SPATIAL, PoseTable
 
 VEHICLE = "vehicle"
@@ -28,9 +28,11 @@ def read_times(path: Path) -> Array:
     table = read_csv(path, [Column("time")], max_bytes=MAX_BYTES)
     times = np.array([seconds_of(text) for text in table.text["time"]])
     for row in np.flatnonzero(np.isnan(times)):
-        table.flag(int(row), "time", "not a time; expected seconds since 1970, or ISO 8601")
+        table.flag(int(row), "time", NO_TIME)
     table.flag_duplicates(["time"])
     table.raise_problems()
+    if len(times) == 0:
+        raise InputError([Problem(path, "no times below the header")])
     return times
 
 

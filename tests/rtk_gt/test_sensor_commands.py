@@ -17,7 +17,8 @@ from data_samples.drives import (
     simulate_drive,
 )
 from rtk_gt.orientation import pose_of, transform_of
-from rtk_gt.sensor_files import read_imu, read_line_scans, read_seen_points
+from rtk_gt.sensor_files import read_images, read_imu, read_line_scans, read_seen_points
+from rtk_gt.sensor_times import read_times
 from validation.cli import main
 from validation.errors import InputError
 from validation.poses import SPATIAL, from_csv
@@ -172,6 +173,32 @@ def test_the_reference_covariance_is_the_same_by_both_ways(drive):
     assert "200,000 samples" in run("rtk", "reference-covariance", folder, *options).output
 
 
+@pytest.mark.parametrize(
+    ("command", "text", "options", "words"),
+    [
+        ("camera", "time,x,y,z,u,v\n{0},1,2,3,4,5\n", ["--lens", *"00000000"], "above 0"),
+        ("camera", "time,x,y,z,u,v\n{0},1,2,3,4,5\n", ["--lens", "nan", *"1234567"], "nan"),
+        ("dgps", "time,latitude,longitude,height\n", ["--antenna", "0", "0", "nan"], "nan"),
+        ("scanner", "time,first_angle,angle_step,ranges\n", ["--hand-sigma", "0"], "range"),
+        ("imu", "time,yaw,pitch,roll\n1,0,0,0\n2,0,0,0\n", [], "same drive and clock"),
+        ("sensor-path", "time\n5\n", [], "same drive and clock"),
+        ("cloud", "time,first_angle,angle_step,ranges\n{0},0,1,nan 40\n", [], "no cloud to write"),
+    ],
+)
+def test_what_cannot_be_used_is_said_in_one_sentence(
+    drive, tmp_path, command, text, options, words
+):
+    file = tmp_path / "input.csv"
+    file.write_text(text.format(START + 20))
+    names = {"camera": ["left_camera"], "scanner": ["left_scanner"], "cloud": ["left_scanner"]}
+    sensor = names.get(command, ["left_camera"] if command == "sensor-path" else [])
+    out = [tmp_path / "cloud.ply"] if command == "cloud" else []
+    done = run("rtk", command, drive[0], *sensor, file, *out, *options)
+    assert done.exit_code == 2, done.output
+    assert words in " ".join(done.output.split())
+    assert list(tmp_path.iterdir()) == [file]
+
+
 def test_a_scanner_is_calibrated(drive, tmp_path):
     folder, made = drive
     path = scan_file(folder, made)
@@ -223,6 +250,9 @@ def test_all_that_a_drive_writes_can_be_used(tmp_path):
     log = folder / "sensors" / "consumer.nmea"
     done = run("rtk", "dgps", folder, log, "--antenna", "-0.25", "0", "0.1", "--json")
     assert 0.7 < json.loads(done.output)["rmse_horizontal"] < 5
+    # Its slow error takes a minute to change: two and a half of them tell no mean of it.
+    said = run("rtk", "dgps", folder, log, "--antenna", "-0.25", "0", "0.1").output
+    assert "take the standard errors as the least" in " ".join(said.split())
     done = run("rtk", "imu", folder, folder / "sensors" / "imu.csv", "--json")
     yaw = json.loads(done.output)[0]
     assert abs(yaw["drift"] - np.radians(0.02)) < 4 * yaw["drift_sigma"]
@@ -261,7 +291,14 @@ def test_another_receiver_and_an_imu_are_compared(drive, tmp_path):
             "not later",
         ),
         (read_line_scans, "time,first_angle,angle_step,ranges\n1,0,0.1,1\n2,1,0.1,1\n", "one scan"),
+        (read_line_scans, "time,first_angle,angle_step,ranges\n", "no rows"),
+        (read_line_scans, "time,first_angle,angle_step,ranges\n1,0,0,1,1,2\n", "6 cells"),
+        (read_line_scans, "time,first_angle,angle_step,ranges\n1,0,0.1,-1 2\n", "negative"),
+        (read_times, "time\n", "no times"),
+        (read_times, "time\n1712739600000\n", "not milliseconds"),
+        (read_images, "time,file\n", "no rows"),
         (read_imu, "time,yaw,pitch,roll\nnoon,0,0,0\n", "not a time"),
+        (read_imu, "time,yaw,pitch,roll\n1,0,0,0\n2,270,0,0\n", "not degrees"),
         (read_seen_points, "time,x,y,z,u,v\n1,0,0,0,left,3\n", "not a number"),
     ],
 )
