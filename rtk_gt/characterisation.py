@@ -88,7 +88,8 @@ class RateErrors:
     """Errors of one angle's rate as an IMU gives it, radians per second.
 
     ``rmse``, and mean and greatest size of the true rate, as printed in Blanco 2009, section
-    5.5; ``drift`` is the mean rate error with its standard error.
+    5.5; ``drift`` is the mean rate error with its standard error. ``times`` (n,) are the middles
+    of the intervals, ``true`` and ``errors`` (n,) the path's rate and the IMU's error there.
     """
 
     name: str
@@ -98,6 +99,9 @@ class RateErrors:
     drift: float
     drift_sigma: float
     intervals: int
+    times: Array
+    true: Array
+    errors: Array
 
 
 def rate_errors(times: Array, angles: Array, path: VehiclePath, max_gap: float) -> list[RateErrors]:
@@ -151,6 +155,9 @@ def rate_errors(times: Array, angles: Array, path: VehiclePath, max_gap: float) 
                 drift=float(error.mean()),
                 drift_sigma=float(error.std(ddof=1) * np.sqrt(tau / len(error))),
                 intervals=len(error),
+                times=(path.times[pairs] + path.times[pairs + 1]) / 2,
+                true=true[:, column],
+                errors=error,
             )
         )
     return found

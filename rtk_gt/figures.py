@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 from matplotlib.ticker import MaxNLocator
 
+from rtk_gt.characterisation import RateErrors
 from rtk_gt.consistency import Consistency
 from rtk_gt.coverage import Coverage
 from rtk_gt.fixes import FIX_NAMES, RTK_FIXED, RTK_FLOAT, Fixes
@@ -176,6 +177,38 @@ def heights_before_and_after(cloud: Cloud, before: Array, after: Array) -> Figur
     axes.set_ylabel(f"points within {BESIDE:g} m [%]")
     axes.grid(visible=True, linewidth=0.3)
     axes.legend(fontsize=8)
+    return figure
+
+
+def rates_over_time(found: Sequence[RateErrors], max_gap: float) -> Figure:
+    """Yaw rate of the path and of an IMU, and the IMU's errors in all three rates.
+
+    As Figure 17 of Blanco 2009.
+    """
+    figure = Figure(figsize=(7, 4.2), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    yaw = found[0]
+    start = yaw.times[0]
+    for name, rates, number in (("path", yaw.true, 0), ("IMU", yaw.true + yaw.errors, 1)):
+        for row, part in enumerate(segments(yaw.times, max_gap)):
+            above.plot(
+                yaw.times[part] - start, np.degrees(rates[part]), _DASHES[number],
+                color=COLOURS[number], linewidth=1.2, label=None if row else name,
+            )  # fmt: skip
+    for number, one in enumerate(found):
+        below.plot(
+            one.times - start, np.degrees(one.errors), ".", markersize=3, color=COLOURS[number],
+            label=one.name,
+        )  # fmt: skip
+    above.set_ylabel("yaw rate [deg/s]")
+    below.set_ylabel("error of the IMU [deg/s]")
+    below.set_xlabel("time from the first interval [s]")
+    for axes in (above, below):
+        axes.grid(visible=True, linewidth=0.3)
+        axes.legend(
+            fontsize=8, ncols=3, loc="lower right", bbox_to_anchor=(1, 1), frameon=False,
+            borderaxespad=0,
+        )  # fmt: skip
     return figure
 
 

@@ -88,8 +88,7 @@ def scanner(
     from rtk_gt.sensor_files import read_line_scans
     from rtk_gt.trajectory import smooth_trajectory
 
-    if histogram is not None and histogram.suffix.lower() not in {".png", ".svg"}:
-        raise click.UsageError(f"--histogram writes .png or .svg, not '{histogram.suffix}'")
+    _need_picture("--histogram", histogram)
     read = read_line_scans(scans)
     outcome = solved(campaign)
     along_path(outcome, read.times, scans)
@@ -230,8 +229,9 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
 @click.command()
 @CAMPAIGN
 @click.argument("angles", type=FILE)
+@click.option("--figure", type=FILE, help="Draw the rates and their errors (.png, .svg).")
 @AS_JSON
-def imu(campaign: Path, angles: Path, as_json: bool) -> None:
+def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> None:
     """Compare the rates of an IMU (CSV time,yaw,pitch,roll in radians) with the ground truth."""
     import numpy as np
 
@@ -239,9 +239,16 @@ def imu(campaign: Path, angles: Path, as_json: bool) -> None:
     from rtk_gt.sensor_files import read_imu
     from validation.results import Table
 
+    _need_picture("--figure", figure)
     times, read = read_imu(angles)
     outcome = solved(campaign)
-    result = rate_errors(times, read, outcome.path, outcome.settings.max_gap)
+    max_gap = outcome.settings.max_gap
+    result = rate_errors(times, read, outcome.path, max_gap)
+    if figure is not None:
+        from rtk_gt.figures import rates_over_time
+        from validation.figure_files import write_figure
+
+        write_figure(figure, rates_over_time(result, max_gap))
     if as_json:
         _json(result)
         return
@@ -329,6 +336,11 @@ def _poses(title: str, start: "Array", pose: "Array", spread: "Array", note: str
         )
     ]
     return Table(title, ["pose", *POSE_COLUMNS], rows, ["", *[".4f"] * 3, *[".3f"] * 3], note)
+
+
+def _need_picture(option: str, file: Path | None) -> None:
+    if file is not None and file.suffix.lower() not in {".png", ".svg"}:
+        raise click.UsageError(f"{option} writes .png or .svg, not '{file.suffix}'")
 
 
 def _draw_heights(path: Path, scans: "LineScans", before: "Array", after: "Array") -> None:

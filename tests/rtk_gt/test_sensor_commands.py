@@ -271,8 +271,11 @@ def test_another_receiver_and_an_imu_are_compared(drive, tmp_path):
     ]
     imu = tmp_path / "imu.csv"
     imu.write_text("time,yaw,pitch,roll\n" + "\n".join(rows) + "\n")
-    done = run("rtk", "imu", folder, imu)
+    picture = tmp_path / "rates.svg"
+    done = run("rtk", "imu", folder, imu, "--figure", picture)
     assert done.exit_code == 0, done.output
+    assert "<svg" in picture.read_text()
+    assert run("rtk", "imu", folder, imu, "--figure", "rates.doc").exit_code == 2
     assert "yaw" in done.output
 
 
