@@ -14,6 +14,8 @@ LIMIT = 16.27
 """99.9 % quantile of chi-squared with 3 degrees of freedom."""
 FLOOR = np.diag([0.003**2, 0.003**2, 0.001**2])
 """Allowed for what the covariances leave out: 3 mm and 1 mrad of surfaces that are not flat."""
+CONFIRMING = 2
+"""Loops through different third stops that confirm a match."""
 
 
 @dataclass(frozen=True)
@@ -77,21 +79,32 @@ def _loop(matches: dict[tuple[str, str], Match], stops: tuple[str, str, str]) ->
 
 
 def with_loops(matches: Sequence[Match]) -> tuple[list[Match], list[Loop]]:
-    """The matches, those that mostly break their loops no longer accepted; and the loops."""
+    """The matches with what their loops say of them; and the loops.
+
+    Notes
+    -----
+    A match that breaks most of its loops is no longer accepted. One that only moved things or
+    glass hold up is accepted if it closes `CONFIRMING` loops or more and breaks none: a wrong
+    pose would have to be wrong by the same in its neighbours' matches, to millimetres.
+    """
     loops = triples(matches)
     closed: dict[frozenset[str], list[bool]] = {}
     for loop in loops:
         for pair in combinations(loop.stops, 2):
             closed.setdefault(frozenset(pair), []).append(loop.closes)
-    result = []
-    for match in matches:
-        outcome = closed.get(frozenset((match.reference, match.moving)), [])
-        broken = outcome.count(False)
-        if broken > len(outcome) / 2:
-            reason = f"breaks {broken} of its {len(outcome)} loops of three scans"
-            verdicts: tuple[Verdict, Verdict] = (match.verdict, "look")
-            worse = max(verdicts, key=SEVERITY.__getitem__)
-            result.append(replace(match, verdict=worse, reasons=(*match.reasons, reason)))
-        else:
-            result.append(match)
-    return result, loops
+    told = [_told(one, closed.get(frozenset((one.reference, one.moving)), [])) for one in matches]
+    return told, loops
+
+
+def _told(match: Match, outcome: list[bool]) -> Match:
+    """The match after what its loops say, True for each that closes."""
+    broken = outcome.count(False)
+    if broken > len(outcome) / 2:
+        reason = f"breaks {broken} of its {len(outcome)} loops of three scans"
+        verdicts: tuple[Verdict, Verdict] = (match.verdict, "look")
+        worse = max(verdicts, key=SEVERITY.__getitem__)
+        return replace(match, verdict=worse, reasons=(*match.reasons, reason))
+    if match.changed and broken == 0 and len(outcome) >= CONFIRMING:
+        reason = f"all the same it closes all of its {len(outcome)} loops of three scans"
+        return replace(match, verdict="accept", reasons=(*match.reasons, reason))
+    return match

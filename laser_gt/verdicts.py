@@ -1,5 +1,6 @@
 """A match of two sweeps and the verdict on it: accept, look or reject, with the reasons."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -23,9 +24,10 @@ class JudgementSettings:
         Share of the points that the other sensor could see and that are explained.
     violating : (float, float)
         Share of the points where the other sensor's beams have passed.
-    intruder : float
+    intruder : (float, float)
         Longest surface in metres that may stand where the other scanner saw free space: more
-        than a bin or a pair of legs.
+        than a bin or a pair of legs; and beyond which loops do not outweigh it: walls are longer
+        than window panes and cupboards.
     scale : (float, float)
         Residuals over what noise explains.
     sigma_length, sigma_angle : float
@@ -51,7 +53,7 @@ class JudgementSettings:
     explained: tuple[float, float] = (0.45, 0.2)
     agreement: tuple[float, float] = (0.85, 0.5)
     violating: tuple[float, float] = (0.06, 0.25)
-    intruder: float = 0.5
+    intruder: tuple[float, float] = (0.5, 2.5)
     scale: tuple[float, float] = (1.6, 3.0)
     sigma_length: float = 0.006
     sigma_angle: float = 0.003
@@ -96,7 +98,10 @@ class Match:
     verdict : {"accept", "look", "reject"}
         What to do with it.
     reasons : tuple of str
-        Why not 'accept'; empty if it is.
+        What speaks against it, and what outweighs that.
+    changed : bool
+        Whether only things that one scan shows and the other does not hold it up, and no longer
+        ones than may have been moved or be glass.
     engine : str
         What found it.
     """
@@ -120,6 +125,7 @@ class Match:
     pairs: int
     verdict: Verdict = "look"
     reasons: tuple[str, ...] = ()
+    changed: bool = False
     engine: str = "scanmatch"
 
     @property
@@ -135,25 +141,43 @@ class Match:
 
 def with_verdict(found: Match, limits: JudgementSettings) -> Match:
     """The match with its verdict: the worst of all checks, each with a sentence."""
-    graded = [
+    not_explained = (
         (found.explained, *limits.explained,
          f"only {found.explained:.0%} of the points lie on the other scan"),
+        (-found.scale, -limits.scale[0], -limits.scale[1],
+         f"residuals are {found.scale:.1f} times what range noise explains"),
+    )  # fmt: skip
+    not_there = (
         (found.agreement, *limits.agreement,
          f"of the points that both could see, only {found.agreement:.0%} agree"),
         (-found.violating, -limits.violating[0], -limits.violating[1],
          f"{found.violating:.0%} of the points lie where the other scanner saw free space"),
-        (-found.scale, -limits.scale[0], -limits.scale[1],
-         f"residuals are {found.scale:.1f} times what range noise explains"),
-    ]  # fmt: skip
-    remarks: list[tuple[Verdict, str]] = [
-        ("reject" if value < bad else "look", text)
-        for value, good, bad, text in graded
-        if value < good
-    ]
-    remarks += [("look", text) for text in _doubts(found, limits)]
+    )  # fmt: skip
+    different = _graded(not_there)
+    if found.intruder > limits.intruder[0]:
+        text = f"a surface of {found.intruder:.1f} m stands where the other scanner saw free space"
+        different.append(("look", text))
+    rest = _graded(not_explained) + [("look", text) for text in _doubts(found, limits)]
+    remarks = different + rest
     verdicts: list[Verdict] = ["accept", *(verdict for verdict, _ in remarks)]
     worst = max(verdicts, key=SEVERITY.__getitem__)
-    return replace(found, verdict=worst, reasons=tuple(text for _, text in remarks))
+    return replace(
+        found,
+        verdict=worst,
+        reasons=tuple(text for _, text in remarks),
+        changed=worst == "look" and not rest and found.intruder <= limits.intruder[1],
+    )
+
+
+def _graded(
+    values: Sequence[tuple[float, float, float, str]],
+) -> list[tuple[Verdict, str]]:
+    """What is below the first limit of each (value, look, reject, text), and how bad it is."""
+    return [
+        ("reject" if value < bad else "look", text)
+        for value, good, bad, text in values
+        if value < good
+    ]
 
 
 def _doubts(found: Match, limits: JudgementSettings) -> list[str]:
@@ -166,8 +190,6 @@ def _doubts(found: Match, limits: JudgementSettings) -> list[str]:
     )
     checks = [
         (corridor, not_determined),
-        (found.intruder > limits.intruder,
-         f"a surface of {found.intruder:.1f} m stands where the other scanner saw free space"),
         (found.sigma_length > limits.sigma_length,
          f"standard deviation of the position {found.sigma_length * 1e3:.1f} mm"),
         (found.sigma_angle > limits.sigma_angle,

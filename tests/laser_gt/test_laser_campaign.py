@@ -151,3 +151,75 @@ def test_the_published_way_with_a_wrong_mount_gives_the_documents_errors(tmp_pat
     assert left.std() < 0.2 * observed.std()
     assert not outcome.mount_check.agrees
     assert np.abs(outcome.mount_check.difference[:2] - [0.09, 0.05]).max() < 0.003
+
+
+def _ring(changed, intruder=1.0):
+    """Matches between all of four stops, right to a millimetre; the first is held up."""
+    from itertools import combinations
+
+    from laser_gt.planar import between
+    from laser_gt.verdicts import JudgementSettings, Match, with_verdict
+
+    rng = np.random.default_rng(3)
+    stops = {name: rng.uniform(-2, 2, 3) for name in "abcd"}
+    good = {
+        "explained": 0.8, "violating": 0.0, "hidden": 0.1, "agreement": 0.9, "intruder": 0.0,
+        "scale": 1.0, "real_share": 1.0, "eigenvalue_ratio": 0.5, "returned": 1.0,
+        "rival": -0.5, "surprise": 1.0, "pairs": 500,
+    }  # fmt: skip
+    made = []
+    for first, second in combinations(stops, 2):
+        pose = between(stops[first], stops[second]) + rng.normal(0, 0.001, 3)
+        values = good if made else good | changed | {"intruder": intruder}
+        found = Match(first, second, pose, pose, np.eye(3) * 0.001**2, **values)
+        made.append(with_verdict(found, JudgementSettings()))
+    return made
+
+
+def test_loops_confirm_a_match_that_only_moved_things_hold_up():
+    from laser_gt.loops import with_loops
+
+    held_up = _ring({"violating": 0.1})
+    assert held_up[0].verdict == "look"
+    confirmed = with_loops(held_up)[0][0]
+    assert confirmed.verdict == "accept"
+    assert "closes all of its 2 loops" in confirmed.reasons[-1]
+
+
+@pytest.mark.parametrize(
+    ("doubt", "intruder"),
+    [
+        ({"violating": 0.1}, 3.0),  # a wall in free space
+        ({"violating": 0.1, "rival": -0.01}, 1.0),
+        ({"surprise": 30.0}, 0.0),
+        ({"violating": 0.3}, 1.0),
+    ],
+)
+def test_loops_do_not_outweigh_other_doubts(doubt, intruder):
+    from laser_gt.loops import with_loops
+
+    held_up = _ring(doubt, intruder)
+    assert held_up[0].verdict != "accept"
+    assert with_loops(held_up)[0][0].verdict == held_up[0].verdict
+
+
+def test_glass_and_moved_bins_leave_few_matches_for_the_eye_and_none_wrong(tmp_path):
+    from data_samples.campaign_files import write_campaign as write_files
+    from data_samples.laser_campaign import laser_files, with_faults
+    from data_samples.rooms import RoomSettings, make_room
+    from data_samples.simulate import SimulationSettings, simulate_survey
+
+    rng = np.random.default_rng(41)
+    room = make_room(RoomSettings(stops=12), rng)
+    survey = simulate_survey(room, SimulationSettings(systems=()), rng)
+    write_files(tmp_path, survey, 41, laser_files(room, with_faults(["boxes", "glass"]), rng))
+    outcome = solve_campaign(load_campaign(tmp_path), engines=("scanmatch",))
+    matching = outcome.matchings["scanmatch"]
+    assert len(matching.accepted) > 0.8 * len(matching.matches)
+    truth = dict(zip(room.stop_names, room.stops, strict=True))
+    for one in matching.accepted:
+        ends = [compose(truth[stop], outcome.inputs.mount) for stop in (one.reference, one.moving)]
+        off = one.pose - between(*ends)
+        # 20 mm and 10 mrad, as for any accepted match
+        assert np.hypot(*off[:2]) < 0.02
+        assert abs(wrap(off[2])) < 0.01
