@@ -124,6 +124,7 @@ def scanner(
         )
     spread = np.sqrt(np.diagonal(result.pose_covariance))
     _print(_poses(f"Scanner {sensor}", start, result.pose, spread, note))
+    _say_how_to_keep(sensor, result.pose, spread)
 
 
 @click.command()
@@ -175,6 +176,7 @@ def camera(
     )
     spread = np.sqrt(np.diagonal(result.covariance))
     _print(_poses(f"Camera {sensor}", start, result.pose, spread, note))
+    _say_how_to_keep(sensor, result.pose, spread)
 
 
 @click.command()
@@ -336,6 +338,18 @@ def _poses(title: str, start: "Array", pose: "Array", spread: "Array", note: str
         )
     ]
     return Table(title, ["pose", *POSE_COLUMNS], rows, ["", *[".4f"] * 3, *[".3f"] * 3], note)
+
+
+def _say_how_to_keep(sensor: str, pose: "Array", spread: "Array") -> None:
+    """The lines of campaign.toml, where angles are in radians."""
+    for line in (
+        f"To use it, in campaign.toml under the [[rtk.sensors]] named {sensor} (metres, radians):",
+        *(
+            f"{name} = [{', '.join(f'{value:.6f}' for value in values)}]"
+            for name, values in (("pose", pose), ("sigmas", spread))
+        ),
+    ):
+        click.echo(line)
 
 
 def _need_picture(option: str, file: Path | None) -> None:

@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import textwrap
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -264,3 +266,17 @@ values = { "rear - left" = 1.79, "right - rear" = 1.79, "left - right" = 1.15 }
 def test_the_fragments_offsets_belong_to_the_geocentric_frame(tmp_path):
     with pytest.raises(GtvalError, match="offsets of one frame"):
         solve_campaign(fragment_campaign(tmp_path, up="ellipsoid"))
+
+
+def test_the_campaign_of_the_guide_is_one(tmp_path):
+    """What stands in docs/outdoor.md runs on a simulated drive, which has its offsets."""
+    page = (Path(__file__).parents[2] / "docs" / "outdoor.md").read_text(encoding="utf-8")
+    block = page.split("## The campaign\n")[1].split("\nFrom the fourth")[0]
+    folder = tmp_path / "drive"
+    write_drive(folder, simulate_drive(64))
+    (folder / "campaign.toml").write_text(textwrap.dedent(block))
+    outcome = solve_campaign(load_campaign(folder))
+    codes = {finding.code for finding in result_of(outcome).findings}
+    assert not codes & {"offsets_differ", "distance_differs"}
+    assert outcome.settings.known_offsets is not None
+    assert list(outcome.sensors) == ["left_camera"]

@@ -1,6 +1,7 @@
 """Commands for the sensors on a vehicle, on files as people have them."""
 
 import json
+import tomllib
 
 import numpy as np
 import pytest
@@ -234,6 +235,11 @@ def test_a_camera_is_calibrated(drive, tmp_path):
     assert error @ np.linalg.solve(np.array(found["covariance"]), error) < stats.chi2(6).ppf(0.9999)
     said = run("rtk", "camera", folder, "left_camera", points, *lens).output
     assert "which hold the noise of the path" in " ".join(said.split())
+    # What it says can stand in campaign.toml as it is.
+    lines = tomllib.loads(said.split("(metres, radians):\n")[1])
+    np.testing.assert_allclose(lines["pose"], found["pose"], atol=1e-6)
+    sigmas = np.sqrt(np.diagonal(found["covariance"]))
+    np.testing.assert_allclose(lines["sigmas"], sigmas, atol=1e-6)
 
 
 def test_all_that_a_drive_writes_can_be_used(tmp_path):
