@@ -3,7 +3,9 @@ import pytest
 
 from laser_gt.graph import Edge, Graph, predicted, solve_graph
 from laser_gt.mounts import hand_eye, linear_hand_eye
+from laser_gt.placement import place
 from laser_gt.planar import between, compose, inverse
+from validation.angles import wrap
 from validation.errors import GtvalError
 
 MOUNT = np.array([0.178, 0.1915, np.pi / 2])
@@ -76,3 +78,50 @@ def test_motions_without_noise_give_the_mount_exactly_and_straight_ones_none():
     straight_laser = between(np.broadcast_to(MOUNT, robot.shape), compose(straight, MOUNT))
     with pytest.raises(GtvalError, match="without turns"):
         hand_eye(straight, covariances, straight_laser, covariances)
+
+
+MOUNT_SIGMAS = np.array([0.002, 0.002, 0.002])
+SURVEY_SIGMAS = np.array([0.002, 0.002, 0.002])
+
+
+def _placed(seed, mount_error):
+    """Errors of placed poses, their joint covariance, and their mean distance from the survey."""
+    rng = np.random.default_rng(seed)
+    poses = _tour(rng, 26)
+    robot = between(poses[0], poses)
+    graph = Graph(
+        robot,
+        MOUNT + mount_error,
+        _edges(rng, poses),
+        [0],
+        np.zeros((1, 3)),
+        np.eye(3) * 1e-12,
+        np.diag(MOUNT_SIGMAS**2),
+    )
+    surveyed = poses + rng.normal(0, SURVEY_SIGMAS, poses.shape)
+    covariance = np.kron(np.eye(len(poses)), np.diag(SURVEY_SIGMAS**2))
+    found = place(solve_graph(graph), list(range(len(poses))), surveyed, covariance)
+    error, apart = found.poses - poses, surveyed - found.poses
+    error[:, 2], apart[:, 2] = wrap(error[:, 2]), wrap(apart[:, 2])
+    return error, found.joint, apart
+
+
+def test_all_surveyed_headings_together_show_an_error_of_the_mount_within_its_sigmas():
+    nees, headings = [], []
+    for seed in range(40):
+        mount_error = np.random.default_rng(1000 + seed).normal(0, MOUNT_SIGMAS)
+        error, joint, apart = _placed(seed, mount_error)
+        mean = error.mean(0)
+        averaged = joint.reshape(26, 3, 26, 3).mean((0, 2))
+        nees.append(mean @ np.linalg.solve(averaged, mean) / 3)
+        headings.append(apart[:, 2].mean())
+    # 40 times 3 degrees of freedom: 99.9 % of right ones
+    assert 0.629 < np.mean(nees) < 1.480
+    # 26 headings of 2 mrad tell the mount's to 0.4 mrad, five times better than it was stated
+    assert np.sqrt(np.mean(np.square(headings))) < 0.0004
+
+
+def test_a_mount_that_contradicts_its_sigmas_stays_as_stated_and_shows():
+    _, _, apart = _placed(5, np.array([0.09, 0.05, 0.0]))
+    # 10 cm in directions that turn with the robot: 7 cm along each axis
+    assert (apart[:, :2].std(0) > 0.05).all()
