@@ -3,15 +3,12 @@
 import numpy as np
 
 from laser_gt.matching import align, influence
-from laser_gt.planar import inverse, inverse_covariance_of, inverse_jacobian
+from laser_gt.planar import CONTRADICTION, inverse, inverse_covariance_of, inverse_jacobian
 from laser_gt.surfaces import Surface
 from validation.angles import Array, wrap
 
 REACH = 0.15
 """The way back starts at the result of the way there; it may be off by this, in metres."""
-CONTRADICTION = 16.27
-"""Squared distance of the two ways in standard deviations beyond which they contradict each
-other: exceeded by one in a thousand, for 3 degrees of freedom."""
 
 
 def both_ways(

@@ -6,12 +6,16 @@ from itertools import combinations
 
 import numpy as np
 
-from laser_gt.planar import compose, compose_jacobians, inverse, inverse_covariance_of
+from laser_gt.planar import (
+    CONTRADICTION,
+    compose,
+    compose_jacobians,
+    inverse,
+    inverse_covariance_of,
+)
 from laser_gt.verdicts import SEVERITY, Match, Verdict
 from validation.angles import Array
 
-LIMIT = 16.27
-"""99.9 % quantile of chi-squared with 3 degrees of freedom."""
 FLOOR = np.diag([0.003**2, 0.003**2, 0.001**2])
 """Allowed for what the covariances leave out: 3 mm and 1 mrad of surfaces that are not flat."""
 CONFIRMING = 2
@@ -39,7 +43,7 @@ class Loop:
     @property
     def closes(self) -> bool:
         """Whether noise explains the misclosure."""
-        return self.chi_squared <= LIMIT
+        return self.chi_squared <= CONTRADICTION
 
 
 def triples(matches: Sequence[Match]) -> list[Loop]:

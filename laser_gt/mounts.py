@@ -12,7 +12,7 @@ import numpy as np
 
 from laser_gt.graph import Edge, Graph, solve_graph
 from laser_gt.inputs import LaserInputs
-from laser_gt.planar import between, compose, compose_jacobians
+from laser_gt.planar import CONTRADICTION, between, compose, compose_jacobians
 from laser_gt.solve import Surveyed, edges_of
 from laser_gt.verdicts import Match
 from validation.angles import Array, wrap
@@ -85,7 +85,7 @@ class MountCheck:
     def agrees(self) -> bool:
         """Whether both sigmas explain the difference (99.9 %)."""
         covariance = self.found.covariance + np.diag(self.stated_sigmas**2)
-        return float(self.difference @ np.linalg.solve(covariance, self.difference)) < 16.27
+        return float(self.difference @ np.linalg.solve(covariance, self.difference)) < CONTRADICTION
 
 
 def check_mount(inputs: LaserInputs, matches: Sequence[Match], surveyed: Surveyed) -> MountCheck:

@@ -5,12 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from laser_gt.graph import GraphSolution
-from laser_gt.planar import between, compose, compose_jacobians
+from laser_gt.planar import CONTRADICTION, between, compose, compose_jacobians
 from validation.angles import Array, wrap
 
-CONTRADICTION = 16.27
-"""Squared distance of the mount from the stated one, in standard deviations, beyond which the two
-contradict each other: exceeded by one in a thousand, for 3 degrees of freedom."""
 HELD = 1e6
 """Factor on the information of a mount that is held."""
 

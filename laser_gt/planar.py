@@ -9,6 +9,10 @@ import numpy.typing as npt
 
 from validation.angles import Array, wrap
 
+CONTRADICTION = 16.27
+"""Squared distance of two poses in standard deviations, beyond which they contradict each other:
+the 99.9 % quantile of chi-squared with 3 degrees of freedom."""
+
 
 def rotation(theta: npt.ArrayLike) -> Array:
     """(..., 2, 2) rotation matrices of angles in radians."""

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from laser_gt.planar import CONTRADICTION
 from validation.angles import Array
 
 Verdict = Literal["accept", "look", "reject"]
@@ -61,7 +62,7 @@ class JudgementSettings:
     eigenvalue_ratio: float = 0.01
     return_share: float = 0.6
     rival_margin: float = 0.12
-    contradiction: float = 16.27
+    contradiction: float = CONTRADICTION
     start_length: float = 0.12
     start_angle: float = 0.09
     starts: int = 8
