@@ -16,9 +16,8 @@ from rtk_gt.offsets import Offsets, estimate_offsets
 from rtk_gt.orientation import pose_of, transform_of
 from rtk_gt.pass_matching import ScannerCalibration, perturbed
 from rtk_gt.path import VehiclePath, vehicle_path
-from rtk_gt.scanner_calibration import calibrate_scanner
+from rtk_gt.scanner_calibration import MountedScans, calibrate_scanners
 from rtk_gt.scanner_equations import ScannerSettings
-from rtk_gt.scans import LineScans
 from rtk_gt.steps import Steps, common_steps
 from rtk_gt.trajectory import KNOT_SPACINGS, Trajectory, smooth_trajectory
 from validation.angles import Array
@@ -112,32 +111,32 @@ def placement_error(pose: Array, truth: Array) -> Array:
 
 @dataclass(frozen=True)
 class ScannerTrial:
-    """What a scanner is calibrated from, all knowledge drawn from its standard deviations."""
+    """What scanners are calibrated from, all knowledge drawn from its standard deviations."""
 
-    truth: Array
-    scans: LineScans
-    start: Array
+    truths: Array
+    mounted: tuple[MountedScans, ...]
     ground: KnownGround
 
     def calibrated(
         self, trajectory: Trajectory, settings: ScannerSettings | None = None
-    ) -> ScannerCalibration:
-        """The scanner's place from the scans along a measured path."""
-        return calibrate_scanner(
-            trajectory, self.scans, self.start, HAND_SIGMAS, ground=self.ground, settings=settings
-        )
+    ) -> tuple[ScannerCalibration, ...]:
+        """The scanners' places from the scans along a measured path."""
+        return calibrate_scanners(trajectory, self.mounted, ground=self.ground, settings=settings)
 
 
 def scanner_trial(
-    drive: Drive, scanner: Array, *, every: float = 0.2, beams: int = 121
+    drive: Drive, *scanners: Array, every: float = 0.2, beams: int = 121
 ) -> ScannerTrial:
-    """Scans of a drive, a place measured by hand, and a floor measured under the vehicle."""
+    """Scans of a drive, places measured by hand, and a floor measured under the vehicle."""
     generator = np.random.default_rng([drive.seed, 7])
-    scans = scan_along(drive, scanner, generator, every=every, beams=beams)
-    start = perturbed(scanner, HAND_SIGMAS * generator.standard_normal(6))
+    mounted = []
+    for truth in scanners:
+        scans = scan_along(drive, truth, generator, every=every, beams=beams)
+        start = perturbed(truth, HAND_SIGMAS * generator.standard_normal(6))
+        mounted.append(MountedScans(scans, start, HAND_SIGMAS))
     height, *slopes = generator.standard_normal(3) * [TAPE, LEVEL, LEVEL]
     ground = KnownGround(height - ROOF, TAPE, slopes[0], slopes[1], LEVEL)
-    return ScannerTrial(scanner, scans, start, ground)
+    return ScannerTrial(np.array(scanners), tuple(mounted), ground)
 
 
 def calibration_drive(loops: int) -> DriveSettings:

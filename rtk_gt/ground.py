@@ -68,14 +68,17 @@ def _above(points: Array, shape: Array) -> Array:
     return np.asarray(z - height - slope_x * x - slope_y * y - bend * y**2 / 2 - change * y**3 / 6)
 
 
-def road_points(points: Array, scanner: Array, shape: Array, ground: KnownGround) -> Ints:
-    """Rows of the points (n, 3), in the vehicle frame, that are on the road beside the vehicle."""
-    beside = np.linalg.norm(points[:, :2] - scanner[:2], axis=1) < ground.reach
+def road_points(points: Array, places: Array, shape: Array, ground: KnownGround) -> Ints:
+    """Rows of the points (n, 3), in the vehicle frame, that are on the road beside the vehicle.
+
+    ``places`` is where they were seen from, (6,) of all or (n, 6).
+    """
+    beside = np.linalg.norm(points[:, :2] - places[..., :2], axis=1) < ground.reach
     return np.flatnonzero(beside & (np.abs(_above(points, shape)) < 6 * ground.roughness))
 
 
 def ground_rows(
-    points: Array, scanner: Array, shape: Array, times: Array, ground: KnownGround
+    points: Array, scanner: Ints, places: Array, shape: Array, times: Array, ground: KnownGround
 ) -> tuple[Array, Array]:
     """Heights of the road points over the road, whitened, and their derivatives.
 
@@ -83,8 +86,10 @@ def ground_rows(
     ----------
     points : (n, 3) array
         In the vehicle frame.
-    scanner : (6,) array
-        Pose of the scanner on the vehicle.
+    scanner : (n,) int array
+        That saw each point.
+    places : (k, 6) array
+        Poses of the scanners on the vehicle.
     shape : (5,) array
         Of the road, see `KnownGround`.
     times : (n,) array
@@ -94,18 +99,21 @@ def ground_rows(
 
     Returns
     -------
-    J : (m, 11) array
-        By the scanner's translation and rotation vector in the vehicle frame, and the shape.
+    J : (m, 6 k + 5) array
+        By each scanner's translation and rotation vector in the vehicle frame, and the shape.
     residual : (m,) array
         Over their standard deviations.
     """
-    rows = road_points(points, scanner, shape, ground)
-    p = points[rows]
+    rows = road_points(points, places[scanner], shape, ground)
+    p, scanner = points[rows], scanner[rows]
     y = p[:, 1]
     across = -(shape[2] + shape[3] * y + shape[4] * y**2 / 2)
     normals = np.column_stack([np.full(len(p), -shape[1]), across, np.ones(len(p))])
+    by_place = np.zeros((len(p), len(places), 6))
+    arms = p - places[scanner, :3]
+    by_place[np.arange(len(p)), scanner] = np.hstack([normals, np.cross(arms, normals)])
     by_shape = -np.column_stack([np.ones(len(p)), p[:, :2], y**2 / 2, y**3 / 6])
-    J = np.hstack([normals, np.cross(p - scanner[:3], normals), by_shape])
+    J = np.hstack([by_place.reshape(len(p), -1), by_shape])
     return _whitened(J, _above(p, shape), y, times[rows], ground)
 
 

@@ -8,25 +8,27 @@ distances and the pieces of walls and ground are unknowns like the scanner's pla
 each receiver is a measurement, and the covariance is that of the whole adjustment.
 """
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rtk_gt.ground import ROAD, KnownGround, road_points
 from rtk_gt.offset_prior import VEHICLE_SIZE, OffsetPrior
 from rtk_gt.pass_matching import ScannerCalibration, change_from, match_passes, weights_of
+from rtk_gt.scanner_adjustment import gauss_newton_step
 from rtk_gt.scanner_equations import (
     SHAPE,
     Given,
+    Points,
     ScannerSettings,
     State,
-    gauss_newton_step,
     scan_residuals,
-    world_points,
+    world_of,
 )
 from rtk_gt.scans import Cloud, LineScans, cloud_of
 from rtk_gt.surfaces import Surfaces, shared_surfaces
-from rtk_gt.trajectory import Trajectory, Vehicle
+from rtk_gt.trajectory import Trajectory, Vehicle, with_knots
 from validation.angles import Array
 from validation.errors import GtvalError
 
@@ -35,32 +37,55 @@ _ROUNDS = 10
 FARTHEST = 5.0
 """Standard deviations of the hand-measured place beyond which a result cannot be right."""
 _SETTLED = 0.1
-"""The last choice of points moved the scanner by less than this share of its sigmas."""
+"""The last choice of points moved the scanners by less than this share of their sigmas."""
+_ROUGH_POINTS = 60_000
+"""Points of each scanner that the first, rough solution looks at."""
+_TURN = 0.6180339887498949
+"""A fraction of the golden ratio: never in step with the beams of a scan."""
 
 
-def calibrate_scanner(
-    trajectory: Trajectory,
-    scans: LineScans,
-    start: Array,
-    sigmas: Array,
-    *,
-    ground: KnownGround | None = None,
-    prior: OffsetPrior | None = None,
-    settings: ScannerSettings | None = None,
-) -> ScannerCalibration:
-    """The pose of a scanner on the vehicle, from scans along a measured path.
+@dataclass(frozen=True)
+class MountedScans:
+    """Scans of a scanner, and where it was measured by hand on the vehicle.
 
     Parameters
     ----------
-    trajectory : Trajectory
-        The smooth path through the fixes (`smooth_trajectory`).
     scans : LineScans
-        Of the scanner; those at times without a path are left out.
+        Those at times without a path are left out.
     start : (6,) array
         Hand-measured pose: x, y, z, yaw, pitch, roll.
     sigmas : (6,) array
         How well it was measured: x, y, z in metres, rotations about the vehicle's axes in
         radians. It keeps its weight.
+    name : str
+        What messages call it.
+    """
+
+    scans: LineScans
+    start: Array
+    sigmas: Array
+    name: str = "the scanner"
+
+
+def calibrate_scanners(
+    trajectory: Trajectory,
+    mounted: Sequence[MountedScans],
+    *,
+    ground: KnownGround | None = None,
+    prior: OffsetPrior | None = None,
+    settings: ScannerSettings | None = None,
+) -> tuple[ScannerCalibration, ...]:
+    """The poses of scanners on the vehicle, from scans along a measured path.
+
+    Two scanners that look to both sides are better found together than each alone: both hold the
+    same path, and together they see how the road is bent across.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The smooth path through the fixes (`smooth_trajectory`).
+    mounted : sequence of MountedScans
+        One of each scanner.
     ground : KnownGround, optional
         The plane of the road under the wheels in the vehicle frame.
     prior : OffsetPrior, optional
@@ -76,56 +101,106 @@ def calibrate_scanner(
 
     Notes
     -----
-    Gauss-Newton on sparse normal equations. Residuals are distances of points from their
-    slightly bent piece, fixes minus curves, road points minus the road, and the direction of motion
-    minus the road's. Each round chooses the points of the pieces anew; where that goes on moving
-    the scanner, the last movement is added to the covariance. What the drive does not show keeps
-    its prior, and ``from_drive`` says so.
+    Gauss-Newton on normal equations. Residuals are distances of points from their slightly bent
+    piece, fixes minus curves, road points minus the road, and the direction of motion minus the
+    road's. Each round chooses the points of the pieces anew; where that goes on moving a scanner,
+    the last movement is added to its covariance. What the drive does not show keeps its prior, and
+    ``from_drive`` says so.
     """
     settings = settings or ScannerSettings()
-    scans = scans.select(trajectory.spline.covers(scans.times))
-    if len(scans.times) == 0:
+    trajectory = with_knots(trajectory, settings.knots)
+    mounted = [
+        replace(one, scans=one.scans.select(trajectory.spline.covers(one.scans.times)))
+        for one in mounted
+    ]
+    if any(len(one.scans.times) == 0 for one in mounted):
         raise GtvalError("none of the scans is where there is ground truth")
-    data = _prepared(trajectory, scans, start, sigmas, ground, prior, settings)
-    rough = _rough(data, scans)
-    state = State(
-        trajectory.spline, trajectory.vehicle, rough.pose,
-        np.zeros(ROAD) if ground is None else ground.shape, np.empty((0, 3)),
+    data = _prepared(trajectory, mounted, ground, prior, settings)
+    rough = [_rough(data, one) for one in mounted]
+    begin = State(
+        trajectory.spline, trajectory.vehicle, np.array([one.pose for one in rough]),
+        np.zeros(ROAD) if ground is None else ground.shape, np.empty((0, SHAPE)),
     )  # fmt: skip
-    for turn in range(_ROUNDS):
-        size, gate = settings.pieces[min(turn, len(settings.pieces) - 1)]
-        surfaces = _surfaces(data, state, size, gate)
-        state = replace(state, pieces=np.zeros((len(surfaces.centres), SHAPE)))
-        begin = state.pose
-        for _ in range(2):
-            state, covariance = gauss_newton_step(data, state, surfaces)
-        moved = change_from(begin, state.pose)
-        settled = turn + 1 >= len(settings.pieces)
-        settled = settled and bool((np.abs(moved) < _SETTLED * _sigmas(covariance)).all())
-        if settled:
-            break
-    _check_near(data, state.pose)
-    # What a new choice of points still moves is not known any better than that.
-    covariance = covariance + np.outer(moved, moved)
-    spread = _sigmas(covariance)
-    residual = scan_residuals(data, state, surfaces)
-    return ScannerCalibration(
-        pose=state.pose,
-        covariance=covariance,
-        sigmas=spread,
-        from_drive=1 - np.square(spread / sigmas),
-        pairs=len(residual),
-        rms_before=rough.rms_before,
-        rms_after=_rms(residual),
-        settled=settled,
+    last = _adjusted(data, begin)
+    residual = scan_residuals(data, last.state, last.surfaces)
+    of = data.points.of[last.surfaces.points]
+    return tuple(
+        _place(one, last, row, rough[row].rms_before, residual[of == row])
+        for row, one in enumerate(mounted)
     )
 
 
-def _check_near(data: Given, pose: Array) -> None:
+@dataclass(frozen=True)
+class _Adjusted:
+    """Where the rounds ended; ``moved`` (k, 6) is how far the last choice of points moved."""
+
+    state: State
+    surfaces: Surfaces
+    covariance: Array
+    moved: Array
+    settled: bool
+
+
+def _adjusted(data: Given, state: State) -> _Adjusted:
+    """Points of pieces chosen, and all adjusted, in turns."""
+    pieces = data.settings.pieces
+    for turn in range(_ROUNDS):
+        surfaces = _surfaces(data, state, *pieces[min(turn, len(pieces) - 1)])
+        state = replace(state, pieces=np.zeros((len(surfaces.centres), SHAPE)))
+        begin = state.places
+        for _ in range(2):
+            state, covariance = gauss_newton_step(data, state, surfaces)
+        moved = np.array([change_from(*pair) for pair in zip(begin, state.places, strict=True)])
+        near = np.abs(moved) < _SETTLED * _sigmas(covariance).reshape(-1, 6)
+        settled = turn + 1 >= len(pieces) and bool(near.all())
+        if settled:
+            break
+    return _Adjusted(state, surfaces, covariance, moved, settled)
+
+
+def _place(
+    mounted: MountedScans, last: _Adjusted, row: int, before: float, residual: Array
+) -> ScannerCalibration:
+    """The result for one scanner."""
+    pose, own = last.state.places[row], slice(6 * row, 6 * row + 6)
+    _check_near(mounted, pose)
+    # What a new choice of points still moves is not known any better than that.
+    covariance = last.covariance[own, own] + np.outer(last.moved[row], last.moved[row])
+    spread = _sigmas(covariance)
+    return ScannerCalibration(
+        pose=pose,
+        covariance=covariance,
+        sigmas=spread,
+        from_drive=1 - np.square(spread / mounted.sigmas),
+        pairs=len(residual),
+        rms_before=before,
+        rms_after=_rms(residual),
+        settled=last.settled,
+    )
+
+
+def calibrate_scanner(
+    trajectory: Trajectory,
+    scans: LineScans,
+    start: Array,
+    sigmas: Array,
+    *,
+    ground: KnownGround | None = None,
+    prior: OffsetPrior | None = None,
+    settings: ScannerSettings | None = None,
+) -> ScannerCalibration:
+    """`calibrate_scanners` of one scanner alone; see there and `MountedScans`."""
+    mounted = MountedScans(scans, np.asarray(start, dtype=float), np.asarray(sigmas, dtype=float))
+    return calibrate_scanners(
+        trajectory, [mounted], ground=ground, prior=prior, settings=settings
+    )[0]  # fmt: skip
+
+
+def _check_near(mounted: MountedScans, pose: Array) -> None:
     """Refuse a place that the hand-measured one excludes: the matching went astray, or the hand."""
-    away = change_from(data.start, pose)
-    worst = int(np.abs(away / data.sigmas).argmax())
-    if abs(away[worst]) <= FARTHEST * data.sigmas[worst]:
+    away = change_from(mounted.start, pose)
+    worst = int(np.abs(away / mounted.sigmas).argmax())
+    if abs(away[worst]) <= FARTHEST * mounted.sigmas[worst]:
         return
     name = ("x", "y", "z", "about x", "about y", "about z")[worst]
     said = (
@@ -133,44 +208,54 @@ def _check_near(data: Given, pose: Array) -> None:
         if worst < 3
         else f"{np.degrees(away[worst]):+.1f} degrees {name}"
     )
+    times = abs(away[worst] / mounted.sigmas[worst])
     raise GtvalError(
-        f"the scans put the scanner {said} of where it was measured by hand, "
-        f"{abs(away[worst] / data.sigmas[worst]):.0f} standard deviations: either that measurement "
-        "or its sigma is wrong, or this drive sees its walls from too few directions"
+        f"the scans put {mounted.name} {said} of where it was measured by hand, {times:.0f} "
+        "standard deviations: either that measurement or its sigma is wrong, or this drive sees "
+        "its walls from too few directions"
     )
 
 
 def _prepared(
     trajectory: Trajectory,
-    scans: LineScans,
-    start: Array,
-    sigmas: Array,
+    mounted: Sequence[MountedScans],
     ground: KnownGround | None,
     prior: OffsetPrior | None,
     settings: ScannerSettings,
 ) -> Given:
-    cloud = cloud_of(scans)
-    start = np.asarray(start, dtype=float)
-    road = _beside(cloud, start, ground)
-    if len(cloud.own) > settings.points:
-        # A fraction of the golden ratio: never in step with the beams of a scan.
-        share = settings.points / len(cloud.own)
-        chosen = np.mod(np.arange(len(cloud.own)) * 0.6180339887498949, 1.0) < share
-        cloud = Cloud(cloud.own[chosen], cloud.scan[chosen])
+    points = _points_of(mounted)
+    starts = np.array([one.start for one in mounted], dtype=float)
+    sigmas = np.array([one.sigmas for one in mounted], dtype=float)
+    road = _beside(points, starts, ground)
+    counts = np.bincount(points.of, minlength=len(mounted))
+    share = settings.points / np.maximum(counts, settings.points)
+    chosen = np.mod(np.arange(len(points.own)) * _TURN, 1.0) < share[points.of]
     known = _prior(trajectory.vehicle, prior or OffsetPrior())
     return Given(
-        trajectory, cloud, scans.times[cloud.scan], road, scans.times[road.scan], start,
-        np.asarray(sigmas, dtype=float), ground, known, settings,
+        trajectory, points.select(np.flatnonzero(chosen)), road, starts, sigmas, ground, known,
+        settings,
     )  # fmt: skip
 
 
-def _beside(cloud: Cloud, start: Array, ground: KnownGround | None) -> Cloud:
-    """All points that may be road once the scanner's place is known better."""
+def _points_of(mounted: Sequence[MountedScans]) -> Points:
+    """The points of all scanners, one after the other."""
+    clouds = [cloud_of(one.scans) for one in mounted]
+    firsts = np.cumsum([0, *(len(one.scans.times) for one in mounted)])
+    return Points(
+        np.concatenate([cloud.own for cloud in clouds]),
+        np.concatenate([cloud.scan + n for cloud, n in zip(clouds, firsts, strict=False)]),
+        np.concatenate([one.scans.times for one in mounted]),
+        np.repeat(np.arange(len(mounted)), np.diff(firsts)),
+    )
+
+
+def _beside(points: Points, starts: Array, ground: KnownGround | None) -> Points:
+    """All points that may be road once the scanners' places are known better."""
     if ground is None:
-        return Cloud(cloud.own[:0], cloud.scan[:0])
+        return points.select(np.empty(0, dtype=np.int64))
     wide = replace(ground, reach=ground.reach + 0.5, roughness=2 * ground.roughness)
-    rows = road_points(cloud.in_vehicle(start), start, ground.shape, wide)
-    return Cloud(cloud.own[rows], cloud.scan[rows])
+    rows = road_points(points.in_vehicle(starts), starts[points.of], ground.shape, wide)
+    return points.select(rows)
 
 
 def _prior(vehicle: Vehicle, prior: OffsetPrior) -> tuple[Array, Array]:
@@ -191,19 +276,24 @@ def _prior(vehicle: Vehicle, prior: OffsetPrior) -> tuple[Array, Array]:
     return information, wanted
 
 
-def _rough(data: Given, scans: LineScans) -> ScannerCalibration:
+def _rough(data: Given, mounted: MountedScans) -> ScannerCalibration:
     """The pose at which passes agree along the path as it is: good enough to begin with."""
-    spline = data.trajectory.spline
+    cloud = cloud_of(mounted.scans)
+    share = _ROUGH_POINTS / max(len(cloud.own), 1)
+    chosen = np.mod(np.arange(len(cloud.own)) * _TURN, 1.0) < share
+    times = mounted.scans.times
     return match_passes(
-        data.cloud, scans.times, spline.poses(scans.times), data.start, data.sigmas,
+        Cloud(cloud.own[chosen], cloud.scan[chosen]), times,
+        data.trajectory.spline.poses(times), mounted.start, mounted.sigmas,
         settings=replace(data.settings.matching, apart=data.settings.apart), ground=data.ground,
     )  # fmt: skip
 
 
 def _surfaces(data: Given, state: State, size: float, gate: float) -> Surfaces:
-    world, origins, _ = world_points(data, state)
+    world = world_of(data, state)
+    times = data.points.times[data.points.scan]
     found = shared_surfaces(
-        world, origins, data.times, size=size, gate=gate, apart=data.settings.apart
+        world.points, world.origins, times, size=size, gate=gate, apart=data.settings.apart
     )
     if len(found.centres) < FEWEST_SURFACES:
         raise GtvalError(

@@ -1,31 +1,18 @@
-"""One adjustment of a drive: curves, offsets, scanner, road and pieces of walls, all at once.
+"""What is known and unknown when scans, fixes and walls are adjusted, and the scans' equations.
 
-Residuals are those of the fixes, of points about their pieces, of the road and of the direction of
-motion over it, each whitened; the normal equations are sparse.
+Residuals of points are their distances from slightly bent pieces of walls and ground, whitened.
 """
 
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from rtk_gt.fixes import Ints
-from rtk_gt.ground import ROAD, KnownGround, ground_rows, motion_rows
-from rtk_gt.orientation import matrix_of
-from rtk_gt.pass_matching import MatchingSettings, change_from, perturbed, weights_of
-from rtk_gt.scans import Cloud
+from rtk_gt.ground import KnownGround
+from rtk_gt.orientation import matrix_of, rotation_rates
+from rtk_gt.pass_matching import MatchingSettings, weights_of
 from rtk_gt.surfaces import Surfaces
-from rtk_gt.trajectory import (
-    Spline,
-    Trajectory,
-    Vehicle,
-    antenna_equations,
-    fix_sigmas,
-    point_rows,
-    pose_columns,
-    roughness_information,
-)
+from rtk_gt.trajectory import Spline, Trajectory, Vehicle
 from validation.angles import Array
 from validation.robust import sigma_from_median
 
@@ -41,78 +28,124 @@ class ScannerSettings:
 
     ``apart``: passes are at least so many seconds apart. ``pieces``: edge of the flat pieces and
     how far from their planes points may be, metres, from round to round; the last are used until
-    the scanner stays where it is. ``points``: at most so many are used. ``block`` and
-    ``independent``: of the points that one piece shows in so many seconds, so many count, as they
-    share what the curves and the plane leave out. ``sharpest``: least standard deviation of a
-    point, metres. ``bend``: standard deviation of the curvature of walls and ground, 1/m.
+    the scanners stay where they are. ``points``: at most so many of a scanner are used. ``block``
+    and ``independent``: of the points that one piece shows in so many seconds, so many count, as
+    they share what the curves and the plane leave out. ``sharpest``: least standard deviation of
+    a point, metres. ``bend``: standard deviation of the curvature of walls and ground, 1/m.
+    ``knots``: seconds between the knots of the path at most; scans see wiggles that fixes do not.
     ``matching``: of the first, rough solution.
     """
 
     apart: float = 8.0
     pieces: tuple[tuple[float, float], ...] = ((2.0, 0.6), (2.0, 0.4), (1.5, 0.3), (1.5, 0.2))
-    points: int = 60_000
+    points: int = 200_000
     block: float = 1.0
     independent: int = 4
     sharpest: float = 0.005
     bend: float = 0.02
+    knots: float = 1.0
     matching: MatchingSettings = field(
         default_factory=lambda: MatchingSettings(sources=6000, gates=(1.0, 0.7, 0.5, 0.5))
     )
 
 
 @dataclass(frozen=True)
+class Points:
+    """Points of all scanners.
+
+    Parameters
+    ----------
+    own : (n, 3) array
+        Each in the frame of its scanner, metres.
+    scan : (n,) int array
+        The scan that each came from.
+    times : (s,) array
+        Of the scans, seconds since 1970.
+    scanner : (s,) int array
+        That made each scan.
+    """
+
+    own: Array
+    scan: Ints
+    times: Array
+    scanner: Ints
+
+    @property
+    def of(self) -> Ints:
+        """(n,) the scanner of each point."""
+        return np.asarray(self.scanner[self.scan])
+
+    def select(self, rows: Ints) -> "Points":
+        """The chosen points."""
+        return Points(self.own[rows], self.scan[rows], self.times, self.scanner)
+
+    def in_vehicle(self, places: Array) -> Array:
+        """(n, 3) points in the vehicle frame, for scanners at (k, 6)."""
+        found = np.empty_like(self.own)
+        for row, place in enumerate(places):
+            mine = self.of == row
+            found[mine] = self.own[mine] @ matrix_of(place[3:]).T + place[:3]
+        return found
+
+
+@dataclass(frozen=True)
 class State:
-    """All unknowns: curves, vehicle, scanner (6,), road (5,) and pieces (c, 6)."""
+    """All unknowns: curves, vehicle, scanners (k, 6), road (5,) and pieces (c, 6)."""
 
     spline: Spline
     vehicle: Vehicle
-    pose: Array
+    places: Array
     ground: Array
     pieces: Array
 
 
 @dataclass(frozen=True)
-class _Places:
-    """First column of each group of unknowns, and the number of all."""
-
-    vehicle: int
-    scanner: int
-    ground: int
-    pieces: int
-    total: int
-
-
-@dataclass(frozen=True)
 class Given:
-    """All that does not change: fixes, points with their times, what is known beforehand.
+    """All that does not change: fixes, points, what is known beforehand.
 
-    ``cloud`` are the points for walls and ground, ``road`` all that may be on the road.
+    ``points`` are those for walls and ground, ``road`` all that may be on the road; ``starts`` and
+    ``sigmas`` (k, 6) are the places measured by hand.
     """
 
     trajectory: Trajectory
-    cloud: Cloud
-    times: Array
-    road: Cloud
-    road_times: Array
-    start: Array
+    points: Points
+    road: Points
+    starts: Array
     sigmas: Array
     ground: KnownGround | None
     prior: tuple[Array, Array]
     settings: ScannerSettings
 
 
-def world_points(data: Given, state: State) -> tuple[Array, Array, Array]:
-    """Points and scanner positions in the local frame, and the poses, one a point."""
-    poses = state.spline.poses(data.times)
-    R = matrix_of(poses[:, 3:])
-    own = data.cloud.in_vehicle(state.pose)
-    world = np.einsum("nij,nj->ni", R, own) + poses[:, :3]
-    return world, R @ state.pose[:3] + poses[:, :3], poses
+@dataclass(frozen=True)
+class World:
+    """Points in the local frame (n, 3), where they were seen from (n, 3), in the vehicle (n, 3).
+
+    ``axes`` (s, 3, 3) and ``rates`` (s, 3, 3) are the vehicle's rotation at each scan and
+    `rotation_rates` there.
+    """
+
+    points: Array
+    origins: Array
+    own: Array
+    axes: Array
+    rates: Array
+
+
+def world_of(data: Given, state: State) -> World:
+    """The points where the state puts them."""
+    points = data.points
+    poses = state.spline.poses(points.times)
+    axes = matrix_of(poses[:, 3:])
+    own = points.in_vehicle(state.places)
+    world = np.einsum("nij,nj->ni", axes[points.scan], own) + poses[points.scan, :3]
+    eyes = np.einsum("sij,sj->si", axes, state.places[points.scanner, :3]) + poses[:, :3]
+    return World(world, eyes[points.scan], own, axes, rotation_rates(poses[:, 3:]))
 
 
 def scan_residuals(data: Given, state: State, surfaces: Surfaces) -> Array:
     """(m,) distances of points from their slightly bent pieces, metres."""
-    local = surfaces.local(world_points(data, state)[0])
+    local = surfaces.local(world_of(data, state).points)
     return _heights(local, state.pieces[surfaces.of])
 
 
@@ -127,91 +160,24 @@ def _heights(local: Array, pieces: Array) -> Array:
     return np.asarray(local[:, 2] - (_bends(local) * pieces).sum(1))
 
 
-def _places(state: State) -> _Places:
-    vehicle = state.spline.coefficients.size
-    scanner = vehicle + state.vehicle.size
-    ground = scanner + 6
-    pieces = ground + ROAD
-    return _Places(vehicle, scanner, ground, pieces, pieces + SHAPE * len(state.pieces))
+@dataclass(frozen=True)
+class ScanRows:
+    """Whitened distances of points from their pieces, and their derivatives, each (m, 6).
+
+    ``by_pose`` is by the vehicle's pose, ``by_place`` by the translation and the rotation vector
+    of the point's own scanner in the vehicle frame, ``by_piece`` by the numbers of its piece.
+    """
+
+    residual: Array
+    by_pose: Array
+    by_place: Array
+    by_piece: Array
 
 
-def gauss_newton_step(data: Given, state: State, surfaces: Surfaces) -> tuple[State, Array]:
-    """One Gauss-Newton step, and the covariance (6, 6) of the scanner's pose there."""
-    places = _places(state)
-    rows = [_fix_rows(data, state, places), _scan_rows(data, state, surfaces, places)]
-    if data.ground is not None:
-        rows += [_road_rows(data, state, places), _motion_rows(data, state, places)]
-    J = sparse.vstack([part[0] for part in rows], format="csr")
-    residual = np.concatenate([part[1] for part in rows])
-    H, gradient = _known(data, state)
-    H = (H + J.T @ J).tocsc()
-    gradient = gradient + J.T @ residual
-    # Symmetric and positive: no pivoting, which keeps the factors sparse.
-    factor = splu(
-        H, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
-    change = factor.solve(-gradient)
-    chosen = slice(places.scanner, places.ground)
-    unit = np.zeros((places.total, 6))
-    unit[chosen] = np.eye(6)
-    covariance = factor.solve(unit)[chosen]
-    k = places.pieces
-    moved = State(
-        state.spline.moved(change[: places.vehicle].reshape(-1, 6)),
-        state.vehicle.moved(change[places.vehicle : places.scanner]),
-        perturbed(state.pose, change[places.scanner : places.ground]),
-        state.ground + change[places.ground : k],
-        state.pieces + change[k:].reshape(-1, SHAPE),
-    )
-    return moved, (covariance + covariance.T) / 2
-
-
-def _known(data: Given, state: State) -> tuple["sparse.csc_matrix", Array]:
-    """Information and gradient of all that is known beforehand."""
-    smooth, slope = roughness_information(state.spline)
-    information, wanted = data.prior
-    made = _vehicle_change(data.trajectory.vehicle, state.vehicle)
-    diagonal = [information, 1 / data.sigmas**2]
-    gradient = [slope, information * (made - wanted)]
-    gradient.append(change_from(data.start, state.pose) / data.sigmas**2)
-    if data.ground is None:
-        diagonal.append(np.ones(ROAD))
-        gradient.append(np.zeros(ROAD))
-    else:
-        weight = data.ground.sigmas**-2
-        diagonal.append(weight)
-        gradient.append(weight * (state.ground - data.ground.shape))
-    # Pieces rest on their points; the little here keeps a line of points from tilting freely.
-    own = np.tile([1e-2, 1.0, 1.0, *[data.settings.bend**-2] * 3], len(state.pieces))
-    diagonal.append(own)
-    gradient.append(own * state.pieces.ravel())
-    H = sparse.block_diag([smooth, sparse.diags(np.concatenate(diagonal))], format="csc")
-    return H, np.concatenate(gradient)
-
-
-def _vehicle_change(first: Vehicle, now: Vehicle) -> Array:
-    """Change (k,) of offsets and distances."""
-    moved = (now.antennas - first.antennas).ravel()
-    by_distance = np.linalg.pinv(first.by_distance) @ moved
-    return np.concatenate([(now.offsets - first.offsets)[1:].ravel(), by_distance])
-
-
-def _fix_rows(data: Given, state: State, places: _Places) -> tuple["sparse.csr_matrix", Array]:
-    fixes = data.trajectory.fixes
-    sigmas = fix_sigmas(data.trajectory.noise)
-    residual, by_pose, by_vehicle = antenna_equations(state.spline, state.vehicle, fixes)
-    path = pose_columns(state.spline, fixes.times, by_pose / sigmas[:, None])
-    vehicle = sparse.csr_matrix((by_vehicle / sigmas[:, None]).reshape(path.shape[0], -1))
-    rest = sparse.csr_matrix((path.shape[0], places.total - places.scanner))
-    return sparse.hstack([path, vehicle, rest], format="csr"), (residual / sigmas).ravel()
-
-
-def _scan_rows(
-    data: Given, state: State, surfaces: Surfaces, places: _Places
-) -> tuple["sparse.csr_matrix", Array]:
-    """Distances of points from their planes, whitened, and their derivatives."""
-    world, _, poses = world_points(data, state)
-    local = surfaces.local(world)
+def scan_rows(data: Given, state: State, surfaces: Surfaces) -> ScanRows:
+    """The equations of the points that lie on pieces."""
+    world = world_of(data, state)
+    local = surfaces.local(world.points)
     pieces = state.pieces[surfaces.of]
     residual = _heights(local, pieces)
     u, v = local[:, 0], local[:, 1]
@@ -220,58 +186,38 @@ def _scan_rows(
     lean = np.column_stack([-by_u, -by_v, np.ones(len(u))])
     normals = np.einsum("mji,mj->mi", surfaces.axes[surfaces.of], lean)
     rows = surfaces.points
-    own = data.cloud.in_vehicle(state.pose)[rows]
-    by_pose = np.einsum("mi,mik->mk", normals, point_rows(poses[rows], own))
-    in_vehicle = np.einsum("mij,mi->mj", matrix_of(poses[rows, 3:]), normals)
-    arms = own - state.pose[:3]
-    by_scanner = np.hstack([in_vehicle, np.cross(arms, in_vehicle)])
-    by_piece = -_bends(local)
+    scan = data.points.scan[rows]
+    own = world.own[rows]
+    in_vehicle = np.einsum("mij,mi->mj", world.axes[scan], normals)
+    # d(R p) = omega x (R p), with omega = E d(angles); here both in the vehicle frame.
+    turn = np.einsum("mij,mj->mi", world.axes[scan], np.cross(own, in_vehicle))
+    by_angles = np.einsum("mi,mij->mj", turn, world.rates[scan])
+    arms = own - state.places[data.points.scanner[scan], :3]
     # The noise of a range moves a point along its beam: less of it is across a grazed surface.
     facing = np.abs((in_vehicle * arms).sum(1)) / np.linalg.norm(arms, axis=1)
-    scale = _whitening(data, surfaces, residual, np.maximum(facing, GRAZING))
-    path = pose_columns(state.spline, data.times[rows], by_pose[:, None, :] * scale[:, None, None])
-    m = len(rows)
-    columns = places.pieces + SHAPE * surfaces.of[:, None] + np.arange(SHAPE)
-    piece = _placed(by_piece * scale[:, None], columns, places.total)
-    scanner = _placed(
-        by_scanner * scale[:, None],
-        np.tile(np.arange(places.scanner, places.ground), (m, 1)),
-        places.total,
+    scale = _whitening(data, surfaces, residual, np.maximum(facing, GRAZING))[:, None]
+    return ScanRows(
+        residual * scale[:, 0],
+        np.hstack([normals, by_angles]) * scale,
+        np.hstack([in_vehicle, np.cross(arms, in_vehicle)]) * scale,
+        -_bends(local) * scale,
     )
-    path.resize((m, places.total))
-    return path + piece + scanner, residual * scale
 
 
 def _whitening(data: Given, surfaces: Surfaces, residual: Array, facing: Array) -> Array:
     """(m,) square roots of the points' weights; noise is in proportion to ``facing``."""
-    settings = data.settings
+    settings, points = data.settings, data.points
     along = residual / facing
-    sigma = max(float(sigma_from_median(along)), settings.sharpest)
-    block = np.floor(data.times[surfaces.points] / settings.block).astype(np.int64)
-    key = surfaces.of * (int(block.max() - block.min()) + 1) + block - block.min()
+    scan = points.scan[surfaces.points]
+    scanner = points.scanner[scan]
+    weight = np.empty(len(along))
+    for one in np.unique(scanner):
+        mine = scanner == one
+        sigma = max(float(sigma_from_median(along[mine])), settings.sharpest)
+        weight[mine] = weights_of(along[mine]) / sigma**2
+    block = np.floor(points.times / settings.block).astype(np.int64)
+    block -= block.min()
+    key = (surfaces.of * (int(block.max()) + 1) + block[scan]) * len(data.starts) + scanner
     _, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)
     share = np.minimum(settings.independent / counts[inverse], 1.0)
-    return np.asarray(np.sqrt(weights_of(along) * share) / (sigma * facing))
-
-
-def _placed(values: Array, columns: Ints, total: int) -> "sparse.csr_matrix":
-    m, k = values.shape
-    return sparse.csr_matrix((values.ravel(), columns.ravel(), np.arange(m + 1) * k), (m, total))
-
-
-def _road_rows(data: Given, state: State, places: _Places) -> tuple["sparse.csr_matrix", Array]:
-    if data.ground is None:
-        raise ValueError("no ground is known")
-    points = data.road.in_vehicle(state.pose)
-    J, residual = ground_rows(points, state.pose, state.ground, data.road_times, data.ground)
-    columns = np.tile(np.arange(places.scanner, places.pieces), (len(residual), 1))
-    return _placed(J, columns, places.total), residual
-
-
-def _motion_rows(data: Given, state: State, places: _Places) -> tuple["sparse.csr_matrix", Array]:
-    if data.ground is None:
-        raise ValueError("no ground is known")
-    path, by_ground, residual = motion_rows(state.spline, state.ground, data.ground)
-    path.resize((len(residual), places.total))
-    columns = np.tile(np.arange(places.ground, places.pieces), (len(residual), 1))
-    return path + _placed(by_ground, columns, places.total), residual
+    return np.asarray(np.sqrt(weight * share) / facing)

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from rtk_gt.camera_pose import Lens
     from rtk_gt.interpolation import Interpolated
     from rtk_gt.outcome import RtkOutcome
+    from rtk_gt.pass_matching import ScannerCalibration
+    from rtk_gt.scanner_calibration import MountedScans
     from rtk_gt.scans import LineScans
     from rtk_gt.settings import Sensor
     from validation.angles import Array
@@ -44,6 +46,14 @@ POSE_COLUMNS = ("x [m]", "y [m]", "z [m]", "yaw [deg]", "pitch [deg]", "roll [de
 @CAMPAIGN
 @click.argument("sensor")
 @click.argument("scans", type=FILE)
+@click.option(
+    "--also",
+    nargs=2,
+    type=(str, FILE),
+    multiple=True,
+    metavar="SENSOR SCANS",
+    help="Another scanner of the same drive: both are found together, and better.",
+)
 @click.option("--ground", type=FINITE, help="z of the road in the vehicle frame, metres.")
 @click.option(
     "--ground-sigma", type=SIGMA, default=0.01, show_default=True, help="Of --ground, metres."
@@ -67,6 +77,7 @@ def scanner(
     campaign: Path,
     sensor: str,
     scans: Path,
+    also: tuple[tuple[str, Path], ...],
     ground: float | None,
     ground_sigma: float,
     ground_tilt_sigma: float,
@@ -79,35 +90,50 @@ def scanner(
 
     SENSOR is the scanner in campaign.toml, with its hand-measured pose; SCANS a CSV file
     time,first_angle,angle_step,ranges. Path, offsets and the scanner's place are adjusted
-    together. Writes nothing but the histogram, if asked.
+    together. Writes nothing but the histogram, if asked, of SENSOR.
     """
     import numpy as np
 
     from rtk_gt.ground import KnownGround
-    from rtk_gt.scanner_calibration import calibrate_scanner
+    from rtk_gt.scanner_calibration import MountedScans, calibrate_scanners
     from rtk_gt.sensor_files import read_line_scans
     from rtk_gt.trajectory import smooth_trajectory
 
     _need_picture("--histogram", histogram)
-    read = read_line_scans(scans)
+    files = {sensor: scans}
+    for name, file in also:
+        if name in files:
+            raise click.UsageError(f"--also: {name} is named twice")
+        files[name] = file
+    read = {name: read_line_scans(file) for name, file in files.items()}
     outcome = solved(campaign)
-    along_path(outcome, read.times, scans)
+    sigmas = np.array([hand_sigma] * 3 + [np.radians(hand_sigma_deg)] * 3)
+    mounted = []
+    for name, file in files.items():
+        along_path(outcome, read[name].times, file)
+        start = np.array(sensor_named(outcome, name).pose)
+        mounted.append(MountedScans(read[name], start, sigmas, name))
     trajectory = smooth_trajectory(
         outcome.steps, outcome.path, outcome.offsets, outcome.antennas, outcome.noise,
         outcome.settings.max_gap,
     )  # fmt: skip
-    start = np.array(sensor_named(outcome, sensor).pose)
-    sigmas = np.array([hand_sigma] * 3 + [np.radians(hand_sigma_deg)] * 3)
     known = None
     if ground is not None:
         tilt = float(np.radians(ground_tilt_sigma))
         known = KnownGround(ground, sigma=ground_sigma, tilt_sigma=tilt)
-    result = calibrate_scanner(trajectory, read, start, sigmas, ground=known, prior=outcome.prior)
+    results = calibrate_scanners(trajectory, mounted, ground=known, prior=outcome.prior)
     if histogram is not None:
-        _draw_heights(histogram, read, start, result.pose)
+        _draw_heights(histogram, read[sensor], mounted[0].start, results[0].pose)
     if as_json:
-        _json(result)
+        _json(dict(zip(files, results, strict=True)) if also else results[0])
         return
+    for one, result in zip(mounted, results, strict=True):
+        _say_place(one, result)
+
+
+def _say_place(mounted: "MountedScans", result: "ScannerCalibration") -> None:
+    import numpy as np
+
     share = ", ".join(
         f"{name} {100 * max(float(part), 0.0):.0f} %"
         for name, part in zip(("x", "y", "z", "about x", "y", "z"), result.from_drive, strict=True)
@@ -123,8 +149,8 @@ def scanner(
             " their walls from few directions. Take these sigmas as the least."
         )
     spread = np.sqrt(np.diagonal(result.pose_covariance))
-    _print(_poses(f"Scanner {sensor}", start, result.pose, spread, note))
-    _say_how_to_keep(sensor, result.pose, spread)
+    _print(_poses(f"Scanner {mounted.name}", mounted.start, result.pose, spread, note))
+    _say_how_to_keep(mounted.name, result.pose, spread)
 
 
 @click.command()

@@ -219,18 +219,41 @@ def _start(path: VehiclePath, max_gap: float, spacing: float) -> Spline:
     poses[:, 3:] = np.unwrap(poses[:, 3:], axis=0)
     starts = np.array([path.times[rows[0]] for rows in stretches])
     spans = np.array([path.times[rows[-1]] for rows in stretches]) - starts
+    rows = np.concatenate(stretches)
+    return _through(path.times[rows], poses[rows], starts, spans, spacing)
+
+
+def _through(times: Array, poses: Array, starts: Array, spans: Array, spacing: float) -> Spline:
+    """Curves over stretches fitted to poses, with knots about ``spacing`` seconds apart."""
     counts = np.maximum(np.round(spans / spacing).astype(np.int64), 1)
     total = int((counts + 3).sum())
     spline = Spline(starts, spans / counts, counts, np.zeros((total, 6)))
-    rows = np.concatenate(stretches)
-    at, weights = spline.basis(path.times[rows])
+    at, weights = spline.basis(times)
     A = sparse.csr_matrix(
-        (weights.ravel(), (np.repeat(np.arange(len(rows)), 4), at.ravel())), (len(rows), total)
+        (weights.ravel(), (np.repeat(np.arange(len(times)), 4), at.ravel())), (len(times), total)
     )
     smooth, third = third_differences(spline)
     D = smooth.multiply(0.05 / third[:, None])
     solve = splu((A.T @ A + D.T @ D).tocsc())
-    return replace(spline, coefficients=solve.solve(A.T @ poses[rows]))
+    return replace(spline, coefficients=solve.solve(A.T @ poses))
+
+
+def with_knots(trajectory: Trajectory, spacing: float) -> Trajectory:
+    """The same curves, to a millimetre or so, with knots no more than ``spacing`` seconds apart.
+
+    What chooses the knots sees only fixes; scans of a path also show what is between them.
+    """
+    old = trajectory.spline
+    if (old.spacings <= spacing).all():
+        return trajectory
+    spans = old.spacings * old.counts
+    times = np.concatenate(
+        [
+            np.linspace(start, start + span, max(round(span / (0.2 * spacing)), 2))
+            for start, span in zip(old.starts, spans, strict=True)
+        ]
+    )
+    return replace(trajectory, spline=_through(times, old.poses(times), old.starts, spans, spacing))
 
 
 def third_differences(spline: Spline) -> tuple["sparse.csr_matrix", Array]:

@@ -25,8 +25,10 @@ from data_samples.drives import (
     simulate_drive,
 )
 from rtk_gt.ground import KnownGround, ground_rows, motion_rows
+from rtk_gt.pass_matching import perturbed
+from rtk_gt.scanner_adjustment import gauss_newton_step, other_equations
 from rtk_gt.scanner_calibration import calibrate_scanner
-from rtk_gt.scanner_equations import ScannerSettings
+from rtk_gt.scanner_equations import ScannerSettings, scan_residuals, scan_rows
 from rtk_gt.scans import LineScans
 from rtk_gt.surfaces import shared_surfaces
 from rtk_gt.trajectory import (
@@ -39,39 +41,39 @@ from validation.errors import GtvalError
 from validation.poses import SPATIAL, pose_difference
 
 
-def calibrated(seed, scanner, loops, *, every=0.2, beams=121, settings=None):
-    """Error (6,) in the vehicle frame and the result."""
+def calibrated(seed, scanners, loops, *, every=0.2, beams=121, settings=None):
+    """Errors (k, 6) in the vehicle frame and the results."""
     drive = simulate_drive(seed, calibration_drive(loops))
-    trial = scanner_trial(drive, scanner, every=every, beams=beams)
+    trial = scanner_trial(drive, *scanners, every=every, beams=beams)
     found = trial.calibrated(solve_drive(drive).trajectory(), settings)
-    return placement_error(found.pose, scanner), found
+    pairs = zip(found, scanners, strict=True)
+    return np.array([placement_error(one.pose, truth) for one, truth in pairs]), found
 
 
-def nees(error, found):
-    return float(error @ np.linalg.solve(found.covariance, error))
+def nees(errors, found):
+    """Of the first scanner: the errors of two that share a path are not independent."""
+    return float(errors[0] @ np.linalg.solve(found[0].covariance, errors[0]))
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("scanner", [LEFT_SCANNER, RIGHT_SCANNER], ids=["left", "right"])
-def test_within_1_cm_and_a_tenth_of_a_degree_on_a_measured_path(scanner):
-    """Ten minutes of figures of eight: root mean square of three drives in each component."""
-    runs = [calibrated(seed, scanner, loops=12) for seed in (101, 102, 103)]
-    errors = np.array([error for error, _ in runs])
-    rms = np.sqrt(np.mean(errors**2, axis=0))
-    assert rms[:3].max() < 0.01
-    assert np.degrees(rms[3:].max()) < 0.1
-    # It knows that it is that good, and is not surer than it may be.
-    sigmas = np.array([found.sigmas for _, found in runs])
-    assert sigmas[:, :3].max() < 0.01
-    assert np.degrees(sigmas[:, 3:].max()) < 0.1
-    assert sum(nees(*run) for run in runs) < stats.chi2(18).ppf(0.999)
+@pytest.mark.parametrize("seed", [101, 102, 103])
+def test_within_1_cm_and_a_tenth_of_a_degree_on_a_measured_path(seed):
+    """Ten minutes of figures of eight, both scanners together: each number of both."""
+    errors, found = calibrated(seed, [LEFT_SCANNER, RIGHT_SCANNER], loops=12)
+    assert np.abs(errors[:, :3]).max() < 0.01
+    assert np.degrees(np.abs(errors[:, 3:]).max()) < 0.1
+    # It knows that it is that good.
+    sigmas = np.array([one.sigmas for one in found])
+    assert 3 * sigmas[:, :3].max() < 0.0115
+    assert np.degrees(3 * sigmas[:, 3:].max()) < 0.115
+    assert nees(errors, found) < stats.chi2(6).ppf(0.999)
 
 
 @pytest.mark.full
 def test_nees_over_many_drives():
     small = ScannerSettings(points=25_000)
     total = sum(
-        nees(*calibrated(seed, LEFT_SCANNER, 3, beams=91, settings=small))
+        nees(*calibrated(seed, [LEFT_SCANNER], 3, beams=91, settings=small))
         for seed in range(200, 220)
     )
     low, high = stats.chi2(6 * 20).ppf([0.005, 0.995])
@@ -80,8 +82,8 @@ def test_nees_over_many_drives():
 
 def test_a_short_drive_finds_what_it_says_it_finds():
     small = ScannerSettings(points=12_000)
-    error, found = calibrated(31, LEFT_SCANNER, 2, every=0.3, beams=61, settings=small)
-    assert nees(error, found) < stats.chi2(6).ppf(0.9999)
+    errors, (found,) = calibrated(31, [LEFT_SCANNER], 2, every=0.3, beams=61, settings=small)
+    assert nees(errors, [found]) < stats.chi2(6).ppf(0.9999)
     assert found.rms_after < 0.3 * found.rms_before
     assert (found.sigmas < HAND_SIGMAS).all()
     assert (found.sigmas[3:] < 0.3 * HAND_SIGMAS[3:]).all()
@@ -91,7 +93,9 @@ def test_a_place_that_the_hand_excludes_is_refused():
     """20 cm too low by the hand, 2 cm claimed: the floor knows better, and one of them is wrong."""
     drive = simulate_drive(31, calibration_drive(2))
     trial = scanner_trial(drive, LEFT_SCANNER, every=0.3, beams=61)
-    wrong = replace(trial, start=trial.start - np.array([0, 0, 0.2, 0, 0, 0]))
+    one = trial.mounted[0]
+    low = replace(one, start=one.start - np.array([0, 0, 0.2, 0, 0, 0]))
+    wrong = replace(trial, mounted=(low,))
     with pytest.raises(GtvalError, match=r"cm in z of where it was measured by hand"):
         wrong.calibrated(solve_drive(drive).trajectory(), ScannerSettings(points=12_000))
 
@@ -202,10 +206,16 @@ def test_derivatives_of_motion_and_road():
     # Where residuals are 0 the weights do not move.
     scanner = np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
     times = np.sort(generator.uniform(0, 10, 400))
-    J, residual = ground_rows(own, scanner, shape, times, ground)
-    shift = 1e-6 * generator.standard_normal(11)
-    turned = Rotation.from_rotvec(shift[3:6]).apply(own - scanner[:3]) + scanner[:3] + shift[:3]
-    moved = ground_rows(turned, scanner, shape + shift[6:], times, ground)[1]
+    places = np.array([scanner, scanner + np.array([0.1, -0.2, 0.05, 0.0, 0.0, 0.0])])
+    which = generator.integers(0, 2, 400)
+    J, residual = ground_rows(own, which, places, shape, times, ground)
+    shift = 1e-6 * generator.standard_normal(17)
+    turned = own.copy()
+    for row, (place, part) in enumerate(zip(places, shift[:12].reshape(2, 6), strict=True)):
+        mine = which == row
+        arms = own[mine] - place[:3]
+        turned[mine] = Rotation.from_rotvec(part[3:]).apply(arms) + place[:3] + part[:3]
+    moved = ground_rows(turned, which, places, shape + shift[12:], times, ground)[1]
     np.testing.assert_allclose(moved - residual, J @ shift, atol=1e-9)
 
 
@@ -214,8 +224,8 @@ def test_points_of_a_second_are_whitened_by_their_covariance():
     ground = KnownGround(-ROOF)
     y = np.linspace(-2.0, 2.5, 8)
     points = np.column_stack([np.zeros(8), y, np.full(8, -ROOF) + 0.01 * np.sin(5 * y)])
-    scanner = np.zeros(6)
-    J, residual = ground_rows(points, scanner, ground.shape, np.full(8, 0.5), ground)
+    scanner, alone = np.zeros(6), np.zeros(8, dtype=int)
+    J, residual = ground_rows(points, alone, scanner[None], ground.shape, np.full(8, 0.5), ground)
     Q = np.column_stack([np.ones(8), y, y**2 / 2, y**3 / 6])
     S = np.diag(np.square([ground.heave, ground.ride, ground.curvature, ground.curvature_change]))
     covariance = ground.texture**2 * np.eye(8) + Q @ S @ Q.T
@@ -242,7 +252,8 @@ def test_a_road_that_is_bent_everywhere_does_not_turn_the_scanner(bends):
     scanner = np.array([-0.3, -0.8, 0.0, 0.0, 0.0, 0.0])
     points = np.column_stack([np.full(len(y), -0.3), y, height])
     # z and the rotation about x, with the road; the rest does not matter beside the vehicle.
-    J, residual = ground_rows(points, scanner, ground.shape, times, ground)
+    alone = np.zeros(len(y), dtype=int)
+    J, residual = ground_rows(points, alone, scanner[None], ground.shape, times, ground)
     J = J[:, [2, 3, 6, 7, 8, 9, 10]]
     known = np.concatenate([[0.02, np.radians(2.0)], ground.sigmas]) ** -2
     covariance = np.linalg.inv(J.T @ J + np.diag(known))
@@ -250,6 +261,101 @@ def test_a_road_that_is_bent_everywhere_does_not_turn_the_scanner(bends):
     normalised = found[:2] @ np.linalg.solve(covariance[:2, :2], found[:2])
     assert normalised < stats.chi2(2).ppf(0.999)
     assert np.degrees(np.sqrt(covariance[1, 1])) < 0.2
+
+
+@pytest.fixture(scope="module")
+def adjusted():
+    """A short drive with two scanners in the middle of its adjustment: data, state, surfaces."""
+    drive = simulate_drive(31, calibration_drive(2))
+    trial = scanner_trial(drive, LEFT_SCANNER, RIGHT_SCANNER, every=0.3, beams=61)
+    caught = {}
+
+    def stop(*given):
+        caught["given"] = given
+        raise StopIteration
+
+    trajectory = solve_drive(drive).trajectory()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("rtk_gt.scanner_calibration.gauss_newton_step", stop)
+        with pytest.raises(StopIteration):
+            trial.calibrated(trajectory, ScannerSettings(points=4000))
+    data, state, surfaces = caught["given"]
+    generator = np.random.default_rng(2)
+    bent = generator.standard_normal(state.pieces.shape) * [0.02, 0.01, 0.01, 0.01, 0.01, 0.01]
+    return data, replace(state, pieces=bent), surfaces
+
+
+def test_derivatives_of_points_on_pieces(adjusted):
+    data, state, surfaces = adjusted
+    rows = scan_rows(data, state, surfaces)
+    scale = rows.by_piece[:, 0]  # the height of a piece is multiplied by -1
+    scan = data.points.scan[surfaces.points]
+    generator = np.random.default_rng(3)
+    path = 1e-6 * generator.standard_normal(state.spline.coefficients.shape)
+    place = 1e-6 * generator.standard_normal((2, 6))
+    piece = 1e-6 * generator.standard_normal(state.pieces.shape)
+
+    def moved(part, sign):
+        return replace(
+            state,
+            spline=state.spline.moved(sign * path if part == 0 else 0 * path),
+            places=np.array([
+                perturbed(one, sign * change if part == 1 else 0 * change)
+                for one, change in zip(state.places, place, strict=True)
+            ]),
+            pieces=state.pieces + (sign * piece if part == 2 else 0.0),
+        )  # fmt: skip
+
+    at, weights = state.spline.basis(data.points.times)
+    by_time = np.einsum("sk,skc->sc", weights, path[at])
+    changes = [by_time[scan], place[data.points.scanner[scan]], piece[surfaces.of]]
+    for part, J in enumerate((rows.by_pose, rows.by_place, rows.by_piece)):
+        there, back = (scan_residuals(data, moved(part, sign), surfaces) for sign in (1, -1))
+        np.testing.assert_allclose(
+            -scale * (there - back) / 2, (J * changes[part]).sum(1), atol=2e-8 * np.abs(scale).max()
+        )
+
+
+def test_a_step_is_that_of_all_equations_at_once(adjusted):
+    """Pieces eliminated one by one against one dense system with all unknowns."""
+    data, state, surfaces = adjusted
+    after, covariance = gauss_newton_step(data, state, surfaces)
+    H, gradient = full_equations(data, state, surfaces)
+    change = np.linalg.solve(H, -gradient)
+    n, k = state.spline.coefficients.size, state.vehicle.size
+    np.testing.assert_allclose(
+        after.spline.coefficients, state.spline.coefficients + change[:n].reshape(-1, 6), atol=1e-7
+    )
+    np.testing.assert_allclose(
+        after.pieces, state.pieces + change[n + k + 17 :].reshape(-1, 6), atol=1e-7
+    )
+    found = np.linalg.inv(H)[n + k : n + k + 12, n + k : n + k + 12]
+    np.testing.assert_allclose(covariance, found, rtol=1e-5, atol=1e-12)
+
+
+def full_equations(data, state, surfaces):
+    """Information and gradient of all unknowns; what is no scan comes from one step without any."""
+    n = state.spline.coefficients.size
+    total = n + state.vehicle.size + 17
+    rows = scan_rows(data, state, surfaces)
+    scan = data.points.scan[surfaces.points]
+    at, weights = state.spline.basis(data.points.times)
+    m, c = len(scan), len(state.pieces)
+    J = np.zeros((m, total + 6 * c))
+    each = np.arange(m)[:, None]
+    for k in range(4):
+        J[each, 6 * at[scan, k][:, None] + np.arange(6)] = weights[scan, k, None] * rows.by_pose
+    first = total - 17 + 6 * data.points.scanner[scan]
+    J[each, first[:, None] + np.arange(6)] = rows.by_place
+    J[each, total + 6 * surfaces.of[:, None] + np.arange(6)] = rows.by_piece
+    own = np.tile([1e-2, 1.0, 1.0, *[data.settings.bend**-2] * 3], c)
+    H, gradient = J.T @ J, J.T @ rows.residual
+    H[total:, total:] += np.diag(own)
+    gradient[total:] += own * state.pieces.ravel()
+    rest = other_equations(data, state)
+    H[:total, :total] += rest.H
+    gradient[:total] += rest.gradient
+    return H, gradient
 
 
 def test_point_rows_against_differences():

@@ -8,7 +8,8 @@ import pytest
 from click.testing import CliRunner
 from scipy import stats
 
-from data_samples.drive_files import nmea_text, write_drive
+from data_samples.drive_files import SCANNERS, nmea_text, write_drive
+from data_samples.drive_trials import placement_error
 from data_samples.drives import (
     LEFT_CAMERA,
     LEFT_SCANNER,
@@ -213,6 +214,29 @@ def test_a_scanner_is_calibrated(drive, tmp_path):
     # Two round trips on a road are no calibration drive, and it says so.
     assert "Not determined to 1 cm and 0.1 degrees" in " ".join(done.output.split())
     assert run("rtk", "scanner", folder, "nothing", path).exit_code == 2
+
+
+def test_two_scanners_are_calibrated_together(tmp_path):
+    made = simulate_drive(2, DriveSettings(route="eight", straight=60.0, loops=2, shadow=0.0))
+    scans = {
+        name: scan_along(made, pose, np.random.default_rng(row), every=0.3, beams=61)
+        for row, (name, pose) in enumerate(SCANNERS.items())
+    }
+    write_drive(tmp_path, made, scans)
+    files = {name: tmp_path / "scans" / f"{name}.csv" for name in scans}
+    left, right = files.items()
+    done = run("rtk", "scanner", tmp_path, *left, "--also", *right, "--ground", "-2.2", "--json")
+    assert done.exit_code == 0, done.output
+    found = json.loads(done.output)
+    for name, truth in SCANNERS.items():
+        error = placement_error(np.array(found[name]["pose"]), truth)
+        assert error @ np.linalg.solve(found[name]["covariance"], error) < stats.chi2(6).ppf(0.9999)
+    done = run("rtk", "scanner", tmp_path, *left, "--also", *right, "--ground", "-2.2")
+    for words in (*(f"Scanner {name}" for name in scans), "under the [[rtk.sensors]] named right"):
+        assert words in " ".join(done.output.split())
+    done = run("rtk", "scanner", tmp_path, *left, "--also", *left)
+    assert done.exit_code == 2
+    assert "named twice" in done.output
 
 
 def test_a_camera_is_calibrated(drive, tmp_path):
