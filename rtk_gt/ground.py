@@ -32,7 +32,8 @@ class KnownGround:
     again from second to second. The springs move the body by ``heave`` metres and ``ride``
     radians from second to second. What is left of a road point is ``texture``. Points within
     ``reach`` metres beside the scanner and ``roughness`` of the road (metres, three standard
-    deviations at most) are road.
+    deviations at most) are road. The body is parallel to the road between its wheels, ``wheels``
+    metres ahead of the origin of the vehicle frame.
     """
 
     height: float
@@ -47,6 +48,7 @@ class KnownGround:
     curvature: float = 0.02
     curvature_change: float = 0.002
     texture: float = 0.01
+    wheels: float = 0.0
 
     @property
     def shape(self) -> Array:
@@ -77,23 +79,77 @@ def road_points(points: Array, places: Array, shape: Array, ground: KnownGround)
     return np.flatnonzero(beside & (np.abs(_above(points, shape)) < 6 * ground.roughness))
 
 
+@dataclass(frozen=True)
+class RoadPoints:
+    """Points that may be on the road.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        In the vehicle frame when they were seen, metres.
+    scanner : (n,) int array
+        That saw each.
+    times : (n,) array
+        When, seconds; those of one scan have one time.
+    beside : (n, 3) array
+        As if the road went straight on between there and the wheels: x where they were seen, y
+        and z where they are beside the wheels of a vehicle that moves along its x axis.
+    turn : (n, 3, 3) array
+        Rotation from the frame of the former to that of the latter.
+    """
+
+    points: Array
+    scanner: Ints
+    times: Array
+    beside: Array
+    turn: Array
+
+
+def road_beside(
+    points: Array, scanner: Ints, times: Array, spline: Spline, ground: KnownGround
+) -> RoadPoints:
+    """Road points, each where it was when the wheels passed it.
+
+    A scanner looks at the road some way behind or before the wheels. On hills the road is twisted
+    in between, by a tenth of a degree in a third of a metre, and always the same way at the same
+    place: a drive that passes it again and again does not average that out. Over the moments
+    until the wheels are there the path is smooth. Its mean slope in the vehicle frame is left out:
+    that is an unknown of the road, and no better known than the pitch of the path.
+    """
+    poses = spline.poses(times)
+    R = matrix_of(poses[:, 3:])
+    world = np.einsum("nij,nj->ni", R, points) + poses[:, :3]
+    passing, found, turned = times, points, R
+    for _ in range(2):
+        ahead = np.einsum("ni,ni->n", spline.rates(passing)[:, :3], turned[:, :, 0])
+        wait = (found[:, 0] - ground.wheels) / np.maximum(ahead, _SLOWEST)
+        later = passing + np.where(ahead > _SLOWEST, wait, 0.0)
+        passing = np.where(spline.covers(later), later, passing)
+        poses = spline.poses(passing)
+        turned = matrix_of(poses[:, 3:])
+        found = np.einsum("nji,nj->ni", turned, world - poses[:, :3])
+    turn = np.swapaxes(turned, 1, 2) @ R
+    beside = np.einsum("nij,nj->ni", turn, points)
+    moved = found - beside
+    slope = moved[:, 0] @ moved[:, 2] / max(moved[:, 0] @ moved[:, 0], 1e-12)
+    beside[:, 1] = found[:, 1]
+    beside[:, 2] = found[:, 2] - slope * moved[:, 0]
+    return RoadPoints(points, scanner, times, beside, turn)
+
+
 def ground_rows(
-    points: Array, scanner: Ints, places: Array, shape: Array, times: Array, ground: KnownGround
+    road: RoadPoints, places: Array, shape: Array, ground: KnownGround
 ) -> tuple[Array, Array]:
     """Heights of the road points over the road, whitened, and their derivatives.
 
     Parameters
     ----------
-    points : (n, 3) array
-        In the vehicle frame.
-    scanner : (n,) int array
-        That saw each point.
+    road : RoadPoints
+        Those too far off are left out.
     places : (k, 6) array
         Poses of the scanners on the vehicle.
     shape : (5,) array
         Of the road, see `KnownGround`.
-    times : (n,) array
-        Of the points, seconds; those of one scan have one time.
     ground : KnownGround
         What is a road point, and how rough roads are.
 
@@ -104,17 +160,18 @@ def ground_rows(
     residual : (m,) array
         Over their standard deviations.
     """
-    rows = road_points(points, places[scanner], shape, ground)
-    p, scanner = points[rows], scanner[rows]
+    rows = road_points(road.beside, places[road.scanner], shape, ground)
+    p, scanner = road.beside[rows], road.scanner[rows]
     y = p[:, 1]
     across = -(shape[2] + shape[3] * y + shape[4] * y**2 / 2)
     normals = np.column_stack([np.full(len(p), -shape[1]), across, np.ones(len(p))])
+    normals = np.einsum("nji,nj->ni", road.turn[rows], normals)
     by_place = np.zeros((len(p), len(places), 6))
-    arms = p - places[scanner, :3]
+    arms = road.points[rows] - places[scanner, :3]
     by_place[np.arange(len(p)), scanner] = np.hstack([normals, np.cross(arms, normals)])
     by_shape = -np.column_stack([np.ones(len(p)), p[:, :2], y**2 / 2, y**3 / 6])
     J = np.hstack([by_place.reshape(len(p), -1), by_shape])
-    return _whitened(J, _above(p, shape), y, times[rows], ground)
+    return _whitened(J, _above(p, shape), y, road.times[rows], ground)
 
 
 def _whitened(

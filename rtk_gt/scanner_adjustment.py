@@ -11,7 +11,7 @@ import scipy.linalg
 from scipy import sparse
 
 from rtk_gt.fixes import Ints
-from rtk_gt.ground import ROAD, ground_rows, motion_rows
+from rtk_gt.ground import ROAD, ground_rows, motion_rows, road_beside
 from rtk_gt.pass_matching import change_from, perturbed
 from rtk_gt.scanner_equations import SHAPE, Given, ScanRows, State, scan_rows
 from rtk_gt.surfaces import Surfaces
@@ -165,10 +165,10 @@ def _add_road(equations: NormalEquations, data: Given, state: State, places: _Pl
     if data.ground is None:
         raise ValueError("no ground is known")
     road = data.road
-    J, residual = ground_rows(
-        road.in_vehicle(state.places), road.of, state.places, state.ground,
-        road.times[road.scan], data.ground,
-    )  # fmt: skip
+    beside = road_beside(
+        road.in_vehicle(state.places), road.of, road.times[road.scan], state.spline, data.ground
+    )
+    J, residual = ground_rows(beside, state.places, state.ground, data.ground)
     equations.add(np.arange(places.scanners, places.total), J.T @ J, J.T @ residual)
     path, by_ground, residual = motion_rows(state.spline, state.ground, data.ground)
     between = sparse.csr_matrix((len(residual), places.ground - places.vehicle))

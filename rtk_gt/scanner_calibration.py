@@ -36,8 +36,10 @@ FEWEST_SURFACES = 20
 _ROUNDS = 10
 FARTHEST = 5.0
 """Standard deviations of the hand-measured place beyond which a result cannot be right."""
-_SETTLED = 0.1
-"""The last choice of points moved the scanners by less than this share of their sigmas."""
+_SETTLED = 0.3
+"""Where less than this share of the sigmas is still to come the sigmas grow by less than 5 %."""
+_SLOWEST = 0.95
+"""Largest ratio of two movements in a row that is believed when what follows is summed up."""
 _ROUGH_POINTS = 60_000
 """Points of each scanner that the first, rough solution looks at."""
 _TURN = 0.6180339887498949
@@ -103,8 +105,8 @@ def calibrate_scanners(
     -----
     Gauss-Newton on normal equations. Residuals are distances of points from their slightly bent
     piece, fixes minus curves, road points minus the road, and the direction of motion minus the
-    road's. Each round chooses the points of the pieces anew; where that goes on moving a scanner,
-    the last movement is added to its covariance. What the drive does not show keeps its prior, and
+    road's. Each round chooses the points of the pieces anew; how far more rounds would still move a
+    scanner is added to its covariance. What the drive does not show keeps its prior, and
     ``from_drive`` says so.
     """
     settings = settings or ScannerSettings()
@@ -132,18 +134,19 @@ def calibrate_scanners(
 
 @dataclass(frozen=True)
 class _Adjusted:
-    """Where the rounds ended; ``moved`` (k, 6) is how far the last choice of points moved."""
+    """Where the rounds ended; ``coming`` (k, 6) is how far more of them would still move."""
 
     state: State
     surfaces: Surfaces
     covariance: Array
-    moved: Array
+    coming: Array
     settled: bool
 
 
 def _adjusted(data: Given, state: State) -> _Adjusted:
     """Points of pieces chosen, and all adjusted, in turns."""
     pieces = data.settings.pieces
+    before = np.zeros((len(state.places), 6))
     for turn in range(_ROUNDS):
         surfaces = _surfaces(data, state, *pieces[min(turn, len(pieces) - 1)])
         state = replace(state, pieces=np.zeros((len(surfaces.centres), SHAPE)))
@@ -151,11 +154,24 @@ def _adjusted(data: Given, state: State) -> _Adjusted:
         for _ in range(2):
             state, covariance = gauss_newton_step(data, state, surfaces)
         moved = np.array([change_from(*pair) for pair in zip(begin, state.places, strict=True)])
-        near = np.abs(moved) < _SETTLED * _sigmas(covariance).reshape(-1, 6)
-        settled = turn + 1 >= len(pieces) and bool(near.all())
+        sigmas = _sigmas(covariance).reshape(-1, 6)
+        coming = moved / (1 - _ratio(moved / sigmas, before / sigmas))
+        settled = turn + 1 >= len(pieces) and bool((np.abs(coming) < _SETTLED * sigmas).all())
         if settled:
             break
-    return _Adjusted(state, surfaces, covariance, moved, settled)
+        before = moved
+    return _Adjusted(state, surfaces, covariance, coming, settled)
+
+
+def _ratio(moved: Array, before: Array) -> float:
+    """By how much movements become smaller from round to round, 0 where they turn back.
+
+    Movements that go on in one direction, each smaller by this ratio, add up to the last one
+    divided by 1 minus the ratio.
+    """
+    size = float((before**2).sum())
+    ratio = float((moved * before).sum()) / size if size > 0 else 0.0
+    return min(max(ratio, 0.0), _SLOWEST)
 
 
 def _place(
@@ -164,8 +180,8 @@ def _place(
     """The result for one scanner."""
     pose, own = last.state.places[row], slice(6 * row, 6 * row + 6)
     _check_near(mounted, pose)
-    # What a new choice of points still moves is not known any better than that.
-    covariance = last.covariance[own, own] + np.outer(last.moved[row], last.moved[row])
+    # What new choices of points would still move is not known any better than that.
+    covariance = last.covariance[own, own] + np.outer(last.coming[row], last.coming[row])
     spread = _sigmas(covariance)
     return ScannerCalibration(
         pose=pose,

@@ -65,6 +65,13 @@ POSE_COLUMNS = ("x [m]", "y [m]", "z [m]", "yaw [deg]", "pitch [deg]", "roll [de
     show_default=True,
     help="How well the vehicle frame is level on a level floor, degrees.",
 )
+@click.option(
+    "--wheels",
+    type=FINITE,
+    default=0.0,
+    show_default=True,
+    help="x of the middle of the wheels in the vehicle frame, metres; with --ground.",
+)
 @click.option("--hand-sigma", type=SIGMA, default=0.02, show_default=True, help="Metres.")
 @click.option("--hand-sigma-deg", type=SIGMA, default=2.0, show_default=True, help="Degrees.")
 @click.option(
@@ -81,6 +88,7 @@ def scanner(
     ground: float | None,
     ground_sigma: float,
     ground_tilt_sigma: float,
+    wheels: float,
     hand_sigma: float,
     hand_sigma_deg: float,
     histogram: Path | None,
@@ -120,7 +128,7 @@ def scanner(
     known = None
     if ground is not None:
         tilt = float(np.radians(ground_tilt_sigma))
-        known = KnownGround(ground, sigma=ground_sigma, tilt_sigma=tilt)
+        known = KnownGround(ground, sigma=ground_sigma, tilt_sigma=tilt, wheels=wheels)
     results = calibrate_scanners(trajectory, mounted, ground=known, prior=outcome.prior)
     if histogram is not None:
         _draw_heights(histogram, read[sensor], mounted[0].start, results[0].pose)

@@ -20,18 +20,27 @@ from data_samples.drives import (
     LEFT_SCANNER,
     RIGHT_SCANNER,
     ROOF,
+    START,
     DriveSettings,
     scan_along,
     simulate_drive,
 )
-from rtk_gt.ground import KnownGround, ground_rows, motion_rows
+from rtk_gt.ground import (
+    KnownGround,
+    RoadPoints,
+    ground_rows,
+    motion_rows,
+    road_beside,
+    road_points,
+)
 from rtk_gt.pass_matching import perturbed
 from rtk_gt.scanner_adjustment import gauss_newton_step, other_equations
 from rtk_gt.scanner_calibration import calibrate_scanner
 from rtk_gt.scanner_equations import ScannerSettings, scan_residuals, scan_rows
-from rtk_gt.scans import LineScans
+from rtk_gt.scans import LineScans, cloud_of
 from rtk_gt.surfaces import shared_surfaces
 from rtk_gt.trajectory import (
+    Spline,
     antenna_equations,
     point_rows,
     pose_columns,
@@ -187,6 +196,12 @@ def test_roughness_is_that_of_the_third_derivative():
     assert np.abs(straight.poses(times)).max() < 1e-9
 
 
+def standing(points, times, scanner=None):
+    """Road points whose wheels are beside them when they are seen."""
+    which = np.zeros(len(points), dtype=int) if scanner is None else scanner
+    return RoadPoints(points, which, times, points, np.tile(np.eye(3), (len(points), 1, 1)))
+
+
 def test_derivatives_of_motion_and_road():
     trajectory = curve()
     ground = KnownGround(-ROOF, slope_x=0.02, slope_y=-0.01)
@@ -208,14 +223,14 @@ def test_derivatives_of_motion_and_road():
     times = np.sort(generator.uniform(0, 10, 400))
     places = np.array([scanner, scanner + np.array([0.1, -0.2, 0.05, 0.0, 0.0, 0.0])])
     which = generator.integers(0, 2, 400)
-    J, residual = ground_rows(own, which, places, shape, times, ground)
+    J, residual = ground_rows(standing(own, times, which), places, shape, ground)
     shift = 1e-6 * generator.standard_normal(17)
     turned = own.copy()
     for row, (place, part) in enumerate(zip(places, shift[:12].reshape(2, 6), strict=True)):
         mine = which == row
         arms = own[mine] - place[:3]
         turned[mine] = Rotation.from_rotvec(part[3:]).apply(arms) + place[:3] + part[:3]
-    moved = ground_rows(turned, which, places, shape + shift[12:], times, ground)[1]
+    moved = ground_rows(standing(turned, times, which), places, shape + shift[12:], ground)[1]
     np.testing.assert_allclose(moved - residual, J @ shift, atol=1e-9)
 
 
@@ -224,8 +239,9 @@ def test_points_of_a_second_are_whitened_by_their_covariance():
     ground = KnownGround(-ROOF)
     y = np.linspace(-2.0, 2.5, 8)
     points = np.column_stack([np.zeros(8), y, np.full(8, -ROOF) + 0.01 * np.sin(5 * y)])
-    scanner, alone = np.zeros(6), np.zeros(8, dtype=int)
-    J, residual = ground_rows(points, alone, scanner[None], ground.shape, np.full(8, 0.5), ground)
+    J, residual = ground_rows(
+        standing(points, np.full(8, 0.5)), np.zeros((1, 6)), ground.shape, ground
+    )
     Q = np.column_stack([np.ones(8), y, y**2 / 2, y**3 / 6])
     S = np.diag(np.square([ground.heave, ground.ride, ground.curvature, ground.curvature_change]))
     covariance = ground.texture**2 * np.eye(8) + Q @ S @ Q.T
@@ -252,8 +268,7 @@ def test_a_road_that_is_bent_everywhere_does_not_turn_the_scanner(bends):
     scanner = np.array([-0.3, -0.8, 0.0, 0.0, 0.0, 0.0])
     points = np.column_stack([np.full(len(y), -0.3), y, height])
     # z and the rotation about x, with the road; the rest does not matter beside the vehicle.
-    alone = np.zeros(len(y), dtype=int)
-    J, residual = ground_rows(points, alone, scanner[None], ground.shape, times, ground)
+    J, residual = ground_rows(standing(points, times), scanner[None], ground.shape, ground)
     J = J[:, [2, 3, 6, 7, 8, 9, 10]]
     known = np.concatenate([[0.02, np.radians(2.0)], ground.sigmas]) ** -2
     covariance = np.linalg.inv(J.T @ J + np.diag(known))
@@ -356,6 +371,49 @@ def full_equations(data, state, surfaces):
     H[:total, :total] += rest.H
     gradient[:total] += rest.gradient
     return H, gradient
+
+
+def true_curve(drive, spacing=0.5):
+    """The curve through the true poses of a drive."""
+    times = START + np.arange(1.0, drive.duration - 1.0, 0.05)
+    poses = drive.poses(times)
+    poses[:, 3] = np.unwrap(poses[:, 3])
+    count = int((times[-1] - times[0]) / spacing)
+    spline = Spline(
+        times[:1], np.array([spacing]), np.array([count]), np.zeros((count + 3, 6))
+    )  # fmt: skip
+    times, poses = times[spline.covers(times)], poses[spline.covers(times)]
+    at, weights = spline.basis(times)
+    A = np.zeros((len(times), count + 3))
+    np.put_along_axis(A, at, weights, axis=1)
+    return replace(spline, coefficients=np.linalg.lstsq(A, poses, rcond=None)[0])
+
+
+def test_the_road_is_that_between_the_wheels():
+    """On hills the road a third of a metre behind is twisted; beside the wheels it is not."""
+    drive = simulate_drive(8, calibration_drive(1))
+    spline = true_curve(drive)
+    scans = scan_along(drive, LEFT_SCANNER, np.random.default_rng(0), beams=181, sigma=0.0)
+    scans = scans.select((scans.times > START + 3) & (scans.times < scans.times[-1] - 3))
+    cloud, ground = cloud_of(scans), KnownGround(-ROOF)
+    own = cloud.in_vehicle(LEFT_SCANNER)
+    rows = road_points(own, LEFT_SCANNER, ground.shape, ground)
+    scan = cloud.scan[rows]
+    none = np.zeros(len(rows), dtype=int)
+    road = road_beside(own[rows], none, scans.times[scan], spline, ground)
+
+    def slopes(points):
+        """Of the road across under the vehicle, scan by scan, from its cubic."""
+        found = []
+        for one in np.unique(scan):
+            y, z = points[scan == one, 1], points[scan == one, 2]
+            found.append(np.polynomial.polynomial.polyfit(y, z, 3)[1])
+        return np.degrees(found)
+
+    seen, beside = slopes(road.points), slopes(road.beside)
+    assert seen.std() > 0.05
+    assert beside.std() < 0.15 * seen.std()
+    assert abs(beside.mean()) < 0.01
 
 
 def test_point_rows_against_differences():
