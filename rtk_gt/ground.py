@@ -17,6 +17,9 @@ ROAD = 5
 _SLOWEST = 1.0
 """Below this speed in m/s the direction of motion says nothing."""
 
+_MARGIN = 2.0
+"""Seconds to the ends of the path within which its angles are too uncertain for differences."""
+
 
 @dataclass(frozen=True)
 class KnownGround:
@@ -94,15 +97,12 @@ class RoadPoints:
     beside : (n, 3) array
         As if the road went straight on between there and the wheels: x where they were seen, y
         and z where they are beside the wheels of a vehicle that moves along its x axis.
-    turn : (n, 3, 3) array
-        Rotation from the frame of the former to that of the latter.
     """
 
     points: Array
     scanner: Ints
     times: Array
     beside: Array
-    turn: Array
 
 
 def road_beside(
@@ -115,26 +115,26 @@ def road_beside(
     place: a drive that passes it again and again does not average that out. Over the moments
     until the wheels are there the path is smooth. Its mean slope in the vehicle frame is left out:
     that is an unknown of the road, and no better known than the pitch of the path.
+    ``spline`` is best a path that does not depend on the scanners.
     """
     poses = spline.poses(times)
     R = matrix_of(poses[:, 3:])
     world = np.einsum("nij,nj->ni", R, points) + poses[:, :3]
-    passing, found, turned = times, points, R
-    for _ in range(2):
-        ahead = np.einsum("ni,ni->n", spline.rates(passing)[:, :3], turned[:, :, 0])
-        wait = (found[:, 0] - ground.wheels) / np.maximum(ahead, _SLOWEST)
-        later = passing + np.where(ahead > _SLOWEST, wait, 0.0)
-        passing = np.where(spline.covers(later), later, passing)
-        poses = spline.poses(passing)
-        turned = matrix_of(poses[:, 3:])
-        found = np.einsum("nji,nj->ni", turned, world - poses[:, :3])
-    turn = np.swapaxes(turned, 1, 2) @ R
-    beside = np.einsum("nij,nj->ni", turn, points)
-    moved = found - beside
-    slope = moved[:, 0] @ moved[:, 2] / max(moved[:, 0] @ moved[:, 0], 1e-12)
-    beside[:, 1] = found[:, 1]
-    beside[:, 2] = found[:, 2] - slope * moved[:, 0]
-    return RoadPoints(points, scanner, times, beside, turn)
+    # All points of a scan together: beside each other they show how the road lies across.
+    _, scan, counts = np.unique(times, return_inverse=True, return_counts=True)
+    away = (np.bincount(scan, points[:, 0]) / counts)[scan] - ground.wheels
+    ahead = np.einsum("ni,ni->n", spline.rates(times)[:, :3], R[:, :, 0])
+    passing = times + away / np.maximum(ahead, _SLOWEST)
+    known = spline.covers(passing - _MARGIN) & spline.covers(passing + _MARGIN)
+    passing = np.where(known & (ahead > _SLOWEST), passing, times)
+    poses = spline.poses(passing)
+    turned = matrix_of(poses[:, 3:])
+    found = np.einsum("nji,nj->ni", turned, world - poses[:, :3])
+    # A wrong pitch tilts the plane in which points pass by, on straights and in turns alike.
+    moved = found - points
+    slope = float(moved[:, 0] @ moved[:, 2]) / max(float(moved[:, 0] @ moved[:, 0]), 1e-12)
+    beside = np.column_stack([points[:, 0], found[:, 1], found[:, 2] - slope * moved[:, 0]])
+    return RoadPoints(points, scanner, times, beside)
 
 
 def ground_rows(
@@ -165,7 +165,7 @@ def ground_rows(
     y = p[:, 1]
     across = -(shape[2] + shape[3] * y + shape[4] * y**2 / 2)
     normals = np.column_stack([np.full(len(p), -shape[1]), across, np.ones(len(p))])
-    normals = np.einsum("nji,nj->ni", road.turn[rows], normals)
+    # A scanner that is farther ahead waits less: it sees the same slope, not the turn meanwhile.
     by_place = np.zeros((len(p), len(places), 6))
     arms = road.points[rows] - places[scanner, :3]
     by_place[np.arange(len(p)), scanner] = np.hstack([normals, np.cross(arms, normals)])

@@ -166,7 +166,11 @@ def _add_road(equations: NormalEquations, data: Given, state: State, places: _Pl
         raise ValueError("no ground is known")
     road = data.road
     beside = road_beside(
-        road.in_vehicle(state.places), road.of, road.times[road.scan], state.spline, data.ground
+        road.in_vehicle(state.places),
+        road.of,
+        road.times[road.scan],
+        data.trajectory.spline,
+        data.ground,
     )
     J, residual = ground_rows(beside, state.places, state.ground, data.ground)
     equations.add(np.arange(places.scanners, places.total), J.T @ J, J.T @ residual)

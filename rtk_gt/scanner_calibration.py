@@ -36,6 +36,8 @@ FEWEST_SURFACES = 20
 _ROUNDS = 10
 FARTHEST = 5.0
 """Standard deviations of the hand-measured place beyond which a result cannot be right."""
+_BELIEVED = 3.0
+"""Standard deviations of the hand-measured place within which a rough solution is believed."""
 _SETTLED = 0.3
 """Where less than this share of the sigmas is still to come the sigmas grow by less than 5 %."""
 _SLOWEST = 0.95
@@ -119,8 +121,15 @@ def calibrate_scanners(
         raise GtvalError("none of the scans is where there is ground truth")
     data = _prepared(trajectory, mounted, ground, prior, settings)
     rough = [_rough(data, one) for one in mounted]
+    # Passes that agree where the hand excludes them agree by mistake.
+    begins = [
+        found.pose
+        if (np.abs(change_from(one.start, found.pose)) < _BELIEVED * one.sigmas).all()
+        else one.start
+        for one, found in zip(mounted, rough, strict=True)
+    ]
     begin = State(
-        trajectory.spline, trajectory.vehicle, np.array([one.pose for one in rough]),
+        trajectory.spline, trajectory.vehicle, np.array(begins),
         np.zeros(ROAD) if ground is None else ground.shape, np.empty((0, SHAPE)),
     )  # fmt: skip
     last = _adjusted(data, begin)
