@@ -121,8 +121,10 @@ def road_beside(
     R = matrix_of(poses[:, 3:])
     world = np.einsum("nij,nj->ni", R, points) + poses[:, :3]
     # All points of a scan together: beside each other they show how the road lies across.
-    _, scan, counts = np.unique(times, return_inverse=True, return_counts=True)
-    away = (np.bincount(scan, points[:, 0]) / counts)[scan] - ground.wheels
+    _, moment = np.unique(times, return_inverse=True)
+    scan = moment * (int(scanner.max(initial=0)) + 1) + scanner
+    away = (np.bincount(scan, points[:, 0]) / np.maximum(np.bincount(scan), 1))[scan]
+    away -= ground.wheels
     ahead = np.einsum("ni,ni->n", spline.rates(times)[:, :3], R[:, :, 0])
     passing = times + away / np.maximum(ahead, _SLOWEST)
     known = spline.covers(passing - _MARGIN) & spline.covers(passing + _MARGIN)
