@@ -45,7 +45,7 @@ _SLOWEST = 0.95
 _ROUGH_POINTS = 60_000
 """Points of each scanner that the first, rough solution looks at."""
 _TURN = 0.6180339887498949
-"""A fraction of the golden ratio: never in step with the beams of a scan."""
+"""A fraction of the golden ratio."""
 
 
 @dataclass(frozen=True)
@@ -119,8 +119,9 @@ def calibrate_scanners(
     ]
     if any(len(one.scans.times) == 0 for one in mounted):
         raise GtvalError("none of the scans is where there is ground truth")
-    data = _prepared(trajectory, mounted, ground, prior, settings)
-    rough = [_rough(data, one) for one in mounted]
+    clouds = [cloud_of(one.scans) for one in mounted]
+    data = _prepared(trajectory, mounted, clouds, ground, prior, settings)
+    rough = [_rough(data, *pair) for pair in zip(mounted, clouds, strict=True)]
     # Passes that agree where the hand excludes them agree by mistake.
     begins = [
         found.pose
@@ -244,27 +245,31 @@ def _check_near(mounted: MountedScans, pose: Array) -> None:
 def _prepared(
     trajectory: Trajectory,
     mounted: Sequence[MountedScans],
+    clouds: Sequence[Cloud],
     ground: KnownGround | None,
     prior: OffsetPrior | None,
     settings: ScannerSettings,
 ) -> Given:
-    points = _points_of(mounted)
+    fewer = [_thinned(cloud, settings.points) for cloud in clouds]
     starts = np.array([one.start for one in mounted], dtype=float)
     sigmas = np.array([one.sigmas for one in mounted], dtype=float)
-    road = _beside(points, starts, ground)
-    counts = np.bincount(points.of, minlength=len(mounted))
-    share = settings.points / np.maximum(counts, settings.points)
-    chosen = np.mod(np.arange(len(points.own)) * _TURN, 1.0) < share[points.of]
+    road = _beside(_points_of(mounted, clouds), starts, ground)
     known = _prior(trajectory.vehicle, prior or OffsetPrior())
     return Given(
-        trajectory, points.select(np.flatnonzero(chosen)), road, starts, sigmas, ground, known,
-        settings,
-    )  # fmt: skip
+        trajectory, _points_of(mounted, fewer), road, starts, sigmas, ground, known, settings
+    )
 
 
-def _points_of(mounted: Sequence[MountedScans]) -> Points:
+def _thinned(cloud: Cloud, most: int) -> Cloud:
+    """At most about so many points of a cloud, never in step with the beams of a scan."""
+    if len(cloud.own) <= most:
+        return cloud
+    chosen = np.mod(np.arange(len(cloud.own)) * _TURN, 1.0) < most / len(cloud.own)
+    return Cloud(cloud.own[chosen], cloud.scan[chosen])
+
+
+def _points_of(mounted: Sequence[MountedScans], clouds: Sequence[Cloud]) -> Points:
     """The points of all scanners, one after the other."""
-    clouds = [cloud_of(one.scans) for one in mounted]
     firsts = np.cumsum([0, *(len(one.scans.times) for one in mounted)])
     return Points(
         np.concatenate([cloud.own for cloud in clouds]),
@@ -301,16 +306,13 @@ def _prior(vehicle: Vehicle, prior: OffsetPrior) -> tuple[Array, Array]:
     return information, wanted
 
 
-def _rough(data: Given, mounted: MountedScans) -> ScannerCalibration:
+def _rough(data: Given, mounted: MountedScans, cloud: Cloud) -> ScannerCalibration:
     """The pose at which passes agree along the path as it is: good enough to begin with."""
-    cloud = cloud_of(mounted.scans)
-    share = _ROUGH_POINTS / max(len(cloud.own), 1)
-    chosen = np.mod(np.arange(len(cloud.own)) * _TURN, 1.0) < share
     times = mounted.scans.times
     return match_passes(
-        Cloud(cloud.own[chosen], cloud.scan[chosen]), times,
-        data.trajectory.spline.poses(times), mounted.start, mounted.sigmas,
-        settings=replace(data.settings.matching, apart=data.settings.apart), ground=data.ground,
+        _thinned(cloud, _ROUGH_POINTS), times, data.trajectory.spline.poses(times), mounted.start,
+        mounted.sigmas, settings=replace(data.settings.matching, apart=data.settings.apart),
+        ground=data.ground,
     )  # fmt: skip
 
 

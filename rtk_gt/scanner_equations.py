@@ -11,6 +11,7 @@ from rtk_gt.fixes import Ints
 from rtk_gt.ground import KnownGround
 from rtk_gt.orientation import matrix_of, rotation_rates
 from rtk_gt.pass_matching import MatchingSettings, weights_of
+from rtk_gt.scans import Cloud
 from rtk_gt.surfaces import Surfaces
 from rtk_gt.trajectory import Spline, Trajectory, Vehicle
 from validation.angles import Array
@@ -82,9 +83,10 @@ class Points:
     def in_vehicle(self, places: Array) -> Array:
         """(n, 3) points in the vehicle frame, for scanners at (k, 6)."""
         found = np.empty_like(self.own)
+        of = self.of
         for row, place in enumerate(places):
-            mine = self.of == row
-            found[mine] = self.own[mine] @ matrix_of(place[3:]).T + place[:3]
+            mine = of == row
+            found[mine] = Cloud(self.own[mine], self.scan[mine]).in_vehicle(place)
         return found
 
 
