@@ -1,9 +1,8 @@
 """How much quicker a batch of starts is than a loop of filterpy filters, one for each start.
 
-The peer is `survey.iterated_ekf.iterated_ekf`: an ExtendedKalmanFilter of filterpy for every
-start, with the same measurement equation, covariances, passes and stopping rule. It is run on
-the first starts of every unknown and scaled to all of them; the batch runs all. Processor time, so
-that a busy machine does not matter.
+The peer is an ExtendedKalmanFilter of filterpy for every start, with the same measurement equation,
+covariances, passes and stopping rule. It is run on the first starts of every unknown and scaled to
+all of them; the batch runs all. Processor time, so that a busy machine does not matter.
 
     python benchmarks/convergence.py [--starts 10000] [--loop-starts 10]
 """
@@ -14,10 +13,10 @@ import time
 
 import numpy as np
 
-from survey.convergence import DistanceProblem, random_starts
-from survey.geometry import rotate
-from survey.iterated_ekf import Model, iterated_ekf
-from validation.angles import Array
+from survey.estimation.geometry import rotate
+from survey.estimation.iterated_ekf import Model, iterated_ekf
+from survey.studies.convergence import DistanceProblem, random_starts
+from validation.poses.angles import Array
 
 REQUIRED = 50.0
 RIG = np.array([[0.0, 0.0], [0.6, 0.0], [0.0, 0.4]])

@@ -25,15 +25,15 @@ import numpy as np
 from entry_rooms import EntryRoom
 from entry_server import EntryServer
 
-from data_samples.campaign_files import campaign_files
-from data_samples.rooms import RoomSettings, make_room
-from data_samples.simulate import SimulationSettings, simulate_survey
-from survey.entry.entries import Entry, Person
-from survey.entry.entry_session import EntrySession
-from survey.entry.journal import Journal
-from survey.entry.targets import Target
-from validation.campaign import load_campaign
-from validation.files import write_files
+from data_samples.rooms.campaign_files import campaign_files
+from data_samples.rooms.rooms import RoomSettings, make_room
+from data_samples.rooms.simulate import SimulationSettings, simulate_survey
+from survey.entry.dialogue.entry_session import EntrySession
+from survey.entry.record.entries import Entry, Person
+from survey.entry.record.journal import Journal
+from survey.entry.room.targets import Target
+from validation.campaign.folder import load_campaign
+from validation.text_files.writing import write_files
 
 READINGS = 5000
 TIMED = 200

@@ -22,7 +22,7 @@ from four_sources import NAMES, WRONG_ANGLE, WRONG_LENGTH, Case, campaign
 from test_explain_selection import TRUE, chosen_and_nees
 
 from validation.explain.analysis import SystemExplanation, explain
-from validation.explain.sources import CELLS, Verdict
+from validation.explain.sources.reading_of_sources import CELLS, Verdict
 
 CASES = (
     Case("noise estimated"),

@@ -15,7 +15,7 @@ ROUNDS = 9
 ASKED = 2.0
 GTVAL = str(Path(sys.executable).with_name("gtval"))
 LIBRARIES = "import numpy, scipy.special, pydantic, rich.table, rich.console"
-OWN = "import validation.cli, validation.explain.section, validation.campaign"
+OWN = "import validation.cli, validation.explain.telling.section, validation.campaign.folder"
 
 
 def main() -> None:

@@ -14,15 +14,15 @@ import numpy as np
 from laser_lines import Lines, arguments
 from scipy.stats import chi2
 
-from data_samples.campaign_files import write_campaign
-from data_samples.laser_campaign import LaserSimulation, laser_files
-from data_samples.rooms import RoomSettings, make_room
-from data_samples.simulate import SimulationSettings, simulate_survey
-from laser_gt.outcome import LaserOutcome, solve_campaign
-from laser_gt.solve import Engine, LaserSolution, solve
-from validation.angles import Array, wrap
-from validation.campaign import load_campaign
-from validation.poses import from_csv
+from data_samples.rooms.campaign_files import write_campaign
+from data_samples.rooms.laser_campaign import LaserSimulation, laser_files
+from data_samples.rooms.rooms import RoomSettings, make_room
+from data_samples.rooms.simulate import SimulationSettings, simulate_survey
+from laser_gt.campaign.outcome import LaserOutcome, solve_campaign
+from laser_gt.campaign.solve import Engine, LaserSolution, solve
+from validation.campaign.folder import load_campaign
+from validation.poses.angles import Array, wrap
+from validation.poses.pose_table import from_csv
 
 REFERENCE = "6"
 MOUNT_ERROR = (0.09, 0.05, 0.0)

@@ -15,19 +15,19 @@ import numpy as np
 from laser_lines import Lines, arguments
 from laser_matching import small_gicp
 
-from data_samples.scan_pairs import ScanPair
-from laser_gt.carmen import read_carmen
-from laser_gt.evidence import Prepared
-from laser_gt.guesses import GENEROUS, guess_scatter
-from laser_gt.judgement import MatchSettings, match
-from laser_gt.kiss import register
-from laser_gt.motion import MirrorTiming, undistorted_records
-from laser_gt.mounts import hand_eye
-from laser_gt.planar import between, compose, inverse
-from laser_gt.records import ScanRecord
-from laser_gt.scans import sweep
-from laser_gt.verdicts import Match
-from validation.angles import Array, wrap
+from data_samples.rooms.scan_pairs import ScanPair
+from laser_gt.logs.carmen import read_carmen
+from laser_gt.logs.motion import MirrorTiming, undistorted_records
+from laser_gt.logs.records import ScanRecord
+from laser_gt.matching.judgement import MatchSettings, match
+from laser_gt.matching.kiss import register
+from laser_gt.matching.verdicts import Match
+from laser_gt.placing.guesses import GENEROUS, guess_scatter
+from laser_gt.placing.mounts import hand_eye
+from laser_gt.scans.evidence import Prepared
+from laser_gt.scans.planar import between, compose, inverse
+from laser_gt.scans.scan import sweep
+from validation.poses.angles import Array, wrap
 
 DATA = Path(os.environ.get("GTVAL_REAL_DATA", Path(__file__).parents[2] / "shared" / "real"))
 FOLDER = DATA / "laser" / "fr079"

@@ -11,10 +11,10 @@ from collections import Counter
 import numpy as np
 from laser_lines import Lines, arguments
 
-from data_samples.scan_pairs import CORRIDOR_GUESS, KINDS, corridor_pair, mixed_pair
-from laser_gt.evidence import Prepared
-from laser_gt.judgement import MatchSettings, match
-from validation.angles import wrap
+from data_samples.rooms.scan_pairs import CORRIDOR_GUESS, KINDS, corridor_pair, mixed_pair
+from laser_gt.matching.judgement import MatchSettings, match
+from laser_gt.scans.evidence import Prepared
+from validation.poses.angles import wrap
 
 FAR_OFF = (0.02, 0.01)
 LIMITS = MatchSettings(guess_length=0.06, guess_angle=0.06)

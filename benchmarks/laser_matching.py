@@ -12,14 +12,14 @@ from collections.abc import Callable
 import numpy as np
 from laser_lines import arguments
 
-from data_samples.scan_pairs import ScanPair, draw_pair
-from data_samples.scanners import FULL_TURN, HALF_TURN, Scanner
-from laser_gt.evidence import Prepared
-from laser_gt.judgement import MatchSettings, match
-from laser_gt.kiss import register
-from laser_gt.matching import align
-from laser_gt.surfaces import surface
-from validation.angles import Array, wrap
+from data_samples.rooms.scan_pairs import ScanPair, draw_pair
+from data_samples.rooms.scanners import FULL_TURN, HALF_TURN, Scanner
+from laser_gt.matching.judgement import MatchSettings, match
+from laser_gt.matching.kiss import register
+from laser_gt.matching.local import align
+from laser_gt.scans.evidence import Prepared
+from laser_gt.scans.surfaces import surface
+from validation.poses.angles import Array, wrap
 
 Method = Callable[[ScanPair], Array]
 CLOSE = (0.05, float(np.deg2rad(2)))

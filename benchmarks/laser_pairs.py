@@ -11,14 +11,14 @@ import time
 import numpy as np
 from laser_lines import Lines, arguments
 
-from data_samples.scan_pairs import ScanPair, draw_pair
-from data_samples.scanners import FULL_TURN, HALF_TURN, Scanner
-from laser_gt.evidence import Prepared
-from laser_gt.genetic import genetic_match
-from laser_gt.global_matching import SearchSettings, global_match
-from laser_gt.judgement import MatchSettings, match
-from laser_gt.matching import align
-from validation.angles import Array, wrap
+from data_samples.rooms.scan_pairs import ScanPair, draw_pair
+from data_samples.rooms.scanners import FULL_TURN, HALF_TURN, Scanner
+from laser_gt.matching.genetic import genetic_match
+from laser_gt.matching.judgement import MatchSettings, match
+from laser_gt.matching.local import align
+from laser_gt.matching.search import SearchSettings, global_match
+from laser_gt.scans.evidence import Prepared
+from validation.poses.angles import Array, wrap
 
 LENGTH, ANGLE = 0.05, float(np.deg2rad(2))
 """A pose within both is right."""

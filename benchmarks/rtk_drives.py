@@ -14,7 +14,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from data_samples.drive_trials import (
+from data_samples.drives.drive import LEFT_SCANNER, RIGHT_SCANNER, DriveSettings, simulate_drive
+from data_samples.drives.trials import (
     CONDITIONS,
     HAND_SIGMAS,
     calibration_drive,
@@ -24,11 +25,10 @@ from data_samples.drive_trials import (
     scanner_trial,
     solve_drive,
 )
-from data_samples.drives import LEFT_SCANNER, RIGHT_SCANNER, DriveSettings, simulate_drive
-from rtk_gt.leaps import leaping_poses
-from rtk_gt.pass_matching import match_passes
-from rtk_gt.scans import cloud_of
-from validation.angles import Array
+from rtk_gt.path.leaps import leaping_poses
+from rtk_gt.sensors.pass_matching import match_passes
+from rtk_gt.sensors.scans import cloud_of
+from validation.poses.angles import Array
 
 FALSE = replace(DriveSettings(), false_fixes=0.01)
 UNMARKED = "... without the poses marked"

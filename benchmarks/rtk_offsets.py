@@ -15,14 +15,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from data_samples.drives import ANTENNAS, OFFSETS, RECEIVERS
-from rtk_gt.antennas import antenna_positions
-from rtk_gt.frames import LocalFrame
-from rtk_gt.nested import nested_offsets
-from rtk_gt.noise import PUBLISHED_NOISE
-from rtk_gt.offsets import estimate_offsets
-from rtk_gt.pose_covariance import reference_covariance, simulated_covariance
-from rtk_gt.steps import Steps
+from data_samples.drives.drive import ANTENNAS, OFFSETS, RECEIVERS
+from rtk_gt.offsets.estimate import estimate_offsets
+from rtk_gt.offsets.nested import nested_offsets
+from rtk_gt.offsets.noise import PUBLISHED_NOISE
+from rtk_gt.path.antennas import antenna_positions
+from rtk_gt.path.covariance import reference_covariance, simulated_covariance
+from rtk_gt.receivers.frames import LocalFrame
+from rtk_gt.receivers.steps import Steps
 
 TAPE = np.array([1.79, 1.79, 1.15])
 FRAME = LocalFrame.from_degrees(36.714459075, -4.47895882833333, 38.8887)

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from click.testing import CliRunner
 
-from validation.angles import Array
 from validation.cli import main as gtval
-from validation.poses import from_csv, pose_difference
+from validation.poses.angles import Array
+from validation.poses.pose_table import from_csv, pose_difference
 
 SYSTEMS = {"vision": "this package", "vision_as_published": "the document's way"}
 

@@ -24,13 +24,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "vision_g
 
 from vision_scenes import APRIL, SIDE, close_up, exact_network, random_marker
 
-from validation.angles import Array
-from vision_gt.camera import Camera
-from vision_gt.layout import Layout
-from vision_gt.markers import Image, Refinement, detect_markers
-from vision_gt.planar_pose import planar_solutions
-from vision_gt.robot_pose import Sighting, robot_pose
-from vision_gt.transforms import angle_between
+from validation.poses.angles import Array
+from vision_gt.images.markers import Image, Refinement, detect_markers
+from vision_gt.optics.camera import Camera
+from vision_gt.optics.planar_pose import planar_solutions
+from vision_gt.optics.transforms import angle_between
+from vision_gt.robot.layout import Layout
+from vision_gt.robot.robot_pose import Sighting, robot_pose
 
 SQUARE = SIDE / 2 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)
 OURS: tuple[Refinement, ...] = ("none", "subpix", "apriltag", "edges")

@@ -18,10 +18,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "vision_g
 from scipy.stats import chi2
 from vision_scenes import CameraRow
 
-from validation.angles import Array
-from vision_gt.network_adjustment import Bar, KnownBody, Network
-from vision_gt.network_solution import NetworkInput, solve_network
-from vision_gt.transforms import angle_between, change_between, perturbed
+from validation.poses.angles import Array
+from vision_gt.network.adjustment import Bar, KnownBody, Network
+from vision_gt.network.solution import NetworkInput, solve_network
+from vision_gt.optics.transforms import angle_between, change_between, perturbed
 
 EXACT = np.zeros(6)
 UNSURE = np.array([0.003] * 3 + [np.deg2rad(0.3)] * 3)

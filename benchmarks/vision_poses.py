@@ -15,9 +15,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "vision_g
 
 from vision_scenes import camera_at, exact_network, random_robot, seen_robot
 
-from data_samples.cameras import robot_layout
-from vision_gt.robot_pose import robot_pose
-from vision_gt.transforms import change_between
+from data_samples.rooms.cameras import robot_layout
+from vision_gt.optics.transforms import change_between
+from vision_gt.robot.robot_pose import robot_pose
 
 CASES = ((2.0, 0.3, 4.0), (5.0, 0.3, 13.0), (2.0, 0.1, 1.4), (5.0, 0.1, 4.0))
 FIRST_SEED = 1000

@@ -23,13 +23,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "vision_g
 
 from vision_scenes import CameraRow, camera, camera_at, exact_network, random_robot
 
-from data_samples.cameras import MARKER_FAMILY, robot_layout
-from data_samples.rendering import Image, Optics, Scene, render
-from data_samples.rendering_objects import robot_sheets
-from vision_gt.markers import detect_markers
-from vision_gt.network_adjustment import Bar, KnownBody
-from vision_gt.network_solution import NetworkInput, solve_network
-from vision_gt.robot_pose import Sighting, robot_pose
+from data_samples.rendering.image import Image, Optics, Scene, render
+from data_samples.rendering.objects import robot_sheets
+from data_samples.rooms.cameras import MARKER_FAMILY, robot_layout
+from vision_gt.images.markers import detect_markers
+from vision_gt.network.adjustment import Bar, KnownBody
+from vision_gt.network.solution import NetworkInput, solve_network
+from vision_gt.robot.robot_pose import Sighting, robot_pose
 
 T_CAMERA = camera_at(3.0)
 CAMERA_SIGMAS = [1e-3] * 3 + [5e-4] * 3 + [0.3, 0.3, 0.4, 0.4, 1e-3, 2e-3, 1e-4, 1e-4, 1e-3]

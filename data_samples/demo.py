@@ -5,7 +5,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from validation.errors import GtvalError
-from validation.files import write_files
+from validation.text_files.writing import write_files
 
 
 def demo_files() -> dict[str, bytes]:

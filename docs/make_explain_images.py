@@ -4,18 +4,18 @@
 from pathlib import Path
 
 from survey.settings import SurveySettings
-from validation.campaign import load_campaign
+from validation.campaign.folder import load_campaign
+from validation.campaign.published import published_tables
 from validation.explain.analysis import explain
-from validation.explain.figures import (
+from validation.explain.loading import campaign_question
+from validation.explain.settings import ExplainSettings
+from validation.explain.telling.figures import (
     arrows_before_after,
     error_with_curve,
     residual_ellipses,
     source_matrix,
 )
-from validation.explain.loading import campaign_question
-from validation.explain.settings import ExplainSettings
-from validation.poses import from_csv
-from validation.published import published_tables
+from validation.poses.pose_table import from_csv
 
 DOCS = Path(__file__).parent
 CAMPAIGN = DOCS.parent / "data_samples" / "ad23"

@@ -4,12 +4,12 @@
 from pathlib import Path
 
 from survey.settings import SurveySettings
-from validation.campaign import load_campaign
-from validation.comparison import compare
-from validation.csv_tables import Column, read_csv
-from validation.figures import error_map
-from validation.poses import from_csv
-from validation.published import published_tables
+from validation.campaign.folder import load_campaign
+from validation.campaign.published import published_tables
+from validation.figures.errors import error_map
+from validation.poses.pose_table import from_csv
+from validation.statistics.comparison import compare
+from validation.text_files.csv_tables import Column, read_csv
 
 DOCS = Path(__file__).parent
 CAMPAIGN = DOCS.parent / "data_samples" / "ad23"

@@ -6,18 +6,19 @@ from pathlib import Path
 
 import numpy as np
 
-from data_samples.rooms import Room, RoomSettings, make_room
-from data_samples.simulate import SimulatedCampaign, SimulationSettings, simulate_survey
-from survey.accuracy import detectable_motion
-from survey.adjustment import Adjustment
-from survey.check_figures import convergence_map, instrument_figure, planning_map
-from survey.convergence import explore_convergence
-from survey.convergence_problems import unknowns_of
-from survey.figures import Places, residual_figure, survey_map
-from survey.figures import Room as DrawnRoom
-from survey.geometry import mirror_in_line
-from survey.instrument_check import check_instrument
-from survey.planning import (
+from data_samples.rooms.rooms import Room, RoomSettings, make_room
+from data_samples.rooms.simulate import SimulatedCampaign, SimulationSettings, simulate_survey
+from survey.estimation.adjustment import Adjustment
+from survey.estimation.geometry import mirror_in_line
+from survey.estimation.solve import SurveySolution, solve_survey
+from survey.studies.accuracy import detectable_motion
+from survey.studies.check_figures import convergence_map, instrument_figure, planning_map
+from survey.studies.convergence import explore_convergence
+from survey.studies.convergence_problems import unknowns_of
+from survey.studies.figures import Places, residual_figure, survey_map
+from survey.studies.figures import Room as DrawnRoom
+from survey.studies.instrument_check import check_instrument
+from survey.studies.planning import (
     best_extra_readings,
     diagonal_blocks,
     planned_adjustment,
@@ -25,10 +26,9 @@ from survey.planning import (
     repeated_stop_covariance,
     world_names,
 )
-from survey.solve import SurveySolution, solve_survey
-from validation.angles import Array
-from validation.campaign import Instrument, RobotFrame, Vframe
-from validation.figure_files import write_figure
+from validation.campaign.folder import Instrument, RobotFrame, Vframe
+from validation.figures.writing import write_figure
+from validation.poses.angles import Array
 
 IMAGES = Path(__file__).parent / "images"
 INSTRUMENT = Instrument(setup_sigma=0.002)

@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from validation.commands import AS_JSON, CAMPAIGN, progress_bar
+from validation.commands.options import AS_JSON, CAMPAIGN, progress_bar
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from laser_gt.outcome import LaserOutcome
-    from laser_gt.solve import Engine
-    from validation.campaign import Campaign
+    from laser_gt.campaign.outcome import LaserOutcome
+    from laser_gt.campaign.solve import Engine
+    from validation.campaign.folder import Campaign
 
 ENGINE = click.option(
     "--engine",
@@ -44,11 +44,11 @@ def solve(
     Writes poses_laser_scanmatch.csv, poses_laser_genetic.csv and laser_matches_*.csv to
     CAMPAIGN/results: all of them, or none if anything fails.
     """
-    from laser_gt.findings import laser_facts
+    from laser_gt.campaign.findings import laser_facts
     from laser_gt.system import result_of
-    from validation.files import write_files
+    from validation.poses.pose_files import pose_files
     from validation.report.terminal import print_findings, print_json, print_table
-    from validation.result_files import pose_files
+    from validation.text_files.writing import write_files
 
     loaded, outcome = _solved(campaign, engine, as_published=as_published)
     result = result_of(outcome)
@@ -58,7 +58,7 @@ def solve(
     if as_json:
         print_json({**laser_facts(outcome), "findings": result.findings})
         return
-    from laser_gt.sections import pose_table, verdict_table
+    from laser_gt.campaign.sections import pose_table, verdict_table
 
     for matching in outcome.matchings.values():
         print_table(verdict_table(matching))
@@ -77,8 +77,8 @@ def _solved(
     need_poses: bool = True,
 ) -> "tuple[Campaign, LaserOutcome]":
     """The campaign and what laser GT makes of it."""
-    from laser_gt.outcome import solve_campaign
-    from validation.campaign import load_campaign
+    from laser_gt.campaign.outcome import solve_campaign
+    from validation.campaign.folder import load_campaign
 
     loaded = load_campaign(campaign)
     chosen: Sequence[Engine] | None = [
@@ -108,8 +108,8 @@ def inspect(campaign: Path, as_json: bool, engine: tuple[str, ...], most: int) -
     records a decision about it.
     """
     from laser_gt.inspection import gallery
-    from validation.files import write_files
     from validation.report.terminal import print_json
+    from validation.text_files.writing import write_files
 
     loaded, outcome = _solved(campaign, engine or ("scanmatch",), need_poses=False)
     sweeps = dict(zip(outcome.inputs.stops, outcome.inputs.sweeps, strict=True))
@@ -150,10 +150,10 @@ def decide(
 
     import numpy as np
 
-    from laser_gt.decisions import Decision, append_decisions
-    from laser_gt.inputs import load_inputs
+    from laser_gt.campaign.inputs import load_inputs
+    from laser_gt.logs.decisions import Decision, append_decisions
     from laser_gt.settings import LaserSettings
-    from validation.campaign import load_campaign
+    from validation.campaign.folder import load_campaign
     from validation.errors import InputError, Problem
 
     loaded = load_campaign(campaign)
@@ -192,10 +192,10 @@ def check_mount(campaign: Path, as_json: bool) -> None:
     Writes CAMPAIGN/report/laser_mount_overlay.png: two scans laid over each other through the
     surveyed poses, with the stated mount and with the one found.
     """
-    from laser_gt.findings import laser_facts, laser_findings
-    from laser_gt.sections import mount_table, overlay_figure
+    from laser_gt.campaign.findings import laser_facts, laser_findings
+    from laser_gt.campaign.sections import mount_table, overlay_figure
     from validation.errors import GtvalError
-    from validation.figure_files import write_figure
+    from validation.figures.writing import write_figure
     from validation.report.terminal import print_findings, print_json, print_table
 
     loaded, outcome = _solved(campaign, ("scanmatch",))

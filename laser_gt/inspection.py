@@ -10,9 +10,9 @@ import html
 import shlex
 from collections.abc import Mapping, Sequence
 
-from laser_gt.evidence import Prepared
-from laser_gt.sections import worst_first
-from laser_gt.verdicts import Match
+from laser_gt.campaign.sections import worst_first
+from laser_gt.matching.verdicts import Match
+from laser_gt.scans.evidence import Prepared
 
 STYLE = """
 body { font-family: system-ui, sans-serif; margin: 1.5rem auto; padding: 0 1rem;
@@ -85,8 +85,8 @@ def _article(match: Match, sweeps: Mapping[str, Prepared], campaign: str) -> str
 
 def _picture(match: Match, sweeps: Mapping[str, Prepared]) -> str:
     """The figure as a data address."""
-    from laser_gt.figures import match_figure  # noqa: PLC0415  (matplotlib is slow to load)
-    from validation.figure_files import figure_bytes  # noqa: PLC0415
+    from laser_gt.campaign.figures import match_figure  # noqa: PLC0415  (matplotlib is slow to load)
+    from validation.figures.writing import figure_bytes  # noqa: PLC0415
 
     figure = match_figure(match, sweeps[match.reference], sweeps[match.moving])
     image = figure_bytes(figure, ".png", "the picture of a match", dots_per_inch=80)

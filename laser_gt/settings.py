@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from validation.campaign import Finite, Name, NotNegative, Positive, Settings
+from validation.campaign.folder import Finite, Name, NotNegative, Positive, Settings
 
 
 class ScannerSettings(Settings):

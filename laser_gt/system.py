@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from laser_gt.settings import LaserSettings
 
 if TYPE_CHECKING:
-    from laser_gt.outcome import LaserOutcome
-    from validation.campaign import Campaign
-    from validation.poses import PoseTable
+    from laser_gt.campaign.outcome import LaserOutcome
+    from validation.campaign.folder import Campaign
+    from validation.poses.pose_table import PoseTable
     from validation.results import SystemResult
     from validation.systems import Progress
 
@@ -25,15 +25,15 @@ class LaserSystem:
 
     def solve(self, campaign: "Campaign", progress: "Progress") -> "SystemResult":
         """Poses by scan matching and by the genetic aligner, findings and report sections."""
-        from laser_gt.outcome import solve_campaign
+        from laser_gt.campaign.outcome import solve_campaign
 
         return result_of(solve_campaign(campaign, progress))
 
 
 def result_of(outcome: "LaserOutcome") -> "SystemResult":
     """An outcome in the form that all systems share."""
-    from laser_gt.findings import laser_facts, laser_findings
-    from laser_gt.sections import laser_sections, matches_csv
+    from laser_gt.campaign.findings import laser_facts, laser_findings
+    from laser_gt.campaign.sections import laser_sections, matches_csv
     from validation.results import SystemResult
 
     files = {
@@ -51,7 +51,7 @@ def result_of(outcome: "LaserOutcome") -> "SystemResult":
 
 def pose_tables(outcome: "LaserOutcome") -> "list[PoseTable]":
     """Poses by each engine, and by the document's way where that was asked for."""
-    from validation.poses import PoseTable
+    from validation.poses.pose_table import PoseTable
 
     tables = []
     for engine, solution in outcome.solutions.items():

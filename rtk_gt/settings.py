@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from validation.campaign import Finite, Name, NotNegative, Positive, Settings
+from validation.campaign.folder import Finite, Name, NotNegative, Positive, Settings
 
 Six = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 Three = tuple[Finite, Finite, Finite]

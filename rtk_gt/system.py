@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from rtk_gt.settings import RtkSettings
 
 if TYPE_CHECKING:
-    from rtk_gt.outcome import RtkOutcome
-    from validation.campaign import Campaign
+    from rtk_gt.campaign.outcome import RtkOutcome
+    from validation.campaign.folder import Campaign
     from validation.results import SystemResult
     from validation.systems import Progress
 
@@ -22,17 +22,17 @@ class RtkSystem:
 
     def solve(self, campaign: "Campaign", progress: "Progress") -> "SystemResult":
         """Path, findings and report sections."""
-        from rtk_gt.outcome import solve_campaign
+        from rtk_gt.campaign.outcome import solve_campaign
 
         return result_of(solve_campaign(campaign, progress))
 
 
 def result_of(outcome: "RtkOutcome") -> "SystemResult":
     """An outcome in the form that all systems share."""
-    from rtk_gt.findings import rtk_findings
-    from rtk_gt.path import pose_table
-    from rtk_gt.result_files import rtk_files
-    from rtk_gt.sections import rtk_sections
+    from rtk_gt.campaign.findings import rtk_findings
+    from rtk_gt.campaign.result_files import rtk_files
+    from rtk_gt.campaign.sections import rtk_sections
+    from rtk_gt.path.vehicle_path import pose_table
     from validation.results import SystemResult
 
     return SystemResult(
@@ -46,8 +46,8 @@ def result_of(outcome: "RtkOutcome") -> "SystemResult":
 
 def rtk_facts(outcome: "RtkOutcome") -> dict[str, object]:
     """Numbers of a drive for scripts."""
-    from rtk_gt.offsets import distance_names
-    from rtk_gt.path import heading_span, tilt_spread
+    from rtk_gt.offsets.estimate import distance_names
+    from rtk_gt.path.vehicle_path import heading_span, tilt_spread
 
     offsets, found = outcome.offsets, outcome.coverage
     return {

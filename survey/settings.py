@@ -1,11 +1,10 @@
-"""The [survey] table of campaign.toml."""
+"""The tables [survey], [survey.entry] and [plan] of campaign.toml."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from survey.entry.settings import EntrySettings
-from validation.campaign import Finite, Name, Positive, Settings
+from validation.campaign.folder import Finite, Name, Positive, Settings
 
 
 class Motion(Settings):
@@ -22,6 +21,28 @@ class Motion(Settings):
     dtheta: Finite
     frame: Literal["robot", "gtv"] = "gtv"
     sigmas: tuple[Positive, Positive, Positive] | None = None
+
+
+class EntrySettings(Settings):
+    """[survey.entry]: how readings are entered; paths are relative to the campaign folder.
+
+    ``poses`` are the stops to measure; where none are listed, those of the initial guesses, and
+    any stop can be begun by its name. ``order`` is 'spread' where the first three world points
+    of each mark are to lie far apart, so that the following readings can be checked sharply, or
+    'listed'. ``second`` says what the other person's blind entry is: a new measurement from the
+    other end ('measure'), the same display typed again ('type'), or not wanted ('none').
+    A stop is good enough when the standard deviations of x and y are below ``pose_sigma``
+    (metres) and that of theta below ``heading_sigma`` (radians), each mark having readings to
+    ``least_world_points`` or more.
+    """
+
+    journal: str = "survey/journal.jsonl"
+    poses: list[Name] = Field(default_factory=list)
+    order: Literal["spread", "listed"] = "spread"
+    second: Literal["none", "type", "measure"] = "measure"
+    pose_sigma: Positive = 0.003
+    heading_sigma: Positive = 0.005
+    least_world_points: Annotated[int, Field(ge=1, le=1000)] = 4
 
 
 class SurveySettings(Settings):
@@ -45,3 +66,20 @@ class SurveySettings(Settings):
     robust: bool = False
     motions: list[Motion] = Field(default_factory=list)
     entry: EntrySettings = EntrySettings()
+
+
+class PlanSettings(Settings):
+    """What is planned before anybody goes to the room; paths are relative to the campaign folder.
+
+    ``world_points`` has the columns world_point, x, y; ``poses`` pose, x, y, theta;
+    ``not_visible`` from, to: pairs that cannot be read, '7/*' standing for all marks of stop 7.
+    ``repeat`` is how often every visible pair is read. ``confidence`` and ``power`` say what
+    'detectable' means.
+    """
+
+    world_points: str = "survey/planned_points.csv"
+    poses: str = "survey/initial_guesses.csv"
+    not_visible: str = "survey/not_visible.csv"
+    repeat: Annotated[int, Field(ge=1, le=100)] = 1
+    confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
+    power: Annotated[float, Field(gt=0.5, lt=1)] = 0.8

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from survey.settings import SurveySettings
 
 if TYPE_CHECKING:
-    from survey.outcome import SurveyOutcome
-    from validation.campaign import Campaign
+    from survey.campaign.outcome import SurveyOutcome
+    from validation.campaign.folder import Campaign
     from validation.results import SystemResult
     from validation.systems import Progress
 
@@ -24,17 +24,17 @@ class SurveySystem:
 
     def solve(self, campaign: "Campaign", progress: "Progress") -> "SystemResult":
         """Validation poses, findings and report sections."""
-        from survey.outcome import solve_campaign
+        from survey.campaign.outcome import solve_campaign
 
         return result_of(solve_campaign(campaign, progress))
 
 
 def result_of(outcome: "SurveyOutcome") -> "SystemResult":
     """An outcome in the form that all systems share."""
-    from survey.entry.report import entry_report
-    from survey.findings import survey_findings
-    from survey.result_files import survey_files
-    from survey.sections import survey_sections
+    from survey.campaign.findings import survey_findings
+    from survey.campaign.result_files import survey_files
+    from survey.campaign.sections import survey_sections
+    from survey.entry.dialogue.report import entry_report
     from validation.results import SystemResult
 
     entered = entry_report(outcome.campaign)
@@ -53,8 +53,8 @@ def survey_facts(outcome: "SurveyOutcome") -> dict[str, object]:
     solution = outcome.solution
     if solution is None:
         return {"source": "published"}
-    from survey.findings import fitted_reading_sigma
-    from survey.result_files import adjusted_points
+    from survey.campaign.findings import fitted_reading_sigma
+    from survey.campaign.result_files import adjusted_points
 
     late = tuple(solution.from_marks)
     return {

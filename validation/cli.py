@@ -8,7 +8,9 @@ from collections.abc import Iterable
 
 import click
 
-from validation.errors import GtvalError
+from validation.commands.options import WANTS_JSON
+from validation.commands.output import BAD_INPUT, INTERRUPTED, UNEXPECTED
+from validation.errors import GtvalError, InputError
 from validation.plugins import EntryPoint, entry_points
 
 
@@ -49,12 +51,41 @@ class DiscoveredGroup(click.Group):
         return super().get_command(ctx, cmd_name)
 
     def invoke(self, ctx: click.Context) -> object:
-        """Run the command; a known error becomes plain sentences and exit status 2."""
+        """Run the command; whatever goes wrong ends in a plain sentence and its exit status."""
         try:
             return super().invoke(ctx)
         except GtvalError as error:
-            click.echo(f"Error: {error}", err=True)
-            ctx.exit(2)
+            problems = error.problems if isinstance(error, InputError) else ()
+            _tell(ctx, str(error), problems)
+            ctx.exit(BAD_INPUT)
+        except (KeyboardInterrupt, click.Abort):
+            click.echo("\nInterrupted; no file is half-written.", err=True)
+            ctx.exit(INTERRUPTED)
+        except click.ClickException as error:
+            _tell_json(ctx, error.format_message())
+            raise
+        except click.exceptions.Exit:
+            raise
+        except Exception as error:  # noqa: BLE001  (a traceback helps those who report it)
+            import traceback  # noqa: PLC0415
+
+            said = f"unexpected: {type(error).__name__}: {error}. Please report it"
+            click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
+            _tell(ctx, said)
+            ctx.exit(UNEXPECTED)
+
+
+def _tell(ctx: click.Context, message: str, problems: Iterable[object] = ()) -> None:
+    """An error on stderr, and where JSON was asked for as an object on stdout."""
+    click.echo(f"Error: {message}", err=True)
+    _tell_json(ctx, message, problems)
+
+
+def _tell_json(ctx: click.Context, message: str, problems: Iterable[object] = ()) -> None:
+    if ctx.meta.get(WANTS_JSON):
+        from validation.report.terminal import print_json  # noqa: PLC0415
+
+        print_json({"error": {"message": message, "problems": list(problems)}})
 
 
 @click.command(cls=DiscoveredGroup, context_settings={"help_option_names": ["-h", "--help"]})

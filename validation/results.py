@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from validation.poses import PoseTable
+    from validation.poses.pose_table import PoseTable
+
+VALIDATION_SYSTEM = "survey"
+"""The system whose poses the others are compared with."""
 
 Severity = Literal["good", "note", "warning", "error"]
 
@@ -127,6 +130,8 @@ class SystemResult:
         Numbers for ``--json`` and results/run.json.
     landmarks : mapping of str to (float, float)
         Named points of the room map, in the GTV frame.
+    overview : sequence of Table
+        What a terminal shows after this system has been solved by itself.
     """
 
     tables: "Sequence[PoseTable]" = ()
@@ -135,3 +140,4 @@ class SystemResult:
     files: Mapping[str, str | bytes] = field(default_factory=dict)
     facts: Mapping[str, object] = field(default_factory=dict)
     landmarks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    overview: Sequence[Table] = ()

@@ -2,36 +2,33 @@
 
 import contextlib
 import json
-import platform
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from validation.campaign import Campaign
-from validation.conclusions import conclusions
+from validation.campaign.folder import Campaign
+from validation.campaign.provenance import RECORD, Step, input_hashes
+from validation.campaign.published import assumed_sigmas, published_tables
 from validation.errors import GtvalError, InputError, Problem
-from validation.evaluation import Evaluation, evaluate
-from validation.explain.section import ExplainParts, explain_campaign
-from validation.files import write_files
-from validation.inputs import input_hashes
-from validation.json_text import json_text
-from validation.poses import SPATIAL, PoseTable
-from validation.published import published_tables
-from validation.result_files import errors_csv, merged, pose_files, statistics_csv
-from validation.results import Finding, Section, SystemResult
-from validation.statistics import IntervalMethod
-from validation.systems import VALIDATION_SYSTEM, Progress, installed_systems, no_progress
-
-LIBRARIES = ("numpy", "scipy", "opencv-contrib-python-headless", "filterpy", "kiss-icp")
-
-
-@dataclass(frozen=True)
-class SolvedSystem:
-    """What one system made of the campaign."""
-
-    name: str
-    result: SystemResult
+from validation.explain.telling.section import ExplainParts, explain_campaign
+from validation.poses.pose_files import pose_files
+from validation.poses.pose_table import SPATIAL, PoseTable
+from validation.results import VALIDATION_SYSTEM, Finding, Section, SystemResult
+from validation.solving import (
+    SolvedSystem,
+    made_with,
+    merged,
+    solve_system,
+    step_of,
+    unexpected,
+)
+from validation.statistics.conclusions import conclusions
+from validation.statistics.error_statistics import IntervalMethod
+from validation.statistics.evaluation import Evaluation, evaluate
+from validation.statistics.result_files import errors_csv, statistics_csv
+from validation.systems import Progress, inputs_of, installed_systems, no_progress
+from validation.text_files.json_text import json_text
+from validation.text_files.writing import write_files
 
 
 @dataclass(frozen=True)
@@ -54,6 +51,8 @@ class RunResult:
         Of the intervals of the mean.
     explained : ExplainParts, optional
         Where the errors come from; None where there is nothing to explain.
+    failures : tuple of SystemResult
+        What stands in for analyses that failed unexpectedly; of systems, see ``systems``.
     """
 
     campaign: Campaign
@@ -63,6 +62,12 @@ class RunResult:
     inputs: Mapping[str, str]
     method: IntervalMethod
     explained: ExplainParts | None = None
+    failures: tuple[SystemResult, ...] = ()
+
+    @property
+    def failed(self) -> bool:
+        """Whether a part of the run failed unexpectedly."""
+        return bool(self.failures) or any(system.failed for system in self.systems)
 
     @property
     def tables(self) -> tuple[PoseTable, ...]:
@@ -123,11 +128,18 @@ def run_campaign(
     _check_names(campaign, systems)
     progress("comparing", 0.9)
     findings = [finding for system in systems for finding in system.result.findings]
-    evaluations, more = _evaluate_all(campaign, systems, method)
+    evaluations, more, failures = _evaluate_all(campaign, systems, method)
     findings += more
     progress("explaining", 0.93)
-    explained, more = _explain(campaign, systems, evaluations)
+    explained, more = None, []
+    try:
+        explained, more = _explain(campaign, systems, evaluations)
+    except GtvalError:
+        raise
+    except Exception as error:  # noqa: BLE001  (what is compared stands without its explanation)
+        failures.append(unexpected(EXPLANATION, error))
     findings += more
+    findings += [finding for failure in failures for finding in failure.findings]
     progress("hashing the inputs", 0.95)
     inputs = input_hashes(campaign.folder)
     progress("done", 1.0)
@@ -139,6 +151,7 @@ def run_campaign(
         inputs=inputs,
         method=method,
         explained=explained,
+        failures=tuple(failures),
     )
 
 
@@ -181,16 +194,18 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
 
         report(system.name, 0.0)
         try:
-            solved.append(SolvedSystem(system.name, system.solve(known, report)))
+            solved.append(solve_system(known, system, report))
         except GtvalError as error:
             faults.append(error)
     try:
-        tables = published_tables(campaign)
+        published = published_tables(campaign)
     except GtvalError as error:
         faults.append(error)
-        tables = []
+        published = []
     _raise_together(faults)
-    solved += [SolvedSystem(table.system, SystemResult(tables=[table])) for table in tables]
+    for table in published:
+        assumed = assumed_sigmas(table)
+        solved.append(SolvedSystem(table.system, SystemResult([table], findings=assumed)))
     if not solved:
         raise InputError(
             [Problem(campaign.folder, "the campaign holds no data for any installed system")]
@@ -227,25 +242,29 @@ def _check_names(campaign: Campaign, systems: Iterable[SolvedSystem]) -> None:
 
 def _evaluate_all(
     campaign: Campaign, systems: Iterable[SolvedSystem], method: IntervalMethod
-) -> tuple[list[Evaluation], list[Finding]]:
-    """Each table compared with the validation poses, and what follows in words."""
+) -> tuple[list[Evaluation], list[Finding], list[SystemResult]]:
+    """Each table compared with the validation poses, what follows in words, and what failed."""
     tables = [table for system in systems for table in system.result.tables]
     validation = next((table for table in tables if table.system == VALIDATION_SYSTEM), None)
     if validation is None:
-        return [], [_no_validation(tables)]
-    evaluations, findings = [], []
+        return [], [_no_validation(tables)], []
+    evaluations: list[Evaluation] = []
+    findings: list[Finding] = []
+    failures: list[SystemResult] = []
+    settings = campaign.settings.comparison
     for table in tables:
         if table.system == VALIDATION_SYSTEM:
             continue
         try:
-            evaluation = evaluate(validation, table, campaign.settings.comparison, method)
+            evaluation = evaluate(validation, table, settings, method)
+            findings += conclusions(evaluation)
+            evaluations.append(evaluation)
         except GtvalError as error:
             text = f"Not compared with the validation poses: {error}"
             findings.append(Finding("error", text, table.system, "not_comparable"))
-            continue
-        evaluations.append(evaluation)
-        findings += conclusions(evaluation)
-    return evaluations, findings
+        except Exception as error:  # noqa: BLE001  (one table must not take the others)
+            failures.append(unexpected(f"comparison of {table.system}", error))
+    return evaluations, findings, failures
 
 
 def _no_validation(tables: Iterable[PoseTable]) -> Finding:
@@ -257,37 +276,68 @@ def _no_validation(tables: Iterable[PoseTable]) -> Finding:
     return Finding("warning", text + " Survey the stops.", VALIDATION_SYSTEM, "no_validation")
 
 
-def result_files(run: RunResult) -> dict[str, str | bytes]:
-    """Every file of results/ but run.json, by its name relative to results/.
+COMPARISON, EXPLANATION = "comparison", "explain"
+"""Steps of a run besides the systems."""
+
+
+def result_files(run: RunResult) -> dict[str, dict[str, str | bytes]]:
+    """Every file of results/ but run.json: by the step that made it, and by its name.
 
     Raises
     ------
     GtvalError
-        If two systems write the same file, or one outside of results/.
+        If two steps write the same file, or one outside of results/.
     """
-    confidence = run.campaign.settings.comparison.confidence
-    parts: list[tuple[str, Mapping[str, str | bytes]]] = [
-        ("poses", dict(pose_files(run.tables))),
-        *((system.name, system.result.files) for system in run.systems),
-    ]
+    steps = {
+        system.name: merged(
+            [("poses", dict(pose_files(system.result.tables))), (system.name, system.result.files)]
+        )
+        for system in run.systems
+    }
     if run.evaluations:
-        statistics = statistics_csv(run.evaluations, confidence)
-        compared = {"errors.csv": errors_csv(run.evaluations), "statistics.csv": statistics}
-        parts.append(("comparison", dict(compared)))
+        confidence = run.campaign.settings.comparison.confidence
+        steps[COMPARISON] = {
+            "errors.csv": errors_csv(run.evaluations),
+            "statistics.csv": statistics_csv(run.evaluations, confidence),
+        }
     if run.explained is not None:
-        parts.append(("explain", run.explained.files))
-    return merged(parts)
+        steps[EXPLANATION] = dict(run.explained.files)
+    for failure in run.failures:
+        steps[failure.findings[0].subject] = dict(failure.files)
+    merged(steps.items())
+    return steps
 
 
-def run_record(run: RunResult, outputs: Iterable[str]) -> dict[str, object]:
+def _steps(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> dict[str, Step]:
+    """Which inputs and which results each step started from."""
+    campaign = run.campaign
+    installed = {system.name: system for system in installed_systems()}
+    choices = {system.name: system.choices for system in run.systems}
+    poses = {
+        name: digest
+        for step in files
+        for name, digest in step_of(campaign, [], files[step]).outputs.items()
+        if name.startswith("poses_") and name.endswith(".csv")
+    }
+    surveyed = {name: one for name, one in poses.items() if name == "poses_survey.csv"}
+    steps = {}
+    for step, contents in files.items():
+        system = installed.get(step)
+        whole = [campaign.folder]
+        sources = whole if system is None else inputs_of(system, campaign)
+        from_survey = system is not None and step != VALIDATION_SYSTEM
+        uses = surveyed if from_survey else poses if step in {COMPARISON, EXPLANATION} else {}
+        steps[step] = step_of(campaign, sources, contents, uses, choices.get(step), run.inputs)
+    return steps
+
+
+def run_record(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> dict[str, object]:
     """What run.json holds: everything needed to tell where the numbers came from.
 
     It holds no time of day: the same inputs give the same bytes.
     """
     return {
-        "gtval": version("gtval"),
-        "python": platform.python_version(),
-        "libraries": _library_versions(),
+        **made_with(),
         "settings": {**run.campaign.settings.model_dump(), **run.campaign.extra},
         "interval_method": run.method,
         "inputs": run.inputs,
@@ -304,16 +354,10 @@ def run_record(run: RunResult, outputs: Iterable[str]) -> dict[str, object]:
             for evaluation in run.evaluations
         },
         "findings": run.findings,
-        "outputs": sorted(outputs),
+        "steps": _steps(run, files),
+        "out_of_date": [],
+        "outputs": sorted([RECORD, *(name for step in files.values() for name in step)]),
     }
-
-
-def _library_versions() -> dict[str, str]:
-    versions = {}
-    for name in LIBRARIES:
-        with contextlib.suppress(PackageNotFoundError):
-            versions[name] = version(name)
-    return versions
 
 
 def write_results(run: RunResult, report: Mapping[str, str | bytes] | None = None) -> list[Path]:
@@ -340,9 +384,10 @@ def write_results(run: RunResult, report: Mapping[str, str | bytes] | None = Non
         If they cannot be written; the old files are then untouched.
     """
     folder, results = run.campaign.folder, run.campaign.results
-    files = result_files(run)
-    before = _earlier_outputs(results / "run.json")
-    files["run.json"] = json_text(run_record(run, [*files, "run.json"]))
+    steps = result_files(run)
+    before = _earlier_outputs(results / RECORD)
+    files = {name: content for step in steps.values() for name, content in step.items()}
+    files[RECORD] = json_text(run_record(run, steps))
     contents = {f"{results.name}/{name}": content for name, content in files.items()}
     for name, content in (report or {}).items():
         contents[f"{run.campaign.report.name}/{name}"] = content

@@ -7,11 +7,11 @@ import numpy as np
 from validation.errors import GtvalError, InputError, Problem
 from validation.results import Table
 from validation.systems import Progress, no_progress
-from vision_gt.boards import Board
-from vision_gt.camera import PARAMETERS, Camera
-from vision_gt.detection_jobs import BoardJob, detect_all
-from vision_gt.image_files import list_images
-from vision_gt.intrinsics import Calibration, calibrate, known_displacement
+from vision_gt.images.files import list_images
+from vision_gt.images.jobs import BoardJob, detect_all
+from vision_gt.network.intrinsics import Calibration, calibrate, known_displacement
+from vision_gt.optics.camera import PARAMETERS, Camera
+from vision_gt.patterns.boards import Board
 
 
 def calibration_of_folder(

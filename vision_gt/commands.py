@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from validation.commands import AS_JSON, CAMPAIGN, progress_bar
+from validation.commands.options import AS_JSON, CAMPAIGN, progress_bar
 
 if TYPE_CHECKING:
-    from vision_gt.boards import Board
+    from vision_gt.patterns.boards import Board
 
 PATH = click.Path(path_type=Path)
 WORKERS = click.option(
@@ -58,11 +58,11 @@ def solve(
     Writes poses_vision.csv, vision_camera_poses.csv, vision_detections.csv, vision_cameras.csv,
     vision_layout.csv and a camera file for each camera to CAMPAIGN/results: all or none.
     """
-    from validation.campaign import load_campaign
-    from validation.files import write_files
-    from validation.poses import to_csv
+    from validation.campaign.folder import load_campaign
+    from validation.poses.pose_table import to_csv
+    from validation.text_files.writing import write_files
+    from vision_gt.campaign.solve import solve_campaign
     from vision_gt.choices import Choices
-    from vision_gt.solve import solve_campaign
     from vision_gt.system import result_of, vision_facts
 
     loaded = load_campaign(campaign)
@@ -79,7 +79,7 @@ def solve(
         print_json({**vision_facts(outcome), "findings": result.findings})
         return
     from validation.report.terminal import print_findings, print_table
-    from vision_gt.sections import camera_table, layout_table, pose_table
+    from vision_gt.campaign.sections import camera_table, layout_table, pose_table
 
     for table in (camera_table(outcome), layout_table(outcome), pose_table(outcome)):
         print_table(table)
@@ -123,8 +123,8 @@ def calibrate(
         board = _board(columns, rows, square, family)
         found = calibration_of_folder(images, board, workers, report)
     if target is not None:
-        from validation.files import write_files
-        from vision_gt.camera_files import write_camera
+        from validation.text_files.writing import write_files
+        from vision_gt.optics.camera_files import write_camera
 
         content = write_camera(target.suffix, file_format, found.camera)
         write_files(target.parent, {target.name: content})
@@ -152,8 +152,8 @@ def calibrate(
 def convert_camera(source: Path, target: Path, *, file_format: str, camera: str | None) -> None:
     """Turn a camera file of one program into that of another."""
     from validation.errors import GtvalError
-    from validation.files import write_files
-    from vision_gt.camera_files import read_cameras, write_camera
+    from validation.text_files.writing import write_files
+    from vision_gt.optics.camera_files import read_cameras, write_camera
 
     found = read_cameras(source)
     chosen = [one for one in found if camera is None or one.name == camera]
@@ -174,8 +174,8 @@ def check_table_command(campaign: Path, *, as_json: bool, workers: int | None) -
 
     Needs the results of `gtval run` and images CAMPAIGN/vision/table/CAMERA/poseX.png.
     """
-    from validation.campaign import load_campaign
-    from vision_gt.table_check import reading_table, statistics_table
+    from validation.campaign.folder import load_campaign
+    from vision_gt.network.table_check import reading_table, statistics_table
     from vision_gt.table_run import table_readings
 
     readings = table_readings(load_campaign(campaign), workers)
@@ -183,16 +183,18 @@ def check_table_command(campaign: Path, *, as_json: bool, workers: int | None) -
 
     if as_json:
         print_json(
-            [
-                {
-                    "pose": one.pose,
-                    "camera": one.camera,
-                    "validation": one.validation,
-                    "board": one.board,
-                    "difference": one.difference,
-                }
-                for one in readings
-            ]
+            {
+                "readings": [
+                    {
+                        "pose": one.pose,
+                        "camera": one.camera,
+                        "validation": one.validation,
+                        "board": one.board,
+                        "difference": one.difference,
+                    }
+                    for one in readings
+                ]
+            }
         )
         return
     print_table(reading_table(readings))
@@ -223,7 +225,7 @@ def check_displacement(
 ) -> None:
     """Check a camera with a board in two places at a known DISTANCE (metres)."""
     from vision_gt.calibration_run import displacement_of_images
-    from vision_gt.camera_files import read_cameras
+    from vision_gt.optics.camera_files import read_cameras
 
     camera = read_cameras(camera_file)[0]
     board = _board(columns, rows, square, family)
@@ -245,13 +247,13 @@ def check_displacement(
 @click.option("--pdf/--svg", default=True, show_default=True)
 def print_patterns(folder: Path, *, campaign: Path | None, pdf: bool) -> None:
     """Write boards and markers to FOLDER, to be printed at 100 %."""
-    from validation.files import write_files
+    from validation.text_files.writing import write_files
     from vision_gt.pattern_files import pattern_files
     from vision_gt.settings import VisionSettings
 
     settings = VisionSettings()
     if campaign is not None:
-        from validation.campaign import load_campaign
+        from validation.campaign.folder import load_campaign
 
         settings = load_campaign(campaign).section("vision", VisionSettings)
     files = pattern_files(settings, ".pdf" if pdf else ".svg")
@@ -261,8 +263,8 @@ def print_patterns(folder: Path, *, campaign: Path | None, pdf: bool) -> None:
 
 def _board(columns: int, rows: int, square: float, family: str) -> "Board":
     """The board that the options describe."""
-    from vision_gt.boards import Board
-    from vision_gt.dictionaries import Family
+    from vision_gt.patterns.boards import Board
+    from vision_gt.patterns.dictionaries import Family
 
     return Board(columns, rows, square, Family(family) if family else None)
 

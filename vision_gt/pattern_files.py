@@ -1,8 +1,8 @@
 """All patterns that a campaign needs, as files to print."""
 
-from vision_gt.campaign_objects import made_board
-from vision_gt.dictionaries import Family
-from vision_gt.patterns import board_print, marker_print, pattern_bytes
+from vision_gt.campaign.objects import made_board
+from vision_gt.patterns.dictionaries import Family
+from vision_gt.patterns.drawing import board_print, marker_print, pattern_bytes
 from vision_gt.settings import VisionSettings
 
 

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from validation.campaign import Finite, Name, NotNegative, Positive, Settings
+from validation.campaign.folder import Finite, Name, NotNegative, Positive, Settings
 
 Vector = tuple[Finite, Finite, Finite]
 Matrix = tuple[Vector, Vector, Vector]

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
-from vision_gt.board_views import BoardView
-from vision_gt.camera import Camera
-from vision_gt.image_files import CampaignImages, read_image
-from vision_gt.steadiness import Steadiness, board_move, image_move
+from vision_gt.images.files import CampaignImages, read_image
+from vision_gt.network.steadiness import Steadiness, board_move, image_move
+from vision_gt.optics.board_pose import BoardView
+from vision_gt.optics.camera import Camera
 
 
 def camera_steadiness(

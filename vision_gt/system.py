@@ -2,14 +2,14 @@
 
 from typing import TYPE_CHECKING
 
-from validation.systems import VALIDATION_SYSTEM
+from validation.results import VALIDATION_SYSTEM
 from vision_gt.settings import VisionSettings
 
 if TYPE_CHECKING:
-    from validation.campaign import Campaign
+    from validation.campaign.folder import Campaign
     from validation.results import SystemResult
     from validation.systems import Progress
-    from vision_gt.outcome import VisionOutcome
+    from vision_gt.campaign.outcome import VisionOutcome
 
 
 class VisionSystem:
@@ -24,7 +24,7 @@ class VisionSystem:
 
     def solve(self, campaign: "Campaign", progress: "Progress") -> "SystemResult":
         """Poses, findings and report sections."""
-        from vision_gt.solve import solve_campaign
+        from vision_gt.campaign.solve import solve_campaign
 
         return result_of(solve_campaign(campaign, progress), campaign)
 
@@ -32,9 +32,9 @@ class VisionSystem:
 def result_of(outcome: "VisionOutcome", campaign: "Campaign") -> "SystemResult":
     """An outcome in the form that all systems share."""
     from validation.results import SystemResult
-    from vision_gt.findings import vision_findings
-    from vision_gt.result_files import vision_files
-    from vision_gt.sections import vision_sections
+    from vision_gt.campaign.findings import vision_findings
+    from vision_gt.campaign.result_files import vision_files
+    from vision_gt.campaign.sections import vision_sections
 
     tables = [table for table in (outcome.poses, outcome.published) if table is not None]
     return SystemResult(

@@ -1,14 +1,14 @@
 """The table check of a campaign: images and earlier results to readings."""
 
-from validation.campaign import Campaign
+from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
-from validation.poses import from_csv
-from vision_gt.campaign_objects import made_board
-from vision_gt.detection_jobs import BoardJob, detect_all
-from vision_gt.image_files import images_of_poses
+from validation.poses.pose_table import from_csv
+from vision_gt.campaign.objects import made_board
+from vision_gt.images.files import images_of_poses
+from vision_gt.images.jobs import BoardJob, detect_all
+from vision_gt.network.stored import read_network
+from vision_gt.network.table_check import TableReading, check_table
 from vision_gt.settings import VisionSettings
-from vision_gt.stored_network import read_network
-from vision_gt.table_check import TableReading, check_table
 
 
 def table_readings(campaign: Campaign, workers: int | None = None) -> list[TableReading]:

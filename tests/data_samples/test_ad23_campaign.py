@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from survey.instrument import reading_sigma
-from survey.readings import load_readings
+from survey.readings.instrument import reading_sigma
+from survey.readings.readings import load_readings
 from survey.settings import SurveySettings
-from validation.campaign import load_campaign
-from validation.poses import from_csv, in_common, pose_difference
-from validation.published import published_tables
+from validation.campaign.folder import load_campaign
+from validation.campaign.published import published_tables
+from validation.poses.pose_table import from_csv, in_common, pose_difference
 
 FOLDER = Path(__file__).parents[2] / "data_samples" / "ad23"
 

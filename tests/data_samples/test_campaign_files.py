@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data_samples.campaign_files import SETTINGS_FILE, campaign_files, write_campaign
-from data_samples.rooms import RoomSettings, make_room
-from data_samples.simulate import ExampleSystem, SimulationSettings, simulate_survey
-from survey.readings import load_readings
+from data_samples.rooms.campaign_files import SETTINGS_FILE, campaign_files, write_campaign
+from data_samples.rooms.rooms import RoomSettings, make_room
+from data_samples.rooms.simulate import ExampleSystem, SimulationSettings, simulate_survey
+from survey.readings.readings import load_readings
 from survey.settings import SurveySettings
-from validation.campaign import load_campaign
-from validation.poses import from_csv
-from validation.published import published_tables
+from validation.campaign.folder import load_campaign
+from validation.campaign.published import published_tables
+from validation.poses.pose_table import from_csv
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -134,5 +134,5 @@ def test_no_estimator_reads_the_truth():
     for package in ("validation", "survey", "vision_gt", "laser_gt"):
         for module in (REPOSITORY / package).rglob("*.py"):
             text = module.read_text()
-            assert "data_samples" not in text.replace("data_samples.commands", ""), module
+            assert "data_samples" not in text.replace("data_samples.commands.rooms", ""), module
             assert '"truth' not in text, module

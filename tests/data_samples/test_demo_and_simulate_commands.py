@@ -4,9 +4,9 @@ import pytest
 from click.testing import CliRunner
 
 from data_samples.demo import copy_demo, demo_files
-from survey.readings import load_readings
+from survey.readings.readings import load_readings
 from survey.settings import SurveySettings
-from validation.campaign import load_campaign
+from validation.campaign.folder import load_campaign
 from validation.cli import main
 from validation.errors import GtvalError
 

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from survey.settings import SurveySettings
-from validation.campaign import load_campaign
+from validation.campaign.folder import load_campaign
 from validation.cli import main
 
 REPOSITORY = Path(__file__).parents[2]

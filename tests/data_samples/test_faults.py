@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_samples.faults import decimals, draw_faults, rounded, transpositions
-from validation.campaign import Instrument
+from data_samples.faults.room_faults import decimals, draw_faults, rounded, transpositions
+from validation.campaign.folder import Instrument
 from validation.errors import GtvalError
 
 LASER = Instrument()

@@ -2,15 +2,15 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from data_samples.laser_campaign import (
+from data_samples.rooms.laser_campaign import (
     FAULTS,
     LaserSimulation,
     laser_files,
     room_panels,
     with_faults,
 )
-from data_samples.rooms import RoomSettings, make_room
-from data_samples.scanners import Scanner, take_scan
+from data_samples.rooms.rooms import RoomSettings, make_room
+from data_samples.rooms.scanners import Scanner, take_scan
 from validation.cli import main
 
 ROOM = make_room(RoomSettings(stops=3, world_points=8), np.random.default_rng(2))

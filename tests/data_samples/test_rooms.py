@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.path import Path as Outline
 
-from data_samples.rooms import RoomSettings, make_room
-from data_samples.sight import outline_segments
-from validation.campaign import Vframe
+from data_samples.rooms.rooms import RoomSettings, make_room
+from data_samples.rooms.sight import outline_segments
+from validation.campaign.folder import Vframe
 from validation.errors import GtvalError
 
 SEEDS = range(40)

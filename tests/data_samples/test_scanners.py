@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from data_samples.scanners import (
+from data_samples.rooms.scanners import (
     FULL_TURN,
     Floor,
     Scanner,

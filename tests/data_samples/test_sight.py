@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from data_samples.sight import outline_segments, sees
+from data_samples.rooms.sight import outline_segments, sees
 
 WALL = np.array([[[0.0, -1.0], [0.0, 1.0]]])
 

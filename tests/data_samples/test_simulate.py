@@ -4,10 +4,10 @@ from functools import cache
 import numpy as np
 from scipy import stats
 
-from data_samples.rooms import RoomSettings, make_room
-from data_samples.simulate import ExampleSystem, SimulationSettings, simulate_survey
-from survey.instrument import reading_sigma
-from validation.campaign import Instrument
+from data_samples.rooms.rooms import RoomSettings, make_room
+from data_samples.rooms.simulate import ExampleSystem, SimulationSettings, simulate_survey
+from survey.readings.instrument import reading_sigma
+from validation.campaign.folder import Instrument
 
 RARE = 1e-4  # a correct simulation fails a two-sided bound once in 5,000 choices of the seeds
 SMALL = RoomSettings(stops=6, world_points=8)

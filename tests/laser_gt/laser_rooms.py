@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from data_samples.laser_campaign import LaserSimulation, laser_files
-from data_samples.rooms import RoomSettings, make_room
-from data_samples.scan_pairs import ScanPair, draw_pair
-from data_samples.simulate import SimulationSettings, simulate_survey
-from laser_gt.evidence import Prepared
-from validation.angles import wrap
+from data_samples.rooms.laser_campaign import LaserSimulation, laser_files
+from data_samples.rooms.rooms import RoomSettings, make_room
+from data_samples.rooms.scan_pairs import ScanPair, draw_pair
+from data_samples.rooms.simulate import SimulationSettings, simulate_survey
+from laser_gt.scans.evidence import Prepared
+from validation.poses.angles import wrap
 
 REAL = Path(os.environ.get("GTVAL_REAL_DATA", Path(__file__).parents[3] / "shared" / "real"))
 FR079 = REAL / "laser" / "fr079"
@@ -32,7 +32,7 @@ def error(pose, truth):
 
 
 def write_campaign(folder, seed=1, stops=6, **laser):
-    from data_samples.campaign_files import write_campaign as write
+    from data_samples.rooms.campaign_files import write_campaign as write
 
     rng = np.random.default_rng(seed)
     room = make_room(RoomSettings(stops=stops, world_points=8), rng)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from laser_gt.bags import read_bag
+from laser_gt.logs.bags import read_bag
 from validation.errors import GtvalError, InputError
 
 pytest.importorskip("rosbags", reason="pip install 'gtval[bags]'")

@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 from laser_rooms import error, pair_of, prepared
 
-from data_samples.scanners import HALF_TURN
-from laser_gt import both_ways as module
-from laser_gt.both_ways import both_ways
-from laser_gt.matching import align, influence
-from laser_gt.planar import inverse, inverse_covariance_of
-from validation.angles import wrap
+from data_samples.rooms.scanners import HALF_TURN
+from laser_gt.matching import both_ways as module
+from laser_gt.matching.both_ways import both_ways
+from laser_gt.matching.local import align, influence
+from laser_gt.scans.planar import inverse, inverse_covariance_of
+from validation.poses.angles import wrap
 
 
 def _one_way(reference, moving, guess):

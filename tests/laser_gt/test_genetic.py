@@ -2,8 +2,8 @@ import numpy as np
 from laser_rooms import error, pair_of, prepared
 from scipy.spatial import cKDTree
 
-from laser_gt.genetic import GeneticSettings, genetic_match
-from laser_gt.planar import transform
+from laser_gt.matching.genetic import GeneticSettings, genetic_match
+from laser_gt.scans.planar import transform
 
 
 def test_seeded_with_odometry_it_finds_the_pose_to_a_millimetre():

@@ -3,8 +3,8 @@ from itertools import product
 import numpy as np
 from laser_rooms import error, pair_of, prepared
 
-from laser_gt.global_matching import SearchSettings, global_match, search
-from laser_gt.gpm import associate
+from laser_gt.matching.gpm import associate
+from laser_gt.matching.search import SearchSettings, global_match, search
 
 
 def test_any_heading_and_two_metres_are_found():

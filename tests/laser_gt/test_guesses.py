@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from laser_gt.guesses import FEWEST, guess_deviations, guess_scatter
-from laser_gt.planar import compose
+from laser_gt.placing.guesses import FEWEST, guess_deviations, guess_scatter
+from laser_gt.scans.planar import compose
 
 
 @dataclass

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from laser_rooms import error, pair_of, prepared
 
-from data_samples.scan_pairs import CORRIDOR_GUESS, corridor_pair, mixed_pair
-from laser_gt.evidence import Prepared
-from laser_gt.judgement import MatchSettings, match
+from data_samples.rooms.scan_pairs import CORRIDOR_GUESS, corridor_pair, mixed_pair
+from laser_gt.matching.judgement import MatchSettings, match
+from laser_gt.scans.evidence import Prepared
 
 LIMITS = MatchSettings(guess_length=0.06, guess_angle=0.06)
 

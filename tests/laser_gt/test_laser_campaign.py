@@ -5,13 +5,13 @@ import pytest
 from laser_rooms import write_campaign
 from scipy.stats import chi2
 
-from data_samples.scanners import SICK_FRONT
-from laser_gt.outcome import solve_campaign
-from laser_gt.planar import between, compose
-from laser_gt.solve import solve
-from validation.angles import wrap
-from validation.campaign import load_campaign
-from validation.poses import from_csv
+from data_samples.rooms.scanners import SICK_FRONT
+from laser_gt.campaign.outcome import solve_campaign
+from laser_gt.campaign.solve import solve
+from laser_gt.scans.planar import between, compose
+from validation.campaign.folder import load_campaign
+from validation.poses.angles import wrap
+from validation.poses.pose_table import from_csv
 
 
 def _errors(folder, stops, poses):
@@ -65,7 +65,7 @@ def test_other_initialisers_lead_to_the_same_poses(tmp_path, initial):
 def test_a_pair_that_closes_no_loop_is_no_longer_accepted(tmp_path):
     from dataclasses import replace
 
-    from laser_gt.loops import with_loops
+    from laser_gt.placing.loops import with_loops
 
     write_campaign(tmp_path, seed=9, stops=8)
     outcome = solve_campaign(load_campaign(tmp_path), engines=("scanmatch",))
@@ -157,8 +157,8 @@ def _ring(changed, intruder=1.0):
     """Matches between all of four stops, right to a millimetre; the first is held up."""
     from itertools import combinations
 
-    from laser_gt.planar import between
-    from laser_gt.verdicts import JudgementSettings, Match, with_verdict
+    from laser_gt.matching.verdicts import JudgementSettings, Match, with_verdict
+    from laser_gt.scans.planar import between
 
     rng = np.random.default_rng(3)
     stops = {name: rng.uniform(-2, 2, 3) for name in "abcd"}
@@ -177,7 +177,7 @@ def _ring(changed, intruder=1.0):
 
 
 def test_loops_confirm_a_match_that_only_moved_things_hold_up():
-    from laser_gt.loops import with_loops
+    from laser_gt.placing.loops import with_loops
 
     held_up = _ring({"violating": 0.1})
     assert held_up[0].verdict == "look"
@@ -196,7 +196,7 @@ def test_loops_confirm_a_match_that_only_moved_things_hold_up():
     ],
 )
 def test_loops_do_not_outweigh_other_doubts(doubt, intruder):
-    from laser_gt.loops import with_loops
+    from laser_gt.placing.loops import with_loops
 
     held_up = _ring(doubt, intruder)
     assert held_up[0].verdict != "accept"
@@ -204,10 +204,10 @@ def test_loops_do_not_outweigh_other_doubts(doubt, intruder):
 
 
 def test_glass_and_moved_bins_leave_few_matches_for_the_eye_and_none_wrong(tmp_path):
-    from data_samples.campaign_files import write_campaign as write_files
-    from data_samples.laser_campaign import laser_files, with_faults
-    from data_samples.rooms import RoomSettings, make_room
-    from data_samples.simulate import SimulationSettings, simulate_survey
+    from data_samples.rooms.campaign_files import write_campaign as write_files
+    from data_samples.rooms.laser_campaign import laser_files, with_faults
+    from data_samples.rooms.rooms import RoomSettings, make_room
+    from data_samples.rooms.simulate import SimulationSettings, simulate_survey
 
     rng = np.random.default_rng(41)
     room = make_room(RoomSettings(stops=12), rng)

@@ -6,7 +6,7 @@ from click.testing import CliRunner
 from laser_rooms import write_campaign
 
 from validation.cli import main
-from validation.poses import from_csv
+from validation.poses.pose_table import from_csv
 
 
 def _run(*arguments):

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from laser_gt.graph import Edge, Graph, predicted, solve_graph
-from laser_gt.mounts import hand_eye, linear_hand_eye
-from laser_gt.placement import place
-from laser_gt.planar import between, compose, inverse
-from validation.angles import wrap
+from laser_gt.placing.graph import Edge, Graph, predicted, solve_graph
+from laser_gt.placing.mounts import hand_eye, linear_hand_eye
+from laser_gt.placing.placement import place
+from laser_gt.scans.planar import between, compose, inverse
 from validation.errors import GtvalError
+from validation.poses.angles import wrap
 
 MOUNT = np.array([0.178, 0.1915, np.pi / 2])
 NOISE = np.diag([1e-3, 1e-3, 3e-4]) ** 2

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from laser_rooms import write_campaign
 
-from data_samples.scanners import SICK_FRONT, SICK_REAR
-from laser_gt.inputs import load_inputs
-from laser_gt.planar import compose, inverse
-from laser_gt.scan_csv import read_scan_csv
+from data_samples.rooms.scanners import SICK_FRONT, SICK_REAR
+from laser_gt.campaign.inputs import load_inputs
+from laser_gt.logs.scan_csv import read_scan_csv
+from laser_gt.scans.planar import compose, inverse
 from laser_gt.settings import LaserSettings
 from laser_gt.system import SYSTEM
-from validation.campaign import load_campaign
+from validation.campaign.folder import load_campaign
 from validation.errors import GtvalError, InputError
-from validation.poses import from_csv
+from validation.poses.pose_table import from_csv
 
 SCANNERS = tuple(replace(one, beams=181) for one in (SICK_FRONT, SICK_REAR))
 
@@ -151,9 +151,9 @@ def test_a_missing_file_of_one_scanner_is_an_error(campaign):
 
 
 def test_odometry_is_interpolated_along_the_shorter_turn():
-    from laser_gt.logs import with_odometry
-    from laser_gt.records import ScanRecord
-    from laser_gt.scans import Scan
+    from laser_gt.logs.read import with_odometry
+    from laser_gt.logs.records import ScanRecord
+    from laser_gt.scans.scan import Scan
 
     records = [ScanRecord(Scan(np.ones(20), np.linspace(-1, 1, 20), time=t)) for t in (0.5, 7.0)]
     times, poses = np.array([1.0, 0.0]), np.array([[1.0, 0.0, -3.1], [0.0, 0.0, 3.1]])

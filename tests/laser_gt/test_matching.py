@@ -3,10 +3,10 @@ import pytest
 from laser_rooms import error, pair_of, prepared
 from scipy.spatial import cKDTree
 
-from data_samples.scan_pairs import draw_pair
-from data_samples.scanners import FULL_TURN, HALF_TURN
-from laser_gt.matching import align
-from laser_gt.nearest import NearestGrid
+from data_samples.rooms.scan_pairs import draw_pair
+from data_samples.rooms.scanners import FULL_TURN, HALF_TURN
+from laser_gt.matching.local import align
+from laser_gt.scans.nearest import NearestGrid
 
 
 def _many(scanner, count, **settings):

@@ -2,10 +2,8 @@ import numpy as np
 import pytest
 from laser_rooms import error, pair_of
 
-from data_samples.scanners import cast, furnished_room
-from laser_gt.evidence import Prepared
-from laser_gt.judgement import MatchSettings, match
-from laser_gt.motion import (
+from data_samples.rooms.scanners import cast, furnished_room
+from laser_gt.logs.motion import (
     MirrorTiming,
     moved,
     sensor_twist,
@@ -14,9 +12,11 @@ from laser_gt.motion import (
     undistorted,
     undistorted_records,
 )
-from laser_gt.planar import between, compose
-from laser_gt.records import ScanRecord
-from laser_gt.scans import Scan, sweep
+from laser_gt.logs.records import ScanRecord
+from laser_gt.matching.judgement import MatchSettings, match
+from laser_gt.scans.evidence import Prepared
+from laser_gt.scans.planar import between, compose
+from laser_gt.scans.scan import Scan, sweep
 from validation.errors import GtvalError
 
 SICK = MirrorTiming(1 / 75, 2)

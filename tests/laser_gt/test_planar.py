@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from laser_gt.planar import (
+from laser_gt.scans.planar import (
     between,
     compose,
     compose_jacobians,
@@ -10,7 +10,7 @@ from laser_gt.planar import (
     inverse_jacobian,
     transform,
 )
-from validation.angles import wrap
+from validation.poses.angles import wrap
 
 numbers = st.floats(-20, 20)
 poses = st.tuples(numbers, numbers, st.floats(-3.1, 3.1)).map(np.array)

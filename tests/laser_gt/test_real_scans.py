@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from laser_rooms import FR079
 
-from laser_gt.carmen import read_carmen
-from laser_gt.evidence import Prepared
-from laser_gt.guesses import GENEROUS, guess_scatter
-from laser_gt.judgement import MatchSettings, match
-from laser_gt.motion import MirrorTiming, undistorted_records
-from laser_gt.mounts import hand_eye
-from laser_gt.planar import between, compose, inverse
-from laser_gt.scans import sweep
-from validation.angles import wrap
+from laser_gt.logs.carmen import read_carmen
+from laser_gt.logs.motion import MirrorTiming, undistorted_records
+from laser_gt.matching.judgement import MatchSettings, match
+from laser_gt.placing.guesses import GENEROUS, guess_scatter
+from laser_gt.placing.mounts import hand_eye
+from laser_gt.scans.evidence import Prepared
+from laser_gt.scans.planar import between, compose, inverse
+from laser_gt.scans.scan import sweep
+from validation.poses.angles import wrap
 
 pytestmark = pytest.mark.skipif(
     not FR079.is_dir(), reason=f"no real scans at {FR079}; set GTVAL_REAL_DATA"

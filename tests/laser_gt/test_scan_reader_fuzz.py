@@ -5,11 +5,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from laser_gt.carmen import read_carmen
-from laser_gt.decisions import HEADER, read_decisions
-from laser_gt.rawseeds import read_rawseeds_hokuyo, read_rawseeds_odometry, read_rawseeds_sick
-from laser_gt.scan_csv import read_scan_csv, scan_csv
-from laser_gt.scans import Scan
+from laser_gt.logs.carmen import read_carmen
+from laser_gt.logs.decisions import HEADER, read_decisions
+from laser_gt.logs.rawseeds import read_rawseeds_hokuyo, read_rawseeds_odometry, read_rawseeds_sick
+from laser_gt.logs.scan_csv import read_scan_csv, scan_csv
+from laser_gt.scans.scan import Scan
 from validation.errors import InputError
 
 RANGES = [f"{2 + 0.05 * i:.2f}" for i in range(12)]

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from laser_gt.carmen import read_carmen
-from laser_gt.rawseeds import read_rawseeds_odometry, read_rawseeds_sick
-from laser_gt.scan_csv import read_scan_csv, scan_csv
-from laser_gt.scans import Scan
+from laser_gt.logs.carmen import read_carmen
+from laser_gt.logs.rawseeds import read_rawseeds_odometry, read_rawseeds_sick
+from laser_gt.logs.scan_csv import read_scan_csv, scan_csv
+from laser_gt.scans.scan import Scan
 from validation.errors import GtvalError, InputError
 
 RANGES = " ".join(f"{2 + 0.01 * i:.2f}" for i in range(180))
@@ -102,7 +102,7 @@ def test_bags_read_back_what_rosbags_wrote(tmp_path):
     rosbags = pytest.importorskip("rosbags.rosbag2")
     from rosbags.typesys import Stores, get_typestore
 
-    from laser_gt.bags import read_bag
+    from laser_gt.logs.bags import read_bag
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     types = store.types

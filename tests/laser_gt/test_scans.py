@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from data_samples.scanners import FULL_TURN, HALF_TURN, furnished_room, take_scan
-from laser_gt.scans import Scan, merge, sweep
+from data_samples.rooms.scanners import FULL_TURN, HALF_TURN, furnished_room, take_scan
+from laser_gt.scans.scan import Scan, merge, sweep
 from validation.errors import GtvalError
 
 ANGLES = np.linspace(-1, 1, 21)

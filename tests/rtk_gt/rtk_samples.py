@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from data_samples.drives import ANTENNAS, OFFSETS
-from rtk_gt.frames import LocalFrame
-from rtk_gt.noise import GpsNoise
-from rtk_gt.steps import Steps
+from data_samples.drives.drive import ANTENNAS, OFFSETS
+from rtk_gt.offsets.noise import GpsNoise
+from rtk_gt.receivers.frames import LocalFrame
+from rtk_gt.receivers.steps import Steps
 
 REPOSITORY = Path(__file__).parents[2]
 REAL = Path(os.environ.get("GTVAL_REAL_DATA", REPOSITORY.parent / "shared" / "real"))

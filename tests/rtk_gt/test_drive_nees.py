@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from data_samples.drive_trials import (
+from data_samples.drives.drive import DriveSettings, simulate_drive
+from data_samples.drives.trials import (
     CONDITIONS,
     normalised_squares,
     offset_errors,
     solve_drive,
 )
-from data_samples.drives import DriveSettings, simulate_drive
-from rtk_gt.consistency import consistency
-from rtk_gt.leaps import leaping_poses
-from validation.poses import SPATIAL, pose_difference
+from rtk_gt.path.consistency import consistency
+from rtk_gt.path.leaps import leaping_poses
+from validation.poses.pose_table import SPATIAL, pose_difference
 
 QUICK = ("five receivers", "a tenth of the fixes missing")
 

@@ -8,18 +8,18 @@ from rtk_samples import DISTANCES, NOISE
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
-from data_samples.drives import ANTENNAS, LEFT_CAMERA
-from rtk_gt.camera_pose import Lens
-from rtk_gt.composition import compose, published_composition, published_jacobian
-from rtk_gt.frames import LocalFrame
-from rtk_gt.noise import (
+from data_samples.drives.drive import ANTENNAS, LEFT_CAMERA
+from rtk_gt.offsets.noise import (
     PUBLISHED_NOISE,
     GpsNoise,
     published_squared_distance_covariance,
     squared_distance_covariance,
 )
-from rtk_gt.orientation import transform_of
-from rtk_gt.pose_covariance import reference_covariance
+from rtk_gt.path.composition import compose, published_composition, published_jacobian
+from rtk_gt.path.covariance import reference_covariance
+from rtk_gt.path.orientation import transform_of
+from rtk_gt.receivers.frames import LocalFrame
+from rtk_gt.sensors.camera_pose import Lens
 
 PAGE = (Path(__file__).parents[2] / "docs" / "outdoor.md").read_text(encoding="utf-8")
 A, FLATTENING = 6378137.0, 1 / 298.257223563

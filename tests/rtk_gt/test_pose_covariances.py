@@ -7,12 +7,11 @@ import pytest
 from rtk_samples import DISTANCES
 from scipy.spatial.transform import Rotation
 
-from data_samples.drives import ANTENNAS
-from rtk_gt.alignment import align
-from rtk_gt.antennas import antenna_positions, check_antennas
-from rtk_gt.noise import PUBLISHED_NOISE
-from rtk_gt.orientation import angles_of, matrix_of, pose_of, rotation_rates, transform_of
-from rtk_gt.pose_covariance import (
+from data_samples.drives.drive import ANTENNAS
+from rtk_gt.offsets.noise import PUBLISHED_NOISE
+from rtk_gt.path.alignment import align
+from rtk_gt.path.antennas import antenna_positions, check_antennas
+from rtk_gt.path.covariance import (
     noise_covariance,
     pose_jacobian,
     reference_covariance,
@@ -20,6 +19,7 @@ from rtk_gt.pose_covariance import (
     simulated_covariance,
     systematic_jacobian,
 )
+from rtk_gt.path.orientation import angles_of, matrix_of, pose_of, rotation_rates, transform_of
 from validation.errors import GtvalError
 
 PRINTED_DIAGONAL = np.array([1.4472e-5, 3.6903e-5, 1.0407e-4, 1.5434e-5, 5.2093e-5, 1.5840e-4])
@@ -32,7 +32,7 @@ def test_reference_covariance_is_the_printed_one():
 
 
 def test_the_eta_of_the_text_does_not_give_the_printed_matrix():
-    from rtk_gt.noise import GpsNoise
+    from rtk_gt.offsets.noise import GpsNoise
 
     found = np.diagonal(reference_covariance(ANTENNAS, GpsNoise(0.0064, 1.75)))
     assert found[2] / PRINTED_DIAGONAL[2] > 1.2

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from data_samples.drive_files import nmea_text, scan_text
-from data_samples.drives import LEFT_SCANNER, DriveSettings, scan_along, simulate_drive
-from rtk_gt.fix_checks import check_fixes
-from rtk_gt.fix_csv import read_fix_csv
-from rtk_gt.nmea import read_nmea
-from rtk_gt.rawlog import read_rawlog
-from rtk_gt.rtklib import read_pos
-from rtk_gt.sensor_files import read_imu, read_line_scans, read_seen_points
+from data_samples.drives.drive import LEFT_SCANNER, DriveSettings, scan_along, simulate_drive
+from data_samples.drives.files import nmea_text, scan_text
+from rtk_gt.receivers.fix_checks import check_fixes
+from rtk_gt.receivers.fix_csv import read_fix_csv
+from rtk_gt.receivers.nmea import read_nmea
+from rtk_gt.receivers.rawlog import read_rawlog
+from rtk_gt.receivers.rtklib import read_pos
+from rtk_gt.sensors.sensor_files import read_imu, read_line_scans, read_seen_points
 from validation.errors import GtvalError, InputError
 
 DRIVE = simulate_drive(0, DriveSettings(loops=1, straight=20.0))

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data_samples.drives import OFFSETS, DriveSettings, simulate_drive
-from rtk_gt.fixes import RTK_FLOAT
-from rtk_gt.offset_prior import OffsetPrior
-from rtk_gt.prior_check import check_prior
-from rtk_gt.steps import common_steps
-from rtk_gt.together import check_together
+from data_samples.drives.drive import OFFSETS, DriveSettings, simulate_drive
+from rtk_gt.offsets.checks import check_prior
+from rtk_gt.offsets.prior import OffsetPrior
+from rtk_gt.receivers.fixes import RTK_FLOAT
+from rtk_gt.receivers.steps import common_steps
+from rtk_gt.receivers.together import check_together
 from validation.errors import GtvalError
 
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rtk_samples import MALAGA
 
-from data_samples.drives import OFFSETS
-from rtk_gt.frames import (
+from data_samples.drives.drive import OFFSETS
+from rtk_gt.receivers.frames import (
     FrameVectors,
     LocalFrame,
     ecef_from_geodetic,

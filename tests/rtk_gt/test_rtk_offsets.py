@@ -7,14 +7,18 @@ import pytest
 from rtk_samples import DISTANCES, NOISE, steps_of
 from scipy import stats
 
-from data_samples.drives import ANTENNAS, OFFSETS
-from rtk_gt.alignment import align
-from rtk_gt.frames import LocalFrame
-from rtk_gt.nested import nested_offsets
-from rtk_gt.noise import GpsNoise
-from rtk_gt.offset_prior import OffsetPrior
-from rtk_gt.offsets import estimate_offsets
-from rtk_gt.robust import autocorrelation_time, expected_weighted_square, redescending_weights
+from data_samples.drives.drive import ANTENNAS, OFFSETS
+from rtk_gt.offsets.estimate import estimate_offsets
+from rtk_gt.offsets.nested import nested_offsets
+from rtk_gt.offsets.noise import GpsNoise
+from rtk_gt.offsets.prior import OffsetPrior
+from rtk_gt.offsets.robust import (
+    autocorrelation_time,
+    expected_weighted_square,
+    redescending_weights,
+)
+from rtk_gt.path.alignment import align
+from rtk_gt.receivers.frames import LocalFrame
 from validation.errors import GtvalError
 
 

@@ -7,29 +7,29 @@ import pytest
 from rtk_samples import DISTANCES, NOISE, steps_of
 from scipy import stats
 
-from data_samples.drives import ANTENNAS, LEFT_CAMERA, OFFSETS, DriveSettings, simulate_drive
-from rtk_gt.antennas import Antennas, antenna_positions
-from rtk_gt.composition import (
-    compose,
-    composition_jacobians,
-    published_composition,
-    published_jacobian,
-)
-from rtk_gt.consistency import consistency
-from rtk_gt.interpolation import METHODS, PUBLISHED, hold_out, interpolate, segments
-from rtk_gt.motion_check import motion_check
-from rtk_gt.noise import (
+from data_samples.drives.drive import ANTENNAS, LEFT_CAMERA, OFFSETS, DriveSettings, simulate_drive
+from rtk_gt.offsets.estimate import estimate_offsets
+from rtk_gt.offsets.noise import (
     GpsNoise,
     published_squared_distance_covariance,
     sigma_from_distances,
     squared_distance_covariance,
 )
-from rtk_gt.offsets import estimate_offsets
-from rtk_gt.orientation import pose_of, transform_of
-from rtk_gt.path import heading_span, pose_table, tilt_spread, vehicle_path
-from rtk_gt.steps import common_steps
+from rtk_gt.path.antennas import Antennas, antenna_positions
+from rtk_gt.path.composition import (
+    compose,
+    composition_jacobians,
+    published_composition,
+    published_jacobian,
+)
+from rtk_gt.path.consistency import consistency
+from rtk_gt.path.interpolation import METHODS, PUBLISHED, hold_out, interpolate, segments
+from rtk_gt.path.motion_check import motion_check
+from rtk_gt.path.orientation import pose_of, transform_of
+from rtk_gt.path.vehicle_path import heading_span, pose_table, tilt_spread, vehicle_path
+from rtk_gt.receivers.steps import common_steps
 from validation.errors import GtvalError
-from validation.poses import SPATIAL, pose_difference
+from validation.poses.pose_table import SPATIAL, pose_difference
 
 SENSOR_COVARIANCE = np.diag(np.square([0.002] * 3 + [np.radians(0.1)] * 3))
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from rtk_samples import FRAGMENT, needs_fragment
 
-from rtk_gt.fix_checks import check_fixes
-from rtk_gt.fix_csv import read_fix_csv
-from rtk_gt.fixes import AUTONOMOUS, RTK_FIXED, RTK_FLOAT
-from rtk_gt.frames import LocalFrame
-from rtk_gt.nmea import read_nmea
-from rtk_gt.rawlog import comment_settings, numbers_of, read_rawlog
-from rtk_gt.rtklib import gps_minus_utc, read_pos
-from rtk_gt.steps import common_steps
+from rtk_gt.receivers.fix_checks import check_fixes
+from rtk_gt.receivers.fix_csv import read_fix_csv
+from rtk_gt.receivers.fixes import AUTONOMOUS, RTK_FIXED, RTK_FLOAT
+from rtk_gt.receivers.frames import LocalFrame
+from rtk_gt.receivers.nmea import read_nmea
+from rtk_gt.receivers.rawlog import comment_settings, numbers_of, read_rawlog
+from rtk_gt.receivers.rtklib import gps_minus_utc, read_pos
+from rtk_gt.receivers.steps import common_steps
 from validation.errors import GtvalError, InputError
 
 

@@ -9,8 +9,7 @@ from rtk_samples import MALAGA
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from data_samples.drive_trials import solve_drive
-from data_samples.drives import (
+from data_samples.drives.drive import (
     LEFT_CAMERA,
     LEFT_SCANNER,
     ROOF,
@@ -19,13 +18,16 @@ from data_samples.drives import (
     scan_along,
     simulate_drive,
 )
-from rtk_gt.camera_pose import Lens, camera_pose, in_camera, vehicle_errors
-from rtk_gt.characterisation import position_errors, rate_errors
-from rtk_gt.fixes import Fixes
-from rtk_gt.ground import KnownGround
-from rtk_gt.interpolation import Interpolated
-from rtk_gt.orientation import transform_of
-from rtk_gt.pass_matching import (
+from data_samples.drives.trials import solve_drive
+from rtk_gt.path.interpolation import Interpolated
+from rtk_gt.path.orientation import transform_of
+from rtk_gt.path.vehicle_path import VehiclePath
+from rtk_gt.receivers.fixes import Fixes
+from rtk_gt.sensors.camera_pose import Lens, camera_pose, in_camera, vehicle_errors
+from rtk_gt.sensors.characterisation import position_errors, rate_errors
+from rtk_gt.sensors.clouds import NOT_SEEN, colour_points, ply
+from rtk_gt.sensors.ground import KnownGround
+from rtk_gt.sensors.pass_matching import (
     MatchingSettings,
     _equations,
     _matched,
@@ -33,9 +35,7 @@ from rtk_gt.pass_matching import (
     match_passes,
     perturbed,
 )
-from rtk_gt.path import VehiclePath
-from rtk_gt.point_clouds import NOT_SEEN, colour_points, ply
-from rtk_gt.scans import LineScans, cloud_of
+from rtk_gt.sensors.scans import LineScans, cloud_of
 from validation.errors import GtvalError
 
 LENS = Lens(

@@ -7,16 +7,7 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from data_samples.drive_trials import (
-    HAND_SIGMAS,
-    LEVEL,
-    TAPE,
-    calibration_drive,
-    placement_error,
-    scanner_trial,
-    solve_drive,
-)
-from data_samples.drives import (
+from data_samples.drives.drive import (
     LEFT_SCANNER,
     RIGHT_SCANNER,
     ROOF,
@@ -25,7 +16,16 @@ from data_samples.drives import (
     scan_along,
     simulate_drive,
 )
-from rtk_gt.ground import (
+from data_samples.drives.trials import (
+    HAND_SIGMAS,
+    LEVEL,
+    TAPE,
+    calibration_drive,
+    placement_error,
+    scanner_trial,
+    solve_drive,
+)
+from rtk_gt.sensors.ground import (
     KnownGround,
     RoadPoints,
     ground_rows,
@@ -33,13 +33,13 @@ from rtk_gt.ground import (
     road_beside,
     road_points,
 )
-from rtk_gt.pass_matching import perturbed
-from rtk_gt.scanner_adjustment import gauss_newton_step, other_equations
-from rtk_gt.scanner_calibration import calibrate_scanner
-from rtk_gt.scanner_equations import ScannerSettings, scan_residuals, scan_rows
-from rtk_gt.scans import LineScans, cloud_of
-from rtk_gt.surfaces import shared_surfaces
-from rtk_gt.trajectory import (
+from rtk_gt.sensors.pass_matching import perturbed
+from rtk_gt.sensors.scanner_adjustment import gauss_newton_step, other_equations
+from rtk_gt.sensors.scanner_calibration import calibrate_scanner
+from rtk_gt.sensors.scanner_equations import ScannerSettings, scan_residuals, scan_rows
+from rtk_gt.sensors.scans import LineScans, cloud_of
+from rtk_gt.sensors.surfaces import shared_surfaces
+from rtk_gt.sensors.trajectory import (
     Spline,
     antenna_equations,
     point_rows,
@@ -47,7 +47,7 @@ from rtk_gt.trajectory import (
     roughness_information,
 )
 from validation.errors import GtvalError
-from validation.poses import SPATIAL, pose_difference
+from validation.poses.pose_table import SPATIAL, pose_difference
 
 
 def calibrated(seed, scanners, loops, *, every=0.2, beams=121, settings=None):
@@ -291,7 +291,7 @@ def adjusted():
 
     trajectory = solve_drive(drive).trajectory()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("rtk_gt.scanner_calibration.gauss_newton_step", stop)
+        patch.setattr("rtk_gt.sensors.scanner_calibration.gauss_newton_step", stop)
         with pytest.raises(StopIteration):
             trial.calibrated(trajectory, ScannerSettings(points=4000))
     data, state, surfaces = caught["given"]

@@ -8,9 +8,7 @@ import pytest
 from click.testing import CliRunner
 from scipy import stats
 
-from data_samples.drive_files import SCANNERS, nmea_text, write_drive
-from data_samples.drive_trials import placement_error
-from data_samples.drives import (
+from data_samples.drives.drive import (
     LEFT_CAMERA,
     LEFT_SCANNER,
     START,
@@ -18,12 +16,14 @@ from data_samples.drives import (
     scan_along,
     simulate_drive,
 )
-from rtk_gt.orientation import pose_of, transform_of
-from rtk_gt.sensor_files import read_images, read_imu, read_line_scans, read_seen_points
-from rtk_gt.sensor_times import read_times
+from data_samples.drives.files import SCANNERS, nmea_text, write_drive
+from data_samples.drives.trials import placement_error
+from rtk_gt.path.orientation import pose_of, transform_of
+from rtk_gt.sensors.sensor_files import read_images, read_imu, read_line_scans, read_seen_points
+from rtk_gt.sensors.times import read_times
 from validation.cli import main
 from validation.errors import InputError
-from validation.poses import SPATIAL, from_csv
+from validation.poses.pose_table import SPATIAL, from_csv
 
 
 @pytest.fixture(scope="module")
@@ -284,7 +284,7 @@ def test_all_that_a_drive_writes_can_be_used(tmp_path):
     said = run("rtk", "dgps", folder, log, "--antenna", "-0.25", "0", "0.1").output
     assert "take the standard errors as the least" in " ".join(said.split())
     done = run("rtk", "imu", folder, folder / "sensors" / "imu.csv", "--json")
-    yaw = json.loads(done.output)[0]
+    yaw = json.loads(done.output)["angles"][0]
     assert abs(yaw["drift"] - np.radians(0.02)) < 4 * yaw["drift_sigma"]
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 import data_samples
-from data_samples.rooms import Room, RoomSettings, make_room
-from data_samples.simulate import SimulatedCampaign, SimulationSettings, simulate_survey
-from survey.outcome import SurveyOutcome, solve_campaign
-from survey.solve import SurveySolution, solve_survey
-from validation.angles import Array, wrap
-from validation.campaign import load_campaign
+from data_samples.rooms.rooms import Room, RoomSettings, make_room
+from data_samples.rooms.simulate import SimulatedCampaign, SimulationSettings, simulate_survey
+from survey.campaign.outcome import SurveyOutcome, solve_campaign
+from survey.estimation.solve import SurveySolution, solve_survey
+from validation.campaign.folder import load_campaign
+from validation.poses.angles import Array, wrap
 
 AD23 = Path(data_samples.__file__).parent / "ad23"
 

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from scipy.stats import binom, chi2
 from surveys import case
 
-from survey.accuracy import check_motion, detectable_motion, noncentrality, pose_motion
-from survey.accuracy_commands import check_poses, motion_findings, motion_table
+from survey.commands.accuracy import check_poses, motion_findings, motion_table
 from survey.settings import Motion
-from validation.angles import wrap
+from survey.studies.accuracy import check_motion, detectable_motion, noncentrality, pose_motion
 from validation.cli import main
-from validation.poses import PoseTable
+from validation.poses.angles import wrap
+from validation.poses.pose_table import PoseTable
 
 number = st.floats(-4, 4)
 REAL = np.array([0.01, 0.01, np.radians(1.0)])

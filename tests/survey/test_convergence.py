@@ -6,7 +6,9 @@ from click.testing import CliRunner
 from scipy.stats import binom, kstest
 from surveys import case
 
-from survey.convergence import (
+from survey.estimation.geometry import rotate
+from survey.estimation.iterated_ekf import iterated_ekf
+from survey.studies.convergence import (
     NOT_CONVERGED,
     REACHES_OTHER,
     REACHES_SOLUTION,
@@ -16,11 +18,9 @@ from survey.convergence import (
     regions,
     smallest_region,
 )
-from survey.convergence_problems import unknowns_of
-from survey.geometry import rotate
-from survey.iterated_ekf import iterated_ekf
-from validation.angles import wrap
+from survey.studies.convergence_problems import unknowns_of
 from validation.cli import main
+from validation.poses.angles import wrap
 
 SQUARE = np.array([[0.0, 0.0], [2.5, 0.0], [0.0, 2.5], [2.5, 2.5]])
 LINE = np.array([[0.0, 0.0], [1.0, 0.0], [2.5, 0.0], [4.0, 0.0]])

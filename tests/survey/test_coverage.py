@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 from surveys import Case, case, simulated
 
-from survey.solve import solve_survey
+from survey.estimation.solve import solve_survey
 
 QUICK = 40
 SEEDS = 200

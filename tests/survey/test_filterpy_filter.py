@@ -5,7 +5,7 @@ import sys
 
 CHECK = """
 import sys
-from survey.filterpy_filter import extended_kalman_filter
+from survey.estimation.filterpy_filter import extended_kalman_filter
 
 ekf = extended_kalman_filter(2, 1)
 assert type(ekf).__module__ == "filterpy.kalman.EKF"

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from survey.geometry import (
+from survey.estimation.geometry import (
     circle_intersections,
     mirror_in_line,
     multilaterate,

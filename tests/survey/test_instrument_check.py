@@ -5,10 +5,10 @@ import pytest
 from click.testing import CliRunner
 from scipy.stats import binom
 
-from survey.instrument import corrected, reading_sigma, tolerance_at
-from survey.instrument_check import check_instrument
-from survey.instrument_verdict import settings_snippet, verdict
-from validation.campaign import Instrument
+from survey.readings.instrument import corrected, reading_sigma, tolerance_at
+from survey.studies.instrument_check import check_instrument
+from survey.studies.instrument_verdict import settings_snippet, verdict
+from validation.campaign.folder import Instrument
 from validation.cli import main
 
 BOSCH = Instrument(tolerance=0.0015, tolerance_up_to=30.0, tolerance_per_metre=0.000175)

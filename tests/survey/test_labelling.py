@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from surveys import ad23, case, simulated
 
-from data_samples.rooms import RoomSettings, make_room
-from data_samples.simulate import SimulationSettings, simulate_survey
-from survey.labelling import _symmetries
-from survey.readings import Readings
-from survey.solve import Evidence, solve_survey
-from validation.campaign import Vframe
+from data_samples.rooms.rooms import RoomSettings, make_room
+from data_samples.rooms.simulate import SimulationSettings, simulate_survey
+from survey.estimation.labelling import _symmetries
+from survey.estimation.solve import Evidence, solve_survey
+from survey.readings.readings import Readings
+from validation.campaign.folder import Vframe
 from validation.errors import GtvalError
 
 SWAP = {"X": "Y", "Y": "X"}

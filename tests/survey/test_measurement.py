@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from survey.geometry import rotate
-from survey.measurement import independent_variance, linearise
+from survey.estimation.geometry import rotate
+from survey.estimation.measurement import independent_variance, linearise
 
 number = st.floats(-5, 5)
 

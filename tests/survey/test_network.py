@@ -3,11 +3,11 @@ import pytest
 from scipy.optimize import least_squares
 from surveys import case, simulated
 
-from survey.adjustment import adjust
-from survey.network import Parameters, build_network, design, start_parameters
-from survey.readings import Readings
-from survey.solve import solve_survey
-from validation.campaign import RobotFrame, Vframe
+from survey.estimation.adjustment import adjust
+from survey.estimation.network import Parameters, build_network, design, start_parameters
+from survey.estimation.solve import solve_survey
+from survey.readings.readings import Readings
+from validation.campaign.folder import RobotFrame, Vframe
 from validation.errors import GtvalError
 
 

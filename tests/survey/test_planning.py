@@ -7,10 +7,11 @@ from click.testing import CliRunner
 from scipy.stats import chi2
 from surveys import case
 
-from survey.adjustment import adjust
-from survey.geometry import rotate
-from survey.network import build_network, start_parameters
-from survey.planning import (
+from survey.estimation.adjustment import adjust
+from survey.estimation.geometry import rotate
+from survey.estimation.network import build_network, start_parameters
+from survey.readings.readings import Readings
+from survey.studies.planning import (
     best_extra_readings,
     candidate_pairs,
     planned_adjustment,
@@ -21,11 +22,10 @@ from survey.planning import (
     weak_points,
     with_extra_reading,
 )
-from survey.readings import Readings
-from validation.angles import wrap
-from validation.campaign import Instrument, RobotFrame, Vframe
+from validation.campaign.folder import Instrument, RobotFrame, Vframe
 from validation.cli import main
 from validation.errors import GtvalError
+from validation.poses.angles import wrap
 
 VFRAME = Vframe()
 RIG = RobotFrame(marking_sigma=0.001, shape_sigma=0.001, sides={"O-X": 0.6})

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.stats import chi2
 from surveys import simulated
 
-from survey.result_files import adjusted_points
-from survey.solve import solve_survey
+from survey.campaign.result_files import adjusted_points
+from survey.estimation.solve import solve_survey
 
 HIDDEN = ("3", "9")
 SEEDS = 30

@@ -7,10 +7,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from surveys import AD23
 
-from survey.point_names import robot_point
-from survey.readings import Readings, load_readings
+from survey.readings.point_names import robot_point
+from survey.readings.readings import Readings, load_readings
 from survey.settings import SurveySettings
-from validation.campaign import load_campaign
+from validation.campaign.folder import load_campaign
 from validation.errors import GtvalError, InputError
 
 HEADER = "time,from,to,distance,observer"

@@ -3,14 +3,14 @@ import pytest
 from scipy.stats import chi2
 from surveys import case, simulated
 
-from survey.reliability import (
+from survey.estimation.reliability import (
     DETECTABLE,
     added_reading_gain,
     critical_w,
     reading_tests,
     suspected_blunders,
 )
-from survey.solve import solve_survey
+from survey.estimation.solve import solve_survey
 
 
 def named(used, row):

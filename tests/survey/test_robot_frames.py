@@ -3,12 +3,12 @@ import pytest
 from scipy.optimize import least_squares
 from surveys import case
 
-from survey.as_published import robot_frame_filter
-from survey.geometry import rotate
-from survey.readings import Readings
-from survey.robot_frames import pose_readings, solve_robot_frames
-from survey.world_points import WorldPoint, WorldPoints
-from validation.campaign import RobotFrame
+from survey.estimation.geometry import rotate
+from survey.estimation.robot_frames import pose_readings, solve_robot_frames
+from survey.estimation.world_points import WorldPoint, WorldPoints
+from survey.published.as_published import robot_frame_filter
+from survey.readings.readings import Readings
+from validation.campaign.folder import RobotFrame
 
 EXACT = RobotFrame(marking_sigma=1e-6)
 

@@ -8,10 +8,10 @@ import pytest
 from click.testing import CliRunner
 from surveys import AD23, simulated
 
-from data_samples.campaign_files import write_campaign
-from survey.commands import survey
+from data_samples.rooms.campaign_files import write_campaign
+from survey.commands.solve import survey
 from validation.cli import main
-from validation.poses import from_csv
+from validation.poses.pose_table import from_csv
 
 
 @pytest.fixture

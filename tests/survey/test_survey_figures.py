@@ -5,14 +5,14 @@ import pytest
 from matplotlib.patches import Ellipse
 from matplotlib.text import Annotation
 
-from survey.check_figures import (
+from survey.studies.check_figures import (
     convergence_map,
     detectable_figure,
     instrument_figure,
     planning_map,
 )
-from survey.convergence import NOT_CONVERGED, Convergence, regions
-from survey.figures import (
+from survey.studies.convergence import NOT_CONVERGED, Convergence, regions
+from survey.studies.figures import (
     Places,
     Room,
     ellipse_axes,
@@ -21,10 +21,10 @@ from survey.figures import (
     residual_figure,
     survey_map,
 )
-from survey.instrument_check import check_instrument
-from validation.campaign import Instrument
+from survey.studies.instrument_check import check_instrument
+from validation.campaign.folder import Instrument
 from validation.errors import GtvalError
-from validation.figure_files import figure_bytes, write_figure
+from validation.figures.writing import figure_bytes, write_figure
 
 ROOM = Room(vframe=[("O", (0.0, 0.0)), ("X", (2.5, 0.0)), ("Y", (0.0, 2.5)), ("XY", (2.5, 2.5))])
 WORLD = Places(

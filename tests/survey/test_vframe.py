@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from survey.readings import Readings
-from survey.vframe import estimate_vframe
-from validation.campaign import Vframe
+from survey.estimation.vframe import estimate_vframe
+from survey.readings.readings import Readings
+from validation.campaign.folder import Vframe
 
 
 def readings(**lengths):

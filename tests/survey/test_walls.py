@@ -5,7 +5,7 @@ import pytest
 from click.testing import CliRunner
 from scipy.stats import binom
 
-from survey.walls import compare_walls, wall_findings
+from survey.studies.walls import compare_walls, wall_findings
 from validation.cli import main
 
 SIGMA = 0.001

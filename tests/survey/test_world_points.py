@@ -5,11 +5,11 @@ import pytest
 from scipy.stats import chi2
 from surveys import AD23, ad23, case
 
-from survey.as_published import world_point_filter
-from survey.readings import Readings
-from survey.vframe import estimate_vframe
-from survey.world_points import locate_world_points
-from validation.campaign import Vframe
+from survey.estimation.vframe import estimate_vframe
+from survey.estimation.world_points import locate_world_points
+from survey.published.as_published import world_point_filter
+from survey.readings.readings import Readings
+from validation.campaign.folder import Vframe
 
 
 def printed():

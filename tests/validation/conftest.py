@@ -11,7 +11,7 @@ from small_campaigns import AD23, MINIMAL_TOML, FixedSystem
 import validation.run
 import validation.systems
 from validation.cli import main
-from validation.poses import PoseTable, from_csv
+from validation.poses.pose_table import PoseTable, from_csv
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 import data_samples
-from validation.campaign import Campaign
-from validation.poses import PoseTable
+from validation.campaign.folder import Campaign
+from validation.poses.pose_table import PoseTable
 from validation.results import SystemResult
 from validation.systems import Progress
 

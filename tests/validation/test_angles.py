@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from validation.angles import circular_mean, mean_angle, wrap
+from validation.poses.angles import circular_mean, mean_angle, wrap
 
 finite_angles = st.floats(-1e3, 1e3)
 

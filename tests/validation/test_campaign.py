@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from validation.campaign import Settings, load_campaign
+from validation.campaign.folder import Settings, load_campaign
 from validation.errors import GtvalError, InputError
 
 NO_TABLES = frozenset[str]()

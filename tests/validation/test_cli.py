@@ -115,7 +115,18 @@ def test_a_known_error_is_told_without_traceback(monkeypatch, text):
 def test_an_unknown_error_is_not_hidden(monkeypatch):
     group = group_with(monkeypatch)
     group.add_command(failing(ZeroDivisionError("a bug")))
-    assert isinstance(CliRunner().invoke(group, ["fail"]).exception, ZeroDivisionError)
+    result = CliRunner().invoke(group, ["fail"])
+    assert result.exit_code == 1
+    assert "Traceback" in result.stderr
+    assert "unexpected: ZeroDivisionError: a bug" in result.stderr.splitlines()[-1]
+
+
+def test_ctrl_c_ends_in_one_line_and_130(monkeypatch):
+    group = group_with(monkeypatch)
+    group.add_command(failing(KeyboardInterrupt()))
+    result = CliRunner().invoke(group, ["fail"])
+    assert result.exit_code == 130
+    assert result.stderr.split() == ["Interrupted;", "no", "file", "is", "half-written."]
 
 
 def test_an_unknown_command_is_a_usage_error():

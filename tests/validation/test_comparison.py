@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from small_campaigns import three_stops
 
-from validation.comparison import compare
 from validation.errors import GtvalError, InputError
-from validation.poses import PLANAR, SPATIAL, PoseTable
+from validation.poses.pose_table import PLANAR, SPATIAL, PoseTable
+from validation.statistics.comparison import compare
 
 
 def test_the_error_is_validation_minus_gt(ad23_poses):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from small_campaigns import three_stops
 
-from validation.campaign import Comparison
-from validation.conclusions import conclusions
-from validation.evaluation import evaluate
-from validation.poses import PoseTable
+from validation.campaign.folder import Comparison
+from validation.poses.pose_table import PoseTable
+from validation.statistics.conclusions import conclusions
+from validation.statistics.evaluation import evaluate
 
 
 def many(shift, sigma, spread=0.01, n=20):

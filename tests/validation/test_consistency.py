@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from validation.consistency import (
+from validation.statistics.consistency import (
     chi_squared_interval,
     nees,
     normalised_errors,

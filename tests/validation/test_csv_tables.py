@@ -9,9 +9,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from validation.csv_tables import MAX_PROBLEMS, Column, read_csv
 from validation.errors import GtvalError, InputError
-from validation.poses import from_csv
+from validation.poses.pose_table import from_csv
+from validation.text_files.csv_tables import MAX_PROBLEMS, Column, read_csv
 
 COLUMNS = [
     Column("pose"),

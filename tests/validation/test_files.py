@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from validation import files
 from validation.errors import GtvalError
-from validation.files import write_files
+from validation.text_files import writing as files
+from validation.text_files.writing import write_files
 
 
 def contents(folder: Path) -> dict[str, bytes]:

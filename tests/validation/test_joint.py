@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from validation.errors import InputError
-from validation.joint import joint_path, joint_to_csv, with_stored_joint
-from validation.poses import PoseTable, from_csv, to_csv
+from validation.poses.joint import joint_path, joint_to_csv, with_stored_joint
+from validation.poses.pose_table import PoseTable, from_csv, to_csv
 
 
 @pytest.fixture

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from validation.campaign import Comparison
-from validation.json_text import as_json, json_text
+from validation.campaign.folder import Comparison
 from validation.results import Figure, Finding
+from validation.text_files.json_text import as_json, json_text
 
 
 class Colour(StrEnum):

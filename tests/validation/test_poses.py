@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from small_campaigns import three_stops
 
 from validation.errors import GtvalError, InputError
-from validation.poses import (
+from validation.poses.pose_table import (
     PLANAR,
     SPATIAL,
     Component,

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure as MatplotlibFigure
 from small_campaigns import FixedSystem, three_stops
 
-from validation.campaign import load_campaign
+from validation.campaign.folder import load_campaign
 from validation.report.document import build_document
 from validation.report.files import report_files
 from validation.report.latex import latex_table

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from small_campaigns import FixedSystem, three_stops
 
-from validation.campaign import load_campaign
+from validation.campaign.folder import load_campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.results import Finding, SystemResult
 from validation.run import result_files, run_campaign, write_results
@@ -91,10 +91,17 @@ def test_faults_of_different_kinds_are_told_at_once_too(campaign_folder, with_sy
         run(campaign_folder)
 
 
-def test_a_bug_is_not_hidden(campaign_folder, with_systems):
-    with_systems(FixedSystem("survey", fails_with=ZeroDivisionError()))
-    with pytest.raises(ZeroDivisionError):
-        run(campaign_folder)
+def test_a_bug_in_one_system_does_not_take_the_others(campaign_folder, with_systems):
+    with_systems(survey(), rig(), FixedSystem("other", fails_with=ZeroDivisionError("a bug")))
+    done = run(campaign_folder)
+    assert done.failed
+    assert [one.system for one in done.evaluations] == ["rig"]
+    (finding,) = [one for one in done.findings if one.code == "unexpected"]
+    assert (finding.severity, finding.subject) == ("error", "other")
+    assert "results/tracebacks/other.txt" in finding.text
+    write_results(done)
+    trace = (campaign_folder / "results/tracebacks/other.txt").read_text()
+    assert trace.endswith("ZeroDivisionError: a bug\n")
 
 
 def test_a_campaign_without_data_is_an_error(campaign_folder, with_systems):
@@ -115,7 +122,7 @@ def test_without_survey_nothing_is_compared_and_that_is_said(campaign_folder, wi
     assert done.evaluations == ()
     assert done.validation is None
     assert [finding.code for finding in done.findings] == ["no_validation"]
-    assert set(result_files(done)) == {"poses_rig.csv", "poses_rig.tum"}
+    assert set(result_files(done)["rig"]) == {"poses_rig.csv", "poses_rig.tum"}
 
 
 def test_a_system_without_common_stops_is_an_error_in_the_findings(campaign_folder, with_systems):

@@ -8,16 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from validation.angles import wrap
-from validation.evaluation import evaluate
-from validation.poses import PLANAR, SPATIAL, Component
-from validation.statistics import (
+from validation.poses.angles import wrap
+from validation.poses.pose_table import PLANAR, SPATIAL, Component
+from validation.statistics.error_statistics import (
     bias_test,
     by_magnitude,
     component_statistics,
     error_statistics,
     mean_interval,
 )
+from validation.statistics.evaluation import evaluate
 
 X, _, THETA = PLANAR
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from small_campaigns import three_stops
 
-from validation.comparison import compare
-from validation.evaluation import evaluate
-from validation.figures import arrow_scale, error_against_heading, error_map, error_strips
-from validation.poses import SPATIAL, Component, PoseTable
+from validation.figures.errors import arrow_scale, error_against_heading, error_map, error_strips
+from validation.poses.pose_table import SPATIAL, Component, PoseTable
+from validation.statistics.comparison import compare
+from validation.statistics.evaluation import evaluate
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data_samples.cameras import VisionSettings
-from data_samples.campaign_files import write_campaign
-from data_samples.rendering_files import make_room_with_cameras, vision_texts, write_images
-from data_samples.rooms import RoomSettings
-from data_samples.simulate import SimulationSettings, simulate_survey
+from data_samples.rendering.files import make_room_with_cameras, vision_texts, write_images
+from data_samples.rooms.cameras import VisionSettings
+from data_samples.rooms.campaign_files import write_campaign
+from data_samples.rooms.rooms import RoomSettings
+from data_samples.rooms.simulate import SimulationSettings, simulate_survey
 
 SMALL = VisionSettings(
     cameras=2, calibration=5, snapshots=5, both=2, movie=10, blades=0.1, occlusions=0.1

@@ -6,7 +6,7 @@ import pytest
 from vision_scenes import LENS, SIZE
 
 from validation.errors import GtvalError
-from vision_gt.camera import Camera, inside_image, project, project_with_jacobians, undistort
+from vision_gt.optics.camera import Camera, inside_image, project, project_with_jacobians, undistort
 
 FULL = np.array([1000.0, 1010.0, 640.0, 480.0, -0.25, 0.1, 0.001, -0.002, -0.02])
 

@@ -5,8 +5,8 @@ import pytest
 from vision_scenes import LENS, SIZE
 
 from validation.errors import GtvalError, InputError
-from vision_gt.camera import Camera
-from vision_gt.camera_files import read_cameras, write_camera
+from vision_gt.optics.camera import Camera
+from vision_gt.optics.camera_files import read_cameras, write_camera
 
 SUFFIXES = {"opencv": ".yaml", "ros": ".yaml", "kalibr": ".yaml", "bouguet": ".mat"}
 

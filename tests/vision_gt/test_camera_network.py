@@ -9,13 +9,13 @@ from scipy.stats import chi2
 from vision_scenes import CameraRow
 
 from validation.errors import GtvalError
-from vision_gt.board_views import bar_poses
-from vision_gt.boards import Board
-from vision_gt.dictionaries import Family
-from vision_gt.network import NotLinkedError, chain_cameras, pair_links
-from vision_gt.network_adjustment import Bar, KnownBody
-from vision_gt.network_solution import NetworkInput, solve_network
-from vision_gt.transforms import angle_between, change_between
+from vision_gt.network.adjustment import Bar, KnownBody
+from vision_gt.network.chain import NotLinkedError, chain_cameras, pair_links
+from vision_gt.network.solution import NetworkInput, solve_network
+from vision_gt.optics.board_pose import bar_poses
+from vision_gt.optics.transforms import angle_between, change_between
+from vision_gt.patterns.boards import Board
+from vision_gt.patterns.dictionaries import Family
 
 KNOWN_REFERENCE = np.diag([1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4]) ** 2
 UNSURE = np.array([0.003] * 3 + [np.deg2rad(0.3)] * 3)

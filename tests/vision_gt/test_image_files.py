@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from validation.errors import InputError
-from vision_gt.image_files import read_image
+from vision_gt.images.files import read_image
 
 ENDS = {".png": b"\0\0\0\0IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".bmp": b""}
 

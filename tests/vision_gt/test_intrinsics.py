@@ -8,10 +8,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 from vision_scenes import LENS, SIZE, board_view, camera
 
-from data_samples.rendering_campaign import _board_in_view
+from data_samples.rendering.campaign import _board_in_view
 from validation.errors import GtvalError
-from vision_gt.boards import Board
-from vision_gt.intrinsics import calibrate, known_displacement
+from vision_gt.network.intrinsics import calibrate, known_displacement
+from vision_gt.patterns.boards import Board
 
 WORLD = RigidTransform.identity()
 

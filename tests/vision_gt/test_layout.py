@@ -8,9 +8,9 @@ from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 from vision_scenes import camera, seen_robot
 
-from data_samples.cameras import DIMA_MARKER, T_DIMA_MARKER, looking, robot_layout
-from vision_gt.layout import Frame, UnlinkedMarkersError, fit_layout
-from vision_gt.transforms import change_between
+from data_samples.rooms.cameras import DIMA_MARKER, T_DIMA_MARKER, looking, robot_layout
+from vision_gt.optics.transforms import change_between
+from vision_gt.robot.layout import Frame, UnlinkedMarkersError, fit_layout
 
 DIMA_SIGMAS = np.array([0.0005] * 3 + [0.001] * 3)
 

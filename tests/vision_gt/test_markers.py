@@ -17,15 +17,15 @@ from vision_scenes import (
     random_marker,
 )
 
-from data_samples.rendering import Optics
+from data_samples.rendering.image import Optics
 from validation.errors import GtvalError
-from vision_gt.camera import Camera
-from vision_gt.corners import refine_corners
-from vision_gt.dictionaries import ARTOOLKITPLUS, Family, artoolkitplus_bits
-from vision_gt.layout import Layout
-from vision_gt.markers import detect_markers
-from vision_gt.robot_pose import Sighting, robot_pose
-from vision_gt.transforms import angle_between
+from vision_gt.images.corners import refine_corners
+from vision_gt.images.markers import detect_markers
+from vision_gt.optics.camera import Camera
+from vision_gt.optics.transforms import angle_between
+from vision_gt.patterns.dictionaries import ARTOOLKITPLUS, Family, artoolkitplus_bits
+from vision_gt.robot.layout import Layout
+from vision_gt.robot.robot_pose import Sighting, robot_pose
 
 
 def corner_errors(distance: float, count: int, refinement: str = "edges", seed: int = 5):

@@ -5,11 +5,11 @@ import pytest
 from scipy.stats import chi2
 from vision_scenes import APRIL, SIDE, close_up, marker_image, random_marker
 
-from data_samples.rendering import Optics
-from vision_gt.dictionaries import ARTOOLKITPLUS, Family
-from vision_gt.edge_samples import Flat
-from vision_gt.markers import detect_markers
-from vision_gt.prints import fit_print
+from data_samples.rendering.image import Optics
+from vision_gt.images.edge_samples import Flat
+from vision_gt.images.markers import detect_markers
+from vision_gt.images.prints import fit_print
+from vision_gt.patterns.dictionaries import ARTOOLKITPLUS, Family
 
 
 def fitted(image, camera, true, number, start_off, family=APRIL):

@@ -7,13 +7,13 @@ import cv2
 import numpy as np
 import pytest
 
-from vision_gt.board_detection import find_board
-from vision_gt.boards import Board
-from vision_gt.camera import Camera
-from vision_gt.camera_files import read_cameras
-from vision_gt.dictionaries import Family
-from vision_gt.image_files import read_image
-from vision_gt.markers import detect_markers
+from vision_gt.images.boards import find_board
+from vision_gt.images.files import read_image
+from vision_gt.images.markers import detect_markers
+from vision_gt.optics.camera import Camera
+from vision_gt.optics.camera_files import read_cameras
+from vision_gt.patterns.boards import Board
+from vision_gt.patterns.dictionaries import Family
 
 REAL = Path(
     os.environ.get("GTVAL_REAL_DATA", Path(__file__).resolve().parents[3] / "shared" / "real")

@@ -8,13 +8,15 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 from vision_scenes import LENS, camera_at, exact_network, random_robot, seen_robot
 
-from data_samples.cameras import robot_layout
-from vision_gt.adjustment import Knowledge, adjust
-from vision_gt.camera import project
-from vision_gt.layout import marker_corners
-from vision_gt.marker_poses import marker_views
-from vision_gt.markers import MarkerView
-from vision_gt.robot_pose import (
+from data_samples.rooms.cameras import robot_layout
+from vision_gt.images.markers import MarkerView
+from vision_gt.least_squares.adjustment import Knowledge, adjust
+from vision_gt.least_squares.setups import Setup
+from vision_gt.optics.camera import project
+from vision_gt.optics.transforms import angle_between, change_between, perturbed, planar_pose
+from vision_gt.robot.layout import marker_corners
+from vision_gt.robot.marker_poses import marker_views
+from vision_gt.robot.robot_pose import (
     Floor,
     Sighting,
     best_of,
@@ -22,8 +24,6 @@ from vision_gt.robot_pose import (
     published_pose,
     robot_pose,
 )
-from vision_gt.setups import Setup
-from vision_gt.transforms import angle_between, change_between, perturbed, planar_pose
 
 
 def six_marker_errors(distance: float, noise: float, count: int):
@@ -62,7 +62,7 @@ def test_covariances_hold_over_many_seeds():
 def frontal_marker(noise: float, rng: np.random.Generator, back: float = 0.15):
     """Marker 89 alone, from straight above: the two solutions fit alike."""
     layout = robot_layout()
-    from data_samples.cameras import looking
+    from data_samples.rooms.cameras import looking
 
     T_camera = looking(np.array([0.0, -back, 5.0]), np.array([-0.4, 0.0, 0.5]))
     true = random_robot(rng)

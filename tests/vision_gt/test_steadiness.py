@@ -5,11 +5,11 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from vision_scenes import board_view, camera
 
-from data_samples.cameras import looking
-from data_samples.rendering import Optics, Scene, Sheet, render
-from vision_gt.boards import Board
-from vision_gt.steadiness import Steadiness, _rigid_shift, board_move, image_move
-from vision_gt.transforms import perturbed
+from data_samples.rendering.image import Optics, Scene, Sheet, render
+from data_samples.rooms.cameras import looking
+from vision_gt.network.steadiness import Steadiness, _rigid_shift, board_move, image_move
+from vision_gt.optics.transforms import perturbed
+from vision_gt.patterns.boards import Board
 
 T_CAMERA = looking(np.array([0.0, -2.2, 2.2]), np.zeros(3))
 BOARD = RigidTransform.from_components([-0.4, 0.2, 0], Rotation.from_rotvec([np.pi, 0, 0]))

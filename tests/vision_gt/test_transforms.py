@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision_gt.transforms import (
+from vision_gt.optics.transforms import (
     change_between,
     composition_jacobians,
     inverse_jacobian,

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from data_samples.cameras import MARKER_FAMILY
-from validation.campaign import load_campaign
+from data_samples.rooms.cameras import MARKER_FAMILY
+from validation.campaign.folder import load_campaign
 from validation.cli import main
-from validation.poses import from_csv, pose_difference
-from vision_gt.campaign_objects import made_board
+from validation.poses.pose_table import from_csv, pose_difference
+from vision_gt.campaign.findings import vision_findings
+from vision_gt.campaign.objects import made_board
+from vision_gt.campaign.outcome import StopPose
+from vision_gt.campaign.solve import solve_campaign
 from vision_gt.choices import Choices
-from vision_gt.detection_jobs import BoardJob, detect_one
-from vision_gt.findings import vision_findings
-from vision_gt.markers import detect_markers
-from vision_gt.outcome import StopPose
+from vision_gt.images.jobs import BoardJob, detect_one
+from vision_gt.images.markers import detect_markers
 from vision_gt.settings import VisionSettings
-from vision_gt.solve import solve_campaign
 from vision_gt.system import SYSTEM, result_of
 
 QUICK = Choices(workers=1, as_published=False)
@@ -108,7 +108,7 @@ def test_the_command_writes_and_the_table_check_reads(campaign):
     toml.write_text(toml.read_text() + "\n[vision.table]\nheight = 0.0\ncorner = [0.2, 0.0]\n")
     done = runner.invoke(main, ["vision", "check-table", str(campaign), "--json"])
     assert done.exit_code == 0, done.output
-    difference = json.loads(done.stdout)[0]["difference"]
+    difference = json.loads(done.stdout)["readings"][0]["difference"]
     # The pattern's own place is known to 0.7 mm and 0.5 mrad, and the network keeps to it.
     np.testing.assert_allclose(difference, 0.0, atol=0.003)
 

@@ -3,16 +3,16 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from data_samples.cameras import looking, robot_layout
-from data_samples.rendering import Optics, Scene, Sheet, render
-from vision_gt.board_views import BoardView
-from vision_gt.boards import Board
-from vision_gt.camera import Camera, inside_image, project
-from vision_gt.dictionaries import Family
-from vision_gt.markers import MarkerView
-from vision_gt.network_adjustment import Network
-from vision_gt.robot_pose import Sighting
-from vision_gt.transforms import perturbed
+from data_samples.rendering.image import Optics, Scene, Sheet, render
+from data_samples.rooms.cameras import looking, robot_layout
+from vision_gt.images.markers import MarkerView
+from vision_gt.network.adjustment import Network
+from vision_gt.optics.board_pose import BoardView
+from vision_gt.optics.camera import Camera, inside_image, project
+from vision_gt.optics.transforms import perturbed
+from vision_gt.patterns.boards import Board
+from vision_gt.patterns.dictionaries import Family
+from vision_gt.robot.robot_pose import Sighting
 
 SIZE = (1280, 960)
 LENS = np.array([1000.0, 1000.0, 639.5, 479.5, -0.2, 0.08, 0.0005, -0.0003, 0.0])

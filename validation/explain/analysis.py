@@ -5,18 +5,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from validation.angles import Array
 from validation.errors import GtvalError
-from validation.explain.agreement import Agreement, agreement
-from validation.explain.arbitration import FALSE_ALARM, arbitrate
-from validation.explain.noise import Mask
-from validation.explain.pairs import Pairs, make_pairs
-from validation.explain.reference import ReferenceEvidence, infer_reference
-from validation.explain.selection import FALSE_ALARM as INVENTED
-from validation.explain.selection import Selection, select
-from validation.explain.settled import Settled, settle
-from validation.explain.sources import Arbitration, Sources
-from validation.poses import PoseTable
+from validation.explain.fitting.noise import Mask
+from validation.explain.fitting.pairs import Pairs, make_pairs
+from validation.explain.fitting.selection import FALSE_ALARM as INVENTED
+from validation.explain.fitting.selection import Selection, select
+from validation.explain.fitting.settled import Settled, settle
+from validation.explain.sources.agreement import Agreement, agreement
+from validation.explain.sources.arbitration import FALSE_ALARM, arbitrate
+from validation.explain.sources.reading_of_sources import Arbitration, Sources
+from validation.explain.sources.reference import ReferenceEvidence, infer_reference
+from validation.poses.angles import Array
+from validation.poses.pose_table import PoseTable
 
 FEWEST = 4
 """Poses below which nothing is fitted."""

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from validation.campaign import Name, Positive, Settings
+from validation.campaign.folder import Name, Positive, Settings
 
 Chance = Annotated[float, Field(gt=0, lt=0.5)]
 

@@ -6,7 +6,6 @@ from functools import partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
-from validation.evaluation import Evaluation
 from validation.report.evaluation_tables import (
     coverage_table,
     magnitude_table,
@@ -15,9 +14,9 @@ from validation.report.evaluation_tables import (
     statistics_table,
 )
 from validation.report.terminal import most_severe_first
-from validation.results import Figure, Finding, Section, Table, Text
+from validation.results import VALIDATION_SYSTEM, Figure, Finding, Section, Table, Text
 from validation.run import RunResult
-from validation.systems import VALIDATION_SYSTEM
+from validation.statistics.evaluation import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -154,8 +153,8 @@ def _evaluation_section(run: RunResult, evaluation: Evaluation) -> Section:
 
 
 def _draw(name: str, *arguments: object) -> "MatplotlibFigure":
-    """A figure of `validation.figures`, which is imported only when something is drawn."""
-    from validation import figures  # noqa: PLC0415  (half a second that other formats do without)
+    """A figure of `validation.figures.errors`, which is imported only when something is drawn."""
+    from validation.figures import errors as figures  # noqa: PLC0415  (half a second that other formats do without)
 
     draw: Callable[..., MatplotlibFigure] = getattr(figures, name)
     return draw(*arguments)

@@ -1,13 +1,13 @@
 """Comparisons as nested dicts, for ``--json``."""
 
-from validation.evaluation import Evaluation
+from validation.statistics.evaluation import Evaluation
 
 
 def evaluation_json(evaluation: Evaluation) -> dict[str, object]:
     """Everything known of one system's errors, keyed by stop and component.
 
     Lengths in metres, angles in radians; what is not available is NaN, which
-    `validation.json_text.as_json` turns into null.
+    `validation.text_files.json_text.as_json` turns into null.
     """
     comparison = evaluation.comparison
     names = [component.name for component in comparison.components]

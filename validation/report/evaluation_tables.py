@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from validation.comparison import Comparison
-from validation.conclusions import interval_name
-from validation.evaluation import Evaluation
-from validation.poses import Component
+from validation.poses.pose_table import Component
 from validation.report.cells import Value
 from validation.results import Table
-from validation.statistics import by_magnitude
+from validation.statistics.comparison import Comparison
+from validation.statistics.conclusions import interval_name
+from validation.statistics.error_statistics import by_magnitude
+from validation.statistics.evaluation import Evaluation
 
 NUMBER = ".4f"
 """Lengths and angles as the document prints them: to 0.1 mm and 0.1 mrad."""

@@ -4,9 +4,9 @@ import sys
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from validation.json_text import as_json, json_text
 from validation.report.cells import is_number_column, rows_of_text
 from validation.results import Finding, Severity, Table
+from validation.text_files.json_text import as_json, json_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -90,6 +90,10 @@ def print_findings(findings: Iterable[Finding], to: "Console | None" = None) -> 
         (to or console()).print(listed)
 
 
+SCHEMA = "gtval/1"
+"""Of the objects that --json prints; the number changes when a key is renamed or taken out."""
+
+
 def print_json(value: object) -> None:
-    """Print a value as JSON on stdout; see `validation.json_text.as_json`."""
-    sys.stdout.write(json_text(value))
+    """Print a record or mapping as a JSON object on stdout, with its schema; see `as_json`."""
+    sys.stdout.write(json_text({"schema": SCHEMA, **as_json(value)}))

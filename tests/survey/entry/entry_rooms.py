@@ -10,13 +10,13 @@ from tempfile import mkdtemp
 
 import numpy as np
 
-from data_samples.campaign_files import campaign_files
-from data_samples.rooms import RoomSettings, make_room
-from data_samples.simulate import SimulationSettings, simulate_survey
-from survey.entry.entries import Entry, Person
-from survey.entry.entry_session import EntrySession
-from survey.entry.targets import Target
-from validation.campaign import load_campaign
+from data_samples.rooms.campaign_files import campaign_files
+from data_samples.rooms.rooms import RoomSettings, make_room
+from data_samples.rooms.simulate import SimulationSettings, simulate_survey
+from survey.entry.dialogue.entry_session import EntrySession
+from survey.entry.record.entries import Entry, Person
+from survey.entry.room.targets import Target
+from validation.campaign.folder import load_campaign
 
 ANN, BOB = Person("ann"), Person("bob")
 Pair = frozenset[str]

@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 from entry_rooms import ANN, EntryRoom, entry_room
 
-from data_samples.typing_errors import TYPING_ERRORS, mistyped
-from survey.entry.answers import Answer
-from survey.entry.entry_session import EntrySession
-from survey.entry.numbers import parse_distance
-from survey.entry.targets import Target
+from data_samples.faults.typing_errors import TYPING_ERRORS, mistyped
+from survey.entry.dialogue.answers import Answer
+from survey.entry.dialogue.entry_session import EntrySession
+from survey.entry.record.numbers import parse_distance
+from survey.entry.room.targets import Target
 
 LARGE = 0.03
 """An error of so many metres or more must be noticed."""
@@ -198,9 +198,9 @@ class Typist:
         remaining = self.live_wrong()
         if not remaining:
             return
-        from survey.readings import load_readings
+        from survey.estimation.solve import solve_survey
+        from survey.readings.readings import load_readings
         from survey.settings import SurveySettings
-        from survey.solve import solve_survey
 
         campaign = self.entry_session.campaign
         settings = campaign.section("survey", SurveySettings)

@@ -18,10 +18,10 @@ import pytest
 from entry_rooms import ANN, EntryRoom, enter_all, entry_room
 from entry_server import EntryServer
 
-from survey.entry.entry_session import EntrySession
-from survey.readings import load_readings
+from survey.entry.dialogue.entry_session import EntrySession
+from survey.readings.readings import load_readings
 from survey.settings import SurveySettings
-from validation.campaign import load_campaign
+from validation.campaign.folder import load_campaign
 
 GTVAL = str(Path(sys.executable).with_name("gtval"))
 ACKNOWLEDGED = re.compile(r"^(?:ok|!!) (\S+)–(\S+) ", re.MULTILINE)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from markdown_it import MarkdownIt
 
-from survey.entry.settings import EntrySettings
-from survey.entry.words import COMMANDS
+from survey.entry.dialogue.words import COMMANDS
+from survey.settings import EntrySettings
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 PAGE = Path(__file__).parents[3] / "docs" / "field.md"

@@ -4,8 +4,8 @@ import random
 
 import pytest
 
-from survey.entry.entries import Entry
-from survey.entry.journal import Journal, NotRecordedError, read_journal
+from survey.entry.record.entries import Entry
+from survey.entry.record.journal import Journal, NotRecordedError, read_journal
 from validation.errors import GtvalError, InputError
 
 

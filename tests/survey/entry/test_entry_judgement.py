@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from survey.entry import fits
-from survey.entry.fits import PlaceFit, information_covariance, predicted_distances
-from survey.entry.judgement import MISFIT_CHANCE, judge, misfit_limit
+from survey.entry.room import fits
+from survey.entry.room.fits import PlaceFit, information_covariance, predicted_distances
+from survey.entry.room.judgement import MISFIT_CHANCE, judge, misfit_limit
 
 SIGMA = 0.002
 CORNERS = np.array([[0.0, 0.0], [6.0, 0.2], [6.5, 8.0], [-0.4, 7.5], [3.0, 9.0], [-1.0, 4.0]])

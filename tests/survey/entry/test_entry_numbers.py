@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from survey.entry.numbers import both_units, parse_distance, plain
-from validation.campaign import Instrument
+from survey.entry.record.numbers import both_units, parse_distance, plain
+from validation.campaign.folder import Instrument
 
 LASER = Instrument()
 

@@ -3,7 +3,7 @@
 import pytest
 from entry_rooms import ANN, until
 
-from survey.entry.entry_session import EntrySession
+from survey.entry.dialogue.entry_session import EntrySession
 
 
 @pytest.fixture
@@ -96,7 +96,7 @@ def test_what_changed_since_is_looked_through_anew(left_doubtful):
 
 
 def test_looking_writes_nothing(left_doubtful):
-    from validation.campaign import load_campaign
+    from validation.campaign.folder import load_campaign
 
     room, _ = left_doubtful
     copy = room.journal.with_suffix(".doubts")

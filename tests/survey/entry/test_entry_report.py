@@ -2,9 +2,9 @@ import pytest
 from click.testing import CliRunner
 from entry_rooms import ANN, BOB, enter_all, until
 
-from survey.entry.entries import Person
-from survey.entry.report import entry_report
-from validation.campaign import load_campaign
+from survey.entry.dialogue.report import entry_report
+from survey.entry.record.entries import Person
+from validation.campaign.folder import load_campaign
 from validation.cli import main
 
 BOB_BLIND = Person("bob", second=True)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from entry_rooms import ANN, BOB, EntryRoom, enter_all, entry_room, until
 
-from survey.entry.entries import Person
-from survey.entry.entry_session import EntrySession
-from survey.entry.readings_csv import csv_text
-from survey.entry.targets import Target
-from survey.readings import load_readings
+from survey.entry.dialogue.entry_session import EntrySession
+from survey.entry.record.entries import Person
+from survey.entry.record.readings_csv import csv_text
+from survey.entry.room.targets import Target
+from survey.estimation.solve import solve_survey
+from survey.readings.readings import load_readings
 from survey.settings import SurveySettings
-from survey.solve import solve_survey
-from validation.campaign import load_campaign
+from validation.campaign.folder import load_campaign
 from validation.errors import GtvalError, InputError
 
 BOB_BLIND = Person("bob", second=True)
@@ -347,7 +347,7 @@ def test_a_reading_is_safe_even_if_the_readings_file_cannot_be_written(
     def full(*_):
         raise GtvalError("cannot write: No space left on device")
 
-    monkeypatch.setattr("survey.entry.readings_file.write_files", full)
+    monkeypatch.setattr("survey.entry.record.readings_file.write_files", full)
     target = entry_session.guide.next_target(ANN)
     answer = entry_session.record(target, room.shown[target.pair], ANN)
     assert answer.outcome == "recorded"

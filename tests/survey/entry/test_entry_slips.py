@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from data_samples.typing_errors import TYPING_ERRORS, mistyped
-from survey.entry.numbers import parse_distance
-from survey.entry.slips import SLIPS, fitting_originals, possible_originals
-from validation.campaign import Instrument
+from data_samples.faults.typing_errors import TYPING_ERRORS, mistyped
+from survey.entry.record.numbers import parse_distance
+from survey.entry.room.slips import SLIPS, fitting_originals, possible_originals
+from validation.campaign.folder import Instrument
 
 LASER = Instrument()
 

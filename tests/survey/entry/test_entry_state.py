@@ -1,7 +1,7 @@
 import pytest
 
-from survey.entry.entries import FROM_FILE, FROM_FILE_UNUSED, Entry
-from survey.entry.state import WAS_SET_ASIDE, EntryState
+from survey.entry.record.entries import FROM_FILE, FROM_FILE_UNUSED, Entry
+from survey.entry.record.state import WAS_SET_ASIDE, EntryState
 
 AB = frozenset(("O", "1"))
 

@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 from entry_rooms import enter_all, entry_room
 
-from survey.entry.entry_session import EntrySession
-from validation.campaign import load_campaign
+from survey.entry.dialogue.entry_session import EntrySession
+from validation.campaign.folder import load_campaign
 
 GTVAL = str(Path(sys.executable).with_name("gtval"))
 

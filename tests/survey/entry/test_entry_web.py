@@ -9,8 +9,8 @@ import pytest
 from entry_rooms import entry_room
 from entry_server import EntryServer, reading
 
-from survey.entry.web.access import WINDOW, WRONG_CODES, Access, AccessError
-from survey.entry.web.serving import _listen
+from survey.entry.screens.access import WINDOW, WRONG_CODES, Access, AccessError
+from survey.entry.screens.serving import _listen
 
 
 def test_a_code_works_once():

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from validation.campaign.stored import read_tables
 from validation.explain.analysis import Question, explain
-from validation.explain.loading import read_table
 
 
 @pytest.fixture(scope="session")
@@ -22,8 +22,10 @@ def ad23_tables(ad23_folder):
         "laser_genetic": "laser/published_genetic.csv",
         "laser_scanmatch": "laser/published_scanmatch.csv",
     }
-    survey = read_table(ad23_folder / "survey/published_poses.csv", "survey")
-    return survey, {name: read_table(ad23_folder / file, name) for name, file in names.items()}
+    survey = read_tables([ad23_folder / "survey/published_poses.csv"], ["survey"]).tables[0]
+    return survey, {
+        name: read_tables([ad23_folder / file], [name]).tables[0] for name, file in names.items()
+    }
 
 
 @pytest.fixture(scope="session")

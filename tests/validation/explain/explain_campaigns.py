@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from validation.poses import PoseTable
+from validation.poses.pose_table import PoseTable
 
 FRAME = np.array([0.04, 0.05, -0.01])
 MOUNT = np.array([0.06, -0.04, 0.01])

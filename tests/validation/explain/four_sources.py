@@ -6,7 +6,7 @@ import numpy as np
 from explain_campaigns import FRAME, MOUNT, matrix, pose, random_stops
 
 from validation.explain.analysis import Question, explain
-from validation.poses import PoseTable
+from validation.poses.pose_table import PoseTable
 
 NAMES = ("survey", "vision", "genetic", "scanmatch")
 WRONG_LENGTH = 0.05

@@ -6,10 +6,10 @@ from explain_campaigns import simulate, table
 from scipy import stats
 
 from validation.errors import GtvalError
-from validation.explain.equivalence import deviation_ratio, good_enough, paired_comparison
-from validation.explain.planning import poses_for_bias, poses_for_deviation
-from validation.explain.repeatability import repeated_runs, revisits
-from validation.explain.tables import good_enough_table
+from validation.explain.fitting.planning import poses_for_bias, poses_for_deviation
+from validation.explain.sources.equivalence import deviation_ratio, good_enough, paired_comparison
+from validation.explain.sources.repeatability import repeated_runs, revisits
+from validation.explain.telling.tables import good_enough_table
 
 
 def test_the_planned_number_of_poses_reaches_its_power():

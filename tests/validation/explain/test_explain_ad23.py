@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from validation.explain.analysis import Question, explain
-from validation.explain.words import findings
-from validation.poses import PoseTable
+from validation.explain.telling.words import findings
+from validation.poses.pose_table import PoseTable
 
 PRINTED_STD = {"x": 0.07787, "y": 0.06620}
 """AD2.3, laser by the genetic algorithm."""

@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from validation.campaign import load_campaign
+from validation.campaign.folder import load_campaign
+from validation.campaign.published import published_tables
+from validation.campaign.stored import read_tables
 from validation.explain.analysis import explain
-from validation.explain.loading import campaign_question, read_table
+from validation.explain.loading import campaign_question
 from validation.explain.settings import ExplainSettings
-from validation.explain.words import findings
-from validation.published import published_tables
+from validation.explain.telling.words import findings
 
 PAGE = Path(__file__).parents[3] / "docs" / "ad23.md"
 NAMES = {
@@ -36,7 +37,7 @@ def explained():
     systems = published_tables(campaign)
     settings = campaign.section("explain", ExplainSettings)
     question = campaign_question(campaign, settings, [table.system for table in systems])
-    survey = read_table(campaign.folder / "survey/published_poses.csv", "survey")
+    survey = read_tables([campaign.folder / "survey/published_poses.csv"], ["survey"]).tables[0]
     return explain(survey, systems, question)
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from validation.explain.arbitration import arbitrate
-from validation.explain.hat import source_variances
-from validation.explain.sources import CELLS, Sources
+from validation.explain.fitting.hat_values import source_variances
+from validation.explain.sources.arbitration import arbitrate
+from validation.explain.sources.reading_of_sources import CELLS, Sources
 
 NAMES = ("survey", "vision", "genetic", "scanmatch")
 SIGMA = np.array([[0.005, 0.005], [0.006, 0.005], [0.006, 0.005], [0.006, 0.005]])

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from explain_campaigns import simulate, table
 
 from validation.cli import main
-from validation.poses import from_csv, to_csv
+from validation.poses.pose_table import from_csv, to_csv
 
 
 @pytest.fixture
@@ -162,7 +162,7 @@ def test_an_unknown_key_of_the_table_is_an_error(ad23_folder, tmp_path):
 
 def test_the_command_loads_nothing_heavy():
     code = (
-        "import sys; from validation.explain.commands import COMMANDS; "
+        "import sys; from validation.commands.explain import COMMANDS; "
         "heavy = {'numpy', 'scipy', 'matplotlib', 'pydantic', 'rich'} & set(sys.modules); "
         "sys.exit(f'loaded: {heavy}' if heavy else 0)"
     )
@@ -172,7 +172,7 @@ def test_the_command_loads_nothing_heavy():
 
 def test_the_analysis_does_without_the_slow_parts_of_scipy():
     code = (
-        "import sys; import validation.explain.section; "
+        "import sys; import validation.explain.telling.section; "
         "heavy = {'scipy.stats', 'scipy.optimize', 'matplotlib'} & set(sys.modules); "
         "sys.exit(f'loaded: {heavy}' if heavy else 0)"
     )

@@ -5,13 +5,13 @@ import pytest
 from explain_campaigns import FRAME, GT_NOISE, MOUNT, SCALE, random_stops, simulate, spoiled, table
 
 from validation.errors import GtvalError
-from validation.explain.fitting import fit
-from validation.explain.leave_one_out import leave_one_out
-from validation.explain.models import candidates
-from validation.explain.noise import precision, weigh
-from validation.explain.observability import observability
-from validation.explain.pairs import make_pairs
-from validation.explain.settled import settle
+from validation.explain.fitting.fit import fit
+from validation.explain.fitting.leave_one_out import leave_one_out
+from validation.explain.fitting.models import candidates
+from validation.explain.fitting.noise import precision, weigh
+from validation.explain.fitting.observability import observability
+from validation.explain.fitting.pairs import make_pairs
+from validation.explain.fitting.settled import settle
 
 TRUE = {
     "frame": FRAME,

@@ -8,9 +8,9 @@ from scipy import stats
 
 from validation.errors import GtvalError
 from validation.explain.analysis import explain
-from validation.explain.pairs import make_pairs
-from validation.explain.selection import select, smallest_shown
-from validation.explain.words import findings
+from validation.explain.fitting.pairs import make_pairs
+from validation.explain.fitting.selection import select, smallest_shown
+from validation.explain.telling.words import findings
 
 
 def texts(explanation):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from explain_campaigns import matrix, pose, random_stops
 
-from validation.angles import wrap
-from validation.explain.models import candidates, correct
+from validation.explain.fitting.models import candidates, correct
+from validation.poses.angles import wrap
 
 RNG = np.random.default_rng(1)
 STOPS = random_stops(RNG, 12)

@@ -6,12 +6,12 @@ from explain_campaigns import FRAME, MOUNT, SCALE, random_stops, simulate
 from scipy import stats
 
 from validation.explain.analysis import Question, explain
-from validation.explain.models import candidates
-from validation.explain.pairs import make_pairs
-from validation.explain.reference import infer_reference
-from validation.explain.selection import select
-from validation.explain.settled import settle
-from validation.explain.words import findings
+from validation.explain.fitting.models import candidates
+from validation.explain.fitting.pairs import make_pairs
+from validation.explain.fitting.selection import select
+from validation.explain.fitting.settled import settle
+from validation.explain.sources.reference import infer_reference
+from validation.explain.telling.words import findings
 
 TRUE = {
     "none": (np.zeros(0), "none"),

@@ -8,8 +8,8 @@ from explain_campaigns import matrix, pose, random_stops
 from scipy.stats import chi2
 
 from validation.explain.analysis import explain
-from validation.explain.shared import shared_part
-from validation.poses import PoseTable
+from validation.explain.fitting.pairs import shared_part
+from validation.poses.pose_table import PoseTable
 
 NOISE = np.array([0.001, 0.001, 0.001])
 FRAME = np.array([0.0015, 0.0015, 0.0005])

@@ -1,0 +1,1 @@
+"""What goes wrong: devices' faults and people's mistakes."""

@@ -1,0 +1,1 @@
+"""Synthetic rooms with scanners and cameras."""

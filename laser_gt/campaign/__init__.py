@@ -1,0 +1,1 @@
+"""Laser GT of a campaign folder."""

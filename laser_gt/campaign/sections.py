@@ -1,0 +1,229 @@
+"""Report sections, tables and result files of laser GT."""
+
+import csv
+import io
+from collections.abc import Sequence
+from types import ModuleType
+
+import numpy as np
+
+from laser_gt.campaign.outcome import LaserOutcome
+from laser_gt.campaign.solve import LaserSolution, Matching
+from laser_gt.matching.verdicts import SEVERITY, Match
+from laser_gt.placing.mounts import MountCheck
+from laser_gt.scans.planar import compose
+from validation.results import Figure, Section, Table, Text
+
+SHOWN = 16
+"""Matches on the sheet of the report: the doubtful ones first. The gallery shows all."""
+
+
+def laser_sections(outcome: LaserOutcome) -> list[Section]:
+    """One section for each engine, and one for the mount."""
+    sections = [_engine_section(outcome, matching) for matching in outcome.matchings.values()]
+    if outcome.mount_check is not None:
+        sections.append(_mount_section(outcome, outcome.mount_check))
+    return sections
+
+
+def _engine_section(outcome: LaserOutcome, matching: Matching) -> Section:
+    """Map, pair graph, matches and poses of one engine."""
+    engine = matching.engine
+    title = {"scanmatch": "scan matching", "genetic": "genetic aligner"}[engine]
+    sweeps = dict(zip(outcome.inputs.stops, outcome.inputs.sweeps, strict=True))
+    blocks: list[Table | Figure | Text] = [
+        Text(
+            f"Initial guess: {outcome.trajectory.source}. Every accepted match is an edge of one "
+            "pose graph. Not to be used as ground truth for methods that use the same laser."
+        ),
+        verdict_table(matching),
+    ]
+    solution = outcome.solutions.get(engine)
+    if solution is not None:
+        blocks += _solution_blocks(outcome, solution, engine)
+    shown = worst_first(matching.matches)[:SHOWN]
+    blocks += [
+        Figure(
+            f"laser_{engine}_quality",
+            "What each match was judged by.",
+            "Scatter of explained share against free-space violations, and of standard deviation "
+            "against relative residuals, by verdict.",
+            lambda: _figures().quality_figure(matching),
+        ),
+        Figure(
+            f"laser_{engine}_matches",
+            f"Matches, the doubtful first ({len(shown)} of {len(matching.matches)}).",
+            "Pairs of scans in two colours after alignment, each with its verdict.",
+            lambda: _figures().match_sheet(shown, sweeps),
+        ),
+    ]
+    if matching.convergence:
+        blocks.append(
+            Figure(
+                "laser_genetic_convergence",
+                "Best fitness of each generation, all pairs.",
+                "Curves that fall and level out.",
+                lambda: _figures().convergence_figure(matching.convergence),
+            )
+        )
+    return Section(f"Laser GT: {title}", blocks)
+
+
+def _figures() -> ModuleType:
+    """The drawing module, loaded when something is drawn."""
+    from laser_gt.campaign import figures  # noqa: PLC0415  (matplotlib is slow to load)
+
+    return figures
+
+
+def _solution_blocks(
+    outcome: LaserOutcome, solution: LaserSolution, engine: str
+) -> list[Table | Figure | Text]:
+    """What needs poses."""
+    sweeps = dict(zip(outcome.inputs.stops, outcome.inputs.sweeps, strict=True))
+    mount = outcome.inputs.mount
+    where = dict(zip(solution.stops, solution.placement.poses, strict=True))
+    start = solution.placement.frame
+    laser = compose(compose(start, mount), outcome.trajectory.poses)
+    poses = np.array(
+        [where.get(stop, laser[number]) for number, stop in enumerate(outcome.inputs.stops)]
+    )
+    return [
+        Figure(
+            f"laser_{engine}_map",
+            "All scans, aligned, in the GTV frame; stops that placed the laser frame are bold.",
+            "Map of the room drawn by the scans, with the stops and their headings.",
+            lambda: _figures().room_map(solution, sweeps, mount),
+        ),
+        Figure(
+            f"laser_{engine}_pairs",
+            "Pairs of stops that were matched, by verdict.",
+            "Graph of the stops with a line for each pair.",
+            lambda: _figures().pair_graph(outcome.inputs.stops, poses, solution.matching),
+        ),
+        pose_table(solution),
+    ]
+
+
+def worst_first(matches: Sequence[Match]) -> list[Match]:
+    """Matches that need eyes first, then rejected, then accepted, each by falling doubt."""
+    order = {"look": 0, "reject": 1, "accept": 2}
+    return sorted(matches, key=lambda m: (order[m.verdict], m.agreement))
+
+
+def verdict_table(matching: Matching) -> Table:
+    """How many matches got which verdict, and why not better."""
+    rows: list[list[str | int | float | None]] = []
+    for verdict in SEVERITY:
+        chosen = [m for m in matching.matches if m.verdict == verdict]
+        reasons: dict[str, int] = {}
+        for one in chosen:
+            for reason in one.reasons:
+                kind = " ".join(word for word in reason.split() if not any(map(str.isdigit, word)))
+                reasons[kind] = reasons.get(kind, 0) + 1
+        common = sorted(reasons.items(), key=lambda item: -item[1])[:3]
+        rows.append([verdict, len(chosen), "; ".join(f"{kind} ({n})" for kind, n in common)])
+    return Table("Verdicts on the matches", ["verdict", "matches", "commonest reasons"], rows)
+
+
+def pose_table(solution: LaserSolution) -> Table:
+    """Poses with standard deviations."""
+    n = len(solution.stops)
+    sigma = np.sqrt(np.diagonal(solution.placement.joint)).reshape(n, 3)
+    rows: list[list[str | int | float | None]] = [
+        [stop, *map(float, pose), *map(float, s)]
+        for stop, pose, s in zip(solution.stops, solution.placement.poses, sigma, strict=True)
+    ]
+    return Table(
+        f"Poses by {solution.matching.engine}",
+        [
+            "pose",
+            "x [m]",
+            "y [m]",
+            "theta [rad]",
+            "sigma x [m]",
+            "sigma y [m]",
+            "sigma theta [rad]",
+        ],
+        rows,
+        ["", ".4f", ".4f", ".4f", ".4f", ".4f", ".4f"],
+        f"Placed by the surveyed stops {', '.join(solution.anchors)}.",
+    )
+
+
+def mount_table(check: MountCheck) -> Table:
+    """Stated and found mount."""
+    names = ("x [m]", "y [m]", "theta [rad]")
+    rows: list[list[str | int | float | None]] = [
+        [name, *map(float, values)]
+        for name, *values in zip(
+            names,
+            check.stated,
+            check.stated_sigmas,
+            check.found.mount,
+            check.found.sigmas,
+            check.difference,
+            strict=True,
+        )
+    ]
+    return Table(
+        "Mount of the laser on the robot",
+        ["", "stated", "sigma", "found", "sigma found", "stated - found"],
+        rows,
+        ["", ".4f", ".4f", ".4f", ".4f", "+.4f"],
+        f"From {check.found.pairs} pairs with turns of {np.rad2deg(check.found.turn):.0f} degrees "
+        f"(root mean square); the two {'agree' if check.agrees else 'do not agree'}.",
+    )
+
+
+def _mount_section(outcome: LaserOutcome, check: MountCheck) -> Section:
+    """The mount and the document's overlay."""
+    blocks: list[Table | Figure | Text] = [mount_table(check)]
+    figure = overlay_figure(outcome, check)
+    return Section("Laser GT: mount", [*blocks, figure])
+
+
+def overlay_figure(outcome: LaserOutcome, check: MountCheck) -> Figure:
+    """Two pairs of scans through the surveyed poses, with the stated and the found mount."""
+    poses = dict(zip(outcome.survey.stops, outcome.survey.poses, strict=True))
+    sweeps = dict(zip(outcome.inputs.stops, outcome.inputs.sweeps, strict=True))
+    accepted = [
+        m
+        for matching in outcome.matchings.values()
+        for m in matching.accepted
+        if m.reference in poses and m.moving in poses
+    ]
+    turned = sorted(accepted, key=lambda m: -abs(m.pose[2]))
+    pairs = list(dict.fromkeys((m.reference, m.moving) for m in turned))[:2]
+    return Figure(
+        "laser_mount_overlay",
+        "Scans of two stops laid over each other through the surveyed poses: with the stated "
+        "mount (left) and the one found (right).",
+        "Where the mount is wrong, walls appear twice.",
+        lambda: _figures().mount_overlay(check, poses, sweeps, pairs),
+    )
+
+
+MATCH_COLUMNS = (
+    "reference", "moving", "verdict", "x", "y", "theta", "xx", "xy", "xt", "yy", "yt", "tt",
+    "explained", "violating", "hidden", "agreement", "intruder", "scale", "real_share",
+    "eigenvalue_ratio", "returned", "rival", "surprise", "guess_x", "guess_y",
+    "guess_theta", "reasons",
+)  # fmt: skip
+
+
+def matches_csv(matching: Matching) -> str:
+    """Every match with its covariance, what it was judged by, verdict and reasons."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(MATCH_COLUMNS)
+    upper = np.triu_indices(3)
+    for one in matching.matches:
+        numbers = [
+            *one.pose, *one.covariance[upper], one.explained, one.violating, one.hidden,
+            one.agreement, one.intruder, one.scale, one.real_share, one.eigenvalue_ratio,
+            one.returned, one.rival, one.surprise, *one.guess,
+        ]  # fmt: skip
+        cells = [repr(float(v)) if np.isfinite(v) else "" for v in numbers]
+        writer.writerow([one.reference, one.moving, one.verdict, *cells, "; ".join(one.reasons)])
+    return text.getvalue()

@@ -1,0 +1,1 @@
+"""Logs of scanners and wheels, and the decisions of people."""

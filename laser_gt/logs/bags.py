@@ -1,0 +1,87 @@
+"""Reader of LaserScan messages from ROS 1 and ROS 2 bags and MCAP files, through rosbags."""
+
+from pathlib import Path
+
+import numpy as np
+
+from laser_gt.logs.records import ScanRecord, checked, make_scan
+from validation.errors import GtvalError, InputError, Problem
+from validation.poses.angles import Array
+
+MESSAGE = "sensor_msgs/msg/LaserScan"
+
+
+def read_bag(path: Path) -> list[ScanRecord]:
+    """All scans of a bag; the topic is the name of the sensor.
+
+    Parameters
+    ----------
+    path : Path
+        A ROS 1 .bag, a ROS 2 folder, or an .mcap file.
+
+    Raises
+    ------
+    GtvalError
+        If the library is not installed, or the bag cannot be read.
+    InputError
+        If it holds no scan, or bad ones.
+
+    Notes
+    -----
+    As REP 117 has it, an infinite range is no return; a range that is not a number is an error of
+    the sensor and is kept as no return too. Scanners mounted upside down give falling angles;
+    they are turned around.
+    """
+    try:
+        from rosbags.highlevel import AnyReader, AnyReaderError  # noqa: PLC0415
+        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+    except ImportError:
+        raise GtvalError("reading bags needs an extra: pip install 'gtval[bags]'") from None
+    if not path.exists():
+        raise InputError([Problem(path, "there is no such file")])
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    records: list[ScanRecord | Problem] = []
+    try:
+        with AnyReader([path], default_typestore=store) as reader:
+            wanted = [c for c in reader.connections if c.msgtype == MESSAGE]
+            for number, (connection, _, raw) in enumerate(reader.messages(wanted), 1):
+                message = reader.deserialize(raw, connection.msgtype)
+                records.append(_record(path, number, message, connection.topic.strip("/")))
+    except (AnyReaderError, OSError, ValueError, KeyError) as error:
+        raise GtvalError(f"cannot read the bag {path}: {error}") from error
+    if not records:
+        raise InputError([Problem(path, "the bag holds no sensor_msgs/LaserScan message")])
+    return checked(path, records)
+
+
+def _record(path: Path, number: int, message: object, topic: str) -> ScanRecord | Problem:
+    """A scan of one message."""
+    header = getattr(message, "header")  # noqa: B009  (the type is made at run time)
+    ranges = np.array(getattr(message, "ranges"), dtype=float)  # noqa: B009
+    start, step, low, high = (
+        float(getattr(message, name))
+        for name in ("angle_min", "angle_increment", "range_min", "range_max")
+    )
+    angles = np.asarray(start + step * np.arange(len(ranges)), dtype=float)
+    ranges = np.where(np.isnan(ranges) | (ranges < low) | (ranges > high), np.inf, ranges)
+    if step < 0:
+        ranges, angles = ranges[::-1], angles[::-1]
+    scan = make_scan(
+        path,
+        number,
+        ranges,
+        _at_most_a_turn(angles),
+        range_min=low,
+        range_max=high + 1e-6,
+        time=header.stamp.sec + 1e-9 * header.stamp.nanosec,
+        sensor=topic,
+    )
+    return scan if isinstance(scan, Problem) else ScanRecord(scan, line=number)
+
+
+def _at_most_a_turn(angles: Array) -> Array:
+    """Angles squeezed by rounding errors of single precision where they just exceed a turn."""
+    span = angles[-1] - angles[0] if len(angles) else 0.0
+    if 2 * np.pi < span < 2 * np.pi + 1e-3:
+        return np.asarray(angles[0] + (angles - angles[0]) * (2 * np.pi / span))
+    return angles

@@ -1,0 +1,124 @@
+"""The scans of a campaign as records, whatever files and formats they come in."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from laser_gt.logs.motion import MirrorTiming, undistorted_records
+from laser_gt.logs.records import ScanRecord
+from laser_gt.settings import LaserSettings
+from validation.poses.angles import Array, wrap
+
+
+def read_records(folder: Path, settings: LaserSettings) -> list[ScanRecord]:
+    """All scans of a campaign, with odometry and corrected for motion where that is asked for.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the campaign.
+    settings : LaserSettings
+        Which files and formats.
+
+    Raises
+    ------
+    InputError
+        Naming every bad place of a file.
+    """
+    records = _read(folder, settings)
+    if settings.odometry_format == "rawseeds":
+        from laser_gt.logs.rawseeds import read_rawseeds_odometry  # noqa: PLC0415
+
+        times, poses = read_rawseeds_odometry(folder / settings.odometry)
+        records = with_odometry(records, times, poses, settings.max_delay)
+    timings = {
+        name: MirrorTiming(scanner.turn_time, scanner.interlaced)
+        for name, scanner in settings.scanners.items()
+        if scanner.turn_time is not None
+    }
+    mounts = {name: np.array(settings.scanners[name].mount) for name in timings}
+    return undistorted_records(records, timings, mounts) if timings else records
+
+
+def scan_files(settings: LaserSettings) -> dict[str, str]:
+    """File of each scanner that has one of its own, by the scanner's name."""
+    return {
+        name: scanner.scans
+        for name, scanner in settings.scanners.items()
+        if scanner.scans is not None
+    }
+
+
+def _read(folder: Path, settings: LaserSettings) -> list[ScanRecord]:
+    """The scans of one file for all scanners, or of one for each."""
+    read = _reader(settings.format)
+    own = scan_files(settings)
+    if not own:
+        return read(folder / settings.scans)
+    return [
+        replace(record, scan=replace(record.scan, sensor=name))
+        for name, file in own.items()
+        for record in read(folder / file)
+    ]
+
+
+def _reader(form: str) -> Callable[[Path], list[ScanRecord]]:
+    """What reads a format."""
+    if form == "bag":
+        from laser_gt.logs.bags import read_bag  # noqa: PLC0415  (an extra)
+
+        return read_bag
+    from laser_gt.logs.carmen import read_carmen  # noqa: PLC0415
+    from laser_gt.logs.rawseeds import read_rawseeds_hokuyo, read_rawseeds_sick  # noqa: PLC0415
+    from laser_gt.logs.scan_csv import read_scan_csv  # noqa: PLC0415
+
+    readers: dict[str, Callable[[Path], list[ScanRecord]]] = {
+        "csv": read_scan_csv,
+        "carmen": read_carmen,
+        "rawseeds_sick": read_rawseeds_sick,
+        "rawseeds_hokuyo": read_rawseeds_hokuyo,
+    }
+    return readers[form]
+
+
+def with_odometry(
+    records: Sequence[ScanRecord], times: Array, poses: Array, max_delay: float
+) -> list[ScanRecord]:
+    """Records with the odometry of their time, from a log of poses.
+
+    Parameters
+    ----------
+    records : sequence of ScanRecord
+        Any.
+    times : (n,) array
+        Seconds, on the clock of the scans.
+    poses : (n, 3) array
+        Robot poses.
+    max_delay : float
+        Scans further than this from both poses around them, in seconds, get none.
+
+    Returns
+    -------
+    list of ScanRecord
+        Positions and headings in between are interpolated linearly.
+    """
+    order = np.argsort(times, kind="stable")
+    times, poses = times[order], poses[order]
+    asked = np.array([record.scan.time for record in records])
+    after = np.clip(np.searchsorted(times, asked), 0, len(times) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.minimum(np.abs(times[after] - asked), np.abs(times[before] - asked))
+    heading = np.unwrap(poses[:, 2])
+    found = np.column_stack(
+        [
+            np.interp(asked, times, poses[:, 0]),
+            np.interp(asked, times, poses[:, 1]),
+            wrap(np.interp(asked, times, heading)),
+        ]
+    )
+    return [
+        replace(record, odometry=pose) if near <= max_delay else record
+        for record, pose, near in zip(records, found, nearest, strict=True)
+    ]

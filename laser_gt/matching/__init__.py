@@ -1,0 +1,1 @@
+"""One scan laid on another, and whether to believe it."""

@@ -1,0 +1,65 @@
+"""A match done both ways: each sweep's points on the lines of the other."""
+
+import numpy as np
+
+from laser_gt.matching.local import align, influence
+from laser_gt.scans.planar import CONTRADICTION, inverse, inverse_covariance_of, inverse_jacobian
+from laser_gt.scans.surfaces import Surface
+from validation.poses.angles import Array, wrap
+
+REACH = 0.15
+"""The way back starts at the result of the way there; it may be off by this, in metres."""
+
+
+def both_ways(
+    reference: Surface, moving: Surface, pose: Array, covariance: Array
+) -> tuple[Array, Array]:
+    """Pose and covariance from a match of the moving sweep and its counterpart the other way.
+
+    Parameters
+    ----------
+    reference, moving : Surface
+        The two sweeps.
+    pose : (3,) array
+        Moving frame in the reference frame, from `laser_gt.matching.local.align`.
+    covariance : (3, 3) array
+        Of that pose.
+
+    Returns
+    -------
+    (3,), (3, 3) arrays
+        Moving frame in the reference frame, and its covariance.
+
+    Notes
+    -----
+    One way, only points of one sweep and only lines of the other are used, and where they are
+    sparse or short the answer depends on which is which. The result is the mean of both, weighted
+    by their information: a direction that one way does not determine is taken from the other.
+    Both see the same noise: the covariance comes from what the noise of each point of either
+    sweep does to the mean of the two (`laser_gt.matching.local.influence`).
+
+    If the ways contradict each other, neither can be preferred on their own say: the pose given
+    stays, and the difference is added to its covariance. If one way determines nothing at all,
+    pose and covariance stay as given.
+    """
+    back = align(moving, reference, inverse(pose), reach=REACH)
+    if not (np.isfinite(covariance).all() and np.isfinite(back.covariance).all()):
+        return pose, covariance
+    other = inverse_covariance_of(back.pose[0], back.covariance[0])
+    difference = inverse(back.pose[0]) - pose
+    difference[2] = wrap(difference[2])
+    if difference @ np.linalg.solve(covariance + other, difference) > CONTRADICTION:
+        return pose, covariance + np.outer(difference, difference)
+    # In the basis of the sum of both covariances: the mean weighted by information.
+    share = covariance @ np.linalg.inv(covariance + other)
+    mean = pose + share @ difference
+    mean[2] = wrap(mean[2])
+    there = influence(reference, moving, pose)
+    again = influence(moving, reference, back.pose[0])
+    turned = share @ inverse_jacobian(back.pose[0])
+    rest = np.eye(3) - share
+    by_moving = rest @ there.moving + turned @ again.reference
+    by_reference = rest @ there.reference + turned @ again.moving
+    joint = (by_moving * there.variances) @ by_moving.T
+    joint += (by_reference * again.variances) @ by_reference.T
+    return mean, (joint + joint.T) / 2

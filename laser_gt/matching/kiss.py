@@ -1,0 +1,143 @@
+"""kiss-icp on planar scans: registration of two, and odometry along a series.
+
+The library works on points in space; scans are padded to z = 0. Its defaults are made for cars:
+the voxel must be 0.1 to 0.3 m indoors. It reports neither bad input nor lost overlap, so both are
+checked here.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from laser_gt.matching.search import SearchSettings, global_match
+from laser_gt.scans.evidence import Prepared, evidence
+from laser_gt.scans.planar import between, compose
+from validation.errors import GtvalError
+from validation.poses.angles import Array
+
+VOXEL = 0.1
+RECOVERY_WINDOW = 8.0
+"""Half width of the search in metres where the track is lost: how far apart stops may be."""
+LOST = 0.4
+"""Less explained share than this between two scans in a row means that the track is lost."""
+
+
+def spatial(points: Array) -> Array:
+    """(n, 3) points at z = 0, from (n, 2); anything else would be read as garbage.
+
+    Raises
+    ------
+    GtvalError
+        For another shape or values that are not finite.
+    """
+    points = np.asarray(points, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+        raise GtvalError(f"kiss-icp needs finite (n, 2) points, got an array {points.shape}")
+    return np.column_stack([points, np.zeros(len(points))])
+
+
+def _matrix(pose: Array) -> Array:
+    """(4, 4) homogeneous matrix of a planar pose, the form the library takes."""
+    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
+    matrix = np.eye(4)
+    matrix[:2, :2] = [[cosine, -sine], [sine, cosine]]
+    matrix[:2, 3] = pose[:2]
+    return matrix
+
+
+def _planar(matrix: Array) -> Array:
+    """(3,) planar pose of a homogeneous matrix."""
+    return np.array([matrix[0, 3], matrix[1, 3], np.arctan2(matrix[1, 0], matrix[0, 0])])
+
+
+def register(
+    reference: Prepared, moving: Prepared, guess: npt.ArrayLike, reach: float = 0.5
+) -> Array:
+    """Pose of a sweep in the frame of another by kiss-icp's point-to-point registration.
+
+    Parameters
+    ----------
+    reference, moving : Prepared
+        The two sweeps.
+    guess : (3,) array_like
+        Start.
+    reach : float
+        Largest distance of a correspondence, metres.
+
+    Returns
+    -------
+    (3,) array
+        Moving frame in the reference frame. Whether it is right must be judged.
+    """
+    from kiss_icp.config.parser import load_config  # noqa: PLC0415  (loaded when used)
+    from kiss_icp.mapping import get_voxel_hash_map  # noqa: PLC0415
+    from kiss_icp.registration import get_registration  # noqa: PLC0415
+
+    config = load_config(None)
+    config.mapping.voxel_size = VOXEL
+    config.registration.max_num_threads = 1
+    grid = get_voxel_hash_map(config)
+    grid.add_points(spatial(reference.sweep.points))
+    pose = get_registration(config).align_points_to_map(
+        spatial(moving.sweep.points),
+        grid,
+        _matrix(np.asarray(guess, dtype=float)),
+        reach,
+        reach / 3,
+    )
+    return _planar(pose)
+
+
+@dataclass(frozen=True)
+class Odometry:
+    """A trajectory from scans alone.
+
+    Parameters
+    ----------
+    poses : (n, 3) array
+        Sweep frames in the frame of the first.
+    recovered : tuple of int
+        Sweeps at which kiss-icp had lost the track and a global search took over.
+    doubtful : tuple of int
+        Sweeps that neither could place with confidence.
+    """
+
+    poses: Array
+    recovered: tuple[int, ...]
+    doubtful: tuple[int, ...]
+
+
+def odometry(sweeps: Sequence[Prepared]) -> Odometry:
+    """The trajectory of a series of sweeps, each matched to the one before.
+
+    Parameters
+    ----------
+    sweeps : sequence of Prepared
+        In the order taken. Between stops metres and half turns apart, kiss-icp loses the track;
+        the evidence shows it, and a global search finds the way on.
+    """
+    poses = [np.zeros(3)]
+    recovered, doubtful = [], []
+    step = np.zeros(3)
+    for number, (before, after) in enumerate(pairwise(sweeps), 1):
+        found = register(before, after, step)
+        seen = evidence(before, after, found)
+        if seen.explained[0] - seen.violating[0] < LOST:
+            wide = global_match(before, after, step, SearchSettings(window=RECOVERY_WINDOW))
+            if wide.evidence.score[wide.order[0]] > seen.score[0]:
+                found = wide.pose
+                recovered.append(number)
+            seen = evidence(before, after, found)
+            if seen.explained[0] - seen.violating[0] < LOST:
+                doubtful.append(number)
+        step = np.zeros(3) if recovered and recovered[-1] == number else found
+        poses.append(compose(poses[-1], found))
+    return Odometry(np.array(poses), tuple(recovered), tuple(doubtful))
+
+
+def relative(poses: Array, first: int, second: int) -> Array:
+    """Frame of the second in that of the first, from poses in a common frame."""
+    return between(poses[first], poses[second])

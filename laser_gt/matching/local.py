@@ -1,0 +1,312 @@
+"""Local matching: a sweep is moved until its points lie on the lines of another.
+
+Point-to-line alignment by Gauss-Newton steps from many starts at once. Associations come from a
+look-up table, outliers are weighed down by Tukey's biweight with a width that shrinks from the
+uncertainty of the guess to the noise, and points whose surfaces face differently are not paired.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from laser_gt.scans.planar import rotation
+from laser_gt.scans.scan import Flags, Indices
+from laser_gt.scans.surfaces import Surface
+from validation.poses.angles import Array, wrap
+
+MAX_STEPS = 40
+TUKEY = 6.0
+"""Width of the biweight in standard deviations: 98 % efficient for normal noise."""
+FACING = 0.7
+"""Least cosine between the normals of paired points (45 degrees)."""
+SMALL_STEP = 2e-5
+"""A step below this, in metres and radians, ends the iteration."""
+FINEST = 8.4
+"""Least width for outliers, in standard deviations of a point across its surface."""
+SHRINK = 0.4
+"""Factor on the width for outliers from step to step."""
+MIN_PAIRS = 10
+MOSTLY_FAKE = 0.5
+"""No step is made in a direction in which more than this share of the information is fake."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """Where a sweep lies in the frame of another, from each start.
+
+    Parameters
+    ----------
+    pose : (k, 3) array
+        Moving frame in the reference frame.
+    covariance : (k, 3, 3) array
+        Of the pose, from the noise of both sweeps; infinite where nothing was determined.
+    information : (k, 3, 3) array
+        Hessian without the part that scattering normals fake.
+    fake : (k, 3, 3) array
+        That part.
+    pairs : (k,) int array
+        Number of paired points that kept weight.
+    scale : (k,) array
+        Root mean square residual over its expectation; 1 for a perfect model.
+    converged : (k,) bool array
+        Whether the last step was small. Says nothing about being right.
+    steps : int
+        Steps done.
+    """
+
+    pose: Array
+    covariance: Array
+    information: Array
+    fake: Array
+    pairs: Indices
+    scale: Array
+    converged: Flags
+    steps: int
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """Moving points paired with lines of the reference, k starts by n points.
+
+    Parameters
+    ----------
+    index : (k, n) int array
+        Point of the reference whose line is used.
+    model : (k, 4, n) array
+        Derivative of the residual by the pose, and, last, the residual: the distance from the
+        line in metres.
+    weight : (k, n) array
+        Inverse variance times the outlier weight; 0 for no pair.
+    variance : (k, n) array
+        Of the residual, from both sweeps.
+    own : (k, n) array
+        Share of the moving point's own noise in that variance.
+    moments : (k, 4, 4) array
+        Weighted products of the model: Hessian, gradient, and squared residuals.
+    fake : (k, 3, 3) array
+        What the scatter of the normals adds to the Hessian. A normal off by s adds s times the
+        tangent; squared and summed it looks like information along the wall.
+    """
+
+    index: Indices
+    model: Array
+    weight: Array
+    variance: Array
+    own: Array
+    moments: Array
+    fake: Array
+
+
+def align(
+    reference: Surface,
+    moving: Surface,
+    guess: npt.ArrayLike,
+    *,
+    reach: float = 0.5,
+    stride: int = 1,
+    max_steps: int = MAX_STEPS,
+) -> Alignment:
+    """Poses of the moving sweep in the frame of the reference, one for each guess.
+
+    Parameters
+    ----------
+    reference, moving : Surface
+        The two sweeps.
+    guess : (3,) or (k, 3) array_like
+        Starts.
+    reach : float
+        Points further than this from the reference are not paired at first, in metres: how far
+        off the guess may be.
+    stride : int
+        Only every so many points of the moving sweep are used.
+    max_steps : int
+        Bound on the number of steps.
+
+    Notes
+    -----
+    The basin is that of any local matcher: for guesses off by more than some 0.2 m or 10 degrees
+    use `laser_gt.matching.judgement.match`, which adds a search.
+
+    Point-to-line metric as in Censi, "An ICP variant using a point-to-line metric" (2008), with
+    lines fitted over windows instead of through two points. Each point weighs by its variance
+    across the surface, sigma^2 cos^2 of the incidence (at least a tenth), which is what makes the
+    estimate efficient: a point seen at a grazing angle says much about where the wall is.
+    """
+    pose = np.array(np.atleast_2d(np.asarray(guess, dtype=float)))
+    source = moving.movable[:, ::stride]
+    finest = FINEST * moving.noise
+    gate = max(reach, finest)
+    converged = np.zeros(len(pose), dtype=bool)
+    steps = 0
+    for steps in range(1, max_steps + 1):  # noqa: B007  (wanted after the loop)
+        pairing = _pair(reference, source, pose, gate)
+        change = _gauss_newton(pairing)
+        pose += change
+        if gate <= finest:
+            converged = np.abs(change).max(-1) < SMALL_STEP
+            if converged.all():
+                break  # the pairing is of a place less than a small step away: good enough
+        gate = max(gate * SHRINK, finest)
+    else:
+        pairing = _pair(reference, source, pose, gate)
+    return _alignment(reference, pose, pairing, converged, steps)
+
+
+def _pair(reference: Surface, source: Array, pose: Array, gate: float) -> Pairing:
+    """Each moved point (`Surface.movable`) with the line of the nearest point of the reference."""
+    turn = rotation(pose[:, 2])
+    arm_x, arm_y = (turn @ source[:2]).transpose(1, 0, 2)
+    facing_x, facing_y = (turn @ source[2:4]).transpose(1, 0, 2)
+    x, y = arm_x + pose[:, :1], arm_y + pose[:, 1:2]
+    index = reference.grid.index(x, y)
+    lines = reference.lines.take(index, axis=1)
+    normal_x, normal_y, offset, line_variance, scatter, near_x, near_y = lines
+    facing = normal_x * facing_x + normal_y * facing_y
+    squared = (x - near_x) ** 2 + (y - near_y) ** 2
+    model = np.empty((len(pose), 4, source.shape[1]))
+    model[:, 0], model[:, 1] = normal_x, normal_y
+    model[:, 2] = normal_y * arm_x - normal_x * arm_y
+    model[:, 3] = residual = normal_x * x + normal_y * y - offset
+    tangent = np.empty((len(pose), 3, source.shape[1]))
+    tangent[:, 0], tangent[:, 1] = -normal_y, normal_x
+    tangent[:, 2] = normal_x * arm_x + normal_y * arm_y
+    variance = line_variance + source[4]
+    width = np.maximum(TUKEY**2 * variance, gate**2 / 4)
+    tukey = np.maximum(1 - residual * residual / width, 0.0)
+    weight = tukey * tukey / variance * ((squared < gate**2) & (facing > FACING))
+    moments = (model * weight[:, None]) @ model.transpose(0, 2, 1)
+    fake = (tangent * (weight * scatter)[:, None]) @ tangent.transpose(0, 2, 1)
+    return Pairing(index, model, weight, variance, source[4] / variance, moments, fake)
+
+
+def _gauss_newton(pairing: Pairing) -> Array:
+    """(k, 3) steps; none where too few points are paired, nor along what is not determined.
+
+    In coordinates in which the Hessian is the identity, directions whose information is mostly
+    fake are left out, so that along a corridor the guess stays where it is instead of drifting
+    with the noise.
+    """
+    hessian, gradient = pairing.moments[:, :3, :3], pairing.moments[:, :3, 3:]
+    damping = 1e-9 * np.trace(hessian, axis1=-2, axis2=-1) + 1e-9
+    whitener = np.linalg.inv(np.linalg.cholesky(hessian + damping[:, None, None] * np.eye(3)))
+    whitener_t = whitener.transpose(0, 2, 1)
+    share, axes = np.linalg.eigh(whitener @ pairing.fake @ whitener_t)
+    along = axes.transpose(0, 2, 1) @ (whitener @ gradient)
+    along *= (share < MOSTLY_FAKE)[..., None]
+    change = -(whitener_t @ (axes @ along))[..., 0]
+    change[(pairing.weight > 0).sum(-1) < MIN_PAIRS] = 0.0
+    return np.asarray(np.maximum(np.minimum(change, 0.5), -0.5))
+
+
+def _alignment(
+    reference: Surface, pose: Array, pairing: Pairing, converged: Flags, steps: int
+) -> Alignment:
+    """Covariance and counts of the final pairing."""
+    used = pairing.weight > 0
+    pairs = used.sum(-1)
+    information, fake = pairing.moments[:, :3, :3], pairing.fake
+    squared = (pairing.model[:, 3] ** 2 / pairing.variance * used).sum(-1)
+    scale = np.sqrt(squared / np.maximum(pairs - 3, 1))
+    gradient = _gradient_covariance(reference, pairing)
+    covariance = _sandwich(information, fake, gradient)
+    covariance[pairs < MIN_PAIRS] = np.inf
+    pose[:, 2] = wrap(pose[:, 2])
+    return Alignment(pose, covariance, information - fake, fake, pairs, scale, converged, steps)
+
+
+def _gradient_covariance(reference: Surface, pairing: Pairing) -> Array:
+    """(k, 3, 3) covariance of the gradient from the noise of both sweeps.
+
+    The moving points' noise is independent from pair to pair, that of the reference is not: a
+    point of it takes part in all the lines whose windows hold it.
+    """
+    moving, common = _shares(reference, pairing)
+    total = (moving * _own_squares(pairing)[:, None]) @ moving.transpose(0, 2, 1)
+    common_t = common.transpose(0, 2, 1)
+    return np.asarray(total + (common * reference.measured_variances) @ common_t)
+
+
+def _shares(reference: Surface, pairing: Pairing) -> tuple[Array, Array]:
+    """(k, 3, m) and (k, 3, n) derivative of the gradient by the noise of each point.
+
+    By the m moving points, and by the n points of the reference: the sum over the lines that a
+    point takes part in of weight times Jacobian over window length, found for all points at once
+    as a running sum over window starts and ends. Noise is counted along the normal, so that of
+    the reference enters with the other sign.
+    """
+    moving = pairing.model[:, :3] * pairing.weight[:, None]
+    share = moving / reference.window_lengths.take(pairing.index)[:, None]
+    ends = np.stack([reference.first, reference.last + 1]).take(pairing.index, axis=1)
+    signed = np.stack([share, -share])
+    size = len(reference) + 1
+    table = np.arange(len(share) * 3).reshape(-1, 3, 1) * size
+    places = (ends[:, :, None] + table).ravel()
+    steps = np.bincount(places, signed.ravel(), len(share) * 3 * size)
+    return moving, steps.reshape(-1, 3, size).cumsum(-1)[..., :-1]
+
+
+def _own_squares(pairing: Pairing) -> Array:
+    """(k, m) what the squared residuals say of the moving points' own variance (White).
+
+    The part of a residual that is the line's is left out, as the reference's points bring it in.
+    """
+    return np.asarray(pairing.model[:, 3] ** 2 * pairing.own)
+
+
+@dataclass(frozen=True)
+class Influence:
+    """What the noise of each point does to a pose.
+
+    Parameters
+    ----------
+    moving : (3, n) array
+        Derivative of the pose by the noise of each point of the moving sweep along its normal.
+    reference : (3, m) array
+        By that of each point of the reference.
+    variances : (n,) array
+        Of the moving points along their normals: squared residuals of those that are paired.
+    """
+
+    moving: Array
+    reference: Array
+    variances: Array
+
+
+def influence(reference: Surface, moving: Surface, pose: Array) -> Influence:
+    """How the noise of both sweeps moves a pose, (3,), that `align` has ended at.
+
+    Notes
+    -----
+    The pose solves H d = -g with the gradient g a sum over the pairs, so that its derivative by
+    the noise is -H^-1 times that of g; H without the part that scattering normals fake.
+    """
+    pairing = _pair(reference, moving.movable, pose[None], FINEST * moving.noise)
+    by_moving, by_reference = _shares(reference, pairing)
+    solver = -_real_inverse(pairing.moments[:, :3, :3], pairing.fake)[0]
+    every = np.zeros((3, len(moving)))
+    every[:, moving.flat] = solver @ by_moving[0]
+    variances = moving.measured_variances.copy()
+    paired = pairing.weight[0] > 0
+    variances[np.flatnonzero(moving.flat)[paired]] = _own_squares(pairing)[0, paired]
+    return Influence(every, -solver @ by_reference[0], variances)
+
+
+def _sandwich(information: Array, fake: Array, gradient: Array) -> Array:
+    """(k, 3, 3) covariance H^-1 G H^-1 with the fake part taken out of H."""
+    inverse = _real_inverse(information, fake)
+    return np.asarray(inverse @ gradient @ inverse)
+
+
+def _real_inverse(information: Array, fake: Array) -> Array:
+    """(k, 3, 3) inverse of the Hessian with the fake part taken out.
+
+    A direction in which less than half the information is real is not determined: its
+    information is taken as what is real, but no less than a hundredth of the fake, so that the
+    standard deviation becomes large and stays finite.
+    """
+    values, vectors = np.linalg.eigh(information)
+    total = np.maximum(values, 1e-12)
+    faked = (vectors * (fake @ vectors)).sum(-2)
+    real = np.maximum(total - faked, 0.01 * faked + 1e-6)
+    return np.asarray((vectors / real[:, None]) @ vectors.transpose(0, 2, 1))

@@ -1,0 +1,1 @@
+"""Stops placed by their matches."""

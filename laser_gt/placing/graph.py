@@ -1,0 +1,338 @@
+"""Pose graph: robot poses at all stops, and the mount, from matches, surveyed poses and priors.
+
+One least-squares problem serves both uses. Laser GT: one surveyed reference stop, a measured
+mount, and all accepted matches give the poses of the other stops. Mount calibration: surveyed
+poses of many stops and the same matches give the mount (AX = XB in the plane, with the errors of
+the poses in it).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from laser_gt.scans.planar import (
+    between,
+    compose,
+    compose_jacobians,
+    inverse,
+    inverse_covariance_of,
+    inverse_jacobian,
+    rotation,
+)
+from laser_gt.scans.scan import Flags
+from validation.errors import GtvalError
+from validation.poses.angles import Array, wrap
+
+MAX_STEPS = 50
+LEAST_MISFIT = 0.02
+"""Least factor on the edges' covariances: no loop closes perfectly but by chance."""
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A match between two stops, in the laser frame.
+
+    Parameters
+    ----------
+    start, end : int
+        Stops.
+    pose : (3,) array
+        Laser frame at the end stop in the laser frame at the start stop.
+    covariance : (3, 3) array
+        Of the pose.
+    """
+
+    start: int
+    end: int
+    pose: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class Graph:
+    """What is known.
+
+    Parameters
+    ----------
+    initial : (n, 3) array
+        First values of the robot poses, in the GTV frame.
+    mount : (3,) array
+        First value of the mount: laser frame in the robot frame.
+    edges : sequence of Edge
+        Matches.
+    prior_stops : (p,) sequence of int
+        Stops with surveyed poses.
+    prior_poses : (p, 3) array
+        Those poses.
+    prior_covariance : (3p, 3p) array
+        Joint covariance of those poses.
+    mount_covariance : (3, 3) array or None
+        Of the measured mount; None where it is to be found without a measured one.
+    """
+
+    initial: Array
+    mount: Array
+    edges: Sequence[Edge]
+    prior_stops: Sequence[int]
+    prior_poses: Array
+    prior_covariance: Array
+    mount_covariance: Array | None
+
+
+@dataclass(frozen=True)
+class GraphSolution:
+    """What follows.
+
+    Parameters
+    ----------
+    poses : (n, 3) array
+        Robot poses in the GTV frame.
+    mount : (3,) array
+        Laser frame in the robot frame.
+    covariance : (3n + 3, 3n + 3) array
+        Joint covariance of the poses and, last, the mount.
+    chi_squared : float
+        Of the edges, with their robust weights.
+    degrees_of_freedom : int
+        Of the edges.
+    edge_chi_squared : (m,) array
+        Of each edge, 3 numbers each.
+    weights : (m,) array
+        Robust weights.
+    connected : (n,) bool array
+        False for stops that no chain of matches connects with a surveyed one: their poses mean
+        nothing.
+    """
+
+    poses: Array
+    mount: Array
+    covariance: Array
+    chi_squared: float
+    degrees_of_freedom: int
+    edge_chi_squared: Array
+    weights: Array
+    connected: Flags
+
+    @property
+    def scale(self) -> float:
+        """Factor on the edges' standard deviations that their misfit asks for, at least 1."""
+        return float(np.sqrt(max(self.chi_squared / max(self.degrees_of_freedom, 1), 1.0)))
+
+
+def solve_graph(graph: Graph, robust_width: float = 4.0) -> GraphSolution:
+    """Poses and mount that explain the matches and what was surveyed best.
+
+    Parameters
+    ----------
+    graph : Graph
+        What is known.
+    robust_width : float
+        Edges whose residual exceeds so many standard deviations are weighed down (Cauchy).
+
+    Raises
+    ------
+    GtvalError
+        If there is no edge or no prior, or the equations have no solution.
+
+    Notes
+    -----
+    Residual of an edge: the pose between (R_i X)^-1 R_j X and the match, whitened. Gauss-Newton
+    with iterated weights on sparse normal equations; the joint covariance is their inverse,
+    scaled by the misfit of the edges if that exceeds what their covariances allow.
+    """
+    if not graph.edges or not len(graph.prior_stops):
+        raise GtvalError("no accepted match, or no surveyed stop: nothing to place the scans with")
+    poses, mount = graph.initial.copy(), graph.mount.copy()
+    connected = connected_stops(len(poses), graph.edges, graph.prior_stops)
+    weights = np.ones(len(graph.edges))
+    information: Array | None = None
+    for _ in range(MAX_STEPS):
+        residuals, chi = _edge_residuals(graph, poses, mount)
+        weights = 1 / (1 + chi / (3 * robust_width**2))
+        information, gradient = _normal_equations(
+            graph, poses, mount, residuals, weights, connected
+        )
+        step = _solve(information, gradient)
+        poses = poses + step[:-3].reshape(-1, 3)
+        poses[:, 2] = wrap(poses[:, 2])
+        mount = mount + step[-3:]
+        if np.abs(step).max() < 1e-9:
+            break
+    _, chi = _edge_residuals(graph, poses, mount)
+    return _solution(graph, poses, mount, chi, weights, connected)
+
+
+def _solution(
+    graph: Graph, poses: Array, mount: Array, chi: Array, weights: Array, connected: Flags
+) -> GraphSolution:
+    """The solution with its covariance, the edges scaled by their misfit.
+
+    Matches of one scan with many others share that scan's noise: loops close better than the
+    covariances of the edges say, and the pose is *not* known better by having many edges. The
+    share of the covariance that the misfit of the loops does not show is taken as noise of the
+    stops (`_stop_noise`) and added to each of them.
+    """
+    inside = np.array([connected[edge.start] for edge in graph.edges])
+    total = float((weights * chi)[inside].sum())
+    unknowns = 3 * (int(connected.sum()) - len(graph.prior_stops))
+    unknowns += 3 * (graph.mount_covariance is None)
+    freedom = 3 * int(inside.sum()) - unknowns
+    misfit = total / freedom if freedom > 0 else 1.0
+    residuals, _ = _edge_residuals(graph, poses, mount)
+    scale = max(misfit, LEAST_MISFIT)
+    information, _ = _normal_equations(graph, poses, mount, residuals, weights / scale, connected)
+    try:
+        covariance = np.linalg.inv(information.toarray())
+    except np.linalg.LinAlgError:
+        raise GtvalError("the matches do not determine the poses") from None
+    shared = max(1.0 - scale, 0.0)
+    for stop, noise in _stop_noise(graph, poses, mount).items():
+        part = slice(3 * stop, 3 * stop + 3)
+        covariance[part, part] += shared * noise
+    covariance = (covariance + covariance.T) / 2
+    return GraphSolution(poses, mount, covariance, total, freedom, chi, weights, connected)
+
+
+def _stop_noise(graph: Graph, poses: Array, mount: Array) -> dict[int, Array]:
+    """Covariance of each stop's robot pose from the noise of its own scans.
+
+    Half of an edge's covariance is the noise of either of its two scans; seen from the other
+    stop it needs turning only, for it acts at the stop's own laser frame. The mean over the
+    stop's edges, carried from laser frame to robot pose.
+    """
+    found: dict[int, list[Array]] = {}
+    for edge in graph.edges:
+        back = inverse(edge.pose)
+        turned_back = inverse_covariance_of(edge.pose, edge.covariance)
+        for stop, pose, covariance in (
+            (edge.end, edge.pose, edge.covariance),
+            (edge.start, back, turned_back),
+        ):
+            turn = np.eye(3)
+            turn[:2, :2] = rotation(pose[2]).T
+            found.setdefault(stop, []).append(turn @ covariance @ turn.T / 2)
+    result = {}
+    for stop, covariances in found.items():
+        laser = compose(poses[stop], mount)
+        _, by_offset = compose_jacobians(laser, np.zeros(3))
+        by_laser, _ = compose_jacobians(laser, inverse(mount))
+        jacobian = by_laser @ by_offset
+        result[stop] = jacobian @ np.mean(covariances, axis=0) @ jacobian.T
+    return result
+
+
+def connected_stops(count: int, edges: Sequence[Edge], roots: Sequence[int]) -> Flags:
+    """(count,) True for stops that a chain of edges connects with a root."""
+    reached = np.zeros(count, dtype=bool)
+    reached[list(roots)] = True
+    while True:
+        before = int(reached.sum())
+        for edge in edges:
+            if reached[edge.start] or reached[edge.end]:
+                reached[edge.start] = reached[edge.end] = True
+        if int(reached.sum()) == before:
+            return reached
+
+
+def predicted(first: Array, second: Array, mount: Array) -> Array:
+    """Laser frame at the second stop in the laser frame at the first: (R_i X)^-1 R_j X."""
+    return between(compose(first, mount), compose(second, mount))
+
+
+def _edge_residuals(graph: Graph, poses: Array, mount: Array) -> tuple[Array, Array]:
+    """(m, 3) predicted less matched poses, and their (m,) squared Mahalanobis lengths."""
+    start = np.array([edge.start for edge in graph.edges])
+    end = np.array([edge.end for edge in graph.edges])
+    measured = np.array([edge.pose for edge in graph.edges])
+    residual = predicted(poses[start], poses[end], mount) - measured
+    residual[:, 2] = wrap(residual[:, 2])
+    covariance = np.array([edge.covariance for edge in graph.edges])
+    solved = np.linalg.solve(covariance, residual[..., None])[..., 0]
+    return residual, (residual * solved).sum(-1)
+
+
+def _edge_jacobians(first: Array, second: Array, mount: Array) -> tuple[Array, Array, Array]:
+    """(m, 3, 3) derivatives of `predicted` by the first pose, the second and the mount."""
+    start, end = compose(first, mount), compose(second, mount)
+    start_by_pose, start_by_mount = compose_jacobians(first, mount)
+    end_by_pose, end_by_mount = compose_jacobians(second, mount)
+    by_start, by_end = compose_jacobians(inverse(start), end)
+    by_start = by_start @ inverse_jacobian(start)
+    return (
+        by_start @ start_by_pose,
+        by_end @ end_by_pose,
+        by_start @ start_by_mount + by_end @ end_by_mount,
+    )
+
+
+def _normal_equations(
+    graph: Graph, poses: Array, mount: Array, residuals: Array, weights: Array, connected: Flags
+) -> tuple[Any, Array]:
+    """Information matrix (sparse) and gradient of all terms."""
+    from scipy import sparse  # noqa: PLC0415  (loaded when a graph is solved)
+
+    n = len(poses)
+    start = np.array([edge.start for edge in graph.edges])
+    end = np.array([edge.end for edge in graph.edges])
+    inverse_covariance = np.linalg.inv(np.array([edge.covariance for edge in graph.edges]))
+    inverse_covariance *= weights[:, None, None]
+    jacobians = np.stack(
+        _edge_jacobians(poses[start], poses[end], np.broadcast_to(mount, (len(start), 3))), axis=1
+    )
+    where = np.stack([start, end, np.full(len(start), n)], axis=1)
+    weighted = np.swapaxes(jacobians, -1, -2) @ inverse_covariance[:, None]
+    blocks = weighted[:, :, None] @ jacobians[:, None]
+    offsets = np.arange(3)
+    rows = (3 * where[:, :, None, None, None] + offsets[:, None]) + np.zeros((1, 1, 3, 1, 3), int)
+    columns = (3 * where[:, None, :, None, None] + offsets) + np.zeros((1, 3, 1, 3, 1), int)
+    rows, columns = np.broadcast_arrays(rows, columns)
+    size = 3 * n + 3
+    matrix = sparse.coo_array(
+        (blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)
+    ).tolil()
+    gradient = np.zeros(size)
+    np.add.at(
+        gradient,
+        (3 * where[..., None] + offsets).ravel(),
+        (weighted @ residuals[:, None, :, None])[..., 0].ravel(),
+    )
+    _add_priors(graph, poses, mount, connected, matrix, gradient)
+    return matrix.tocsc(), gradient
+
+
+def _add_priors(
+    graph: Graph, poses: Array, mount: Array, connected: Flags, matrix: Any, gradient: Array
+) -> None:
+    """Add surveyed poses, the measured mount, and a weak hold on stops without connection."""
+    n = len(poses)
+    flat = (3 * np.asarray(graph.prior_stops)[:, None] + np.arange(3)).ravel()
+    information = np.linalg.inv(graph.prior_covariance)
+    difference = poses[list(graph.prior_stops)] - graph.prior_poses
+    difference[:, 2] = wrap(difference[:, 2])
+    matrix[np.ix_(flat, flat)] += information
+    gradient[flat] += information @ difference.ravel()
+    if graph.mount_covariance is not None:
+        last = slice(3 * n, 3 * n + 3)
+        information = np.linalg.inv(graph.mount_covariance)
+        difference = mount - graph.mount
+        difference[2] = wrap(difference[2])
+        matrix[last, last] += information
+        gradient[last] += information @ difference
+    loose = np.flatnonzero(~connected)
+    for stop in loose:
+        part = slice(3 * stop, 3 * stop + 3)
+        matrix[part, part] += np.eye(3)
+
+
+def _solve(information: Any, gradient: Array) -> Array:
+    """Step of Gauss-Newton."""
+    from scipy.sparse.linalg import splu  # noqa: PLC0415
+
+    try:
+        return np.asarray(-splu(information).solve(gradient))
+    except RuntimeError:
+        raise GtvalError(
+            "the matches do not determine the poses and the mount: turn the robot between stops"
+        ) from None

@@ -1,0 +1,81 @@
+"""How good the guesses were, by what the accepted matches say."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from laser_gt.matching.verdicts import Match
+from validation.poses.angles import Array, wrap
+from validation.statistics.robust import sigma_from_median
+
+GENEROUS = 2.0
+"""What to take the guesses' deviations for, over their scatter about the accepted matches: those
+are the easy ones."""
+
+FEWEST = 10
+"""Accepted matches below which nothing is said."""
+
+
+def guess_deviations(poses: Array, start: int, end: int, sigmas: Sequence[float]) -> Array:
+    """Standard deviations of the guess of a pair of stops from a chain of motions.
+
+    Parameters
+    ----------
+    poses : (n, 3) array
+        The chain: x, y, theta of each stop in turn.
+    start, end : int
+        The pair.
+    sigmas : (float, float)
+        Of one motion, from stop to stop: metres in x and y each, radians.
+
+    Returns
+    -------
+    (2,) array
+        Metres (in the worse direction) and radians.
+
+    Notes
+    -----
+    Errors of k motions add up to sqrt(k), and an error of the heading turns the rest of the way:
+    sigma^2 = k sigma_l^2 + sigma_theta^2 (sum of squared distances from each stop in between to
+    the last).
+    """
+    length, angle = sigmas
+    first, last = sorted((start, end))
+    steps = max(last - first, 1)
+    rest = poses[first + 1 : last, :2] - poses[last, :2]
+    turned = angle**2 * float((rest**2).sum())
+    return np.array([np.sqrt(steps * length**2 + turned), angle * np.sqrt(steps)])
+
+
+def guess_scatter(matches: Sequence[Match], growth: npt.ArrayLike | None = None) -> Array | None:
+    """Standard deviations of the guesses about the accepted matches.
+
+    Parameters
+    ----------
+    matches : sequence of Match
+        Judged; only the accepted count.
+    growth : (n, 2) array_like, optional
+        Factors by which length and angle of each guess were expected to be worse than those from
+        one stop to the next; 1 if not given.
+
+    Returns
+    -------
+    (2,) array or None
+        Metres in x and y each, and radians, of a guess with factors 1; None where fewer than ten
+        matches are accepted.
+
+    Notes
+    -----
+    From medians, so that a few wild guesses do not count. The accepted are the easier ones, and a
+    guess that is far off is less likely to be among them: take it for a lower bound.
+    """
+    accepted = np.array([one.verdict == "accept" for one in matches], dtype=bool)
+    if accepted.sum() < FEWEST:
+        return None
+    off = np.array([one.pose - one.guess for one in matches])[accepted]
+    off[:, 2] = wrap(off[:, 2])
+    if growth is not None:
+        off /= np.asarray(growth, dtype=float)[accepted][:, [0, 0, 1]]
+    x, y, theta = sigma_from_median(off, axis=0)
+    return np.array([np.hypot(x, y) / np.sqrt(2), theta])

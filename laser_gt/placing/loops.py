@@ -1,0 +1,114 @@
+"""Loops over triples of scans: three right matches close, a wrong one does not."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from laser_gt.matching.verdicts import SEVERITY, Match, Verdict
+from laser_gt.scans.planar import (
+    CONTRADICTION,
+    compose,
+    compose_jacobians,
+    inverse,
+    inverse_covariance_of,
+)
+from validation.poses.angles import Array
+
+FLOOR = np.diag([0.003**2, 0.003**2, 0.001**2])
+"""Allowed for what the covariances leave out: 3 mm and 1 mrad of surfaces that are not flat."""
+CONFIRMING = 2
+"""Loops through different third stops that confirm a match."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A triple of stops and how well its three matches close.
+
+    Parameters
+    ----------
+    stops : (str, str, str)
+        The triple.
+    misclosure : (3,) array
+        The composed pose that should be the identity, metres and radians.
+    chi_squared : float
+        Of the misclosure, 3 degrees of freedom.
+    """
+
+    stops: tuple[str, str, str]
+    misclosure: Array
+    chi_squared: float
+
+    @property
+    def closes(self) -> bool:
+        """Whether noise explains the misclosure."""
+        return self.chi_squared <= CONTRADICTION
+
+
+def triples(matches: Sequence[Match]) -> list[Loop]:
+    """All loops of three among the matches that are not rejected."""
+    usable = {(m.reference, m.moving): m for m in matches if m.verdict != "reject"}
+    neighbours: dict[str, set[str]] = {}
+    for a, b in usable:
+        neighbours.setdefault(a, set()).add(b)
+        neighbours.setdefault(b, set()).add(a)
+    found = []
+    for a in sorted(neighbours):
+        for b, c in combinations(sorted(neighbours[a]), 2):
+            if a < b and c in neighbours[b]:
+                found.append(_loop(usable, (a, b, c)))
+    return found
+
+
+def _edge(matches: dict[tuple[str, str], Match], start: str, end: str) -> tuple[Array, Array]:
+    """Pose and covariance from one stop to another, in whichever direction it was matched."""
+    if (start, end) in matches:
+        return matches[start, end].pose, matches[start, end].covariance
+    back = matches[end, start]
+    return inverse(back.pose), inverse_covariance_of(back.pose, back.covariance)
+
+
+def _loop(matches: dict[tuple[str, str], Match], stops: tuple[str, str, str]) -> Loop:
+    """The way from the first stop over the others back to it."""
+    a, b, c = stops
+    pose, covariance = _edge(matches, a, b)
+    for start, end in ((b, c), (c, a)):
+        step, step_covariance = _edge(matches, start, end)
+        by_first, by_second = compose_jacobians(pose, step)
+        covariance = by_first @ covariance @ by_first.T + by_second @ step_covariance @ by_second.T
+        pose = compose(pose, step)
+    chi_squared = float(pose @ np.linalg.solve(covariance + FLOOR, pose))
+    return Loop(stops, pose, chi_squared)
+
+
+def with_loops(matches: Sequence[Match]) -> tuple[list[Match], list[Loop]]:
+    """The matches with what their loops say of them; and the loops.
+
+    Notes
+    -----
+    A match that breaks most of its loops is no longer accepted. One that only moved things or
+    glass hold up is accepted if it closes `CONFIRMING` loops or more and breaks none: a wrong
+    pose would have to be wrong by the same in its neighbours' matches, to millimetres.
+    """
+    loops = triples(matches)
+    closed: dict[frozenset[str], list[bool]] = {}
+    for loop in loops:
+        for pair in combinations(loop.stops, 2):
+            closed.setdefault(frozenset(pair), []).append(loop.closes)
+    told = [_told(one, closed.get(frozenset((one.reference, one.moving)), [])) for one in matches]
+    return told, loops
+
+
+def _told(match: Match, outcome: list[bool]) -> Match:
+    """The match after what its loops say, True for each that closes."""
+    broken = outcome.count(False)
+    if broken > len(outcome) / 2:
+        reason = f"breaks {broken} of its {len(outcome)} loops of three scans"
+        verdicts: tuple[Verdict, Verdict] = (match.verdict, "look")
+        worse = max(verdicts, key=SEVERITY.__getitem__)
+        return replace(match, verdict=worse, reasons=(*match.reasons, reason))
+    if match.changed and broken == 0 and len(outcome) >= CONFIRMING:
+        reason = f"all the same it closes all of its {len(outcome)} loops of three scans"
+        return replace(match, verdict="accept", reasons=(*match.reasons, reason))
+    return match

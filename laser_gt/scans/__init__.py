@@ -1,0 +1,1 @@
+"""Scans, their surfaces, and poses in the plane."""

@@ -1,0 +1,216 @@
+"""What speaks for and against a pose: points explained, points where there must be nothing.
+
+A sum of residuals cannot tell a right match from a wrong one, for it looks only at points that
+found a partner. Here every point of both sweeps is asked: is there a surface where you are, are
+you hidden from the other sensor, outside of its view, or in a place that its beams have crossed?
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from laser_gt.scans.planar import inverse, transform
+from laser_gt.scans.scan import Flags, Sweep, View
+from laser_gt.scans.surfaces import Surface, surface
+from validation.poses.angles import Array, wrap
+
+MARGIN = 0.06
+"""Distances up to this plus 4 sigma count as explained, in metres."""
+
+ROW_GAP = 0.3
+"""Points of one row are no further apart than this, in metres."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A sweep made ready for matching: everything that depends on it alone.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        The sweep.
+    """
+
+    sweep: Sweep
+
+    @property
+    def name(self) -> str:
+        """Of the stop."""
+        return self.sweep.name
+
+    @cached_property
+    def surface(self) -> Surface:
+        """Its points with their lines."""
+        return surface(self.sweep)
+
+    @cached_property
+    def tolerance(self) -> float:
+        """Largest distance in metres at which a point is explained by a surface."""
+        return MARGIN + 4 * self.sweep.range_sigma
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Shares of the points of both sweeps, one value for each pose.
+
+    Parameters
+    ----------
+    explained : (k,) array
+        Share of all points that lie on a surface of the other sweep.
+    violating : (k,) array
+        Share of all points in space that the other sensor's beams have crossed.
+    hidden : (k,) array
+        Share of all points that the other sensor could not see.
+    """
+
+    explained: Array
+    violating: Array
+    hidden: Array
+
+    @property
+    def overlap(self) -> Array:
+        """(k,) share of the points that the other sensor could have seen."""
+        return 1 - self.hidden
+
+    @property
+    def score(self) -> Array:
+        """(k,) what speaks for a pose less what speaks against it; 1 for a perfect match.
+
+        Points that the other sensor could not see speak for nothing and count one half.
+        Without that, poses that lay one scan over the other as a whole would win: in a corridor
+        the ends of the two views would be taken for ends of the walls.
+        """
+        return self.explained - self.violating + 0.5 * self.hidden
+
+
+def evidence(reference: Prepared, moving: Prepared, pose: Array, stride: int = 1) -> Evidence:
+    """How well each pose agrees with all that both sweeps saw.
+
+    Parameters
+    ----------
+    reference, moving : Prepared
+        The two sweeps.
+    pose : (k, 3) array
+        Moving frame in the reference frame.
+    stride : int
+        Only every so many points are asked.
+    """
+    pose = np.atleast_2d(pose)
+    tolerance = max(reference.tolerance, moving.tolerance)
+    counts = np.zeros((3, len(pose)))
+    total = 0
+    for target, source, motion in (
+        (reference, moving, pose),
+        (moving, reference, inverse(pose)),
+    ):
+        points = transform(motion, source.sweep.points[::stride])
+        explained, violating, hidden = _asked(target, points, tolerance)
+        counts += np.stack([explained.sum(-1), violating.sum(-1), hidden.sum(-1)])
+        total += points.shape[1]
+    return Evidence(*(counts / total))
+
+
+def intruder(reference: Prepared, moving: Prepared, pose: Array) -> float:
+    """Length of the longest surface that stands where the other scanner saw free space.
+
+    Scattered points in free space are mixed pixels and grazing beams; a row of them is a thing
+    that the other scanner would have seen: it was moved, or the match is wrong.
+
+    Parameters
+    ----------
+    reference, moving : Prepared
+        The two sweeps.
+    pose : (3,) array
+        Moving frame in the reference frame.
+
+    Returns
+    -------
+    float
+        Metres from the first to the last point of the longest unbroken row, in either sweep.
+    """
+    tolerance = max(reference.tolerance, moving.tolerance)
+    longest = 0.0
+    for target, source, motion in ((reference, moving, pose), (moving, reference, inverse(pose))):
+        points = transform(motion[None], source.sweep.points)
+        violating = _asked(target, points, tolerance)[1][0]
+        index = np.flatnonzero(violating)
+        if index.size < 2:
+            continue
+        row = source.sweep.points[index]
+        step = np.diff(row, axis=0)
+        broken = (np.diff(index) > 1) | ((step**2).sum(-1) > ROW_GAP**2)
+        first, last = np.append(True, broken), np.append(broken, True)
+        length = np.hypot(*(row[last] - row[first]).T)
+        longest = max(longest, float(length.max()))
+    return longest
+
+
+def _asked(target: Prepared, points: Array, tolerance: float) -> tuple[Flags, Flags, Flags]:
+    """(k, n) which points are explained, violate free space, are hidden from a sweep."""
+    explained = _on_surface(target.surface, points, tolerance)
+    seen = np.zeros(explained.shape, dtype=bool)
+    crossed = np.zeros(explained.shape, dtype=bool)
+    for view in target.sweep.views:
+        near, far, there = measured_limits(view, points)
+        offset = points - view.mount[:2]
+        distance = np.sqrt(np.einsum("...i,...i->...", offset, offset))
+        crossed |= there & (distance < near - tolerance)
+        seen |= there & (distance < far + tolerance)
+    violating = crossed & ~explained
+    return explained, violating, ~explained & ~violating & ~seen
+
+
+def _on_surface(target: Surface, points: Array, tolerance: float) -> Flags:
+    """(...) whether points lie on a surface: near a point of it, or on its line between two.
+
+    Far away and at grazing angles the points of a wall are further apart than the tolerance;
+    there a point may lie anywhere between them, if it is on the line.
+    """
+    x, y = points[..., 0], points[..., 1]
+    index = target.grid.index(x, y)
+    dx, dy = x - target.points[:, 0].take(index), y - target.points[:, 1].take(index)
+    squared = dx * dx + dy * dy
+    normal_x, normal_y = target.normals[:, 0].take(index), target.normals[:, 1].take(index)
+    across = np.abs(normal_x * dx + normal_y * dy)
+    along = tolerance + 0.6 * target.spacing.take(index)
+    between = target.flat.take(index) & (across < tolerance) & (squared < along**2)
+    return np.asarray((squared < tolerance**2) | between)
+
+
+def measured_limits(view: View, points: Array) -> tuple[Array, Array, Flags]:
+    """Least and greatest range that a scanner measured around the direction of each point.
+
+    Parameters
+    ----------
+    view : View
+        Scan and mount.
+    points : (..., 2) array
+        In the sweep's frame.
+
+    Returns
+    -------
+    near, far : (...) arrays
+        Over three neighbouring beams, metres. ``near`` is 0 where one of them did not return
+        (glass, black cloth: nothing is known), ``far`` then is the farthest that did, or 0.
+    there : (...) bool array
+        Whether the direction is in the field of view.
+    """
+    scan = view.scan
+    offset = points - view.mount[:2]
+    azimuth = wrap(np.arctan2(offset[..., 1], offset[..., 0]) - view.mount[2])
+    turned = scan.angles[0] + np.mod(azimuth - scan.angles[0] + scan.step / 2, 2 * np.pi)
+    beam = np.searchsorted(scan.angles, turned, side="right") - 1
+    there = (beam >= 0) & (turned < scan.angles[-1] + scan.step)
+    near, far = _beam_limits(scan.ranges, scan.returned)
+    beam = np.clip(beam, 0, len(scan) - 1)
+    return near[beam], far[beam], there
+
+
+def _beam_limits(ranges: Array, returned: Flags) -> tuple[Array, Array]:
+    """Least and greatest of each range and its two neighbours."""
+    low, high = np.where(returned, ranges, 0.0), np.where(returned, ranges, 0.0)
+    padded_low, padded_high = np.pad(low, 1, mode="edge"), np.pad(high, 1, mode="edge")
+    near = np.minimum(np.minimum(padded_low[:-2], padded_low[1:-1]), padded_low[2:])
+    far = np.maximum(np.maximum(padded_high[:-2], padded_high[1:-1]), padded_high[2:])
+    return near, far

@@ -1,0 +1,1 @@
+"""RTK-GPS of a campaign folder."""

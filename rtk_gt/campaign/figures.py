@@ -1,0 +1,353 @@
+"""Figures of the RTK system."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Ellipse
+from matplotlib.ticker import MaxNLocator
+
+from rtk_gt.offsets.estimate import Offsets, distance_names
+from rtk_gt.offsets.noise import GpsNoise
+from rtk_gt.path.consistency import Consistency
+from rtk_gt.path.coverage import Coverage
+from rtk_gt.path.interpolation import segments
+from rtk_gt.path.vehicle_path import VehiclePath
+from rtk_gt.receivers.fixes import FIX_NAMES, RTK_FIXED, RTK_FLOAT, Fixes
+from rtk_gt.receivers.steps import Steps
+from rtk_gt.sensors.characterisation import RateErrors
+from rtk_gt.sensors.pass_matching import height_histogram
+from rtk_gt.sensors.scans import Cloud
+from validation.figures.errors import COLOURS, GREY, MARKERS
+from validation.poses.angles import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+KIND_COLOURS: Mapping[int, str] = {RTK_FIXED: COLOURS[2], RTK_FLOAT: COLOURS[4], 2: COLOURS[3]}
+BESIDE = 4.0
+"""Farther from the vehicle, in metres, hills take the ground out of its frame."""
+CHI_95_OF_2 = 2.4477
+"""95 % radius of a Gaussian in the plane, in standard deviations."""
+
+
+def _kind_colour(kind: int) -> str:
+    return KIND_COLOURS.get(kind, COLOURS[1])
+
+
+def fix_modes(records: Sequence[Fixes], posed: Array, max_gap: float) -> Figure:
+    """Fix kind of each receiver over time, with the stretches that have ground truth below.
+
+    As subfigures (d) of Figures 7 to 12 of Blanco 2009.
+    """
+    start = min(record.times[0] for record in records)
+    figure = Figure(figsize=(7, 1.3 + 0.45 * len(records)), layout="constrained")
+    axes = figure.add_subplot()
+    used: set[int] = set()
+    for row, record in enumerate(records):
+        usual = float(np.median(np.diff(record.times))) if len(record) > 1 else 1.0
+        lasting = np.minimum(np.diff(record.times, append=record.times[-1] + usual), 1.5 * usual)
+        for kind in np.unique(record.kinds):
+            rows = record.kinds == kind
+            bars = np.column_stack([record.times[rows] - start, lasting[rows]])
+            axes.broken_barh(
+                [(a, b) for a, b in bars], (row - 0.35, 0.7), color=_kind_colour(int(kind))
+            )
+            used.add(int(kind))
+    stretches = [
+        (posed[s[0]] - start, max(posed[s[-1]] - posed[s[0]], 0.2))
+        for s in segments(posed, max_gap)
+        if len(s)
+    ]
+    axes.broken_barh(stretches, (len(records) - 0.35, 0.7), color=COLOURS[0])
+    axes.set_yticks(
+        range(len(records) + 1), [*(record.receiver for record in records), "ground truth"]
+    )
+    axes.invert_yaxis()
+    axes.set_xlabel("time from the start of the record [s]")
+    for kind in sorted(used):
+        axes.plot([], [], color=_kind_colour(kind), linewidth=6, label=FIX_NAMES[kind])
+    figure.legend(loc="outside upper right", ncols=4, fontsize=8, frameon=False)
+    return figure
+
+
+def track_map(
+    records: Sequence[Fixes], steps: Steps, offsets: Offsets, path: VehiclePath, max_gap: float
+) -> Figure:
+    """The drive from above: where all receivers are fixed together, and where they are not."""
+    record = max(records, key=lambda one: np.ptp(one.times))
+    column = steps.receivers.index(record.receiver)
+    track = steps.frame.from_geodetic(record.geodetic)
+    track = track + offsets.offsets.within(steps.frame)[column]
+    east, north = np.ptp(track[:, :2], axis=0)
+    # As high as the drive is at this width, within what a page takes.
+    height = float(np.clip(6.2 * north / max(east, 1.0) + 1.6, 3.0, 7.0))
+    figure = Figure(figsize=(7, height), layout="constrained")
+    axes = figure.add_subplot()
+    for kind in np.unique(record.kinds):
+        rows = record.kinds == kind
+        axes.plot(
+            *track[rows, :2].T,
+            linestyle="none",
+            marker="." if kind == RTK_FIXED else MARKERS[int(kind) % len(MARKERS)],
+            color=_kind_colour(int(kind)),
+            ms=3,
+            label=f"{steps.receivers[column]}: {FIX_NAMES[int(kind)]}",
+        )
+    lines = [path.poses[s, :2] for s in segments(path.times, max_gap) if len(s) > 1]
+    axes.add_collection(
+        LineCollection(
+            lines, colors=COLOURS[0], linewidths=2.5, label="ground truth of the vehicle"
+        )
+    )
+    axes.plot(*path.poses[:, :2].T, ".", color=COLOURS[0], ms=3)
+    axes.set_xlabel("east [m], local frame")
+    axes.set_ylabel("north [m], local frame")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.grid(visible=True, linewidth=0.3)
+    axes.legend(fontsize=8, loc="best")
+    return figure
+
+
+def quality_over_time(found: Consistency, times: Array) -> Figure:
+    """The measure q_t of each pose with its bound, as Figure 20 of Blanco 2009."""
+    figure = Figure(figsize=(7, 2.6), layout="constrained")
+    axes = figure.add_subplot()
+    elapsed = times - times[0]
+    axes.plot(elapsed, found.q, ".", color=COLOURS[0], ms=4, label="q of each pose")
+    beyond = found.q > found.bound
+    axes.plot(elapsed[beyond], found.q[beyond], "s", color=COLOURS[1], ms=4, label="beyond")
+    axes.axhline(
+        found.bound, color="black", linewidth=1, linestyle="--",
+        label=f"{100 * found.confidence:.0f} % bound, {found.bound:.2f}",
+    )  # fmt: skip
+    axes.set_ylim(0, 1.35 * max(found.bound, float(np.quantile(found.q, 0.995))))
+    axes.set_xlabel("time from the first pose [s]")
+    axes.set_ylabel("q, Mahalanobis distance")
+    axes.grid(visible=True, linewidth=0.3)
+    axes.legend(fontsize=8, ncols=3, loc="upper right")
+    return figure
+
+
+def residual_histograms(offsets: Offsets, noise: GpsNoise) -> Figure:
+    """Distances minus their constant values, with the density that the noise predicts.
+
+    As Figure 18 of Blanco 2009, top.
+    """
+    names = distance_names(offsets.receivers)
+    figure = Figure(figsize=(7, 2.6), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(names), sharey=True))
+    predicted = np.sqrt(2) * noise.sigma
+    width = 5 * 1000 * predicted
+    for axes, name, residual in zip(panels, names, offsets.residuals.T, strict=True):
+        good = 1000 * residual[offsets.weights > 0]
+        axes.hist(good, bins=np.linspace(-width, width, 31), density=True, color=COLOURS[5])
+        grid = np.linspace(-width, width, 200)
+        scale = 1000 * predicted
+        density = np.exp(-0.5 * (grid / scale) ** 2) / scale / np.sqrt(2 * np.pi)
+        axes.plot(grid, density, color="black", linewidth=1)
+        axes.set_title(name, fontsize=8)
+        axes.set_xlabel("residual [mm]")
+        axes.set_yticks([])
+    panels[0].set_ylabel("density")
+    return figure
+
+
+def heights_before_and_after(cloud: Cloud, before: Array, after: Array) -> Figure:
+    """Heights of the ground beside the vehicle, in its frame, for two places of a scanner.
+
+    As Figure 15 of Blanco 2009: the better place has the narrower peak.
+    """
+    figure = Figure(figsize=(7, 2.8), layout="constrained")
+    axes = figure.subplots()
+    points = cloud.in_vehicle(after)
+    near = np.linalg.norm(points[:, :2], axis=1) < BESIDE
+    ground = float(np.median(points[near & (points[:, 2] < 0), 2])) if near.any() else 0.0
+    bins = ground + np.arange(-0.5, 0.501, 0.02)
+    middles = (bins[1:] + bins[:-1]) / 2
+    for pose, name, colour, style in (
+        (before, "place measured by hand", COLOURS[1], "--"),
+        (after, "place found", COLOURS[0], "-"),
+    ):
+        share = 100 * height_histogram(cloud, pose, bins, reach=BESIDE)
+        axes.step(middles, share, style, where="mid", color=colour, label=name)
+    axes.set_xlabel("height in the vehicle frame [m]")
+    axes.set_ylabel(f"points within {BESIDE:g} m [%]")
+    axes.grid(visible=True, linewidth=0.3)
+    axes.legend(fontsize=8)
+    return figure
+
+
+def rates_over_time(found: Sequence[RateErrors], max_gap: float) -> Figure:
+    """Yaw rate of the path and of an IMU, and the IMU's errors in all three rates.
+
+    As Figure 17 of Blanco 2009.
+    """
+    figure = Figure(figsize=(7, 4.2), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    yaw = found[0]
+    start = yaw.times[0]
+    for name, rates, number in (("path", yaw.true, 0), ("IMU", yaw.true + yaw.errors, 1)):
+        for row, part in enumerate(segments(yaw.times, max_gap)):
+            above.plot(
+                yaw.times[part] - start, np.degrees(rates[part]), _DASHES[number],
+                color=COLOURS[number], linewidth=1.2, label=None if row else name,
+            )  # fmt: skip
+    for number, one in enumerate(found):
+        below.plot(
+            one.times - start, np.degrees(one.errors), ".", markersize=3, color=COLOURS[number],
+            label=one.name,
+        )  # fmt: skip
+    above.set_ylabel("yaw rate [deg/s]")
+    below.set_ylabel("error of the IMU [deg/s]")
+    below.set_xlabel("time from the first interval [s]")
+    for axes in (above, below):
+        axes.grid(visible=True, linewidth=0.3)
+        axes.legend(
+            fontsize=8, ncols=3, loc="lower right", bbox_to_anchor=(1, 1), frameon=False,
+            borderaxespad=0,
+        )  # fmt: skip
+    return figure
+
+
+def pose_over_time(path: VehiclePath, max_gap: float) -> Figure:
+    """Height and angles of the vehicle with their 95 % bands; gaps stay empty."""
+    labels = ("z [m]", "yaw [deg]", "pitch [deg]", "roll [deg]")
+    figure = Figure(figsize=(7, 6.5), layout="constrained")
+    panels = figure.subplots(4, 1, sharex=True)
+    values = path.poses[:, 2:].copy()
+    values[:, 1:] = np.degrees(np.unwrap(values[:, 1:], axis=0))
+    sigmas = np.sqrt(np.diagonal(path.covariances, axis1=1, axis2=2))[:, 2:].copy()
+    sigmas[:, 1:] = np.degrees(sigmas[:, 1:])
+    elapsed = path.times - path.times[0]
+    for column, (axes, label) in enumerate(zip(panels, labels, strict=True)):
+        for rows in segments(path.times, max_gap):
+            value, band = values[rows, column], 1.96 * sigmas[rows, column]
+            axes.fill_between(
+                elapsed[rows], value - band, value + band, color=COLOURS[5], alpha=0.5
+            )
+            axes.plot(elapsed[rows], value, ".-", color=COLOURS[0], ms=3, linewidth=0.8)
+        axes.set_ylabel(label)
+        axes.grid(visible=True, linewidth=0.3)
+    panels[-1].set_xlabel("time from the first pose [s]")
+    return figure
+
+
+def reference_ellipses(reference: Array) -> Figure:
+    """95 % ellipses of W*, positions and angles, as Figure 19 of Blanco 2009 in projections."""
+    figure = Figure(figsize=(7, 3.4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    _ellipses(
+        left, 100 * 100 * reference[:3, :3], [(0, 1, "x, y"), (0, 2, "x, z"), (1, 2, "y, z")], "cm"
+    )
+    _ellipses(
+        right,
+        np.degrees(np.degrees(reference[3:, 3:])),
+        [(0, 1, "yaw, pitch"), (0, 2, "yaw, roll"), (1, 2, "pitch, roll")],
+        "degrees",
+    )
+    left.set_title("position, 95 %", fontsize=9)
+    right.set_title("angles, 95 %", fontsize=9)
+    return figure
+
+
+def _ellipses(
+    axes: "Axes", covariance: Array, pairs: Sequence[tuple[int, int, str]], unit: str
+) -> None:
+    largest = CHI_95_OF_2 * np.sqrt(np.diagonal(covariance).max())
+    for number, (first, second, name) in enumerate(pairs):
+        axes.add_patch(
+            _ellipse(covariance[np.ix_([first, second], [first, second])], COLOURS[number], number)
+        )
+        axes.plot([], [], color=COLOURS[number], linestyle=_DASHES[number], label=name)
+    axes.set_xlim(-1.15 * largest, 1.15 * largest)
+    axes.set_ylim(-1.15 * largest, 1.15 * largest)
+    axes.set_aspect("equal")
+    axes.set_xlabel(f"first named [{unit}]")
+    axes.set_ylabel(f"second named [{unit}]")
+    axes.grid(visible=True, linewidth=0.3)
+    axes.legend(fontsize=8, loc="upper right")
+
+
+_DASHES = ("-", "--", ":")
+
+
+def _ellipse(covariance: Array, colour: str, number: int, centre: Array | None = None) -> Ellipse:
+    values, vectors = np.linalg.eigh(covariance)
+    width, height = 2 * CHI_95_OF_2 * np.sqrt(np.maximum(values[::-1], 0))
+    angle = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
+    x, y = (0.0, 0.0) if centre is None else centre
+    return Ellipse(
+        (float(x), float(y)), width, height, angle=float(angle),
+        fill=False, edgecolor=colour, linestyle=_DASHES[number % 3], linewidth=1.3,
+    )  # fmt: skip
+
+
+def reception(records: Sequence[Fixes]) -> Figure:
+    """Satellites used and horizontal dilution of precision over time."""
+    start = min(record.times[0] for record in records)
+    figure = Figure(figsize=(7, 3.6), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    for number, record in enumerate(records):
+        style = {"color": COLOURS[number % 6], "linewidth": 1.2, "linestyle": _DASHES[number % 3]}
+        known = record.satellites >= 0
+        elapsed = record.times - start
+        above.step(
+            elapsed[known], record.satellites[known], where="post", label=record.receiver, **style
+        )
+        below.plot(elapsed, record.hdop, **style)
+    above.set_ylabel("satellites")
+    above.yaxis.set_major_locator(MaxNLocator(integer=True))
+    below.set_ylabel("HDOP")
+    below.set_xlabel("time from the start of the record [s]")
+    for axes in (above, below):
+        axes.grid(visible=True, linewidth=0.3)
+    figure.legend(loc="outside upper right", ncols=3, fontsize=8, frameon=False)
+    return figure
+
+
+def stated_ellipses(records: Sequence[Fixes]) -> Figure:
+    """Typical error ellipses as the receivers state them, fixed beside float (AD2.3)."""
+    figure = Figure(figsize=(7, 3.4), layout="constrained")
+    panels = figure.subplots(1, 2)
+    for axes, kind in zip(panels, (RTK_FIXED, RTK_FLOAT), strict=True):
+        largest = 0.0
+        for number, record in enumerate(records):
+            stated = record.covariances[record.kinds == kind][:, :2, :2]
+            stated = stated[np.isfinite(stated).all((1, 2))]
+            if len(stated) == 0:
+                continue
+            middle = np.median(stated, axis=0) * 1e4
+            axes.add_patch(_ellipse(middle, COLOURS[number % 6], number))
+            axes.plot([], [], color=COLOURS[number % 6], linestyle=_DASHES[number % 3],
+                      label=record.receiver)  # fmt: skip
+            largest = max(largest, CHI_95_OF_2 * float(np.sqrt(np.diagonal(middle).max())))
+        axes.set_title(f"{FIX_NAMES[kind]}, median 95 % ellipse", fontsize=9)
+        axes.set_xlabel("east [cm]")
+        if largest > 0:
+            axes.set_xlim(-1.2 * largest, 1.2 * largest)
+            axes.set_ylim(-1.2 * largest, 1.2 * largest)
+            axes.legend(fontsize=8, loc="upper right")
+        else:
+            axes.text(0.5, 0.5, "none stated", ha="center", transform=axes.transAxes, color=GREY)
+        axes.set_aspect("equal")
+        axes.grid(visible=True, linewidth=0.3)
+    panels[0].set_ylabel("north [cm]")
+    return figure
+
+
+def gap_lengths(found: Coverage) -> Figure:
+    """How long the gaps last, sorted, in seconds and metres."""
+    figure = Figure(figsize=(7, 2.4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    for axes, values, unit in (
+        (left, sorted((gap.duration for gap in found.gaps), reverse=True), "duration [s]"),
+        (right, sorted((gap.length for gap in found.gaps), reverse=True), "length [m]"),
+    ):
+        axes.bar(range(1, len(values) + 1), values, color=COLOURS[1])
+        axes.set_xlabel("gap, longest first")
+        axes.set_ylabel(unit)
+        axes.grid(visible=True, axis="y", linewidth=0.3)
+    return figure

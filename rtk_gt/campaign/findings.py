@@ -1,0 +1,266 @@
+"""What a person should read of an RTK drive, in sentences."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rtk_gt.campaign.outcome import RtkOutcome
+from rtk_gt.offsets.checks import differences_said
+from rtk_gt.offsets.estimate import distance_names
+from rtk_gt.path.vehicle_path import heading_span, tilt_spread
+from validation.poses.angles import Array
+from validation.results import Finding
+
+SUBJECT = "rtk"
+AXES = ("x", "y", "z")
+LARGEST_SLIP = np.radians(1.0)
+"""Vehicle frames and wheels agree better than this."""
+UNLIKELY = 1e-3
+"""Stated offsets that differ from the drive's by more than that often by chance are said."""
+
+
+def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
+    """All findings, in reading order."""
+    return [
+        *_coverage(outcome),
+        *_offsets(outcome),
+        *_prior(outcome),
+        *_motion(outcome),
+        *_antennas(outcome),
+        *_consistency(outcome),
+        *_leaps(outcome),
+        *_records(outcome),
+    ]
+
+
+def undetermined(outcome: RtkOutcome) -> list[tuple[Array, float]]:
+    """Directions (3 (r - 1),) of the offsets that the drive alone leaves open, with sigmas."""
+    offsets = outcome.offsets
+    limit = outcome.settings.largest_offset_sigma
+    found = []
+    for value, direction in zip(offsets.signal, offsets.directions.T, strict=True):
+        sigma = np.inf if value <= 0 else np.sqrt(offsets.correlation_time / value)
+        if sigma > limit:
+            found.append((direction, float(sigma)))
+    return found
+
+
+def direction_words(direction: Array, receivers: tuple[str, ...]) -> str:
+    """A direction of the offsets in words: its largest parts, receiver by receiver."""
+    parts = direction.reshape(-1, 3)
+    parts = parts * np.sign(parts.ravel()[np.abs(parts).argmax()])
+    said = []
+    for name, part in zip(receivers[1:], parts, strict=True):
+        shown = [f"{v:+.2f} {axis}" for v, axis in zip(part, AXES, strict=True) if abs(v) > 0.2]
+        if shown:
+            said.append(f"{name} ({', '.join(shown)})")
+    return " with ".join(said)
+
+
+def _coverage(outcome: RtkOutcome) -> Iterator[Finding]:
+    found = outcome.coverage
+    share = found.share_of_time
+    text = (
+        f"{found.poses} poses; ground truth covers {100 * share:.0f} % of the time and "
+        f"{100 * found.share_of_length:.0f} % of the {found.length:.0f} m driven."
+    )
+    if found.gaps and found.gaps[0].duration > found.max_gap:
+        gap = found.gaps[0]
+        text += (
+            f" The longest gap lasts {gap.duration:.1f} s ({gap.length:.0f} m), from second "
+            f"{gap.start - found.start:.1f} on. Gaps hold no ground truth; nothing is "
+            "interpolated across them."
+        )
+    yield Finding("note" if share > 0.5 else "warning", text, SUBJECT, "coverage")
+
+
+def _offsets(outcome: RtkOutcome) -> Iterator[Finding]:
+    span, tilt = heading_span(outcome.path), tilt_spread(outcome.path)
+    drive = (
+        f"the headings span {np.degrees(span):.0f} degrees and the vehicle tilts by "
+        f"{np.degrees(tilt):.1f} degrees"
+    )
+    open_directions = undetermined(outcome)
+    if not open_directions:
+        worst = outcome.offsets.offset_sigmas.max()
+        text = f"The drive determines all offsets, the weakest to {1000 * worst:.1f} mm ({drive})."
+        yield Finding("good", text, SUBJECT, "offsets_determined")
+        return
+    listed = "; ".join(
+        f"{direction_words(direction, outcome.offsets.receivers)}: "
+        + ("not at all" if np.isinf(sigma) else f"{100 * sigma:.1f} cm")
+        for direction, sigma in open_directions
+    )
+    count, total = len(open_directions), len(outcome.offsets.signal)
+    text = (
+        f"The drive alone leaves {count} of {total} directions of the offsets open (sigma above "
+        f"{1000 * outcome.settings.largest_offset_sigma:.0f} mm), as {drive}: {listed}. "
+    )
+    worst = float(outcome.offsets.offset_sigmas.max())
+    if worst > outcome.settings.largest_offset_sigma:
+        text += (
+            f"{_beforehand(outcome)} The sigmas are up to {_metres(worst)}, which makes up to "
+            f"{_degrees_of(outcome)} degrees of attitude. The offsets must come from a longer "
+            "drive with turns and slopes, or be stated in [rtk.known_offsets]."
+        )
+        yield Finding("error" if worst > 0.5 else "warning", text, SUBJECT, "offsets_undetermined")
+    else:
+        text += (
+            "There they are those stated in campaign.toml, which this drive cannot check; "
+            if outcome.settings.known_offsets or outcome.settings.known_distances
+            else f"No single offset is worse than {_metres(worst)}; "
+        )
+        text += f"their error makes up to {_degrees_of(outcome)} degrees of attitude at all poses."
+        yield Finding("warning", text, SUBJECT, "offsets_from_prior")
+
+
+def _beforehand(outcome: RtkOutcome) -> str:
+    if outcome.settings.known_offsets or outcome.settings.known_distances:
+        return "What campaign.toml states beforehand does not settle them."
+    return "Nothing is stated of them beforehand."
+
+
+def _metres(value: float) -> str:
+    return f"{value:.1f} m" if value >= 1 else f"{100 * value:.1f} cm"
+
+
+def _degrees_of(outcome: RtkOutcome) -> str:
+    """Largest standard deviation of an angle that offsets and distances cause."""
+    systematic = outcome.path.systematic_covariances
+    sigma = np.sqrt(np.diagonal(systematic, axis1=1, axis2=2)[:, 3:].max())
+    return f"{np.degrees(sigma):.2g}" if sigma < 1 else "many"
+
+
+def _prior(outcome: RtkOutcome) -> Iterator[Finding]:
+    """Stated offsets and measured distances that the drive contradicts."""
+    if outcome.stated is not None and outcome.stated.probability < UNLIKELY:
+        said = differences_said(outcome.stated, outcome.offsets.receivers[1:], 2.0)
+        text = (
+            "The stated offsets do not agree with those of the drive alone (probability "
+            f"{100 * outcome.stated.probability:.2g} %): {said or 'in their combination'}. "
+            "Their sigma may be too small, or they belong to another drive or frame."
+        )
+        yield Finding("warning", text, SUBJECT, "offsets_differ")
+    known = outcome.settings.known_distances
+    if known is None:
+        return
+    names = distance_names(outcome.offsets.receivers)
+    for row, name in enumerate(names):
+        stated = known.of_pair(name, np.nan)
+        if np.isnan(stated):
+            continue
+        off = outcome.offsets.distances[row] - stated
+        sigma = np.hypot(known.sigma, outcome.offsets.distance_sigmas[row])
+        if abs(off) > 3 * sigma:
+            text = (
+                f"The distance {name} is {1000 * off:+.0f} mm from the measured one, "
+                f"{abs(off) / sigma:.1f} standard deviations: check the tape measure's reading, "
+                "the known offsets, and the time of the receivers."
+            )
+            yield Finding("warning", text, SUBJECT, "distance_differs")
+
+
+def _motion(outcome: RtkOutcome) -> Iterator[Finding]:
+    """Whether the nose points where the vehicle goes."""
+    found = outcome.motion
+    if found is None:
+        return
+    length = float(np.ptp(outcome.antennas.positions[:, 0]))
+    for angle, sigma, where, opposite, what in (
+        (found.up, found.up_sigma, "above", "below", "vertical"),
+        (found.left, found.left_sigma, "left of", "right of", "lateral"),
+    ):
+        if abs(angle) < max(LARGEST_SLIP, 3 * sigma):
+            continue
+        side = opposite if angle > 0 else where
+        text = (
+            f"The vehicle's x axis points {abs(np.degrees(angle)):.1f} degrees {side} its "
+            f"direction of motion on average ({found.steps} steps, standard error "
+            f"{np.degrees(sigma):.1f}). A {what} offset between front and rear that is wrong by "
+            f"{100 * length * abs(np.tan(angle)):.0f} cm would do that, or stated antenna "
+            "positions that are; the antenna distances cannot show it."
+        )
+        yield Finding("warning", text, SUBJECT, "nose_off_motion")
+
+
+def _antennas(outcome: RtkOutcome) -> Iterator[Finding]:
+    worst = float(np.abs(outcome.antennas.misfit).max())
+    if worst > 0.01:
+        text = (
+            f"The distances do not fit antennas on a rigid body: {1000 * worst:.0f} mm are left. "
+            "One antenna moved, or an offset is wrong."
+        )
+        yield Finding("warning", text, SUBJECT, "antennas_misfit")
+    heights = ", ".join(f"{z:.3f}" for z in outcome.antennas.positions[:3, 2])
+    text = (
+        f"The heights of the first three antennas on the vehicle ({heights} m) are stated, not "
+        "measured by this drive: they decide what is called level."
+    )
+    yield Finding("note", text, SUBJECT, "heights_stated")
+
+
+def _consistency(outcome: RtkOutcome) -> Iterator[Finding]:
+    found = outcome.consistency
+    low, high = found.mean_square_interval
+    yield Finding(
+        "note" if found.share_beyond <= 3 * (1 - found.confidence) else "warning",
+        f"{100 * found.share_beyond:.1f} % of the poses are beyond the bound q = "
+        f"{found.bound:.2f} that {100 * (1 - found.confidence):.0f} % should pass.",
+        SUBJECT,
+        "consistency",
+    )
+    if not low <= found.mean_square <= high:
+        side = "smaller" if found.mean_square < low else "larger"
+        text = (
+            f"The noise is {side} than assumed: the mean of q^2 is {found.mean_square:.2f} times "
+            f"what it should be ({low:.2f} to {high:.2f})."
+        )
+        yield Finding("note" if side == "smaller" else "warning", text, SUBJECT, "noise_level")
+    if found.correlation_time > 2:
+        text = (
+            f"Neighbouring poses err alike: {found.correlation_time:.1f} poses are worth one "
+            "independent one. Averages over neighbours gain less than their number says."
+        )
+        yield Finding("note", text, SUBJECT, "correlated")
+    names = distance_names(outcome.offsets.receivers)
+    for name, off, bad in zip(names, found.bias, found.biased, strict=True):
+        if bad:
+            text = (
+                f"The distance {name} is {1000 * off:+.1f} mm from its constant value on "
+                "average, more than chance allows: offsets or distances do not fit this drive."
+            )
+            yield Finding("warning", text, SUBJECT, "distance_biased")
+    false = int((outcome.offsets.weights == 0).sum())
+    if false:
+        text = f"{false} steps have a false fix, told by their distances, and give no pose."
+        yield Finding("note", text, SUBJECT, "false_fixes")
+
+
+def _leaps(outcome: RtkOutcome) -> Iterator[Finding]:
+    """Poses that their neighbours contradict, though their distances are right."""
+    rows = np.flatnonzero(outcome.leaps)
+    if len(rows) == 0:
+        return
+    seconds = ", ".join(
+        f"{outcome.path.times[row] - outcome.coverage.start:.1f}" for row in rows[:10]
+    )
+    more = f" and {len(rows) - 10} more" if len(rows) > 10 else ""
+    text = (
+        f"{len(rows)} {'pose leaps' if len(rows) == 1 else 'poses leap'} in height, pitch or roll "
+        "against the neighbours, at second "
+        f"{seconds}{more}. A false fix that moves an antenna up or down does that and keeps all "
+        "distances; so does a kerb. Such poses stay in the path, marked 'leaps' in its sources."
+    )
+    yield Finding("warning", text, SUBJECT, "leaps")
+
+
+def _records(outcome: RtkOutcome) -> Iterator[Finding]:
+    """Remarks of the readers, and what they tolerated."""
+    for record in outcome.records:
+        for note in record.notes:
+            yield Finding("note", note, record.receiver, "record")
+        if record.tolerated:
+            said = ", ".join(f"{what}: {count}" for what, count in record.tolerated.items())
+            yield Finding(
+                "note", f"{record.source.name}, accepted: {said}.", record.receiver, "tolerated"
+            )

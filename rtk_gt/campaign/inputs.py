@@ -1,0 +1,143 @@
+"""A campaign's records of all receivers."""
+
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+
+from rtk_gt.offsets.estimate import distance_names
+from rtk_gt.offsets.prior import OffsetPrior
+from rtk_gt.receivers.fix_checks import check_fixes
+from rtk_gt.receivers.fix_csv import read_fix_csv
+from rtk_gt.receivers.fixes import Fixes
+from rtk_gt.receivers.frames import FrameVectors, LocalFrame
+from rtk_gt.receivers.nmea import read_nmea
+from rtk_gt.receivers.rawlog import Rawlog, read_rawlog
+from rtk_gt.receivers.rtklib import read_pos
+from rtk_gt.settings import Receiver, RtkSettings
+from validation.campaign.folder import Campaign
+from validation.errors import GtvalError, InputError, Problem
+
+ENDINGS = {
+    ".nmea": "nmea",
+    ".txt": "nmea",
+    ".log": "nmea",
+    ".pos": "rtklib",
+    ".rawlog": "rawlog",
+    ".csv": "csv",
+}
+
+
+def read_records(campaign: Campaign, settings: RtkSettings) -> list[Fixes]:
+    """The fixes of all receivers, in the order of campaign.toml.
+
+    Raises
+    ------
+    InputError
+        With the bad places of all files.
+    """
+    problems: list[Problem] = []
+    records: list[Fixes] = []
+    rawlogs: dict[Path, Rawlog] = {}
+    for receiver in settings.receivers:
+        try:
+            records.append(_read(campaign, receiver, settings, rawlogs))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(dict.fromkeys(problems))
+    check_fixes(records, stated_frame(settings))
+    return records
+
+
+def _read(
+    campaign: Campaign, receiver: Receiver, settings: RtkSettings, rawlogs: dict[Path, Rawlog]
+) -> Fixes:
+    path = campaign.folder / receiver.file
+    kind = receiver.format if receiver.format != "auto" else ENDINGS.get(path.suffix.lower())
+    if kind == "rawlog":
+        if path not in rawlogs:
+            rawlogs[path] = read_rawlog(path)
+        label = receiver.label or receiver.name
+        found = rawlogs[path].fixes
+        if label not in found:
+            expected = f"no receiver of that label; the rawlog has {', '.join(sorted(found))}"
+            raise InputError([Problem(path, expected, field="label", value=label)])
+        return replace(found[label], receiver=receiver.name)
+    if kind == "nmea":
+        day = _day(campaign, receiver)
+        return read_nmea(path, receiver.name, day=day, skip_damaged=settings.skip_damaged)
+    if kind == "rtklib":
+        return read_pos(path, receiver.name)
+    if kind == "csv":
+        return read_fix_csv(path, receiver.name)
+    expected = (
+        f"a kind of file that its name does not tell; set format, or use {', '.join(ENDINGS)}"
+    )
+    raise InputError([Problem(path, expected)])
+
+
+def _day(campaign: Campaign, receiver: Receiver) -> date | None:
+    if not receiver.date:
+        return None
+    try:
+        return date.fromisoformat(receiver.date)
+    except ValueError:
+        raise InputError(
+            [
+                Problem(
+                    campaign.toml,
+                    "not a date; expected YYYY-MM-DD",
+                    field=f"rtk.receivers.{receiver.name}.date",
+                    value=receiver.date,
+                )
+            ]
+        ) from None
+
+
+def stated_frame(settings: RtkSettings) -> LocalFrame | None:
+    """The local frame of campaign.toml; None where no origin is stated."""
+    if settings.origin is None:
+        return None
+    origin = settings.origin
+    return LocalFrame.from_degrees(origin.latitude, origin.longitude, origin.height, settings.up)
+
+
+def local_frame(settings: RtkSettings, records: list[Fixes]) -> LocalFrame:
+    """The stated local frame, or one at the first RTK-fixed position of the first receiver."""
+    stated = stated_frame(settings)
+    if stated is not None:
+        return stated
+    fixed = records[0].geodetic[records[0].fixed]
+    if len(fixed) == 0:
+        raise GtvalError(f"receiver {records[0].receiver} is never RTK-fixed")
+    latitude, longitude, height = (float(value) for value in fixed[0])
+    return LocalFrame(latitude, longitude, height, settings.up)
+
+
+def offset_prior(settings: RtkSettings, frame: LocalFrame) -> OffsetPrior:
+    """What campaign.toml states of offsets and distances.
+
+    Raises
+    ------
+    GtvalError
+        If the known offsets belong to another frame, or a distance is of no pair.
+    """
+    names = tuple(receiver.name for receiver in settings.receivers)
+    prior = OffsetPrior()
+    if settings.known_offsets is not None:
+        known = settings.known_offsets
+        values = np.array([known.values.get(name, (np.nan,) * 3) for name in names])
+        if names[0] in known.values:
+            values = values - values[0]
+        values = FrameVectors(replace(frame, up=known.up), values).within(frame)
+        prior = replace(prior, offsets=values, offset_sigmas=np.full(values.shape, known.sigma))
+    if settings.known_distances is not None:
+        stated = settings.known_distances
+        pairs = distance_names(names)
+        distances = np.array([stated.of_pair(pair, np.nan) for pair in pairs])
+        prior = replace(
+            prior, distances=distances, distance_sigmas=np.full(len(pairs), stated.sigma)
+        )
+    return prior

@@ -1,0 +1,1 @@
+"""Constant offsets of receivers and the noise of their fixes."""

@@ -1,0 +1,183 @@
+"""The vehicle's path: a pose with covariance wherever all receivers are RTK-fixed together."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform
+
+from rtk_gt.offsets.estimate import Offsets
+from rtk_gt.offsets.noise import GpsNoise
+from rtk_gt.path.alignment import align
+from rtk_gt.path.antennas import Antennas, check_antennas
+from rtk_gt.path.covariance import noise_covariance, systematic_jacobian
+from rtk_gt.path.orientation import angles_of, matrix_of, transform_of
+from rtk_gt.receivers.frames import LocalFrame
+from rtk_gt.receivers.steps import Steps
+from validation.errors import GtvalError
+from validation.poses.angles import Array
+from validation.poses.pose_table import SPATIAL, PoseTable
+
+LARGEST_JOINT = 300
+"""Up to so many poses the joint covariance is kept; (6 n)^2 numbers are too many beyond."""
+
+
+@dataclass(frozen=True)
+class VehiclePath:
+    """Poses of the vehicle in the local frame.
+
+    Parameters
+    ----------
+    times : (n,) array
+        Seconds since 1970 UTC.
+    poses : (n, 6) array
+        x, y, z in metres, yaw, pitch, roll in radians.
+    noise_covariances : (n, 6, 6) array
+        From the receivers' noise, independent from pose to pose.
+    systematic_jacobians : (n, 6, k) array
+        How an error of offsets and distances moves each pose.
+    systematic_covariance : (k, k) array
+        Covariance of offsets and distances, the same for the whole drive.
+    residuals : (n, r, 3) array
+        Measured minus fitted antenna positions, metres.
+    frame : LocalFrame
+        The local frame.
+    """
+
+    times: Array
+    poses: Array
+    noise_covariances: Array
+    systematic_jacobians: Array
+    systematic_covariance: Array
+    residuals: Array
+    frame: LocalFrame
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @property
+    def T_local_vehicle(self) -> RigidTransform:
+        """The poses as transforms."""
+        return transform_of(self.poses)
+
+    @property
+    def systematic_covariances(self) -> Array:
+        """(n, 6, 6) part of each pose's covariance that all poses share."""
+        J = self.systematic_jacobians
+        return np.asarray(J @ self.systematic_covariance @ np.swapaxes(J, -1, -2))
+
+    @property
+    def covariances(self) -> Array:
+        """(n, 6, 6) covariance of each pose, noise and offsets together."""
+        return np.asarray(self.noise_covariances + self.systematic_covariances)
+
+    @property
+    def joint_covariance(self) -> Array:
+        """(6 n, 6 n) covariance of all poses together."""
+        n = len(self)
+        J = self.systematic_jacobians.reshape(6 * n, -1)
+        joint = np.asarray(J @ self.systematic_covariance @ J.T)
+        blocks = joint.reshape(n, 6, n, 6)
+        blocks[np.arange(n), :, np.arange(n)] += self.noise_covariances
+        return joint
+
+    def select(self, rows: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> "VehiclePath":
+        """The chosen poses."""
+        return replace(
+            self,
+            times=self.times[rows],
+            poses=self.poses[rows],
+            noise_covariances=self.noise_covariances[rows],
+            systematic_jacobians=self.systematic_jacobians[rows],
+            residuals=self.residuals[rows],
+        )
+
+
+def vehicle_path(
+    steps: Steps, offsets: Offsets, antennas: Antennas, noise: GpsNoise | None = None
+) -> VehiclePath:
+    """The path from recorded steps.
+
+    Parameters
+    ----------
+    steps : Steps
+        As recorded; steps at which not all receivers are RTK-fixed give no pose.
+    offsets : Offsets
+        Of the receivers, with the covariance of offsets and distances.
+    antennas : Antennas
+        Where the antennas are on the vehicle.
+    noise : GpsNoise, optional
+        Of each receiver; that of the offsets' residuals by default.
+
+    Raises
+    ------
+    GtvalError
+        If no step is complete, the antennas are in one line, the offsets belong to another
+        frame, or the vehicle comes out upside down.
+
+    Notes
+    -----
+    Blanco 2009, Eq. 10. All antennas weigh the same, as published.
+    """
+    check_antennas(antennas.positions)
+    used = steps.select(steps.complete).corrected(offsets.offsets)
+    if len(used) == 0:
+        raise GtvalError("at no time are all receivers RTK-fixed together: there is no path")
+    rotation, translation = align(antennas.positions, used.positions)
+    angles = angles_of(rotation)
+    if np.median(np.cos(angles[:, 2])) < 0:
+        raise GtvalError(
+            "the vehicle comes out upside down: are front left and front right exchanged? The "
+            "receivers must be listed as rear, front left, front right"
+        )
+    noise = noise or GpsNoise(offsets.sigma, offsets.eta)
+    fitted = np.einsum("tij,rj->tri", rotation, antennas.positions) + translation[:, None]
+    return VehiclePath(
+        times=used.times,
+        poses=np.concatenate([translation, angles], axis=1),
+        noise_covariances=noise_covariance(antennas.positions, rotation, noise),
+        systematic_jacobians=systematic_jacobian(
+            antennas.positions, rotation, antennas.by_distance
+        ),
+        systematic_covariance=offsets.covariance,
+        residuals=used.positions - fitted,
+        frame=steps.frame,
+    )
+
+
+def pose_table(
+    path: VehiclePath, system: str = "rtk", leaps: npt.NDArray[np.bool_] | None = None
+) -> PoseTable:
+    """The path as the table that all systems share; the stops are named by their times.
+
+    Poses that leap against their neighbours say so in their source.
+    """
+    n = len(path)
+    leaps = np.zeros(n, dtype=bool) if leaps is None else leaps
+    return PoseTable(
+        system=system,
+        ids=tuple(f"{time:.3f}" for time in path.times),
+        poses=path.poses,
+        covariances=path.covariances,
+        components=SPATIAL,
+        sources=tuple("RTK fixed, leaps" if leap else "RTK fixed" for leap in leaps),
+        joint=path.joint_covariance if n <= LARGEST_JOINT else None,
+        provenance={"frame": str(path.frame), "published_as": "times are seconds UTC since 1970"},
+    )
+
+
+def heading_span(path: VehiclePath) -> float:
+    """Smallest arc in radians that holds all headings; 2 pi for a full turn."""
+    yaw = np.sort(np.mod(path.poses[:, 3], 2 * np.pi))
+    if len(yaw) < 2:
+        return 0.0
+    gaps = np.append(np.diff(yaw), yaw[0] + 2 * np.pi - yaw[-1])
+    return float(2 * np.pi - gaps.max())
+
+
+def tilt_spread(path: VehiclePath) -> float:
+    """Spread of pitch and roll in radians beyond what noise explains, as a standard deviation."""
+    up = matrix_of(path.poses[:, 3:])[:, :, 2]
+    spread = np.square(up[:, :2] - up[:, :2].mean(0)).sum(1).mean()
+    noise = path.noise_covariances[:, [4, 5], [4, 5]].sum(1).mean()
+    return float(np.sqrt(max(spread - noise, 0.0)))

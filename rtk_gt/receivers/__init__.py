@@ -1,0 +1,1 @@
+"""Fixes of RTK-GPS receivers and the files they come in."""

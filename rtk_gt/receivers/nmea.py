@@ -1,0 +1,315 @@
+"""NMEA 0183 logs: positions of GGA, stated errors of GST, dates of RMC and ZDA.
+
+Receivers depart from the standard in ways that do no harm; each is accepted and counted:
+one-digit or lower-case checksums, missing checksums, bytes before the ``$``, empty fields.
+A sentence whose checksum is wrong, or that is cut, is an error unless the caller asks for such
+sentences to be skipped, which is counted too.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import UTC, date, datetime
+from pathlib import Path
+
+import numpy as np
+
+from rtk_gt.receivers.error_ellipses import EllipseRecord, covariances_from_gst
+from rtk_gt.receivers.fixes import FIX_NAMES, Fixes
+from validation.errors import MAX_SHOWN_PROBLEMS, GtvalError, InputError, Problem, shown
+
+MAX_BYTES = 2_000_000_000
+HALF_DAY = 43200.0
+_SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3}),([^*$]*)(?:\*([0-9A-Fa-f]{0,2}))?\s*$")
+_NUMBER = re.compile(r"[+-]?\d+(\.\d*)?|[+-]?\.\d+")
+_TIME = re.compile(r"(\d{2})(\d{2})(\d{2}(?:\.\d*)?)")
+_DATED = re.compile(r"\$..(?:RMC,([^,]*),(?:[^,]*,){7}(\d{6})|ZDA,([^,]*),(\d\d,\d\d,\d{4}))")
+
+
+@dataclass
+class _Log:
+    """What has been read so far."""
+
+    path: Path
+    skip_damaged: bool
+    day: float | None
+    tolerated: Counter[str] = field(default_factory=Counter)
+    problems: list[Problem] = field(default_factory=list)
+    rows: list[tuple[float, float, float, float, int, int, float, int]] = field(
+        default_factory=list
+    )
+    ellipses: dict[float, EllipseRecord] = field(default_factory=dict)
+    last_clock: float | None = None
+    dated: bool = False
+
+    def bad(self, line: int, name: str, value: str, expected: str) -> None:
+        self.problems.append(Problem(self.path, expected, line, name, value))
+        if len(self.problems) > 10 * MAX_SHOWN_PROBLEMS:
+            raise InputError(self.problems)
+
+    def damaged(self, line: int, value: str, what: str) -> None:
+        """A sentence that did not arrive whole."""
+        if self.skip_damaged:
+            self.tolerated[f"damaged sentence skipped ({what})"] += 1
+            return
+        hint = "to leave such sentences out, set `skip_damaged = true` in [rtk]"
+        self.bad(line, "sentence", value, f"{what}; {hint}")
+
+
+def read_nmea(
+    path: Path, receiver: str, *, day: date | None = None, skip_damaged: bool = False
+) -> Fixes:
+    """The fixes of an NMEA log.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    receiver : str
+        Name for the record.
+    day : date, optional
+        UTC date of the first sentence, where the log has neither RMC nor ZDA.
+    skip_damaged : bool
+        Leave out sentences that are cut or whose checksum is wrong, and count them.
+
+    Returns
+    -------
+    Fixes
+        Heights are above the ellipsoid: GGA altitude plus geoid separation.
+
+    Raises
+    ------
+    InputError
+        Naming line, field and value of every bad place.
+    """
+    text = _text(path)
+    start = None if day is None else datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()
+    log = _Log(path, skip_damaged, start)
+    log.day, log.last_clock = (start, None) if start is not None else _first_date(text)
+    log.dated = log.day is not None
+    if log.day is None:
+        log.day = 0.0
+    for number, line in enumerate(text.split("\n"), 1):
+        if line.strip():
+            _read_line(log, number, line.rstrip("\r"))
+    if not log.rows and not log.problems:
+        log.problems.append(Problem(path, "no GGA sentence with a position in the file"))
+    if log.problems:
+        raise InputError(log.problems)
+    return _fixes(log, receiver)
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.is_file() and path.stat().st_size > MAX_BYTES:
+            raise InputError([Problem(path, "the log has more than 2 GB; cut it first")])
+        return path.read_bytes().decode("latin-1")
+    except FileNotFoundError:
+        raise InputError([Problem(path, "there is no such file")]) from None
+    except OSError as error:
+        raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+def _first_date(text: str) -> tuple[float | None, float | None]:
+    """Midnight of the first RMC or ZDA sentence that has a date, and its own time of day.
+
+    With the time of day, fixes of the evening before a date that was written after midnight are
+    of the day before.
+    """
+    for match in _DATED.finditer(text):
+        layout, value = ("%d%m%y", match[2]) if match[2] else ("%d,%m,%Y", match[4])
+        clock = _TIME.fullmatch(match[1] or match[3] or "")
+        try:
+            day = datetime.strptime(value, layout).replace(tzinfo=UTC).timestamp()
+        except ValueError:
+            continue
+        return day, _seconds(clock) if clock else None
+    return None, None
+
+
+def _seconds(clock: re.Match[str]) -> float:
+    """Seconds of the day of a match of hhmmss.ss."""
+    return 3600 * int(clock[1]) + 60 * int(clock[2]) + float(clock[3])
+
+
+def _read_line(log: _Log, number: int, line: str) -> None:
+    """Add what one line says."""
+    start = line.find("$")
+    if start < 0:
+        log.damaged(number, line, "no sentence begins in this line")
+        return
+    if start > 0:
+        log.tolerated["bytes before the sentence"] += 1
+    match = _SENTENCE.match(line[start:])
+    if match is None:
+        if re.match(r"\$P[A-Z]", line[start:]):
+            return  # a maker's own sentence
+        log.damaged(number, line, "not a whole NMEA sentence")
+        return
+    _, kind, body, checksum = match.groups()
+    readers: dict[str, Callable[[_Log, int, list[str]], None]] = {"GGA": _gga, "GST": _gst}
+    if kind not in readers or not _checksum_holds(log, number, line[start:], checksum):
+        return
+    readers[kind](log, number, body.split(","))
+
+
+def _checksum_holds(log: _Log, number: int, sentence: str, checksum: str | None) -> bool:
+    """Whether the sentence arrived as sent, as far as its checksum tells."""
+    if not checksum:
+        if checksum == "" or sentence.count(",") < 8:
+            log.damaged(number, sentence, "the sentence is cut")
+            return False
+        log.tolerated["no checksum"] += 1
+        return True
+    value = 0
+    for character in sentence[1 : sentence.rindex("*")]:
+        value ^= ord(character)
+    if int(checksum, 16) != value:
+        log.damaged(number, sentence, f"the checksum is {checksum}, the sentence has {value:02X}")
+        return False
+    if len(checksum) == 1:
+        log.tolerated["checksum of one digit"] += 1
+    if checksum != checksum.upper():
+        log.tolerated["checksum in lower case"] += 1
+    return True
+
+
+def _clock(log: _Log, number: int, cell: str, *, of_errors: bool = False) -> float | None:
+    """Seconds since 1970 of a time of day.
+
+    Midnight passes where the clock falls by half a day. Where it rises by half a day midnight was
+    not yet: at the first fix, if the date was written after midnight, and at the errors of a fix,
+    which may be written after the next fix. Other rises are pauses.
+    """
+    match = _TIME.fullmatch(cell)
+    if match is None or int(match[1]) > 23 or int(match[2]) > 59 or float(match[3]) >= 61:
+        log.bad(number, "time", cell, "not a time of day; expected hhmmss.ss")
+        return None
+    clock = _seconds(match)
+    rise = 0.0 if log.last_clock is None else clock - log.last_clock
+    if rise > HALF_DAY and of_errors:
+        return (log.day or 0.0) - 86400.0 + clock
+    if rise < -HALF_DAY:
+        log.day = (log.day or 0.0) + 86400.0
+    elif rise > HALF_DAY and not log.rows:
+        log.day = (log.day or 0.0) - 86400.0
+    log.last_clock = clock
+    return (log.day or 0.0) + clock
+
+
+def _gga(log: _Log, number: int, cells: list[str]) -> None:
+    """One position; without a fix its cells may be empty."""
+    if len(cells) < 12:
+        comma = " (a decimal comma?)" if len(cells) > 14 else ""
+        log.bad(number, "GGA", ",".join(cells), f"{len(cells)} fields, expected 14{comma}")
+        return
+    if len(cells) > 14:
+        log.bad(
+            number, "GGA", ",".join(cells), f"{len(cells)} fields, expected 14 (a decimal comma?)"
+        )
+        return
+    time = _clock(log, number, cells[0])
+    kind = cells[5]
+    if not kind.isdigit() or int(kind) not in FIX_NAMES:
+        log.bad(number, "fix quality", kind, "not a fix kind of GGA (0 to 9)")
+        return
+    if kind == "0" or time is None:
+        log.tolerated["GGA without a fix"] += kind == "0"
+        return
+    latitude = _angle(log, number, "latitude", cells[1], cells[2], "NS", 90.0)
+    longitude = _angle(log, number, "longitude", cells[3], cells[4], "EW", 180.0)
+    altitude = _cell(log, number, "altitude", cells[8])
+    separation = _cell(log, number, "geoid separation", cells[10] or "0")
+    if not cells[10]:
+        log.tolerated["no geoid separation: the altitude is taken as ellipsoidal height"] += 1
+    if None in {latitude, longitude, altitude, separation}:
+        return
+    satellites = int(cells[6]) if cells[6].isdigit() else -1
+    hdop = float(cells[7]) if _NUMBER.fullmatch(cells[7]) else np.nan
+    height = (altitude or 0.0) + (separation or 0.0)
+    place = (latitude or 0.0, longitude or 0.0, height)
+    log.rows.append((time, *place, int(kind), satellites, hdop, number))
+
+
+def _angle(
+    log: _Log, number: int, name: str, cell: str, side: str, sides: str, largest: float
+) -> float | None:
+    """Radians of an angle written as dddmm.mmmm with its hemisphere."""
+    digits = len(str(int(largest)))  # 2 for latitude, 3 for longitude
+    if _NUMBER.fullmatch(cell) is None or not cell[:digits].isdigit():
+        log.bad(number, name, cell, f"not an angle; expected {'d' * digits}mm.mmmm")
+        return None
+    degrees, minutes = int(cell[:digits]), float(cell[digits:] or "0")
+    value = degrees + minutes / 60
+    if minutes >= 60 or value > largest:
+        log.bad(number, name, cell, _beyond(cell, digits, minutes, largest))
+        return None
+    if side not in tuple(sides):
+        log.bad(number, name, side, f"not a hemisphere; expected {sides[0]} or {sides[1]}")
+        return None
+    return float(np.radians(value if side == sides[0] else -value))
+
+
+def _beyond(cell: str, digits: int, minutes: float, largest: float) -> str:
+    """What is wrong with an angle that is none: usually its digits, not its size."""
+    written = cell.partition(".")[0]
+    if len(written) != digits + 2:
+        return (
+            f"{len(written)} digits before the point, expected {digits + 2} ({'d' * digits}mm); "
+            "are latitude and longitude exchanged?"
+        )
+    if minutes >= 60:
+        return f"{minutes:g} minutes; expected less than 60"
+    return f"out of range; expected up to {largest:g} degrees"
+
+
+def _cell(log: _Log, number: int, name: str, cell: str) -> float | None:
+    """A number, or None after recording that it is none."""
+    if _NUMBER.fullmatch(cell) is None:
+        log.bad(number, name, cell, "not a number")
+        return None
+    return float(cell)
+
+
+def _gst(log: _Log, number: int, cells: list[str]) -> None:
+    """Stated errors, kept by their time until all positions are known."""
+    if len(cells) != 8:
+        log.bad(number, "GST", ",".join(cells), f"{len(cells)} fields, expected 8")
+        return
+    time = _clock(log, number, cells[0], of_errors=True)
+    numbers = [float(c) if _NUMBER.fullmatch(c) else np.nan for c in cells[2:]]
+    if time is None or any(np.isnan(numbers)):
+        log.tolerated["GST with empty fields"] += 1
+        if time is None or any(np.isnan(numbers[3:])):
+            return
+    names = ("major sigma", "minor sigma", "", "latitude sigma", "longitude sigma", "height sigma")
+    for name, value, cell in zip(names, numbers, cells[2:], strict=True):
+        if name and value < 0:
+            log.bad(number, f"GST {name}", cell, "a standard deviation cannot be negative")
+            return
+    log.ellipses[time] = EllipseRecord(*numbers)
+
+
+def _fixes(log: _Log, receiver: str) -> Fixes:
+    table = np.array(log.rows, dtype=float)
+    records = [log.ellipses.get(float(time)) for time in table[:, 0]]
+    covariances, notes = covariances_from_gst(records)
+    if not log.dated:
+        notes = (*notes, "The log has no date (RMC, ZDA); days are counted from 1970-01-01.")
+    skipped = sum(n for what, n in log.tolerated.items() if what.startswith("damaged"))
+    if skipped:
+        notes = (*notes, f"{shown(log.path.name)}: {skipped} damaged sentences were left out.")
+    return Fixes(
+        receiver=receiver,
+        times=table[:, 0],
+        geodetic=table[:, 1:4],
+        kinds=table[:, 4].astype(np.int64),
+        satellites=table[:, 5].astype(np.int64),
+        hdop=table[:, 6],
+        covariances=covariances,
+        lines=table[:, 7].astype(np.int64),
+        source=log.path,
+        tolerated=dict(log.tolerated),
+        notes=notes,
+    )

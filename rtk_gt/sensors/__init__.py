@@ -1,0 +1,1 @@
+"""Sensors on the vehicle: their times, places and clouds."""

@@ -1,0 +1,148 @@
+"""The command ``gtval enter``."""
+
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from validation.commands.options import AS_JSON, CAMPAIGN
+
+if TYPE_CHECKING:
+    from survey.entry.dialogue.entry_session import EntrySession
+    from survey.entry.record.entries import Person
+
+
+@click.command()
+@CAMPAIGN
+@click.option("--by", default="", help="Who is at the laser; noted with every reading.")
+@click.option("--second", is_flag=True, help="Blind second entry, by the other person.")
+@click.option("--web", is_flag=True, help="Serve a page for phones and tablets in the room.")
+@click.option("--host", default="127.0.0.1", show_default=True, help="With --web: address.")
+@click.option("--port", default=8765, show_default=True, type=click.IntRange(0, 65535))
+@click.option("--adopt", is_flag=True, help="Take over what was changed by hand in the file.")
+@click.option("--status", is_flag=True, help="Only say how far the work is.")
+@AS_JSON
+def enter(
+    *,
+    campaign: Path,
+    by: str,
+    second: bool,
+    web: bool,
+    host: str,
+    port: int,
+    adopt: bool,
+    status: bool,
+    as_json: bool,
+) -> None:
+    """Enter hand-laser readings, one number and Enter at a time.
+
+    The plan follows from CAMPAIGN/campaign.toml: world points, stops, pairs that cannot be seen.
+    Every reading is safe in survey/journal.jsonl before it is acknowledged; survey/readings.csv
+    follows from it. Also takes a list from a pipe. --status and --json only look.
+    """
+    _show_what_the_screen_can()
+    with _nothing_collected():
+        from survey.entry.dialogue.entry_session import EntrySession
+        from survey.entry.record.entries import Person
+        from validation.campaign.folder import load_campaign
+        from validation.errors import GtvalError
+
+        loaded = load_campaign(campaign)
+        if second and not by:
+            raise GtvalError("say who makes the second entry: --second --by NAME")
+        look = status or as_json
+        entry_session = (
+            EntrySession.look(loaded) if look else EntrySession.open(loaded, by, adopt=adopt)
+        )
+    if look:
+        _print_status(entry_session, as_json=as_json)
+        return
+    try:
+        if web:
+            from survey.entry.screens.serving import serve
+
+            exit_status = serve(entry_session, host, port)
+        else:
+            exit_status = _at_terminal(entry_session, Person(by, "terminal", second))
+    finally:
+        entry_session.close()
+    if exit_status:
+        raise click.exceptions.Exit(exit_status)
+
+
+def _show_what_the_screen_can() -> None:
+    """A sign that the terminal does not have, or a byte that is no text, ends nothing."""
+    import io
+    import sys
+
+    for stream in (sys.stdin, sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+
+
+@contextmanager
+def _nothing_collected() -> Iterator[None]:
+    """Without looking for garbage: a start makes thousands of objects, and all of them stay."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+def _at_terminal(entry_session: "EntrySession", person: "Person") -> int:
+    """Exit status of the terminal front end."""
+    import sys
+
+    from survey.entry.screens.terminal import TerminalEntry
+
+    if sys.stdin.isatty():
+        import readline  # noqa: F401  (arrow keys in the line that is typed)
+    entry_session.begin(person)
+    status = TerminalEntry(entry_session, person, sys.stdin).run()
+    entry_session.end(person)
+    return status
+
+
+def _print_status(entry_session: "EntrySession", *, as_json: bool) -> None:
+    """How far the work is, what is next, what is doubtful."""
+    from survey.entry.dialogue.words import pair_text, progress_text, readings_text
+    from survey.entry.record.entries import Person
+
+    progress = entry_session.guide.progress()
+    target = entry_session.guide.next_target(Person(""))
+    doubtful = entry_session.doubtful()
+    changes = entry_session.readings_file.changes_by_hand(entry_session.state)
+    waiting = 0 if changes is None else len(changes.added)
+    if as_json:
+        from validation.text_files.json_text import json_text
+
+        entries = [entry_session.state.entries[number] for number in doubtful]
+        said = {
+            "done": progress.done,
+            "left": progress.left,
+            "skipped": progress.skipped,
+            "not_in_journal": waiting,
+            "next": None if target is None else {"from": target.start, "to": target.end},
+            "doubtful": [
+                {"entry": e.number, "from": e.start, "to": e.end, "distance": e.metres}
+                for e in entries
+            ],
+        }
+        click.echo(json_text(said), nl=False)
+        return
+    click.echo(progress_text(progress))
+    if waiting:
+        name = entry_session.readings_file.path.name
+        click.echo(f"{name} has {waiting} reading(s) that the journal does not have yet")
+    click.echo("all done" if target is None else f"next: {pair_text(target)}")
+    if doubtful:
+        click.echo(f"{len(doubtful)} doubtful: {readings_text(entry_session, doubtful)}")
+
+
+COMMANDS: list[click.Command] = [enter]

@@ -1,0 +1,1 @@
+"""The conversation with the person who enters readings."""

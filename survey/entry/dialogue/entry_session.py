@@ -1,0 +1,442 @@
+"""The logic of entering readings: what is recorded, what becomes of it, what is taken back.
+
+It knows nothing of screens: the terminal and the page call the same methods and show what they
+return. Every change goes to the journal first and is only then taken into account.
+"""
+
+import gc
+import threading
+import uuid
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Self
+
+from survey.entry.dialogue.answers import Answer
+from survey.entry.dialogue.guide import Guide
+from survey.entry.record.adoption import as_entries, refuse_hand_changes, remark_on
+from survey.entry.record.entries import MAX_NAME, MAX_NOTE, Entry, Kind, Person, clean_text
+from survey.entry.record.journal import Journal
+from survey.entry.record.numbers import TypedDistance, both_units, parse_distance
+from survey.entry.record.readings_file import ReadingsFile
+from survey.entry.record.remembered import RememberedDoubts
+from survey.entry.record.state import WAS_SET_ASIDE, EntryState, Pair, replayed
+from survey.entry.room.double import agreement, check_second
+from survey.entry.room.groups import group_key
+from survey.entry.room.targets import Station, Target, check_stop_name, load_names
+from survey.settings import EntrySettings, SurveySettings
+from validation.campaign.folder import Campaign
+from validation.errors import GtvalError
+
+if TYPE_CHECKING:
+    from survey.entry.room.room_checks import PointStatus, RoomChecks
+
+PREPARE_AFTER = 0.2
+"""Seconds."""
+
+
+class EntrySession:
+    """Readings of a campaign being entered.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    journal : Journal
+        Open for writing.
+    """
+
+    def __init__(self, campaign: Campaign, journal: Journal) -> None:
+        self.campaign = campaign
+        self.survey = campaign.section("survey", SurveySettings)
+        self.settings: EntrySettings = self.survey.entry
+        self.journal = journal
+        self.state: EntryState = replayed(
+            journal.entries,
+            agreement(campaign.settings.instrument, self.survey),
+            second_measures=self.settings.second != "type",
+        )
+        self.guide = Guide(campaign, self.settings, self.state, self._doubtful_pairs)
+        doubts = journal.path.with_suffix(".doubts")
+        self._remembered = RememberedDoubts(doubts, campaign)
+        self.readings_file = ReadingsFile(campaign.folder / self.survey.readings)
+        self.taken_over = 0
+        """Rows of the readings file that the journal did not have when this was opened."""
+        self.version = 0
+        """Grows with every entry; a page asks for it to know whether it is up to date."""
+        self._checks: RoomChecks | None = None
+        self._changing = threading.RLock()
+        self._preparing: threading.Timer | None = None
+
+    @classmethod
+    def open(cls, campaign: Campaign, who: str = "", *, adopt: bool = False) -> Self:
+        """The entry session of a campaign, as it was left.
+
+        Parameters
+        ----------
+        campaign : Campaign
+            The campaign.
+        who : str
+            Told to others who try to open it meanwhile.
+        adopt : bool
+            Take changes over that a person made in the readings file.
+
+        Raises
+        ------
+        GtvalError
+            If it is open elsewhere, cannot be written, is damaged, or the readings file was
+            changed by hand and that is not to be taken over.
+        """
+        settings = campaign.section("survey", SurveySettings)
+        load_names(campaign)  # a bad campaign is told before anything is made
+        journal = Journal.open(campaign.folder / settings.entry.journal, who)
+        try:
+            entry_session = cls(campaign, journal)
+            entry_session._take_over(adopt=adopt)
+        except BaseException:
+            journal.close()
+            raise
+        return entry_session
+
+    @classmethod
+    def look(cls, campaign: Campaign) -> Self:
+        """The entry session as it is on the disk; nothing can be recorded in it."""
+        settings = campaign.section("survey", SurveySettings)
+        return cls(campaign, Journal.look(campaign.folder / settings.entry.journal))
+
+    def close(self) -> None:
+        """End it; the readings file is brought up to date."""
+        if self._preparing is not None:
+            self._preparing.cancel()
+            self._preparing.join()  # a process must not end in the middle of an import
+        self._remember()
+        if self.readings_file.problem:
+            self.readings_file.write(self.state)
+        self.journal.close()
+
+    @property
+    def checks(self) -> "RoomChecks":
+        """What the readings say of the room; made, and numpy loaded, when first needed."""
+        if self._checks is None:
+            from survey.entry.room.room_checks import RoomChecks  # noqa: PLC0415
+
+            with self._changing:
+                if self._checks is None:
+                    checks = RoomChecks(self.campaign.settings, self.survey, self.state)
+                    checks.take_as_examined(self._remembered.recall(self.journal.entries))
+                    self._checks = checks
+        return self._checks
+
+    def prepare(self, *others: Callable[[], object]) -> threading.Thread:
+        """A thread that makes the checks, and whatever else is slow, while nobody types yet.
+
+        A moment later, so that it does not hold up the first question. What is there then stays,
+        and need not be looked through for garbage again and again.
+        """
+
+        def make() -> None:
+            for other in others:
+                other()
+            with self._changing:
+                self.checks  # noqa: B018  (made when first asked for)
+                self.readings_file.prepare(self.state)
+            gc.freeze()
+
+        self._preparing = threading.Timer(PREPARE_AFTER, make)
+        self._preparing.daemon = True
+        self._preparing.start()
+        return self._preparing
+
+    # -- what there is to look at -----------------------------------------------------------
+
+    def doubtful(self) -> list[int]:
+        """All doubtful readings, in the order entered."""
+        recalled = self._recalled(self.state.pairs)
+        if recalled is not None:
+            return recalled
+        while self.examine():
+            pass
+        self._remember()
+        return self.doubtful_so_far()
+
+    def disagreeing(self) -> list[Pair]:
+        """Pairs of which no two entries by different people agree: none of them counts."""
+        return [pair for pair in self.state.doubled if self.state.disagrees(pair)]
+
+    def doubtful_so_far(self) -> list[int]:
+        """Those of all stops and world points that were examined since they last changed."""
+        return self.checks.doubtful_so_far() if self.state.pairs else []
+
+    def unexamined(self) -> int:
+        """Stops and world points whose readings were not looked through since they changed."""
+        return self.checks.examine(0) if self.state.pairs else 0
+
+    def examine(self) -> int:
+        """Look through the readings of one more stop or world point; how many are left."""
+        if not self.state.pairs:
+            return 0
+        return self.checks.examine(1)
+
+    def doubtful_at(self, station: Station) -> list[int]:
+        """Doubtful readings of a station, neither kept nor measured again."""
+        pairs = [target.pair for target in station.targets]
+        if not any(self.state.counting(pair) for pair in pairs):
+            return []
+        return self.checks.doubtful(pairs)
+
+    def status(self, target: Target) -> "PointStatus | None":
+        """How well the world point or stop is known that a target belongs to."""
+        return self.checks.status(target.pair)
+
+    # -- what people do ---------------------------------------------------------------------
+
+    def record(
+        self,
+        target: Target,
+        text: str,
+        person: Person,
+        *,
+        entry_id: str = "",
+        again: bool = False,
+        measured: str = "",
+    ) -> Answer:
+        """What became of a number; it is on the disk when this returns.
+
+        Parameters
+        ----------
+        target : Target
+            What it is the distance of.
+        text : str
+            As typed.
+        person : Person
+            Who measured, on which device.
+        entry_id : str
+            Made by the device; the same again is recorded once.
+        again : bool
+            Whether it replaces the reading that the pair has.
+        measured : str
+            When, if not now.
+
+        Raises
+        ------
+        GtvalError
+            If the pair cannot be measured, the id is that of another reading, or nothing could
+            be written.
+        """
+        if entry_id != clean_text(entry_id, MAX_NAME):
+            raise GtvalError(f"the id of an entry is one word of at most {MAX_NAME} characters")
+        entry_id = entry_id or uuid.uuid4().hex
+        if entry_id in self.state.by_id:
+            return self._repeated(entry_id, target, text)
+        self._check_pair(target.pair)
+        if person.second:
+            check_second(self.state, target.pair, person, self.settings.second)
+        blind = person.second or self.state.disagrees(target.pair)
+        entry = self._entry("reading", person, target, text)
+        entry = replace(entry, id=entry_id, measured=clean_text(measured, MAX_NAME))
+        try:
+            typed = parse_distance(text, self.campaign.settings.instrument)
+        except ValueError as error:
+            return Answer(self._write(replace(entry, kind="refused")), "refused", str(error))
+        entry = replace(entry, metres=typed.metres, second=person.second)
+        if blind:
+            return self._blind_answer(self._write(entry))
+        if again and self.state.counting(target.pair):
+            entry = replace(entry, of=self.state.counting(target.pair)[-1])
+        return self._checked(entry, typed)
+
+    def undo(self, person: Person) -> Entry | None:
+        """The entry taken back: this device's last; None where there is none."""
+        last = self.state.last_action(person.device)
+        if last is not None:
+            self._write(replace(self._entry("undo", person), of=last.number))
+        if last is not None and last.kind == "stop":
+            self.guide.make_plan()
+        return last
+
+    def keep(self, number: int, person: Person) -> None:
+        """Say that a doubtful reading, or one set aside, is meant.
+
+        Raises
+        ------
+        GtvalError
+            If there is no such reading.
+        """
+        aside = WAS_SET_ASIDE if number in self.state.set_aside else ""
+        self._write(replace(self._about(number, "keep", person), text=aside))
+
+    def note(self, number: int, text: str, person: Person) -> None:
+        """A remark about a reading.
+
+        Raises
+        ------
+        GtvalError
+            If there is no such reading, or nothing is said.
+        """
+        said = clean_text(text, MAX_NOTE)
+        if not said:
+            raise GtvalError("the remark is empty")
+        self._write(replace(self._about(number, "note", person), text=said))
+
+    def skip(self, target: Target, reason: str, person: Person) -> None:
+        """Do not measure a pair, or not a second time, for a reason."""
+        self._check_pair(target.pair)
+        entry = self._entry("skip", person, target, reason or "no reason given")
+        self._write(replace(entry, second=person.second))
+
+    def jump(self, target: Target, person: Person) -> None:
+        """Go on with a target, also if it was to be skipped."""
+        self._check_pair(target.pair)
+        reason = self.guide.skipped(target.pair)
+        of_second = person.second and target.pair in self.state.without_second
+        kind: Kind = "jump" if reason is None and not of_second else "unskip"
+        entry = self._entry(kind, person, target, reason or "")
+        self._write(replace(entry, second=of_second))
+
+    def begin_stop(self, name: str, person: Person) -> Target:
+        """The first target of a further stop.
+
+        Raises
+        ------
+        GtvalError
+            If the name cannot be one, or is there already.
+        """
+        stop = check_stop_name(clean_text(name, MAX_NAME), self.guide.names)
+        self._write(self._entry("stop", person, None, stop))
+        self.guide.make_plan()
+        target = self.guide.target(stop)
+        self.jump(target, person)
+        return target
+
+    def begin(self, person: Person) -> None:
+        """Note that somebody began to enter readings."""
+        self._write(self._entry("begin", person))
+
+    def end(self, person: Person) -> None:
+        """Note that somebody ended."""
+        self._write(self._entry("end", person))
+
+    # -- inside -----------------------------------------------------------------------------
+
+    def _entry(
+        self, kind: Kind, person: Person, target: Target | None = None, text: str = ""
+    ) -> Entry:
+        return Entry(
+            kind,
+            by=clean_text(person.name, MAX_NAME),
+            device=clean_text(person.device, MAX_NAME),
+            start=target.start if target else "",
+            end=target.end if target else "",
+            text=clean_text(text, MAX_NOTE),
+        )
+
+    def _about(self, number: int, kind: Kind, person: Person) -> Entry:
+        """An entry about a reading."""
+        reading = self.state.entries.get(number)
+        if reading is None or reading.kind != "reading":
+            raise GtvalError(f"there is no reading number {number}")
+        entry = self._entry(kind, person, Target(reading.start, reading.end))
+        return replace(entry, of=number)
+
+    def _write(self, entry: Entry) -> Entry:
+        """To the journal, then to everything that follows from it."""
+        with self._changing:
+            written = self.journal.append(entry)
+            self.state.apply(written)
+            pairs = {written.pair, self.state.entries.get(written.of, written).pair}
+            if self._checks is not None:
+                for pair in pairs:
+                    self._checks.update(pair)
+            self.readings_file.follow(written, self.state)
+            if self._checks is not None and written.kind in ("reading", "undo", "keep"):
+                # Kept at once, for a start after a crash.
+                self._checks.doubtful(pairs)
+                self._remember()
+            self.version += 1
+        return written
+
+    def _checked(self, entry: Entry, typed: TypedDistance) -> Answer:
+        """Record a reading and say whether it fits what was known without it."""
+        expected = self.checks.expect(entry)
+        entry = self._write(entry)
+        echo = f"{entry.start}–{entry.end} {both_units(typed.metres)}"
+        if entry.number in self.state.set_aside:
+            return Answer(entry, "set aside", self._already_measured(entry, echo))
+        ends = (target.end for target in self.guide.targets_from(entry.start))
+        return Answer(entry, "recorded", echo, self.checks.verdict(entry, typed, expected, ends))
+
+    def _repeated(self, entry_id: str, target: Target, text: str) -> Answer:
+        """The answer to an entry that was sent once more."""
+        known = self.state.entries[self.state.by_id[entry_id]]
+        if known.pair != target.pair or known.text != clean_text(text, MAX_NOTE):
+            raise GtvalError("NOT recorded: the id of this entry is that of another one")
+        return Answer(known, "repeated", "this entry is there already")
+
+    def _already_measured(self, entry: Entry, echo: str) -> str:
+        first = self.state.entries[self.state.counting(entry.pair)[0]]
+        return (
+            f"{echo} is set aside: {first.by or 'somebody'} entered "
+            f"{both_units(first.metres or 0.0)} for it already"
+        )
+
+    def _blind_answer(self, entry: Entry) -> Answer:
+        """Whether two people agree; no value is shown where they do not."""
+        what = f"{entry.start}–{entry.end}"
+        if not self.state.disagrees(entry.pair):
+            return Answer(entry, "agrees", f"{what}: both agree, {both_units(entry.metres or 0)}")
+        return Answer(
+            entry, "disagrees", f"{what}: the two entries disagree; measure or read it again"
+        )
+
+    def _check_pair(self, pair: Pair) -> None:
+        """Raise where a pair is not among the points of the survey."""
+        if not self.guide.names.may_be_measured(pair):
+            raise GtvalError(f"{' and '.join(sorted(pair))} are no pair of points to measure")
+
+    def _doubtful_pairs(self, station: Station) -> set[Pair]:
+        """Doubtful pairs of a station that has nothing else left to measure."""
+        numbers = self._recalled(target.pair for target in station.targets)
+        if numbers is None:
+            numbers = self.doubtful_at(station)
+            self._remember()
+        return {self.state.entries[number].pair for number in numbers}
+
+    def _recalled(self, pairs: Iterable[Pair]) -> list[int] | None:
+        """Doubtful readings of some pairs as found before the start; None where not known."""
+        if self._checks is not None:
+            return None
+        wanted = {pair for pair in pairs if self.state.counting(pair)}
+        keys = {group_key(pair, self.guide.names.world) for pair in wanted}
+        found = self._remembered.recall(self.journal.entries)
+        if not keys <= found.keys():
+            return None
+        numbers = (number for key in keys for number in found[key] - self.state.kept)
+        return sorted(number for number in numbers if self.state.entries[number].pair in wanted)
+
+    def _remember(self) -> None:
+        """Keep what is doubtful for the next start."""
+        if self._checks is not None and self.journal.is_open:
+            self._remembered.keep(self.journal.entries, self._checks.examined)
+
+    def _take_over(self, *, adopt: bool) -> None:
+        """Bring journal and readings file together."""
+        file = self.readings_file
+        if file.is_current(self.state):
+            return
+        changes = file.changes_by_hand(self.state)
+        if changes is not None:
+            if self.state.pairs and not adopt:
+                raise refuse_hand_changes(file.path, changes)
+            self.taken_over = len(changes.added)
+            for entry, remark in as_entries(file.path, changes, self.guide.names.may_be_measured):
+                self._append_only([replace(entry, id=uuid.uuid4().hex)])
+                if remark:
+                    self._append_only([remark_on(self.journal.entries[-1], remark)])
+        if changes is not None or self.state.pairs:
+            file.write(self.state)
+
+    def _append_only(self, entries: Iterable[Entry]) -> None:
+        """To the journal without writing the readings file anew each time."""
+        for entry in entries:
+            written = self.journal.append(entry)
+            self.state.apply(written)
+            self.readings_file.take_in(written, self.state)

@@ -1,0 +1,268 @@
+"""The journal: an append-only file that no accident takes a reading from.
+
+One line an entry, a JSON object that ends in a checksum over itself and the line before. A line
+counts when it is on the disk (fsync); only then is anybody told. A torn last line was never
+acknowledged and is cut off; any other damage is an error, never a silent loss.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Self
+
+from survey.entry.record.entries import Entry, entry_from_json
+from survey.entry.record.lock import CampaignLock
+from validation.errors import GtvalError, InputError, Problem
+
+MAX_JOURNAL_BYTES = 200_000_000
+_CHECK, _END = b',"check":"', b'"}'
+_CHECK_LENGTH = 16
+_START = b"0" * _CHECK_LENGTH
+
+
+class NotRecordedError(GtvalError):
+    """Something could not be written to the journal; it may be tried again."""
+
+
+@dataclass(frozen=True)
+class JournalText:
+    """What a journal file holds.
+
+    Parameters
+    ----------
+    entries : tuple of Entry
+        In the order written.
+    size : int
+        Bytes up to the end of the last good line.
+    torn : int
+        Bytes after it, of a line that was never finished.
+    check : bytes
+        Checksum of the last good line.
+    """
+
+    entries: tuple[Entry, ...]
+    size: int
+    torn: int
+    check: bytes
+
+
+def read_journal(path: Path) -> JournalText:
+    """The entries of a journal; none where there is no file.
+
+    Raises
+    ------
+    InputError
+        Naming the line that was damaged, and what to do.
+    """
+    try:
+        if path.exists() and path.stat().st_size > MAX_JOURNAL_BYTES:
+            raise InputError([Problem(path, "larger than 200 MB; this is no journal")])
+        data = path.read_bytes()
+    except FileNotFoundError:
+        data = b""
+    except OSError as error:
+        raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
+    *lines, unfinished = data.split(b"\n")
+    check, good = _checked(lines)
+    # Blocks of the last line that a power cut kept from the disk are zeros.
+    lost = good == len(lines) - 1 and not unfinished and b"\0" in lines[good]
+    if good < len(lines) and not lost:
+        raise _damaged(path, good + 1, "the checksum does not fit")
+    entries = _entries(path, lines[:good])
+    size = sum(map(len, lines[:good])) + good
+    return JournalText(entries, size, len(data) - size, check)
+
+
+def _damaged(path: Path, line: int, why: str) -> InputError:
+    return InputError(
+        [
+            Problem(
+                path,
+                f"the journal was damaged here ({why}); put a copy of it back, or rename it: the "
+                "readings file is then taken over as it is",
+                line,
+            )
+        ]
+    )
+
+
+def _checked(lines: Sequence[bytes]) -> tuple[bytes, int]:
+    """The last checksum that is right, and how many lines there are up to it."""
+    before = _START
+    for number, line in enumerate(lines):
+        body, _, rest = line.rpartition(_CHECK)
+        check = _checksum(before, body)
+        if rest != check + _END:
+            return before, number
+        before = check
+    return before, len(lines)
+
+
+def _entries(path: Path, lines: Sequence[bytes]) -> tuple[Entry, ...]:
+    """The entries of lines whose checksums are right."""
+    try:
+        said = json.loads(b"[%s]" % b",".join(lines))  # half the time of one after the other
+    except ValueError:
+        said = []
+    if len(said) != len(lines):
+        said = [None] * len(lines)
+    entries = []
+    for number, line in enumerate(lines, 1):
+        try:
+            entry = entry_from_json(said[number - 1] or json.loads(line))
+        except ValueError as error:
+            raise _damaged(path, number, str(error)) from None
+        if entry.number != number:
+            raise _damaged(path, number, f"entry {entry.number} on line {number}")
+        entries.append(entry)
+    return tuple(entries)
+
+
+def _checksum(before: bytes, body: bytes) -> bytes:
+    """Of a line without its end, and of the checksum of the line before it."""
+    return hashlib.sha256(before + body).hexdigest()[:_CHECK_LENGTH].encode()
+
+
+class Journal:
+    """A journal that is open for writing, by one process at a time.
+
+    Parameters
+    ----------
+    path : Path
+        The file; made, with its folder, when the first entry is written.
+    entries : sequence of Entry
+        What it holds.
+    """
+
+    def __init__(self, path: Path, text: JournalText, lock: CampaignLock) -> None:
+        self.path = path
+        self.recovered_bytes = text.torn
+        self._entries = list(text.entries)
+        self._check = text.check
+        self._size = text.size
+        self._lock = lock
+        self._file = -1
+
+    @classmethod
+    def open(cls, path: Path, who: str = "") -> Self:
+        """The journal of a campaign, locked against other processes.
+
+        Raises
+        ------
+        GtvalError
+            If another process has it open, saying who; or the folder cannot be written.
+        InputError
+            If the file was damaged.
+        """
+        lock = CampaignLock.take(path.with_suffix(".lock"), who)
+        try:
+            journal = cls(path, read_journal(path), lock)
+            journal._make_ready()
+        except BaseException:
+            lock.release()
+            raise
+        return journal
+
+    @classmethod
+    def look(cls, path: Path) -> Self:
+        """The journal as it is on the disk, for looking only.
+
+        Raises
+        ------
+        InputError
+            If the file was damaged.
+        """
+        return cls(path, read_journal(path), CampaignLock.none())
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it can be written to."""
+        return self._file >= 0
+
+    @property
+    def entries(self) -> Sequence[Entry]:
+        """All entries."""
+        return self._entries
+
+    def append(self, entry: Entry, now: datetime | None = None) -> Entry:
+        """The entry with its number and time, once it is safely on the disk.
+
+        Raises
+        ------
+        NotRecordedError
+            If it could not be written; nothing of it is left in the file then.
+        """
+        if not self.is_open:
+            raise NotRecordedError(f"NOT recorded: {self.path} is not open for writing")
+        time = (now or datetime.now().astimezone()).isoformat(timespec="milliseconds")
+        numbered = replace(entry, number=len(self._entries) + 1, time=time)
+        body = numbered.as_json()[:-1].encode()
+        check = _checksum(self._check, body)
+        line = body + _CHECK + check + _END + b"\n"
+        try:
+            self._write(line)
+        except OSError as error:
+            self._cut_off()
+            reason = error.strerror or error
+            raise NotRecordedError(
+                f"NOT recorded: cannot write to {self.path}: {reason}"
+            ) from error
+        self._size += len(line)
+        self._check = check
+        self._entries.append(numbered)
+        return numbered
+
+    def close(self) -> None:
+        """Let other processes have it."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+        self._lock.release()
+
+    def _make_ready(self) -> None:
+        """Open for appending, with any torn last line cut off."""
+        try:
+            new = not self.path.exists()
+            flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
+            self._file = os.open(self.path, flags, 0o666)
+            if self.recovered_bytes:
+                os.ftruncate(self._file, self._size)
+                os.fsync(self._file)
+            if new:
+                flush_folder(self.path.parent)
+        except OSError as error:
+            self.close()
+            raise GtvalError(
+                f"cannot write to {self.path}: {error.strerror or error}; no reading would be safe"
+            ) from error
+
+    def _write(self, line: bytes) -> None:
+        rest = memoryview(line)
+        while rest:
+            rest = rest[os.write(self._file, rest) :]
+        os.fsync(self._file)
+
+    def _cut_off(self) -> None:
+        """Remove what a failed write left; if even that fails, write nothing more."""
+        try:
+            os.ftruncate(self._file, self._size)
+        except OSError:
+            with contextlib.suppress(OSError):
+                os.close(self._file)
+            self._file = -1
+
+
+def flush_folder(folder: Path) -> None:
+    """Make new names in a folder survive a power cut, where the system can."""
+    if not hasattr(os, "O_DIRECTORY"):
+        return
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,83 @@
+"""A distance as people and distance meters type it: millimetres or metres, comma or point."""
+
+import re
+from dataclasses import dataclass
+
+from validation.campaign.folder import Instrument
+
+MAX_TEXT = 40
+"""A longer text is no distance."""
+_TYPED = re.compile(r"([0-9]{1,9}(?:[.,][0-9]{1,9})?|[.,][0-9]{1,9})\s*(mm|m)?", re.IGNORECASE)
+_SMALLEST = 1e-6
+"""Metres to which a typed number is kept."""
+
+
+@dataclass(frozen=True)
+class TypedDistance:
+    """A number as typed, and what it stands for.
+
+    Parameters
+    ----------
+    text : str
+        As typed, without surrounding blanks.
+    metres : float
+        What it stands for.
+    """
+
+    text: str
+    metres: float
+
+    @property
+    def digits(self) -> str:
+        """The digits alone, in the order typed."""
+        return "".join(character for character in self.text if "0" <= character <= "9")
+
+
+def parse_distance(text: str, instrument: Instrument) -> TypedDistance:
+    """The distance that a typed text means.
+
+    Parameters
+    ----------
+    text : str
+        '5.378', '5,378', '5378', '5378 mm', '5.378 m'. Without a unit, numbers up to the range of
+        the instrument are metres, and larger ones without decimals millimetres.
+    instrument : Instrument
+        Gives the range.
+
+    Raises
+    ------
+    ValueError
+        If the text is no distance, or none within the range; the message says what was expected.
+    """
+    shown = text.strip()
+    match = _TYPED.fullmatch(shown) if len(shown) <= MAX_TEXT else None
+    if match is None:
+        raise ValueError("not a distance; expected a number such as 5.378 or 5378")
+    number, unit = float(match[1].replace(",", ".")), (match[2] or "").lower()
+    whole = not re.search("[.,]", match[1])
+    if not unit:
+        unit = "mm" if number > instrument.range_max and whole else "m"
+    metres = round(number if unit == "m" else number / 1000, 6)
+    if not instrument.range_min <= metres <= instrument.range_max:
+        raise ValueError(
+            f"{plain(metres)} m is out of range; the instrument measures "
+            f"{instrument.range_min:g} to {instrument.range_max:g} m"
+        )
+    return TypedDistance(shown, metres)
+
+
+def plain(metres: float) -> str:
+    """Metres to the millimetre, with more decimals only where there are more."""
+    text = f"{metres:.6f}"
+    return text[:-3] if text.endswith("000") else text.rstrip("0")
+
+
+def signed_mm(metres: float) -> str:
+    """A difference to the millimetre: '+12 mm', '−3 mm', '0 mm'."""
+    whole = round(1000 * metres)
+    return f"{whole:+d} mm".replace("-", "−") if whole else "0 mm"
+
+
+def both_units(metres: float) -> str:
+    """'5.378 m = 5378 mm'."""
+    return f"{plain(metres)} m = {round(metres / _SMALLEST) / 1000:.10g} mm"

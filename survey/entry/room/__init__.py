@@ -1,0 +1,1 @@
+"""What is known of the room while readings come in, and whether a reading fits."""

@@ -1,0 +1,1 @@
+"""Where readings are entered: a terminal, and a page in the browser."""

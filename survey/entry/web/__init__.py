@@ -1,1 +1,0 @@
-"""The page for phones and tablets in the room."""

@@ -1,0 +1,1 @@
+"""World points and robot frames from readings."""

@@ -1,0 +1,200 @@
+"""Least-squares solution of the survey's network, with covariance and reliability."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse import csr_array
+
+from survey.estimation.network import Index, Network, Parameters, design
+from validation.errors import GtvalError
+from validation.poses.angles import Array, wrap
+
+HUBER = 1.5
+"""Standardised residual from which the robust option weighs a reading down."""
+_PASSES = 30
+_STEP_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """The adjusted network.
+
+    Parameters
+    ----------
+    network : Network
+        What was adjusted.
+    parameters : Parameters
+        Estimates.
+    covariance : (u, u) array
+        Of all u unknowns, in the order points, poses, rig.
+    residual : (o,) array
+        Standardised residuals (measured less computed, over sigma) of all observations, the n
+        distances first.
+    redundancy : (o,) array
+        Share of each observation that the others check, 0 to 1; they add up to the degrees of
+        freedom.
+    weight : (n,) array
+        Weights of the distances: 1, or less under the robust option.
+    degrees_of_freedom : int
+        Observations less unknowns.
+    passes : int
+        Passes of Gauss-Newton.
+    jacobian : (o, u) sparse array
+        Derivative of the computed observations over their sigma.
+    """
+
+    network: Network
+    parameters: Parameters
+    covariance: Array
+    residual: Array
+    redundancy: Array
+    weight: Array
+    degrees_of_freedom: int
+    passes: int
+    jacobian: csr_array
+
+    @property
+    def chi_squared(self) -> float:
+        """Sum of squared standardised residuals."""
+        return float(self.residual @ self.residual)
+
+    @property
+    def m0(self) -> float:
+        """Standard deviation of unit weight; near 1 if all stated sigmas hold."""
+        return float(np.sqrt(self.chi_squared / max(self.degrees_of_freedom, 1)))
+
+    def point_rows(self, names: Sequence[str]) -> Index:
+        """Rows of the coordinates of named points among the unknowns."""
+        place = {name: i for i, name in enumerate(self.network.points)}
+        first = 2 * np.array([place[name] for name in names], dtype=np.intp)
+        return (first[:, None] + np.arange(2)).ravel()
+
+    def pose_rows(self, poses: Sequence[str]) -> Index:
+        """Rows of x, y, theta of named poses among the unknowns."""
+        place = {name: i for i, name in enumerate(self.network.poses)}
+        first = 2 * len(self.network.points) + 3 * np.array(
+            [place[name] for name in poses], dtype=np.intp
+        )
+        return (first[:, None] + np.arange(3)).ravel()
+
+
+def adjust(network: Network, start: Parameters, *, robust: bool = False) -> Adjustment:
+    """The least-squares solution of a network with its full covariance.
+
+    Parameters
+    ----------
+    network : Network
+        The problem.
+    start : Parameters
+        Approximate values, from the single solutions.
+    robust : bool
+        Weigh distances with large residuals down (Huber, by iterated reweighting).
+
+    Raises
+    ------
+    GtvalError
+        If something is not determined, or the iteration does not settle.
+
+    Notes
+    -----
+    Gauss-Newton on a sparse design matrix. Residuals, redundancy numbers and covariance as in
+    Ghilani, Adjustment Computations (2017), chapters 12 and 21.
+    """
+    parameters = start
+    weight = np.ones(len(network.distance))
+    passes = 0
+    for _ in range(_PASSES * (3 if robust else 1)):
+        passes += 1
+        residual, jacobian = design(network, parameters)
+        scale = np.ones(len(residual))
+        scale[: len(weight)] = np.sqrt(weight)
+        factor = _factor(jacobian, scale, network)
+        step = cho_solve(factor, jacobian.T @ (scale**2 * residual))
+        parameters = parameters.moved(step)
+        previous = weight
+        if robust:
+            weight = _huber(design(network, parameters)[0][: len(weight)])
+        settled = np.abs(weight - previous).max(initial=0.0) < 1e-6
+        if np.abs(step).max() < _STEP_TOLERANCE and settled:
+            break
+    else:
+        raise GtvalError(
+            "the joint adjustment does not settle: some readings are far off (wrong point names, "
+            f"wrong labels, metres lost). The worst: {_worst_readings(network, start)}"
+        )
+    return _adjusted(network, parameters, weight, passes)
+
+
+def _worst_readings(network: Network, at: Parameters, most: int = 5) -> str:
+    """The readings that fit the single solutions least, in words."""
+    misfit = design(network, at)[0][: len(network.distance)] * network.sigma
+    return "; ".join(
+        f"{network.points[network.first[i]]}–{network.points[network.second[i]]}: "
+        f"{network.distance[i]:.3f} m, off by {misfit[i]:+.3f} m"
+        for i in np.argsort(-np.abs(misfit))[:most]
+    )
+
+
+def _adjusted(network: Network, parameters: Parameters, weight: Array, passes: int) -> Adjustment:
+    """Covariance and reliability at the solution."""
+    residual, jacobian = design(network, parameters)
+    scale = np.ones(len(residual))
+    scale[: len(weight)] = np.sqrt(weight)
+    factor = _factor(jacobian, scale, network)
+    cofactor = cho_solve(factor, np.eye(jacobian.shape[1]))
+    gain = jacobian @ cofactor
+    leverage = np.asarray(jacobian.multiply(gain).sum(axis=1)).ravel() * scale**2
+    covariance = cofactor
+    if (weight < 1).any():
+        middle = jacobian.multiply(scale[:, None] ** 2).T
+        covariance = cofactor @ (middle @ middle.T).toarray() @ cofactor
+    heading = parameters.poses.copy()
+    heading[:, 2] = wrap(heading[:, 2])
+    return Adjustment(
+        network=network,
+        parameters=Parameters(parameters.points, heading, parameters.rig),
+        covariance=(covariance + covariance.T) / 2,
+        residual=residual,
+        redundancy=1 - leverage,
+        weight=weight,
+        degrees_of_freedom=len(residual) - jacobian.shape[1],
+        passes=passes,
+        jacobian=jacobian,
+    )
+
+
+def _factor(jacobian: csr_array, scale: Array, network: Network) -> tuple[Array, bool]:
+    """Cholesky factor of the normal matrix."""
+    weighted = jacobian.multiply(scale[:, None]).tocsr()
+    normal = (weighted.T @ weighted).toarray()
+    size = np.sqrt(np.diagonal(normal))
+    if (size == 0).any():
+        raise GtvalError(
+            f"the joint adjustment cannot determine {_unknown(network, int(size.argmin()))}"
+        )
+    try:
+        factor, lower = cho_factor(normal)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+        worst = int(np.abs(vectors[:, values.argmin()]).argmax())
+        raise GtvalError(
+            f"the joint adjustment cannot determine {_unknown(network, worst)}: too few readings"
+        ) from None
+    return factor, bool(lower)
+
+
+def _unknown(network: Network, row: int) -> str:
+    """Name of an unknown for a message."""
+    p, f, _ = network.sizes
+    if row < p:
+        return f"point {network.points[row // 2]}"
+    if row < p + f:
+        return f"pose {network.poses[(row - p) // 3]}"
+    return f"rig point {network.rig_names[(row - p - f) // 2]}"
+
+
+def _huber(residual: Array) -> Array:
+    """Weights of standardised residuals."""
+    return np.asarray(np.minimum(1.0, HUBER / np.maximum(np.abs(residual), 1e-12)))

@@ -1,0 +1,217 @@
+"""The iterated extended Kalman filter of the document, for one start and for many at once.
+
+Each pass starts again from the a-priori covariance and from the previous estimate, linearises
+all readings there and updates. This is a Gauss-Newton descent, and it stops when a pass no
+longer moves the estimate. The document re-linearises after every single reading and always runs
+20 passes; linearising a pass at one point makes the result independent of the order of the
+readings, and is what makes its fixed point the least-squares solution.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from survey.estimation.filterpy_filter import extended_kalman_filter
+from validation.poses.angles import Array
+
+PASSES = 20
+STEP_TOLERANCE = 1e-9
+"""A pass that moves the estimate by less (metres, radians) is the last."""
+WORKING_ELEMENTS = 15_000
+"""Starts times readings iterated at a time: enough to make the cost of a call small, few enough
+for the cache and for the allocator to keep the memory from one operation to the next."""
+
+Model = Callable[[Array], tuple[Array, Array, Array]]
+"""State (n,) -> h (m,), H (m, n), R (m, m)."""
+
+BatchModel = Callable[[Array], tuple[Array, Array, Array]]
+"""States (b, n) -> h (b, m), H (b, m, n), variances (b, m)."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Where an iteration ended.
+
+    Parameters
+    ----------
+    state : (n,) array
+        Estimate.
+    covariance : (n, n) array
+        Its covariance.
+    cost : float
+        h^T R^-1 h there, chi-squared with m - n degrees of freedom if all sigmas are right.
+    passes : int
+        Passes used.
+    converged : bool
+        Whether the last pass moved it by less than the tolerance.
+    """
+
+    state: Array
+    covariance: Array
+    cost: float
+    passes: int
+    converged: bool
+
+
+def iterated_ekf(model: Model, start: Array, prior_sigma: Array, passes: int = PASSES) -> Estimate:
+    """The estimate that the iterated filter reaches from one start.
+
+    Parameters
+    ----------
+    model : callable
+        State (n,) to h (m,), its derivative H (m, n) and its covariance R (m, m).
+    start : (n,) array
+        First guess.
+    prior_sigma : (n,) array
+        sigma[0], restored at every pass.
+    passes : int
+        At most so many.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If R is not positive definite.
+
+    Notes
+    -----
+    AD2.3, listings of the two filters. The m whitened readings are first turned (QR) so that n
+    combinations of them hold all that they say of the state; the other m - n do not depend on
+    it. The filter then inverts n x n instead of m x m matrices, and the vast a-priori covariance
+    costs no digits.
+    """
+    n = len(start)
+    ekf = extended_kalman_filter(dim_x=n, dim_z=n)
+    ekf.x = np.array(start, dtype=float)
+    prior = np.diag(np.square(prior_sigma))
+    ekf.R = np.eye(n)
+    converged, done = False, 0
+    for done in range(1, passes + 1):  # noqa: B007  (reported below)
+        at = ekf.x
+        residual, jacobian, _ = _compressed(model, at)
+        ekf.P = prior.copy()
+        ekf.update(-residual, HJacobian=lambda _x, H=jacobian: H, Hx=lambda _x: np.zeros(n))
+        converged = bool(np.abs(ekf.x - at).max() < STEP_TOLERANCE)
+        if converged:
+            break
+    _, _, cost = _compressed(model, ekf.x)
+    return Estimate(ekf.x, (ekf.P + ekf.P.T) / 2, cost, done, converged)
+
+
+def _compressed(model: Model, state: Array) -> tuple[Array, Array, float]:
+    """As many whitened combinations of the readings as unknowns, their derivative, and the cost."""
+    h, H, R = model(state)
+    root = np.linalg.cholesky(R)
+    white = np.linalg.solve(root, np.column_stack([H, h]))
+    q, r = np.linalg.qr(white[:, :-1])
+    return q.T @ white[:, -1], r, float(white[:, -1] @ white[:, -1])
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Where a batch of iterations ended: arrays with a leading axis of b starts."""
+
+    state: Array
+    cost: Array
+    passes: npt.NDArray[np.intp]
+    converged: npt.NDArray[np.bool_]
+
+
+def iterated_ekf_batch(
+    model: BatchModel, starts: Array, prior_sigma: Array, passes: int = PASSES
+) -> Estimates:
+    """The estimates that the iterated filter reaches from many starts at once.
+
+    Parameters
+    ----------
+    model : callable
+        States (b, n) to h (b, m), H (b, m, n) and the variances (b, m) of h, readings being
+        independent. It is quickest where each column of H lies in memory in one piece.
+    starts : (b, n) array
+        First guesses.
+    prior_sigma : (n,) array
+        sigma[0], restored at every pass.
+    passes : int
+        At most so many.
+
+    Notes
+    -----
+    The same iteration as `iterated_ekf`, in its information form: the step is
+    -(H^T R^-1 H + P0^-1)^-1 H^T R^-1 h. Only so many starts are iterated at a time; those that
+    have settled make room for the next, so that a few slow ones keep nobody waiting and the
+    arrays stay small.
+    """
+    state = np.array(starts, dtype=float)
+    b = len(state)
+    used = np.zeros(b, dtype=np.intp)
+    converged = np.zeros(b, dtype=bool)
+    cost = np.full(b, np.nan)
+    prior = 1 / np.square(np.asarray(prior_sigma, dtype=float))
+    room = _working_set(model, state)
+    active = np.arange(min(room, b))
+    following = active.size
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        while active.size:
+            step, cost[active] = _gauss_newton_step(model, state[active], prior)
+            state[active] -= step
+            used[active] += 1
+            size = np.abs(step).max(-1)
+            converged[active] = size < STEP_TOLERANCE
+            stays = (size >= STEP_TOLERANCE) & (size < np.inf) & (used[active] < passes)
+            last = min(following + room - int(stays.sum()), b)
+            active = np.append(active[stays], np.arange(following, last))
+            following = last
+        for rows in np.array_split(np.flatnonzero(~converged), b // room + 1):
+            h, _, variance = model(state[rows])
+            cost[rows] = (h**2 / variance).sum(-1)  # the last pass of these moved far
+    return Estimates(state, cost, used, converged)
+
+
+def _working_set(model: BatchModel, state: Array) -> int:
+    """How many starts to iterate at a time."""
+    readings = model(state[:1])[0].size if len(state) else 1
+    return max(WORKING_ELEMENTS // max(readings, 1), 1)
+
+
+def _gauss_newton_step(model: BatchModel, state: Array, prior: Array) -> tuple[Array, Array]:
+    """What to subtract from each state (b, n), and the cost (b,) before that."""
+    h, H, variance = model(state)
+    n = state.shape[-1]
+    weight = 1 / variance
+    columns = [H[..., i] for i in range(n)]
+    information: list[list[Array]] = []
+    gradient = []
+    for i in range(n):
+        weighted = weight * columns[i]
+        gradient.append(np.einsum("bm,bm->b", weighted, h))
+        row = [np.einsum("bm,bm->b", weighted, columns[j]) for j in range(i + 1)]
+        row[i] += prior[i]
+        information.append(row)
+    step = np.stack(_solve_small(information, gradient), axis=-1)
+    return step, np.einsum("bm,bm->b", weight * h, h)
+
+
+def _solve_small(lower: list[list[Array]], right: list[Array]) -> list[Array]:
+    """Solutions of b symmetric n x n systems at once by Cholesky; NaN where not positive.
+
+    ``lower[i][j]`` (b,), j <= i, are the elements of the matrices, ``right[i]`` (b,) the right
+    sides. Loops over the few elements, so that each operation runs over the whole batch.
+    """
+    n = len(right)
+    root: list[list[Array]] = []
+    middle: list[Array] = []
+    for i in range(n):
+        row: list[Array] = []
+        for j in range(i):
+            rest = sum((row[k] * root[j][k] for k in range(j)), start=np.float64(0.0))
+            row.append((lower[i][j] - rest) / root[j][j])
+        row.append(np.sqrt(lower[i][i] - sum((r * r for r in row), start=np.float64(0.0))))
+        root.append(row)
+        rest = sum((row[k] * middle[k] for k in range(i)), start=np.float64(0.0))
+        middle.append((right[i] - rest) / row[i])
+    solution = middle
+    for i in reversed(range(n)):
+        rest = sum((root[k][i] * solution[k] for k in range(i + 1, n)), start=np.float64(0.0))
+        solution[i] = (middle[i] - rest) / root[i][i]
+    return solution

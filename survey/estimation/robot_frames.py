@@ -1,0 +1,386 @@
+"""Robot frames from distances between their marked points and the world points."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from survey.estimation.geometry import (
+    circle_intersections,
+    mirror_in_line,
+    multilaterate,
+    rigid_alignment,
+    rotate,
+)
+from survey.estimation.iterated_ekf import Model, iterated_ekf, iterated_ekf_batch
+from survey.estimation.measurement import independent_variance, linearise
+from survey.estimation.world_points import WorldPoints
+from survey.readings.point_names import robot_point
+from survey.readings.readings import Readings
+from validation.campaign.folder import RobotFrame
+from validation.poses.angles import Array, wrap
+
+PRIOR_SIGMA = np.array([1000.0, 1000.0, 100.0])
+"""Standard deviations from which each pass starts: metres, metres, radians."""
+TIE = 16.3
+"""Costs nearer than this (chi-squared, 3 degrees of freedom, 0.1 %) do not tell poses apart."""
+GOOD_REST = 4.0
+"""Chi-squared for each degree of freedom up to which readings, taken as independent, agree."""
+_FEW = 7
+"""Below this many readings every meeting point of circles is tried as a start."""
+_SAME = np.array([0.01, 0.01, 0.02])
+
+
+@dataclass(frozen=True)
+class RobotFrameFit:
+    """One surveyed pose.
+
+    Parameters
+    ----------
+    pose : str
+        Its id.
+    state : (3,) array
+        x, y in metres, theta in radians in (-pi, pi], in the Vframe.
+    covariance : (3, 3) array
+        World points, marks and rig included.
+    cost : float
+        Chi-squared with ``redundancy`` degrees of freedom.
+    redundancy : int
+        Readings less three.
+    guess : (3,) array
+        The start: by hand where given, by closed form otherwise.
+    passes : int
+        Passes of the filter.
+    """
+
+    pose: str
+    state: Array
+    covariance: Array
+    cost: float
+    redundancy: int
+    guess: Array
+    passes: int
+
+
+@dataclass(frozen=True)
+class NotPosed:
+    """A pose that the readings do not determine, and why; ``candidates`` (c, 3) if several fit."""
+
+    pose: str
+    reason: str
+    candidates: Array
+
+
+@dataclass(frozen=True)
+class PoseReadings:
+    """The usable readings of one pose as arrays.
+
+    Parameters
+    ----------
+    known : (m, 2) array
+        World point of each reading, metres, Vframe.
+    body : (m, 2) array
+        Rig point of each, metres, robot frame.
+    distance, sigma : (m,) array
+        Metres.
+    world_index, rig_index : (m,) array of int
+        Rows in the world points and in the rig.
+    known_sigma : (m,) array
+        Root mean square standard deviation of the world point's coordinates, metres.
+    body_sigma : float
+        The same for the marks.
+    """
+
+    known: Array
+    body: Array
+    distance: Array
+    sigma: Array
+    world_index: Array
+    rig_index: Array
+    known_sigma: Array
+    body_sigma: float
+
+    def __len__(self) -> int:
+        return len(self.distance)
+
+    def select(self, rows: npt.NDArray[np.intp]) -> "PoseReadings":
+        """The given rows."""
+        return replace(
+            self,
+            known=self.known[rows],
+            body=self.body[rows],
+            distance=self.distance[rows],
+            sigma=self.sigma[rows],
+            world_index=self.world_index[rows],
+            rig_index=self.rig_index[rows],
+            known_sigma=self.known_sigma[rows],
+        )
+
+
+def pose_readings(
+    pose: str, readings: Readings, world: WorldPoints, rig: RobotFrame
+) -> PoseReadings:
+    """The readings between a pose's marks and located world points."""
+    own = readings.of_pose(pose)
+    own = own.touching([f"{pose}/{point}" for point in rig.points], world.names)
+    rig_names = list(rig.points)
+    place = {name: i for i, name in enumerate(world.names)}
+    rig_index = np.array(
+        [rig_names.index((robot_point(n) or ("", ""))[1]) for n in own.start], dtype=int
+    )
+    world_index = np.array([place[n] for n in own.end], dtype=int)
+    body = np.array(list(rig.points.values()), dtype=float)
+    variance = np.diagonal(world.covariance).reshape(-1, 2).mean(1)
+    return PoseReadings(
+        known=world.positions[world_index],
+        body=body[rig_index],
+        distance=own.distance,
+        sigma=own.sigma,
+        world_index=world_index,
+        rig_index=rig_index,
+        known_sigma=np.sqrt(variance[world_index]),
+        body_sigma=float(np.hypot(rig.marking_sigma, rig.shape_sigma)),
+    )
+
+
+def solve_robot_frames(
+    poses: Sequence[str],
+    readings: Readings,
+    world: WorldPoints,
+    rig: RobotFrame,
+    guesses: Mapping[str, Array],
+) -> tuple[list[RobotFrameFit], list[NotPosed]]:
+    """Every pose on its own, and those that the readings leave open.
+
+    Parameters
+    ----------
+    poses : sequence of str
+        Their ids.
+    readings : Readings
+        All readings.
+    world : WorldPoints
+        The located points with their joint covariance.
+    rig : RobotFrame
+        Nominal rig points and their sigmas.
+    guesses : mapping of str to (3,) array
+        Hand-measured first guesses, where there are any.
+
+    Notes
+    -----
+    AD2.3, "Robot-frame", second filter. The document takes world points and marks as
+    independent in every reading; here an error of a world point, or of a mark, is shared by all
+    the readings that use it, with full covariances.
+    """
+    found, missing = [], []
+    for pose in poses:
+        own = pose_readings(pose, readings, world, rig)
+        result = _solve(pose, own, world, rig, guesses.get(pose))
+        if isinstance(result, RobotFrameFit):
+            found.append(result)
+        else:
+            missing.append(result)
+    return found, missing
+
+
+def _solve(
+    pose: str, own: PoseReadings, world: WorldPoints, rig: RobotFrame, guess: Array | None
+) -> RobotFrameFit | NotPosed:
+    """One pose, or why it is not determined."""
+    fault = why_undetermined(own)
+    if fault:
+        return NotPosed(pose, fault, np.empty((0, 3)))
+    closed = closed_form_guess(own)
+    starts = _starts(own, closed, guess)
+    minima, costs = fitting_poses(starts, own)
+    if len(minima) == 0:
+        return _hopeless(pose, own, world, rig)
+    if len(minima) > 1 and costs[1] - costs[0] < TIE:
+        tied = minima[costs - costs[0] < TIE]
+        reason = (
+            f"{len(tied)} poses fit its readings equally well; measure a further rig point or "
+            "world point"
+        )
+        return NotPosed(pose, reason, tied)
+    estimate = iterated_ekf(full_model(own, world, rig), minima[0], PRIOR_SIGMA)
+    if not estimate.converged:
+        return _hopeless(pose, own, world, rig)
+    state = np.append(estimate.state[:2], wrap(estimate.state[2]))
+    return RobotFrameFit(
+        pose,
+        state,
+        estimate.covariance,
+        estimate.cost,
+        len(own) - 3,
+        closed if guess is None else guess,
+        estimate.passes,
+    )
+
+
+def _hopeless(pose: str, own: PoseReadings, world: WorldPoints, rig: RobotFrame) -> NotPosed:
+    """A pose whose readings contradict each other, with those that could be wrong by metres."""
+    states, suspects = [], []
+    names = list(rig.points)
+    for row in range(len(own)):
+        fit = best_fit(own.select(np.arange(len(own)) != row))
+        if fit is not None and fit[1] < GOOD_REST * (len(own) - 4):
+            states.append(fit[0])
+            mark, point = names[own.rig_index[row]], world.names[own.world_index[row]]
+            suspects.append(f"{pose}/{mark}–{point}: {own.distance[row]:.3f} m")
+    reason = "its readings contradict each other by far"
+    if suspects:
+        reason += f"; the others agree without {' or without '.join(suspects)}"
+    return NotPosed(pose, f"{reason}. Measure again", np.array(states).reshape(-1, 3))
+
+
+def best_fit(own: PoseReadings) -> tuple[Array, float] | None:
+    """The pose that fits best and its cost, however bad; None if readings are too few to tell.
+
+    Readings are taken as independent, and no tie is looked for.
+    """
+    if why_undetermined(own) or len(own) == 3:  # three readings fit any labelling
+        return None
+    starts = pose_starts(own)
+    minima, costs = fitting_poses(starts, own)
+    if len(minima):
+        return minima[0], float(costs[0])
+    at_starts = _costs(starts, own)
+    return starts[at_starts.argmin()], float(at_starts.min())
+
+
+def why_undetermined(own: PoseReadings) -> str | None:
+    """Why the readings cannot give a pose, by counting; None if they can."""
+    if len(own) < 3:
+        return f"{len(own)} usable reading(s) for three unknowns; measure at least four"
+    if len(set(own.rig_index)) < 2:
+        return "all readings are from one rig point: its heading is not determined"
+    if len(set(own.world_index)) < 2:
+        return "all readings are to one world point: the pose may turn about it"
+    return None
+
+
+def closed_form_guess(own: PoseReadings) -> Array:
+    """A first guess without any hand measurement.
+
+    Each mark with three or more readings is multilaterated and the rig laid onto them; with
+    fewer, the best of all meeting points of circles with sixteen headings.
+
+    Returns
+    -------
+    (3,) array
+        x, y, theta.
+    """
+    marks, bodies = [], []
+    for point in sorted(set(own.rig_index)):
+        rows = own.rig_index == point
+        if len(set(own.world_index[rows])) >= 3:
+            marks.append(multilaterate(own.known[rows], own.distance[rows]))
+            bodies.append(own.body[rows][0])
+    if len(marks) >= 2:
+        return rigid_alignment(np.array(bodies), np.array(marks))
+    starts = _circle_starts(own)
+    return np.asarray(starts[_costs(starts, own).argmin()])
+
+
+def _circle_starts(own: PoseReadings) -> Array:
+    """(s, 3) poses that put a rig point on a meeting point of two circles, sixteen headings."""
+    headings = np.arange(16) * np.pi / 8
+    starts = []
+    for i, j in combinations(range(len(own)), 2):
+        if own.world_index[i] == own.world_index[j] or own.rig_index[i] != own.rig_index[j]:
+            continue
+        meet = circle_intersections(own.known[[i, j]], own.distance[[i, j]])
+        for mark in meet:
+            origin = mark - rotate(headings, own.body[i])
+            starts.append(np.column_stack([origin, headings]))
+    if not starts:
+        centre = own.known.mean(0) - rotate(headings, own.body.mean(0))
+        return np.column_stack([centre, headings])
+    return np.concatenate(starts)
+
+
+def pose_starts(own: PoseReadings) -> Array:
+    """(s, 3) first guesses, from the readings alone, that lead to every pose that may fit."""
+    return _starts(own, closed_form_guess(own), None)
+
+
+def _starts(own: PoseReadings, closed: Array, guess: Array | None) -> Array:
+    """First guesses that lead to every solution there may be."""
+    quarter = np.arange(4) * np.pi / 2
+    here = np.tile(closed, (4, 1))
+    here[:, 2] += quarter
+    mirrored = here.copy()
+    mirrored[:, :2] = mirror_in_line(here[:, :2], own.known)
+    starts = [here, mirrored]
+    if guess is not None:
+        starts.insert(0, np.asarray(guess, dtype=float)[None])
+    if len(own) < _FEW:
+        starts.append(_circle_starts(own))
+    return np.concatenate(starts)
+
+
+def _batch_model(own: PoseReadings, states: Array) -> tuple[Array, Array, Array]:
+    """h, H and variances for many poses, readings taken as independent."""
+    at = linearise(states, own.known, own.body, own.distance)
+    H = np.concatenate([at.H_position, at.H_heading[..., None]], axis=-1)
+    return at.h, H, independent_variance(at, own.sigma, own.known_sigma, own.body_sigma)
+
+
+def _costs(states: Array, own: PoseReadings) -> Array:
+    h, _, variance = _batch_model(own, states)
+    return np.asarray((h**2 / variance).sum(-1))
+
+
+def fitting_poses(starts: Array, own: PoseReadings) -> tuple[Array, Array]:
+    """Different poses (k, 3) at which the filter rests, and their costs (k,), the best first.
+
+    Readings are taken as independent.
+    """
+    ended = iterated_ekf_batch(lambda states: _batch_model(own, states), starts, PRIOR_SIGMA)
+    usable = ended.converged & np.isfinite(ended.cost)
+    order = np.flatnonzero(usable)[np.argsort(ended.cost[usable])]
+    states = ended.state.copy()
+    states[:, 2] = wrap(states[:, 2])
+    kept: list[int] = []
+    for i in order:
+        differs = [np.abs(_difference(states[i], states[k])) > _SAME for k in kept]
+        if all(d.any() for d in differs):
+            kept.append(int(i))
+    return states[kept], ended.cost[kept]
+
+
+def _difference(a: Array, b: Array) -> Array:
+    return np.append(a[:2] - b[:2], wrap(a[2] - b[2]))
+
+
+def rig_covariance(rig: RobotFrame) -> Array:
+    """(2 k, 2 k) covariance of a stop's marks in the robot frame: marking and shape of the rig."""
+    return np.eye(2 * len(rig.points)) * (rig.marking_sigma**2 + rig.shape_sigma**2)
+
+
+def full_model(own: PoseReadings, world: WorldPoints, rig: RobotFrame) -> Model:
+    """State (3,) -> h (m,), H (m, 3), R (m, m), world points and marks shared by readings."""
+    rows = np.repeat(np.arange(len(own)), 2)
+    world_columns = (2 * own.world_index[:, None] + np.arange(2)).ravel()
+    rig_columns = (2 * own.rig_index[:, None] + np.arange(2)).ravel()
+    of_marks = rig_covariance(rig)
+
+    def model(state: Array) -> tuple[Array, Array, Array]:
+        at = linearise(state, own.known, own.body, own.distance)
+        by_world = np.zeros((len(own), world.covariance.shape[0]))
+        by_world[rows, world_columns] = at.W_known.ravel()
+        by_mark = np.zeros((len(own), len(of_marks)))
+        by_mark[rows, rig_columns] = at.W_body.ravel()
+        R = np.diag((at.W_distance * own.sigma) ** 2)
+        R += by_world @ world.covariance @ by_world.T + by_mark @ of_marks @ by_mark.T
+        H = np.column_stack([at.H_position, at.H_heading])
+        return at.h, H, R
+
+    return model
+
+
+def pose_covariance(state: Array, own: PoseReadings, world: WorldPoints, rig: RobotFrame) -> Array:
+    """(3, 3) covariance of a pose at which the filter rests, all that readings share included."""
+    _, H, R = full_model(own, world, rig)(state)
+    return np.asarray(np.linalg.inv(H.T @ np.linalg.solve(R, H)))

@@ -1,0 +1,184 @@
+"""From readings to validation poses: the whole chain, without files."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from survey.estimation.adjustment import Adjustment, adjust
+from survey.estimation.labelling import LabellingVerdict, judge_labelling
+from survey.estimation.network import build_network, start_parameters
+from survey.estimation.points_from_marks import locate_from_marks
+from survey.estimation.reliability import (
+    BlunderSuspicion,
+    Reliability,
+    reading_tests,
+    suspected_blunders,
+)
+from survey.estimation.robot_frames import NotPosed, RobotFrameFit, solve_robot_frames
+from survey.estimation.vframe import VframeEstimate, estimate_vframe
+from survey.estimation.world_points import WorldPoints, locate_world_points
+from survey.readings.readings import Readings
+from validation.campaign.folder import RobotFrame, Vframe
+from validation.errors import GtvalError
+from validation.poses.angles import Array
+from validation.poses.pose_table import PoseTable
+from validation.systems import Progress, no_progress
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Coordinates from elsewhere, which can tell a labelling from its mirror image.
+
+    Parameters
+    ----------
+    published, hand : mapping of str to (2,) array
+        World points as published, and as measured roughly by hand, metres.
+    hand_sigma : float
+        Standard deviation of the rough coordinates, metres.
+    guesses : mapping of str to (3,) array
+        Hand-measured poses.
+    """
+
+    published: Mapping[str, Array] = field(default_factory=dict)
+    hand: Mapping[str, Array] = field(default_factory=dict)
+    hand_sigma: float = 0.2
+    guesses: Mapping[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SurveySolution:
+    """Everything that the readings give.
+
+    Parameters
+    ----------
+    vframe : VframeEstimate
+        The frame.
+    labelling : LabellingVerdict
+        Whether the labels of the Vframe points are what they say.
+    world : WorldPoints
+        World points from the Vframe alone.
+    frames : tuple of RobotFrameFit
+        Each pose from the world points alone.
+    not_posed : tuple of NotPosed
+        Poses left open.
+    from_marks : mapping of str to (2,) array
+        World points that the Vframe leaves open and the robot's marks do not: where the joint
+        adjustment starts for them.
+    used : Readings
+        Readings in the joint adjustment, in its order.
+    adjustment : Adjustment
+        The joint adjustment.
+    reliability : Reliability
+        Tests of its readings.
+    suspicions : tuple of BlunderSuspicion
+        Suspected blunders.
+    """
+
+    vframe: VframeEstimate
+    labelling: LabellingVerdict
+    world: WorldPoints
+    frames: tuple[RobotFrameFit, ...]
+    not_posed: tuple[NotPosed, ...]
+    from_marks: Mapping[str, Array]
+    used: Readings
+    adjustment: Adjustment
+    reliability: Reliability
+    suspicions: tuple[BlunderSuspicion, ...]
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """World points of the joint adjustment."""
+        return (*self.world.names, *self.from_marks)
+
+    def pose_table(self) -> PoseTable | None:
+        """The validation poses of the joint adjustment, with their joint covariance."""
+        poses = self.adjustment.network.poses
+        if not poses:
+            return None
+        rows = self.adjustment.pose_rows(poses)
+        joint = self.adjustment.covariance[np.ix_(rows, rows)]
+        n = len(poses)
+        blocks = joint.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n)]
+        return PoseTable(
+            system="survey",
+            ids=poses,
+            poses=self.adjustment.parameters.poses,
+            covariances=blocks,
+            sources=("joint adjustment",) * n,
+            joint=joint,
+        )
+
+
+def solve_survey(
+    vframe: Vframe,
+    rig: RobotFrame,
+    readings: Readings,
+    world_points: Sequence[str],
+    evidence: Evidence | None = None,
+    *,
+    robust: bool = False,
+    progress: Progress = no_progress,
+) -> SurveySolution:
+    """Validation poses and all that is known about them.
+
+    Parameters
+    ----------
+    vframe : Vframe
+        Nominal frame.
+    rig : RobotFrame
+        Nominal robot frame.
+    readings : Readings
+        Distances between Vframe points, world points and marks.
+    world_points : sequence of str
+        Names of the world points.
+    evidence : Evidence, optional
+        Coordinates from elsewhere.
+    robust : bool
+        Huber weights in the joint adjustment.
+    progress : callable
+        Told what is being done.
+
+    Raises
+    ------
+    GtvalError
+        If the labels are contradicted, nothing can be located, or the adjustment fails.
+    """
+    evidence = evidence or Evidence()
+    progress("Vframe", 0.0)
+    frame = estimate_vframe(vframe, readings)
+    world = locate_world_points(world_points, readings, frame)
+    if not world.points:
+        reasons = "; ".join(f"{p.name}: {p.reason}" for p in world.missing[:5])
+        raise GtvalError(f"no world point can be located ({reasons or 'no readings'})")
+    progress("labels", 0.15)
+    labelling = judge_labelling(vframe, rig, readings, world, evidence)
+    progress("robot frames", 0.3)
+    frames, not_posed = solve_robot_frames(readings.poses, readings, world, rig, evidence.guesses)
+    progress("joint adjustment", 0.6)
+    from_marks = locate_from_marks(world.missing, readings, frame, frames, rig)
+    network, used = build_network(
+        vframe, rig, readings, (*world.names, *from_marks), [fit.pose for fit in frames]
+    )
+    start = start_parameters(
+        network,
+        frame.points,
+        {**dict(zip(world.names, world.positions, strict=True)), **from_marks},
+        {fit.pose: fit.state for fit in frames},
+    )
+    adjustment = adjust(network, start, robust=robust)
+    progress("tests of the readings", 0.9)
+    solution = SurveySolution(
+        vframe=frame,
+        labelling=labelling,
+        world=world,
+        frames=tuple(frames),
+        not_posed=tuple(not_posed),
+        from_marks=from_marks,
+        used=used,
+        adjustment=adjustment,
+        reliability=reading_tests(adjustment),
+        suspicions=tuple(suspected_blunders(adjustment)),
+    )
+    progress("done", 1.0)
+    return solution

@@ -1,0 +1,1 @@
+"""Readings of a hand-held laser and the points between which they are."""

@@ -1,0 +1,237 @@
+"""Hand-laser readings: the file, the names of the points, the distances they stand for."""
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from survey.readings.instrument import corrected, reading_sigma
+from survey.readings.point_names import robot_point
+from survey.settings import SurveySettings
+from validation.campaign.folder import Campaign
+from validation.poses.angles import Array
+from validation.text_files.csv_tables import Column, CsvTable, read_csv
+
+Mask = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Distances between named points.
+
+    Parameters
+    ----------
+    start, end : tuple of str, length n
+        The two points of each reading; the order has no meaning.
+    distance : (n,) array
+        Metres, corrected for the instrument's offset and scale.
+    sigma : (n,) array
+        Standard deviation of each, metres.
+    line : tuple of int, length n
+        Line of the file, 0 where there is no file.
+    observer : tuple of str, length n
+        Who measured, '' where not noted.
+    """
+
+    start: tuple[str, ...]
+    end: tuple[str, ...]
+    distance: Array
+    sigma: Array
+    line: tuple[int, ...] = ()
+    observer: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.start)
+        object.__setattr__(self, "distance", np.asarray(self.distance, dtype=float))
+        sigma = np.broadcast_to(np.asarray(self.sigma, dtype=float), (n,))
+        object.__setattr__(self, "sigma", sigma)
+        object.__setattr__(self, "line", tuple(self.line) or (0,) * n)
+        object.__setattr__(self, "observer", tuple(self.observer) or ("",) * n)
+        if not len(self.end) == len(self.distance) == n:
+            raise ValueError(f"{n} start points, {len(self.end)} ends, {self.distance.shape}")
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    def select(self, rows: Mask | Sequence[int] | npt.NDArray[np.intp]) -> Self:
+        """The given rows."""
+        index = np.arange(len(self))[np.asarray(rows)]
+        return replace(
+            self,
+            start=tuple(self.start[i] for i in index),
+            end=tuple(self.end[i] for i in index),
+            distance=self.distance[index],
+            sigma=self.sigma[index],
+            line=tuple(self.line[i] for i in index),
+            observer=tuple(self.observer[i] for i in index),
+        )
+
+    @cached_property
+    def rows_of_point(self) -> dict[str, list[int]]:
+        """Rows of the readings that start or end at each point."""
+        rows: dict[str, list[int]] = {}
+        for row, (a, b) in enumerate(zip(self.start, self.end, strict=True)):
+            rows.setdefault(a, []).append(row)
+            rows.setdefault(b, []).append(row)
+        return rows
+
+    def touching(self, names: Sequence[str], others: Sequence[str]) -> Self:
+        """Readings between one of ``names`` and one of ``others``, turned to start in ``names``."""
+        here, there = set(names), set(others)
+        near = sorted({row for name in here for row in self.rows_of_point.get(name, ())})
+        ends = [(self.start[row], self.end[row]) for row in near]
+        forward = [a in here and b in there for a, b in ends]
+        backward = [b in here and a in there for a, b in ends]
+        kept = [f or b for f, b in zip(forward, backward, strict=True)]
+        chosen = self.select(np.array(near, dtype=np.intp)[np.array(kept, dtype=bool)])
+        pairs = [
+            (a, b) if f else (b, a) for (a, b), f, k in zip(ends, forward, kept, strict=True) if k
+        ]
+        return replace(chosen, start=tuple(a for a, _ in pairs), end=tuple(b for _, b in pairs))
+
+    def of_pose(self, pose: str) -> Self:
+        """Readings with a rig point of one pose at either end, turned to start there."""
+        names = [n for n in self.rows_of_point if (robot_point(n) or ("",))[0] == pose]
+        rows = {row for name in names for row in self.rows_of_point[name]}
+        others = {n for row in rows for n in (self.start[row], self.end[row])} - set(names)
+        return self.touching(names, sorted(others))
+
+    @property
+    def poses(self) -> list[str]:
+        """Ids of the poses that occur, in the order of their first reading."""
+        seen: dict[str, None] = {}
+        for name in self.rows_of_point:
+            point = robot_point(name)
+            if point is not None:
+                seen.setdefault(point[0])
+        return list(seen)
+
+
+@dataclass(frozen=True)
+class ReadingsFile:
+    """What a readings file holds.
+
+    Parameters
+    ----------
+    used : Readings
+        The readings to compute with.
+    set_aside : Readings
+        Those that a person marked with use = no.
+    notes : tuple of str
+        Why, in their order.
+    """
+
+    used: Readings
+    set_aside: Readings
+    notes: tuple[str, ...] = ()
+
+
+def load_readings(campaign: Campaign, settings: SurveySettings) -> ReadingsFile | None:
+    """The campaign's readings; None where it has no readings file.
+
+    Raises
+    ------
+    InputError
+        Naming file, line, field and value of every bad place.
+    """
+    path = campaign.folder / settings.readings
+    if not path.exists():
+        return None
+    instrument = campaign.settings.instrument
+    low, high = instrument.range_min, instrument.range_max
+    table = read_csv(
+        path,
+        [
+            Column("from"),
+            Column("to"),
+            Column("distance", "number", low=low, high=high, unit="m"),
+            Column("time", required=False, blank=True),
+            Column("observer", required=False, blank=True),
+            Column("use", required=False, blank=True),
+            Column("note", required=False, blank=True),
+        ],
+    )
+    _check_names(table, campaign, settings)
+    _check_rows(table)
+    if len(table) == 0 and not table.problems:
+        table.lines.append(1)
+        table.raw["from"].append("")
+        table.flag(0, "from", "the file has a header but no reading")
+    table.raise_problems()
+    readings = _as_readings(table, campaign, settings)
+    kept = np.array([use.lower() != "no" for use in table.text["use"]])
+    notes = [note for note, keep in zip(table.text["note"], kept, strict=True) if not keep]
+    return ReadingsFile(readings.select(kept), readings.select(~kept), tuple(notes))
+
+
+def _as_readings(table: CsvTable, campaign: Campaign, settings: SurveySettings) -> Readings:
+    """Rows as distances between points, labels replaced by what they stand for."""
+    instrument = campaign.settings.instrument
+    meaning = settings.labels
+    raw = np.array(table.numbers["distance"])
+    sigma = (
+        reading_sigma(instrument, raw)
+        if settings.reading_sigma is None
+        else np.full(len(raw), settings.reading_sigma)
+    )
+    return Readings(
+        start=tuple(meaning.get(name, name) for name in table.text["from"]),
+        end=tuple(meaning.get(name, name) for name in table.text["to"]),
+        distance=corrected(instrument, raw),
+        sigma=sigma,
+        line=tuple(table.lines),
+        observer=tuple(table.text["observer"]),
+    )
+
+
+def _check_names(table: CsvTable, campaign: Campaign, settings: SurveySettings) -> None:
+    """Flag names that are no known point."""
+    vframe = set(campaign.settings.vframe.points)
+    rig = set(campaign.settings.robot_frame.points)
+    known = vframe | set(settings.labels) | set(settings.world_points)
+    for column in ("from", "to"):
+        for row, name in enumerate(table.text[column]):
+            point = robot_point(name)
+            if not name or name in known:
+                continue
+            if point is None:
+                table.flag(row, column, _unknown_point(name, known))
+            elif point[1] not in rig or not point[0] or "/" in point[1]:
+                table.flag(
+                    row, column, f"expected POSE/POINT with a point of {', '.join(sorted(rig))}"
+                )
+
+
+def _unknown_point(name: str, known: set[str]) -> str:
+    near = difflib.get_close_matches(name, known, 1, cutoff=0.5)
+    hint = f"; did you mean '{near[0]}'?" if near else ""
+    return (
+        f"unknown point{hint} (Vframe points are set in [vframe.points], world points listed in "
+        "[survey] world_points, robot points written POSE/POINT)"
+    )
+
+
+def _check_rows(table: CsvTable) -> None:
+    """Flag readings from a point to itself, bad 'use' cells and rows that stand twice."""
+    for row, (start, end) in enumerate(zip(table.text["from"], table.text["to"], strict=True)):
+        if start and start == end:
+            table.flag(row, "to", "a reading from a point to itself")
+    for row, use in enumerate(table.text["use"]):
+        if use.lower() not in {"", "yes", "no"}:
+            table.flag(row, "use", "expected yes, no or nothing")
+
+    def same_measurement(row: int) -> object:
+        pair = frozenset((table.text["from"][row], table.text["to"][row]))
+        return pair, table.raw["distance"][row].strip(), table.text["time"][row]
+
+    table.flag_duplicates(["from", "to", "distance"], same_measurement)
+
+
+def readings_path(campaign: Campaign, settings: SurveySettings) -> Path:
+    """Where the readings are or would be."""
+    return campaign.folder / settings.readings

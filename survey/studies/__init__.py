@@ -1,0 +1,1 @@
+"""How accurate a survey is, would be, and need be."""

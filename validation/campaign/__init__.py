@@ -1,0 +1,1 @@
+"""A campaign folder: campaign.toml, what lies beside it, and what is already computed."""

@@ -1,0 +1,313 @@
+"""The campaign folder: its campaign.toml and where things lie in it."""
+
+import difflib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from validation.errors import GtvalError, InputError, Problem
+from validation.plugins import entry_points
+
+if TYPE_CHECKING:
+    from validation.results import SystemResult
+
+MAX_TOML_BYTES = 1_000_000
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Point = tuple[Finite, Finite]
+Name = Annotated[str, Field(min_length=1, pattern=r"^[^\s/,;\"]+$")]
+M = TypeVar("M", bound=BaseModel)
+
+
+class Settings(BaseModel):
+    """Base of all tables of campaign.toml: unknown keys are errors, values do not change."""
+
+    # Built when first used: a command needs few of the tables that its imports bring along.
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, coerce_numbers_to_str=True, defer_build=True
+    )
+
+
+class Instrument(Settings):
+    """The hand-held laser distance meter.
+
+    ``tolerance`` is the half width that the maker states, taken as 2 sigma; beyond
+    ``tolerance_up_to`` metres it grows by ``tolerance_per_metre``. ``setup_sigma`` is what the
+    person adds (spot only horizontally aligned, uneven floor, width of the mark) and
+    ``resolution`` the last digit shown; both are combined in quadrature. A reading d stands for
+    ``offset + scale * d``.
+    """
+
+    model: str = "hand-held laser distance meter"
+    tolerance: Positive = 0.0015
+    tolerance_up_to: NotNegative = 30.0
+    tolerance_per_metre: NotNegative = 0.0
+    setup_sigma: NotNegative = 0.0
+    resolution: NotNegative = 0.001
+    offset: Finite = 0.0
+    scale: Positive = 1.0
+    range_min: NotNegative = 0.05
+    range_max: Positive = 50.0
+
+
+class Vframe(Settings):
+    """The frame on the floor: nominal points, and how well they were marked.
+
+    ``points`` defaults to O, X, Y and XY of a square with sides of one ``pole_length``.
+    ``sigma`` is the standard deviation of each coordinate of a marked point.
+    """
+
+    pole_length: Positive = 2.5
+    sigma: Positive = 0.002
+    points: dict[Name, Point] = {}
+
+    @model_validator(mode="after")
+    def _square(self) -> "Vframe":
+        if not self.points:
+            a = self.pole_length
+            square = {"O": (0.0, 0.0), "X": (a, 0.0), "Y": (0.0, a), "XY": (a, a)}
+            object.__setattr__(self, "points", square)
+        if len(self.points) < 2:
+            raise ValueError("at least two Vframe points are needed")
+        return self
+
+
+class RobotFrame(Settings):
+    """The rig whose points are marked on the floor at each stop.
+
+    ``points`` are nominal coordinates in the robot frame; ``shape_sigma`` says how well they are
+    known (one rig, the same at all stops); ``marking_sigma`` how well each mark on the floor
+    stands for its rig point; ``sides`` are measured lengths between rig points with
+    ``sides_sigma``.
+    """
+
+    points: dict[Name, Point] = {"O": (0.0, 0.0), "X": (0.6, 0.0), "Y": (0.0, 0.4)}
+    marking_sigma: NotNegative = 0.001
+    shape_sigma: NotNegative = 0.0
+    sides: dict[str, Positive] = {}
+    sides_sigma: Positive = 0.001
+
+    @model_validator(mode="after")
+    def _heading_is_determined(self) -> "RobotFrame":
+        if len(set(self.points.values())) < 2:
+            raise ValueError("at least two different rig points are needed to find a heading")
+        return self
+
+
+class Published(Settings):
+    """Poses taken over from elsewhere, as a system of its own.
+
+    ``sigmas`` are the standard deviations to assume where the file states none, (x, y, theta) or
+    (x, y, z, yaw, pitch, roll); without them errors have no normalised form.
+    """
+
+    system: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    file: str
+    source: str = ""
+    sigmas: (
+        tuple[Positive, Positive, Positive]
+        | tuple[Positive, Positive, Positive, Positive, Positive, Positive]
+        | None
+    ) = None
+
+
+class Room(Settings):
+    """What is drawn on the room map: walls as polylines in the GTV frame."""
+
+    walls: list[list[Point]] = []
+
+
+class Comparison(Settings):
+    """How errors are judged.
+
+    ``acceptable_bias`` (metres, radians) is the d of the statement 'the bias is below d';
+    ``confidence`` the level of all intervals.
+    """
+
+    acceptable_bias_length: Positive = 0.05
+    acceptable_bias_angle: Positive = 0.05
+    confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
+
+
+class CampaignSettings(BaseModel):
+    """The shared tables of campaign.toml; tables of single systems are read by them."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, coerce_numbers_to_str=True)
+
+    name: str
+    description: str = ""
+    place: str = ""
+    date: str = ""
+    facts: dict[str, str] = {}
+    instrument: Instrument = Instrument()
+    vframe: Vframe = Vframe()
+    robot_frame: RobotFrame = RobotFrame()
+    room: Room = Room()
+    comparison: Comparison = Comparison()
+    published: list[Published] = []
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Where campaign.toml lies.
+    settings : CampaignSettings
+        Its contents.
+    solved : mapping of str to SystemResult
+        In a run: what the systems before this one made of it, so that a system which starts from
+        the survey need not solve it again. Empty for a campaign just loaded.
+    """
+
+    folder: Path
+    settings: CampaignSettings
+    solved: "Mapping[str, SystemResult]" = field(default_factory=dict, compare=False, repr=False)
+
+    @property
+    def toml(self) -> Path:
+        """Path of campaign.toml."""
+        return self.folder / "campaign.toml"
+
+    @property
+    def results(self) -> Path:
+        """Folder of everything computed."""
+        return self.folder / "results"
+
+    @property
+    def report(self) -> Path:
+        """Folder of the report."""
+        return self.folder / "report"
+
+    @cached_property
+    def extra(self) -> Mapping[str, Any]:
+        """Tables that belong to single systems."""
+        return self.settings.model_extra or {}
+
+    def section(self, name: str, model: type[M]) -> M:
+        """A system's own table, checked against its model; defaults where it is missing.
+
+        Raises
+        ------
+        InputError
+            Naming every bad key.
+        """
+        try:
+            return model.model_validate(self.extra.get(name, {}))
+        except ValidationError as error:
+            raise _input_error(self.toml, error, (name,)) from None
+
+
+def load_campaign(folder: Path, known_tables: frozenset[str] | None = None) -> Campaign:
+    """The campaign in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder, or its campaign.toml.
+    known_tables : frozenset of str, optional
+        Names that systems use for tables of their own; by default the installed systems'. Any
+        other unknown table or key is an error.
+
+    Raises
+    ------
+    InputError
+        Naming the file, line, key and value of every bad place.
+    """
+    if folder.name == "campaign.toml":
+        folder = folder.parent
+    path = folder / "campaign.toml"
+    data = _parse(path)
+    if known_tables is None:  # an entry point is called as its system and its table
+        known_tables = frozenset(entry.name for entry in entry_points(group="gtval.systems"))
+    try:
+        settings = CampaignSettings.model_validate(data)
+    except ValidationError as error:
+        raise _input_error(path, error) from None
+    known = known_tables | _OWN_TABLES
+    problems = [
+        Problem(path, f"unknown table or key{_closest(key, known)}", _line_of(path, (key,)), key)
+        for key in data
+        if key not in known
+    ]
+    if problems:
+        raise InputError(problems)
+    return Campaign(folder, settings)
+
+
+_OWN_TABLES = frozenset(CampaignSettings.model_fields) | {"plan", "explain"}
+
+
+def _closest(key: str, known: set[str] | frozenset[str]) -> str:
+    near = difflib.get_close_matches(key, known, 1)
+    return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def _parse(path: Path) -> dict[str, Any]:
+    """Contents of a TOML file."""
+    try:
+        if path.stat().st_size > MAX_TOML_BYTES:
+            raise InputError([Problem(path, "larger than 1 MB; this cannot be a campaign.toml")])
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except FileNotFoundError:
+        raise InputError(
+            [
+                Problem(
+                    path,
+                    "there is no such file; a campaign folder needs one. "
+                    "`gtval simulate DIR` writes an example",
+                )
+            ]
+        ) from None
+    except UnicodeDecodeError as error:
+        line = path.read_bytes()[: error.start].count(b"\n") + 1
+        raise InputError([Problem(path, "not UTF-8; save the file as UTF-8", line)]) from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError([Problem(path, f"not valid TOML: {error}")]) from None
+    except RecursionError:
+        raise InputError([Problem(path, "not valid TOML: nested too deeply")]) from None
+    except ValueError as error:  # a NUL byte in the name, or a number of thousands of digits
+        raise InputError([Problem(path, f"cannot be read: {error}")]) from None
+    except OSError as error:
+        raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+def _input_error(path: Path, error: ValidationError, prefix: tuple[str, ...] = ()) -> InputError:
+    """The same faults with file, line and dotted key."""
+    problems = []
+    for fault in error.errors():
+        keys = prefix + tuple(str(part) for part in fault["loc"])
+        value = fault["input"]
+        shown = None if fault["type"] == "missing" or isinstance(value, dict) else str(value)
+        what = fault["msg"].removeprefix("Value error, ")
+        problems.append(Problem(path, what, _line_of(path, keys), ".".join(keys) or None, shown))
+    return InputError(problems)
+
+
+def _line_of(path: Path, keys: tuple[str, ...]) -> int | None:
+    """Line on which a dotted key is set, as far as the text tells; None if it is not found."""
+    names = [key for key in keys if not key.isdigit()]
+    if not names:
+        return None
+    prefix: list[str] = []
+    best: int | None = None
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    for number, line in enumerate(lines, 1):
+        text = line.strip()
+        if text.startswith("["):
+            prefix = text.split("#")[0].strip("[] ").split(".")
+            if prefix == names[: len(prefix)]:
+                best = number
+            continue
+        key = text.split("=")[0].strip().strip('"')
+        if "=" in text and [*prefix, *key.split(".")] == names[: len(prefix) + 1]:
+            return number
+    return best

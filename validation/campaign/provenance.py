@@ -1,0 +1,193 @@
+"""Which inputs and which step made the files under results/, and which no longer belong together.
+
+A step is one system, the comparison or the explanation. results/run.json holds, under ``steps``,
+what each step read and wrote, as SHA-256 of every file. What a step wrote is out of date when an
+input has changed since, when results that it used have changed, or when somebody else has
+changed the file.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from validation.campaign.folder import Campaign
+from validation.errors import GtvalError
+
+COMPUTED = frozenset({"results", "report"})
+"""Folders of a campaign that hold nothing a person typed or a sensor recorded."""
+
+RECORD = "run.json"
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one step read and wrote.
+
+    Parameters
+    ----------
+    sources : sequence of str
+        Files and folders that it reads, relative to the campaign folder; '.' for all of it.
+    inputs : mapping of str to str
+        SHA-256 of what was there, by its path relative to the campaign folder.
+    uses : mapping of str to str
+        SHA-256 of results of earlier steps that were used, by their names under results/.
+    outputs : mapping of str to str
+        SHA-256 of what was written, by its name under results/.
+    choices : mapping of str to object
+        Choices of the command line that differ from the settings.
+    """
+
+    sources: Sequence[str]
+    inputs: Mapping[str, str]
+    uses: Mapping[str, str] = field(default_factory=dict)
+    outputs: Mapping[str, str] = field(default_factory=dict)
+    choices: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class OutOfDate:
+    """A file under results/ or report/ that no longer belongs to the rest.
+
+    Parameters
+    ----------
+    file : str
+        Its path relative to the campaign folder.
+    reason : str
+        What has changed since it was made.
+    """
+
+    file: str
+    reason: str
+
+
+def input_hashes(folder: Path, among: Iterable[Path] | None = None) -> dict[str, str]:
+    """SHA-256 of files of a campaign folder, by their paths relative to the folder.
+
+    Left out are computed folders, hidden files (version control, editors) and temporary ones.
+
+    Parameters
+    ----------
+    folder : Path
+        The campaign folder.
+    among : iterable of Path, optional
+        Files and folders to look at, those that do not exist being left out; everything by
+        default.
+
+    Raises
+    ------
+    GtvalError
+        If a file cannot be read.
+    """
+    found: set[Path] = set()
+    for path in [folder] if among is None else among:
+        found |= {path} if path.is_file() else set(path.rglob("*"))
+    return {
+        relative(path, folder): digest_of(path)
+        for path in sorted(found)
+        if path.is_file() and not _passed_over(path, folder)
+    }
+
+
+def _passed_over(path: Path, folder: Path) -> bool:
+    """Whether a file is no input: computed, hidden or temporary."""
+    if not path.is_relative_to(folder):
+        return False
+    parts = path.relative_to(folder).parts
+    hidden = any(part.startswith(".") for part in parts)
+    return hidden or parts[0] in COMPUTED or path.suffix == ".tmp"
+
+
+def relative(path: Path, folder: Path) -> str:
+    """The path from the folder, or as it is where it lies elsewhere."""
+    return (path.relative_to(folder) if path.is_relative_to(folder) else path).as_posix()
+
+
+def digest_of(source: Path | str | bytes) -> str:
+    """SHA-256 of a file, or of a content that is to be written.
+
+    Raises
+    ------
+    GtvalError
+        If the file cannot be read.
+    """
+    if isinstance(source, str):
+        source = source.encode(errors="backslashreplace")
+    if isinstance(source, bytes):
+        return hashlib.sha256(source).hexdigest()
+    try:
+        with source.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise GtvalError(f"cannot read {source}: {error.strerror or error}") from error
+
+
+def earlier_record(campaign: Campaign) -> dict[str, Any]:
+    """What run.json holds; nothing where there is none, or it cannot be read."""
+    try:
+        found = json.loads((campaign.results / RECORD).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def earlier_steps(record: Mapping[str, Any]) -> dict[str, Step]:
+    """The steps of a run.json; those that are no longer to be read are left out."""
+    steps = record.get("steps")
+    found = {}
+    for name, one in steps.items() if isinstance(steps, dict) else ():
+        sources, *parts = (one.get(f.name) for f in fields(Step))
+        if isinstance(sources, list) and all(isinstance(part, dict) for part in parts):
+            found[name] = Step(tuple(map(str, sources)), *parts)
+    return found
+
+
+def out_of_date(
+    campaign: Campaign, steps: Mapping[str, Step], written: Mapping[str, str] | None = None
+) -> list[OutOfDate]:
+    """Files under results/ that no longer belong to the inputs or to each other.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The folder.
+    steps : mapping of str to Step
+        Who made what.
+    written : mapping of str to str, optional
+        SHA-256 of results that are about to be written.
+
+    Raises
+    ------
+    GtvalError
+        If a file cannot be read.
+    """
+    now = dict(written or {})
+    inputs: dict[tuple[str, ...], dict[str, str]] = {}
+    found = []
+    for step, made in steps.items():
+        sources = tuple(made.sources)
+        if sources not in inputs:
+            inputs[sources] = input_hashes(campaign.folder, map(campaign.folder.joinpath, sources))
+        for name in (*made.uses, *made.outputs):
+            if name not in now and (campaign.results / name).is_file():
+                now[name] = digest_of(campaign.results / name)
+        changed = _different(made.inputs, inputs[sources])
+        changed += [f"results/{name}" for name in _different(made.uses, now, only=made.uses)]
+        for name, was in made.outputs.items():
+            if changed and name in now:
+                reason = f"{', '.join(changed[:3])} changed after the step '{step}' had made it"
+                found.append(OutOfDate(f"results/{name}", reason))
+            elif now.get(name, was) != was:
+                reason = f"it was changed after the step '{step}' had made it"
+                found.append(OutOfDate(f"results/{name}", reason))
+    return found
+
+
+def _different(
+    before: Mapping[str, str], now: Mapping[str, str], only: Iterable[str] | None = None
+) -> list[str]:
+    """Names whose hashes differ, or that only one of both has."""
+    names = sorted({*before, *now}) if only is None else only
+    return [name for name in names if before.get(name) != now.get(name)]

@@ -1,0 +1,80 @@
+"""Poses taken over from elsewhere, as the [[published]] tables of campaign.toml name them."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from validation.campaign.folder import Campaign, Published
+from validation.campaign.stored import components_of
+from validation.errors import InputError, Problem
+from validation.poses.pose_table import PoseTable, from_csv
+from validation.results import Finding
+from validation.text_files.csv_tables import Column, read_csv
+
+
+def published_tables(campaign: Campaign) -> list[PoseTable]:
+    """One table for each [[published]] entry, in the order of campaign.toml.
+
+    Raises
+    ------
+    InputError
+        Naming every bad place of every file, and systems that are named twice.
+    """
+    entries = campaign.settings.published
+    names = [entry.system for entry in entries]
+    problems = [
+        Problem(campaign.toml, "this system is published twice", field="published", value=name)
+        for name in sorted({name for name in names if names.count(name) > 1})
+    ]
+    tables = []
+    for entry in entries:
+        try:
+            tables.append(published_table(campaign.folder, entry))
+        except InputError as error:
+            problems.extend(error.problems)
+    if problems:
+        raise InputError(problems)
+    return tables
+
+
+def published_table(folder: Path, entry: Published) -> PoseTable:
+    """The poses of one entry.
+
+    Parameters
+    ----------
+    folder : Path
+        Campaign folder; the file's path is relative to it.
+    entry : Published
+        The entry. The file's columns are those of `validation.poses.pose_table.from_csv`; a column
+        ``camera`` stands in for blank sources.
+
+    Raises
+    ------
+    InputError
+        Naming file, line, field and value of every bad place.
+    """
+    path = folder / entry.file
+    components = components_of(path)
+    if entry.sigmas is not None and len(entry.sigmas) != len(components):
+        expected = f"poses of {len(components)} components need as many sigmas"
+        raise InputError([Problem(path, expected, field="sigmas", value=str(entry.sigmas))])
+    table = from_csv(path, system=entry.system, sigmas=entry.sigmas, components=components)
+    cameras = read_csv(path, [Column("camera", required=False, blank=True)]).text["camera"]
+    sources = tuple(
+        source or (f"camera {camera}" if camera else "")
+        for source, camera in zip(table.sources, cameras, strict=True)
+    )
+    provenance = {"published": entry.source, "file": entry.file, "assumed_sigmas": entry.sigmas}
+    return replace(table, sources=sources, provenance=provenance)
+
+
+def assumed_sigmas(table: PoseTable) -> list[Finding]:
+    """What has to be said of standard deviations that the file does not state itself."""
+    sigmas = table.provenance.get("assumed_sigmas")
+    if not isinstance(sigmas, tuple):
+        return []
+    listed = ", ".join(
+        f"{component.name} {1000 * sigma:g} m{component.unit}"
+        for component, sigma in zip(table.components, sigmas, strict=True)
+    )
+    text = f"Where its file states no covariance, campaign.toml's sigmas stand in: {listed}."
+    return [Finding("note", text, table.system, "assumed_sigmas")]

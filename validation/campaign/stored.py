@@ -1,0 +1,110 @@
+"""Pose tables that are already on disk: single files, or the results of a run."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from validation.campaign.folder import Campaign
+from validation.campaign.provenance import earlier_record, earlier_steps, out_of_date
+from validation.errors import InputError, Problem
+from validation.poses.joint import with_stored_joint
+from validation.poses.pose_table import PLANAR, SPATIAL, Component, PoseTable, from_csv
+from validation.results import Finding
+from validation.text_files.csv_tables import Column, read_csv
+
+_MOST_RADIANS, _MOST_DEGREES = 4 * np.pi, 720.0
+"""Two turns: `from_csv` takes larger angles for no radians, and no file counts more degrees."""
+
+
+@dataclass(frozen=True)
+class StoredTables:
+    """Tables as they were read.
+
+    Parameters
+    ----------
+    tables : tuple of PoseTable
+        With the joint covariances that lie beside their files.
+    findings : tuple of Finding
+        Results that are out of date.
+    """
+
+    tables: tuple[PoseTable, ...]
+    findings: tuple[Finding, ...] = ()
+
+
+def read_tables(paths: Sequence[Path], names: Sequence[str] = ()) -> StoredTables:
+    """Pose tables of single files, planar or spatial, each with its joint covariance.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        CSV files as `validation.poses.pose_table.from_csv` reads them.
+    names : sequence of str, optional
+        Their systems; by default a system is named after its file.
+
+    Raises
+    ------
+    InputError
+        Naming file, line, field and value of the bad places of all files.
+    """
+    tables: list[PoseTable] = []
+    problems: list[Problem] = []
+    for path, name in zip(paths, names or map(system_of, paths), strict=True):
+        try:
+            _refuse_degrees(path)
+            table = from_csv(path, system=name, components=components_of(path))
+            tables.append(with_stored_joint(table, path))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    return StoredTables(tuple(tables))
+
+
+def stored_tables(campaign: Campaign) -> StoredTables:
+    """Tables under results/, as a run has written them; none where there was no run.
+
+    Raises
+    ------
+    GtvalError
+        If one is bad.
+    """
+    found = read_tables(sorted(campaign.results.glob("poses_*.csv")))
+    names = {f"results/poses_{table.system}.csv" for table in found.tables}
+    old = out_of_date(campaign, earlier_steps(earlier_record(campaign)))
+    late = tuple(
+        Finding(
+            "warning",
+            f"{one.file} is out of date: {one.reason}. `gtval run` makes it anew.",
+            one.file.removeprefix("results/poses_").removesuffix(".csv"),
+            "out_of_date",
+        )
+        for one in old
+        if one.file in names
+    )
+    return StoredTables(found.tables, late)
+
+
+def system_of(path: Path) -> str:
+    """'vision' for vision.csv and for poses_vision.csv."""
+    return re.sub(r"^poses_", "", path.stem)
+
+
+def components_of(path: Path) -> tuple[Component, ...]:
+    """What the poses of a file consist of: spatial ones have a column yaw."""
+    yaw = read_csv(path, [Column("yaw", required=False, blank=True)]).text["yaw"]
+    return SPATIAL if any(yaw) else PLANAR
+
+
+def _refuse_degrees(path: Path) -> None:
+    """Raise, with their lines, for headings that can be degrees only."""
+    cells = read_csv(path, [Column("theta", "number", required=False, blank=True)])
+    angles = np.abs(np.array(cells.numbers["theta"], dtype=float))
+    large = np.flatnonzero((angles > _MOST_RADIANS) & (angles <= _MOST_DEGREES))
+    if len(large) > 2 or (len(large) and len(large) == len(angles)):
+        for row in large:
+            cells.flag(int(row), "theta", "looks like degrees; angles are in radians")
+        cells.raise_problems()

@@ -1,0 +1,200 @@
+"""The command ``gtval explain``."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from validation.campaign.folder import Campaign
+    from validation.explain.analysis import Explanation
+    from validation.poses.pose_table import PoseTable
+    from validation.results import Finding, Section
+
+GOOD_ENOUGH = (0.05, 0.05, 0.05)
+"""Metres and radians asked of x, y, theta of single tables, as a campaign's [comparison] does."""
+
+ANY_PATH = click.Path(path_type=Path)
+
+
+@click.command()
+@click.argument("validation", type=ANY_PATH, metavar="CAMPAIGN | VALIDATION.csv")
+@click.argument("gt", type=ANY_PATH, nargs=-1, metavar="[GT.csv]...")
+@click.option(
+    "--reference",
+    "references",
+    multiple=True,
+    metavar="SYSTEM=POSE",
+    help="The pose that tied a system to the GTV frame; '?' if one did but not known which.",
+)
+@click.option(
+    "--shared-sensor",
+    "sensors",
+    multiple=True,
+    metavar="NAME=SYSTEM,SYSTEM",
+    help="Systems that use the same sensor.",
+)
+@click.option(
+    "--witness",
+    "witnesses",
+    multiple=True,
+    type=ANY_PATH,
+    help="Rough poses from elsewhere (CSV) that only help to decide who is wrong.",
+)
+@click.option("--output", type=ANY_PATH, help="Folder for corrected poses and numbers.")
+@click.option("--figures", is_flag=True, help="Write the figures there too (SVG).")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON for scripts.")
+def explain(
+    validation: Path,
+    gt: tuple[Path, ...],
+    references: tuple[str, ...],
+    sensors: tuple[str, ...],
+    witnesses: tuple[Path, ...],
+    output: Path | None,
+    figures: bool,
+    as_json: bool,
+) -> None:
+    """Tell where errors come from: a mount, a frame, a few wrong poses, and whose.
+
+    Takes a campaign folder (its table [explain] says which systems have a reference pose or share
+    a sensor), or pose tables: VALIDATION.csv and one or more GT.csv with the columns pose, x, y,
+    theta (metres, radians) and, if known, the covariance xx, xy, xt, yy, yt, tt; a column time
+    (seconds) lets a time offset show. Files are named after their system. For a campaign,
+    corrected poses and all numbers go to CAMPAIGN/results/explain; for tables, to --output.
+    """
+    folder: Path | None
+    if validation.is_dir() or validation.name == "campaign.toml":
+        if gt or references or sensors or witnesses:
+            raise click.UsageError(
+                "with a campaign folder, references, sensors and witnesses are stated in the "
+                "table [explain] of its campaign.toml"
+            )
+        explanation, found, sections, results = _of_campaign(validation)
+        folder = output or results
+    elif gt:
+        explanation, found, sections = _of_files(validation, gt, references, sensors, witnesses)
+        folder = output
+    else:
+        raise click.UsageError("give at least one GT table to explain with the validation table")
+    if folder is not None:
+        _write(folder, explanation, sections if figures else ())
+    elif figures:
+        raise click.UsageError("--figures needs --output")
+    _print(explanation, found, sections, folder, as_json=as_json)
+
+
+def _of_files(
+    validation: Path,
+    gt: tuple[Path, ...],
+    references: tuple[str, ...],
+    sensors: tuple[str, ...],
+    witnesses: tuple[Path, ...],
+) -> "tuple[Explanation, Sequence[Finding], Sequence[Section]]":
+    """The explanation of single tables."""
+    from validation.campaign.stored import read_tables
+    from validation.explain.analysis import Question
+    from validation.explain.analysis import explain as explained
+    from validation.explain.loading import read_times
+    from validation.explain.telling.section import explain_sections, repeatability
+    from validation.explain.telling.words import findings
+
+    truth, *systems = read_tables([validation, *gt]).tables
+    groups = {name: tuple(value.split(",")) for name, value in _assignments(sensors)}
+    question = Question(
+        references=dict(_assignments(references)),
+        sensors=groups,
+        times=read_times(gt),
+        witnesses=read_tables(witnesses, [path.stem for path in witnesses]).tables,
+    )
+    explanation = explained(truth, systems, question)
+    sections = explain_sections(explanation, GOOD_ENOUGH, repeatability(explanation))
+    return explanation, findings(explanation), sections
+
+
+def _assignments(pairs: Sequence[str]) -> list[tuple[str, str]]:
+    """('a', 'b') for each 'a=b'."""
+    split = []
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not equals or not name or not value:
+            raise click.UsageError(f"'{pair}' is not of the form NAME=VALUE")
+        split.append((name.strip(), value.strip()))
+    return split
+
+
+def _of_campaign(
+    folder: Path,
+) -> "tuple[Explanation, Sequence[Finding], Sequence[Section], Path]":
+    """The explanation of a campaign's results, run first where they are missing."""
+    from validation.campaign.folder import load_campaign
+    from validation.errors import GtvalError
+    from validation.explain.telling.section import explain_campaign
+
+    campaign = load_campaign(folder)
+    parts = explain_campaign(campaign, _tables(campaign))
+    if parts.explanation is None:
+        raise GtvalError(
+            "there is nothing to explain: no planar system has a stop in common with the survey"
+        )
+    return parts.explanation, parts.findings, parts.sections, campaign.results
+
+
+def _tables(campaign: "Campaign") -> "Sequence[PoseTable]":
+    """Tables under results/, or of a fresh run where the validation's is missing."""
+    from validation.campaign.stored import stored_tables
+    from validation.results import VALIDATION_SYSTEM
+
+    tables = stored_tables(campaign).tables
+    named = {table.system for table in tables}
+    if VALIDATION_SYSTEM in named and len(named) > 1:
+        return tables
+    from validation.run import run_campaign, write_results
+
+    done = run_campaign(campaign)
+    write_results(done)
+    return done.tables
+
+
+def _write(folder: Path, explanation: "Explanation", sections: "Sequence[Section]") -> None:
+    """Corrected poses, flags, numbers and figures, all or nothing."""
+    from validation.explain.telling.output import FOLDER, explanation_files
+    from validation.results import Figure
+    from validation.text_files.writing import write_files
+
+    files = explanation_files(explanation)
+    for section in sections:
+        for block in section.blocks:
+            if isinstance(block, Figure):
+                from validation.report.svg import inline_svg
+
+                files[f"{FOLDER}/{block.name}.svg"] = inline_svg(block, block.name)
+    write_files(folder, files)
+
+
+def _print(
+    explanation: "Explanation",
+    found: "Sequence[Finding]",
+    sections: "Sequence[Section]",
+    folder: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    """Tables and findings, or JSON."""
+    from validation.explain.telling.output import FOLDER, explanation_json
+    from validation.report.terminal import print_findings, print_json, print_table
+    from validation.results import Table
+
+    if as_json:
+        print_json(explanation_json(explanation))
+        return
+    for section in sections:
+        for block in section.blocks:
+            if isinstance(block, Table) and block.rows:
+                print_table(block)
+    print_findings(found)
+    if folder is not None:
+        click.echo(f"\nCorrected poses and numbers: {folder / FOLDER}")
+
+
+COMMANDS: list[click.Command] = [explain]

@@ -1,0 +1,70 @@
+"""What the commands of all packages share: their options, and how long work shows its progress."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from validation.systems import Progress
+
+WANTS_JSON = "gtval.json"
+"""Key of the click context's meta: whether an error, too, is to be told as JSON."""
+
+
+def _remember_json(ctx: click.Context, _parameter: click.Parameter, wanted: bool) -> bool:
+    ctx.meta[WANTS_JSON] = wanted
+    return wanted
+
+
+PATH = click.Path(path_type=Path)
+CAMPAIGN = click.argument("campaign", type=PATH)
+AS_JSON = click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    is_eager=True,
+    callback=_remember_json,
+    help="Print JSON for scripts.",
+)
+NORMAL = click.option(
+    "--normal-interval",
+    "normal",
+    is_flag=True,
+    help="Interval of the mean as mean +- 1.96 s / sqrt(n) instead of Student's t.",
+)
+STRICT = click.option(
+    "--strict", is_flag=True, help="Exit with status 3 if a finding is an error; for scripts."
+)
+EVERYTHING = click.option(
+    "--all", "everything", is_flag=True, help="Print all tables and findings, not only the first."
+)
+DRY_RUN = click.option("--dry-run", is_flag=True, help="Print only; write nothing.")
+WORKERS = click.option(
+    "--workers", type=click.IntRange(1), help="Processes; one for each processor by default."
+)
+AS_PUBLISHED = click.option(
+    "--as-published/--not-as-published",
+    default=None,
+    help="Also the document's way, for comparison.",
+)
+
+
+@contextmanager
+def progress_bar(what: str) -> "Iterator[Progress]":
+    """A progress bar on stderr, shown on a terminal only; gives the function to report to."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from validation.report.terminal import console
+
+    shown = console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=shown, transient=True, disable=not shown.is_terminal) as bar:
+        task = bar.add_task(what, total=1.0)
+
+        def report(what: str, share: float) -> None:
+            bar.update(task, description=what, completed=share)
+
+        yield report

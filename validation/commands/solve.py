@@ -1,0 +1,82 @@
+"""The command that solves one system of a campaign: the same for all systems."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from validation.commands.options import (
+    AS_JSON,
+    CAMPAIGN,
+    DRY_RUN,
+    EVERYTHING,
+    STRICT,
+    progress_bar,
+)
+
+Option = Callable[[Any], Any]
+
+
+class CampaignGroup(click.Group):
+    """A group of commands of one system, whose first argument may be a campaign.
+
+    ``gtval laser CAMPAIGN`` is short for ``gtval laser solve CAMPAIGN``.
+    """
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that is named, or `solve` where the first argument is none of their names."""
+        if args and args[0] not in self.commands and not args[0].startswith("-"):
+            args = ["solve", *args]
+        return super().resolve_command(ctx, args)
+
+
+def solve_command(
+    system: str, help_text: str, options: Sequence[Option] = (), name: str = "solve"
+) -> click.Command:
+    """The command that solves a system, writes its files and prints what it found.
+
+    Parameters
+    ----------
+    system : str
+        Name of the installed system.
+    help_text : str
+        What the command does, and which files it writes.
+    options : sequence of click options
+        Of this system alone. Their values are handed to its `solve` by their names; those that
+        are None are not.
+    name : str
+        Of the command.
+    """
+
+    def command(
+        campaign: Path,
+        *,
+        as_json: bool,
+        strict: bool,
+        everything: bool,
+        dry_run: bool,
+        **choices: object,
+    ) -> None:
+        from validation.commands.output import end_of_command, print_result
+        from validation.solving import system_output
+
+        with progress_bar(system) as report:
+            solved, findings, results = system_output(
+                campaign, system, report, choices, write=not dry_run
+            )
+        if as_json:
+            from validation.report.terminal import print_json
+
+            print_json({**solved.result.facts, "findings": findings})
+        else:
+            print_result(solved.result, findings, results, everything=everything)
+        end_of_command(findings, failed=solved.failed, strict=strict)
+
+    command.__doc__ = help_text
+    decorated: Any = command
+    for option in reversed((CAMPAIGN, AS_JSON, STRICT, EVERYTHING, DRY_RUN, *options)):
+        decorated = option(decorated)
+    return click.command(name)(decorated)

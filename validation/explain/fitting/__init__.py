@@ -1,0 +1,1 @@
+"""Models of errors and their fits."""

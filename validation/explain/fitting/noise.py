@@ -1,0 +1,180 @@
+"""Noise of a pose pair: mostly what its covariance says, now and then far more.
+
+Position and heading of a pose can go wrong separately (a mark read badly, an angle mistyped), so
+each of the two is a *cell* with a contaminated normal distribution of its own. It is a proper
+density, the same for every explanation, so that explanations can be compared by likelihood
+without first deciding which poses to throw away.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from validation.poses.angles import Array
+
+Mask = npt.NDArray[np.bool_]
+"""True where something is used, there, or bad."""
+
+GROSS_SHARE = 0.05
+"""Assumed share of cells with a gross error."""
+
+WIDTHS = np.array([1.0, 4.0, 16.0, 64.0, 256.0])
+"""Standard deviations of good and of gross errors, in units of the stated one."""
+
+_SHARES = np.array([1 - GROSS_SHARE, *([GROSS_SHARE / 4] * 4)])
+_DIMENSIONS = (2, 1)
+"""Of the two cells of a pose: position and heading."""
+
+
+class Precision(NamedTuple):
+    """Inverse covariances of a pose pair and of its two cells taken alone, with their log dets.
+
+    ``joint`` (..., 3, 3), ``position`` (..., 2, 2), ``heading`` (...), and the ``log_...`` of the
+    determinants of the covariances themselves (...).
+    """
+
+    joint: Array
+    position: Array
+    heading: Array
+    log_joint: Array
+    log_position: Array
+    log_heading: Array
+
+
+class Weighed(NamedTuple):
+    """What the noise model makes of residuals.
+
+    ``log_density`` (...) of each pose, ``precision`` (..., 3, 3) to weigh it by in least squares,
+    and ``weights`` (..., 2) of its position and its heading, 1 for a good and 0 for a gross one.
+    """
+
+    log_density: Array
+    precision: Array
+    weights: Array
+
+
+def precision(covariance: Array) -> Precision:
+    """Inverses that `weigh` needs, from covariances (..., 3, 3) of x, y, theta."""
+    covariance = np.asarray(covariance, dtype=float)
+    a, b, c = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
+    heading = covariance[..., 2, 2]
+    determinant = a * c - b * b
+    position = np.stack([np.stack([c, -b], -1), np.stack([-b, a], -1)], -2)
+    position = position / determinant[..., None, None]
+    # The joint inverse from the blocks (Schur complement of the position).
+    cross = covariance[..., :2, 2]
+    gain = (position @ cross[..., None])[..., 0]
+    rest = heading - (gain * cross).sum(-1)
+    joint = np.empty(covariance.shape)
+    joint[..., :2, :2] = position + gain[..., :, None] * gain[..., None, :] / rest[..., None, None]
+    joint[..., :2, 2] = joint[..., 2, :2] = -gain / rest[..., None]
+    joint[..., 2, 2] = 1 / rest
+    log_position = np.log(determinant)
+    return Precision(
+        joint, position, 1 / heading, log_position + np.log(rest), log_position, np.log(heading)
+    )
+
+
+def scaled_precision(known: Precision, scale: Array) -> Precision:
+    """The precision (B, n) of noise whose standard deviations are multiplied.
+
+    Parameters
+    ----------
+    known : Precision
+        Of the noise as it is, (n) or (B, n).
+    scale : (B, 2) array
+        Factors on the standard deviations of positions and of headings.
+    """
+    size = scale[:, [0, 0, 1]]
+    length, angle = scale[:, 0, None], scale[:, 1, None]
+    log_position = known.log_position + 4 * np.log(length)
+    log_heading = known.log_heading + 2 * np.log(angle)
+    return Precision(
+        known.joint / (size[:, :, None] * size[:, None, :])[:, None],
+        known.position / (length**2)[..., None, None],
+        known.heading / angle**2,
+        known.log_joint + 4 * np.log(length) + 2 * np.log(angle),
+        log_position,
+        log_heading,
+    )
+
+
+def weigh(residuals: Array, known: Precision) -> Weighed:
+    """Log density, precision and weights of residuals under the contaminated noise.
+
+    Parameters
+    ----------
+    residuals : (..., 3) array
+        x, y in metres, theta in radians, wrapped.
+    known : Precision
+        Of the good errors.
+
+    Notes
+    -----
+    Where both cells are good their correlation is used; where one is gross they are independent.
+    The expected precision given the residual makes weighted least squares an EM iteration:
+    Little (1988), "Robust estimation of the mean and covariance matrix from data with missing
+    values", for contaminated normals.
+    """
+    position, heading = residuals[..., :2], residuals[..., 2]
+    squares = np.stack(
+        [
+            np.einsum("...i,...ij,...j->...", position, known.position, position),
+            heading**2 * known.heading,
+        ],
+        -1,
+    )
+    log_good, log_all, weights = _cells(squares)
+    log_alone = np.stack([known.log_position, known.log_heading], -1) / 2
+    joint_square = np.einsum("...i,...ij,...j->...", residuals, known.joint, residuals)
+    log_both_good = 2 * np.log(_SHARES[0]) - (joint_square + known.log_joint) / 2
+    alone = np.exp((log_good - log_all).sum(-1))  # chance that both are good, if independent
+    log_rest = (log_all - log_alone).sum(-1) + np.log1p(-np.minimum(alone, 1 - 1e-12))
+    log_sum = np.logaddexp(log_both_good, log_rest)
+    both = np.exp(log_both_good - log_sum)
+    # Weights of each cell where not both are good: what is left of the independent case.
+    left = (weights - alone[..., None]) / np.maximum(1 - alone[..., None], 1e-12)
+    left = np.clip(left, 0.0, 1.0) * (1 - both[..., None])
+    full = both[..., None, None] * known.joint
+    full[..., :2, :2] += left[..., 0, None, None] * known.position
+    full[..., 2, 2] += left[..., 1] * known.heading
+    return Weighed(
+        log_sum - 1.5 * np.log(2 * np.pi), full, np.clip(both[..., None] + left, 0.0, 1.0)
+    )
+
+
+def _cells(squares: Array) -> tuple[Array, Array, Array]:
+    """Log density of a good and of any error in each cell, and its weight.
+
+    Parameters
+    ----------
+    squares : (..., 2) array
+        Squared residuals of position and heading in units of the covariance.
+    """
+    dimensions = np.array(_DIMENSIONS, dtype=float)[:, None]
+    exponents = -0.5 * squares[..., None] / WIDTHS**2
+    terms = np.log(_SHARES) - dimensions * np.log(WIDTHS) + exponents
+    peak = terms.max(-1, keepdims=True)
+    raised = np.exp(terms - peak)
+    total = raised.sum(-1)
+    weights = (raised / WIDTHS**2).sum(-1) / total
+    return terms[..., 0], peak[..., 0] + np.log(total), weights
+
+
+def masked_precision(known: Precision, cells: Mask) -> Array:
+    """Precision (..., 3, 3) where each cell is either used whole or left out.
+
+    Parameters
+    ----------
+    known : Precision
+        Of the good errors.
+    cells : (..., 2) array of bool
+        Whether position and heading are used.
+    """
+    both = cells[..., 0] & cells[..., 1]
+    full = np.where(both[..., None, None], known.joint, 0.0)
+    only = cells & ~both[..., None]
+    full[..., :2, :2] += only[..., 0, None, None] * known.position
+    full[..., 2, 2] += only[..., 1] * known.heading
+    return full

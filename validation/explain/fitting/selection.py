@@ -1,0 +1,214 @@
+"""Which explanation: by a test of every part, an information criterion, and prediction."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from validation.explain.fitting.fit import LEAST_P, Fit, fit
+from validation.explain.fitting.leave_one_out import LeaveOneOut, leave_one_out
+from validation.explain.fitting.models import FRAME_TURN, ErrorModel, candidates
+from validation.explain.fitting.observability import Observability, observability
+from validation.explain.fitting.pairs import Pairs
+from validation.explain.fitting.shared import dropped_p_value, shared_covariance
+
+FALSE_ALARM = 0.02
+"""Chance that any systematic error at all is claimed in a clean campaign."""
+
+RIVAL = 6.0
+"""A difference of the information criterion below this (odds of 20 to 1) does not rule out."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One explanation with all by which it is judged.
+
+    Parameters
+    ----------
+    fit : Fit
+        Robust, to all pairs.
+    loo : LeaveOneOut
+        Its predictions.
+    criterion : float
+        BIC: -2 log likelihood + (number of systematic parameters) log(number of observations).
+    p_values : dict of str to float
+        For each simpler explanation contained in this one: the chance of so large a gain if the
+        simpler one were true.
+    observability : Observability
+        What the data determine.
+    needed : bool
+        Whether every part passes its test and prediction gains.
+    """
+
+    fit: Fit
+    loo: LeaveOneOut
+    criterion: float
+    p_values: dict[str, float]
+    observability: Observability
+    needed: bool
+
+    @property
+    def model(self) -> ErrorModel:
+        """What was fitted."""
+        return self.fit.model
+
+    @property
+    def name(self) -> str:
+        """Of the model."""
+        return self.model.name
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The explanations of one system's errors, and the one chosen.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        What they were fitted to.
+    candidates : tuple of Candidate
+        All of them, the simplest first.
+    chosen : Candidate
+        The best of those whose every part is needed.
+    rivals : tuple of Candidate
+        Others that cannot be ruled out.
+    threshold : float
+        p-value below which a part counts as needed.
+    """
+
+    pairs: Pairs
+    candidates: tuple[Candidate, ...]
+    chosen: Candidate
+    rivals: tuple[Candidate, ...]
+    threshold: float
+
+    def candidate(self, name: str) -> Candidate:
+        """The one with that name."""
+        return next(one for one in self.candidates if one.name == name)
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """Share of belief in each explanation by the criterion alone (Schwarz weights)."""
+        values = np.array([one.criterion for one in self.candidates])
+        shares = np.exp(-(values - values.min()) / 2)
+        shares /= shares.sum()
+        return {one.name: float(share) for one, share in zip(self.candidates, shares, strict=True)}
+
+
+def select(pairs: Pairs, false_alarm: float = FALSE_ALARM) -> Selection:
+    """The explanation of one system's errors, among all candidates.
+
+    An explanation counts only if each of its parts is needed: against every simpler explanation
+    contained in it the likelihood must gain more than chance would (at ``false_alarm`` shared
+    equally among the candidates), and left-out poses must be predicted better. Among those the
+    one with the least BIC is chosen.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        At least three.
+    false_alarm : float
+        Chance that a clean system gets any explanation but 'none'.
+    """
+    models = candidates(
+        reference=pairs.reference_pose is not None, moving=pairs.velocities is not None
+    )
+    fits = [fit(pairs, model) for model in models]
+    both = next(one for one in fits if one.model.name == "frame_mount")
+    if not observability(both).complete:
+        models = (*models, FRAME_TURN)
+        fits.append(fit(pairs, FRAME_TURN))
+    threshold = false_alarm / (len(models) - 1)
+    made: list[Candidate] = []
+    for one in fits:
+        made.append(_judged(one, made, threshold, pairs))
+    needed = [one for one in made if one.needed]
+    chosen = min(needed, key=lambda one: one.criterion)
+    return Selection(pairs, tuple(made), chosen, _rivals(made, chosen, threshold), threshold)
+
+
+def _judged(found: Fit, simpler: Sequence[Candidate], threshold: float, pairs: Pairs) -> Candidate:
+    """A fit with its tests against the simpler candidates.
+
+    Where poses share errors, what shared errors could do as well does not count for it.
+    """
+    inside = [one for one in simpler if one.model.nested_in(found.model)]
+    p_values = {one.name: gain_p_value(one.fit, found) for one in inside}
+    if pairs.between is not None and not found.estimated:
+        own = found.covariance[0]
+        whole = own + shared_covariance(found, own, pairs.between)
+        for one in inside:
+            shared = dropped_p_value(found, one.fit, whole)
+            p_values[one.name] = max(p_values[one.name], shared)
+    loo = leave_one_out(found)
+    seen = observability(found)
+    needed = all(p < threshold for p in p_values.values()) and all(
+        loo.score > one.loo.score for one in inside
+    )
+    k = len(found.model.parameters)
+    criterion = -2 * float(found.log_likelihood[0]) + k * np.log(max(found.observations, 2))
+    return Candidate(found, loo, criterion, p_values, seen, needed and seen.complete)
+
+
+def gain_p_value(simple: Fit, full: Fit) -> float:
+    """Chance that a contained explanation would fit so much worse if it were true.
+
+    Notes
+    -----
+    Likelihood ratio; with estimated noise it is turned into an F statistic, whose denominator
+    has the observations minus all fitted parameters as degrees of freedom.
+    """
+    extra = len(full.model.parameters) - len(simple.model.parameters)
+    gain = max(2 * float(full.log_likelihood[0] - simple.log_likelihood[0]), 0.0)
+    if not full.estimated:
+        return max(float(special.chdtrc(extra, gain)), LEAST_P)
+    n = full.observations
+    # Two noise levels are estimated besides the parameters.
+    left = n - len(full.model.fitted) - 2
+    if left < 1:
+        return 1.0
+    statistic = np.expm1(gain / n) * left / extra
+    return max(float(special.fdtrc(extra, left, statistic)), LEAST_P)
+
+
+def smallest_shown(found: Fit, threshold: float) -> tuple[float, float]:
+    """Shift and turn that an explanation must have to pass its test in 95 % of campaigns.
+
+    Parameters
+    ----------
+    found : Fit
+        Of 'frame' or 'mount'.
+    threshold : float
+        p-value that the test asks for.
+
+    Returns
+    -------
+    shift, turn : float
+        In metres and radians, each by itself; to first order.
+    """
+    k = len(found.model.parameters)
+    sigma = np.sqrt(np.diagonal(found.covariance[0])[:k])
+    if found.estimated:
+        left = max(found.observations - len(found.model.fitted) - 2, 1)
+        sigma = sigma * np.sqrt(found.observations / left)
+        reach = np.sqrt(k * special.fdtri(k, left, 1 - threshold)) + special.stdtrit(left, 0.95)
+    else:
+        reach = np.sqrt(special.chdtri(k, threshold)) + special.ndtri(0.95)
+    return float(reach * sigma[:2].max()), float(reach * sigma[2])
+
+
+def _rivals(
+    made: Sequence[Candidate], chosen: Candidate, threshold: float
+) -> tuple[Candidate, ...]:
+    """Explanations that do not contain the chosen one and are not clearly worse."""
+    close = []
+    for one in made:
+        if one.name == chosen.name or chosen.model.nested_in(one.model):
+            continue
+        if one.model.nested_in(chosen.model):
+            continue  # the test of the chosen one's parts has ruled it out
+        against_none = one.p_values.get("none", 0.0)
+        if one.criterion - chosen.criterion < RIVAL and against_none < threshold:
+            close.append(one)
+    return tuple(sorted(close, key=lambda one: one.criterion))

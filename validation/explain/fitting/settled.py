@@ -1,0 +1,284 @@
+"""The chosen explanation without the flagged cells: parameters, intervals, degrees of freedom."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from validation.explain.fitting.fit import LEAST_P, Fit, covariance_of, fit
+from validation.explain.fitting.models import UNITS, correct
+from validation.explain.fitting.noise import Mask, masked_precision, precision
+from validation.explain.fitting.pairs import Pairs
+from validation.explain.fitting.shared import shared_covariance
+from validation.poses.angles import Array, wrap
+
+_KIND = np.array([0, 0, 1])
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an explanation, with its interval."""
+
+    name: str
+    unit: str
+    value: float
+    sigma: float
+    low: float
+    high: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Settled:
+    """An ordinary weighted least-squares fit to the cells that were not flagged.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        What was fitted to.
+    fit : Fit
+        Its covariances use the noise level corrected for the degrees of freedom.
+    cells : (n, 2) array of bool
+        Positions and headings used.
+    used_freedom : (2,) array
+        Degrees of freedom that the fit took from positions and headings.
+    dof : (2,) array
+        Degrees of freedom left in each.
+    """
+
+    pairs: Pairs
+    fit: Fit
+    cells: Mask
+    used_freedom: Array
+    dof: Array
+
+    @property
+    def values(self) -> Array:
+        """(k,) systematic parameters."""
+        return self.fit.parameters[0, : len(self.fit.model.parameters)]
+
+    @property
+    def covariance(self) -> Array:
+        """(k, k) covariance of the systematic parameters."""
+        k = len(self.fit.model.parameters)
+        return self.full_covariance[:k, :k]
+
+    @property
+    def full_covariance(self) -> Array:
+        """Covariance of all that was fitted, with what poses are off together."""
+        own = covariance_of(self.fit.information)[0]
+        return np.asarray(own + shared_covariance(self.fit, own, self.pairs.between))
+
+    @property
+    def before(self) -> Array:
+        """(n, 3) errors as they came."""
+        return self.pairs.errors
+
+    @property
+    def after(self) -> Array:
+        """(n, 3) errors of the corrected poses; the slip is not a fault and not corrected here.
+
+        See `corrected_poses`.
+        """
+        left = self.pairs.validation - self.corrected_poses(self.pairs.gt)
+        left[:, 2] = wrap(left[:, 2])
+        return left
+
+    def corrected_poses(self, poses: Array, velocities: Array | None = None) -> Array:
+        """GT poses (n, 3) with the explanation taken out, the slip of the reference included.
+
+        The slip is the survey's error, but it went into every GT pose through the reference; the
+        other stops together know it better than the reference pose itself.
+        """
+        pairs = self.pairs
+        moving = pairs.velocities if velocities is None else velocities
+        made = correct(self.fit.model, self.fit.parameters[0], poses, pairs.reference_pose, moving)
+        result = np.array(np.broadcast_to(made.poses, poses.shape))
+        result[:, 2] = wrap(result[:, 2])
+        return result
+
+    def corrected_covariances(self) -> Array:
+        """(n, 3, 3) of the corrected poses: GT noise where stated, and of the parameters."""
+        made = self.fit.corrected
+        slopes = np.broadcast_to(made.by_parameters, (1, *self.before.shape, self._k))[0]
+        by = np.broadcast_to(made.by_pose, (1, *self.before.shape, 3))[0]
+        full = self.full_covariance
+        finite = np.where(np.isfinite(full), full, 0.0)
+        own = by @ self.pairs.gt_covariances @ np.swapaxes(by, -1, -2)
+        return np.asarray(own + np.einsum("nik,kl,njl->nij", slopes, finite, slopes))
+
+    @property
+    def _k(self) -> int:
+        return len(self.fit.model.fitted)
+
+    def parameters(self, confidence: float = 0.95) -> tuple[Parameter, ...]:
+        """All fitted parameters with intervals by Student's t (normal where noise is stated)."""
+        covariance = self.full_covariance
+        dof = float(self.dof.sum())
+        rows = []
+        for column, name in enumerate(self.fit.model.fitted):
+            value, sigma = (
+                float(self.fit.parameters[0, column]),
+                float(np.sqrt(covariance[column, column])),
+            )
+            if self.fit.estimated:
+                quantile = float(special.stdtrit(max(dof, 1.0), (1 + confidence) / 2))
+                p = 2 * float(special.stdtr(max(dof, 1.0), -abs(value) / sigma))
+            else:
+                quantile = float(special.ndtri((1 + confidence) / 2))
+                p = 2 * float(special.ndtr(-abs(value) / sigma))
+            low, high = value - quantile * sigma, value + quantile * sigma
+            rows.append(Parameter(name, UNITS[name], value, sigma, low, high, max(p, LEAST_P)))
+        return tuple(rows)
+
+    def spread(self, errors: Array, *, everything: bool = False) -> Array:
+        """(3,) standard deviation of x, y and theta about their mean.
+
+        Parameters
+        ----------
+        errors : (n, 3) array
+            As they came, or corrected.
+        everything : bool
+            Over all poses; else over the cells used.
+
+        Notes
+        -----
+        Sample standard deviation, n - 1. `noise` is the one that counts all fitted parameters.
+        """
+        used = np.ones_like(self.cells) if everything else self.cells
+        return np.array([_deviation(errors[used[:, _KIND[c]], c], c == 2) for c in range(3)])
+
+    def mean(self, errors: Array, *, everything: bool = False) -> Array:
+        """(3,) means of x, y and theta, over the cells used or over all."""
+        used = np.ones_like(self.cells) if everything else self.cells
+        picked = [errors[used[:, _KIND[c]], c] for c in range(3)]
+        return np.array([float(one.mean()) if len(one) else np.nan for one in picked])
+
+    @property
+    def noise(self) -> Array:
+        """(3,) root mean square of what is left in x, y, theta, for the degrees of freedom left.
+
+        The freedom that the fit took from the positions is shared by x and y.
+        """
+        left = self.fit.residuals[0]
+        result = []
+        for c in range(3):
+            used = self.cells[:, _KIND[c]]
+            share = self.used_freedom[_KIND[c]] / (2 if c < 2 else 1)
+            dof = used.sum() - share
+            total = float((left[used, c] ** 2).sum())
+            result.append(np.sqrt(total / dof) if dof > 0 else np.nan)
+        return np.array(result)
+
+    @property
+    def misfit(self) -> Array:
+        """(2, 3) noise of positions and headings over the stated one, with a 99 % interval.
+
+        NaN where the noise is not stated or no freedom is left.
+        """
+        result = np.full((2, 3), np.nan)
+        if self.fit.estimated:
+            return result
+        residuals, known = self.fit.residuals[0], precision(self.fit.covariances[0])
+        position = residuals[:, :2]
+        squares = np.stack(
+            [
+                np.einsum("ni,nij,nj->n", position, known.position, position),
+                residuals[:, 2] ** 2 * known.heading,
+            ],
+            -1,
+        )
+        for kind in range(2):
+            dof, total = float(self.dof[kind]), float(squares[self.cells[:, kind], kind].sum())
+            if dof >= 1:
+                bounds = special.chdtri(dof, np.array([0.005, 0.995]))
+                result[kind] = np.sqrt(total / np.array([dof, *bounds]))
+        return result
+
+    @property
+    def explained(self) -> Array:
+        """(3,) part of the mean square of x, y and theta that the explanation takes away."""
+        first = np.array(
+            [
+                np.mean(self.before[self.cells[:, _KIND[c]], c] ** 2)
+                if self.cells[:, _KIND[c]].any()
+                else np.nan
+                for c in range(3)
+            ]
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(1 - self.noise**2 / first)
+
+
+def _deviation(values: Array, angle: bool) -> float:
+    """Sample standard deviation, of angles about their mean direction."""
+    if len(values) < 2:
+        return float("nan")
+    if angle:
+        middle = np.angle(np.exp(1j * values).mean())
+        values = wrap(values - middle)
+    return float(values.std(ddof=1))
+
+
+def settle(pairs: Pairs, robust: Fit, cells: Mask) -> Settled:
+    """The robust fit's explanation fitted again to the cells not flagged.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        The n pairs.
+    robust : Fit
+        Where to start from.
+    cells : (n, 2) array of bool
+        Positions and headings to use.
+    """
+    cells = np.asarray(cells, dtype=bool)
+    estimated = robust.estimated
+    plain = fit(
+        pairs, robust.model, cells=cells, start=robust, iterations=20, estimate_scale=estimated
+    )
+    taken = _freedom(plain, cells)
+    count = cells.sum(0) * np.array([2.0, 1.0])
+    dof = np.maximum(count - taken, 0.0)
+    if estimated:
+        factor = np.sqrt(np.where(dof > 0, count / np.maximum(dof, 1e-9), 1.0))
+        size = np.concatenate([factor[[0, 0]], factor[[1]]])
+        # The slip's row has the same noise level; both shrink together.
+        plain = replace(
+            plain,
+            scale=plain.scale * factor,
+            covariances=plain.covariances * (size[:, None] * size[None, :]),
+            information=_rescaled(plain, cells, size, pairs),
+        )
+    return Settled(pairs, plain, cells, taken, dof)
+
+
+def _pieces(plain: Fit, cells: Mask) -> tuple[Array, Array]:
+    """Derivatives (n, 3, k) and the precision (n, 3, 3) with which each pose entered."""
+    k = plain.parameters.shape[1]
+    slopes = np.broadcast_to(plain.corrected.by_parameters, (1, len(cells), 3, k))[0]
+    return slopes, masked_precision(precision(plain.covariances[0]), cells)
+
+
+def _freedom(plain: Fit, cells: Mask) -> Array:
+    """(2,) traces of the hat matrix over positions and headings."""
+    if not plain.parameters.shape[1]:
+        return np.zeros(2)
+    slopes, used = _pieces(plain, cells)
+    covariance = covariance_of(plain.information)[0]
+    finite = np.where(np.isfinite(covariance), covariance, 0.0)
+    hat = np.einsum("nik,kl,njl,nji->ni", slopes, finite, slopes, used)
+    return np.array([hat[:, :2].sum(), hat[:, 2].sum()])
+
+
+def _rescaled(plain: Fit, cells: Mask, size: Array, pairs: Pairs) -> Array:
+    """(1, k, k) information with the noise level corrected."""
+    slopes, used = _pieces(plain, cells)
+    without_slip = np.einsum("nik,nij,njl->kl", slopes, used, slopes)
+    slip = plain.information[0] - without_slip
+    shrunk = used / (size[:, None] * size[None, :])
+    again = np.einsum("nik,nij,njl->kl", slopes, shrunk, slopes)
+    if pairs.reference_pose is not None and plain.model.slip:
+        each = np.concatenate([np.ones(plain.parameters.shape[1] - 3), size])
+        slip = slip / (each[:, None] * each[None, :])
+    return np.asarray((again + slip)[None])

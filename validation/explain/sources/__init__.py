@@ -1,0 +1,1 @@
+"""Whose errors they are."""

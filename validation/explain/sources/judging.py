@@ -1,0 +1,288 @@
+"""All cells of a table of sources against stops, judged with one set of noise levels.
+
+Each stop has two cells, its position and its heading. In each cell every source (and every sensor
+with two or more systems there) is a suspect: its gain is how much better the rest would agree
+without it. Where noise is not stated, a suspect is measured against its own distances at the other
+stops, so that its test is an F test that knows what it does not know.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from validation.explain.fitting.hat_values import DIMENSIONS
+from validation.explain.fitting.noise import Mask
+from validation.explain.sources.reading_of_sources import (
+    CELLS,
+    Sources,
+    Verdict,
+    differences,
+    reason_for,
+)
+from validation.poses.angles import Array
+
+MARGIN = 6.0
+"""Two culprits are told apart if one's removal leaves a chi-squared this much smaller (odds of
+20 to 1)."""
+
+_FEW = 4.0
+"""Degrees of freedom of a noise level that the suspect's own other stops do not show."""
+
+
+@dataclass(frozen=True)
+class _Gains:
+    """What each of G suspects explains at n stops, in one kind of cell.
+
+    ``gain`` (G, n) chi-squared that its removal takes away, ``valid`` (G, n) whether it can be
+    asked, ``size`` (G, n) determinant of the standard deviations of its distance from the rest,
+    and ``whole`` (n,) the chi-squared of all about their weighted mean.
+    """
+
+    gain: Array
+    valid: Mask
+    size: Array
+    whole: Array
+
+
+class JudgedTable:
+    """The questions asked of a table, and their answers.
+
+    Parameters
+    ----------
+    sources : Sources
+        Two or more.
+    noise : (S, 2) array
+        Standard deviations of those without stated covariances, in metres and radians.
+    used : (S, n, 2) array of bool, optional
+        Cells from which the noise is known; where None, the noise is taken as exact.
+    false_alarm : float
+        Chance of any verdict in a table of good poses.
+
+    Notes
+    -----
+    The chance of a false alarm is shared over all questions (Bonferroni), half to positions and
+    half to headings, and in each kind in proportion to the size of the suspect's noise, as
+    weighted tests allow (Genovese, Roeder and Wasserman (2006), "False discovery control with
+    p-value weighting"). That is the most powerful share where a gross error of any size is
+    equally likely in every source: a precise source's is many standard deviations anyway.
+    """
+
+    def __init__(
+        self, sources: Sources, noise: Array, used: Mask | None, false_alarm: float
+    ) -> None:
+        self.sources, self.noise = sources, noise
+        self.groups: list[tuple[int, ...]] = [(s,) for s in range(len(sources.names))]
+        for names in sources.sensors.values():
+            inside = tuple(sources.names.index(name) for name in names if name in sources.names)
+            if len(inside) > 1:
+                self.groups.append(inside)
+        self._member = np.zeros((len(self.groups), len(sources.names)))
+        for row, group in enumerate(self.groups):
+            self._member[row, list(group)] = 1.0
+        self._prepared = [self._prepare(kind) for kind in range(2)]
+        self._first = [self._gains(kind, sources.present) for kind in range(2)]
+        shares = [self._share(self._first[kind]) for kind in range(2)]
+        self.share = np.stack(shares, -1)
+        self.questions = max(round(sum(self._count(one) for one in self._first)), 1)
+        self.false_alarm = false_alarm
+        self._calibrate(used)
+
+    def _prepare(self, kind: int) -> tuple[Array, Array]:
+        """(S, n, d) values from the validation's, and (S, n, d, d) weights; 0 if missing."""
+        sources, d = self.sources, 2 - kind
+        part = slice(0, 2) if kind == 0 else slice(2, 3)
+        covariances = np.array(
+            np.broadcast_to(
+                (self.noise[:, kind] ** 2)[:, None, None, None] * np.eye(d),
+                (*sources.present.shape, d, d),
+            )
+        )
+        stated = sources.stated
+        covariances[stated] = sources.covariances[stated][..., part, part]
+        there = sources.present
+        covariances[~there] = np.eye(d)
+        weights = np.linalg.inv(covariances) * there[..., None, None]
+        values = differences(sources.poses, sources.poses[:1], kind)
+        return np.where(there[..., None], values, 0.0), np.asarray(weights)
+
+    def _gains(self, kind: int, there: Mask) -> _Gains:
+        """What each suspect explains, among the sources (S, n) that are there."""
+        values, weights = self._prepared[kind]
+        weights = weights * there[..., None, None]
+        pulls = np.einsum("snij,snj->sni", weights, values)
+        total, pull = weights.sum(0), pulls.sum(0)
+        own = np.einsum("gs,snij->gnij", self._member, weights)
+        own_pull = np.einsum("gs,sni->gni", self._member, pulls)
+        count, inside = there.sum(0), self._member @ there
+        need = np.array([min(len(group), 2) for group in self.groups])[:, None]
+        valid = (inside >= need) & (inside < count)
+        eye = np.eye(values.shape[-1])
+        own_covariance = np.linalg.inv(np.where(valid[..., None, None], own, eye))
+        rest = np.where(valid[..., None, None], total - own, eye)
+        rest_covariance = np.linalg.inv(rest)
+        apart = np.einsum("gnij,gnj->gni", own_covariance, own_pull)
+        apart = apart - np.einsum("gnij,gnj->gni", rest_covariance, pull - own_pull)
+        both = own_covariance + rest_covariance
+        gain = np.einsum("gni,gnij,gnj->gn", apart, np.linalg.inv(both), apart)
+        some = count > 0
+        mean = np.linalg.solve(np.where(some[:, None, None], total, eye), pull[..., None])[..., 0]
+        whole = np.einsum("sni,sni->n", values, pulls) - (mean * pull).sum(-1)
+        size = np.sqrt(np.linalg.det(both))
+        return _Gains(
+            np.where(valid, gain, 0.0), valid, np.where(valid, size, 0.0), np.maximum(whole, 0.0)
+        )
+
+    def _asked(self, found: _Gains) -> Array:
+        """(G, n) 1 for each question; of two sources at a stop only one is asked."""
+        pair = self.sources.present.sum(0) == 2
+        return np.where(pair, 0.5, 1.0) * found.valid
+
+    def _count(self, found: _Gains) -> float:
+        return float(self._asked(found).sum())
+
+    def _share(self, found: _Gains) -> Array:
+        """(G, n) share of each question in the chance of a false alarm of the whole table."""
+        weight = self._asked(found) * found.size
+        total = float(weight.sum())
+        return weight / total / 2 if total > 0 else weight
+
+    def _calibrate(self, used: Mask | None) -> None:
+        """Mean square of every suspect's distance at the other stops, and its freedom (G, n, 2)."""
+        shape = self.share.shape
+        self._factor, self._dof = np.ones(shape), np.full(shape, np.inf)
+        if used is None or self.sources.stated.all():
+            return
+        for kind in range(2):
+            found = self._gains(kind, used[..., kind])
+            d = float(DIMENSIONS[kind])
+            lost = float(self.sources.lost_freedom[:, kind].max())
+            others = found.gain.sum(1, keepdims=True) - found.gain
+            dof = d * (found.valid.sum(1, keepdims=True) - found.valid) - lost
+            known = dof >= d
+            self._factor[..., kind] = np.where(known, others / np.maximum(dof, 1.0), 1.0)
+            self._dof[..., kind] = np.where(known, np.maximum(dof, 1.0), _FEW)
+        self._factor = np.maximum(self._factor, 1e-12)
+
+    def _tails(self, kind: int, gain: Array) -> Array:
+        """(G, n) chance of the gains by noise alone."""
+        d = float(DIMENSIONS[kind])
+        scaled, dof = gain / self._factor[..., kind], self._dof[..., kind]
+        exact = np.isinf(dof)
+        tail = special.fdtrc(d, np.where(exact, 1.0, dof), scaled / d)
+        return np.asarray(np.where(exact, special.chdtrc(d, scaled), tail))
+
+    def verdicts(
+        self, *, least: float = 0.0, without: Mask | None = None
+    ) -> tuple[list[Verdict], Mask, Mask]:
+        """All cells with a suspect whose p-value is below its share of the false alarms.
+
+        Parameters
+        ----------
+        least : float
+            No share is taken as smaller than this.
+        without : (S, n, 2) array of bool, optional
+            Cells that take no part.
+
+        Returns
+        -------
+        verdicts : list of Verdict
+            Stop by stop.
+        bad, doubtful : (S, n, 2) array of bool
+            Cells held responsible, and those of which one is.
+        """
+        shape = (*self.sources.present.shape, 2)
+        bad, doubtful = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+        there = np.repeat(self.sources.present[..., None], 2, -1)
+        if without is not None:
+            there &= ~without
+        found: list[tuple[int, int, Verdict]] = []
+        level = np.maximum(self.false_alarm * self.share, least)
+        for kind in range(2):
+            open_stops = np.ones(shape[1], dtype=bool)
+            while open_stops.any():
+                gains = self._gains(kind, there[..., kind])
+                tails = np.where(gains.valid, self._tails(kind, gains.gain), 1.0)
+                open_stops &= (tails < level[..., kind]).any(0)
+                for stop in np.flatnonzero(open_stops):
+                    one, members = self._judge(int(stop), kind, there[..., kind], gains, tails)
+                    found.append((int(stop), kind, one))
+                    mark = doubtful if one.certainty == "undecided" else bad
+                    mark[list(members), stop, kind] = True
+                    there[list(members), stop, kind] = False
+                    open_stops[stop] = one.certainty != "undecided"
+        found.sort(key=lambda item: item[:2])
+        return [one for *_, one in found], bad, doubtful
+
+    def _judge(
+        self, stop: int, kind: int, there: Mask, gains: _Gains, tails: Array
+    ) -> tuple[Verdict, tuple[int, ...]]:
+        """The verdict on a cell that does not fit, and the sources that it falls on."""
+        asked = np.flatnonzero(gains.valid[:, stop])
+        gain, present = gains.gain[:, stop], np.flatnonzero(there[:, stop])
+        best = int(asked[np.argmax(gain[asked])])
+        close = [int(g) for g in asked if gain[g] > gain[best] - MARGIN]
+        singles = [g for g in close if len(self.groups[g]) == 1]
+        if len(singles) == 1 and len(close) > 1:
+            culprits, certainty, about = self.groups[singles[0]], "likely", singles[0]
+        elif len(close) == 1:
+            culprits, certainty, about = self.groups[best], "sure", best
+        else:
+            several = {s for g in close for s in self.groups[g]}
+            culprits, certainty, about = tuple(sorted(several)), "undecided", best
+        names = self.sources.names
+        share = self.share[:, stop, kind]
+        whole = np.where(share > 0, tails[:, stop] / np.where(share > 0, share, 1.0), 1.0)
+        first = int(asked[np.argmin(whole[asked])])
+        culprits = tuple(s for s in culprits if s in present)
+        blamed = tuple(names[s] for s in culprits)
+        witnesses = tuple(names[s] for s in present if s not in culprits)
+        verdict = Verdict(
+            stop=self.sources.ids[stop],
+            cell=CELLS[kind],
+            blamed=blamed,
+            certainty=certainty,  # type: ignore[arg-type]
+            p_value=float(tails[first, stop]),
+            table_p_value=min(float(whole[first]), 1.0),
+            size=self._distance(stop, kind, there, about),
+            witnesses=witnesses,
+            reason=reason_for(blamed, witnesses, certainty, self._sensor_of(witnesses)),
+        )
+        return verdict, culprits
+
+    def _distance(self, stop: int, kind: int, there: Mask, group: int) -> float:
+        """How far a suspect is from the rest, in metres or radians."""
+        values, weights = self._prepared[kind]
+        means = []
+        for some in (self._member[group] > 0, self._member[group] == 0):
+            w = weights[some & there[:, stop], stop]
+            pull = np.einsum("sij,sj->i", w, values[some & there[:, stop], stop])
+            means.append(np.linalg.solve(w.sum(0), pull))
+        return float(np.linalg.norm(means[0] - means[1]))
+
+    def _sensor_of(self, names: Sequence[str]) -> str:
+        """The sensor that all the named sources share; empty if they do not."""
+        for sensor, members in self.sources.sensors.items():
+            if len(names) > 1 and set(names) <= set(members):
+                return sensor
+        return ""
+
+    def scores(self, excluded: Mask) -> Array:
+        """(S, n, 2) distances from the others (not excluded) in standard deviations."""
+        result = np.full(excluded.shape, np.nan)
+        for kind in range(2):
+            values, weights = self._prepared[kind]
+            counted = weights * ~excluded[..., kind, None, None]
+            total = counted.sum(0) - counted
+            pull = np.einsum("snij,snj->sni", counted, values)
+            pull = pull.sum(0) - pull
+            known = self.sources.present & (np.linalg.det(total) > 0)
+            eye = np.eye(2 - kind)
+            others = np.linalg.inv(np.where(known[..., None, None], total, eye))
+            own = np.linalg.inv(np.where(known[..., None, None], weights, eye))
+            left = values - np.einsum("snij,snj->sni", others, pull)
+            square = np.einsum("sni,snij,snj->sn", left, np.linalg.inv(own + others), left)
+            square = square / self._factor[: len(square), :, kind]
+            result[..., kind] = np.where(known, np.sqrt(square), np.nan)
+        return result

@@ -1,0 +1,90 @@
+"""Who is wrong at which stop, and how noisy each source is, in plain sentences."""
+
+from collections.abc import Sequence
+
+from validation.explain.sources.reading_of_sources import Arbitration, Verdict, listed
+from validation.results import Finding, Severity
+
+
+def arbitration_findings(result: Arbitration) -> list[Finding]:
+    """Who is wrong where, and the noise of each source."""
+    told = [_verdict(one, result.sources[0]) for one in result.verdicts]
+    cells = int((result.present.sum(0) > 1).sum()) * 2
+    text = (
+        f"{len(result.verdicts)} of {cells} cells (position and heading of each stop) do not fit. "
+        f"In a table of good poses the chance of any such flag is {100 * result.false_alarm:.3g} % "
+        f"(shared over {result.questions} questions)."
+    )
+    told.append(Finding("note", text, "all sources", "arbitration"))
+    told += _suspects(result)
+    told += _pairs_only(result)
+    told.append(_hat(result))
+    return told
+
+
+def _suspects(result: Arbitration) -> list[Finding]:
+    """Cells worth a second look."""
+    if not result.suspects:
+        return []
+    said = "; ".join(
+        f"pose {one.stop}, {one.cell} ({' or '.join(one.blamed)}, off by {one.size:.3f} "
+        f"{'m' if one.cell == 'position' else 'rad'})"
+        for one in result.suspects
+    )
+    text = (
+        f"Worth a second look, but held against nobody: {said}. One such entry is to be expected "
+        "in a table of good poses."
+    )
+    return [Finding("note", text, "all sources", "suspects")]
+
+
+def _verdict(one: Verdict, validation: str) -> Finding:
+    """One flagged cell."""
+    size = f"{one.size:.3f} {'m' if one.cell == 'position' else 'rad'}"
+    code = {"sure": "wrong_pose", "likely": "likely_wrong_pose"}.get(one.certainty, "disputed_pose")
+    if one.certainty == "undecided":
+        text = f"The {one.cell} is off by {size}: {one.reason}."
+    else:
+        held = "held responsible" if one.certainty == "sure" else "most likely responsible"
+        text = f"{listed(one.blamed)} {held} for the {one.cell}, off by {size}: {one.reason}."
+        if validation in one.blamed:
+            text += " Survey this stop again."
+    severity: Severity = "warning"
+    return Finding(severity, text, f"pose {one.stop}", code)
+
+
+def _pairs_only(result: Arbitration) -> list[Finding]:
+    """Stops with two sources, at which a disagreement cannot be laid at anyone's door."""
+    two = [name for name, n in zip(result.ids, result.present.sum(0), strict=True) if n == 2]
+    if not two:
+        return []
+    where = "all stops" if len(two) == len(result.ids) else f"pose {', '.join(two)}"
+    text = (
+        f"At {where} there are only two sources: they can be seen to disagree, but not which of "
+        "them is wrong."
+    )
+    return [Finding("note", text, "all sources", "two_sources")]
+
+
+def _hat(result: Arbitration) -> Finding:
+    """Noise of each source alone."""
+    if not result.variances.determined:
+        text = (
+            "The noise of each source alone cannot be told: that takes three sources that share "
+            "no sensor, each with at least three stops in common with the others."
+        )
+        return Finding("note", text, "all sources", "no_three_cornered_hat")
+    intervals = result.variances.intervals()
+    said = "; ".join(
+        f"{name} {_range(intervals[row, 0], 'mm')}, {_range(intervals[row, 1], 'mrad')}"
+        for row, name in enumerate(result.sources)
+    )
+    text = (
+        "Noise of each source alone, from the differences between independent ones (standard "
+        f"deviation of a coordinate and of the heading, 95 % intervals): {said}."
+    )
+    return Finding("note", text, "all sources", "three_cornered_hat")
+
+
+def _range(ends: Sequence[float], unit: str) -> str:
+    return f"{1000 * ends[0]:.1f} to {1000 * ends[1]:.1f} {unit}"

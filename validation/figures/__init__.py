@@ -1,0 +1,1 @@
+"""Figures of errors, and how figures become files."""

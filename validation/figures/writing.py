@@ -1,0 +1,54 @@
+"""Figures written to files."""
+
+import io
+from pathlib import Path
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from validation.errors import GtvalError
+from validation.text_files.writing import write_files
+
+FORMATS = (".png", ".svg")
+PNG_DOTS_PER_INCH = 160
+
+
+def write_figure(path: Path, figure: Figure) -> None:
+    """Write one figure; the ending chooses between PNG and SVG.
+
+    Raises
+    ------
+    GtvalError
+        For another ending, or if the file cannot be written.
+    """
+    write_files(path.parent, {path.name: figure_bytes(figure, path.suffix.lower(), str(path))})
+
+
+def figure_bytes(
+    figure: Figure, suffix: str, name: str, dots_per_inch: int = PNG_DOTS_PER_INCH
+) -> bytes:
+    """The figure as a PNG or SVG file, the same bytes every time.
+
+    Parameters
+    ----------
+    figure : Figure
+        What is drawn.
+    suffix : str
+        '.png' or '.svg'.
+    name : str
+        The file, for the message.
+    dots_per_inch : int
+        Of a PNG file.
+
+    Raises
+    ------
+    GtvalError
+        For another suffix.
+    """
+    if suffix not in FORMATS:
+        raise GtvalError(f"{name}: a figure can be written as {' or '.join(FORMATS)} only")
+    stream = io.BytesIO()
+    metadata = {"Date": None, "Creator": None} if suffix == ".svg" else {"Software": None}
+    with mpl.rc_context({"svg.hashsalt": "gtval", "svg.fonttype": "none"}):
+        figure.savefig(stream, format=suffix[1:], dpi=dots_per_inch, metadata=metadata)
+    return stream.getvalue()

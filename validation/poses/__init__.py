@@ -1,0 +1,1 @@
+"""Poses of named stops with their covariances."""

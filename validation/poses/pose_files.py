@@ -1,0 +1,35 @@
+"""The files that pose tables leave under results/: the same for all systems."""
+
+import contextlib
+import re
+from collections.abc import Iterable
+
+from validation.errors import GtvalError
+from validation.poses.joint import joint_to_csv
+from validation.poses.pose_table import PoseTable, to_csv, to_tum
+
+_SYSTEM = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+
+
+def pose_files(tables: Iterable[PoseTable]) -> dict[str, str]:
+    """poses_<system>.csv of each table, and poses_<system>.tum where its stops are numbered.
+
+    Raises
+    ------
+    GtvalError
+        If a system's name cannot be part of a file name.
+    """
+    files = {}
+    for table in tables:
+        if not _SYSTEM.fullmatch(table.system):
+            raise GtvalError(
+                f"the system name '{table.system}' cannot be part of a file name; use letters, "
+                "digits, '_', '-' and '.'"
+            )
+        files[f"poses_{table.system}.csv"] = to_csv(table)
+        if table.joint is not None:
+            files[f"joint_{table.system}.csv"] = joint_to_csv(table)
+        # Stops without numbers have no time to stand in a trajectory.
+        with contextlib.suppress(GtvalError):
+            files[f"poses_{table.system}.tum"] = to_tum(table)
+    return files

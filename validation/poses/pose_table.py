@@ -1,0 +1,385 @@
+"""Poses with covariances, named components and where they came from."""
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations_with_replacement
+from pathlib import Path
+from typing import Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from validation.errors import GtvalError, InputError, Problem, shown
+from validation.poses.angles import Array, wrap
+from validation.text_files.csv_tables import Column, read_csv
+
+
+@dataclass(frozen=True)
+class Component:
+    """One number of a pose.
+
+    Parameters
+    ----------
+    name : str
+        'x', 'theta', ...
+    kind : {"length", "angle"}
+        Metres or radians; the difference of angles is wrapped to (-pi, pi].
+    code : str
+        One letter for the covariance columns.
+    """
+
+    name: str
+    kind: Literal["length", "angle"]
+    code: str
+
+    @property
+    def unit(self) -> str:
+        """'m' or 'rad'."""
+        return "m" if self.kind == "length" else "rad"
+
+
+PLANAR = (
+    Component("x", "length", "x"),
+    Component("y", "length", "y"),
+    Component("theta", "angle", "t"),
+)
+SPATIAL = (
+    Component("x", "length", "x"),
+    Component("y", "length", "y"),
+    Component("z", "length", "z"),
+    Component("yaw", "angle", "w"),
+    Component("pitch", "angle", "p"),
+    Component("roll", "angle", "r"),
+)
+
+
+@dataclass(frozen=True)
+class PoseTable:
+    """Poses of one system at named stops, in the GTV frame.
+
+    Parameters
+    ----------
+    system : str
+        'survey', 'vision', 'laser_genetic', ...
+    ids : sequence of str
+        Names of the stops, unique, n of them.
+    poses : (n, k) array
+        One pose a row, metres and radians, in the order of ``components``.
+    covariances : (n, k, k) array, optional
+        Covariance of each; all NaN for a pose whose covariance is not stated.
+    components : tuple of Component
+        PLANAR or SPATIAL, or another choice of named numbers.
+    sources : sequence of str, optional
+        Where each pose came from: 'camera 4+1', 'published', ...
+    joint : (n k, n k) array, optional
+        Covariance of all poses together, where they are correlated.
+    provenance : mapping
+        Facts of the whole table for results/run.json.
+
+    Raises
+    ------
+    GtvalError
+        For repeated ids, wrong shapes, numbers that are not finite, and covariances that are
+        not symmetric and positive definite.
+    """
+
+    system: str
+    ids: tuple[str, ...]
+    poses: Array
+    covariances: Array = field(default_factory=lambda: np.empty(0))
+    components: tuple[Component, ...] = PLANAR
+    sources: tuple[str, ...] = ()
+    joint: Array | None = None
+    provenance: Mapping[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        n, k = len(self.ids), len(self.components)
+        poses = (
+            np.asarray(self.poses, dtype=float).reshape(-1, k)
+            if n == 0
+            else np.asarray(self.poses, dtype=float)
+        )
+        covariances = np.asarray(self.covariances, dtype=float)
+        if covariances.size == 0:
+            covariances = np.full((n, k, k), np.nan)
+        object.__setattr__(self, "ids", tuple(str(name) for name in self.ids))
+        object.__setattr__(self, "poses", poses)
+        object.__setattr__(self, "covariances", covariances)
+        object.__setattr__(self, "sources", tuple(self.sources) or ("",) * n)
+        self._check(n, k)
+
+    def _check(self, n: int, k: int) -> None:
+        """Raise for anything that would make later numbers meaningless."""
+        who = f"poses of system '{self.system}'"
+        if self.poses.shape != (n, k):
+            raise GtvalError(f"{who}: expected {(n, k)} numbers, got {self.poses.shape}")
+        if self.covariances.shape != (n, k, k):
+            raise GtvalError(f"{who}: covariances {self.covariances.shape}, not {(n, k, k)}")
+        if self.joint is not None and self.joint.shape != (n * k, n * k):
+            raise GtvalError(f"{who}: joint covariance {self.joint.shape}, not {(n * k, n * k)}")
+        if len(self.sources) != n:
+            raise GtvalError(f"{who}: {len(self.sources)} sources for {n} poses")
+        bad = [name for name in self.ids if not name.isprintable() or name.strip() != name]
+        if bad or "" in self.ids:
+            raise GtvalError(f"{who}: not a name for a stop: {shown(bad[0] if bad else '')}")
+        if len(set(self.ids)) != n:
+            twice = sorted({name for name in self.ids if self.ids.count(name) > 1})
+            raise GtvalError(f"{who}: these ids occur more than once: {', '.join(twice)}")
+        for name, pose, covariance in zip(self.ids, self.poses, self.covariances, strict=True):
+            if not np.isfinite(pose).all():
+                raise GtvalError(f"{who}: pose {name} is not finite: {pose}")
+            fault = covariance_fault(covariance)
+            if fault:
+                raise GtvalError(f"{who}: the covariance of pose {name} {fault}")
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @property
+    def has_covariance(self) -> npt.NDArray[np.bool_]:
+        """(n,) True where a covariance is stated."""
+        return np.asarray(np.isfinite(self.covariances).all((1, 2)))
+
+    def select(self, ids: Iterable[str]) -> Self:
+        """The rows of the named stops, in that order."""
+        where = {name: row for row, name in enumerate(self.ids)}
+        chosen = tuple(ids)
+        missing = [name for name in chosen if name not in where]
+        if missing:
+            raise GtvalError(f"system '{self.system}' has no pose {', '.join(missing)}")
+        rows = [where[name] for name in chosen]
+        joint = self.joint
+        if joint is not None:
+            k = len(self.components)
+            flat = (np.array(rows, dtype=int)[:, None] * k + np.arange(k)).ravel()
+            joint = joint[np.ix_(flat, flat)]
+        return replace(
+            self,
+            ids=chosen,
+            poses=self.poses[rows],
+            covariances=self.covariances[rows],
+            sources=tuple(self.sources[row] for row in rows),
+            joint=joint,
+        )
+
+
+def covariance_fault(covariance: Array) -> str | None:
+    """Why a matrix is not a covariance, in words; None if it is one or is all NaN."""
+    if np.isnan(covariance).all():
+        return None
+    if not np.isfinite(covariance).all():
+        return "has numbers that are missing or not finite"
+    scale = np.sqrt(np.abs(np.diagonal(covariance)))
+    if (np.diagonal(covariance) <= 0).any():
+        return "has a variance that is not positive"
+    with np.errstate(over="ignore"):
+        correlation = covariance / scale[:, None] / scale
+    if not np.allclose(correlation, correlation.T, rtol=0, atol=1e-6):
+        return "is not symmetric"
+    if np.abs(correlation).max() > 1 + 1e-6 or np.linalg.eigvalsh(correlation).min() <= 1e-12:
+        return "is not positive definite"
+    return None
+
+
+def _bad_place(names: Sequence[str], values: Array, covariance: Array) -> tuple[str, str | None]:
+    """The columns of a covariance that is none, and the value where one alone is to blame."""
+    variances = np.diagonal(covariance)
+    if (bad := np.flatnonzero(variances <= 0)).size:
+        # Where row i of the upper triangle begins: its own diagonal element.
+        first = int(bad[0] * (2 * len(variances) - bad[0] + 1) // 2)
+        return names[first], f"{values[first]:g}"
+    if (bad := np.flatnonzero(~np.isfinite(values))).size:
+        return names[int(bad[0])], None
+    return f"{names[0]} to {names[-1]}", None
+
+
+def pose_difference(a: Array, b: Array, components: Sequence[Component] = PLANAR) -> Array:
+    """Difference a - b per component, angles wrapped to (-pi, pi].
+
+    Parameters
+    ----------
+    a, b : (..., k) array
+        Poses in the same frame, metres and radians.
+    components : sequence of Component
+        Their k components.
+    """
+    difference = np.asarray(a, dtype=float) - np.asarray(b, dtype=float)
+    angles = np.array([component.kind == "angle" for component in components])
+    return np.where(angles, wrap(difference), difference)
+
+
+def _covariance_columns(components: Sequence[Component]) -> list[str]:
+    return [a.code + b.code for a, b in combinations_with_replacement(components, 2)]
+
+
+def to_csv(table: PoseTable) -> str:
+    """The table as CSV text; `from_csv` reads the same numbers back to the last bit.
+
+    Columns ``pose``, the components, the upper triangle of the covariance (blank where not
+    stated) and ``source``.
+    """
+    header = ["pose", *(c.name for c in table.components), *_covariance_columns(table.components)]
+    lines = [",".join([*header, "source"])]
+    upper = np.triu_indices(len(table.components))
+    for name, pose, covariance, source in zip(
+        table.ids, table.poses, table.covariances, table.sources, strict=True
+    ):
+        stated = np.isfinite(covariance).all()
+        cells = [repr(float(v)) if stated else "" for v in covariance[upper]]
+        lines.append(
+            ",".join(
+                [
+                    _quoted(name),
+                    *(repr(float(v)) for v in pose),
+                    *cells,
+                    _quoted(" ".join(source.split())),
+                ]
+            )
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(cell: str) -> str:
+    return '"' + cell.replace('"', '""') + '"' if re.search(r'[",;\t]', cell) else cell
+
+
+def from_csv(
+    path: Path,
+    system: str | None = None,
+    components: tuple[Component, ...] = PLANAR,
+    sigmas: Sequence[float] | None = None,
+) -> PoseTable:
+    """Poses from a CSV file as `to_csv` writes it, the covariance columns being optional.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    system : str, optional
+        Name of the system; taken from a name ``poses_<system>.csv`` where not given.
+    components : tuple of Component
+        Its components.
+    sigmas : sequence of float, optional
+        Standard deviations for rows without covariance of their own.
+
+    Raises
+    ------
+    InputError
+        Naming file, line, field and value of every bad place.
+    """
+    names = _covariance_columns(components)
+    columns = [
+        Column("pose"),
+        *(
+            Column(c.name, "number", low=-1e6, high=1e6, unit=c.unit)
+            if c.kind == "length"
+            else Column(c.name, "number", low=-4 * np.pi, high=4 * np.pi, unit="rad")
+            for c in components
+        ),
+        *(Column(name, "number", required=False, blank=True) for name in names),
+        Column("source", required=False, blank=True),
+    ]
+    csv = read_csv(path, columns)
+    csv.flag_duplicates(["pose"])
+    n, k = len(csv), len(components)
+    upper = np.triu_indices(k)
+    covariances = np.full((n, k, k), np.nan)
+    for row in range(n):
+        values = np.array([csv.numbers[name][row] for name in names])
+        if np.isnan(values).all():
+            if sigmas is not None:
+                covariances[row] = np.diag(np.square(sigmas))
+            continue
+        covariances[row][upper] = values
+        covariances[row].T[upper] = values
+        fault = covariance_fault(covariances[row])
+        if fault:
+            csv.problems.append(
+                Problem(
+                    path,
+                    f"the covariance of pose {csv.text['pose'][row]} {fault}",
+                    csv.lines[row],
+                    *_bad_place(names, values, covariances[row]),
+                )
+            )
+    if n == 0:
+        csv.problems.append(Problem(path, "the file has a header but no pose", 1))
+    csv.raise_problems()
+    return PoseTable(
+        system=system or path.stem.removeprefix("poses_"),
+        ids=tuple(csv.text["pose"]),
+        poses=np.column_stack([csv.numbers[c.name] for c in components]),
+        covariances=covariances,
+        components=components,
+        sources=tuple(csv.text["source"]),
+    )
+
+
+def to_tum(table: PoseTable, times: Mapping[str, float] | None = None) -> str:
+    """A planar or spatial table in the TUM trajectory format: t x y z qx qy qz qw.
+
+    Parameters
+    ----------
+    table : PoseTable
+        Poses with components x, y, theta, or x, y, z, yaw, pitch, roll.
+    times : mapping of str to float, optional
+        Time stamp in seconds of each id. Without it the number in the id is used, so that the
+        same stop has the same stamp in every system's file.
+
+    Raises
+    ------
+    GtvalError
+        If an id has no time and is not a number; if the poses have other components.
+    """
+    if times is None:
+        times = {name: _number_or_nan(name) for name in table.ids}
+    if not all(math.isfinite(times.get(name, math.nan)) for name in table.ids):
+        raise GtvalError(
+            f"system '{table.system}' has stops that are not numbered; give their times"
+        )
+    if table.components not in {PLANAR, SPATIAL}:
+        raise GtvalError(f"system '{table.system}' has poses that the TUM format cannot hold")
+    order = sorted(range(len(table)), key=lambda row: times[table.ids[row]])
+    lines = []
+    for row in order:
+        position, quaternion = _position_and_quaternion(table, row)
+        numbers = [times[table.ids[row]], *position, *quaternion]
+        lines.append(" ".join(repr(float(number)) for number in numbers))
+    return "\n".join(lines) + "\n"
+
+
+def _number_or_nan(name: str) -> float:
+    try:
+        return float(name)
+    except ValueError:
+        return math.nan
+
+
+def _position_and_quaternion(table: PoseTable, row: int) -> tuple[list[float], Array]:
+    """x, y, z and the quaternion (x, y, z, w) of one pose."""
+    named = dict(zip((c.name for c in table.components), table.poses[row], strict=True))
+    position = [named["x"], named["y"], named.get("z", 0.0)]
+    if "theta" in named:
+        half = named["theta"] / 2
+        return position, np.array([0.0, 0.0, np.sin(half), np.cos(half)])
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415  (planar tables do without)
+
+    angles = [named["yaw"], named["pitch"], named["roll"]]
+    return position, np.asarray(Rotation.from_euler("ZYX", angles).as_quat())
+
+
+def in_common(tables: Sequence[PoseTable]) -> list[str]:
+    """Ids that all the tables have, in the order of the first.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    shared = set(tables[0].ids).intersection(*(table.ids for table in tables[1:]))
+    if not shared:
+        names = " and ".join(f"'{table.system}'" for table in tables)
+        raise InputError([Problem("poses", f"the systems {names} have no pose id in common")])
+    return [name for name in tables[0].ids if name in shared]

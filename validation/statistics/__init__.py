@@ -1,0 +1,1 @@
+"""Errors of a system, and what they amount to."""

@@ -1,0 +1,198 @@
+"""Errors of a ground truth: validation poses minus GT poses, stop by stop."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from validation.errors import GtvalError
+from validation.poses.angles import Array
+from validation.poses.pose_table import Component, PoseTable, in_common, pose_difference
+from validation.statistics.consistency import (
+    ConsistencyTest,
+    Interval,
+    chi_squared_interval,
+    nees,
+    normalised_errors,
+    sum_test,
+)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What a system's poses differ by from the validation poses.
+
+    Parameters
+    ----------
+    validation, gt : PoseTable
+        Both at the n stops that they have in common, in the order of the validation.
+    errors : (n, k) array
+        Validation minus GT, metres and radians, angles in (-pi, pi], in the GTV frame.
+    covariances : (n, k, k) array
+        Both covariances added; NaN where one of them is not stated.
+    nees : (n,) array
+        Normalised error squared; NaN where not available.
+    nees_interval : Interval
+        Where a single NEES falls with the confidence asked for.
+    missing_in_gt, missing_in_validation : tuple of str
+        Stops that only the other has.
+    unavailable : str
+        Why some or all stops have no NEES; empty where all have one.
+    test : ConsistencyTest, optional
+        All NEES taken together; None where there is none.
+    """
+
+    validation: PoseTable
+    gt: PoseTable
+    errors: Array
+    covariances: Array
+    nees: Array
+    nees_interval: Interval
+    missing_in_gt: tuple[str, ...]
+    missing_in_validation: tuple[str, ...]
+    unavailable: str
+    test: ConsistencyTest | None
+
+    @property
+    def system(self) -> str:
+        """Name of the GT system."""
+        return self.gt.system
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Names of the stops compared."""
+        return self.validation.ids
+
+    @property
+    def components(self) -> tuple[Component, ...]:
+        """What the columns of ``errors`` are."""
+        return self.validation.components
+
+    @property
+    def normalised(self) -> Array:
+        """(n, k) errors in units of their combined standard deviations; NaN if not available."""
+        return normalised_errors(self.errors, self.covariances)
+
+    @property
+    def distances(self) -> Array:
+        """(n,) length of the position error, in metres."""
+        lengths = [component.kind == "length" for component in self.components]
+        return np.asarray(np.linalg.norm(self.errors[:, lengths], axis=1))
+
+    @property
+    def mean_sigmas(self) -> Array:
+        """(k,) standard deviation that the stated covariances give the mean error.
+
+        It holds what all stops have in common, as an error of the Vframe, which the scatter of
+        the errors cannot show. NaN unless both tables state all covariances.
+        """
+        n, k = self.errors.shape
+        if self.unavailable:
+            return np.full(k, np.nan)
+        joint = (_joint(self.validation) + _joint(self.gt)).reshape(n, k, n, k)
+        return np.asarray(np.sqrt(np.einsum("ikjk->k", joint)) / n)
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+def compare(validation: PoseTable, gt: PoseTable, confidence: float = 0.95) -> Comparison:
+    """The errors of a GT system with respect to the validation poses.
+
+    Parameters
+    ----------
+    validation : PoseTable
+        What is taken as true.
+    gt : PoseTable
+        The system under test, in the same frame and with the same components. It is taken as
+        independent of the validation: covariances are added.
+    confidence : float
+        Of the intervals.
+
+    Raises
+    ------
+    GtvalError
+        If the components differ or no stop is in common.
+
+    Notes
+    -----
+    AD2.3, tables "valid - GTvis" and "valid - SICK": error = validation minus GT.
+    """
+    if validation.components != gt.components:
+        raise GtvalError(
+            f"the poses of '{validation.system}' have the components "
+            f"{_named(validation)} and those of '{gt.system}' {_named(gt)}; "
+            "only the same components can be compared"
+        )
+    ids = in_common([validation, gt])
+    ours, theirs = validation.select(ids), gt.select(ids)
+    errors = pose_difference(ours.poses, theirs.poses, ours.components)
+    covariances = ours.covariances + theirs.covariances
+    scores = nees(errors, covariances)
+    return Comparison(
+        validation=ours,
+        gt=theirs,
+        errors=errors,
+        covariances=covariances,
+        nees=scores,
+        nees_interval=chi_squared_interval(len(ours.components), confidence),
+        missing_in_gt=tuple(name for name in validation.ids if name not in set(ids)),
+        missing_in_validation=tuple(name for name in gt.ids if name not in set(ids)),
+        unavailable=_why_unavailable(ours, theirs),
+        test=_test(ours, theirs, errors, scores, confidence),
+    )
+
+
+def _named(table: PoseTable) -> str:
+    return ", ".join(f"{component.name} [{component.unit}]" for component in table.components)
+
+
+def _why_unavailable(validation: PoseTable, gt: PoseTable) -> str:
+    """Which table states no covariance, and for which stops; empty if both state all."""
+    reasons = []
+    for table in (validation, gt):
+        lacking = [
+            name for name, has in zip(table.ids, table.has_covariance, strict=True) if not has
+        ]
+        if lacking:
+            which = "" if len(lacking) == len(table) else f" for pose {', '.join(lacking)}"
+            reasons.append(f"'{table.system}' states no covariance{which}")
+    return " and ".join(reasons)
+
+
+def _test(
+    validation: PoseTable, gt: PoseTable, errors: Array, scores: Array, confidence: float
+) -> ConsistencyTest | None:
+    """All stops with a NEES together.
+
+    Where a table states how its poses are correlated (the survey's poses share world points)
+    the joint NEES is used: the plain sum would be spread wider than chi-squared.
+    """
+    stated = np.flatnonzero(np.isfinite(scores))
+    if not stated.size:
+        return None
+    k = errors.shape[1]
+    if validation.joint is None and gt.joint is None:
+        total, method = float(scores[stated].sum()), "sum of NEES, poses taken as independent"
+    else:
+        ids = [validation.ids[row] for row in stated]
+        joint = _joint(validation.select(ids)) + _joint(gt.select(ids))
+        try:
+            total = float(nees(errors[stated].ravel(), joint))
+        except ValueError:
+            raise GtvalError(
+                f"the joint covariance of '{validation.system}' and '{gt.system}' over all poses "
+                "is not positive definite"
+            ) from None
+        method = "joint NEES, with the stated correlations between poses"
+    return sum_test(total, len(stated), k, confidence, method)
+
+
+def _joint(table: PoseTable) -> Array:
+    """(n k, n k) covariance of all poses together; zero between poses where it is not stated."""
+    if table.joint is not None:
+        return table.joint
+    n, k = table.poses.shape
+    blocks = np.zeros((n, k, n, k))
+    rows = np.arange(n)
+    blocks[rows, :, rows, :] = table.covariances
+    return blocks.reshape(n * k, n * k)

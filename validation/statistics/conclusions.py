@@ -1,0 +1,165 @@
+"""Findings in words, made from the numbers of an evaluation and from nothing else."""
+
+import numpy as np
+
+from validation.results import Finding, Severity
+from validation.statistics.comparison import Comparison
+from validation.statistics.error_statistics import (
+    ComponentStatistics,
+    by_magnitude,
+    two_sided_quantile,
+)
+from validation.statistics.evaluation import Evaluation
+
+
+def conclusions(evaluation: Evaluation) -> list[Finding]:
+    """What a reader should take from a system's errors: bias, consistency, coverage, extremes."""
+    comparison = evaluation.comparison
+    return [
+        *(
+            _bias(statistics, float(stated), evaluation.system)
+            for statistics, stated in zip(
+                evaluation.statistics, comparison.mean_sigmas, strict=True
+            )
+        ),
+        _consistency(comparison),
+        _coverage(comparison),
+        _largest(evaluation),
+        *_zero_errors(comparison),
+    ]
+
+
+def interval_name(statistics: ComponentStatistics) -> str:
+    """How the interval of the mean was found, in words: '95 % interval, Student's t, n = 20'."""
+    named = "Student's t" if statistics.method == "student" else "normal"
+    return f"{100 * statistics.confidence:.3g} % interval, {named}, n = {statistics.n}"
+
+
+def _bias(statistics: ComponentStatistics, stated: float, system: str) -> Finding:
+    """Whether there is a bias, and below what it is.
+
+    ``stated`` is the standard deviation of the mean by the stated covariances, or NaN.
+    """
+    name, unit = statistics.component.name, statistics.component.unit
+    if statistics.reason:
+        text = (
+            f"The bias in {name} cannot be judged: {statistics.reason} (n = {statistics.n}). "
+            "Survey more stops."
+        )
+        return Finding("warning", text, system, "bias_unknown")
+    measured = (
+        f"{statistics.mean:+.4f} {unit} ({interval_name(statistics)}: "
+        f"{statistics.ci_low:+.4f} to {statistics.ci_high:+.4f} {unit})"
+    )
+    significant, bias = statistics.bias_is_significant, statistics.bias
+    first = (
+        f"There is a bias in {name}: {measured}."
+        if significant
+        else f"No bias in {name} is shown: {measured} holds zero."
+    )
+    share = f"{100 * bias.confidence:.3g} % confidence"
+    if bias.holds:
+        p_value = f"p = {bias.p_value:.2g}" if bias.p_value >= 0.001 else "p < 0.001"
+        second = f"It is below {bias.limit:g} {unit} with {share} ({p_value})."
+    else:
+        second = (
+            f"That it is below {bias.limit:g} {unit} cannot be claimed with {share}; "
+            f"the least that can be is {bias.smallest_limit:.4f} {unit}."
+        )
+    severity: Severity = "note" if bias.holds or not significant else "warning"
+    if bias.holds and not significant:
+        severity = "good"
+    code = "bias" if significant else "no_bias_shown"
+    if significant and abs(statistics.mean) <= two_sided_quantile(statistics.confidence) * stated:
+        severity, code = "note", "bias_within_stated"
+        second += (
+            f" By the stated covariances a mean of this size is to be expected (standard "
+            f"deviation {stated:.4f} {unit}): it may be an error that all validation poses share, "
+            "as of the Vframe, and not one of the system."
+        )
+    return Finding(severity, f"{first} {second}", system, code)
+
+
+def _consistency(comparison: Comparison) -> Finding:
+    """Whether the errors fit the stated covariances, and in which direction they do not."""
+    test = comparison.test
+    if test is None:
+        text = (
+            f"Normalised errors are not available: {comparison.unavailable}. Whether the errors "
+            "fit the stated uncertainty cannot be told."
+        )
+        return Finding("note", text, comparison.system, "nees_unavailable")
+    measured = (
+        f"mean NEES {test.mean:.2f} of {test.poses} poses, expected {test.per_pose}, "
+        f"{100 * test.confidence:.3g} % interval {test.interval.low:.2f} to "
+        f"{test.interval.high:.2f} ({test.method})"
+    )
+    part = f" Left out: {comparison.unavailable}." if comparison.unavailable else ""
+    if test.verdict == "above":
+        text = (
+            f"The errors are larger than the stated covariances allow: {measured}. The "
+            "covariances are too small, or there is a systematic error."
+        )
+        return Finding("warning", text + part, comparison.system, "nees_above")
+    if test.verdict == "below":
+        text = (
+            f"The errors are smaller than the stated covariances say: {measured}. The covariances "
+            "are too large, or both systems share errors."
+        )
+        return Finding("note", text + part, comparison.system, "nees_below")
+    text = f"The errors fit the stated covariances: {measured}."
+    return Finding("good", text + part, comparison.system, "nees_inside")
+
+
+def _coverage(comparison: Comparison) -> Finding:
+    """How many of the validation poses the system gave."""
+    n, missing = len(comparison), comparison.missing_in_gt
+    total = n + len(missing)
+    extra = comparison.missing_in_validation
+    also = (
+        f" It gave {len(extra)} without a validation pose, which are not judged: "
+        f"{', '.join(extra)}."
+        if extra
+        else ""
+    )
+    if not missing:
+        text = f"A pose was given for every one of the {total} validation poses.{also}"
+        return Finding("good", text, comparison.system, "coverage")
+    text = (
+        f"Poses were given for {n} of the {total} validation poses; missing: "
+        f"{', '.join(missing)}.{also} The statistics speak only for those given."
+    )
+    return Finding("note", text, comparison.system, "coverage")
+
+
+def _largest(evaluation: Evaluation) -> Finding:
+    """The largest error of each component, and at which pose."""
+    comparison = evaluation.comparison
+    first = by_magnitude(comparison.errors)[0]
+    said = [
+        f"{component.name} {comparison.errors[row, column]:+.4f} {component.unit} at pose "
+        f"{comparison.ids[row]}"
+        for column, (component, row) in enumerate(zip(comparison.components, first, strict=True))
+    ]
+    text = f"The largest errors: {', '.join(said)}."
+    return Finding("note", text, comparison.system, "largest_errors")
+
+
+def _zero_errors(comparison: Comparison) -> list[Finding]:
+    """Poses whose every error is next to nothing: most likely taken over from the validation.
+
+    Next to nothing is a hundredth of the component's median error. Of normal errors 0.5 % are
+    as small, so that all three components are by chance in one pose of ten million. Exactly
+    zero is too strict: a table printed with fewer digits differs in the last one.
+    """
+    sizes = np.abs(comparison.errors)
+    rows = np.flatnonzero((sizes <= 0.01 * np.median(sizes, axis=0)).all(axis=1))
+    if not rows.size or len(comparison) < 3:
+        return []
+    poses = ", ".join(comparison.ids[row] for row in rows)
+    text = (
+        f"The errors of pose {poses} are zero, or next to it, in every component, as of a pose "
+        "taken over from the validation (the reference of a frame). It is counted in the "
+        "statistics, and makes them look better than they are."
+    )
+    return [Finding("note", text, comparison.system, "zero_error")]

@@ -1,0 +1,186 @@
+"""Do errors fit the covariances stated for them? Normalised errors and chi-squared intervals."""
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy import special
+
+from validation.poses.angles import Array
+
+Verdict = Literal["below", "inside", "above"]
+
+
+class Interval(NamedTuple):
+    """Two ends, low <= high."""
+
+    low: float
+    high: float
+
+
+class ConsistencyTest(NamedTuple):
+    """A weighted sum of squares against the interval in which it should fall.
+
+    ``mean`` is the sum divided by the number of poses and ``interval`` the one for the mean,
+    with ``per_pose`` degrees of freedom each (its expected value). ``method`` says what was
+    summed.
+    """
+
+    mean: float
+    interval: Interval
+    poses: int
+    per_pose: int
+    p_value: float
+    confidence: float
+    verdict: Verdict
+    method: str
+
+
+def nees(errors: npt.ArrayLike, covariances: npt.ArrayLike) -> Array:
+    """Normalised error squared e' P^-1 e; chi-squared with k degrees of freedom if P is right.
+
+    Parameters
+    ----------
+    errors : (..., k) array_like
+        Errors, angles wrapped.
+    covariances : (..., k, k) array_like
+        Their covariances; NaN where not stated.
+
+    Returns
+    -------
+    (...) array
+        NaN where the covariance is not stated, never 0 in its place.
+
+    Raises
+    ------
+    ValueError
+        If a stated covariance is not positive definite.
+
+    Notes
+    -----
+    Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation
+    (2001), section 5.4.2. Scaled to correlations first, as metres and radians may differ by
+    many orders of magnitude.
+    """
+    errors, covariances = np.asarray(errors, dtype=float), np.asarray(covariances, dtype=float)
+    stated = np.isfinite(covariances).all((-1, -2))
+    variances = np.diagonal(covariances, axis1=-2, axis2=-1)
+    if (variances[stated] <= 0).any():
+        raise ValueError("a covariance has a variance that is not positive")
+    sigma = np.where(stated[..., None], np.sqrt(np.abs(variances)), 1.0)
+    correlation = covariances / (sigma[..., :, None] * sigma[..., None, :])
+    correlation = np.where(stated[..., None, None], correlation, np.eye(errors.shape[-1]))
+    try:
+        factor = np.linalg.cholesky(correlation)
+    except np.linalg.LinAlgError:
+        raise ValueError("a covariance is not positive definite") from None
+    whitened = np.linalg.solve(factor, (errors / sigma)[..., None])[..., 0]
+    return np.asarray(np.where(stated, np.square(whitened).sum(-1), np.nan))
+
+
+def normalised_errors(errors: npt.ArrayLike, covariances: npt.ArrayLike) -> Array:
+    """Each component's error in units of its own standard deviation; NaN where not stated.
+
+    Parameters
+    ----------
+    errors : (..., k) array_like
+        Errors, angles wrapped.
+    covariances : (..., k, k) array_like
+        Their covariances.
+    """
+    variances = np.diagonal(np.asarray(covariances, dtype=float), axis1=-2, axis2=-1)
+    return np.asarray(np.asarray(errors, dtype=float) / np.sqrt(variances))
+
+
+def chi_squared_interval(dof: int, confidence: float = 0.95, n: int = 1) -> Interval:
+    """Where the mean of n chi-squared values falls with the given probability.
+
+    Parameters
+    ----------
+    dof : int
+        Degrees of freedom of each.
+    confidence : float
+        Probability; the same share is left out at both ends.
+    n : int
+        Number of values averaged; 1 for a single value.
+
+    Raises
+    ------
+    ValueError
+        If dof or n is not positive.
+    """
+    if dof < 1 or n < 1:
+        raise ValueError(f"degrees of freedom and number must be positive, not {dof} and {n}")
+    tail = (1 - confidence) / 2
+    # chdtri inverts the survival function.
+    low, high = special.chdtri(n * dof, [1 - tail, tail])
+    return Interval(float(low / n), float(high / n))
+
+
+def unit_weight_interval(dof: int, confidence: float = 0.95) -> Interval:
+    """Where the variance of unit weight v'Pv / dof of an adjustment falls if its sigmas are right.
+
+    Parameters
+    ----------
+    dof : int
+        Redundancy: observations minus unknowns.
+    confidence : float
+        Probability.
+    """
+    interval = chi_squared_interval(dof, confidence)
+    return Interval(interval.low / dof, interval.high / dof)
+
+
+def variance_factor_interval(
+    weighted_squares: float, dof: int, confidence: float = 0.95
+) -> Interval:
+    """The factor by which the assumed variances have to be multiplied, as an interval.
+
+    Parameters
+    ----------
+    weighted_squares : float
+        Sum of squared residuals, each divided by its assumed variance (v'Pv).
+    dof : int
+        Redundancy.
+    confidence : float
+        Of the interval; 1 outside it means that the assumed sigmas are wrong.
+    """
+    interval = chi_squared_interval(dof, confidence)
+    return Interval(weighted_squares / interval.high, weighted_squares / interval.low)
+
+
+def verdict(value: float, interval: Interval) -> Verdict:
+    """On which side of the interval the value lies, or inside it."""
+    if value < interval.low:
+        return "below"
+    return "above" if value > interval.high else "inside"
+
+
+def sum_test(total: float, poses: int, dof: int, confidence: float, method: str) -> ConsistencyTest:
+    """The test of a sum of squares that should be chi-squared with ``poses * dof`` degrees.
+
+    Parameters
+    ----------
+    total : float
+        Sum of NEES over the poses, or the joint NEES.
+    poses : int
+        Number of poses.
+    dof : int
+        Components of each.
+    confidence : float
+        Of the interval.
+    method : str
+        What was summed, in words.
+    """
+    interval = chi_squared_interval(dof, confidence, poses)
+    upper = float(special.chdtrc(poses * dof, total))
+    return ConsistencyTest(
+        mean=total / poses,
+        interval=interval,
+        poses=poses,
+        per_pose=dof,
+        p_value=2 * min(upper, 1 - upper),
+        confidence=confidence,
+        verdict=verdict(total / poses, interval),
+        method=method,
+    )

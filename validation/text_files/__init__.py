@@ -1,0 +1,1 @@
+"""Tables and JSON as text files, read with every bad place and written all or none."""

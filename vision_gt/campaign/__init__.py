@@ -1,0 +1,1 @@
+"""Vision GT of a campaign folder."""

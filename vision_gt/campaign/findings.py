@@ -1,0 +1,227 @@
+"""What a person should read about the vision system's results."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from validation.results import Finding, Severity
+from vision_gt.campaign.objects import placed
+from vision_gt.campaign.outcome import VisionOutcome
+from vision_gt.optics.transforms import change_between
+
+SUBJECT = "vision"
+_POOR_FIT = 1e-4
+_POOR_FLOOR = 1e-3
+_LEAST_COVERAGE = 0.5
+_LEAST_TILT = np.deg2rad(25)
+_HAND_LENGTH, _HAND_ANGLE = 0.03, np.deg2rad(8)
+
+
+def vision_findings(outcome: VisionOutcome, surveyed: Sequence[str] = ()) -> list[Finding]:
+    """All findings, the most important first within their kind.
+
+    Parameters
+    ----------
+    outcome : VisionOutcome
+        What they are about.
+    surveyed : sequence of str
+        Stops that have a validation pose, with images or without.
+    """
+    return [
+        *_coverage(outcome, surveyed),
+        *_poses(outcome),
+        *_calibrations(outcome),
+        *_network(outcome),
+        *_layout(outcome),
+        *_steadiness(outcome),
+        *_oddities(outcome),
+    ]
+
+
+def _listed(names: list[str], most: int = 12) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def _coverage(outcome: VisionOutcome, surveyed: Sequence[str]) -> Iterator[Finding]:
+    """How many stops have a pose, and why the others have none."""
+    known = [stop.pose for stop in outcome.stops if stop.chosen is not None]
+    missing = [stop.pose for stop in outcome.stops if stop.chosen is None]
+    seen = {pose for (_, pose), found in outcome.detections.items() if found.views}
+    text = f"{len(known)} of the {len(outcome.stops)} stops with images have a vision pose."
+    blind = [pose for pose in missing if pose not in seen]
+    if blind:
+        text += f" No marker was found in the images of {_listed(blind)}."
+    unsolved = [pose for pose in missing if pose in seen]
+    if unsolved:
+        text += f" Markers were found, but give no sure pose, for {_listed(unsolved)}."
+    with_images = {stop.pose for stop in outcome.stops}
+    unseen = [pose for pose in surveyed if pose not in with_images]
+    if unseen:
+        text += f" No camera has an image of {_listed(unseen)}: out of all cameras' view?"
+    severity: Severity = "good" if not missing and not unseen else "note" if known else "error"
+    yield Finding(severity, text, SUBJECT, "coverage")
+
+
+def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
+    """Ambiguous poses, corners that do not fit, robots off the floor."""
+    for stop in outcome.stops:
+        unsure = [name for name, pose in stop.by_camera.items() if pose.ambiguous]
+        if unsure and stop.chosen is None:
+            yield Finding(
+                "warning",
+                f"Pose {stop.pose} is ambiguous: camera {_listed(unsure)} sees a marker from so "
+                "far or so straight that two poses fit alike. Neither is used; setting "
+                "vision.on_floor may decide.",
+                f"pose {stop.pose}",
+                "ambiguous",
+            )
+        chosen = stop.chosen
+        if chosen is None:
+            continue
+        if chosen.p_value < _POOR_FIT:
+            yield Finding(
+                "note",
+                f"Pose {stop.pose}: the corners fit worse than they should (chi² "
+                f"{chosen.chi_square:.0f} with {chosen.freedom} degrees of freedom); something "
+                "(the sheet of the next marker?) covers the edge of a marker, or one has moved on "
+                "the robot. Its covariance is enlarged.",
+                f"pose {stop.pose}",
+                "poor_fit",
+            )
+        if chosen.floor_p < _POOR_FLOOR:
+            yield Finding(
+                "warning",
+                f"Pose {stop.pose}: the robot does not stand on the floor as it should "
+                f"(p = {chosen.floor_p:.1g}); a marker or a camera has moved, or the floor is "
+                "not even.",
+                f"pose {stop.pose}",
+                "off_floor",
+            )
+
+
+def _calibrations(outcome: VisionOutcome) -> Iterator[Finding]:
+    """Calibration images: outliers, and what they leave open."""
+    for name, calibration in outcome.calibrations.items():
+        subject = f"camera {name}"
+        if calibration.outliers:
+            yield Finding(
+                "note",
+                f"Camera {name}: left out of the calibration as outliers: "
+                f"{_listed(list(calibration.outliers))}.",
+                subject,
+                "calibration_outliers",
+            )
+        coverage = calibration.coverage
+        if coverage.share < _LEAST_COVERAGE:
+            yield Finding(
+                "warning",
+                f"Camera {name}: the board covered only {100 * coverage.share:.0f} % of the "
+                "image; show it in all parts, or the distortion is a guess there.",
+                subject,
+                "calibration_coverage",
+            )
+        if float(np.max(coverage.tilts)) < _LEAST_TILT:
+            yield Finding(
+                "warning",
+                f"Camera {name}: the board was tilted by at most "
+                f"{np.rad2deg(coverage.tilts.max()):.0f} degrees; the focal length needs tilts "
+                "of 30 degrees and more.",
+                subject,
+                "calibration_tilt",
+            )
+
+
+def _network(outcome: VisionOutcome) -> Iterator[Finding]:
+    """Snapshots that do not agree, and the bar."""
+    solution = outcome.network
+    for link in solution.links:
+        if link.outliers:
+            yield Finding(
+                "warning",
+                f"Cameras {link.first} and {link.second}: snapshots {_listed(list(link.outliers))} "
+                "do not agree with the others; the files may be exchanged, or the bar moved "
+                "between the two exposures. They are left out.",
+                f"cameras {link.first}-{link.second}",
+                "snapshot_outliers",
+            )
+    if solution.bar_outliers:
+        yield Finding(
+            "warning",
+            "These images of both boards do not fit the bar: "
+            f"{_listed(list(solution.bar_outliers))}. They are left out; is "
+            "vision.bar.second_on_first right?",
+            "bar",
+            "bar_outliers",
+        )
+    if solution.bar_single:
+        yield Finding(
+            "note",
+            "Only one of the bar's two boards was found in "
+            f"{_listed(list(solution.bar_single))}; they say nothing about the bar.",
+            "bar",
+            "bar_single",
+        )
+    network = solution.network
+    if network.bar_covariance.any() and network.adjustment is not None:
+        built = solution.averaged.bar
+        off = change_between(network.bar, built)
+        sigma = np.sqrt(np.diagonal(network.bar_covariance))
+        yield Finding(
+            "note",
+            f"The bar is off its nominal transform by {1e3 * np.linalg.norm(off[:3]):.1f} mm and "
+            f"{np.rad2deg(np.linalg.norm(off[3:])):.2f} degrees; it is now known to "
+            f"{1e3 * sigma[:3].max():.2f} mm and {np.rad2deg(sigma[3:].max()):.3f} degrees.",
+            "bar",
+            "bar",
+        )
+
+
+def _layout(outcome: VisionOutcome) -> Iterator[Finding]:
+    """Markers that are not where they were measured by hand."""
+    layout = outcome.layout.layout
+    for name, hand in outcome.settings.markers.hand_measured.items():
+        T = layout.T_robot_marker[layout.index(int(name))]
+        off = change_between(T, placed(hand))
+        length, angle = np.linalg.norm(off[:3]), np.linalg.norm(off[3:])
+        if length > _HAND_LENGTH or angle > _HAND_ANGLE:
+            yield Finding(
+                "warning",
+                f"Marker {name} is {1e3 * length:.0f} mm and {np.rad2deg(angle):.1f} degrees from "
+                "where it was measured by hand; check its id, its side and the hand measurement.",
+                f"marker {name}",
+                "hand_measured",
+            )
+
+
+def _steadiness(outcome: VisionOutcome) -> Iterator[Finding]:
+    """A verdict on each camera."""
+    steady = [one.camera for one in outcome.steadiness if one.verdict == "steady"]
+    for one in outcome.steadiness:
+        if one.verdict == "moved":
+            yield Finding(
+                "error",
+                f"Camera {one.camera} moved between the images before and after; its poses must "
+                "not be used. Calibrate the network again and repeat the stops it saw.",
+                f"camera {one.camera}",
+                "camera_moved",
+            )
+        elif one.verdict == "not known":
+            yield Finding(
+                "note",
+                f"Camera {one.camera}: the images before and after show too little to tell "
+                "whether it moved.",
+                f"camera {one.camera}",
+                "steadiness_unknown",
+            )
+    if steady:
+        yield Finding("good", f"Cameras that did not move: {_listed(steady)}.", SUBJECT, "steady")
+
+
+def _oddities(outcome: VisionOutcome) -> Iterator[Finding]:
+    """Images with something odd about them, by what it is."""
+    kinds: dict[str, list[str]] = {}
+    for image, what in outcome.oddities:
+        kinds.setdefault(what, []).append(image)
+    for what, images in kinds.items():
+        yield Finding("warning", f"{_listed(images, 6)}: {what}.", SUBJECT, "image")

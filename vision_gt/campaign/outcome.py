@@ -1,0 +1,73 @@
+"""All that the vision system makes of a campaign, before it is told to anyone."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from validation.poses.pose_table import PoseTable
+from vision_gt.images.markers import Detection
+from vision_gt.network.intrinsics import Calibration
+from vision_gt.network.solution import NetworkSolution
+from vision_gt.network.steadiness import Steadiness
+from vision_gt.robot.layout import LayoutFit
+from vision_gt.robot.robot_pose import RobotPose
+from vision_gt.settings import VisionSettings
+
+
+@dataclass(frozen=True)
+class StopPose:
+    """What is known of one stop.
+
+    Parameters
+    ----------
+    pose : str
+        Its name.
+    by_camera : mapping of str to RobotPose
+        From each camera that saw markers.
+    chosen : RobotPose or None
+        What the result has: the best camera's, or that of all cameras merged; None where no
+        pose is sure.
+    """
+
+    pose: str
+    by_camera: Mapping[str, RobotPose]
+    chosen: RobotPose | None
+
+
+@dataclass(frozen=True)
+class VisionOutcome:
+    """The vision system's results.
+
+    Parameters
+    ----------
+    settings : VisionSettings
+        Of the campaign.
+    calibrations : mapping of str to Calibration
+        By camera; empty where camera files were given.
+    network : NetworkSolution
+        The cameras.
+    layout : LayoutFit
+        The markers.
+    stops : tuple of StopPose
+        In the order that people count.
+    detections : mapping of (str, str) to Detection
+        By camera and stop: every image of the robot.
+    poses : PoseTable or None
+        The result; None if no stop has a sure pose.
+    published : PoseTable or None
+        The document's way from the same images.
+    steadiness : tuple of Steadiness
+        A verdict for each camera that was checked.
+    oddities : sequence of (str, str)
+        Images and what is odd about them.
+    """
+
+    settings: VisionSettings
+    calibrations: Mapping[str, Calibration]
+    network: NetworkSolution
+    layout: LayoutFit
+    stops: tuple[StopPose, ...]
+    detections: Mapping[tuple[str, str], Detection]
+    poses: PoseTable | None
+    published: PoseTable | None
+    steadiness: tuple[Steadiness, ...] = ()
+    oddities: Sequence[tuple[str, str]] = field(default=())

@@ -1,0 +1,199 @@
+"""Boards in images: corners found by OpenCV, their order made the board's own."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from validation.poses.angles import Array
+from vision_gt.images.saddles import refine_saddles
+from vision_gt.optics.board_pose import BoardView
+from vision_gt.patterns.boards import Board
+
+Image = npt.NDArray[np.uint8]
+Ints = npt.NDArray[np.intp]
+Detector = Literal["fitted", "classic", "sector"]
+
+_LEAST_CORNERS = 8
+_STOCK_WINDOW = 11
+"""Half window of the sub-pixel refinement in OpenCV's own samples."""
+_LEAST_SIGMA = 0.01
+"""Pixels; what the print and the model of the blur add to each fitted corner."""
+_CLEAR_OF_MARKERS, _CLEAR_OF_CORNERS = 0.16, 0.4
+"""Radius of the fit over the square's side. On a ChArUco board the next marker's corner is 0.177
+of it away, on a plain one the next corner a whole one."""
+_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
+
+
+@dataclass(frozen=True)
+class FoundBoard:
+    """Corners of a board in an image.
+
+    Parameters
+    ----------
+    ids : (n,) array of int
+        Which corners.
+    pixels : (n, 2) array
+        Where.
+    sigmas : (n,) array, optional
+        Standard deviation of each coordinate, pixels, where it is known.
+    """
+
+    ids: Ints
+    pixels: Array
+    sigmas: Array | None = None
+
+
+def find_board(image: Image, board: Board, detector: Detector = "fitted") -> FoundBoard | None:
+    """Corners of a board in an image; None if it is not found.
+
+    Parameters
+    ----------
+    image : (h, w) array of uint8
+        Grey levels.
+    board : Board
+        What to look for. A plain chessboard is found whole or not at all, and one that looks
+        the same after half a turn may come out either way round.
+    detector : {"fitted", "classic", "sector"}
+        For plain chessboards: this package's fit of each corner, OpenCV's first detector with
+        its sub-pixel refinement, or OpenCV's sector-based one (Duda and Frese, 2018). The fit
+        starts from the first, or where that finds nothing from the second.
+    """
+    if board.family is not None:
+        return _find_charuco(image, board)
+    pixels = None if detector == "sector" else _classic(image, board)
+    if detector == "classic" and pixels is not None:
+        pixels = _refined(image, pixels, _STOCK_WINDOW)
+    if pixels is None and detector != "classic":
+        pixels = _sector(image, board, accurate=detector == "sector")
+    if pixels is None:
+        return None
+    numbers = np.arange(len(board.corners))
+    pixels = _in_board_order(image, pixels, board)
+    if detector != "fitted":
+        return FoundBoard(numbers, pixels)
+    return _fitted(image, numbers, pixels, board, _CLEAR_OF_CORNERS)
+
+
+def _fitted(
+    image: Image, numbers: Ints, pixels: Array, board: Board, radius: float
+) -> FoundBoard | None:
+    """The corners that can be fitted; None if they are too few."""
+    axes = _square_sides(board.corners[numbers, :2] / board.square, pixels)
+    if axes is None:
+        return None
+    fit = refine_saddles(image, pixels, axes, radius)
+    if fit.good.sum() < _LEAST_CORNERS:
+        return None
+    sigmas = np.hypot(fit.sigmas, _LEAST_SIGMA)
+    return FoundBoard(numbers[fit.good], fit.pixels[fit.good], sigmas[fit.good])
+
+
+def view_of_board(
+    image: Image,
+    board: Board,
+    camera: str,
+    body: str,
+    *,
+    part: int = 0,
+    source: str = "",
+    detector: Detector = "fitted",
+) -> BoardView | None:
+    """The board as a view for the adjustments; None if it is not found.
+
+    Parameters
+    ----------
+    image : (h, w) array of uint8
+        Grey levels.
+    board : Board
+        What to look for.
+    camera, body, part, source
+        As in `BoardView`.
+    detector : {"fitted", "classic", "sector"}
+        For plain chessboards.
+    """
+    found = find_board(image, board, detector)
+    if found is None:
+        return None
+    return BoardView(camera, body, part, board, found.ids, found.pixels, source, found.sigmas)
+
+
+def _classic(image: Image, board: Board) -> Array | None:
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+    flags |= cv2.CALIB_CB_FAST_CHECK
+    found, corners = cv2.findChessboardCorners(image, board.inner, flags=flags)
+    return np.array(corners, dtype=float).reshape(-1, 2) if found else None
+
+
+def _sector(image: Image, board: Board, *, accurate: bool) -> Array | None:
+    flags = cv2.CALIB_CB_NORMALIZE_IMAGE
+    if accurate:
+        flags |= cv2.CALIB_CB_ACCURACY
+    else:  # a start for the fit: half the size takes a quarter of the time
+        half = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        image = np.asarray(half, dtype=np.uint8)
+    found, corners = cv2.findChessboardCornersSB(image, board.inner, flags=flags)
+    if not found:
+        return None
+    pixels = np.array(corners, dtype=float).reshape(-1, 2)
+    return pixels if accurate else np.asarray(2 * pixels + 0.5)
+
+
+def _refined(image: Image, corners: Array, half: int) -> Array:
+    """OpenCV's sub-pixel corners, with windows of 2 half + 1 pixels."""
+    start = corners.astype(np.float32).reshape(-1, 1, 2)
+    refined = cv2.cornerSubPix(image, start, (half, half), (-1, -1), _STOP)
+    return np.array(refined, dtype=float).reshape(-1, 2)
+
+
+def _in_board_order(image: Image, pixels: Array, board: Board) -> Array:
+    """Corners in the order of a board seen from its printed side, black square first.
+
+    Detectors may start at any of a board's ends and may run the other way round.
+    """
+    nx, ny = board.inner
+    grid = pixels.reshape(ny, nx, 2)
+    along, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
+    if along[0] * down[1] - along[1] * down[0] < 0:
+        grid = grid[::-1]
+    if not board.looks_the_same_turned and not _starts_black(image, grid):
+        grid = grid[::-1, ::-1]
+    return grid.reshape(-1, 2)
+
+
+def _starts_black(image: Image, grid: Array) -> bool:
+    """Whether the squares of the colour of the first inner one are black.
+
+    The square between the first four inner corners has the colour of the outer corner square,
+    which is black at the first corner of the board.
+    """
+    middles = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4
+    column, row = np.rint(middles).astype(int).reshape(-1, 2).T
+    inside = (column >= 0) & (column < image.shape[1]) & (row >= 0) & (row < image.shape[0])
+    y, x = np.mgrid[: middles.shape[0], : middles.shape[1]]
+    like_first = ((x + y) % 2 == 0).ravel()[inside]
+    grey = image[row[inside], column[inside]].astype(float)
+    return bool(grey[like_first].mean() < grey[~like_first].mean())
+
+
+def _find_charuco(image: Image, board: Board) -> FoundBoard | None:
+    detector = cv2.aruco.CharucoDetector(board.charuco())
+    corners, ids, _markers, _marker_ids = detector.detectBoard(image)
+    if ids is None or len(ids) < _LEAST_CORNERS:
+        return None
+    start = np.array(corners, dtype=float).reshape(-1, 2)
+    return _fitted(image, np.ravel(ids).astype(np.intp), start, board, _CLEAR_OF_MARKERS)
+
+
+def _square_sides(squares: Array, pixels: Array) -> Array | None:
+    """(n, 2, 2) sides of a square at each corner, pixels, from a homography; None without one."""
+    H, _inliers = cv2.findHomography(squares, pixels, cv2.RANSAC, 5.0)
+    if H is None:
+        return None
+    points = np.column_stack([squares, np.ones(len(squares))]) @ H.T
+    image, depth = points[:, :2], points[:, 2:]
+    # d (u / w) = (du - (u / w) dw) / w
+    sides = (H[:2, :2] - (image / depth)[:, :, None] * H[2, :2]) / depth[:, :, None]
+    return np.asarray(sides)

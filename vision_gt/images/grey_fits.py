@@ -1,0 +1,47 @@
+"""What the fits of grey levels have in common: the blur, and how outliers are held back."""
+
+import numpy as np
+
+from validation.poses.angles import Array
+from validation.statistics.robust import SIGMA_OF_MEDIAN
+
+SATURATED = 254
+"""Such a pixel says that the light is at least so much: a brighter model is no misfit."""
+START_BLUR = 0.8
+BLUR_INFORMATION = 4 / 0.5**2
+"""On the width of the blur about its start, for noise of one grey level: keeps a saturated edge
+solvable."""
+LEAST_BLUR, MOST_BLUR = 0.3, 3.0
+LEAST_CONTRAST = 12.0
+LEAST_KEPT = 0.5
+"""Share of the weights that outliers must leave."""
+MOST_NOISE = 0.25
+"""Standard deviation of the residuals over the contrast."""
+MOST_SIGMA = 0.5
+"""Pixels."""
+LEAST_VARIANCE = 0.1
+"""Of grey levels, which are whole numbers."""
+_TUKEY = 6.0
+_MISFIT = (0.05, 0.02)
+"""Shares of the contrast that are no outlier's sign: after the first step, and then."""
+
+
+def tukey(residual: Array, weight: Array, contrast: Array, step: int) -> Array:
+    """Tukey's weights (e, n) of residuals, about their median size.
+
+    Parameters
+    ----------
+    residual, weight : (e, n) array
+        Grey levels; places of weight 0 have no say.
+    contrast : (e,) array
+        Between white and black: a small share of it is never an outlier.
+    step : int
+        Of the fit, from 1: the first ones are far from the end.
+    """
+    ordered = np.sort(np.where(weight > 0, np.abs(residual), np.inf), axis=1)
+    middle = (weight.sum(1) / 2).astype(np.intp)
+    scale = SIGMA_OF_MEDIAN * ordered[np.arange(len(ordered)), middle]
+    least = np.maximum(_MISFIT[min(step, 2) - 1] * contrast, 1.0)
+    scale = np.maximum(np.where(np.isfinite(scale), scale, 0.0), least)
+    ratio = np.minimum(np.square(residual / (_TUKEY * scale)[:, None]), 1.0)
+    return np.asarray(np.square(1 - ratio))

@@ -1,0 +1,200 @@
+"""Detection in many images at once, in as many processes as there are processors."""
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from validation.errors import InputError, Problem
+from vision_gt.images.boards import Detector, view_of_board
+from vision_gt.images.files import Image, is_blank, read_image
+from vision_gt.images.markers import Detection, Refinement, detect_markers
+from vision_gt.optics.board_pose import BoardView
+from vision_gt.optics.camera import Camera
+from vision_gt.patterns.boards import Board
+from vision_gt.patterns.dictionaries import Family
+
+_WORTH_A_POOL = 12
+"""With fewer images starting processes takes longer than it saves."""
+
+
+@dataclass(frozen=True)
+class BoardJob:
+    """Look for boards in an image.
+
+    Parameters
+    ----------
+    path : Path
+        The image.
+    camera, body : str
+        As in `BoardView`.
+    boards : sequence of (int, Board)
+        What may be there, with its part of the bar.
+    detector : {"fitted", "classic", "sector"}
+        For plain chessboards.
+    """
+
+    path: Path
+    camera: str
+    body: str
+    boards: Sequence[tuple[int, Board]]
+    detector: Detector = "fitted"
+
+
+@dataclass(frozen=True)
+class MarkerJob:
+    """Look for markers in an image.
+
+    Parameters
+    ----------
+    path : Path
+        The image.
+    family : Family
+        Of the markers.
+    wanted : tuple of int
+        Ids that the campaign has.
+    camera : Camera or None
+        Whose distortion bends the edges.
+    refinement : {"edges", "none", "subpix", "apriltag"}
+        Of the corners.
+    """
+
+    path: Path
+    family: Family
+    wanted: tuple[int, ...]
+    camera: Camera | None = None
+    refinement: Refinement = "edges"
+
+
+@dataclass(frozen=True)
+class Found:
+    """What an image showed.
+
+    Parameters
+    ----------
+    path : Path
+        The image.
+    size : (int, int)
+        Width and height.
+    boards : tuple of BoardView
+        Boards found.
+    markers : Detection
+        Markers found.
+    fault : str
+        Why nothing could be looked for ('truncated', ...); '' if all is well.
+    note : str
+        What is odd about the image: 'blank', 'mirrored'.
+    """
+
+    path: Path
+    size: tuple[int, int] = (0, 0)
+    boards: tuple[BoardView, ...] = ()
+    markers: Detection = field(default_factory=lambda: Detection(()))
+    fault: str = ""
+    note: str = ""
+
+
+Job = BoardJob | MarkerJob
+
+
+def detect_all(
+    jobs: Sequence[Job],
+    workers: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> list[Found]:
+    """What the images show, in the order of the jobs.
+
+    Parameters
+    ----------
+    jobs : sequence of BoardJob or MarkerJob
+        One an image.
+    workers : int, optional
+        Processes; by default one for each processor.
+    progress : callable, optional
+        Told the share done.
+    """
+    workers = workers or os.cpu_count() or 1
+    if workers == 1 or len(jobs) < _WORTH_A_POOL:
+        return _collected(map(detect_one, jobs), len(jobs), progress)
+    with ProcessPoolExecutor(workers, get_context("spawn"), _one_thread) as pool:
+        return _collected(pool.map(detect_one, jobs, chunksize=4), len(jobs), progress)
+
+
+def _one_thread() -> None:
+    """One thread of OpenCV in each process."""
+    cv2.setNumThreads(1)
+
+
+def _collected(
+    results: Iterable[Found], total: int, progress: Callable[[float], None] | None
+) -> list[Found]:
+    found = []
+    for number, result in enumerate(results, 1):
+        found.append(result)
+        if progress is not None:
+            progress(number / total)
+    return found
+
+
+def detect_one(job: Job) -> Found:
+    """What one image shows; a bad file is a fault, not an exception."""
+    try:
+        image = read_image(job.path)
+    except InputError as error:
+        return Found(job.path, fault=_said(error.problems))
+    size = (image.shape[1], image.shape[0])
+    if is_blank(image):
+        return Found(job.path, size, note="blank")
+    if isinstance(job, BoardJob):
+        views = [
+            view_of_board(
+                image,
+                board,
+                job.camera,
+                job.body,
+                part=part,
+                source=job.path.name,
+                detector=job.detector,
+            )
+            for part, board in job.boards
+        ]
+        seen = tuple(view for view in views if view is not None)
+        return Found(job.path, size, seen, note="" if seen else _mirrored_board(image, job))
+    return _markers(image, size, job)
+
+
+def _markers(image: Image, size: tuple[int, int], job: MarkerJob) -> Found:
+    if job.camera is not None and size != job.camera.size:
+        expected = (
+            f"the image has {size[0]} x {size[1]} pixels, camera {job.camera.name} was "
+            f"calibrated with {job.camera.size[0]} x {job.camera.size[1]}"
+        )
+        return Found(job.path, size, fault=expected)
+    detection = detect_markers(image, job.family, job.camera, job.wanted, job.refinement)
+    note = ""
+    if not detection.views and not detection.duplicates:
+        flipped = detect_markers(
+            np.ascontiguousarray(image[:, ::-1]), job.family, None, job.wanted, "none"
+        )
+        note = "mirrored" if flipped.views else ""
+    return Found(job.path, size, markers=detection, note=note)
+
+
+def _mirrored_board(image: Image, job: BoardJob) -> str:
+    """'mirrored' where a ChArUco board is only found in the mirror image."""
+    flipped = np.ascontiguousarray(image[:, ::-1])
+    for part, board in job.boards:
+        if board.family is None:
+            continue
+        if view_of_board(flipped, board, job.camera, job.body, part=part) is not None:
+            return "mirrored"
+    return ""
+
+
+def _said(problems: Sequence[Problem]) -> str:
+    return "; ".join(problem.expected for problem in problems)

@@ -1,0 +1,1 @@
+"""Adjustment of images of known points."""

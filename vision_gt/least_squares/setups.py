@@ -1,0 +1,254 @@
+"""Where cameras, bodies and parts are, what is seen of them, and how it depends on the former.
+
+Cameras stand in a world, bodies lie in the world, parts lie on bodies, points lie on parts.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from validation.poses.angles import Array
+from vision_gt.optics.camera import project_with_jacobians
+from vision_gt.optics.transforms import rotation_matrices, rotation_vectors
+
+Ints = npt.NDArray[np.intp]
+
+CAMERA_UNKNOWNS = 15
+"""Of each camera: six of its pose, then nine intrinsic parameters."""
+
+
+@dataclass(frozen=True)
+class Views:
+    """Points seen in images: n of them.
+
+    Parameters
+    ----------
+    camera, body, part : (n,) array of int
+        Who saw it, and what it belongs to.
+    point : (n, 3) array
+        Its coordinates on its part, metres.
+    pixel : (n, 2) array
+        Where it was seen.
+    covariance : (n, 2, 2) array
+        Of the pixel.
+    """
+
+    camera: Ints
+    body: Ints
+    part: Ints
+    point: Array
+    pixel: Array
+    covariance: Array
+
+    def __len__(self) -> int:
+        return len(self.camera)
+
+    def select(self, rows: npt.NDArray[np.generic]) -> "Views":
+        """Some of the points."""
+        return Views(
+            self.camera[rows],
+            self.body[rows],
+            self.part[rows],
+            self.point[rows],
+            self.pixel[rows],
+            self.covariance[rows],
+        )
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Where everything is.
+
+    Parameters
+    ----------
+    T_world_camera : RigidTransform
+        Stack of c cameras.
+    intrinsics : (c, 9) array
+        Their parameters.
+    T_world_body : RigidTransform
+        Stack of b bodies.
+    T_body_part : RigidTransform
+        Stack of p parts, the same on every body.
+    """
+
+    T_world_camera: RigidTransform
+    intrinsics: Array
+    T_world_body: RigidTransform
+    T_body_part: RigidTransform
+
+    @property
+    def shared(self) -> int:
+        """Number of unknowns that are not a body's: 15 of each camera, then 6 of each part."""
+        return CAMERA_UNKNOWNS * len(self.T_world_camera) + 6 * len(self.T_body_part)
+
+
+@dataclass(frozen=True)
+class Arrays:
+    """The same as a `Setup`, as plain rotations and translations: quick to change."""
+
+    R_camera: Array
+    t_camera: Array
+    intrinsics: Array
+    R_body: Array
+    t_body: Array
+    R_part: Array
+    t_part: Array
+
+    @property
+    def shared(self) -> int:
+        """Number of unknowns that are not a body's."""
+        return CAMERA_UNKNOWNS * len(self.R_camera) + 6 * len(self.R_part)
+
+    @classmethod
+    def of(cls, setup: Setup) -> "Arrays":
+        """Of a setup."""
+        stacks = (setup.T_world_camera, setup.T_world_body, setup.T_body_part)
+        (Rc, tc), (Rb, tb), (Rp, tp) = (
+            (T.rotation.as_matrix(), np.asarray(T.translation)) for T in stacks
+        )
+        return cls(Rc, tc, np.asarray(setup.intrinsics, dtype=float), Rb, tb, Rp, tp)
+
+    @property
+    def setup(self) -> Setup:
+        """As a setup."""
+        stacks = (
+            RigidTransform.from_components(t, Rotation.from_matrix(R))
+            for R, t in (
+                (self.R_camera, self.t_camera),
+                (self.R_body, self.t_body),
+                (self.R_part, self.t_part),
+            )
+        )
+        camera, body, part = stacks
+        return Setup(camera, self.intrinsics, body, part)
+
+    def moved(self, shared: Array, bodies: Array) -> "Arrays":
+        """After changes (g,) of the shared unknowns and (b, 6) of the bodies."""
+        c = len(self.R_camera)
+        cameras = shared[: CAMERA_UNKNOWNS * c].reshape(c, CAMERA_UNKNOWNS)
+        parts = shared[CAMERA_UNKNOWNS * c :].reshape(-1, 6)
+        return Arrays(
+            rotation_matrices(cameras[:, 3:6]) @ self.R_camera,
+            self.t_camera + cameras[:, :3],
+            self.intrinsics + cameras[:, 6:],
+            rotation_matrices(bodies[:, 3:]) @ self.R_body,
+            self.t_body + bodies[:, :3],
+            rotation_matrices(parts[:, 3:]) @ self.R_part,
+            self.t_part + parts[:, :3],
+        )
+
+    def change_from(self, other: "Arrays") -> tuple[Array, Array]:
+        """Changes of the shared unknowns (g,) and the bodies (b, 6) that make it of another."""
+        cameras = np.concatenate(
+            [
+                self.t_camera - other.t_camera,
+                _turn(self.R_camera, other.R_camera),
+                self.intrinsics - other.intrinsics,
+            ],
+            axis=1,
+        )
+        parts = np.concatenate(
+            [self.t_part - other.t_part, _turn(self.R_part, other.R_part)], axis=1
+        )
+        bodies = np.concatenate(
+            [self.t_body - other.t_body, _turn(self.R_body, other.R_body)], axis=1
+        )
+        return np.concatenate([cameras.ravel(), parts.ravel()]), bodies
+
+
+def _turn(R: Array, reference: Array) -> Array:
+    """(n, 3) rotation vectors from one stack of rotations to another."""
+    return rotation_vectors(R @ np.swapaxes(reference, 1, 2))
+
+
+def camera_slots(camera: int) -> slice:
+    """Where a camera's 15 unknowns are among the shared ones."""
+    return slice(CAMERA_UNKNOWNS * camera, CAMERA_UNKNOWNS * (camera + 1))
+
+
+def part_slots(setup: Setup, part: int) -> slice:
+    """Where a part's six unknowns are among the shared ones."""
+    first = CAMERA_UNKNOWNS * len(setup.T_world_camera) + 6 * part
+    return slice(first, first + 6)
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """Residuals of views and their derivatives, all made unit-variance.
+
+    Parameters
+    ----------
+    residual : (n, 2) array
+        Seen minus predicted; NaN where a point would be behind its camera.
+    by_camera : (n, 2, 15) array
+        Of the prediction, by the pose and parameters of the view's camera.
+    by_part, by_body : (n, 2, 6) array
+        By its part and its body.
+    """
+
+    residual: Array
+    by_camera: Array
+    by_part: Array
+    by_body: Array
+
+
+def linearised_at(views: Views, at: Arrays, whitening: Array) -> Linearised:
+    """Residuals of all views, and the derivatives of the predictions.
+
+    Parameters
+    ----------
+    views : Views
+        What was seen.
+    at : Arrays
+        Where things are taken to be.
+    whitening : (n, 2, 2) array
+        From `whiten`.
+    """
+    R_body = at.R_body[views.body]
+    turned_part = (at.R_part[views.part] @ views.point[..., None])[..., 0]
+    on_body = turned_part + at.t_part[views.part]
+    turned_body = (R_body @ on_body[..., None])[..., 0]
+    in_world = turned_body + at.t_body[views.body]
+    from_camera = in_world - at.t_camera[views.camera]
+    to_camera = np.swapaxes(at.R_camera[views.camera], 1, 2)
+    seen = (to_camera @ from_camera[..., None])[..., 0]
+    pixel, by_point, by_intrinsics = project_with_jacobians(seen, at.intrinsics[views.camera])
+    n = len(views.camera)
+    by_world = whitening @ by_point @ to_camera
+    by_camera, by_body, by_part = np.empty((n, 2, 15)), np.empty((n, 2, 6)), np.empty((n, 2, 6))
+    # A turn by phi moves a point at r by phi x r, and a . (phi x r) = (r x a) . phi.
+    np.negative(by_world, out=by_camera[..., :3])
+    by_camera[..., 3:6] = -_turned_by(from_camera, by_world)
+    by_camera[..., 6:] = whitening @ by_intrinsics
+    by_body[..., :3] = by_world
+    by_body[..., 3:] = _turned_by(turned_body, by_world)
+    on_part = by_world @ R_body
+    by_part[..., :3] = on_part
+    by_part[..., 3:] = _turned_by(turned_part, on_part)
+    residual = (whitening @ (views.pixel - pixel)[..., None])[..., 0]
+    return Linearised(residual, by_camera, by_part, by_body)
+
+
+def _turned_by(r: Array, rows: Array) -> Array:
+    """(n, 2, 3) cross products of points r (n, 3) and rows a (n, 2, 3)."""
+    x, y, z = r[:, None, 0], r[:, None, 1], r[:, None, 2]
+    a, b, c = rows[..., 0], rows[..., 1], rows[..., 2]
+    out = np.empty_like(rows)
+    out[..., 0], out[..., 1], out[..., 2] = y * c - z * b, z * a - x * c, x * b - y * a
+    return out
+
+
+def whiten(covariance: Array) -> Array:
+    """(n, 2, 2) matrices W with W cov W^T = 1."""
+    a, b, c = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
+    if not (a > 0).all() or not (a * c > b * b).all():
+        raise np.linalg.LinAlgError("a covariance is not positive definite")
+    # The inverse of the Cholesky factor, written out.
+    first = 1 / np.sqrt(a)
+    second = 1 / np.sqrt(c - b * b / a)
+    matrices = np.zeros_like(covariance)
+    matrices[:, 0, 0], matrices[:, 1, 1] = first, second
+    matrices[:, 1, 0] = -b / a * second
+    return matrices

@@ -1,0 +1,1 @@
+"""Cameras calibrated one by one and together."""

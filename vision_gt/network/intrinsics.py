@@ -1,0 +1,244 @@
+"""The intrinsic parameters of one camera from images of a board, and how good the images are."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform
+
+from validation.errors import GtvalError
+from validation.poses.angles import Array
+from vision_gt.least_squares.adjustment import Adjustment, Knowledge, adjust
+from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Setup
+from vision_gt.optics.board_pose import BoardView, as_views, camera_pose_of_board
+from vision_gt.optics.camera import PARAMETERS, Camera
+
+GRID = (8, 6)
+"""Cells of the coverage report, across and down the image."""
+_LEAST_IMAGES = 4
+_OUTLIER = 3.0
+"""An image whose residuals are so many times the median image's is left out."""
+_LEAST_OUTLIER = 0.15
+"""Pixels; below this no image is an outlier."""
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Where the board was shown.
+
+    Parameters
+    ----------
+    counts : (6, 8) array of int
+        Corners in each cell of the image.
+    distances : (n,) array
+        Of the boards' middles from the camera, metres.
+    tilts : (n,) array
+        Between the boards' normals and the lines of sight, radians.
+    """
+
+    counts: npt.NDArray[np.intp]
+    distances: Array
+    tilts: Array
+
+    @property
+    def share(self) -> float:
+        """Share of the image's cells that hold corners."""
+        return float((self.counts > 0).mean())
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibrated camera with what speaks for and against it.
+
+    Parameters
+    ----------
+    camera : Camera
+        With the covariance of its parameters.
+    sigma : float
+        Of a corner's coordinate as the residuals show it, pixels.
+    views : tuple of BoardView
+        Images used.
+    residuals : tuple of (n, 2) array
+        Of each, pixels.
+    outliers : tuple of str
+        Images left out.
+    coverage : Coverage
+        Of the images used.
+    T_camera_board : RigidTransform
+        Stack: the board in each image.
+    """
+
+    camera: Camera
+    sigma: float
+    views: tuple[BoardView, ...]
+    residuals: tuple[Array, ...]
+    outliers: tuple[str, ...]
+    coverage: Coverage
+    T_camera_board: RigidTransform
+
+    @property
+    def image_rms(self) -> Array:
+        """(n,) root mean square length of the residuals of each image, pixels."""
+        return np.array([np.sqrt((r**2).sum(1).mean()) for r in self.residuals])
+
+    @property
+    def rms(self) -> float:
+        """Root mean square length of all residuals, pixels, as OpenCV states it."""
+        whole = np.concatenate(self.residuals)
+        return float(np.sqrt((whole**2).sum(1).mean()))
+
+
+def calibrate(name: str, size: tuple[int, int], views: Sequence[BoardView]) -> Calibration:
+    """A camera's intrinsic parameters.
+
+    Parameters
+    ----------
+    name : str
+        Of the camera.
+    size : (int, int)
+        Width and height of its images.
+    views : sequence of BoardView
+        At least four, of a board in different places.
+
+    Raises
+    ------
+    GtvalError
+        If there are too few images, or they do not determine the parameters.
+
+    Notes
+    -----
+    AD2.3, "Single camera calibration": Bouguet's toolbox. Here OpenCV's version of it starts
+    the adjustment, which takes the noise from the residuals and leaves outlier images out.
+    """
+    usable = [view for view in views if len(view.ids) >= 8]
+    if len(usable) < _LEAST_IMAGES:
+        raise GtvalError(
+            f"camera {name}: only {len(usable)} images show the board; at least {_LEAST_IMAGES} "
+            "are needed, and 12 or more in all parts of the image are better"
+        )
+    start = _start(name, size, usable)
+    first = _fitted(start, usable)
+    rms = first.image_rms
+    limit = max(_OUTLIER * float(np.median(rms)), _LEAST_OUTLIER)
+    kept = [view for view, error in zip(usable, rms, strict=True) if error <= limit]
+    left = tuple(view.source or view.body for view, e in zip(usable, rms, strict=True) if e > limit)
+    if not left or len(kept) < _LEAST_IMAGES:
+        return first
+    again = _fitted(_start(name, size, kept), kept)
+    return Calibration(
+        again.camera,
+        again.sigma,
+        again.views,
+        again.residuals,
+        left,
+        again.coverage,
+        again.T_camera_board,
+    )
+
+
+def _start(name: str, size: tuple[int, int], views: Sequence[BoardView]) -> Camera:
+    """OpenCV's calibration."""
+    try:
+        _rms, K, lens, _r, _t = cv2.calibrateCamera(
+            [view.points.astype(np.float32) for view in views],
+            [view.pixels.astype(np.float32)[:, None] for view in views],
+            size,
+            np.eye(3),
+            np.zeros(5),
+        )
+    except cv2.error:
+        raise GtvalError(
+            f"camera {name}: the images of the board do not determine its parameters; show it "
+            "tilted, near and far, and in all parts of the image"
+        ) from None
+    values = np.concatenate([[K[0, 0], K[1, 1], K[0, 2], K[1, 2]], np.ravel(lens)[:5]])
+    return Camera(name, size, values)
+
+
+def _fitted(start: Camera, views: Sequence[BoardView]) -> Calibration:
+    """The adjustment, with the noise that its residuals show."""
+    bodies = [f"{number}" for number in range(len(views))]
+    own = [replace(v, body=b, part=0) for b, v in zip(bodies, views, strict=True)]
+    poses = [camera_pose_of_board(view, start) for view in own]
+    if any(T is None for T in poses):
+        raise GtvalError(f"camera {start.name}: the calibration failed; check the board's size")
+    setup = Setup(
+        RigidTransform.concatenate([RigidTransform.identity()]),
+        start.parameters[None],
+        RigidTransform.concatenate([T for T in poses if T is not None]),
+        RigidTransform.concatenate([RigidTransform.identity()]),
+    )
+    free = np.zeros(setup.shared, dtype=bool)
+    free[6:CAMERA_UNKNOWNS] = True
+    knowledge = Knowledge(np.zeros((setup.shared, setup.shared)), np.zeros((len(own), 6, 6)), free)
+    corners = as_views(own, [start.name], bodies)
+    done = adjust(corners, setup, knowledge, describe=lambda i: _named(i, start.name))
+    factor = done.m0
+    camera = Camera(
+        start.name,
+        start.size,
+        done.setup.intrinsics[0],
+        factor**2 * done.covariance[6:CAMERA_UNKNOWNS, 6:CAMERA_UNKNOWNS],
+    )
+    ends = np.cumsum([len(view.ids) for view in own])[:-1]
+    sigmas = np.concatenate([view.stated_sigmas for view in own])
+    residuals = tuple(np.split(sigmas[:, None] * done.residuals, ends))
+    return Calibration(
+        camera,
+        factor * float(np.median(sigmas)),
+        tuple(views),
+        residuals,
+        (),
+        _coverage(start.size, views, done),
+        done.setup.T_world_body,
+    )
+
+
+def _named(unknown: int, name: str) -> str:
+    return f"{PARAMETERS[(unknown - 6) % 9]} of camera {name}"
+
+
+def _coverage(size: tuple[int, int], views: Sequence[BoardView], done: Adjustment) -> Coverage:
+    pixels = np.concatenate([view.pixels for view in views])
+    across, down = GRID
+    counts, _, _ = np.histogram2d(
+        pixels[:, 1],
+        pixels[:, 0],
+        bins=(down, across),
+        range=((-0.5, size[1] - 0.5), (-0.5, size[0] - 0.5)),
+    )
+    T = done.setup.T_world_body
+    middles = np.array([T[i].apply(view.board.corners.mean(0)) for i, view in enumerate(views)])
+    distances = np.linalg.norm(middles, axis=1)
+    normals = T.rotation.as_matrix()[:, :, 2]
+    cosine = (normals * middles).sum(1) / distances
+    return Coverage(counts.astype(np.intp), distances, np.arccos(np.clip(cosine, -1, 1)))
+
+
+def known_displacement(
+    first: BoardView, second: BoardView, camera: Camera
+) -> tuple[float, float] | None:
+    """How far a board moved between two images: the distance and the angle, metres and radians.
+
+    Notes
+    -----
+    AD2.3, "Single camera calibration": the board is put in two places at a known distance, and
+    the distance of the two poses is compared with it. A board that looks the same turned is
+    taken as turned by less than a quarter.
+    """
+    T_first = camera_pose_of_board(first, camera)
+    best: tuple[float, float] | None = None
+    for reading in second.readings():
+        T_second = camera_pose_of_board(reading, camera)
+        if T_first is None or T_second is None:
+            return None
+        moved = T_first.inv() * T_second
+        angle = float(moved.rotation.magnitude())
+        # The board's middle, so that turning it about itself is no displacement.
+        middle = first.board.corners.mean(0)
+        distance = float(np.linalg.norm(moved.apply(middle) - middle))
+        if best is None or angle < best[1]:
+            best = (distance, angle)
+    return best

@@ -1,0 +1,285 @@
+"""The camera network of a campaign: links, chain, readings of the boards, joint adjustment."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from validation.errors import GtvalError
+from validation.poses.angles import Array
+from vision_gt.network.adjustment import Bar, KnownBody, Network, adjust_network
+from vision_gt.network.chain import Chain, NotLinkedError, PairLink, chain_cameras, pair_links
+from vision_gt.optics.board_pose import BoardView, bar_poses, camera_pose_of_board
+from vision_gt.optics.camera import Camera
+from vision_gt.optics.planar_pose import planar_solutions
+from vision_gt.optics.transforms import angle_between, composition_jacobians
+
+REFERENCE = "reference"
+"""Name of the reference pattern's body."""
+
+
+@dataclass(frozen=True)
+class NetworkInput:
+    """All that the network is computed from.
+
+    Parameters
+    ----------
+    cameras : tuple of Camera
+        With start values of their intrinsic parameters.
+    snapshots : tuple of BoardView
+        Of the double pattern, and of single boards seen by several cameras.
+    both : tuple of BoardView
+        Of images that show both boards of the bar.
+    reference : tuple of BoardView
+        Of the reference pattern, one for each camera that sees it.
+    calibration : tuple of BoardView
+        Of single boards, each body seen by one camera.
+    bar : Bar
+        The double pattern as built.
+    known_reference : KnownBody
+        Where the reference pattern lies.
+    origin_near : (2,) array, optional
+        Pixel near the reference pattern's first corner.
+    """
+
+    cameras: tuple[Camera, ...]
+    snapshots: tuple[BoardView, ...]
+    both: tuple[BoardView, ...]
+    reference: tuple[BoardView, ...]
+    calibration: tuple[BoardView, ...]
+    bar: Bar
+    known_reference: KnownBody
+    origin_near: Array | None = None
+
+
+@dataclass(frozen=True)
+class NetworkSolution:
+    """The network with how it came about.
+
+    Parameters
+    ----------
+    network : Network
+        The result.
+    averaged : Network
+        The document's way: means of the pairs, chained.
+    links : tuple of PairLink
+        All pairs.
+    chain : Chain
+        The tree used.
+    reference : str
+        The camera that the chain starts from.
+    bar_outliers : tuple of str
+        Images of both boards that do not fit the bar.
+    bar_single : tuple of str
+        Images in which only one of them was found.
+    """
+
+    network: Network
+    averaged: Network
+    links: tuple[PairLink, ...]
+    chain: Chain
+    reference: str
+    bar_outliers: tuple[str, ...] = field(default=())
+    bar_single: tuple[str, ...] = field(default=())
+
+
+def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution:
+    """The cameras in the GTV frame.
+
+    Parameters
+    ----------
+    given : NetworkInput
+        Images' contents and what is known.
+    joint : bool
+        Whether to adjust everything together; otherwise the averaged chain is the result.
+
+    Raises
+    ------
+    NotLinkedError
+        Naming cameras that nothing links to the reference.
+    GtvalError
+        If the reference pattern is not seen, or looks the same turned and nothing says how it
+        lies.
+    """
+    names = [camera.name for camera in given.cameras]
+    reference = _read_reference(given)
+    poses = bar_poses(given.snapshots, given.cameras, given.bar.patterns)
+    links = pair_links(poses)
+    root = reference[0].camera
+    chain = chain_cameras(names, links, root)
+    T_gtv_root = _reference_camera(reference[0], given)
+    T_gtv_camera = {name: T_gtv_root * chain.T_reference_camera[name] for name in names}
+    averaged = _averaged(given, links, chain, T_gtv_camera)
+    if not joint:
+        return NetworkSolution(averaged, averaged, tuple(links), chain, root)
+    snapshots = _as_read(given.snapshots, links)
+    both, left, single = _fitting_bar(given)
+    views = [*snapshots, *both, *reference, *given.calibration]
+    network = adjust_network(
+        given.cameras,
+        T_gtv_camera,
+        views,
+        {REFERENCE: given.known_reference},
+        given.bar,
+        free_intrinsics=bool(given.calibration),
+    )
+    return NetworkSolution(network, averaged, tuple(links), chain, root, left, single)
+
+
+def _read_reference(given: NetworkInput) -> list[BoardView]:
+    """The reference views by the right reading, the one with the largest pattern first."""
+    if not given.reference:
+        raise GtvalError("no image shows the reference pattern, so the cameras have no frame")
+    views = sorted(given.reference, key=lambda view: -float(np.ptp(view.pixels, axis=0).prod()))
+    if not views[0].board.looks_the_same_turned:
+        return views
+    if given.origin_near is None:
+        raise GtvalError(
+            "the reference pattern looks the same after half a turn; give the pixel near its "
+            f"first corner in the image of camera {views[0].camera} as "
+            "vision.reference.origin_near, or use a board with an odd and an even side"
+        )
+    # The hint is a pixel of one image: whichever reading of a view is nearest to it.
+    near = np.asarray(given.origin_near, dtype=float)
+    return [min(view.readings(), key=lambda one: _from_origin(one, near)) for view in views[:1]]
+
+
+def _from_origin(view: BoardView, near: Array) -> float:
+    first = view.pixels[int(np.argmin(view.ids))]
+    return float(np.linalg.norm(first - near))
+
+
+def _reference_camera(view: BoardView, given: NetworkInput) -> RigidTransform:
+    """T_gtv_camera of the camera that sees the reference pattern."""
+    camera = next(c for c in given.cameras if c.name == view.camera)
+    T = camera_pose_of_board(view, camera)
+    if T is None:
+        raise GtvalError(f"camera {view.camera}: the reference pattern gives no pose")
+    return given.known_reference.T_gtv_body * T.inv()
+
+
+def _as_read(views: Sequence[BoardView], links: Sequence[PairLink]) -> list[BoardView]:
+    """Snapshots that agree, by the readings that make them agree."""
+    readings: dict[tuple[str, str], int] = {}
+    for link in links:
+        for snapshot, (one, other) in link.readings.items():
+            readings[link.first, snapshot] = one
+            readings[link.second, snapshot] = other
+    return [
+        view.readings()[readings[view.camera, view.body]]
+        for view in views
+        if (view.camera, view.body) in readings
+    ]
+
+
+def _fitting_bar(
+    given: NetworkInput,
+) -> tuple[list[BoardView], tuple[str, ...], tuple[str, ...]]:
+    """Views of both boards, by the readings that fit the bar as built.
+
+    Then the images whose boards do not fit it, and those that show only one of them.
+    """
+    by_image: dict[str, list[BoardView]] = {}
+    for view in given.both:
+        by_image.setdefault(view.body, []).append(view)
+    cameras = {camera.name: camera for camera in given.cameras}
+    kept: list[BoardView] = []
+    left, single = [], []
+    for body, views in by_image.items():
+        name = views[0].source or body
+        if len({view.part for view in views}) < 2:
+            single.append(name)
+            continue
+        chosen = _fitting_pair(views, cameras, given.bar)
+        if chosen is None:
+            left.append(name)
+        else:
+            kept += chosen
+    return kept, tuple(left), tuple(single)
+
+
+def _fitting_pair(
+    views: Sequence[BoardView], cameras: Mapping[str, Camera], bar: Bar
+) -> list[BoardView] | None:
+    """The two views of one image, read so that they fit the bar; None if they cannot."""
+    first = [view for view in views if view.part == 0]
+    second = [view for view in views if view.part == 1]
+    best, least = None, np.inf
+    for a in first:
+        for b in second:
+            for one in a.readings():
+                for other in b.readings():
+                    off = _bar_misfit(one, other, cameras, bar)
+                    if off < least:
+                        best, least = [one, other], off
+    return best if least < 1 else None
+
+
+def _bar_misfit(one: BoardView, other: BoardView, cameras: Mapping[str, Camera], bar: Bar) -> float:
+    """How far two boards are from their places on the bar, 1 being too far."""
+    least = np.inf
+    solutions = [
+        planar_solutions(view.points, view.pixels, cameras[view.camera].parameters)
+        for view in (one, other)
+    ]
+    if solutions[0] is None or solutions[1] is None:
+        return least
+    T = solutions[0].best.inv() * solutions[1].best
+    length = np.linalg.norm(T.translation - bar.T_first_second.translation)
+    angle = angle_between(T, bar.T_first_second)
+    sigmas = bar.sigmas
+    return float(
+        max(
+            length / (0.1 + 5 * sigmas[:3].max()),
+            angle / (np.deg2rad(6) + 5 * sigmas[3:].max()),
+        )
+    )
+
+
+def _averaged(
+    given: NetworkInput,
+    links: Sequence[PairLink],
+    chain: Chain,
+    T_gtv_camera: Mapping[str, RigidTransform],
+) -> Network:
+    """The chained means as a network, with the covariance that the spreads give.
+
+    Each link's mean has the spread of its snapshots over the root of their number; what the
+    bar's own error adds is common to all of them and enters in full.
+    """
+    names = [camera.name for camera in given.cameras]
+    c = len(names)
+    covariance = np.zeros((15 * c, 15 * c))
+    own = {chain.path(names[0])[-1]: given.known_reference.covariance}
+    by_pair = {(link.first, link.second): link for link in links}
+    for name in sorted(names, key=lambda n: len(chain.path(n))):
+        parent = chain.parents.get(name)
+        if parent is None:
+            continue
+        link = by_pair.get((parent, name)) or by_pair[name, parent]
+        step = T_gtv_camera[parent].inv() * T_gtv_camera[name]
+        by_parent, by_step = composition_jacobians(T_gtv_camera[parent], step)
+        spread = np.repeat(np.square(link.spread) / 3, 3) / len(link.snapshots)
+        spread = spread + np.square(given.bar.sigmas) + 1e-10
+        own[name] = by_parent @ own[parent] @ by_parent.T + by_step @ np.diag(spread) @ by_step.T
+    for i, camera in enumerate(given.cameras):
+        covariance[15 * i : 15 * i + 6, 15 * i : 15 * i + 6] = own[camera.name]
+        covariance[15 * i + 6 : 15 * i + 15, 15 * i + 6 : 15 * i + 15] = camera.covariance
+    return Network(
+        tuple(given.cameras),
+        RigidTransform.concatenate([T_gtv_camera[name] for name in names]),
+        covariance,
+        given.bar.T_first_second,
+        np.diag(np.square(given.bar.sigmas)),
+        0.0,
+    )
+
+
+__all__ = [
+    "REFERENCE",
+    "NetworkInput",
+    "NetworkSolution",
+    "NotLinkedError",
+    "solve_network",
+]

@@ -1,0 +1,1 @@
+"""Cameras, and the pose of what they see."""

@@ -1,0 +1,319 @@
+"""Camera files of other programs: OpenCV, ROS, Kalibr and Bouguet's toolbox.
+
+All four put the centre of the top-left pixel at (0, 0) and share the lens model of
+`vision_gt.optics.camera`; Kalibr's 'radtan' ends after p2.
+"""
+
+import io
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from validation.errors import GtvalError, InputError, Problem
+from validation.poses.angles import Array
+from vision_gt.optics.camera import Camera
+
+MAX_BYTES = 20_000_000
+_PINHOLE_LENSES = {"plumb_bob", "radtan", "radial-tangential"}
+FORMATS = ("opencv", "ros", "kalibr", "bouguet")
+
+
+def read_cameras(path: Path) -> list[Camera]:
+    """The cameras of a file; its contents tell the format.
+
+    Parameters
+    ----------
+    path : Path
+        .yaml, .yml or .xml of OpenCV, .yaml of ROS or Kalibr, or a Calib_Results.mat.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, cannot be parsed, or lacks something.
+    """
+    data = _bytes_of(path)
+    if path.suffix.lower() == ".mat":
+        return [_read_bouguet(path, data)]
+    text = data.decode("utf-8-sig", errors="replace")
+    root = _parsed(path, text)
+    if root.getNode("cam0").isMap():
+        return _read_kalibr(path, root)
+    if root.getNode("distortion_model").isString():
+        return [_read_ros(path, root)]
+    return [_read_opencv(path, root)]
+
+
+def write_camera(path_suffix: str, file_format: str, camera: Camera) -> bytes:
+    """The bytes of a camera file.
+
+    Parameters
+    ----------
+    path_suffix : str
+        Ending of the file; '.xml' makes OpenCV's XML instead of YAML.
+    file_format : {"opencv", "ros", "kalibr", "bouguet"}
+        Whose file.
+    camera : Camera
+        What to write.
+
+    Raises
+    ------
+    GtvalError
+        For another format, or if the format cannot hold the camera.
+    """
+    writers: Mapping[str, Callable[[Camera], bytes]] = {
+        "opencv": lambda c: _write_opencv(c, xml=path_suffix.lower() == ".xml"),
+        "ros": _write_ros,
+        "kalibr": _write_kalibr,
+        "bouguet": _write_bouguet,
+    }
+    if file_format not in writers:
+        raise GtvalError(f"camera files are written as {', '.join(FORMATS)}, not {file_format!r}")
+    return writers[file_format](camera)
+
+
+def _bytes_of(path: Path) -> bytes:
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError([Problem(path, "larger than 20 MB; this cannot be a camera file")])
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise InputError([Problem(path, "there is no such camera file")]) from None
+    except OSError as error:
+        raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+def _parsed(path: Path, text: str) -> Any:
+    """The root of a YAML or XML file, by OpenCV's own parser."""
+    if not text.lstrip().startswith(("<", "%YAML")):
+        text = "%YAML:1.0\n---\n" + re.sub(r"^---\s*$", "", text, count=1, flags=re.MULTILINE)
+    try:
+        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+        root = storage.root()
+    except (cv2.error, SystemError) as error:
+        said = str(error).splitlines()[0]
+        raise InputError([Problem(path, f"not a camera file: {said}")]) from None
+    if root.empty() or not root.isMap():
+        raise InputError([Problem(path, "not a camera file: nothing is named in it")])
+    # The root does not keep its file alive.
+    return _Kept(storage, root)
+
+
+class _Kept:
+    """A node that keeps its storage."""
+
+    def __init__(self, storage: Any, node: Any) -> None:
+        self._storage, self._node = storage, node
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._node, name)
+
+
+def _numbers(path: Path, node: Any, field: str, counts: Sequence[int]) -> Array:
+    """The numbers of a matrix or a list, of one of the allowed lengths."""
+    values: Array | None = None
+    if node.isSeq():
+        values = np.array([node.at(i).real() for i in range(node.size())])
+    elif node.isMap():
+        inner = node.getNode("data")
+        if inner.isSeq():
+            values = np.array([inner.at(i).real() for i in range(inner.size())])
+    if values is None:
+        raise InputError([Problem(path, "the camera file lacks this", field=field)])
+    if len(values) not in counts or not np.isfinite(values).all():
+        wanted = " or ".join(str(n) for n in counts)
+        raise InputError(
+            [Problem(path, f"expected {wanted} finite numbers, got {len(values)}", field=field)]
+        )
+    return values
+
+
+def _whole(path: Path, node: Any, field: str) -> int:
+    if not (node.isInt() or node.isReal()) or node.real() <= 0:
+        raise InputError([Problem(path, "expected a positive whole number", field=field)])
+    return int(node.real())
+
+
+def _lens(path: Path, values: Array, field: str) -> Array:
+    """(5,) coefficients; more than five are another lens model unless they are zero."""
+    padded = np.zeros(max(5, len(values)))
+    padded[: len(values)] = values
+    if padded[5:].any():
+        raise InputError(
+            [
+                Problem(
+                    path, "the rational and thin-prism lens models are not supported", field=field
+                )
+            ]
+        )
+    return padded[:5]
+
+
+def _made(path: Path, name: str, size: tuple[int, int], parameters: Array) -> Camera:
+    try:
+        return Camera(name, size, parameters)
+    except GtvalError as error:
+        raise InputError([Problem(path, str(error))]) from None
+
+
+def _first_of(root: Any, names: Sequence[str]) -> tuple[Any, str]:
+    for name in names:
+        node = root.getNode(name)
+        if not node.empty():
+            return node, name
+    return root.getNode(names[0]), names[0]
+
+
+def _read_opencv(path: Path, root: Any) -> Camera:
+    matrix, field = _first_of(root, ("camera_matrix", "cameraMatrix", "K", "M1"))
+    K = _numbers(path, matrix, field, (9,)).reshape(3, 3)
+    lens, lens_field = _first_of(
+        root, ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D", "D1")
+    )
+    coefficients = _numbers(path, lens, lens_field, (4, 5, 8, 12, 14))
+    width, height = (_whole(path, root.getNode(n), n) for n in ("image_width", "image_height"))
+    size = (width, height)
+    name = root.getNode("camera_name")
+    parameters = np.concatenate(
+        [[K[0, 0], K[1, 1], K[0, 2], K[1, 2]], _lens(path, coefficients, lens_field)]
+    )
+    camera = _made(path, name.string() if name.isString() else path.stem, size, parameters)
+    covariance = root.getNode("parameter_covariance")
+    if covariance.empty():
+        return camera
+    values = _numbers(path, covariance, "parameter_covariance", (81,)).reshape(9, 9)
+    return Camera(camera.name, camera.size, camera.parameters, values)
+
+
+def _read_ros(path: Path, root: Any) -> Camera:
+    model = root.getNode("distortion_model").string()
+    if model not in _PINHOLE_LENSES:
+        raise InputError(
+            [Problem(path, "expected 'plumb_bob'", field="distortion_model", value=model)]
+        )
+    return _read_opencv(path, root)
+
+
+def _read_kalibr(path: Path, root: Any) -> list[Camera]:
+    cameras = []
+    number = 0
+    while root.getNode(f"cam{number}").isMap():
+        node, field = root.getNode(f"cam{number}"), f"cam{number}"
+        for key, good in (("camera_model", {"pinhole"}), ("distortion_model", _PINHOLE_LENSES)):
+            value = node.getNode(key).string() if node.getNode(key).isString() else ""
+            if value not in good:
+                wanted = " or ".join(sorted(good))
+                raise InputError(
+                    [Problem(path, f"expected {wanted}", None, f"{field}.{key}", value)]
+                )
+        focal = _numbers(path, node.getNode("intrinsics"), f"{field}.intrinsics", (4,))
+        lens = _numbers(
+            path, node.getNode("distortion_coeffs"), f"{field}.distortion_coeffs", (4, 5)
+        )
+        size = _numbers(path, node.getNode("resolution"), f"{field}.resolution", (2,)).astype(int)
+        parameters = np.concatenate([focal, _lens(path, lens, field)])
+        cameras.append(_made(path, field, (int(size[0]), int(size[1])), parameters))
+        number += 1
+    return cameras
+
+
+def _read_bouguet(path: Path, data: bytes) -> Camera:
+    from scipy.io import loadmat  # noqa: PLC0415  (only this format needs it)
+
+    try:
+        stream: Any = io.BytesIO(data)
+        found = loadmat(stream)
+    except Exception as error:  # noqa: BLE001  (scipy raises many kinds for broken files)
+        raise InputError([Problem(path, f"not a MATLAB file: {error}")]) from None
+    values = {}
+    for key, count in (("fc", 2), ("cc", 2), ("kc", 5), ("nx", 1), ("ny", 1)):
+        if key not in found or np.size(found[key]) != count:
+            raise InputError([Problem(path, f"expected {count} numbers", field=key)])
+        values[key] = np.ravel(found[key]).astype(float)
+    if "alpha_c" in found and np.any(np.abs(found["alpha_c"]) > 1e-12):
+        raise InputError([Problem(path, "a skew is not supported", field="alpha_c")])
+    covariance = np.zeros((9, 9))
+    if all(np.size(found.get(f"{k}_error", ())) == n for k, n in (("fc", 2), ("cc", 2), ("kc", 5))):
+        # The toolbox states about three standard deviations.
+        errors = np.concatenate([np.ravel(found[f"{k}_error"]) for k in ("fc", "cc", "kc")])
+        covariance = np.diag((errors.astype(float) / 3) ** 2)
+    parameters = np.concatenate([values["fc"], values["cc"], values["kc"]])
+    size = int(values["nx"][0]), int(values["ny"][0])
+    return Camera(path.stem, size, parameters, covariance)
+
+
+def _write_opencv(camera: Camera, *, xml: bool) -> bytes:
+    flags = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY
+    storage = cv2.FileStorage(".xml" if xml else ".yml", flags)
+    storage.write("camera_name", camera.name)
+    storage.write("image_width", camera.size[0])
+    storage.write("image_height", camera.size[1])
+    storage.write("camera_matrix", camera.matrix)
+    storage.write("distortion_coefficients", camera.distortion[:, None])
+    if camera.covariance.any():
+        storage.write("parameter_covariance", camera.covariance)
+    return str(storage.releaseAndGetString()).encode()
+
+
+def _listed(values: Array) -> str:
+    return "[" + ", ".join(repr(float(v)) for v in np.ravel(values)) + "]"
+
+
+def _write_ros(camera: Camera) -> bytes:
+    K = camera.matrix
+    P = np.column_stack([K, np.zeros(3)])
+    blocks = (
+        ("camera_matrix", 3, 3, K),
+        ("distortion_coefficients", 1, 5, camera.distortion),
+        ("rectification_matrix", 3, 3, np.eye(3)),
+        ("projection_matrix", 3, 4, P),
+    )
+    lines = [
+        f"image_width: {camera.size[0]}",
+        f"image_height: {camera.size[1]}",
+        f'camera_name: "{camera.name}"',
+        "distortion_model: plumb_bob",
+    ]
+    for name, rows, columns, values in blocks:
+        lines += [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: {_listed(values)}"]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _write_kalibr(camera: Camera) -> bytes:
+    if abs(camera.parameters[8]) > 1e-12:
+        raise GtvalError(
+            f"camera {camera.name}: Kalibr's radtan lens has no k3 ({camera.parameters[8]:g} here)"
+        )
+    lines = [
+        "cam0:",
+        "  camera_model: pinhole",
+        f"  intrinsics: {_listed(camera.parameters[:4])}",
+        "  distortion_model: radtan",
+        f"  distortion_coeffs: {_listed(camera.parameters[4:8])}",
+        f"  resolution: [{camera.size[0]}, {camera.size[1]}]",
+        f"  rostopic: /{camera.name}",
+    ]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _write_bouguet(camera: Camera) -> bytes:
+    from scipy.io import savemat  # noqa: PLC0415
+
+    column = {
+        "fc": camera.parameters[:2],
+        "cc": camera.parameters[2:4],
+        "kc": camera.distortion,
+    }
+    contents = {key: np.reshape(value, (-1, 1)) for key, value in column.items()}
+    contents["alpha_c"] = np.zeros((1, 1))
+    contents["nx"], contents["ny"] = (np.array([[float(n)]]) for n in camera.size)
+    if camera.covariance.any():
+        errors = 3 * camera.sigmas
+        for key, part in (("fc", errors[:2]), ("cc", errors[2:4]), ("kc", errors[4:])):
+            contents[f"{key}_error"] = np.reshape(part, (-1, 1))
+    stream: Any = io.BytesIO()
+    savemat(stream, contents)
+    return bytes(stream.getvalue())

@@ -1,0 +1,116 @@
+"""Poses of flat things from one image of them: both solutions, best first."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from validation.poses.angles import Array
+from vision_gt.optics.camera import project, undistort
+from vision_gt.optics.transforms import rotation_matrices
+
+
+@dataclass(frozen=True)
+class PlanarSolutions:
+    """The two poses from which a flat thing looks nearly the same.
+
+    Parameters
+    ----------
+    T_camera_plane : RigidTransform
+        A stack of one or two, best first.
+    errors : (k,) array
+        Root mean square of the reprojection residuals' lengths, pixels.
+    """
+
+    T_camera_plane: RigidTransform
+    errors: Array
+
+    @property
+    def best(self) -> RigidTransform:
+        """The one that fits better."""
+        return self.T_camera_plane[0]
+
+
+def planar_solutions(points: Array, pixels: Array, parameters: Array) -> PlanarSolutions | None:
+    """Both poses of a flat thing; None if there is none in front of the camera.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Points of the thing's plane z = 0, at least four, metres.
+    pixels : (n, 2) array
+        Where they are seen.
+    parameters : (9,) array
+        Intrinsic parameters.
+
+    Notes
+    -----
+    Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109 (2014). Refined,
+    each solution is a local minimum of the reprojection error if it is one at all.
+    """
+    found = planar_arrays(points, pixels, parameters)
+    if found is None:
+        return None
+    R, t, errors = found
+    return PlanarSolutions(RigidTransform.from_components(t, Rotation.from_matrix(R)), errors)
+
+
+def planar_arrays(
+    points: Array, pixels: Array, parameters: Array
+) -> tuple[Array, Array, Array] | None:
+    """The same as rotations (k, 3, 3), translations (k, 3) and errors (k,), best first."""
+    pixels = np.asarray(pixels, dtype=float)
+    guesses = planar_guesses(points, undistort(pixels, parameters))
+    if guesses is None:
+        return None
+    K = np.array([[parameters[0], 0, parameters[2]], [0, parameters[1], parameters[3]], [0, 0, 1]])
+    centre = points.mean(0)
+    turned, moved = [], []
+    for R, t in zip(*guesses, strict=True):
+        about_centre = (t + R @ centre)[:, None]
+        rotvec, about_centre = cv2.solvePnPRefineLM(
+            points - centre, pixels, K, parameters[4:], cv2.Rodrigues(R)[0], about_centre
+        )
+        turned.append(np.ravel(rotvec))
+        moved.append(np.ravel(about_centre))
+    R = rotation_matrices(np.array(turned))
+    t = np.array(moved) - R @ centre
+    seen = points @ np.swapaxes(R, 1, 2) + t[:, None]
+    errors = np.sqrt(((project(seen, parameters) - pixels) ** 2).sum(-1).mean(-1))
+    order = np.argsort(errors)[: int(np.isfinite(errors).sum())]
+    if not len(order):
+        return None
+    return R[order], t[order], errors[order]
+
+
+def planar_guesses(points: Array, directions: Array) -> tuple[Array, Array] | None:
+    """Both poses in closed form: rotations (k, 3, 3) and translations (k, 3).
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Points of the thing's plane z = 0, at least four, metres.
+    directions : (n, 2) array
+        Undistorted image coordinates at which they are seen.
+    """
+    if not np.isfinite(directions).all():
+        return None
+    centre = points.mean(0)
+    # IPPE wants the plane through its origin, and is steadiest about the middle of the points.
+    try:
+        found, rotations, translations, _errors = cv2.solvePnPGeneric(
+            points - centre, directions, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+        )
+    except cv2.error:
+        return None
+    if not found:
+        return None
+    turned = np.array(rotations, dtype=float).reshape(-1, 3)
+    moved = np.array(translations, dtype=float).reshape(-1, 3)
+    fine = np.isfinite(turned).all(1) & np.isfinite(moved).all(1)
+    fine[fine] &= moved[fine, 2] > 0
+    if not fine.any():
+        return None
+    R = rotation_matrices(turned[fine])
+    return R, moved[fine] - R @ centre

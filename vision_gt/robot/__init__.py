@@ -1,0 +1,1 @@
+"""The robot's pose from its markers."""

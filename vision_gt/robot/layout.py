@@ -1,0 +1,319 @@
+"""Where the markers are on the robot: from images that show several of them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform
+
+from validation.errors import GtvalError
+from validation.poses.angles import Array
+from vision_gt.images.markers import MarkerView
+from vision_gt.least_squares.adjustment import Adjustment, Knowledge, adjust
+from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Setup, part_slots
+from vision_gt.optics.camera import Camera
+from vision_gt.optics.planar_pose import PlanarSolutions
+from vision_gt.optics.transforms import angle_between, mean_transform
+from vision_gt.robot.marker_poses import (
+    Placed,
+    best_start,
+    marker_corners,
+    marker_solutions,
+    marker_views,
+)
+
+_CLEAR = 2.0
+"""A pose counts as sure if the other solution's error is so many times larger."""
+_AGREE_LENGTH = 0.1
+_AGREE_ANGLE = np.deg2rad(15.0)
+
+
+class UnlinkedMarkersError(GtvalError):
+    """Some markers were never seen together with the others."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The markers on the robot.
+
+    Parameters
+    ----------
+    numbers : tuple of int
+        Ids.
+    sides : (m,) array
+        Lengths of their sides, metres.
+    T_robot_marker : RigidTransform
+        Stack of m.
+    covariance : (6 m, 6 m) array
+        Of all of them together.
+    """
+
+    numbers: tuple[int, ...]
+    sides: Array
+    T_robot_marker: RigidTransform
+    covariance: Array
+
+    @cached_property
+    def placed(self) -> Placed:
+        """The same as plain arrays."""
+        return Placed.of(self.numbers, self.sides.tolist(), self.T_robot_marker)
+
+    def index(self, number: int) -> int:
+        """Place of a marker in the stacks."""
+        return self.numbers.index(number)
+
+    def sigmas(self) -> Array:
+        """(m, 6) standard deviations: metres, then radians."""
+        return np.sqrt(np.diagonal(self.covariance)).reshape(-1, 6)
+
+    def corners(self, number: int) -> Array:
+        """(4, 3) corners of a marker in its own frame."""
+        return marker_corners(float(self.sides[self.index(number)]))
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The markers in one image of the movie.
+
+    Parameters
+    ----------
+    name : str
+        The image.
+    views : tuple of MarkerView
+        What it shows.
+    """
+
+    name: str
+    views: tuple[MarkerView, ...]
+
+
+@dataclass(frozen=True)
+class PairEstimate:
+    """Two markers seen together.
+
+    Parameters
+    ----------
+    first, second : int
+        Their ids.
+    T_first_second : RigidTransform
+        Mean over the images.
+    images : int
+        How many showed both.
+    """
+
+    first: int
+    second: int
+    T_first_second: RigidTransform
+    images: int
+
+
+@dataclass(frozen=True)
+class LayoutFit:
+    """A layout with how it came about.
+
+    Parameters
+    ----------
+    layout : Layout
+        After the joint refinement.
+    chained : RigidTransform
+        Stack of T_robot_marker as the chains alone give them, the document's way.
+    pairs : tuple of PairEstimate
+        The co-visibility graph.
+    chains : mapping of int to tuple of int
+        Markers from each to the dima-marker.
+    frames : tuple of Frame
+        The images used.
+    adjustment : Adjustment
+        Of the joint refinement.
+    """
+
+    layout: Layout
+    chained: RigidTransform
+    pairs: tuple[PairEstimate, ...]
+    chains: Mapping[int, tuple[int, ...]]
+    frames: tuple[Frame, ...]
+    adjustment: Adjustment = field(repr=False)
+
+
+def fit_layout(
+    frames: Sequence[Frame],
+    camera: Camera,
+    sides: Mapping[int, float],
+    dima: tuple[int, RigidTransform, Array],
+) -> LayoutFit:
+    """The layout from a movie around the robot.
+
+    Parameters
+    ----------
+    frames : sequence of Frame
+        Images; those that show a single marker say nothing and are left out.
+    camera : Camera
+        That took them.
+    sides : mapping of int to float
+        Sides of the markers, metres.
+    dima : (int, RigidTransform, (6, 6) array)
+        The marker whose place on the robot was measured, T_robot_marker, and its covariance.
+
+    Raises
+    ------
+    UnlinkedMarkersError
+        Naming the markers that no chain of common images links to the dima-marker.
+
+    Notes
+    -----
+    AD2.3, "Relative position between the markers": pairwise transforms averaged over the
+    images, chains with the highest number of views. The joint refinement of all corners in all
+    images is this toolkit's.
+    """
+    known = [Frame(f.name, tuple(v for v in f.views if v.number in sides)) for f in frames]
+    useful = [frame for frame in known if len(frame.views) > 1]
+    pairs = _pair_estimates(useful, camera, sides)
+    numbers = tuple(sorted(sides))
+    chains, T_dima_marker = _chains(numbers, pairs, dima[0])
+    T_robot_marker = RigidTransform.concatenate([dima[1] * T_dima_marker[n] for n in numbers])
+    return _refined(useful, camera, sides, dima, (T_robot_marker, pairs, chains))
+
+
+def _pair_estimates(
+    frames: Sequence[Frame], camera: Camera, sides: Mapping[int, float]
+) -> tuple[PairEstimate, ...]:
+    """The mean transform of each pair over the images that show both.
+
+    Where a marker has two likely poses, the combinations of all of them are tried and the one
+    on which most images agree is taken: the wrong ones differ from image to image.
+    """
+    candidates: dict[tuple[int, int], list[tuple[int, RigidTransform]]] = {}
+    for number, frame in enumerate(frames):
+        found = {
+            v.number: _likely(marker_solutions(v, sides[v.number], camera)) for v in frame.views
+        }
+        for a, b in combinations(sorted(found), 2):
+            together = [(number, first.inv() * second) for first in found[a] for second in found[b]]
+            candidates.setdefault((a, b), []).extend(together)
+    estimates = []
+    for (a, b), listed in sorted(candidates.items()):
+        if listed:
+            stack = RigidTransform.concatenate([T for _, T in listed])
+            owner = np.array([number for number, _ in listed])
+            members = _consensus(stack, owner)
+            mean = mean_transform(stack[members])
+            estimates.append(PairEstimate(a, b, mean, len(members)))
+    return tuple(estimates)
+
+
+def _likely(solutions: PlanarSolutions | None) -> list[RigidTransform]:
+    """The pose, or both where the image does not tell them apart."""
+    if solutions is None:
+        return []
+    errors = solutions.errors
+    sure = len(errors) == 1 or errors[1] > _CLEAR * errors[0] + 0.1
+    return [solutions.T_camera_plane[i] for i in range(1 if sure else 2)]
+
+
+def _consensus(stack: RigidTransform, owner: npt.NDArray[np.intp]) -> list[int]:
+    """Rows of the largest group that agrees, one from each image."""
+    t = stack.translation
+    misfits = []
+    for i in range(len(stack)):
+        apart = np.maximum(
+            np.linalg.norm(t - t[i], axis=1) / _AGREE_LENGTH,
+            angle_between(stack, stack[i]) / _AGREE_ANGLE,
+        )
+        misfits.append(apart)
+    apart = np.array(misfits)
+    images = np.unique(owner)
+    nearest = np.stack([np.minimum(apart[:, owner == k].min(1), 1.0) for k in images], axis=1)
+    best = int(np.argmin(nearest.sum(1)))
+    rows = []
+    for k in images:
+        mine = np.flatnonzero(owner == k)
+        row = int(mine[np.argmin(apart[best, mine])])
+        if apart[best, row] < 1:
+            rows.append(row)
+    return rows
+
+
+def _chains(
+    numbers: Sequence[int], pairs: Sequence[PairEstimate], dima: int
+) -> tuple[dict[int, tuple[int, ...]], dict[int, RigidTransform]]:
+    """Chains with most views from each marker to the dima-marker, and what they add up to."""
+    chains: dict[int, tuple[int, ...]] = {dima: (dima,)}
+    T_dima_marker = {dima: RigidTransform.identity()}
+    while True:
+        reach = [p for p in pairs if (p.first in chains) != (p.second in chains)]
+        if not reach:
+            break
+        pair = max(reach, key=lambda p: p.images)
+        if pair.first in chains:
+            old, new, T = pair.first, pair.second, pair.T_first_second
+        else:
+            old, new, T = pair.second, pair.first, pair.T_first_second.inv()
+        chains[new] = (new, *chains[old])
+        T_dima_marker[new] = T_dima_marker[old] * T
+    missing = [str(number) for number in numbers if number not in chains]
+    if missing:
+        raise UnlinkedMarkersError(
+            f"no images link marker{'s' if len(missing) > 1 else ''} {', '.join(missing)} to the "
+            f"dima-marker {dima}: they were never seen together with it, nor with one that was. "
+            "Take the movie again so that neighbouring markers are in one image"
+        )
+    return chains, T_dima_marker
+
+
+def _refined(
+    frames: Sequence[Frame],
+    camera: Camera,
+    sides: Mapping[int, float],
+    dima: tuple[int, RigidTransform, Array],
+    chained: tuple[RigidTransform, tuple[PairEstimate, ...], Mapping[int, tuple[int, ...]]],
+) -> LayoutFit:
+    """All corners of all images in one adjustment, started from the chains."""
+    T_robot_marker, pairs, chains = chained
+    numbers = tuple(sorted(sides))
+    placed = Placed.of(numbers, [sides[n] for n in numbers], T_robot_marker)
+    bodies, kept = [], []
+    for frame in frames:
+        T = best_start(frame.views, camera, placed)
+        if T is not None:
+            bodies.append(T)
+            kept.append(frame)
+    if not kept:
+        raise GtvalError("no image of the robot shows two markers; the layout cannot be found")
+    setup = Setup(
+        RigidTransform.concatenate([RigidTransform.identity()]),
+        camera.parameters[None],
+        RigidTransform.concatenate(bodies),
+        T_robot_marker,
+    )
+    views = marker_views([(0, i, f.views) for i, f in enumerate(kept)], numbers, sides)
+    done = adjust(views, setup, _layout_knowledge(setup, camera, numbers, dima), huber=3.0)
+    first = CAMERA_UNKNOWNS
+    factor = max(done.m0, 1.0) ** 2
+    covariance = done.covariance[first:, first:] * factor
+    layout = Layout(
+        numbers, np.array([sides[n] for n in numbers]), done.setup.T_body_part, covariance
+    )
+    return LayoutFit(layout, T_robot_marker, pairs, dict(chains), tuple(kept), done)
+
+
+def _layout_knowledge(
+    setup: Setup, camera: Camera, numbers: Sequence[int], dima: tuple[int, RigidTransform, Array]
+) -> Knowledge:
+    """The dima-marker's measured place; the camera's parameters as well as they are known."""
+    g = setup.shared
+    shared, free = np.zeros((g, g)), np.zeros(g, dtype=bool)
+    free[CAMERA_UNKNOWNS:] = True
+    if camera.covariance.any():
+        inner = slice(6, CAMERA_UNKNOWNS)
+        free[inner] = np.diagonal(camera.covariance) > 0
+        shared[inner, inner] = np.linalg.pinv(camera.covariance, hermitian=True)
+    number, _, covariance = dima
+    slots = part_slots(setup, numbers.index(number))
+    if np.any(covariance):
+        shared[slots, slots] = np.linalg.inv(covariance)
+    else:
+        free[slots] = False
+    return Knowledge(shared, np.zeros((len(setup.T_world_body), 6, 6)), free)

@@ -1,0 +1,378 @@
+"""The robot's pose from all corners of all markers that a camera sees."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.special import chdtrc
+
+from validation.poses.angles import Array
+from vision_gt.images.markers import MarkerView
+from vision_gt.least_squares.marginal_pose import BodyPose, MarginalPose
+from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Arrays, camera_slots
+from vision_gt.network.adjustment import Network
+from vision_gt.optics.camera import Camera
+from vision_gt.optics.transforms import (
+    mean_transform,
+    planar_jacobian_of,
+    planar_pose_of,
+    rotation_matrices,
+    rotation_vectors,
+)
+from vision_gt.robot.layout import Layout
+from vision_gt.robot.marker_poses import marker_solutions, marker_views, robot_candidates
+
+AMBIGUOUS_EXCESS = 13.8
+"""Difference of chi^2 below which the other solution is not a thousand times less likely."""
+_DISTINCT = np.deg2rad(3.0)
+_DISTINCT_LENGTH = 0.02
+_MOST_STARTS = 4
+_HOPELESS, _HOPELESS_PIXELS = 25.0, 3.0
+"""A first guess that fits so much worse than the best one is not tried."""
+_HUBER = 4.0
+_POOR_FIT = 0.01
+"""Corners that fit worse than this by chance say that their noise is larger than stated."""
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """The robot's markers in one camera's image.
+
+    Parameters
+    ----------
+    camera : str
+        Who took it.
+    views : tuple of MarkerView
+        At least one.
+    """
+
+    camera: str
+    views: tuple[MarkerView, ...]
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The robot stands on the floor z = 0.
+
+    Parameters
+    ----------
+    height, tilt : float
+        Standard deviations of its height (metres) and of each tilt (radians): how uneven the
+        floor is, and how well the reference pattern lay on it.
+    """
+
+    height: float = 0.003
+    tilt: float = 0.005
+
+
+@dataclass(frozen=True)
+class RobotPose:
+    """A pose with what speaks for and against it.
+
+    Parameters
+    ----------
+    best : BodyPose
+        The pose in space.
+    covariance : (6, 6) array
+        From corner noise, layout, cameras and intrinsic parameters.
+    sensitivity : (6, t) array
+        Change of the pose by the cameras' (15 each) and the markers' (6 each) unknowns, in the
+        order of the network and the layout: poses that share them err together.
+    own_covariance : (6, 6) array
+        The part of the covariance that no other pose shares.
+    cameras : tuple of str
+        Whose images were used.
+    numbers : tuple of int
+        Markers used.
+    chi_square, freedom : float, int
+        Fit of the corners, with what cameras and markers may be off.
+    second : BodyPose or None
+        The second solution, if there is one.
+    excess : float
+        By how much chi^2 of the second solution is larger; infinite without one.
+    unbound : BodyPose
+        The pose by the corners alone.
+    floor : Floor
+        What it is tested against.
+    """
+
+    best: BodyPose = field(repr=False)
+    covariance: Array
+    sensitivity: Array = field(repr=False)
+    own_covariance: Array = field(repr=False)
+    cameras: tuple[str, ...]
+    numbers: tuple[int, ...]
+    chi_square: float
+    freedom: int
+    second: BodyPose | None = field(repr=False)
+    excess: float
+    unbound: BodyPose = field(repr=False)
+    floor: Floor
+
+    @cached_property
+    def T_gtv_robot(self) -> RigidTransform:
+        """The pose in space."""
+        return _transform(self.best)
+
+    @cached_property
+    def other(self) -> RigidTransform | None:
+        """The second solution, if there is one."""
+        return None if self.second is None else _transform(self.second)
+
+    @cached_property
+    def floor_p(self) -> float:
+        """How likely a robot on the floor looks so high or tilted by chance."""
+        return _floor_p(self.unbound, self.floor)
+
+    @property
+    def ambiguous(self) -> bool:
+        """Whether the second solution cannot be ruled out."""
+        return self.excess < AMBIGUOUS_EXCESS
+
+    @property
+    def p_value(self) -> float:
+        """How likely so bad a fit of the corners is by chance."""
+        return float(chdtrc(max(self.freedom, 1), self.chi_square))
+
+    @property
+    def planar(self) -> tuple[Array, Array]:
+        """x, y, theta, and their covariance (3, 3)."""
+        jacobian = planar_jacobian_of(self.best.R)
+        return planar_pose_of(self.best.R, self.best.t), jacobian @ self.covariance @ jacobian.T
+
+
+def robot_pose(
+    sightings: Sequence[Sighting],
+    network: Network,
+    layout: Layout,
+    floor: Floor | None = None,
+) -> RobotPose | None:
+    """The pose that fits all corners; None if the views give no pose at all.
+
+    Parameters
+    ----------
+    sightings : sequence of Sighting
+        Of one moment: one camera's, or several to merge them.
+    network : Network
+        Cameras with their covariance.
+    layout : Layout
+        Markers with their covariance.
+    floor : Floor, optional
+        Take the robot as standing on the floor. The floor is tested either way.
+
+    Notes
+    -----
+    Cameras, intrinsic parameters and markers err with the covariance they come with, so that a
+    badly known marker counts less (see `MarginalPose`). Every distinct solution of every marker
+    starts a search of its own; two that end apart and fit alike are ambiguous.
+    """
+    problem = _Problem(sightings, network, layout)
+    if not problem.sightings:
+        return None
+    solutions = problem.solutions(floor)
+    if not solutions:
+        return None
+    best = solutions[0]
+    freedom = max(best.freedom, 1)
+    second, excess = None, np.inf
+    if len(solutions) > 1:
+        second = solutions[1]
+        # Where corners are worse than stated, so is their power to tell the two apart.
+        excess = 2 * (second.cost - best.cost) / max(best.chi_square / freedom, 1.0)
+    unbound = best if floor is None else problem.solved(best.R, best.t, None)
+    own = best.own_covariance
+    if chdtrc(freedom, best.chi_square) < _POOR_FIT:
+        own = own * best.chi_square / freedom
+    covariance = own + best.sensitivity @ problem.covariance @ best.sensitivity.T
+    sensitivity = np.zeros((6, len(network.covariance) + len(layout.covariance)))
+    sensitivity[:, problem.slots] = best.sensitivity
+    return RobotPose(
+        best,
+        0.5 * (covariance + covariance.T),
+        sensitivity,
+        own,
+        tuple(s.camera for s in problem.sightings),
+        tuple(sorted({v.number for s in problem.sightings for v in s.views})),
+        best.chi_square,
+        best.freedom,
+        second,
+        float(excess),
+        unbound,
+        floor or Floor(),
+    )
+
+
+class _Problem:
+    """One moment's corners, and the cameras and markers that they depend on."""
+
+    def __init__(self, sightings: Sequence[Sighting], network: Network, layout: Layout) -> None:
+        self.network, self.layout = network, layout
+        self.sides = dict(zip(layout.numbers, layout.sides.tolist(), strict=True))
+        kept = [
+            Sighting(s.camera, tuple(v for v in s.views if v.number in self.sides))
+            for s in sightings
+        ]
+        self.sightings = [s for s in kept if s.views]
+        if not self.sightings:
+            return
+        self.cameras = [network.index(s.camera) for s in self.sightings]
+        self.markers = sorted({v.number for s in self.sightings for v in s.views})
+        self.parts = [layout.index(number) for number in self.markers]
+        self.views = marker_views(
+            [(i, 0, s.views) for i, s in enumerate(self.sightings)], self.markers, self.sides
+        )
+        R, t = network.placed
+        self.R_camera, self.t_camera = R[self.cameras], t[self.cameras]
+        self.slots, self.covariance = self._shared()
+        placed = layout.placed
+        known = Arrays(
+            self.R_camera,
+            self.t_camera,
+            np.array([network.cameras[i].parameters for i in self.cameras]),
+            np.zeros((0, 3, 3)),
+            np.zeros((0, 3)),
+            placed.R[self.parts],
+            placed.t[self.parts],
+        )
+        self.problem = MarginalPose(self.views, known, self.covariance, _HUBER)
+
+    def _shared(self) -> tuple[Array, Array]:
+        """Places of the shared unknowns among all cameras' and markers', and their covariance."""
+        cameras = np.concatenate(
+            [np.arange(s.start, s.stop) for s in map(camera_slots, self.cameras)]
+        )
+        first = CAMERA_UNKNOWNS * len(self.network.cameras)
+        parts = np.concatenate([6 * p + np.arange(6) for p in self.parts])
+        n, m = len(cameras), len(parts)
+        covariance = np.zeros((n + m, n + m))
+        covariance[:n, :n] = self.network.covariance[np.ix_(cameras, cameras)]
+        covariance[n:, n:] = self.layout.covariance[np.ix_(parts, parts)]
+        return np.concatenate([cameras, first + parts]), covariance
+
+    def solved(self, R: Array, t: Array, floor: Floor | None) -> BodyPose:
+        """The solution from one start of the robot's pose."""
+        if floor is not None:
+            heading = np.arctan2(R[1, 0], R[0, 0])
+            R, t = rotation_matrices(np.array([0, 0, heading])), np.array([t[0], t[1], 0.0])
+        return self.problem.solve(R, t, _floor_information(floor))
+
+    def solutions(self, floor: Floor | None) -> list[BodyPose]:
+        """All distinct solutions, best first."""
+        found: list[BodyPose] = []
+        for R, t in self._starts():
+            try:
+                done = self.solved(R, t, floor)
+            except np.linalg.LinAlgError:
+                continue
+            if all(_distinct((done.R, done.t), (other.R, other.t)) for other in found):
+                found.append(done)
+        return sorted(found, key=lambda one: one.cost)
+
+    def _starts(self) -> list[tuple[Array, Array]]:
+        """Distinct first guesses R, t of the robot's pose, best first."""
+        guesses: list[tuple[float, Array, Array]] = []
+        for place, sighting in enumerate(self.sightings):
+            R_camera, t_camera = self.R_camera[place], self.t_camera[place]
+            camera = self.network.cameras[self.cameras[place]]
+            found = robot_candidates(sighting.views, camera, self.layout.placed)
+            guesses += [
+                (float(misfit), R_camera @ R, R_camera @ t + t_camera)
+                for misfit, R, t in zip(*found, strict=True)
+            ]
+        guesses.sort(key=lambda guess: guess[0])
+        starts: list[tuple[Array, Array]] = []
+        for misfit, R, t in guesses:
+            if misfit > _HOPELESS * guesses[0][0] + _HOPELESS_PIXELS**2:
+                break
+            if all(_distinct((R, t), other, 3.0) for other in starts):
+                starts.append((R, t))
+        return starts[:_MOST_STARTS]
+
+
+def _transform(pose: BodyPose) -> RigidTransform:
+    return RigidTransform.from_components(pose.t, Rotation.from_matrix(pose.R))
+
+
+def _floor_information(floor: Floor | None) -> Array:
+    """(6, 6) information of a body that stands on the floor."""
+    if floor is None:
+        return np.zeros((6, 6))
+    h, t = 1 / floor.height**2, 1 / floor.tilt**2
+    return np.diag([0.0, 0.0, h, t, t, 0.0])
+
+
+def _floor_p(unbound: BodyPose, floor: Floor) -> float:
+    """Probability of standing so far off the floor, or so tilted, by chance."""
+    R, t = unbound.R, unbound.t
+    heading = rotation_matrices(np.array([0, 0, np.arctan2(R[1, 0], R[0, 0])]))
+    off = np.array([t[2], *rotation_vectors(R @ heading.T)[:2]])
+    covariance = unbound.covariance[2:5, 2:5]
+    covariance = covariance + np.diag(np.square([floor.height, floor.tilt, floor.tilt]))
+    return float(chdtrc(3, off @ np.linalg.solve(covariance, off)))
+
+
+def _distinct(a: tuple[Array, Array], b: tuple[Array, Array], factor: float = 1.0) -> bool:
+    """Whether two poses (R, t) differ by more than a least-squares solution does from itself."""
+    apart = a[1] - b[1]
+    cosine = 0.5 * (float((a[0] * b[0]).sum()) - 1)
+    turned = cosine < np.cos(factor * _DISTINCT)
+    return bool(turned or apart @ apart > (factor * _DISTINCT_LENGTH) ** 2)
+
+
+def published_pose(
+    sighting: Sighting, camera: Camera, T_gtv_camera: RigidTransform, layout: Layout
+) -> RigidTransform | None:
+    """The robot's pose the document's way: one from each marker, their matrices averaged.
+
+    Parameters
+    ----------
+    sighting : Sighting
+        One camera's.
+    camera : Camera
+        That camera.
+    T_gtv_camera : RigidTransform
+        Where it is.
+    layout : Layout
+        The markers.
+
+    Notes
+    -----
+    AD2.3, "Relative position between the markers": averaging of the elements of the
+    roto-translation matrices, all markers alike.
+    """
+    poses = []
+    for view in sighting.views:
+        place = layout.index(view.number)
+        solutions = marker_solutions(view, float(layout.sides[place]), camera)
+        if solutions is not None:
+            T_marker_robot = layout.T_robot_marker[place].inv()
+            poses.append(T_gtv_camera * solutions.best * T_marker_robot)
+    return mean_transform(RigidTransform.concatenate(poses)) if poses else None
+
+
+def joint_covariance(poses: Sequence[RobotPose], network: Network, layout: Layout) -> Array:
+    """(3 n, 3 n) covariance of x, y, theta of all poses together.
+
+    Poses share cameras and markers, so they err together.
+    """
+    n, c = len(poses), len(network.covariance)
+    jacobians = [planar_jacobian_of(pose.best.R) for pose in poses]
+    S = np.concatenate([J @ p.sensitivity for J, p in zip(jacobians, poses, strict=True)])
+    shared = np.zeros((S.shape[1], S.shape[1]))
+    shared[:c, :c] = network.covariance
+    shared[c:, c:] = layout.covariance
+    joint = S @ shared @ S.T
+    for i in range(n):
+        rows = slice(3 * i, 3 * i + 3)
+        joint[rows, rows] = poses[i].planar[1]
+    return np.asarray(0.5 * (joint + joint.T))
+
+
+def best_of(poses: Mapping[str, RobotPose]) -> str | None:
+    """Camera whose pose is known best and is not ambiguous; None if there is none."""
+    sure = {name: pose for name, pose in poses.items() if not pose.ambiguous}
+    if not sure:
+        return None
+    return min(sure, key=lambda name: float(np.trace(sure[name].planar[1][:2, :2])))
