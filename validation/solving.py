@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from validation.campaign.banner import marked_report
 from validation.campaign.folder import Campaign, load_campaign
 from validation.campaign.provenance import (
     RECORD,
@@ -26,7 +27,6 @@ from validation.campaign.provenance import (
 )
 from validation.errors import GtvalError
 from validation.poses.pose_files import pose_files
-from validation.report.banner import marked_report
 from validation.results import VALIDATION_SYSTEM, Finding, SystemResult
 from validation.systems import (
     Progress,
