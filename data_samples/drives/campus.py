@@ -8,8 +8,11 @@ import numpy as np
 from validation.poses.angles import Array
 
 GRASS, ROAD, POST = 0, 1, 2
+"""What a beam meets; the numbers stand in the colours of a cloud."""
 _MARCH = 160
+"""Steps along a beam: 0.2 m over a reach of 30 m, far shorter than the hills are long."""
 _BISECTIONS = 25
+"""They bring a step of 0.2 m below 1e-8 m, far below any scanner's resolution."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,9 @@ LENS = Lens(
 """Left camera of Blanco 2009, Table 4; its images have 1024 x 768 pixels."""
 WIDTH, HEIGHT = 1024, 768
 CONSUMER_ANTENNA = np.array([-0.25, 0.0, 0.1])
+"""Metres, on the vehicle: beside none of the three receivers, so that its offset shows."""
 DGPS = 2
+"""Quality of a differential fix in NMEA 0183, sentence GGA."""
 
 
 def consumer_fixes(drive: Drive, generator: np.random.Generator) -> Fixes:

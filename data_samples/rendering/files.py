@@ -29,9 +29,11 @@ from vision_gt.optics.camera_files import write_camera
 from vision_gt.optics.transforms import perturbed
 
 _ROOMS = 60
+"""Rooms tried before it is said that none has a place for all cameras."""
 _CLICK = 3.0
 """Pixels by which a person misses the corner that they point at."""
 _BAR_SIGMAS = (0.003, 0.004)
+"""Metres and radians: a bar measured with a tape, as campaign.toml then states it."""
 
 
 def make_room_with_cameras(

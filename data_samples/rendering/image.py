@@ -25,6 +25,7 @@ _RAYS = 32
 _REACH = 4.0
 """Pixels by which a thing's region is enlarged for blur."""
 _ROW = 1024
+"""Width of the array that OpenCV maps in one call; its sides must stay below 32,768."""
 
 
 @dataclass(frozen=True)

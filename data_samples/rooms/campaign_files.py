@@ -27,6 +27,7 @@ _OPTIONAL = (
 )
 _FIRST_READING = datetime(2024, 3, 4, 9, 0, 0)  # noqa: DTZ001  (people note local time)
 _BETWEEN_READINGS = timedelta(seconds=20)
+"""Two people, one at the laser and one at the mark, take about so long."""
 
 
 def write_campaign(

@@ -115,6 +115,7 @@ class Floor:
 
 
 FLAT = Floor(np.zeros(1), np.zeros((1, 2)), np.zeros(1))
+"""A floor without waves."""
 
 
 def uneven_floor(rng: np.random.Generator, height: float = 0.002) -> Floor:
@@ -188,6 +189,7 @@ SICK_FRONT = Scanner(
     361, np.pi, sigma=0.005, resolution=0.001, mount=(0.1780, 0.1915, np.pi / 2), name="front"
 )
 SICK_REAR = replace(SICK_FRONT, mount=(0.1780, -0.4085, -np.pi / 2), name="rear")
+"""Scanners of half a degree a beam; the last two as on the robot of AD2.3, looking both ways."""
 
 
 @dataclass(frozen=True)
