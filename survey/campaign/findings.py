@@ -193,7 +193,7 @@ def _poses(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[Finding
             f"pose {pose.pose}",
             "pose-open",
         )
-    if not solution.frames and outcome.published_poses is not None:
+    if not solution.frames and outcome.inputs.published_poses is not None:
         yield Finding(
             "note",
             "there are no readings of robot frames: the validation poses are taken over as "
@@ -318,13 +318,13 @@ def _suspicion_text(used: Readings, suspicion: BlunderSuspicion) -> str:
 
 
 def _set_aside(outcome: SurveyOutcome) -> Iterator[Finding]:
-    if outcome.file is None or not len(outcome.file.set_aside):
+    if outcome.inputs.file is None or not len(outcome.inputs.file.set_aside):
         return
-    aside = outcome.file.set_aside
+    aside = outcome.inputs.file.set_aside
     said = "; ".join(
         f"{a}–{b} (line {line}{': ' + note if note else ''})"
         for a, b, line, note in zip(
-            aside.start, aside.end, aside.line, outcome.file.notes, strict=True
+            aside.start, aside.end, aside.line, outcome.inputs.file.notes, strict=True
         )
     )
     yield Finding(

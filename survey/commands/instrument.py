@@ -59,7 +59,7 @@ def instrument_check(
     findings = verdict(check)
     snippet = settings_snippet(check, instrument)
     if figure is not None:
-        from survey.studies.check_figures import instrument_figure
+        from survey.figures.studies import instrument_figure
         from validation.figures.writing import write_figure
 
         write_figure(figure, instrument_figure(length, reading, check, instrument))

@@ -1,11 +1,12 @@
 """From readings to validation poses: the whole chain, without files."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from survey.estimation.adjustment import Adjustment, adjust
+from survey.estimation.evidence import Evidence
 from survey.estimation.labelling import LabellingVerdict, judge_labelling
 from survey.estimation.network import build_network, start_parameters
 from survey.estimation.points_from_marks import locate_from_marks
@@ -24,26 +25,6 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable
 from validation.systems import Progress, no_progress
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """Coordinates from elsewhere, which can tell a labelling from its mirror image.
-
-    Parameters
-    ----------
-    published, hand : mapping of str to (2,) array
-        World points as published, and as measured roughly by hand, metres.
-    hand_sigma : float
-        Standard deviation of the rough coordinates, metres.
-    guesses : mapping of str to (3,) array
-        Hand-measured poses.
-    """
-
-    published: Mapping[str, Array] = field(default_factory=dict)
-    hand: Mapping[str, Array] = field(default_factory=dict)
-    hand_sigma: float = 0.2
-    guesses: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
