@@ -14,6 +14,7 @@ def survey_facts(outcome: SurveyOutcome) -> dict[str, object]:
     return {
         "source": "readings" if solution.frames else "published",
         "readings": len(solution.used),
+        "readings_left_out": len(solution.left_out),
         "world_points": {
             name: [float(v) for v in place]
             for name, place in zip(solution.world.names, solution.world.positions, strict=True)

@@ -32,6 +32,7 @@ def survey_findings(outcome: SurveyOutcome) -> list[Finding]:
         *_world_points(solution),
         *_published(outcome),
         *_poses(outcome, solution),
+        *_left_out(solution),
         *_unit_weight(solution),
         *_blunders(solution),
         *_set_aside(outcome),
@@ -214,6 +215,24 @@ def _poses(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[Finding
             )
 
 
+def _named(readings: Readings, most: int = 8) -> str:
+    """The first few readings by their points, and how many more there are."""
+    pairs = list(zip(readings.start, readings.end, strict=True))
+    more = f" and {len(pairs) - most} more" if len(pairs) > most else ""
+    return ", ".join(f"{a}–{b}" for a, b in pairs[:most]) + more
+
+
+def _left_out(solution: SurveySolution) -> Iterator[Finding]:
+    if len(solution.left_out):
+        yield Finding(
+            "note",
+            f"{len(solution.left_out)} reading(s) are not used, because one of their points has "
+            f"no position: {_named(solution.left_out)}",
+            "survey",
+            "readings-left-out",
+        )
+
+
 def _unit_weight(solution: SurveySolution) -> Iterator[Finding]:
     adjustment = solution.adjustment
     dof = adjustment.degrees_of_freedom
@@ -285,12 +304,11 @@ def _blunders(solution: SurveySolution) -> Iterator[Finding]:
     reading_redundancy = solution.adjustment.redundancy[: len(solution.used)]
     weak = np.flatnonzero(reading_redundancy < WEAK_REDUNDANCY)
     if len(weak):
-        shown = ", ".join(f"{solution.used.start[i]}–{solution.used.end[i]}" for i in weak[:8])
-        more = f" and {len(weak) - 8} more" if len(weak) > 8 else ""
+        shown = _named(solution.used.select(weak))
         yield Finding(
             "note",
             f"{len(weak)} reading(s) are hardly checked by others (redundancy below "
-            f"{WEAK_REDUNDANCY:g}), so a blunder in them would stay: {shown}{more}",
+            f"{WEAK_REDUNDANCY:g}), so a blunder in them would stay: {shown}",
             "survey",
             "unchecked",
         )

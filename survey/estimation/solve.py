@@ -1,5 +1,6 @@
 """From readings to validation poses: the whole chain, without files."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -19,6 +20,7 @@ from survey.estimation.reliability import (
 from survey.estimation.robot_frames import NotPosed, RobotFrameFit, solve_robot_frames
 from survey.estimation.vframe import VframeEstimate, estimate_vframe
 from survey.estimation.world_points import WorldPoints, locate_world_points
+from survey.readings.point_names import robot_point
 from survey.readings.readings import Readings
 from validation.campaign.folder import RobotFrame, Vframe
 from validation.errors import GtvalError
@@ -48,6 +50,9 @@ class SurveySolution:
         adjustment starts for them.
     used : Readings
         Readings in the joint adjustment, in its order.
+    left_out : Readings
+        The others: an end of each is a point or a stop without a position. ``world.missing``
+        and ``not_posed`` say why it has none.
     adjustment : Adjustment
         The joint adjustment.
     reliability : Reliability
@@ -63,6 +68,7 @@ class SurveySolution:
     not_posed: tuple[NotPosed, ...]
     from_marks: Mapping[str, Array]
     used: Readings
+    left_out: Readings
     adjustment: Adjustment
     reliability: Reliability
     suspicions: tuple[BlunderSuspicion, ...]
@@ -110,7 +116,8 @@ def solve_survey(
     rig : RobotFrame
         Nominal robot frame.
     readings : Readings
-        Distances between Vframe points, world points and marks.
+        Distances between Vframe points, world points and marks ('7/O': point O of the rig at
+        stop 7).
     world_points : sequence of str
         Names of the world points.
     evidence : Evidence, optional
@@ -123,8 +130,10 @@ def solve_survey(
     Raises
     ------
     GtvalError
-        If the labels are contradicted, nothing can be located, or the adjustment fails.
+        If readings name unknown points, the labels are contradicted, nothing can be located, or
+        the adjustment fails.
     """
+    _need_known_names(vframe, rig, readings, world_points)
     evidence = evidence or Evidence()
     progress("Vframe", 0.0)
     frame = estimate_vframe(vframe, readings)
@@ -138,7 +147,7 @@ def solve_survey(
     frames, not_posed = solve_robot_frames(readings.poses, readings, world, rig, evidence.guesses)
     progress("joint adjustment", 0.6)
     from_marks = locate_from_marks(world.missing, readings, frame, frames, rig)
-    network, used = build_network(
+    network, inside = build_network(
         vframe, rig, readings, (*world.names, *from_marks), [fit.pose for fit in frames]
     )
     start = start_parameters(
@@ -156,10 +165,31 @@ def solve_survey(
         frames=tuple(frames),
         not_posed=tuple(not_posed),
         from_marks=from_marks,
-        used=used,
+        used=readings.select(inside),
+        left_out=readings.select(~inside),
         adjustment=adjustment,
         reliability=reading_tests(adjustment),
         suspicions=tuple(suspected_blunders(adjustment)),
     )
     progress("done", 1.0)
     return solution
+
+
+def _need_known_names(
+    vframe: Vframe, rig: RobotFrame, readings: Readings, world_points: Sequence[str]
+) -> None:
+    """Raise, naming every end of a reading that is no point of the survey."""
+    known = {*vframe.points, *world_points}
+    unknown: Counter[str] = Counter()
+    for name in (*readings.start, *readings.end):
+        mark = robot_point(name)
+        if name not in known and (mark is None or mark[1] not in rig.points):
+            unknown[name] += 1
+    if unknown:
+        named = ", ".join(f"'{name}' ({count})" for name, count in unknown.items())
+        raise GtvalError(
+            f"readings end at unknown points: {named}. Known are the Vframe points "
+            f"{', '.join(vframe.points)}, the world points {', '.join(world_points)}, and marks "
+            f"of stops, written STOP/POINT with a point of the rig: {', '.join(rig.points)}. In "
+            "brackets: how many readings end there"
+        )

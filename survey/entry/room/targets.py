@@ -1,7 +1,7 @@
 """What is to be measured, in the order in which it is quickest, and why some of it is not."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from survey.entry.record.entries import pair_of
 from survey.readings.hidden_pairs import load_hidden_pairs
+from survey.readings.point_names import robot_point
 from survey.settings import EntrySettings, PlanSettings, SurveySettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
@@ -82,6 +83,27 @@ class Names:
             return False
         inside, on_wall, on_mark = (len(pair & kind) for kind in self._kinds)
         return inside == 2 or (on_wall == 1 and inside + on_mark == 1)
+
+    def why_not(self, pair: Pair) -> str:
+        """What is wrong with a pair, in words; '' where it may be measured."""
+        if self.may_be_measured(pair):
+            return ""
+        unknown = sorted(name for name in pair if not any(name in kind for kind in self._kinds))
+        if unknown:
+            return (
+                f"no point of this campaign: {', '.join(unknown)}; check the names, [survey] "
+                "world_points and [survey.entry] poses"
+            )
+        return (
+            "this pair is not entered here: expected two Vframe points, or a world point with a "
+            "Vframe point or a mark; keep such rows in another file"
+        )
+
+    def with_stops_of(self, pairs: Iterable[Pair]) -> "Names":
+        """These names, and the stops whose marks are ends of the pairs."""
+        ends = (robot_point(name) for pair in pairs for name in sorted(pair))
+        found = (end[0] for end in ends if end is not None and end[0] and end[1] in self.rig)
+        return replace(self, stops=tuple(dict.fromkeys([*self.stops, *found])))
 
 
 def load_names(campaign: Campaign, more_stops: Iterable[str] = ()) -> Names:
