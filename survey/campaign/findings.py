@@ -11,6 +11,7 @@ from survey.estimation.labelling import Labelling, LabellingVerdict
 from survey.estimation.reliability import BlunderSuspicion
 from survey.estimation.solve import SurveySolution
 from survey.published.check import worst
+from survey.readings.hardware import assumed_sigmas
 from survey.readings.readings import Readings
 from validation.results import Finding
 from validation.statistics.consistency import unit_weight_interval
@@ -36,6 +37,7 @@ def survey_findings(outcome: SurveyOutcome) -> list[Finding]:
         *_unit_weight(solution),
         *_blunders(solution),
         *_set_aside(outcome),
+        *_assumed(outcome),
     ]
     return [_sentence(finding) for finding in found]
 
@@ -348,3 +350,17 @@ def _set_aside(outcome: SurveyOutcome) -> Iterator[Finding]:
     yield Finding(
         "note", f"{len(aside)} reading(s) set aside by hand: {said}", "survey", "set-aside"
     )
+
+
+def _assumed(outcome: SurveyOutcome) -> Iterator[Finding]:
+    file = outcome.inputs.file
+    assumed = assumed_sigmas(outcome.campaign, rig=file is not None and bool(file.used.poses))
+    if assumed:
+        named = ", ".join(f"{key} = {value:g} m" for key, value in assumed.items())
+        yield Finding(
+            "note",
+            "standard deviations that campaign.toml does not state were assumed, and all "
+            f"covariances rest on them: {named}. State your own",
+            "survey",
+            "assumed_sigmas",
+        )

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from survey.estimation.evidence import Evidence
-from survey.readings.readings import ReadingsFile, load_readings
+from survey.readings.hardware import missing_hardware
+from survey.readings.readings import ReadingsFile, load_readings, readings_path
 from survey.settings import PlanSettings, SurveySettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
@@ -51,13 +52,20 @@ def load_inputs(campaign: Campaign) -> SurveyInputs:
         Naming file, line, field and value of every bad place.
     """
     settings = campaign.section("survey", SurveySettings)
-    wanted = [campaign.folder / settings.readings, campaign.folder / settings.published_poses]
-    if not any(path.exists() for path in wanted):
+    readings = readings_path(campaign, settings)
+    if not any(path.exists() for path in (readings, campaign.folder / settings.published_poses)):
         raise GtvalError(
             f"{campaign.folder} holds no survey: neither {settings.readings} nor "
             f"{settings.published_poses} is there"
         )
-    _check_settings(campaign, settings)
+    problems = _settings_problems(campaign, settings)
+    if readings.exists():
+        # Names of marks hold a '/'; the rest of the file is read when the settings are good.
+        marks = b"/" in readings.read_bytes()
+        tolerance = settings.reading_sigma is None
+        problems += missing_hardware(campaign, tolerance=tolerance, rig=marks)
+    if problems:
+        raise InputError(problems)
     return SurveyInputs(
         settings,
         load_readings(campaign, settings),
@@ -140,8 +148,8 @@ def _published_poses(campaign: Campaign, settings: SurveySettings) -> PoseTable 
     )
 
 
-def _check_settings(campaign: Campaign, settings: SurveySettings) -> None:
-    """Raise for names in [survey] that mean nothing or two things."""
+def _settings_problems(campaign: Campaign, settings: SurveySettings) -> list[Problem]:
+    """Names in [survey] that mean nothing or two things."""
     vframe = set(campaign.settings.vframe.points)
     problems = []
     for name, meaning in settings.labels.items():
@@ -161,7 +169,4 @@ def _check_settings(campaign: Campaign, settings: SurveySettings) -> None:
         ("world_points", f"'{name}' is also a Vframe point; world points need other names")
         for name in sorted(both)
     ]
-    if problems:
-        raise InputError(
-            [Problem(campaign.toml, text, field=f"survey.{key}") for key, text in problems]
-        )
+    return [Problem(campaign.toml, text, field=f"survey.{key}") for key, text in problems]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from survey.entry.record.entries import pair_of
+from survey.readings.hardware import missing_hardware
 from survey.readings.hidden_pairs import load_hidden_pairs
 from survey.readings.point_names import robot_point
 from survey.settings import EntrySettings, PlanSettings, SurveySettings
@@ -119,19 +120,16 @@ def load_names(campaign: Campaign, more_stops: Iterable[str] = ()) -> Names:
     Raises
     ------
     InputError
-        If no world points are listed, or the file of initial guesses is bad.
+        If no world points are listed, campaign.toml does not state the hardware, or the file of
+        initial guesses is bad.
     """
     settings = campaign.section("survey", SurveySettings)
+    problems = missing_hardware(campaign, tolerance=settings.reading_sigma is None)
     if not settings.world_points:
-        raise InputError(
-            [
-                Problem(
-                    campaign.toml,
-                    'list the world points, as in world_points = ["1", "2", "3"]',
-                    field="survey.world_points",
-                )
-            ]
-        )
+        listed = 'list the world points, as in world_points = ["1", "2", "3"]'
+        problems.append(Problem(campaign.toml, listed, field="survey.world_points"))
+    if problems:
+        raise InputError(problems)
     stops = settings.entry.poses or _guessed_stops(campaign.folder / settings.initial_guesses)
     written_as = {meaning: label for label, meaning in settings.labels.items()}
     return Names(
