@@ -13,9 +13,10 @@ import time
 
 import numpy as np
 
+from survey.estimation.distance_fit import DistanceFit
 from survey.estimation.geometry import rotate
 from survey.estimation.iterated_ekf import Model, iterated_ekf
-from survey.studies.convergence import DistanceProblem, random_starts
+from survey.studies.convergence import random_starts
 from validation.poses.angles import Array
 
 REQUIRED = 50.0
@@ -24,37 +25,38 @@ VFRAME = np.array([[0.0, 0.0], [2.5, 0.0], [0.0, 2.5], [2.5, 2.5]])
 SIGMA, KNOWN_SIGMA, MARK_SIGMA = 0.003, 0.002, 0.001
 
 
-def room(rng: np.random.Generator) -> list[tuple[str, DistanceProblem, Array]]:
+def room(rng: np.random.Generator) -> list[tuple[str, DistanceFit, Array]]:
     """16 world points with 4 readings and 26 poses with 48, in a room of 8 m by 10 m."""
     turn = 2 * np.pi * np.arange(16) / 16
     world = np.stack([4 * np.cos(turn), 5 * np.sin(turn)], axis=-1) + rng.normal(0, 0.2, (16, 2))
     problems = []
     for i, point in enumerate(world):
-        problem = problem_of(rng, VFRAME, None, np.append(point, 0.0), np.array([100.0, 100.0]))
+        problem = problem_of(rng, VFRAME, None, np.append(point, 0.0))
         problems.append((f"world point {i + 1}", problem, point))
     known, body = np.repeat(world, 3, axis=0), np.tile(RIG, (16, 1))
     for i in range(26):
         state = np.append(rng.uniform([-2, -3], [2, 3]), rng.uniform(-np.pi, np.pi))
-        problem = problem_of(rng, known, body, state, np.array([1000.0, 1000.0, 100.0]))
+        problem = problem_of(rng, known, body, state)
         problems.append((f"pose {i + 1}", problem, state))
     return problems
 
 
 def problem_of(
-    rng: np.random.Generator, known: Array, body: Array | None, state: Array, prior: Array
-) -> DistanceProblem:
+    rng: np.random.Generator, known: Array, body: Array | None, state: Array
+) -> DistanceFit:
     """A point or pose with noisy readings."""
     arm = np.zeros(2) if body is None else rotate(state[2], body)
     distance = np.linalg.norm(known - state[:2] - arm, axis=-1)
     distance = distance + rng.normal(0, SIGMA, len(distance))
     sigma = np.full(len(distance), SIGMA)
     mark_sigma = 0.0 if body is None else MARK_SIGMA
-    return DistanceProblem(known, body, distance, sigma, KNOWN_SIGMA, mark_sigma, prior)
+    known_sigma = np.full(len(distance), KNOWN_SIGMA)
+    return DistanceFit(known, body, distance, sigma, known_sigma, mark_sigma)
 
 
-def single(problem: DistanceProblem) -> Model:
+def single(problem: DistanceFit) -> Model:
     """The batch's measurement equation for one state, with R as a matrix."""
-    many = problem.model()
+    many = problem.equations
 
     def evaluate(state: Array) -> tuple[Array, Array, Array]:
         h, H, variance = many(state[None])
@@ -74,13 +76,13 @@ def main() -> int:
     differing = 0
     problems = room(rng)
     _, problem, state = problems[0]
-    problem.solve(state[None])
+    problem.ends(state[None])
     iterated_ekf(single(problem), state, problem.prior_sigma)  # the first call loads libraries
     for name, problem, state in problems:
         kind = "poses" if name.startswith("pose") else "world points"
         starts = random_starts(state, 5.0, options.starts, rng)
         begun = time.process_time()
-        ended = problem.solve(starts)
+        ended = problem.ends(starts)
         seconds[kind][0] += time.process_time() - begun
         model = single(problem)
         begun = time.process_time()

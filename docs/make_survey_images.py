@@ -11,12 +11,13 @@ from data_samples.rooms.simulate import SimulatedCampaign, SimulationSettings, s
 from survey.estimation.adjustment import Adjustment
 from survey.estimation.geometry import mirror_in_line
 from survey.estimation.solve import SurveySolution, solve_survey
+from survey.figures.maps import Places, survey_map
+from survey.figures.maps import Room as DrawnRoom
+from survey.figures.residuals import residual_figure
+from survey.figures.studies import convergence_map, instrument_figure, planning_map
 from survey.studies.accuracy import detectable_motion
-from survey.studies.check_figures import convergence_map, instrument_figure, planning_map
 from survey.studies.convergence import explore_convergence
 from survey.studies.convergence_problems import unknowns_of
-from survey.studies.figures import Places, residual_figure, survey_map
-from survey.studies.figures import Room as DrawnRoom
 from survey.studies.instrument_check import check_instrument
 from survey.studies.planning import (
     best_extra_readings,

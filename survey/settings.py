@@ -10,8 +10,9 @@ from validation.campaign.folder import Finite, Name, Positive, Settings
 class Motion(Settings):
     """A known motion between two surveyed stops (the accuracy experiment).
 
-    ``dx``, ``dy`` in metres and ``dtheta`` in radians, along the axes of the first stop's robot
-    frame or of the GTV frame; ``sigmas`` are their standard deviations, exact where not given.
+    From stop ``start`` to stop ``end``: ``dx``, ``dy`` in metres and ``dtheta`` in radians, along
+    the axes of the first stop's robot frame (``frame`` 'robot') or of the GTV frame ('gtv').
+    ``sigmas`` are their standard deviations, exact where not given.
     """
 
     start: Name
@@ -26,13 +27,14 @@ class Motion(Settings):
 class EntrySettings(Settings):
     """[survey.entry]: how readings are entered; paths are relative to the campaign folder.
 
-    ``poses`` are the stops to measure; where none are listed, those of the initial guesses, and
-    any stop can be begun by its name. ``order`` is 'spread' where the first three world points
-    of each mark are to lie far apart, so that the following readings can be checked sharply, or
-    'listed'. ``second`` says what the other person's blind entry is: a new measurement from the
-    other end ('measure'), the same display typed again ('type'), or not wanted ('none').
-    A stop is good enough when the standard deviations of x and y are below ``pose_sigma``
-    (metres) and that of theta below ``heading_sigma`` (radians), each mark having readings to
+    ``journal`` is the file that keeps every entry. ``poses`` are the stops to measure; where none
+    are listed, those of the initial guesses, and any stop can be begun by its name. ``order`` is
+    'spread' where the first three world points of each mark are to lie far apart, so that the
+    following readings can be checked sharply, or 'listed'. ``second`` says what the other person's
+    blind entry is: a new measurement from the other end ('measure'), the same display typed again
+    ('type'), or not wanted ('none').
+    A stop is good enough when the standard deviations of x and y are below ``pose_sigma`` (metres)
+    and that of theta below ``heading_sigma`` (radians), each mark having readings to
     ``least_world_points`` or more.
     """
 
@@ -48,6 +50,12 @@ class EntrySettings(Settings):
 class SurveySettings(Settings):
     """Files and choices of the survey; paths are relative to the campaign folder.
 
+    ``readings`` are the distances (from, to, distance, and if wanted time, observer, use, note).
+    ``world_points`` lists the names of the marked points on the walls. ``initial_guesses`` are
+    poses measured roughly by hand (pose, x, y, theta), ``hand_points`` world points (world_point,
+    x, y, and if wanted sigma). ``published_world_points`` and ``published_poses`` are coordinates
+    taken over from elsewhere; ``published_sigmas`` are the standard deviations of x, y, theta of
+    those poses, where the file states none. ``motions`` are known motions between two stops.
     ``labels`` maps a Vframe point's name as written in the readings to the point that it
     stands for, where the two differ. ``reading_sigma`` replaces the instrument's standard
     deviation. ``robust`` weighs large residuals down (Huber). ``entry`` is about typing readings

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from survey.settings import SurveySettings
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from survey.campaign.outcome import SurveyOutcome
     from validation.campaign.folder import Campaign
     from validation.results import SystemResult
@@ -22,101 +24,48 @@ class SurveySystem:
         wanted = (settings.readings, settings.published_poses)
         return any((campaign.folder / name).exists() for name in wanted)
 
-    def solve(self, campaign: "Campaign", progress: "Progress") -> "SystemResult":
-        """Validation poses, findings and report sections."""
-        from survey.campaign.outcome import solve_campaign
+    def inputs(self, campaign: "Campaign") -> "list[Path]":
+        """The files of the survey."""
+        from survey.campaign.inputs import input_files
 
-        return result_of(solve_campaign(campaign, progress))
+        return input_files(campaign)
+
+    def solve(
+        self,
+        campaign: "Campaign",
+        progress: "Progress",
+        *,
+        robust: bool | None = None,
+        as_published: bool = False,
+    ) -> "SystemResult":
+        """Validation poses, findings and report sections."""
+        from survey.campaign.solve import solve_campaign
+
+        return result_of(
+            solve_campaign(campaign, progress, robust=robust, as_published=as_published)
+        )
 
 
 def result_of(outcome: "SurveyOutcome") -> "SystemResult":
     """An outcome in the form that all systems share."""
+    from survey.campaign.facts import landmarks, survey_facts
     from survey.campaign.findings import survey_findings
     from survey.campaign.result_files import survey_files
-    from survey.campaign.sections import survey_sections
+    from survey.campaign.sections import overview_tables, survey_sections
     from survey.entry.dialogue.report import entry_report
     from validation.results import SystemResult
 
     entered = entry_report(outcome.campaign)
+    poses = outcome.poses
     return SystemResult(
-        tables=[outcome.poses] if outcome.poses is not None else [],
+        tables=[] if poses is None else [poses],
         findings=[*survey_findings(outcome), *entered.findings],
         sections=[*survey_sections(outcome), *entered.sections],
         files=survey_files(outcome),
         facts=survey_facts(outcome),
-        landmarks=_landmarks(outcome),
+        landmarks=landmarks(outcome),
+        overview=overview_tables(outcome),
     )
-
-
-def survey_facts(outcome: "SurveyOutcome") -> dict[str, object]:
-    """Numbers of a survey for scripts."""
-    solution = outcome.solution
-    if solution is None:
-        return {"source": "published"}
-    from survey.campaign.findings import fitted_reading_sigma
-    from survey.campaign.result_files import adjusted_points
-
-    late = tuple(solution.from_marks)
-    return {
-        "source": "readings" if solution.frames else "published",
-        "readings": len(solution.used),
-        "world_points": {
-            name: [float(v) for v in place]
-            for name, place in zip(solution.world.names, solution.world.positions, strict=True)
-        },
-        "world_points_from_marks": {
-            name: [float(v) for v in place]
-            for name, place in zip(late, adjusted_points(solution, late)[0], strict=True)
-        },
-        "world_points_open": {
-            point.name: point.reason
-            for point in solution.world.missing
-            if point.name not in solution.from_marks
-        },
-        "poses_open": {pose.pose: pose.reason for pose in solution.not_posed},
-        "labelling": {
-            "status": solution.labelling.status,
-            "decided_by": list(solution.labelling.decided_by),
-            "mirror_images_open": [dict(o.meaning) for o in solution.labelling.open_mirrors]
-            if solution.labelling.status == "unconfirmed"
-            else [],
-        },
-        "degrees_of_freedom": solution.adjustment.degrees_of_freedom,
-        "m0": solution.adjustment.m0,
-        "reading_sigma_stated": float(solution.used.sigma.mean()) if len(solution.used) else None,
-        "reading_sigma_from_residuals": fitted_reading_sigma(solution),
-        "published_inconsistent": [
-            name
-            for name, bad in zip(
-                outcome.published.names, outcome.published.inconsistent, strict=True
-            )
-            if bad
-        ]
-        if outcome.published is not None
-        else [],
-        "suspected_blunders": [
-            [
-                {
-                    "from": solution.used.start[i],
-                    "to": solution.used.end[i],
-                    "line": solution.used.line[i],
-                    "size": float(size),
-                    "w": float(w),
-                }
-                for i, size, w in zip(s.candidates, s.size, s.w, strict=True)
-            ]
-            for s in solution.suspicions
-        ],
-    }
-
-
-def _landmarks(outcome: "SurveyOutcome") -> dict[str, tuple[float, float]]:
-    """World points for the room map."""
-    if outcome.solution is None:
-        return {}
-    world = outcome.solution.world
-    places = {**dict(zip(world.names, world.positions, strict=True)), **outcome.solution.from_marks}
-    return {name: (float(x), float(y)) for name, (x, y) in places.items()}
 
 
 SYSTEM = SurveySystem()

@@ -12,7 +12,7 @@ from validation.results import Figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from survey.studies.figures import Places, Room
+    from survey.figures.maps import Places, Room
 
 
 def solution_figures(outcome: SurveyOutcome) -> dict[str, list[Figure]]:
@@ -29,7 +29,7 @@ def solution_figures(outcome: SurveyOutcome) -> dict[str, list[Figure]]:
 
 def hand_pose_figure(outcome: SurveyOutcome) -> list[Figure]:
     """Hand-measured against validation poses."""
-    poses, guesses = outcome.poses, outcome.evidence.guesses
+    poses, guesses = outcome.poses, outcome.inputs.evidence.guesses
     if poses is None:
         return []
     shared = [name for name in poses.ids if name in guesses]
@@ -37,7 +37,7 @@ def hand_pose_figure(outcome: SurveyOutcome) -> list[Figure]:
         return []
 
     def draw() -> "MatplotlibFigure":
-        from survey.studies.figures import Places, hand_against_validation  # noqa: PLC0415
+        from survey.figures.maps import Places, hand_against_validation  # noqa: PLC0415
 
         table = poses.select(shared)
         unknown = np.full((len(shared), 3, 3), np.nan)
@@ -59,7 +59,7 @@ def hand_pose_figure(outcome: SurveyOutcome) -> list[Figure]:
 
 def _room(outcome: SurveyOutcome) -> "Room":
     """Vframe, rig and walls for the maps."""
-    from survey.studies.figures import Room  # noqa: PLC0415
+    from survey.figures.maps import Room  # noqa: PLC0415
 
     settings = outcome.campaign.settings
     return Room(
@@ -70,7 +70,7 @@ def _room(outcome: SurveyOutcome) -> "Room":
 
 
 def _world_places(solution: SurveySolution) -> "Places":
-    from survey.studies.figures import Places  # noqa: PLC0415
+    from survey.figures.maps import Places  # noqa: PLC0415
 
     names = solution.joint_names
     positions, covariances = adjusted_points(solution, names)
@@ -79,7 +79,7 @@ def _world_places(solution: SurveySolution) -> "Places":
 
 def _world_map(outcome: SurveyOutcome, solution: SurveySolution) -> Figure:
     def draw() -> "MatplotlibFigure":
-        from survey.studies.figures import survey_map  # noqa: PLC0415
+        from survey.figures.maps import survey_map  # noqa: PLC0415
 
         return survey_map(_room(outcome), world=_world_places(solution))
 
@@ -95,7 +95,7 @@ def _world_map(outcome: SurveyOutcome, solution: SurveySolution) -> Figure:
 
 def _pose_map(outcome: SurveyOutcome, solution: SurveySolution) -> Figure:
     def draw() -> "MatplotlibFigure":
-        from survey.studies.figures import Places, survey_map  # noqa: PLC0415
+        from survey.figures.maps import Places, survey_map  # noqa: PLC0415
 
         table = solution.pose_table()
         frames = None if table is None else Places(table.ids, table.poses, table.covariances)
@@ -113,7 +113,7 @@ def _pose_map(outcome: SurveyOutcome, solution: SurveySolution) -> Figure:
 
 def _residuals(solution: SurveySolution) -> Figure:
     def draw() -> "MatplotlibFigure":
-        from survey.studies.figures import residual_figure  # noqa: PLC0415
+        from survey.figures.residuals import residual_figure  # noqa: PLC0415
 
         labels = [
             f"{a} to {b}" for a, b in zip(solution.used.start, solution.used.end, strict=True)

@@ -11,6 +11,7 @@ from survey.estimation.labelling import Labelling, LabellingVerdict
 from survey.estimation.reliability import BlunderSuspicion
 from survey.estimation.solve import SurveySolution
 from survey.published.check import worst
+from survey.readings.hardware import assumed_sigmas
 from survey.readings.readings import Readings
 from validation.results import Finding
 from validation.statistics.consistency import unit_weight_interval
@@ -32,9 +33,11 @@ def survey_findings(outcome: SurveyOutcome) -> list[Finding]:
         *_world_points(solution),
         *_published(outcome),
         *_poses(outcome, solution),
+        *_left_out(solution),
         *_unit_weight(solution),
         *_blunders(solution),
         *_set_aside(outcome),
+        *_assumed(outcome),
     ]
     return [_sentence(finding) for finding in found]
 
@@ -193,7 +196,7 @@ def _poses(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[Finding
             f"pose {pose.pose}",
             "pose-open",
         )
-    if not solution.frames and outcome.published_poses is not None:
+    if not solution.frames and outcome.inputs.published_poses is not None:
         yield Finding(
             "note",
             "there are no readings of robot frames: the validation poses are taken over as "
@@ -212,6 +215,24 @@ def _poses(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[Finding
                 f"pose {frame.pose}",
                 "pose-misfit",
             )
+
+
+def _named(readings: Readings, most: int = 8) -> str:
+    """The first few readings by their points, and how many more there are."""
+    pairs = list(zip(readings.start, readings.end, strict=True))
+    more = f" and {len(pairs) - most} more" if len(pairs) > most else ""
+    return ", ".join(f"{a}–{b}" for a, b in pairs[:most]) + more
+
+
+def _left_out(solution: SurveySolution) -> Iterator[Finding]:
+    if len(solution.left_out):
+        yield Finding(
+            "note",
+            f"{len(solution.left_out)} reading(s) are not used, because one of their points has "
+            f"no position: {_named(solution.left_out)}",
+            "survey",
+            "readings-left-out",
+        )
 
 
 def _unit_weight(solution: SurveySolution) -> Iterator[Finding]:
@@ -285,12 +306,11 @@ def _blunders(solution: SurveySolution) -> Iterator[Finding]:
     reading_redundancy = solution.adjustment.redundancy[: len(solution.used)]
     weak = np.flatnonzero(reading_redundancy < WEAK_REDUNDANCY)
     if len(weak):
-        shown = ", ".join(f"{solution.used.start[i]}–{solution.used.end[i]}" for i in weak[:8])
-        more = f" and {len(weak) - 8} more" if len(weak) > 8 else ""
+        shown = _named(solution.used.select(weak))
         yield Finding(
             "note",
             f"{len(weak)} reading(s) are hardly checked by others (redundancy below "
-            f"{WEAK_REDUNDANCY:g}), so a blunder in them would stay: {shown}{more}",
+            f"{WEAK_REDUNDANCY:g}), so a blunder in them would stay: {shown}",
             "survey",
             "unchecked",
         )
@@ -318,15 +338,29 @@ def _suspicion_text(used: Readings, suspicion: BlunderSuspicion) -> str:
 
 
 def _set_aside(outcome: SurveyOutcome) -> Iterator[Finding]:
-    if outcome.file is None or not len(outcome.file.set_aside):
+    if outcome.inputs.file is None or not len(outcome.inputs.file.set_aside):
         return
-    aside = outcome.file.set_aside
+    aside = outcome.inputs.file.set_aside
     said = "; ".join(
         f"{a}–{b} (line {line}{': ' + note if note else ''})"
         for a, b, line, note in zip(
-            aside.start, aside.end, aside.line, outcome.file.notes, strict=True
+            aside.start, aside.end, aside.line, outcome.inputs.file.notes, strict=True
         )
     )
     yield Finding(
         "note", f"{len(aside)} reading(s) set aside by hand: {said}", "survey", "set-aside"
     )
+
+
+def _assumed(outcome: SurveyOutcome) -> Iterator[Finding]:
+    file = outcome.inputs.file
+    assumed = assumed_sigmas(outcome.campaign, rig=file is not None and bool(file.used.poses))
+    if assumed:
+        named = ", ".join(f"{key} = {value:g} m" for key, value in assumed.items())
+        yield Finding(
+            "note",
+            "standard deviations that campaign.toml does not state were assumed, and all "
+            f"covariances rest on them: {named}. State your own",
+            "survey",
+            "assumed_sigmas",
+        )

@@ -1,19 +1,92 @@
-"""Coordinates from elsewhere: published, hand-measured, first guesses."""
+"""What the files of a survey hold: readings, and coordinates from elsewhere."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from survey.estimation.solve import Evidence
-from survey.settings import SurveySettings
+from survey.estimation.evidence import Evidence
+from survey.readings.hardware import missing_hardware
+from survey.readings.readings import ReadingsFile, load_readings, readings_path
+from survey.settings import PlanSettings, SurveySettings
 from validation.campaign.folder import Campaign
-from validation.errors import GtvalError
+from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable, from_csv
 from validation.text_files.csv_tables import Column, read_csv
 
 HAND_SIGMA = 0.2
 """Standard deviation, in metres, of hand-measured points that state none."""
+
+
+@dataclass(frozen=True)
+class SurveyInputs:
+    """What the files of a campaign say to its survey.
+
+    Parameters
+    ----------
+    settings : SurveySettings
+        The table [survey].
+    file : ReadingsFile or None
+        The readings, if there are any.
+    evidence : Evidence
+        Coordinates from elsewhere.
+    published_poses : PoseTable or None
+        Poses taken over from elsewhere.
+    """
+
+    settings: SurveySettings
+    file: ReadingsFile | None
+    evidence: Evidence
+    published_poses: PoseTable | None
+
+
+def load_inputs(campaign: Campaign) -> SurveyInputs:
+    """All that the survey reads.
+
+    Raises
+    ------
+    GtvalError
+        If there are neither readings nor published poses.
+    InputError
+        Naming file, line, field and value of every bad place.
+    """
+    settings = campaign.section("survey", SurveySettings)
+    readings = readings_path(campaign, settings)
+    if not any(path.exists() for path in (readings, campaign.folder / settings.published_poses)):
+        raise GtvalError(
+            f"{campaign.folder} holds no survey: neither {settings.readings} nor "
+            f"{settings.published_poses} is there"
+        )
+    problems = _settings_problems(campaign, settings)
+    if readings.exists():
+        # Names of marks hold a '/'; the rest of the file is read when the settings are good.
+        marks = b"/" in readings.read_bytes()
+        tolerance = settings.reading_sigma is None
+        problems += missing_hardware(campaign, tolerance=tolerance, rig=marks)
+    if problems:
+        raise InputError(problems)
+    return SurveyInputs(
+        settings,
+        load_readings(campaign, settings),
+        load_evidence(campaign, settings),
+        _published_poses(campaign, settings),
+    )
+
+
+def input_files(campaign: Campaign) -> list[Path]:
+    """The files that the survey reads, campaign.toml apart, whether they are there or not."""
+    settings = campaign.section("survey", SurveySettings)
+    names = (
+        settings.readings,
+        settings.initial_guesses,
+        settings.hand_points,
+        settings.published_world_points,
+        settings.published_poses,
+        settings.entry.journal,
+        campaign.section("plan", PlanSettings).not_visible,
+    )
+    return [campaign.folder / name for name in names]
 
 
 def load_evidence(campaign: Campaign, settings: SurveySettings) -> Evidence:
@@ -59,7 +132,7 @@ def _world_points(path: Path, settings: SurveySettings) -> tuple[dict[str, Array
     )
 
 
-def load_published_poses(campaign: Campaign, settings: SurveySettings) -> PoseTable | None:
+def _published_poses(campaign: Campaign, settings: SurveySettings) -> PoseTable | None:
     """Validation poses taken over from elsewhere; None where there are none."""
     path = campaign.folder / settings.published_poses
     if not path.exists():
@@ -75,11 +148,25 @@ def load_published_poses(campaign: Campaign, settings: SurveySettings) -> PoseTa
     )
 
 
-def need_survey_data(campaign: Campaign, settings: SurveySettings) -> None:
-    """Raise if the campaign has neither readings nor published poses."""
-    wanted = [campaign.folder / settings.readings, campaign.folder / settings.published_poses]
-    if not any(path.exists() for path in wanted):
-        raise GtvalError(
-            f"{campaign.folder} holds no survey: neither {settings.readings} nor "
-            f"{settings.published_poses} is there"
-        )
+def _settings_problems(campaign: Campaign, settings: SurveySettings) -> list[Problem]:
+    """Names in [survey] that mean nothing or two things."""
+    vframe = set(campaign.settings.vframe.points)
+    problems = []
+    for name, meaning in settings.labels.items():
+        if meaning not in vframe:
+            problems.append(("labels", f"{name} = {meaning}: no such Vframe point"))
+    meanings = list(settings.labels.values())
+    if len(set(meanings)) < len(meanings):
+        problems.append(("labels", "two labels stand for the same Vframe point"))
+    unmapped = {name for name in vframe - set(settings.labels) if name in meanings}
+    problems += [
+        ("labels", f"both '{n}' and another label stand for {n}") for n in sorted(unmapped)
+    ]
+    twice = {name for name in settings.world_points if settings.world_points.count(name) > 1}
+    problems += [("world_points", f"'{name}' is listed twice") for name in sorted(twice)]
+    both = vframe & set(settings.world_points)
+    problems += [
+        ("world_points", f"'{name}' is also a Vframe point; world points need other names")
+        for name in sorted(both)
+    ]
+    return [Problem(campaign.toml, text, field=f"survey.{key}") for key, text in problems]

@@ -34,7 +34,10 @@ def survey_sections(outcome: SurveyOutcome) -> list[Section]:
                 Section("Robot frames", [pose_table(solution), *figures["robot frames"]])
             )
         sections.append(Section("Readings", [*_reading_tables(solution), *figures["readings"]]))
-    if outcome.poses is not None and outcome.evidence.guesses:
+    listings = listing_tables(outcome)
+    if listings:
+        sections.append(Section("The document's filters, as printed", listings))
+    if outcome.poses is not None and outcome.inputs.evidence.guesses:
         sections.append(
             Section(
                 "Hand against validation poses",
@@ -209,7 +212,7 @@ def pose_table(solution: SurveySolution) -> Table:
 
 def hand_table(outcome: SurveyOutcome) -> Table:
     """Initial guesses by hand beside the validation poses, as the document prints them."""
-    poses, guesses = outcome.poses, outcome.evidence.guesses
+    poses, guesses = outcome.poses, outcome.inputs.evidence.guesses
     rows = []
     if poses is not None:
         for name, pose in zip(poses.ids, poses.poses, strict=True):
@@ -284,3 +287,68 @@ def _reading_tables(solution: SurveySolution) -> Iterator[Table]:
         ("", "", ".3f", "+.1f", ".2f", "+.2f", ".1f"),
         note="|w| above 3.29 happens by chance once in a thousand readings.",
     )
+
+
+def listing_tables(outcome: SurveyOutcome) -> list[Table]:
+    """World points and robot frames by the document's filters; none where not asked for."""
+    solution, literal = outcome.solution, outcome.as_published
+    if solution is None or literal is None:
+        return []
+    points = []
+    for point in solution.world.points:
+        listed = literal.world[point.name]
+        off, sigma = listed.x - point.position, np.sqrt(np.diagonal(listed.P))
+        points.append((point.name, *listed.x, *(MM * off), *(MM * sigma)))
+    frames = []
+    for frame in solution.frames:
+        listed = literal.frames[frame.pose]
+        off, sigma = listed.x - frame.state, np.sqrt(np.diagonal(listed.P))
+        off[2] = wrap(off[2])
+        frames.append((frame.pose, *listed.x, *(MM * off), *(MM * sigma)))
+    return [
+        Table(
+            "World points by the document's listing",
+            (
+                "world point",
+                "x [m]",
+                "y [m]",
+                "dx [mm]",
+                "dy [mm]",
+                "its sigma x [mm]",
+                "its sigma y [mm]",
+            ),
+            points,
+            ("", ".6f", ".6f", "+.3f", "+.3f", ".1f", ".1f"),
+            note="d: listing less this program's world point, before the joint adjustment.",
+        ),
+        Table(
+            "Robot frames by the document's listing",
+            (
+                "pose",
+                "x [m]",
+                "y [m]",
+                "theta [rad]",
+                "dx [mm]",
+                "dy [mm]",
+                "dtheta [mrad]",
+                "its sigma x [mm]",
+                "its sigma y [mm]",
+                "its sigma theta [mrad]",
+            ),
+            frames,
+            ("", ".4f", ".4f", ".4f", "+.2f", "+.2f", "+.2f", ".1f", ".1f", ".1f"),
+            note=(
+                "R as printed: not squared, so its standard deviations are far too large. "
+                "d: listing less this program's single-pose filter."
+            ),
+        ),
+    ][: 2 if frames else 1]
+
+
+def overview_tables(outcome: SurveyOutcome) -> list[Table]:
+    """What a terminal shows of a survey: world points, validation poses, and the listings."""
+    solution = outcome.solution
+    if solution is None:
+        return []
+    poses = [pose_table(solution)] if solution.frames else []
+    return [world_table(solution), *poses, *listing_tables(outcome)]

@@ -47,7 +47,7 @@ def accuracy(
 
     Takes the motions of [[survey.motions]] in campaign.toml, or one given by options.
     """
-    from survey.campaign.outcome import solve_campaign
+    from survey.campaign.solve import solve_campaign
     from survey.settings import SurveySettings
     from validation.campaign.folder import load_campaign
     from validation.errors import GtvalError

@@ -47,7 +47,7 @@ def convergence(
     from the solution, with any heading. The table states the largest tested radius within which
     every start led to the solution.
     """
-    from survey.campaign.outcome import solve_campaign
+    from survey.campaign.solve import solve_campaign
     from validation.campaign.folder import load_campaign
     from validation.errors import GtvalError
     from validation.report.terminal import print_findings, print_json, print_table
@@ -57,14 +57,16 @@ def convergence(
     loaded = load_campaign(campaign)
     with progress_bar("survey") as report:
         outcome = solve_campaign(loaded)
-        if outcome.solution is None or outcome.file is None:
+        if outcome.solution is None or outcome.inputs.file is None:
             raise GtvalError(
                 f"{campaign}: poses were taken over as published; without readings there is no "
                 "filter to start"
             )
         from survey.studies.convergence_problems import unknowns_of
 
-        unknowns = unknowns_of(outcome.solution, outcome.file.used, loaded.settings.robot_frame)
+        unknowns = unknowns_of(
+            outcome.solution, outcome.inputs.file.used, loaded.settings.robot_frame
+        )
         found = _explore(unknowns, starts, radius, passes, seed, report)
     if figures is not None:
         _write_maps(figures, found)
@@ -201,7 +203,7 @@ def _facts(unknown: "Unknown", result: "Convergence") -> dict[str, object]:
 
 def _write_maps(folder: Path, found: "list[Explored]") -> None:
     """One PNG for each unknown."""
-    from survey.studies.check_figures import convergence_map
+    from survey.figures.studies import convergence_map
     from validation.figures.writing import figure_bytes
     from validation.text_files.writing import write_files
 

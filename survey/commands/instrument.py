@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from validation.commands.options import AS_JSON, PATH
+
 if TYPE_CHECKING:
     from survey.studies.instrument_check import InstrumentCheck
     from survey.studies.walls import WallPair
@@ -14,26 +16,23 @@ if TYPE_CHECKING:
     from validation.results import Table
     from validation.text_files.csv_tables import CsvTable
 
-BOSCH_DLE50 = {
-    "model": "Bosch DLE50 Professional",
-    "tolerance": 0.0015,
-    "tolerance_up_to": 30.0,
-    "tolerance_per_metre": 0.000175,
-}
-"""AD2.3: 5 cm to 50 m, +-1.5 mm to 30 m, +-5 mm at 50 m."""
-
-_PATH = click.Path(path_type=Path)
+_SPECIFICATION = click.option(
+    "--campaign", type=PATH, help="Take the specification from this campaign folder."
+)
+_TOLERANCE = click.option(
+    "--tolerance",
+    type=click.FloatRange(min=0, min_open=True),
+    help="Half width that the maker states, metres; needed without --campaign.",
+)
 
 
 @click.command("instrument-check")
-@click.argument("readings", type=_PATH)
-@click.option("--campaign", type=_PATH, help="Take the specification from this campaign folder.")
-@click.option(
-    "--tolerance", type=click.FloatRange(min=0, min_open=True), help="Stated ± in metres."
-)
+@click.argument("readings", type=PATH)
+@_SPECIFICATION
+@_TOLERANCE
 @click.option("--resolution", type=click.FloatRange(min=0), help="Last digit shown, metres.")
-@click.option("--figure", type=_PATH, help="Write a figure to this .png or .svg file.")
-@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+@click.option("--figure", type=PATH, help="Write a figure to this .png or .svg file.")
+@AS_JSON
 def instrument_check(
     *,
     readings: Path,
@@ -46,8 +45,8 @@ def instrument_check(
     """Offset, scale and noise of a hand laser over known lengths.
 
     READINGS is a CSV file with the columns true and reading in metres, and optionally sigma, the
-    standard deviation of each reading. The specification is that of a Bosch DLE50 (±1.5 mm to
-    30 m) unless a campaign or options say otherwise.
+    standard deviation of each reading. What the maker states comes from --campaign or
+    --tolerance.
     """
     from survey.studies.instrument_check import check_instrument
     from survey.studies.instrument_verdict import settings_snippet, verdict
@@ -59,7 +58,7 @@ def instrument_check(
     findings = verdict(check)
     snippet = settings_snippet(check, instrument)
     if figure is not None:
-        from survey.studies.check_figures import instrument_figure
+        from survey.figures.studies import instrument_figure
         from validation.figures.writing import write_figure
 
         write_figure(figure, instrument_figure(length, reading, check, instrument))
@@ -72,16 +71,25 @@ def instrument_check(
 
 
 def _specification(
-    folder: Path | None, tolerance: float | None, resolution: float | None
+    folder: Path | None, tolerance: float | None, resolution: float | None = None
 ) -> "Instrument":
-    """The instrument of the campaign or of the document, with what the options change."""
+    """The instrument of the campaign, with what the options change."""
+    from survey.readings.hardware import missing_hardware
     from validation.campaign.folder import Instrument, load_campaign
+    from validation.errors import InputError
 
-    base = (
-        Instrument.model_validate(BOSCH_DLE50)
-        if folder is None
-        else load_campaign(folder).settings.instrument
-    )
+    base = Instrument()
+    if folder is not None:
+        campaign = load_campaign(folder)
+        base = campaign.settings.instrument
+        missing = missing_hardware(campaign, frame=False, rig=False)
+        if missing and tolerance is None:
+            raise InputError(missing)
+    elif tolerance is None:
+        raise click.UsageError(
+            "state the tolerance of the distance meter, in metres, as its maker does: for example "
+            "--tolerance 0.0015; or name a campaign folder that states it: --campaign DIR"
+        )
     for name, value in (("tolerance", tolerance), ("resolution", resolution)):
         if value is not None and not isfinite(value):
             raise click.BadParameter(f"{name} is not a finite number")
@@ -176,10 +184,13 @@ def _instrument_table(check: "InstrumentCheck") -> "Table":
 
 
 @click.command("walls-check")
-@click.argument("distances", type=_PATH)
-@click.option("--campaign", type=_PATH, help="Take the instrument from this campaign folder.")
-@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-def walls_check(distances: Path, campaign: Path | None, as_json: bool) -> None:
+@click.argument("distances", type=PATH)
+@_SPECIFICATION
+@_TOLERANCE
+@AS_JSON
+def walls_check(
+    distances: Path, campaign: Path | None, tolerance: float | None, as_json: bool
+) -> None:
     """Whether walls are parallel, from distances between them.
 
     DISTANCES is a CSV file with the columns wall_a, wall_b, position and distance in metres: the
@@ -188,7 +199,7 @@ def walls_check(distances: Path, campaign: Path | None, as_json: bool) -> None:
     from survey.studies.walls import wall_findings
     from validation.report.terminal import print_findings, print_json, print_table
 
-    pairs = _read_walls(distances, _specification(campaign, None, None))
+    pairs = _read_walls(distances, _specification(campaign, tolerance))
     findings = [finding for pair in pairs for finding in wall_findings(pair)]
     if as_json:
         print_json({"walls": pairs, "findings": findings})

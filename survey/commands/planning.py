@@ -144,7 +144,7 @@ def predict(
 
 def _existing(campaign: "Campaign") -> "tuple[Readings, Adjustment]":
     """Readings and joint adjustment of a campaign that has been measured."""
-    from survey.campaign.outcome import solve_campaign
+    from survey.campaign.solve import solve_campaign
     from validation.errors import GtvalError
 
     outcome = solve_campaign(campaign)
@@ -191,7 +191,7 @@ def plan_findings(prediction: Prediction) -> "list[Finding]":
 
 def _points_table(prediction: Prediction) -> "Table":
     """World points with their 3-sigma ellipses."""
-    from survey.studies.figures import SIGMAS, ellipse_axes
+    from survey.estimation.geometry import ELLIPSE_SIGMAS, ellipse_axes
     from survey.studies.planning import diagonal_blocks, world_names
     from validation.results import Table
 
@@ -201,11 +201,12 @@ def _points_table(prediction: Prediction) -> "Table":
         covariance = diagonal_blocks(adjustment, adjustment.point_rows([name]), 2)[0]
         x, y = adjustment.parameters.points[adjustment.network.points.index(name)]
         long, short, direction = ellipse_axes(covariance)
-        axes = [1e3 * SIGMAS * long, 1e3 * SIGMAS * short, degrees(direction) % 180]
+        axes = [1e3 * ELLIPSE_SIGMAS * long, 1e3 * ELLIPSE_SIGMAS * short, degrees(direction) % 180]
         rows.append([name, float(x), float(y), *axes])
     how = "from the readings" if prediction.measured else "planned"
     return Table(
-        f"World points, {how}: {SIGMAS:g} sigma ellipses ({prediction.readings} readings in all)",
+        f"World points, {how}: {ELLIPSE_SIGMAS:g} sigma ellipses ({prediction.readings} readings "
+        "in all)",
         ["world point", "x [m]", "y [m]", "long [mm]", "short [mm]", "direction [°]"],
         rows,
         ["", ".3f", ".3f", ".1f", ".1f", ".0f"],
@@ -300,8 +301,8 @@ def _write_map(path: Path, campaign: "Campaign", prediction: Prediction) -> None
     """The planning map."""
     import numpy as np
 
-    from survey.studies.check_figures import planning_map
-    from survey.studies.figures import Places, Room
+    from survey.figures.maps import Places, Room
+    from survey.figures.studies import planning_map
     from survey.studies.planning import diagonal_blocks, world_names
     from validation.figures.writing import write_figure
 

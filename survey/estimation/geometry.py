@@ -4,6 +4,9 @@ import numpy as np
 
 from validation.poses.angles import Array
 
+ELLIPSE_SIGMAS = 3.0
+"""Ellipses are shown at so many standard deviations, as in the document."""
+
 
 def circle_intersections(centres: Array, radii: Array) -> Array:
     """Both points at which two circles meet.
@@ -130,3 +133,21 @@ def mirror_in_line(points: Array, line_points: Array) -> Array:
     _, _, axes = np.linalg.svd(line_points - mean)
     normal = axes[1]
     return np.asarray(points - 2 * ((points - mean) @ normal)[..., None] * normal)
+
+
+def ellipse_axes(covariance: Array) -> tuple[float, float, float]:
+    """Half axes and direction of the 1-sigma ellipse of x and y.
+
+    Parameters
+    ----------
+    covariance : (k, k) array
+        Its first two rows are x and y, square metres.
+
+    Returns
+    -------
+    tuple of float
+        Long and short half axis in metres, and the direction of the long one in radians.
+    """
+    values, vectors = np.linalg.eigh(covariance[:2, :2])
+    short, long = np.sqrt(np.maximum(values, 0.0))
+    return float(long), float(short), float(np.arctan2(vectors[1, 1], vectors[0, 1]))

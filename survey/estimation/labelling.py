@@ -7,28 +7,23 @@ frames, whose rig has a handedness. This module finds the labellings that fit, a
 that could tell them apart, and refuses the given one if it is contradicted.
 """
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from scipy.special import chdtrc
 
+from survey.estimation.evidence import Evidence
 from survey.estimation.geometry import rigid_alignment
 from survey.estimation.robot_frames import best_fit, pose_readings
 from survey.estimation.vframe import estimate_vframe
 from survey.estimation.world_points import WorldPoints, locate_world_points
+from survey.readings.readings import Readings
+from validation.campaign.folder import RobotFrame, Vframe
 from validation.errors import GtvalError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from survey.estimation.solve import Evidence
-    from survey.readings.readings import Readings
-    from validation.campaign.folder import RobotFrame, Vframe
-    from validation.poses.angles import Array
+from validation.poses.angles import Array
 
 MOST_POINTS = 5
 """Frames of more points have too many labellings to try those that are no symmetry."""
@@ -47,7 +42,7 @@ MOST_POINTS_TRIED = 6
 _HOPELESS = 1e-6
 """p-value of the world points below which the given labels are doubted without any symmetry."""
 
-_Frame = tuple[str, "Array", float]
+_Frame = tuple[str, Array, float]
 """Pose, its best state (3,), and the cost there."""
 Kind = Literal["given", "mirrored", "turned", "exchanged"]
 
@@ -209,7 +204,7 @@ class _Motion:
     def __call__(self, point: Array) -> Array:
         return np.asarray(self.matrix @ point + self.shift)
 
-    def after(self, other: _Motion) -> _Motion:
+    def after(self, other: "_Motion") -> "_Motion":
         """The motion that takes the image under ``other`` to the image under this one."""
         matrix = self.matrix @ other.matrix.T
         return _Motion(matrix, self.shift - matrix @ other.shift)

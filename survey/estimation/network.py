@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 
 from survey.estimation.geometry import rotate
 from survey.readings.point_names import robot_point
-from survey.readings.readings import Readings
+from survey.readings.readings import Mask, Readings
 from validation.campaign.folder import RobotFrame, Vframe
 from validation.errors import GtvalError
 from validation.poses.angles import Array
@@ -103,19 +103,20 @@ def build_network(
     readings: Readings,
     world_points: Sequence[str],
     poses: Sequence[str],
-) -> tuple[Network, Readings]:
-    """The network of the named points and poses, and the readings in it.
+) -> tuple[Network, Mask]:
+    """The network of the named points and poses, and which of the readings (n,) are in it.
 
-    Readings with an end that is neither are left out, in particular those to points that could
-    not be located.
+    Readings with an end that is neither are not, in particular those to points that could not
+    be located.
     """
     rig_names = tuple(rig.points)
     used_marks = {n for n in {*readings.start, *readings.end} if robot_point(n) is not None}
     marks = [f"{p}/{r}" for p in poses for r in rig_names if f"{p}/{r}" in used_marks]
     points = (*vframe.points, *world_points, *marks)
     place = {name: i for i, name in enumerate(points)}
-    inside = [a in place and b in place for a, b in zip(readings.start, readings.end, strict=True)]
-    used = readings.select(np.array(inside, dtype=bool))
+    ends = zip(readings.start, readings.end, strict=True)
+    inside = np.array([a in place and b in place for a, b in ends], dtype=bool)
+    used = readings.select(inside)
     owner = [robot_point(mark) or ("", "") for mark in marks]
     sides = _sides(rig)
     network = Network(
@@ -139,7 +140,7 @@ def build_network(
         side_length=np.array([length for _, length in sides]),
         side_sigma=rig.sides_sigma,
     )
-    return network, used
+    return network, inside
 
 
 def _sides(rig: RobotFrame) -> list[tuple[tuple[int, int], float]]:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from survey.estimation.distance_fit import coordinate_sigma, place_fit
 from survey.estimation.geometry import rotate
 from survey.estimation.robot_frames import RobotFrameFit
 from survey.estimation.vframe import VframeEstimate
@@ -17,8 +18,6 @@ from survey.estimation.world_points import (
     TIE,
     NotLocated,
     circle_starts,
-    fitting_places,
-    vframe_sigma,
 )
 from survey.readings.readings import Readings
 from validation.campaign.folder import RobotFrame
@@ -61,9 +60,8 @@ def locate_from_marks(
             continue
         places = np.array([known[end][0] for end in own.end])
         sigma = np.array([known[end][1] for end in own.end])
-        fits, costs = fitting_places(
-            circle_starts(places, own.distance), places, sigma, own.distance, own.sigma
-        )
+        fit = place_fit(places, sigma, own.distance, own.sigma)
+        fits, costs = fit.solutions(circle_starts(places, own.distance))
         if len(fits) == 0 or costs[0] > GOOD_REST * (len(own) - 2):
             continue
         if len(fits) == 1 or costs[1] - costs[0] > TIE:
@@ -75,7 +73,8 @@ def _known(
     vframe: VframeEstimate, frames: Sequence[RobotFrameFit], rig: RobotFrame
 ) -> Iterator[tuple[str, tuple[Array, float]]]:
     """Names of Vframe points and marks, their places (2,) and a coordinate's rms sigma, metres."""
-    yield from zip(vframe.names, zip(vframe.points, vframe_sigma(vframe), strict=True), strict=True)
+    sigma = coordinate_sigma(vframe.covariance)
+    yield from zip(vframe.names, zip(vframe.points, sigma, strict=True), strict=True)
     for frame in frames:
         for name, nominal in rig.points.items():
             arm = rotate(frame.state[2], np.asarray(nominal, dtype=float))

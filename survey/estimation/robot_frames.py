@@ -3,10 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
+from survey.estimation.distance_fit import DistanceFit, Rows, coordinate_sigma
 from survey.estimation.geometry import (
     circle_intersections,
     mirror_in_line,
@@ -14,23 +15,20 @@ from survey.estimation.geometry import (
     rigid_alignment,
     rotate,
 )
-from survey.estimation.iterated_ekf import Model, iterated_ekf, iterated_ekf_batch
-from survey.estimation.measurement import independent_variance, linearise
+from survey.estimation.iterated_ekf import Model, iterated_ekf
+from survey.estimation.measurement import linearise
 from survey.estimation.world_points import WorldPoints
 from survey.readings.point_names import robot_point
 from survey.readings.readings import Readings
 from validation.campaign.folder import RobotFrame
 from validation.poses.angles import Array, wrap
 
-PRIOR_SIGMA = np.array([1000.0, 1000.0, 100.0])
-"""Standard deviations from which each pass starts: metres, metres, radians."""
 TIE = 16.3
 """Costs nearer than this (chi-squared, 3 degrees of freedom, 0.1 %) do not tell poses apart."""
 GOOD_REST = 4.0
 """Chi-squared for each degree of freedom up to which readings, taken as independent, agree."""
 _FEW = 7
 """Below this many readings every meeting point of circles is tried as a start."""
-_SAME = np.array([0.01, 0.01, 0.02])
 
 
 @dataclass(frozen=True)
@@ -74,48 +72,25 @@ class NotPosed:
 
 
 @dataclass(frozen=True)
-class PoseReadings:
-    """The usable readings of one pose as arrays.
+class PoseReadings(DistanceFit):
+    """The usable readings of one pose.
 
     Parameters
     ----------
-    known : (m, 2) array
-        World point of each reading, metres, Vframe.
-    body : (m, 2) array
-        Rig point of each, metres, robot frame.
-    distance, sigma : (m,) array
-        Metres.
     world_index, rig_index : (m,) array of int
-        Rows in the world points and in the rig.
-    known_sigma : (m,) array
-        Root mean square standard deviation of the world point's coordinates, metres.
-    body_sigma : float
-        The same for the marks.
+        Rows of each reading in the world points and in the rig.
     """
 
-    known: Array
     body: Array
-    distance: Array
-    sigma: Array
     world_index: Array
     rig_index: Array
-    known_sigma: Array
-    body_sigma: float
 
-    def __len__(self) -> int:
-        return len(self.distance)
-
-    def select(self, rows: npt.NDArray[np.intp]) -> "PoseReadings":
-        """The given rows."""
+    def select(self, rows: Rows) -> Self:
+        """The given readings."""
         return replace(
-            self,
-            known=self.known[rows],
-            body=self.body[rows],
-            distance=self.distance[rows],
-            sigma=self.sigma[rows],
+            super().select(rows),
             world_index=self.world_index[rows],
             rig_index=self.rig_index[rows],
-            known_sigma=self.known_sigma[rows],
         )
 
 
@@ -132,7 +107,6 @@ def pose_readings(
     )
     world_index = np.array([place[n] for n in own.end], dtype=int)
     body = np.array(list(rig.points.values()), dtype=float)
-    variance = np.diagonal(world.covariance).reshape(-1, 2).mean(1)
     return PoseReadings(
         known=world.positions[world_index],
         body=body[rig_index],
@@ -140,7 +114,7 @@ def pose_readings(
         sigma=own.sigma,
         world_index=world_index,
         rig_index=rig_index,
-        known_sigma=np.sqrt(variance[world_index]),
+        known_sigma=coordinate_sigma(world.covariance)[world_index],
         body_sigma=float(np.hypot(rig.marking_sigma, rig.shape_sigma)),
     )
 
@@ -193,7 +167,7 @@ def _solve(
         return NotPosed(pose, fault, np.empty((0, 3)))
     closed = closed_form_guess(own)
     starts = _starts(own, closed, guess)
-    minima, costs = fitting_poses(starts, own)
+    minima, costs = own.solutions(starts)
     if len(minima) == 0:
         return _hopeless(pose, own, world, rig)
     if len(minima) > 1 and costs[1] - costs[0] < TIE:
@@ -203,7 +177,7 @@ def _solve(
             "world point"
         )
         return NotPosed(pose, reason, tied)
-    estimate = iterated_ekf(full_model(own, world, rig), minima[0], PRIOR_SIGMA)
+    estimate = iterated_ekf(full_model(own, world, rig), minima[0], own.prior_sigma)
     if not estimate.converged:
         return _hopeless(pose, own, world, rig)
     state = np.append(estimate.state[:2], wrap(estimate.state[2]))
@@ -242,10 +216,10 @@ def best_fit(own: PoseReadings) -> tuple[Array, float] | None:
     if why_undetermined(own) or len(own) == 3:  # three readings fit any labelling
         return None
     starts = pose_starts(own)
-    minima, costs = fitting_poses(starts, own)
+    minima, costs = own.solutions(starts)
     if len(minima):
         return minima[0], float(costs[0])
-    at_starts = _costs(starts, own)
+    at_starts = own.costs(starts)
     return starts[at_starts.argmin()], float(at_starts.min())
 
 
@@ -280,7 +254,7 @@ def closed_form_guess(own: PoseReadings) -> Array:
     if len(marks) >= 2:
         return rigid_alignment(np.array(bodies), np.array(marks))
     starts = _circle_starts(own)
-    return np.asarray(starts[_costs(starts, own).argmin()])
+    return np.asarray(starts[own.costs(starts).argmin()])
 
 
 def _circle_starts(own: PoseReadings) -> Array:
@@ -318,40 +292,6 @@ def _starts(own: PoseReadings, closed: Array, guess: Array | None) -> Array:
     if len(own) < _FEW:
         starts.append(_circle_starts(own))
     return np.concatenate(starts)
-
-
-def _batch_model(own: PoseReadings, states: Array) -> tuple[Array, Array, Array]:
-    """h, H and variances for many poses, readings taken as independent."""
-    at = linearise(states, own.known, own.body, own.distance)
-    H = np.concatenate([at.H_position, at.H_heading[..., None]], axis=-1)
-    return at.h, H, independent_variance(at, own.sigma, own.known_sigma, own.body_sigma)
-
-
-def _costs(states: Array, own: PoseReadings) -> Array:
-    h, _, variance = _batch_model(own, states)
-    return np.asarray((h**2 / variance).sum(-1))
-
-
-def fitting_poses(starts: Array, own: PoseReadings) -> tuple[Array, Array]:
-    """Different poses (k, 3) at which the filter rests, and their costs (k,), the best first.
-
-    Readings are taken as independent.
-    """
-    ended = iterated_ekf_batch(lambda states: _batch_model(own, states), starts, PRIOR_SIGMA)
-    usable = ended.converged & np.isfinite(ended.cost)
-    order = np.flatnonzero(usable)[np.argsort(ended.cost[usable])]
-    states = ended.state.copy()
-    states[:, 2] = wrap(states[:, 2])
-    kept: list[int] = []
-    for i in order:
-        differs = [np.abs(_difference(states[i], states[k])) > _SAME for k in kept]
-        if all(d.any() for d in differs):
-            kept.append(int(i))
-    return states[kept], ended.cost[kept]
-
-
-def _difference(a: Array, b: Array) -> Array:
-    return np.append(a[:2] - b[:2], wrap(a[2] - b[2]))
 
 
 def rig_covariance(rig: RobotFrame) -> Array:

@@ -1,11 +1,13 @@
 """From readings to validation poses: the whole chain, without files."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from survey.estimation.adjustment import Adjustment, adjust
+from survey.estimation.evidence import Evidence
 from survey.estimation.labelling import LabellingVerdict, judge_labelling
 from survey.estimation.network import build_network, start_parameters
 from survey.estimation.points_from_marks import locate_from_marks
@@ -18,32 +20,13 @@ from survey.estimation.reliability import (
 from survey.estimation.robot_frames import NotPosed, RobotFrameFit, solve_robot_frames
 from survey.estimation.vframe import VframeEstimate, estimate_vframe
 from survey.estimation.world_points import WorldPoints, locate_world_points
+from survey.readings.point_names import robot_point
 from survey.readings.readings import Readings
 from validation.campaign.folder import RobotFrame, Vframe
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable
 from validation.systems import Progress, no_progress
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """Coordinates from elsewhere, which can tell a labelling from its mirror image.
-
-    Parameters
-    ----------
-    published, hand : mapping of str to (2,) array
-        World points as published, and as measured roughly by hand, metres.
-    hand_sigma : float
-        Standard deviation of the rough coordinates, metres.
-    guesses : mapping of str to (3,) array
-        Hand-measured poses.
-    """
-
-    published: Mapping[str, Array] = field(default_factory=dict)
-    hand: Mapping[str, Array] = field(default_factory=dict)
-    hand_sigma: float = 0.2
-    guesses: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -67,6 +50,9 @@ class SurveySolution:
         adjustment starts for them.
     used : Readings
         Readings in the joint adjustment, in its order.
+    left_out : Readings
+        The others: an end of each is a point or a stop without a position. ``world.missing``
+        and ``not_posed`` say why it has none.
     adjustment : Adjustment
         The joint adjustment.
     reliability : Reliability
@@ -82,6 +68,7 @@ class SurveySolution:
     not_posed: tuple[NotPosed, ...]
     from_marks: Mapping[str, Array]
     used: Readings
+    left_out: Readings
     adjustment: Adjustment
     reliability: Reliability
     suspicions: tuple[BlunderSuspicion, ...]
@@ -129,7 +116,8 @@ def solve_survey(
     rig : RobotFrame
         Nominal robot frame.
     readings : Readings
-        Distances between Vframe points, world points and marks.
+        Distances between Vframe points, world points and marks ('7/O': point O of the rig at
+        stop 7).
     world_points : sequence of str
         Names of the world points.
     evidence : Evidence, optional
@@ -142,8 +130,10 @@ def solve_survey(
     Raises
     ------
     GtvalError
-        If the labels are contradicted, nothing can be located, or the adjustment fails.
+        If readings name unknown points, the labels are contradicted, nothing can be located, or
+        the adjustment fails.
     """
+    _need_known_names(vframe, rig, readings, world_points)
     evidence = evidence or Evidence()
     progress("Vframe", 0.0)
     frame = estimate_vframe(vframe, readings)
@@ -157,7 +147,7 @@ def solve_survey(
     frames, not_posed = solve_robot_frames(readings.poses, readings, world, rig, evidence.guesses)
     progress("joint adjustment", 0.6)
     from_marks = locate_from_marks(world.missing, readings, frame, frames, rig)
-    network, used = build_network(
+    network, inside = build_network(
         vframe, rig, readings, (*world.names, *from_marks), [fit.pose for fit in frames]
     )
     start = start_parameters(
@@ -175,10 +165,31 @@ def solve_survey(
         frames=tuple(frames),
         not_posed=tuple(not_posed),
         from_marks=from_marks,
-        used=used,
+        used=readings.select(inside),
+        left_out=readings.select(~inside),
         adjustment=adjustment,
         reliability=reading_tests(adjustment),
         suspicions=tuple(suspected_blunders(adjustment)),
     )
     progress("done", 1.0)
     return solution
+
+
+def _need_known_names(
+    vframe: Vframe, rig: RobotFrame, readings: Readings, world_points: Sequence[str]
+) -> None:
+    """Raise, naming every end of a reading that is no point of the survey."""
+    known = {*vframe.points, *world_points}
+    unknown: Counter[str] = Counter()
+    for name in (*readings.start, *readings.end):
+        mark = robot_point(name)
+        if name not in known and (mark is None or mark[1] not in rig.points):
+            unknown[name] += 1
+    if unknown:
+        named = ", ".join(f"'{name}' ({count})" for name, count in unknown.items())
+        raise GtvalError(
+            f"readings end at unknown points: {named}. Known are the Vframe points "
+            f"{', '.join(vframe.points)}, the world points {', '.join(world_points)}, and marks "
+            f"of stops, written STOP/POINT with a point of the rig: {', '.join(rig.points)}. In "
+            "brackets: how many readings end there"
+        )

@@ -6,21 +6,25 @@ from itertools import combinations
 
 import numpy as np
 
+from survey.estimation.distance_fit import (
+    PLACE_PRIOR_SIGMA,
+    SAME,
+    DistanceFit,
+    coordinate_sigma,
+    place_fit,
+    with_heading,
+)
 from survey.estimation.geometry import circle_intersections
-from survey.estimation.iterated_ekf import Estimate, Model, iterated_ekf, iterated_ekf_batch
-from survey.estimation.measurement import Linearised, independent_variance, linearise
+from survey.estimation.iterated_ekf import Model, iterated_ekf
+from survey.estimation.measurement import Linearised, linearise
 from survey.estimation.vframe import VframeEstimate
 from survey.readings.readings import Readings
 from validation.poses.angles import Array
 
-PRIOR_SIGMA = np.array([100.0, 100.0])
-"""sigma[0] of the document, metres."""
 TIE = 13.8
 """Costs nearer than this (chi-squared, 2 degrees of freedom, 0.1 %) do not tell solutions apart."""
 GOOD_REST = 11.0
 """Chi-squared for each degree of freedom up to which readings agree (0.1 %)."""
-_SAME = 0.01
-"""Solutions nearer than this, in metres, are one minimum reached twice."""
 
 
 @dataclass(frozen=True)
@@ -149,9 +153,15 @@ def locate_world_points(
     return WorldPoints(tuple(found), joint_covariance(found, vframe), tuple(missing))
 
 
+def place_readings(own: Readings, vframe: VframeEstimate) -> DistanceFit:
+    """The readings of one world point, turned to start there, to points of the frame."""
+    index = np.array([vframe.names.index(end) for end in own.end], dtype=int)
+    sigma = coordinate_sigma(vframe.covariance)[index]
+    return place_fit(vframe.points[index], sigma, own.distance, own.sigma)
+
+
 def _locate(name: str, own: Readings, vframe: VframeEstimate) -> WorldPoint | NotLocated:
     """One point, or why it cannot be located."""
-    index = np.array([vframe.names.index(end) for end in own.end], dtype=int)
     none = np.empty((0, 2))
     if len(set(own.end)) < 2:
         return NotLocated(
@@ -160,11 +170,11 @@ def _locate(name: str, own: Readings, vframe: VframeEstimate) -> WorldPoint | No
             "or more",
             none,
         )
-    known, known_sigma = vframe.points[index], vframe_sigma(vframe)[index]
-    starts = circle_starts(known, own.distance)
-    minima, costs = fitting_places(starts, known, known_sigma, own.distance, own.sigma)
+    fit = place_readings(own, vframe)
+    starts = circle_starts(fit.known, fit.distance)
+    minima, costs = fit.solutions(starts)
     if len(minima) == 0:
-        return _hopeless(name, own, known, known_sigma)
+        return _hopeless(name, own, fit)
     if len(set(own.end)) < 3:
         return NotLocated(
             name,
@@ -179,20 +189,25 @@ def _locate(name: str, own: Readings, vframe: VframeEstimate) -> WorldPoint | No
             "it from a point off that line",
             minima[:2],
         )
-    return _finish(name, own, vframe, index, minima, costs, starts)
+    estimate = iterated_ekf(place_model(own, vframe), minima[0], PLACE_PRIOR_SIGMA)
+    rejected = (
+        Rejected(minima[1], float(costs[1]), is_minimum=True)
+        if len(minima) > 1
+        else _mirrored(estimate.state, starts, fit)
+    )
+    located = place_at(name, estimate.state, own, vframe)
+    return replace(located, rejected=rejected, passes=estimate.passes)
 
 
-def _hopeless(name: str, own: Readings, known: Array, known_sigma: Array) -> NotLocated:
+def _hopeless(name: str, own: Readings, fit: DistanceFit) -> NotLocated:
     """A point whose readings contradict each other, with those that could be wrong by metres."""
     places, suspects = [], []
     for row in range(len(own)):
         rest = np.arange(len(own)) != row
         if len({own.end[i] for i in np.flatnonzero(rest)}) < 3:
             continue
-        starts = circle_starts(known[rest], own.distance[rest])
-        found, costs = fitting_places(
-            starts, known[rest], known_sigma[rest], own.distance[rest], own.sigma[rest]
-        )
+        others = fit.select(rest)
+        found, costs = others.solutions(circle_starts(others.known, others.distance))
         if len(found) and costs[0] < GOOD_REST * (len(own) - 3):
             places.append(found[0])
             line = f" (line {own.line[row]})" if own.line[row] else ""
@@ -208,54 +223,10 @@ def circle_starts(centres: Array, distances: Array) -> Array:
     pairs = [
         (i, j)
         for i, j in combinations(range(len(centres)), 2)
-        if np.linalg.norm(centres[i] - centres[j]) > _SAME
+        if np.linalg.norm(centres[i] - centres[j]) > SAME
     ]
     rows = np.array(pairs, dtype=int).reshape(-1, 2)
     return circle_intersections(centres[rows], distances[rows]).reshape(-1, 2)
-
-
-def _batch_costs(states: Array, known: Array, own: Readings, known_sigma: Array) -> Array:
-    """Cost of each of b states, readings taken as independent."""
-    at = linearise(_with_heading(states), known, np.zeros_like(known), own.distance)
-    return np.asarray((at.h**2 / independent_variance(at, own.sigma, known_sigma, 0.0)).sum(-1))
-
-
-def fitting_places(
-    starts: Array, known: Array, known_sigma: Array, distance: Array, sigma: Array
-) -> tuple[Array, Array]:
-    """Different places at which the filter rests, and their costs, the best first.
-
-    Parameters
-    ----------
-    starts : (s, 2) array
-        First guesses, metres, Vframe; see `circle_starts`.
-    known : (m, 2) array
-        Known point of each reading, metres, Vframe.
-    known_sigma : (m,) array
-        Root mean square standard deviation of its coordinates, metres.
-    distance, sigma : (m,) array
-        Readings and their standard deviations, metres, taken as independent.
-
-    Returns
-    -------
-    places : (k, 2) array
-        Metres, Vframe.
-    costs : (k,) array
-        Chi-squared of each.
-    """
-
-    def model(states: Array) -> tuple[Array, Array, Array]:
-        at = linearise(_with_heading(states), known, np.zeros_like(known), distance)
-        return at.h, at.H_position, independent_variance(at, sigma, known_sigma, 0.0)
-
-    ended = iterated_ekf_batch(model, starts, PRIOR_SIGMA)
-    usable = ended.converged & np.isfinite(ended.cost)
-    order = np.flatnonzero(usable)[np.argsort(ended.cost[usable])]
-    kept: list[int] = []
-    for i in order:
-        if all(np.linalg.norm(ended.state[i] - ended.state[k]) > _SAME for k in kept):
-            kept.append(int(i))
-    return ended.state[kept], ended.cost[kept]
 
 
 def place_model(own: Readings, vframe: VframeEstimate) -> Model:
@@ -281,9 +252,7 @@ def _by_frame(state: Array, own: Readings, vframe: VframeEstimate) -> tuple[Line
     """The readings at a place (2,), and the derivative of h by the frame's coordinates (m, 2 n)."""
     index: Array = np.array([vframe.names.index(end) for end in own.end], dtype=int)
     columns = (2 * index[:, None] + np.arange(2)).ravel()
-    at = linearise(
-        _with_heading(state), vframe.points[index], np.zeros((len(own), 2)), own.distance
-    )
+    at = linearise(with_heading(state), vframe.points[index], np.zeros((len(own), 2)), own.distance)
     return at, _scatter(at.W_known, columns, vframe.points.size)
 
 
@@ -317,45 +286,14 @@ def place_at(name: str, position: Array, own: Readings, vframe: VframeEstimate) 
     )
 
 
-def _finish(
-    name: str,
-    own: Readings,
-    vframe: VframeEstimate,
-    index: Array,
-    minima: Array,
-    costs: Array,
-    starts: Array,
-) -> WorldPoint:
-    """The best minimum, refined with the frame's full covariance."""
-    known = vframe.points[index]
-    estimate = iterated_ekf(place_model(own, vframe), minima[0], PRIOR_SIGMA)
-    return replace(
-        place_at(name, estimate.state, own, vframe),
-        rejected=_rejected(estimate, minima, costs, starts, known, own, vframe, index),
-        passes=estimate.passes,
-    )
-
-
-def _rejected(
-    estimate: Estimate,
-    minima: Array,
-    costs: Array,
-    starts: Array,
-    known: Array,
-    own: Readings,
-    vframe: VframeEstimate,
-    index: Array,
-) -> Rejected | None:
-    """The second minimum, or else the best meeting point on the wrong side."""
-    if len(minima) > 1:
-        return Rejected(minima[1], float(costs[1]), is_minimum=True)
-    far = np.linalg.norm(starts - estimate.state, axis=1)
-    pairs = far.reshape(-1, 2)
+def _mirrored(place: Array, starts: Array, fit: DistanceFit) -> Rejected | None:
+    """The best meeting point of two circles on the wrong side."""
+    pairs = np.linalg.norm(starts - place, axis=1).reshape(-1, 2)
     wrong = starts.reshape(-1, 2, 2)[np.arange(len(pairs)), pairs.argmax(1)]
-    wrong = wrong[pairs.max(1) > 10 * _SAME]
+    wrong = wrong[pairs.max(1) > 10 * SAME]
     if len(wrong) == 0:
         return None
-    cost = _batch_costs(wrong, known, own, vframe_sigma(vframe)[index])
+    cost = fit.costs(wrong)
     best = int(cost.argmin())
     return Rejected(wrong[best], float(cost[best]), is_minimum=False)
 
@@ -371,20 +309,9 @@ def joint_covariance(found: Sequence[WorldPoint], vframe: VframeEstimate) -> Arr
     return np.asarray((joint + joint.T) / 2)
 
 
-def vframe_sigma(vframe: VframeEstimate) -> Array:
-    """(n,) root mean square standard deviation of each point's coordinates."""
-    variance = np.diagonal(vframe.covariance).reshape(-1, 2).mean(1)
-    return np.asarray(np.sqrt(variance))
-
-
 def _scatter(W: Array, columns: Array, size: int) -> Array:
     """(m, size) derivative by a stacked vector from each row's derivative by its own two."""
     m = len(W)
     out = np.zeros((m, size))
     out[np.repeat(np.arange(m), 2), columns] = W.ravel()
     return out
-
-
-def _with_heading(states: Array) -> Array:
-    """Positions as states of `linearise`, whose heading a world point does not have."""
-    return np.concatenate([states, np.zeros((*states.shape[:-1], 1))], axis=-1)

@@ -6,11 +6,15 @@ one), and every reading is taken as independent. Plain loops, so that they can b
 the page (AD2.3, pages 15, 24 and 25).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from survey.estimation.robot_frames import pose_readings
+from survey.estimation.solve import SurveySolution
+from survey.readings.readings import Readings
+from validation.campaign.folder import RobotFrame, Vframe
 from validation.poses.angles import Array
 
 PASSES = 20
@@ -127,3 +131,47 @@ def robot_frame_filter(
             P = P - np.outer(K, K) * S
             x = x + K * (-h)
     return PublishedEstimate(x, P)
+
+
+@dataclass(frozen=True)
+class AsPublished:
+    """What the two listings make of the readings of a survey.
+
+    Parameters
+    ----------
+    world : mapping of str to PublishedEstimate
+        World points by the first, metres.
+    frames : mapping of str to PublishedEstimate
+        Robot frames by the second, metres and radians.
+    """
+
+    world: Mapping[str, PublishedEstimate]
+    frames: Mapping[str, PublishedEstimate]
+
+
+def as_published_estimates(
+    solution: SurveySolution, readings: Readings, vframe: Vframe, rig: RobotFrame
+) -> AsPublished:
+    """The two listings, started from this program's solution.
+
+    Parameters
+    ----------
+    solution : SurveySolution
+        Says which world points and robot frames there are, and where they start.
+    readings : Readings
+        The readings that it was found from.
+    vframe : Vframe
+        Nominal frame.
+    rig : RobotFrame
+        Nominal robot frame.
+    """
+    world, frames = {}, {}
+    for point in solution.world.points:
+        own = readings.touching([point.name], list(vframe.points))
+        places = [vframe.points[name] for name in own.end]
+        world[point.name] = world_point_filter(list(own.distance), places, list(point.position))
+    for frame in solution.frames:
+        pose = pose_readings(frame.pose, readings, solution.world, rig)
+        known, body = pose.known.tolist(), pose.body.tolist()
+        frames[frame.pose] = robot_frame_filter(list(pose.distance), known, body, list(frame.state))
+    return AsPublished(world, frames)

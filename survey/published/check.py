@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from survey.estimation.distance_fit import coordinate_sigma, with_heading
 from survey.estimation.measurement import independent_variance, linearise
 from survey.estimation.vframe import VframeEstimate
 from survey.estimation.world_points import WorldPoints
@@ -114,11 +115,10 @@ def _places(own: Readings, distances: Array, start: Array, vframe: VframeEstimat
     """(c, 2) least-squares places for c variants (c, m) of a point's readings."""
     index = [vframe.names.index(end) for end in own.end]
     known = vframe.points[index]
-    sigma = np.sqrt(np.diagonal(vframe.covariance).reshape(-1, 2).mean(1))[index]
+    sigma = coordinate_sigma(vframe.covariance)[index]
     place = np.tile(start, (len(distances), 1))
     for _ in range(_PASSES):
-        state = np.concatenate([place, np.zeros((len(place), 1))], axis=1)
-        at = linearise(state, known, np.zeros_like(known), distances)
+        at = linearise(with_heading(place), known, np.zeros_like(known), distances)
         variance = independent_variance(at, own.sigma, sigma, 0.0)
         weighted = at.H_position / variance[..., None]
         normal = np.swapaxes(weighted, -1, -2) @ at.H_position

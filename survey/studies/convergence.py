@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from survey.estimation.iterated_ekf import PASSES, BatchModel, Estimates, iterated_ekf_batch
-from survey.estimation.measurement import independent_variance, linearise
+from survey.estimation.distance_fit import DistanceFit
+from survey.estimation.iterated_ekf import PASSES
 from validation.poses.angles import Array, wrap
 
 REACHES_SOLUTION, REACHES_OTHER, NOT_CONVERGED = 0, 1, 2
@@ -25,59 +25,6 @@ CONFIDENCE = 0.95
 _SAME = 1e-5
 """Ends nearer than this, in metres and radians, are one place."""
 _MOST_OTHERS = 20
-
-
-@dataclass(frozen=True)
-class DistanceProblem:
-    """A point or a robot frame to be found from distances.
-
-    Parameters
-    ----------
-    known : (m, 2) array
-        Known point of each reading, metres, Vframe.
-    body : (m, 2) array or None
-        Rig point of each reading, metres, robot frame; None for a world point, which has no
-        heading.
-    distance, sigma : (m,) array
-        Readings and their standard deviations, metres.
-    known_sigma : (m,) array or float
-        Standard deviation of each coordinate of the known points, metres.
-    body_sigma : float
-        The same for the marks.
-    prior_sigma : (n,) array
-        sigma[0] of the filter, n = 2 or 3.
-    """
-
-    known: Array
-    body: Array | None
-    distance: Array
-    sigma: Array
-    known_sigma: Array | float
-    body_sigma: float
-    prior_sigma: Array
-
-    @property
-    def unknowns(self) -> int:
-        """2 for a point, 3 for a robot frame."""
-        return 2 if self.body is None else 3
-
-    def model(self) -> BatchModel:
-        """The measurement equation for many states (b, n) at once."""
-        n = self.unknowns
-        body = np.zeros((1, 2)) if self.body is None else self.body
-
-        def evaluate(states: Array) -> tuple[Array, Array, Array]:
-            at = linearise(_with_heading(states), self.known, body, self.distance)
-            variance = independent_variance(at, self.sigma, self.known_sigma, self.body_sigma)
-            return at.h, at.H[..., :n], variance
-
-        return evaluate
-
-    def solve(self, starts: Array, passes: int = PASSES) -> Estimates:
-        """Where the filter ends from starts (b, n), headings brought to (-pi, pi]."""
-        ended = iterated_ekf_batch(self.model(), starts, self.prior_sigma, passes)
-        ended.state[:, 2:] = wrap(ended.state[:, 2:])
-        return ended
 
 
 @dataclass(frozen=True)
@@ -162,7 +109,7 @@ class Convergence:
 
 
 def explore_convergence(
-    problem: DistanceProblem,
+    problem: DistanceFit,
     solution: Array,
     rng: np.random.Generator,
     *,
@@ -174,7 +121,7 @@ def explore_convergence(
 
     Parameters
     ----------
-    problem : DistanceProblem
+    problem : DistanceFit
         What is to be found.
     solution : (n,) array
         Its solution.
@@ -192,11 +139,11 @@ def explore_convergence(
     ValueError
         If the filter does not rest near the given solution.
     """
-    home = problem.solve(np.asarray(solution, dtype=float)[None], passes)
+    home = problem.ends(np.asarray(solution, dtype=float)[None], passes)
     if not home.converged[0]:
         raise ValueError("the filter does not converge even from the solution")
     guesses = random_starts(home.state[0], radius, starts, rng)
-    ended = problem.solve(guesses, passes)
+    ended = problem.ends(guesses, passes)
     there = ended.converged & _near(ended.state, home.state[0])
     outcome = np.where(there, REACHES_SOLUTION, REACHES_OTHER)
     outcome[~ended.converged] = NOT_CONVERGED
@@ -291,12 +238,6 @@ def _grouped(states: Array, costs: Array) -> tuple[OtherSolution, ...]:
         groups.append(OtherSolution(states[0], float(costs[0]), int(same.sum())))
         states, costs = states[~same], costs[~same]
     return tuple(groups)
-
-
-def _with_heading(states: Array) -> Array:
-    """States (b, 3); a point, whose heading nothing depends on, gets 0."""
-    missing = 3 - states.shape[-1]
-    return np.concatenate([states, np.zeros((len(states), missing))], -1) if missing else states
 
 
 def smallest_region(found: Sequence[Convergence], heading_limit: float = np.pi) -> Region:

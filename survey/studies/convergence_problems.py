@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
-from survey.estimation import robot_frames, world_points
+from survey.estimation.distance_fit import DistanceFit
+from survey.estimation.robot_frames import pose_readings
 from survey.estimation.solve import SurveySolution
+from survey.estimation.world_points import place_readings
 from survey.readings.readings import Readings
-from survey.studies.convergence import DistanceProblem
 from validation.campaign.folder import RobotFrame
 from validation.poses.angles import Array
 
@@ -23,7 +22,7 @@ class Unknown:
         What it is.
     name : str
         Its name.
-    problem : DistanceProblem
+    problem : DistanceFit
         Its readings.
     solution : (2,) or (3,) array
         Where it was found.
@@ -31,7 +30,7 @@ class Unknown:
 
     kind: Literal["world point", "pose"]
     name: str
-    problem: DistanceProblem
+    problem: DistanceFit
     solution: Array
 
 
@@ -48,47 +47,21 @@ def unknowns_of(solution: SurveySolution, readings: Readings, rig: RobotFrame) -
         Nominal robot frame.
     """
     return [
-        *_points(solution, readings),
-        *(_pose(solution, fit, readings, rig) for fit in solution.frames),
+        *(
+            Unknown(
+                "world point",
+                point.name,
+                place_readings(
+                    readings.touching([point.name], solution.vframe.names), solution.vframe
+                ),
+                point.position,
+            )
+            for point in solution.world.points
+        ),
+        *(
+            Unknown(
+                "pose", fit.pose, pose_readings(fit.pose, readings, solution.world, rig), fit.state
+            )
+            for fit in solution.frames
+        ),
     ]
-
-
-def _points(solution: SurveySolution, readings: Readings) -> list[Unknown]:
-    """World points, known by their distances to the Vframe."""
-    frame = solution.vframe
-    variance = np.diagonal(frame.covariance).reshape(-1, 2).mean(1)
-    found = []
-    for point in solution.world.points:
-        own = readings.touching([point.name], frame.names)
-        index = np.array([frame.names.index(end) for end in own.end], dtype=int)
-        problem = DistanceProblem(
-            known=frame.points[index],
-            body=None,
-            distance=own.distance,
-            sigma=own.sigma,
-            known_sigma=np.sqrt(variance[index]),
-            body_sigma=0.0,
-            prior_sigma=world_points.PRIOR_SIGMA,
-        )
-        found.append(Unknown("world point", point.name, problem, point.position))
-    return found
-
-
-def _pose(
-    solution: SurveySolution,
-    fit: robot_frames.RobotFrameFit,
-    readings: Readings,
-    rig: RobotFrame,
-) -> Unknown:
-    """A pose, known by the distances of its marks to the world points."""
-    own = robot_frames.pose_readings(fit.pose, readings, solution.world, rig)
-    problem = DistanceProblem(
-        known=own.known,
-        body=own.body,
-        distance=own.distance,
-        sigma=own.sigma,
-        known_sigma=own.known_sigma,
-        body_sigma=own.body_sigma,
-        prior_sigma=robot_frames.PRIOR_SIGMA,
-    )
-    return Unknown("pose", fit.pose, problem, fit.state)

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from survey.readings.hardware import missing_hardware
 from survey.readings.point_names import robot_point
 from survey.settings import PlanSettings
 from validation.campaign.folder import Campaign
-from validation.errors import GtvalError
+from validation.errors import GtvalError, InputError
 from validation.poses.angles import Array
 from validation.poses.pose_table import from_csv
 from validation.text_files.csv_tables import Column, read_csv
@@ -40,7 +41,8 @@ def load_planned_places(campaign: Campaign, settings: PlanSettings) -> PlannedPl
     GtvalError
         If there are no planned world points.
     InputError
-        Naming file, line, field and value of every bad place.
+        Naming file, line, field and value of every bad place, and every key of campaign.toml that
+        does not state the hardware.
     """
     path = campaign.folder / settings.world_points
     if not path.exists():
@@ -49,6 +51,9 @@ def load_planned_places(campaign: Campaign, settings: PlanSettings) -> PlannedPl
             f"to {settings.world_points} (columns world_point, x, y) and the stops to "
             f"{settings.poses} (pose, x, y, theta)"
         )
+    missing = missing_hardware(campaign)
+    if missing:
+        raise InputError(missing)
     table = read_csv(
         path,
         [

@@ -9,7 +9,8 @@ import numpy as np
 import data_samples
 from data_samples.rooms.rooms import Room, RoomSettings, make_room
 from data_samples.rooms.simulate import SimulatedCampaign, SimulationSettings, simulate_survey
-from survey.campaign.outcome import SurveyOutcome, solve_campaign
+from survey.campaign.outcome import SurveyOutcome
+from survey.campaign.solve import solve_campaign
 from survey.estimation.solve import SurveySolution, solve_survey
 from validation.campaign.folder import load_campaign
 from validation.poses.angles import Array, wrap

@@ -427,10 +427,14 @@ class EntrySession:
             if self.state.pairs and not adopt:
                 raise refuse_hand_changes(file.path, changes)
             self.taken_over = len(changes.added)
-            for entry, remark in as_entries(file.path, changes, self.guide.names.may_be_measured):
+            names = self.guide.names
+            after = names.with_stops_of(reading.pair for reading, _ in changes.added)
+            stops = after.stops[len(names.stops) :]
+            for entry, remark in as_entries(file.path, changes, stops, after.why_not):
                 self._append_only([replace(entry, id=uuid.uuid4().hex)])
                 if remark:
                     self._append_only([remark_on(self.journal.entries[-1], remark)])
+            self.guide.make_plan()
         if changes is not None or self.state.pairs:
             file.write(self.state)
 

@@ -1,6 +1,6 @@
 """Readings that came from elsewhere: a readings file from before, or changed by hand."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from survey.entry.record.entries import FROM_FILE, MAX_NOTE, Entry
 from survey.entry.record.readings_csv import HandChanges
 from validation.errors import GtvalError, InputError, Problem
 
-MayBeMeasured = Callable[[frozenset[str]], bool]
+WhyNot = Callable[[frozenset[str]], str]
 
 
 def refuse_hand_changes(path: Path, changes: HandChanges) -> GtvalError:
@@ -21,7 +21,7 @@ def refuse_hand_changes(path: Path, changes: HandChanges) -> GtvalError:
 
 
 def as_entries(
-    path: Path, changes: HandChanges, may_be_measured: MayBeMeasured
+    path: Path, changes: HandChanges, stops: Iterable[str], why_not: WhyNot
 ) -> list[tuple[Entry, str]]:
     """The journal entries that take changes over, each with the remark to note at it.
 
@@ -31,29 +31,27 @@ def as_entries(
         The readings file, for messages.
     changes : HandChanges
         What was changed.
-    may_be_measured : callable
-        Whether a pair is among the points of the campaign.
+    stops : iterable of str
+        Stops of the file that nobody has begun yet.
+    why_not : callable
+        What is wrong with a pair of points; '' where it may be measured.
 
     Raises
     ------
     InputError
-        Naming every row whose points are not those of the campaign.
+        Naming what is wrong with the points of the rows, each thing once.
     """
-    problems = [
-        Problem(
-            path,
-            "no pair of points of this campaign; check the names, [survey] world_points and "
-            "[survey.entry] poses",
-            field="from",
-            value=f"{reading.start},{reading.end}",
-        )
-        for reading, _ in changes.added
-        if not may_be_measured(reading.pair)
-    ]
+    problems: dict[str, Problem] = {}
+    for reading, _ in changes.added:
+        fault = why_not(reading.pair)
+        if fault:
+            value = f"{reading.start},{reading.end}"
+            problems.setdefault(fault, Problem(path, fault, field="from", value=value))
     if problems:
-        raise InputError(problems)
+        raise InputError(problems.values())
+    begun = [(Entry("stop", device=FROM_FILE, text=stop), "") for stop in stops]
     undone = [(Entry("undo", device=FROM_FILE, of=number), "") for number in changes.missing]
-    return [*undone, *((reading, remark[:MAX_NOTE]) for reading, remark in changes.added)]
+    return [*begun, *undone, *((reading, remark[:MAX_NOTE]) for reading, remark in changes.added)]
 
 
 def remark_on(reading: Entry, remark: str) -> Entry:

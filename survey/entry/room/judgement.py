@@ -12,7 +12,14 @@ from statistics import NormalDist
 
 import numpy as np
 
-from survey.entry.room.fits import Fit, Rows, information_covariance, stacked, test_values
+from survey.entry.room.fits import (
+    information_covariance,
+    room_starts,
+    stacked,
+    test_values,
+    why_open,
+)
+from survey.estimation.distance_fit import DistanceFit, Rows
 from validation.poses.angles import Array
 
 LIMIT = 3.29
@@ -72,18 +79,18 @@ class Judgement:
         return len(self.states) == 1
 
 
-def judge(fit: Fit, near: Array | None = None) -> Judgement:
+def judge(fit: DistanceFit, near: Array | None = None) -> Judgement:
     """What readings say together, and which may be wrong.
 
     Parameters
     ----------
-    fit : Fit
+    fit : DistanceFit
         The readings.
     near : (s, n) array, optional
         Earlier solutions, which save the search for first guesses.
     """
     everything = np.arange(len(fit))
-    why = fit.why_open()
+    why = why_open(fit)
     if why is not None:
         return _open(fit, why)
     rests = False
@@ -100,9 +107,10 @@ def judge(fit: Fit, near: Array | None = None) -> Judgement:
     return _open(fit, "the readings do not fit together", fits=False)
 
 
-def _solutions(fit: Fit, starts: Array | None) -> tuple[Array, Array]:
+def _solutions(fit: DistanceFit, starts: Array | None) -> tuple[Array, Array]:
     """Solutions and costs; of a few readings there may be others than those near the starts."""
-    return fit.solutions(starts if len(fit) >= 3 * fit.unknowns else None)
+    use = starts is not None and len(fit) >= 3 * fit.unknowns
+    return fit.solutions(starts if use and starts is not None else room_starts(fit))
 
 
 def misfit_limit(degrees_of_freedom: int, chance: float = MISFIT_CHANCE) -> float:
@@ -116,7 +124,7 @@ def misfit_limit(degrees_of_freedom: int, chance: float = MISFIT_CHANCE) -> floa
     return float(k * (1 - 2 / (9 * k) + z * sqrt(2 / (9 * k))) ** 3)
 
 
-def _open(fit: Fit, why: str, *, fits: bool = True) -> Judgement:
+def _open(fit: DistanceFit, why: str, *, fits: bool = True) -> Judgement:
     n = fit.unknowns
     everything = tuple(range(len(fit)))
     return Judgement(
@@ -130,16 +138,16 @@ def _open(fit: Fit, why: str, *, fits: bool = True) -> Judgement:
     )
 
 
-def _solved(fit: Fit, rows: Rows, near: Array | None) -> Judgement | None:
+def _solved(fit: DistanceFit, rows: Rows, near: Array | None) -> Judgement | None:
     """The solutions of some of the readings; None where they do not fit together."""
     part = fit.select(rows)
-    if part.why_open() is not None:
+    if why_open(part) is not None:
         return None
     states, costs = _solutions(part, near)
     return _accepted(fit, rows, states, costs)
 
 
-def _accepted(fit: Fit, rows: Rows, states: Array, costs: Array) -> Judgement | None:
+def _accepted(fit: DistanceFit, rows: Rows, states: Array, costs: Array) -> Judgement | None:
     """The judgement of solutions of some of the readings; None where they do not fit together."""
     part = fit.select(rows)
     redundancy = len(part) - part.unknowns
@@ -160,7 +168,7 @@ def _worst_limit(readings: int) -> float:
     return NormalDist().inv_cdf(1 - MISFIT_CHANCE / (2 * readings))
 
 
-def _explained(fit: Fit, state: Array | None, near: Array | None) -> Judgement | None:
+def _explained(fit: DistanceFit, state: Array | None, near: Array | None) -> Judgement | None:
     """The readings without those that may be wrong; None where no one or two explain the misfit.
 
     ``state`` (n,) is where all of them together fit best, if the iteration rests anywhere;
@@ -200,7 +208,7 @@ def _with_explanations(found: list[tuple[float, tuple[int, ...], Judgement]]) ->
     )
 
 
-def _worst_rows(fit: Fit, state: Array | None) -> list[int]:
+def _worst_rows(fit: DistanceFit, state: Array | None) -> list[int]:
     """The rows to leave out in turn: all of a few, else those that fit a state worst."""
     if len(fit) <= _FEW:
         return list(range(len(fit)))

@@ -10,19 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from survey.entry.room.fits import (
-    Fit,
-    PlaceFit,
-    PoseFit,
-    predicted_distances,
-)
+from survey.entry.room.fits import predicted_distances
 from survey.entry.room.groups import Pair, group_key
 from survey.entry.room.judgement import Judgement, judge
 from survey.entry.room.prediction import Prediction, Sides
+from survey.estimation.distance_fit import DistanceFit, coordinate_sigma, place_fit
 from survey.estimation.geometry import rotate
-from survey.estimation.robot_frames import full_model, pose_covariance, pose_readings
+from survey.estimation.robot_frames import PoseReadings, full_model, pose_covariance, pose_readings
 from survey.estimation.vframe import VframeEstimate, estimate_vframe
-from survey.estimation.world_points import WorldPoints, joint_covariance, place_at, vframe_sigma
+from survey.estimation.world_points import WorldPoints, joint_covariance, place_at, place_readings
 from survey.readings.instrument import corrected, reading_sigma
 from survey.readings.point_names import robot_point
 from survey.readings.readings import Readings
@@ -49,14 +45,14 @@ class Judged:
     ----------
     numbers : tuple of int
         Journal entries of the rows of the fit.
-    fit : Fit
+    fit : DistanceFit
         The readings.
     judgement : Judgement
         What they say together.
     """
 
     numbers: tuple[int, ...]
-    fit: Fit
+    fit: DistanceFit
     judgement: Judgement
 
     def entries_of(self, rows: Iterable[int]) -> tuple[int, ...]:
@@ -176,11 +172,11 @@ class RoomKnowledge:
         if (
             not one.judgement.is_unique
             or one.judgement.explanations
-            or not isinstance(fit, PoseFit)
+            or not isinstance(fit, PoseReadings)
         ):
             return None
-        h, _, R = full_model(fit.own, self.world(), self._rig)(state[0])
-        covariance = pose_covariance(state[0], fit.own, self.world(), self._rig)
+        h, _, R = full_model(fit, self.world(), self._rig)(state[0])
+        covariance = pose_covariance(state[0], fit, self.world(), self._rig)
         spare = len(fit) - fit.unknowns
         m0 = float(np.sqrt(h @ np.linalg.solve(R, h) / spare)) if spare > 0 else None
         return np.asarray(np.sqrt(np.diagonal(covariance))), m0
@@ -215,7 +211,7 @@ class RoomKnowledge:
         if not one.judgement.is_unique:
             return {}
         state = one.judgement.states[0]
-        if isinstance(one.fit, PoseFit):
+        if isinstance(one.fit, PoseReadings):
             return {
                 f"{key}{name}": tuple(
                     map(float, state[:2] + rotate(state[2], np.array(body, dtype=float)))
@@ -243,7 +239,7 @@ class RoomKnowledge:
         """The nominal distance of two Vframe points."""
         i, j = (self._vframe.names.index(name) for name in (a, b))
         length = float(np.linalg.norm(self._vframe.points[i] - self._vframe.points[j]))
-        sigma = vframe_sigma(self._vframe)[[i, j]]
+        sigma = coordinate_sigma(self._vframe.covariance)[[i, j]]
         total = np.sqrt(self.sigma(length) ** 2 + (sigma**2).sum())
         return Prediction(np.array([length]), np.array([total]), Sides.none(), "the nominal frame")
 
@@ -251,7 +247,7 @@ class RoomKnowledge:
         """From a world point's other readings."""
         group = self._groups.get(world, _Group())
         index = self._vframe.names.index(frame)
-        mark_sigma = vframe_sigma(self._vframe)[index]
+        mark_sigma = coordinate_sigma(self._vframe.covariance)[index]
         sides: list[_Side] = []
         for reading in self._readings(world):
             other = self._vframe.names.index(reading.end)
@@ -357,24 +353,21 @@ class RoomKnowledge:
                 group.near.pop(name, None)
         return group.judged[name]
 
-    def _fit(self, key: str, name: str) -> tuple[tuple[int, ...], Fit]:
+    def _fit(self, key: str, name: str) -> tuple[tuple[int, ...], DistanceFit]:
         """The readings to judge, with their entries."""
         rows = self._readings(key)
         if key in self._world_names:
             own = self._as_readings(rows)
-            index = [self._vframe.names.index(end) for end in own.end]
-            known, known_sigma = self._vframe.points[index], vframe_sigma(self._vframe)[index]
-            return own.line, PlaceFit(known, known_sigma, own.distance, own.sigma)
+            return own.line, place_readings(own, self._vframe)
         world = self.world()
         located = set(world.names)
         rows = [r for r in rows if r.end in located and name in (key, r.start)]
         own = self._as_readings(rows)
         if name == key:
-            return own.line, PoseFit(pose_readings(key[:-1], own, world, self._rig))
+            return own.line, pose_readings(key[:-1], own, world, self._rig)
         index = [world.names.index(end) for end in own.end]
-        variance = np.diagonal(world.covariance).reshape(-1, 2).mean(1)[index]
-        place = PlaceFit(world.positions[index], np.sqrt(variance), own.distance, own.sigma)
-        return own.line, place
+        sigma = coordinate_sigma(world.covariance)[index]
+        return own.line, place_fit(world.positions[index], sigma, own.distance, own.sigma)
 
     def _readings(self, key: str) -> list[KnownReading]:
         """Readings of a group in the order entered, turned to start at the world point or mark."""

@@ -1,14 +1,16 @@
 """What is to be measured, in the order in which it is quickest, and why some of it is not."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
 from survey.entry.record.entries import pair_of
+from survey.readings.hardware import missing_hardware
 from survey.readings.hidden_pairs import load_hidden_pairs
+from survey.readings.point_names import robot_point
 from survey.settings import EntrySettings, PlanSettings, SurveySettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
@@ -83,6 +85,27 @@ class Names:
         inside, on_wall, on_mark = (len(pair & kind) for kind in self._kinds)
         return inside == 2 or (on_wall == 1 and inside + on_mark == 1)
 
+    def why_not(self, pair: Pair) -> str:
+        """What is wrong with a pair, in words; '' where it may be measured."""
+        if self.may_be_measured(pair):
+            return ""
+        unknown = sorted(name for name in pair if not any(name in kind for kind in self._kinds))
+        if unknown:
+            return (
+                f"no point of this campaign: {', '.join(unknown)}; check the names, [survey] "
+                "world_points and [survey.entry] poses"
+            )
+        return (
+            "this pair is not entered here: expected two Vframe points, or a world point with a "
+            "Vframe point or a mark; keep such rows in another file"
+        )
+
+    def with_stops_of(self, pairs: Iterable[Pair]) -> "Names":
+        """These names, and the stops whose marks are ends of the pairs."""
+        ends = (robot_point(name) for pair in pairs for name in sorted(pair))
+        found = (end[0] for end in ends if end is not None and end[0] and end[1] in self.rig)
+        return replace(self, stops=tuple(dict.fromkeys([*self.stops, *found])))
+
 
 def load_names(campaign: Campaign, more_stops: Iterable[str] = ()) -> Names:
     """The points of a campaign.
@@ -97,19 +120,16 @@ def load_names(campaign: Campaign, more_stops: Iterable[str] = ()) -> Names:
     Raises
     ------
     InputError
-        If no world points are listed, or the file of initial guesses is bad.
+        If no world points are listed, campaign.toml does not state the hardware, or the file of
+        initial guesses is bad.
     """
     settings = campaign.section("survey", SurveySettings)
+    problems = missing_hardware(campaign, tolerance=settings.reading_sigma is None)
     if not settings.world_points:
-        raise InputError(
-            [
-                Problem(
-                    campaign.toml,
-                    'list the world points, as in world_points = ["1", "2", "3"]',
-                    field="survey.world_points",
-                )
-            ]
-        )
+        listed = 'list the world points, as in world_points = ["1", "2", "3"]'
+        problems.append(Problem(campaign.toml, listed, field="survey.world_points"))
+    if problems:
+        raise InputError(problems)
     stops = settings.entry.poses or _guessed_stops(campaign.folder / settings.initial_guesses)
     written_as = {meaning: label for label, meaning in settings.labels.items()}
     return Names(

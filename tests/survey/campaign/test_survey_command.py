@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import shutil
 import stat
 
@@ -126,11 +127,39 @@ def test_a_folder_without_a_survey_says_so(tmp_path):
     assert "no survey" in done.stderr
 
 
+def test_hardware_that_is_not_stated_is_asked_for_all_at_once(room):
+    toml = room / "campaign.toml"
+    without = re.sub(
+        r"^(tolerance|pole_length|points) = .*\n", "", toml.read_text(), flags=re.MULTILINE
+    )
+    toml.write_text(without)
+    done = run(room, "--dry-run")
+    assert done.exit_code == 2
+    for key, example in (
+        ("instrument.tolerance", "tolerance = 0.0015"),
+        ("vframe.points", "pole_length = 2.5"),
+        ("robot_frame.points", "points = {"),
+    ):
+        assert key in done.stderr
+        assert example in done.stderr
+
+
+def test_assumed_standard_deviations_are_told(room):
+    toml = room / "campaign.toml"
+    for key in ("sigma", "marking_sigma"):
+        toml.write_text(re.sub(rf"^{key} = .*\n", "", toml.read_text(), flags=re.MULTILINE))
+    said = json.loads(run(room, "--json", "--dry-run").stdout)
+    (told,) = [f for f in said["findings"] if f["code"] == "assumed_sigmas"]
+    assert told["severity"] == "note"
+    assert "vframe.sigma = 0.002 m, robot_frame.marking_sigma = 0.001 m" in told["text"]
+
+
 def test_the_listings_as_printed_can_be_compared(room):
     done = run(room, "--as-published", "--dry-run")
     assert done.exit_code == 0
     assert "by the document's listing" in done.stdout
     assert not (room / "results").exists()
+    assert "by the document's listing" not in run(room, "--dry-run").stdout
 
 
 def test_robust_adjustment_is_an_option(room):

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from survey.figures.maps import WIDTH, Places, Room, finish_legend, survey_map
 from survey.readings.instrument import tolerance_at
 from survey.studies.convergence import NOT_CONVERGED, REACHES_OTHER, REACHES_SOLUTION, Convergence
-from survey.studies.figures import WIDTH, Places, Room, finish_legend, survey_map
 from survey.studies.instrument_check import InstrumentCheck
 from validation.campaign.folder import Instrument
 from validation.figures.errors import COLOURS, GREY
@@ -124,37 +124,6 @@ def _draw_starts(axes: "Axes", found: Convergence, shown: "np.typing.NDArray[np.
             label=f"{label} ({rows.size})",
             rasterized=rows.size > 300,
         )
-
-
-def detectable_figure(names: Sequence[str], shift: Array, turn: Array, title: str) -> Figure:
-    """Smallest shift and smallest turn that would be noticed, pose by pose.
-
-    Parameters
-    ----------
-    names : sequence of str, length n
-        Poses.
-    shift : (n,) array
-        Metres.
-    turn : (n,) array
-        Radians.
-    title : str
-        What kind of motion.
-    """
-    figure = Figure(figsize=(WIDTH, 1.6 + 0.22 * len(names)), layout="constrained")
-    panels = figure.subplots(1, 2, sharey=True)
-    rows = np.arange(len(names))
-    values = ((shift * 1e3, "shift [mm]"), (np.degrees(turn), "turn [°]"))
-    for axes, (size, label), marker in zip(panels, values, "os", strict=True):
-        axes.hlines(rows, 0, size, color=GREY, linewidth=0.8)
-        axes.plot(size, rows, marker, color=COLOURS[0], ms=5)
-        axes.set_xlim(0, float(size.max(initial=0.0)) * 1.1 or 1.0)
-        axes.set_xlabel(label)
-        axes.grid(visible=True, axis="x", linewidth=0.3)
-    panels[0].set_yticks(rows, list(names), fontsize=8)
-    panels[0].invert_yaxis()
-    panels[0].set_ylabel("pose")
-    figure.suptitle(title, fontsize=10)
-    return figure
 
 
 def planning_map(

@@ -12,7 +12,7 @@ from survey.entry.dialogue.words import COMMANDS
 from survey.settings import EntrySettings
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
-PAGE = Path(__file__).parents[3] / "docs" / "field.md"
+PAGE = Path(__file__).parents[4] / "docs" / "field.md"
 STYLE = """
 @page { size: A4; margin: 12mm }
 body { font: 10pt/1.35 "DejaVu Sans", sans-serif; margin: 0 }

@@ -6,8 +6,9 @@ from surveys import ad23, case, simulated
 
 from data_samples.rooms.rooms import RoomSettings, make_room
 from data_samples.rooms.simulate import SimulationSettings, simulate_survey
+from survey.estimation.evidence import Evidence
 from survey.estimation.labelling import _symmetries
-from survey.estimation.solve import Evidence, solve_survey
+from survey.estimation.solve import solve_survey
 from survey.readings.readings import Readings
 from validation.campaign.folder import Vframe
 from validation.errors import GtvalError
@@ -116,11 +117,16 @@ def test_right_labels_of_small_rooms_are_never_refused(seed):
 def test_ad23_labels_as_printed_are_refused_because_coordinates_were_printed():
     outcome = ad23()
     settings = outcome.campaign.settings
-    readings = relabelled(outcome.file.used, SWAP)
-    arguments = (settings.vframe, settings.robot_frame, readings, outcome.settings.world_points)
+    readings = relabelled(outcome.inputs.file.used, SWAP)
+    arguments = (
+        settings.vframe,
+        settings.robot_frame,
+        readings,
+        outcome.inputs.settings.world_points,
+    )
     with pytest.raises(GtvalError, match=r'published coordinates.*X = "Y", Y = "X"'):
-        solve_survey(*arguments, outcome.evidence)
-    no_print = replace(outcome.evidence, published={})
+        solve_survey(*arguments, outcome.inputs.evidence)
+    no_print = replace(outcome.inputs.evidence, published={})
     assert solve_survey(*arguments, no_print).labelling.status == "unconfirmed"
     assert outcome.solution.labelling.decided_by == ("published coordinates",)
 

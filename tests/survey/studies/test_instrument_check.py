@@ -12,6 +12,7 @@ from validation.campaign.folder import Instrument
 from validation.cli import main
 
 BOSCH = Instrument(tolerance=0.0015, tolerance_up_to=30.0, tolerance_per_metre=0.000175)
+STATED = ["--tolerance", "0.0015"]
 FINE = Instrument(resolution=0.0)  # no rounding, so that the noise is normal
 LENGTHS = np.linspace(1.0, 12.0, 12)
 PATTERN = 0.0004 * np.tile([1, -1, -1, 1], 3)  # no offset, no slope, some noise
@@ -145,12 +146,14 @@ def lengths_file(folder, rows, header="true,reading"):
 def test_the_command_prints_a_verdict_and_settings_that_a_campaign_takes(tmp_path):
     path = lengths_file(tmp_path, [f"{x:.3f},{x + 0.003:.3f}" for x in LENGTHS])
     figure = tmp_path / "check.svg"
-    done = CliRunner().invoke(main, ["instrument-check", str(path), "--figure", str(figure)])
+    done = CliRunner().invoke(
+        main, ["instrument-check", str(path), *STATED, "--figure", str(figure)]
+    )
     assert done.exit_code == 0, done.output
     assert "too long" in done.output
     assert figure.read_bytes().startswith(b"<?xml")
     snippet = done.output.split("For campaign.toml:")[1]
-    (tmp_path / "campaign.toml").write_text('name = "x"\n' + snippet)
+    (tmp_path / "campaign.toml").write_text(f'name = "x"\n{snippet}tolerance = 0.0015\n')
     again = CliRunner().invoke(
         main, ["instrument-check", str(path), "--campaign", str(tmp_path), "--json"]
     )
@@ -172,7 +175,9 @@ def test_the_command_prints_a_verdict_and_settings_that_a_campaign_takes(tmp_pat
 def test_bad_files_end_in_plain_words(tmp_path, rows, said):
     path = lengths_file(tmp_path, rows)
     figure = tmp_path / "check.png"
-    done = CliRunner().invoke(main, ["instrument-check", str(path), "--figure", str(figure)])
+    done = CliRunner().invoke(
+        main, ["instrument-check", str(path), *STATED, "--figure", str(figure)]
+    )
     assert done.exit_code == 2
     assert "Traceback" not in done.output
     for words in [str(path), *said]:
@@ -183,7 +188,7 @@ def test_bad_files_end_in_plain_words(tmp_path, rows, said):
 def test_a_figure_of_another_kind_is_refused(tmp_path):
     path = lengths_file(tmp_path, ["2.0,2.001", "5.0,5.0"])
     done = CliRunner().invoke(
-        main, ["instrument-check", str(path), "--figure", str(tmp_path / "a.doc")]
+        main, ["instrument-check", str(path), *STATED, "--figure", str(tmp_path / "a.doc")]
     )
     assert done.exit_code == 2
     assert ".png or .svg" in done.output
@@ -195,3 +200,15 @@ def test_a_tolerance_that_is_none_is_refused(tmp_path, value):
     done = CliRunner().invoke(main, ["instrument-check", str(path), "--tolerance", value])
     assert done.exit_code == 2
     assert "Traceback" not in done.output
+
+
+@pytest.mark.parametrize("command", ["instrument-check", "walls-check"])
+def test_what_the_maker_states_is_asked_for(tmp_path, command):
+    path = lengths_file(tmp_path, ["2.0,2.001"])
+    done = CliRunner().invoke(main, [command, str(path)])
+    assert done.exit_code == 2
+    assert "--tolerance 0.0015" in done.output
+    (tmp_path / "campaign.toml").write_text('name = "x"\n[instrument]\nresolution = 0.01\n')
+    done = CliRunner().invoke(main, [command, str(path), "--campaign", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "instrument.tolerance" in done.output

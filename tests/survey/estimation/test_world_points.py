@@ -45,7 +45,7 @@ def test_the_documents_listing_gives_the_same_points():
     outcome = ad23()
     vframe = outcome.campaign.settings.vframe
     for point in outcome.solution.world.points:
-        own = outcome.file.used.touching([point.name], list(vframe.points))
+        own = outcome.inputs.file.used.touching([point.name], list(vframe.points))
         literal = world_point_filter(
             list(own.distance), [vframe.points[n] for n in own.end], point.position + 0.3
         )

@@ -6,13 +6,13 @@ from click.testing import CliRunner
 from scipy.stats import binom, kstest
 from surveys import case
 
+from survey.estimation.distance_fit import DistanceFit, place_fit
 from survey.estimation.geometry import rotate
 from survey.estimation.iterated_ekf import iterated_ekf
 from survey.studies.convergence import (
     NOT_CONVERGED,
     REACHES_OTHER,
     REACHES_SOLUTION,
-    DistanceProblem,
     explore_convergence,
     random_starts,
     regions,
@@ -31,19 +31,19 @@ RING = 5 * np.stack([np.cos(np.arange(16) * 0.4), np.sin(np.arange(16) * 0.4)], 
 def point_problem(place, known=SQUARE, noise=0.0):
     distance = np.linalg.norm(known - place, axis=-1) + noise
     sigma = np.full(len(distance), 0.003)
-    return DistanceProblem(known, None, distance, sigma, 0.002, 0.0, np.full(2, 100.0))
+    return place_fit(known, np.full(len(known), 0.002), distance, sigma)
 
 
 def pose_problem(state, seed=0, noise=0.003):
     known, body = np.repeat(RING, 3, axis=0), np.tile(RIG, (16, 1))
     distance = np.linalg.norm(known - state[:2] - rotate(state[2], body), axis=-1)
     distance += np.random.default_rng(seed).normal(0, noise, 48)
-    prior = np.array([1000.0, 1000.0, 100.0])
-    return DistanceProblem(known, body, distance, np.full(48, 0.003), 0.002, 0.001, prior)
+    sigmas = np.full(48, 0.003), np.full(48, 0.002)
+    return DistanceFit(known, body, distance, *sigmas, 0.001)
 
 
 def single_model(problem):
-    many = problem.model()
+    many = problem.equations
 
     def evaluate(state):
         h, H, variance = many(state[None])
@@ -62,7 +62,7 @@ def single_model(problem):
 )
 def test_a_batch_ends_where_single_filters_end(problem, solution):
     starts = random_starts(np.array(solution), 8.0, 60, np.random.default_rng(3))
-    ended = problem.solve(starts)
+    ended = problem.ends(starts)
     model = single_model(problem)
     for i, start in enumerate(starts):
         one = iterated_ekf(model, start, problem.prior_sigma)
@@ -79,8 +79,8 @@ def test_no_start_is_lost_when_there_are_more_than_fit_the_working_set():
     problem = pose_problem(np.array([0.5, -0.4, 2.0]))
     starts = random_starts(np.array([0.5, -0.4, 2.0]), 1.0, 1500, np.random.default_rng(3))
     starts[:, 2] = 2.0
-    together = problem.solve(starts)
-    in_parts = [problem.solve(part) for part in np.array_split(starts, 7)]
+    together = problem.ends(starts)
+    in_parts = [problem.ends(part) for part in np.array_split(starts, 7)]
     assert together.converged.all()
     # The order of sums differs between array sizes: rounding, not more.
     assert together.state == pytest.approx(np.concatenate([p.state for p in in_parts]), abs=1e-12)

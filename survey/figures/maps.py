@@ -14,19 +14,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 from matplotlib.patheffects import withStroke
 
-from survey.estimation.geometry import rotate
+from survey.estimation.geometry import ELLIPSE_SIGMAS, ellipse_axes, rotate
 from validation.figures.errors import COLOURS, GREY, Walls, arrow_scale
 from validation.poses.angles import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SIGMAS = 3.0
-"""Ellipses are drawn at so many standard deviations, as in the document."""
 WIDTH = 5.6
 """Inches: narrow enough for the letters to be read on a phone."""
-_MOST_NAMED = 4
-"""Suspect readings named in the figure; a large blunder drags many others along."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +94,7 @@ def survey_map(room: Room, world: Places | None = None, frames: Places | None = 
         _draw_rigs(axes, frames, room.rig)
         _name_points(axes, frames, away=-rotate(frames.states[:, 2], room.rig.mean(0)))
     if shown:
-        axes.set_title(f"{SIGMAS:g} sigma ellipses, enlarged {scale} times", fontsize=10)
+        axes.set_title(f"{ELLIPSE_SIGMAS:g} sigma ellipses, enlarged {scale} times", fontsize=10)
     _finish_map(axes)
     return figure
 
@@ -115,29 +111,11 @@ def ellipse_scale(places: Sequence[Places]) -> int:
     for one in places:
         stated = np.isfinite(one.covariances).all((1, 2))
         largest = np.linalg.eigvalsh(one.covariances[stated][:, :2, :2])[:, -1]
-        sizes.append(SIGMAS * np.sqrt(np.maximum(largest, 0.0)))
+        sizes.append(ELLIPSE_SIGMAS * np.sqrt(np.maximum(largest, 0.0)))
         positions.append(one.positions)
     together = np.concatenate(positions)
     extent = float(np.ptp(together, axis=0).max(initial=0.0)) if len(together) else 0.0
     return arrow_scale(np.concatenate(sizes), 7 * extent / 25)
-
-
-def ellipse_axes(covariance: Array) -> tuple[float, float, float]:
-    """Half axes and direction of the 1-sigma ellipse of x and y.
-
-    Parameters
-    ----------
-    covariance : (k, k) array
-        Its first two rows are x and y, square metres.
-
-    Returns
-    -------
-    tuple of float
-        Long and short half axis in metres, and the direction of the long one in radians.
-    """
-    values, vectors = np.linalg.eigh(covariance[:2, :2])
-    short, long = np.sqrt(np.maximum(values, 0.0))
-    return float(long), float(short), float(np.arctan2(vectors[1, 1], vectors[0, 1]))
 
 
 def hand_against_validation(hand: Places, validation: Places, room: Room) -> Figure:
@@ -175,74 +153,6 @@ def hand_against_validation(hand: Places, validation: Places, room: Room) -> Fig
     axes.set_title(f"from the survey to the hand measurement, enlarged {scale} times", fontsize=10)
     _finish_map(axes)
     return figure
-
-
-def residual_figure(
-    distance: Array, standardised: Array, labels: Sequence[str], suspect: float = 3.29
-) -> Figure:
-    """Standardised residuals of the readings over their distance, and how they are distributed.
-
-    Parameters
-    ----------
-    distance : (n,) array
-        Metres.
-    standardised : (n,) array
-        Standard normal if all is well; NaN where nothing checks a reading.
-    labels : sequence of str, length n
-        'O to 1'; written beside the largest of those beyond ``suspect``.
-    suspect : float
-        Size from which a reading is called suspect.
-    """
-    figure = Figure(figsize=(WIDTH, 6.0), layout="constrained")
-    over, histogram = figure.subplots(2, 1)
-    checked = np.isfinite(standardised)
-    far = checked & (np.abs(np.where(checked, standardised, 0.0)) > suspect)
-    over.axhline(0, color=GREY, linewidth=0.8)
-    for limit in (-suspect, suspect):
-        over.axhline(limit, color=GREY, linestyle="--", linewidth=0.8)
-    over.plot(distance[checked & ~far], standardised[checked & ~far], "o", color=COLOURS[0], ms=3)
-    over.plot(distance[far], standardised[far], "X", color=COLOURS[1], ms=7, label="suspect")
-    largest = np.argsort(-np.abs(np.where(far, standardised, 0.0)), kind="stable")
-    for row in largest[: min(int(far.sum()), _MOST_NAMED)]:
-        over.annotate(
-            labels[row],
-            (distance[row], standardised[row]),
-            (5, 3),
-            textcoords="offset points",
-            fontsize=8,
-        )
-    over.set_xlabel("distance [m]")
-    over.set_ylabel("standardised residual")
-    over.set_title(f"dashed: {suspect:g} sigma; crosses: beyond it", fontsize=10)
-    over.margins(y=0.1)
-    over.grid(visible=True, linewidth=0.3)
-    _draw_histogram(histogram, standardised[checked])
-    return figure
-
-
-def _draw_histogram(axes: "Axes", standardised: Array) -> None:
-    """Histogram with the normal curve that it should follow."""
-    if len(standardised) == 0:
-        axes.text(0.5, 0.5, "no reading is checked by others", ha="center", va="center")
-        axes.set_axis_off()
-        return
-    reach = max(4.0, min(float(np.abs(standardised).max()) + 0.5, 10.0))
-    step = 0.5
-    edges = np.arange(-np.ceil(reach), np.ceil(reach) + step, step)
-    axes.hist(
-        np.clip(standardised, edges[0], edges[-1]),
-        bins=list(edges),
-        color="#BBD7EA",
-        edgecolor=COLOURS[0],
-        linewidth=0.6,
-        label="readings",
-    )
-    at = np.linspace(edges[0], edges[-1], 200)
-    expected = len(standardised) * step * np.exp(-(at**2) / 2) / np.sqrt(2 * np.pi)
-    axes.plot(at, expected, "--", color="black", linewidth=1.2, label="expected")
-    axes.set_xlabel("standardised residual")
-    axes.set_ylabel("readings")
-    axes.legend(fontsize=8, frameon=False)
 
 
 def _map_figure() -> "tuple[Figure, Axes]":
@@ -302,8 +212,8 @@ def _draw_ellipses(axes: "Axes", places: Places, scale: float) -> None:
         long, short, direction = ellipse_axes(covariance)
         ellipse = Ellipse(
             (float(position[0]), float(position[1])),
-            2 * SIGMAS * scale * long,
-            2 * SIGMAS * scale * short,
+            2 * ELLIPSE_SIGMAS * scale * long,
+            2 * ELLIPSE_SIGMAS * scale * short,
             angle=float(np.degrees(direction)),
             facecolor="#00000012",
             edgecolor="black",

@@ -5,21 +5,22 @@ import pytest
 from scipy.stats import chi2
 
 from survey.entry.room import fits
-from survey.entry.room.fits import PlaceFit, information_covariance, predicted_distances
+from survey.entry.room.fits import information_covariance, predicted_distances
 from survey.entry.room.judgement import MISFIT_CHANCE, judge, misfit_limit
+from survey.estimation.distance_fit import place_fit
 
 SIGMA = 0.002
 CORNERS = np.array([[0.0, 0.0], [6.0, 0.2], [6.5, 8.0], [-0.4, 7.5], [3.0, 9.0], [-1.0, 4.0]])
 
 
-def place_fit(rng, n=5, wrong=None, size=0.2):
+def simulated_fit(rng, n=5, wrong=None, size=0.2):
     place = rng.uniform([1, 1], [5, 6])
     known_sigma = np.full(n, 0.001)
     known = CORNERS[:n] + rng.normal(0, 0.001, (n, 2))
     distance = np.hypot(*(CORNERS[:n] - place).T) + rng.normal(0, SIGMA, n)
     if wrong is not None:
         distance[wrong] += size
-    return place, PlaceFit(known, known_sigma, distance, np.full(n, SIGMA))
+    return place, place_fit(known, known_sigma, distance, np.full(n, SIGMA))
 
 
 @pytest.mark.parametrize("k", [1, 2, 3, 5, 10, 40])
@@ -30,9 +31,9 @@ def test_the_limit_is_the_quantile_of_chi_squared(k):
 
 def test_one_reading_leaves_a_circle_and_two_leave_two_places():
     rng = np.random.default_rng(1)
-    _, fit = place_fit(rng)
+    _, fit = simulated_fit(rng)
     assert judge(fit.select(np.array([0]))).why_open is not None
-    place, fit = place_fit(rng)
+    place, fit = simulated_fit(rng)
     two = judge(fit.select(np.array([0, 1])))
     assert len(two.states) == 2
     assert np.hypot(*(two.states - place).T).min() < 0.02
@@ -49,7 +50,7 @@ def test_predictions_are_as_sure_as_they_say():
     rng = np.random.default_rng(3)
     z = []
     for _ in range(400):
-        place, fit = place_fit(rng, 5)
+        place, fit = simulated_fit(rng, 5)
         judged = judge(fit)
         new = np.array([8.0, 3.0])
         distance, variance = predicted_distances(judged.states[:1], judged.covariances[:1], new)
@@ -78,7 +79,7 @@ def test_redundancy_adds_up_and_w_is_standard_normal():
     rng = np.random.default_rng(6)
     values = []
     for _ in range(300):
-        _, fit = place_fit(rng, 6)
+        _, fit = simulated_fit(rng, 6)
         state = judge(fit).states[0]
         w, redundancy = fits.test_values(fit, state)
         assert redundancy.sum() == pytest.approx(4, abs=1e-3)

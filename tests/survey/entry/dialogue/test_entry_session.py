@@ -5,7 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from entry_rooms import ANN, BOB, EntryRoom, enter_all, entry_room, until
+from surveys import simulated
 
+from data_samples.rooms.campaign_files import write_campaign
 from survey.entry.dialogue.entry_session import EntrySession
 from survey.entry.record.entries import Person
 from survey.entry.record.readings_csv import csv_text
@@ -339,6 +341,36 @@ def test_rows_that_name_no_point_of_the_campaign_are_an_error_and_nothing_is_mad
     with pytest.raises(InputError, match="nowhere"):
         room.open()
     assert not room.journal.exists() or room.journal.read_text() == ""
+
+
+def test_a_simulated_campaign_is_taken_over_with_its_stops(tmp_path):
+    room, made = simulated(3, 2)
+    write_campaign(tmp_path, made, 3)
+    campaign = load_campaign(tmp_path)
+    entry_session = EntrySession.open(campaign)
+    assert entry_session.taken_over == len(made.readings)
+    assert entry_session.guide.names.stops == room.stop_names
+    entry_session.close()
+    settings = campaign.section("survey", SurveySettings)
+    again = load_readings(campaign, settings).used
+    assert sorted(again.distance) == sorted(made.shown)
+    EntrySession.open(campaign).close()
+
+
+def test_each_unknown_name_is_told_once_and_no_stop_is_begun(room):
+    rows_of_two = "".join(f"1/O,{name},2.5\n" for name in ("1", "nowhere", "nowhere", "2", "far"))
+    room.readings.write_text(f"from,to,distance\n8/O,1,2.5\n9/Q,1,2.5\n{rows_of_two}")
+    with pytest.raises(InputError) as caught:
+        room.open()
+    told = [problem.expected.partition(";")[0] for problem in caught.value.problems]
+    assert [name.rpartition(" ")[2] for name in told] == ["9/Q", "nowhere", "far"]
+    assert not room.journal.exists() or room.journal.read_text() == ""
+
+
+def test_a_pair_that_is_not_entered_is_told_apart_from_an_unknown_name(room):
+    room.readings.write_text("from,to,distance\n1,2,2.5\n")
+    with pytest.raises(InputError, match="this pair is not entered here"):
+        room.open()
 
 
 def test_a_reading_is_safe_even_if_the_readings_file_cannot_be_written(

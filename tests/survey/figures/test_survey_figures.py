@@ -5,22 +5,15 @@ import pytest
 from matplotlib.patches import Ellipse
 from matplotlib.text import Annotation
 
-from survey.studies.check_figures import (
+from survey.estimation.geometry import ellipse_axes
+from survey.figures.maps import Places, Room, ellipse_scale, hand_against_validation, survey_map
+from survey.figures.residuals import residual_figure
+from survey.figures.studies import (
     convergence_map,
-    detectable_figure,
     instrument_figure,
     planning_map,
 )
 from survey.studies.convergence import NOT_CONVERGED, Convergence, regions
-from survey.studies.figures import (
-    Places,
-    Room,
-    ellipse_axes,
-    ellipse_scale,
-    hand_against_validation,
-    residual_figure,
-    survey_map,
-)
 from survey.studies.instrument_check import check_instrument
 from validation.campaign.folder import Instrument
 from validation.errors import GtvalError
@@ -131,7 +124,6 @@ def test_every_figure_can_be_written_and_gives_the_same_bytes_twice(tmp_path):
             "map": survey_map(ROOM, WORLD, FRAMES),
             "plan": planning_map(ROOM, WORLD, FRAMES, [("1", np.zeros(2), np.ones(2))]),
             "convergence": convergence_map(explored(), "pose 7"),
-            "motion": detectable_figure(["a"], np.array([0.004]), np.array([0.008]), "motion"),
         }
 
     for name, figure in figures().items():

@@ -38,6 +38,11 @@ WORLD = {
     "5": np.array([-3.5, 3.0]),
 }
 POSES = {"a": np.array([0.5, 0.5, 0.3]), "b": np.array([2.0, 3.0, 2.5])}
+HARDWARE = """
+instrument.tolerance = 0.0015
+vframe.pole_length = 2.5
+robot_frame.points = { "O" = [0.0, 0.0], "X" = [0.6, 0.0], "Y" = [0.0, 0.4] }
+"""
 
 
 def plan(world=WORLD, poses=POSES, hidden=(), repeat=1):
@@ -205,7 +210,7 @@ def test_points_with_two_places_are_named():
 
 def planned_campaign(folder, not_visible="from,to\n1/*,3\n", points="world_point,x,y\n"):
     (folder / "survey").mkdir()
-    (folder / "campaign.toml").write_text('name = "plan"\n[plan]\nrepeat = 2\n')
+    (folder / "campaign.toml").write_text(f'name = "plan"\n{HARDWARE}[plan]\nrepeat = 2\n')
     rows = "".join(f"{name},{x},{y}\n" for name, (x, y) in WORLD.items())
     (folder / "survey/planned_points.csv").write_text(points + rows)
     (folder / "survey/initial_guesses.csv").write_text("pose,x,y,theta\n1,0.5,0.5,0.3\n2,2,3,2.5\n")

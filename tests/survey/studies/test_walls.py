@@ -68,17 +68,20 @@ def test_a_bent_wall_is_called_bent():
     assert "not_straight" in [f.code for f in wall_findings(pair)]
 
 
+STATED = ["--tolerance", "0.0015"]
 HEADER = "wall_a,wall_b,position,distance\n"
 
 
 def test_the_command_compares_every_pair(tmp_path):
     path = tmp_path / "walls.csv"
     path.write_text(HEADER + "s,n,0,6.000\ns,n,3,6.021\nw,e,0,9.000\nw,e,4,9.000\n")
-    done = CliRunner().invoke(main, ["walls-check", str(path)])
+    done = CliRunner().invoke(main, ["walls-check", str(path), *STATED])
     assert done.exit_code == 0, done.output
     assert "Not parallel" in done.output
     assert "No angle seen" in done.output
-    result = json.loads(CliRunner().invoke(main, ["walls-check", str(path), "--json"]).output)
+    result = json.loads(
+        CliRunner().invoke(main, ["walls-check", str(path), *STATED, "--json"]).output
+    )
     assert [pair["wall_a"] for pair in result["walls"]] == ["s", "w"]
 
 
@@ -95,7 +98,7 @@ def test_the_command_compares_every_pair(tmp_path):
 def test_bad_rows_are_named(tmp_path, row, said):
     path = tmp_path / "walls.csv"
     path.write_text(f"{HEADER}s,n,0,6.000\n{row}\n")
-    done = CliRunner().invoke(main, ["walls-check", str(path)])
+    done = CliRunner().invoke(main, ["walls-check", str(path), *STATED])
     assert done.exit_code == 2
     assert "line 3" in done.output
     assert said in done.output

@@ -1,0 +1,57 @@
+"""From the files of a campaign to what its survey gives."""
+
+from survey.campaign.inputs import load_inputs
+from survey.campaign.outcome import SurveyOutcome
+from survey.estimation.solve import solve_survey
+from survey.published.as_published import as_published_estimates
+from survey.published.check import compare_published
+from validation.campaign.folder import Campaign
+from validation.systems import Progress, no_progress
+
+
+def solve_campaign(
+    campaign: Campaign,
+    progress: Progress = no_progress,
+    *,
+    robust: bool | None = None,
+    as_published: bool = False,
+) -> SurveyOutcome:
+    """The survey of a campaign folder.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    progress : callable
+        Told what is being done.
+    robust : bool, optional
+        Whether to weigh large residuals down; as the settings say by default.
+    as_published : bool
+        Whether to run the document's two filters, too.
+
+    Raises
+    ------
+    GtvalError
+        If files are bad, labels are contradicted, or nothing is determined.
+    """
+    inputs = load_inputs(campaign)
+    if inputs.file is None:
+        return SurveyOutcome(campaign, inputs)
+    vframe, rig = campaign.settings.vframe, campaign.settings.robot_frame
+    readings, evidence = inputs.file.used, inputs.evidence
+    solution = solve_survey(
+        vframe,
+        rig,
+        readings,
+        inputs.settings.world_points,
+        evidence,
+        robust=inputs.settings.robust if robust is None else robust,
+        progress=progress,
+    )
+    published = None
+    if evidence.published:
+        published = compare_published(evidence.published, solution.world, readings, solution.vframe)
+    literal = None
+    if as_published:
+        literal = as_published_estimates(solution, readings, vframe, rig)
+    return SurveyOutcome(campaign, inputs, solution, published, literal)

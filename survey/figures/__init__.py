@@ -1,0 +1,1 @@
+"""Figures of the survey: maps, residuals, what the studies found."""
