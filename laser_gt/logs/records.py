@@ -29,6 +29,8 @@ class ScanRecord:
         Where it stands in its file, from 1; the number of the message in a bag.
     stop : str
         Name of the stop, where the file tells it.
+    undistorted : bool
+        Whether the beams were put where the moving scanner was when it fired.
     """
 
     scan: Scan
@@ -36,6 +38,7 @@ class ScanRecord:
     laser_odometry: Array | None = None
     line: int = 0
     stop: str = ""
+    undistorted: bool = False
 
 
 def make_scan(

@@ -10,7 +10,8 @@ from laser_gt.scans.planar import CONTRADICTION
 from validation.poses.angles import Array
 
 Verdict = Literal["accept", "look", "reject"]
-SEVERITY: dict[Verdict, int] = {"accept": 0, "look": 1, "reject": 2}
+VERDICTS: tuple[Verdict, ...] = ("accept", "look", "reject")
+"""From the best to the worst: the worst of all checks is the verdict."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,7 @@ def with_verdict(found: Match, limits: JudgementSettings) -> Match:
     rest = _graded(not_explained) + [("look", text) for text in _doubts(found, limits)]
     remarks = different + rest
     verdicts: list[Verdict] = ["accept", *(verdict for verdict, _ in remarks)]
-    worst = max(verdicts, key=SEVERITY.__getitem__)
+    worst = max(verdicts, key=VERDICTS.index)
     return replace(
         found,
         verdict=worst,

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from laser_gt.matching.verdicts import SEVERITY, Match, Verdict
+from laser_gt.matching.verdicts import VERDICTS, Match, Verdict
 from laser_gt.scans.planar import (
     CONTRADICTION,
     compose,
@@ -106,7 +106,7 @@ def _told(match: Match, outcome: list[bool]) -> Match:
     if broken > len(outcome) / 2:
         reason = f"breaks {broken} of its {len(outcome)} loops of three scans"
         verdicts: tuple[Verdict, Verdict] = (match.verdict, "look")
-        worse = max(verdicts, key=SEVERITY.__getitem__)
+        worse = max(verdicts, key=VERDICTS.index)
         return replace(match, verdict=worse, reasons=(*match.reasons, reason))
     if match.changed and broken == 0 and len(outcome) >= CONFIRMING:
         reason = f"all the same it closes all of its {len(outcome)} loops of three scans"
