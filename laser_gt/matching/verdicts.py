@@ -104,8 +104,6 @@ class Match:
     changed : bool
         Whether only things that one scan shows and the other does not hold it up, and no longer
         ones than may have been moved or be glass.
-    engine : str
-        What found it.
     """
 
     reference: str
@@ -124,11 +122,9 @@ class Match:
     returned: float
     rival: float
     surprise: float
-    pairs: int
     verdict: Verdict = "look"
     reasons: tuple[str, ...] = ()
     changed: bool = False
-    engine: str = "scanmatch"
 
     @property
     def sigma_length(self) -> float:

@@ -132,7 +132,7 @@ def match_pairs(
         if engine == "genetic":
             found = genetic_match(reference, moving, rng, [guess], settings.genetic, middle=guess)
             convergence[names] = found.convergence
-            matches.append(judged(reference, moving, guess, found.finalists, limits, "genetic"))
+            matches.append(judged(reference, moving, guess, found.finalists, limits))
         else:
             start = _start(reference, moving, guess, settings)
             matches.append(match(reference, moving, guess, limits, start))

@@ -30,14 +30,11 @@ class Loop:
     ----------
     stops : (str, str, str)
         The triple.
-    misclosure : (3,) array
-        The composed pose that should be the identity, metres and radians.
     chi_squared : float
-        Of the misclosure, 3 degrees of freedom.
+        Of the misclosure, the composed pose that should be the identity; 3 degrees of freedom.
     """
 
     stops: tuple[str, str, str]
-    misclosure: Array
     chi_squared: float
 
     @property
@@ -79,7 +76,7 @@ def _loop(matches: dict[tuple[str, str], Match], stops: tuple[str, str, str]) ->
         covariance = by_first @ covariance @ by_first.T + by_second @ step_covariance @ by_second.T
         pose = compose(pose, step)
     chi_squared = float(pose @ np.linalg.solve(covariance + FLOOR, pose))
-    return Loop(stops, pose, chi_squared)
+    return Loop(stops, chi_squared)
 
 
 def with_loops(matches: Sequence[Match]) -> tuple[list[Match], list[Loop]]:

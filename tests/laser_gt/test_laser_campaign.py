@@ -171,7 +171,7 @@ def _ring(changed, intruder=1.0):
     good = {
         "explained": 0.8, "violating": 0.0, "hidden": 0.1, "agreement": 0.9, "intruder": 0.0,
         "scale": 1.0, "real_share": 1.0, "eigenvalue_ratio": 0.5, "returned": 1.0,
-        "rival": -0.5, "surprise": 1.0, "pairs": 500,
+        "rival": -0.5, "surprise": 1.0,
     }  # fmt: skip
     made = []
     for first, second in combinations(stops, 2):
