@@ -8,6 +8,7 @@ The genetic aligner and the document's way take a minute a room: ``--genetic`` s
 """
 
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +19,15 @@ from data_samples.rooms.campaign_files import write_campaign
 from data_samples.rooms.laser_campaign import LaserSimulation, laser_files
 from data_samples.rooms.rooms import RoomSettings, make_room
 from data_samples.rooms.simulate import SimulationSettings, simulate_survey
-from laser_gt.campaign.outcome import LaserOutcome, solve_campaign
-from laser_gt.campaign.solve import Engine, LaserSolution, solve
+from laser_gt.campaign.outcome import LaserOutcome
+from laser_gt.campaign.solve import solve_campaign
+from laser_gt.placing.engines import Engine
+from laser_gt.placing.solution import LaserSolution, solve
 from validation.campaign.folder import load_campaign
 from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import from_csv
+from validation.solving import solve_validation
+from validation.systems import installed_systems
 
 REFERENCE = "6"
 MOUNT_ERROR = (0.09, 0.05, 0.0)
@@ -45,7 +50,8 @@ def solved(seed: int, stops: int, *, wrong_mount: bool, genetic: bool) -> "Campa
         if genetic and not wrong_mount:
             engines = ("scanmatch", "genetic")
         published = genetic and wrong_mount
-        outcome = solve_campaign(load_campaign(folder), engines=engines, as_published=published)
+        campaign = solve_validation(load_campaign(folder), installed_systems())
+        outcome = solve_campaign(campaign, engines=engines, as_published=published)
         truth = from_csv(folder / "truth" / "poses.csv")
         return Campaign(outcome, truth.ids, truth.poses)
 
@@ -81,8 +87,10 @@ def show_errors(lines: Lines, who: str, errors: Array) -> None:
 
 def by_all(outcome: LaserOutcome) -> dict[Engine, LaserSolution]:
     """The same matches, placed by all surveyed stops."""
+    read, poses = outcome.inputs, outcome.trajectory.poses
+    mount = (read.mount, read.mount_sigmas)
     return {
-        engine: solve(outcome.inputs, outcome.trajectory, matching, outcome.survey)
+        engine: solve(read.stops, *mount, poses, matching, outcome.survey)
         for engine, matching in outcome.matchings.items()
     }
 
@@ -91,7 +99,7 @@ def show_engines(
     lines: Lines,
     name: str,
     campaign: Campaign,
-    solutions: dict[Engine, LaserSolution],
+    solutions: Mapping[Engine, LaserSolution],
     total: dict[str, list[float]],
 ) -> None:
     """Both engines: errors, and the joint NEES, which is collected."""

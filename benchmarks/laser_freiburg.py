@@ -8,7 +8,7 @@ well the relations themselves can be trusted shows in their own loops. Needs the
 
 import os
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +22,9 @@ from laser_gt.logs.records import ScanRecord
 from laser_gt.matching.judgement import MatchSettings, match
 from laser_gt.matching.kiss import register
 from laser_gt.matching.verdicts import Match
+from laser_gt.placing.graph import Edge
 from laser_gt.placing.guesses import GENEROUS, guess_scatter
-from laser_gt.placing.mounts import hand_eye
+from laser_gt.placing.mounts import MountEstimate, mount_of
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import between, compose, inverse
 from laser_gt.scans.scan import sweep
@@ -101,15 +102,21 @@ def show_matches(lines: Lines, name: str, relations: Relations, found: list[Matc
                "within its deviation", met=gone)  # fmt: skip
     print(f"  without the offset ({without[0]:+.1f}, {without[1]:+.1f}) mm")
     kept = [i for i, one in enumerate(found) if one.verdict != "reject"]
-    estimate = hand_eye(
-        relations.poses[kept],
-        np.tile(np.diag(RELATION_SIGMAS) ** 2, (len(kept), 1, 1)),
-        poses[kept],
-        np.array([found[i].covariance for i in kept]),
-    )
+    estimate = mount_from(relations.poses[kept], [found[i] for i in kept])
     near = np.abs(estimate.mount[:2] - OFFSET[:2]) < 2.5 * estimate.sigmas[:2]
     figure = f"{estimate.mount[0]:.4f}, {estimate.mount[1]:+.4f} +- {estimate.sigmas[0]:.4f} m"
     lines.show(f"{name}: offset found", figure, "-0.04, 0 m", met=bool(near.all()))
+
+
+def mount_from(motions: Array, matches: Sequence[Match]) -> MountEstimate:
+    """The mount from motions of the robot and their matches, each motion with stops of its own."""
+    n = len(motions)
+    poses, joint = np.zeros((n, 2, 3)), np.zeros((n, 2, 3, n, 2, 3))
+    poses[:, 1] = motions
+    joint[range(n), 0, :, range(n), 0, :] = np.eye(3) * 1e-12
+    joint[range(n), 1, :, range(n), 1, :] = np.diag(RELATION_SIGMAS) ** 2
+    edges = [Edge(2 * i, 2 * i + 1, one.pose, one.covariance) for i, one in enumerate(matches)]
+    return mount_of(poses.reshape(-1, 3), joint.reshape(6 * n, 6 * n), edges, np.zeros(3))
 
 
 def show_loops(rows: Array) -> None:

@@ -1,8 +1,8 @@
 """The [laser] table of campaign.toml."""
 
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from validation.campaign.folder import Finite, Name, NotNegative, Positive, Settings
 
@@ -10,16 +10,17 @@ from validation.campaign.folder import Finite, Name, NotNegative, Positive, Sett
 class ScannerSettings(Settings):
     """A scanner on the robot.
 
-    ``mount`` is the sensor frame in the robot frame (x, y in metres, theta in radians),
-    ``mount_sigmas`` how well it was measured. ``sigma`` is the standard deviation of a range;
+    ``mount`` is the sensor frame in the robot frame (x, y in metres, theta in radians). It must
+    be stated. ``mount_sigmas`` say how well it was measured; they must be stated for the first
+    scanner, whose frame is the laser frame. ``sigma`` is the standard deviation of a range;
     without it, it is estimated from the scans. ``turn_time`` is the time of a turn of the mirror in
     seconds: scans of logs with odometry are then corrected for the robot's motion;
     ``interlaced`` is the number of turns that a scan is put together from. ``scans`` is the file
     of this scanner alone, where each has its own.
     """
 
-    mount: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
-    mount_sigmas: tuple[Positive, Positive, Positive] = (0.002, 0.002, 0.002)
+    mount: tuple[Finite, Finite, Finite] | None = None
+    mount_sigmas: tuple[Positive, Positive, Positive] | None = None
     sigma: Positive | None = None
     turn_time: Positive | None = None
     interlaced: int = Field(default=1, ge=1, le=8)
@@ -29,12 +30,21 @@ class ScannerSettings(Settings):
 class LaserSettings(Settings):
     """Files and choices of laser GT; paths are relative to the campaign folder.
 
-    ``scans`` is the campaign's own CSV, a CARMEN log, or a bag; for a log, ``stops`` names the
-    time at which each stop was scanned. ``odometry`` has a pose for each stop, or
-    (``odometry_format`` 'rawseeds') is a log of poses in time. ``reference`` lists the surveyed
-    stops that place the laser frame in the GTV frame: one as in the document, several to share
-    their errors; empty for all. ``guess_sigmas`` say how good the odometry is from stop to stop
-    (metres, radians).
+    ``scans`` is the campaign's own CSV, a CARMEN log, or a bag, as ``format`` says; for a log,
+    ``stops`` names the time at which each stop was scanned, and ``max_delay`` is how far from it,
+    in seconds, scan and odometry may be. ``odometry`` has a pose for each stop, or
+    (``odometry_format`` 'rawseeds') is a log of poses in time. ``decisions`` is the file of what
+    people decided about pairs. ``scanners`` has a table for each scanner. ``reference`` lists the
+    surveyed stops that place the laser frame in the GTV frame: one as in the document, several to
+    share their errors; empty for all. ``guess_sigmas`` say how good the odometry is from stop to
+    stop (metres, radians).
+
+    A pair of stops is matched if they are within ``pair_radius`` (metres) and ``pair_heading``
+    (radians) of each other and at least ``pair_overlap`` (0 to 1) of what they saw may overlap;
+    each stop with its ``pairs_per_stop`` nearest. ``initial`` is where the scan matcher starts:
+    'local' at the guess, 'gpm' and 'kiss' where another matcher ends. ``genetic`` says whether
+    the genetic aligner runs too, with ``population`` individuals over ``generations``; ``seed``
+    starts its chance.
     """
 
     scans: str = "laser/scans.csv"
@@ -56,3 +66,25 @@ class LaserSettings(Settings):
     generations: int = Field(default=300, ge=1, le=5000)
     population: int = Field(default=100, ge=10, le=2000)
     seed: int = Field(default=1, ge=0)
+
+    @property
+    def own_files(self) -> dict[str, str]:
+        """File of each scanner that has one of its own, by the scanner's name."""
+        scanners = self.scanners.items()
+        return {name: one.scans for name, one in scanners if one.scans is not None}
+
+    @property
+    def scan_files(self) -> list[str]:
+        """All files of scans."""
+        return list(self.own_files.values()) or [self.scans]
+
+    @model_validator(mode="after")
+    def _each_or_none(self) -> Self:
+        """Raise where only some of the scanners have a file of their own."""
+        without = [name for name in self.scanners if name not in self.own_files]
+        if self.own_files and without:
+            raise ValueError(
+                f"state scans of {', '.join(without)} too: either each scanner has a file of its "
+                "own, or all scans are in one file"
+            )
+        return self

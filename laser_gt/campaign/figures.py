@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from laser_gt.campaign.solve import LaserSolution, Matching
-from laser_gt.matching.verdicts import Match
+from laser_gt.matching.verdicts import Match, Verdict
+from laser_gt.placing.engines import Matching
 from laser_gt.placing.mounts import MountCheck
+from laser_gt.placing.solution import LaserSolution
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import between, compose, transform
 from validation.figures.errors import COLOURS, GREY
@@ -19,11 +20,12 @@ if TYPE_CHECKING:
 
 REFERENCE, MOVING = "#D55E00", "#0072B2"
 """The document's red and blue, in a pair that colour-blind readers can tell apart."""
-VERDICTS = {
-    "accept": (COLOURS[2], "-"),
-    "look": (COLOURS[4], "--"),
-    "reject": (GREY, ":"),
+STYLES: dict[Verdict, tuple[str, str, str]] = {
+    "accept": (COLOURS[2], "-", "o"),
+    "look": (COLOURS[4], "--", "^"),
+    "reject": (GREY, ":", "x"),
 }
+"""Colour, line and marker of each verdict."""
 
 
 def _metres(axes: "Axes", title: str = "") -> None:
@@ -73,8 +75,8 @@ def pair_graph(stops: Sequence[str], poses: Array, matching: Matching) -> Figure
     figure = Figure(figsize=(7, 7), layout="constrained")
     axes = figure.subplots()
     where = dict(zip(stops, poses, strict=True))
-    for verdict, (colour, line) in VERDICTS.items():
-        of_this = [m for m in matching.matches if m.verdict == verdict]
+    for verdict, (colour, line, _) in STYLES.items():
+        of_this = matching.of(verdict)
         for number, one in enumerate(of_this):
             a, b = where[one.reference], where[one.moving]
             axes.plot(
@@ -140,10 +142,9 @@ def quality_figure(matching: Matching) -> Figure:
     """Agreement and standard deviation of every match, by verdict."""
     figure = Figure(figsize=(8, 3.4), layout="constrained")
     left, right = figure.subplots(1, 2)
-    markers = {"accept": "o", "look": "^", "reject": "x"}
-    for verdict, (colour, _) in VERDICTS.items():
-        chosen = [m for m in matching.matches if m.verdict == verdict]
-        style = {"marker": markers[verdict], "color": colour, "linestyle": "none", "markersize": 5}
+    for verdict, (colour, _, marker) in STYLES.items():
+        chosen = matching.of(verdict)
+        style = {"marker": marker, "color": colour, "linestyle": "none", "markersize": 5}
         left.plot(
             [m.explained for m in chosen],
             [m.violating for m in chosen],

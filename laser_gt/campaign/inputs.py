@@ -1,51 +1,70 @@
-"""What a campaign holds for laser GT: scans by stop, mounts, odometry, decisions."""
+"""What a campaign holds for laser GT: scans by stop, mounts, odometry, decisions, survey."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from laser_gt.logs.decisions import Decision, read_decisions
+from laser_gt.logs.decision_file import read_decisions
+from laser_gt.logs.decisions import Decision
 from laser_gt.logs.read import read_records
 from laser_gt.logs.records import ScanRecord
+from laser_gt.placing.anchors import Surveyed
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import between, compose
 from laser_gt.scans.scan import Sweep, merge
 from laser_gt.settings import LaserSettings, ScannerSettings
 from validation.campaign.folder import Campaign
-from validation.errors import InputError, Problem
+from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
-from validation.poses.pose_table import from_csv
+from validation.poses.pose_table import PoseTable, from_csv
+from validation.results import VALIDATION_SYSTEM
 from validation.text_files.csv_tables import Column, read_csv
+
+ASSUMED_SIGMAS = (0.002, 0.002, 0.003)
+"""Standard deviations of a surveyed pose without covariance: 2 mm and 3 mrad. A judgement: what a
+hand laser of 1.5 mm gives over a robot frame of 0.6 m; a finding says where it is used."""
+
+MOUNT_EXAMPLE = "mount = [0.178, 0.192, 1.571]  # x [m], y [m], theta [rad] in the robot frame"
+SIGMAS_EXAMPLE = "mount_sigmas = [0.002, 0.002, 0.002]  # how well that was measured"
+
+ByStop = dict[str, list[ScanRecord]]
 
 
 @dataclass(frozen=True)
 class LaserInputs:
-    """Everything that laser GT reads of a campaign.
+    """Everything that laser GT reads of a campaign, the survey apart.
 
     Parameters
     ----------
-    stops : tuple of str
-        In the order of the file.
     sweeps : tuple of Prepared
-        One for each stop, in the laser frame: the frame of the first scanner.
+        One for each stop, in the order of the file, in the laser frame: that of the first scanner.
     mount, mount_sigmas : (3,) arrays
         Laser frame in the robot frame.
     odometry : (n, 3) array or None
         Robot poses in the odometry frame.
     decisions : mapping
         Of pairs of stops.
-    has_mount : bool
-        Whether the campaign states a mount.
+    left_out : tuple of str
+        What the files hold and is not used, and what they were expected to hold, in sentences.
     """
 
-    stops: tuple[str, ...]
     sweeps: tuple[Prepared, ...]
     mount: Array
     mount_sigmas: Array
     odometry: Array | None
     decisions: Mapping[tuple[str, str], Decision]
-    has_mount: bool
+    left_out: tuple[str, ...]
+
+    @property
+    def stops(self) -> tuple[str, ...]:
+        """Names of the stops."""
+        return tuple(sweep.name for sweep in self.sweeps)
+
+    @property
+    def by_stop(self) -> dict[str, Prepared]:
+        """The sweeps by the names of their stops."""
+        return {sweep.name: sweep for sweep in self.sweeps}
 
     @property
     def laser_odometry(self) -> Array | None:
@@ -59,60 +78,88 @@ def load_inputs(campaign: Campaign, settings: LaserSettings) -> LaserInputs:
     Raises
     ------
     InputError
-        Naming every bad place of the files.
+        Naming every bad place of the files, and every key of campaign.toml that is needed and
+        not there.
     """
     records = read_records(campaign.folder, settings)
-    by_stop, logged = _by_stop(campaign, settings, records)
-    names = list(dict.fromkeys(r.scan.sensor for scans in by_stop.values() for r in scans))
-    order = [name for name in settings.scanners if name in names] or names
-    if settings.scanners:
-        _check_scanners(campaign, settings, names)
-    known = {name: settings.scanners.get(name, ScannerSettings()) for name in order}
-    if len(order) > 1 and not settings.scanners:
-        text = f"the scans are of several sensors ({', '.join(order)}); state [laser.scanners.NAME]"
-        raise InputError([Problem(campaign.toml, text + " with the mount of each", None, "laser")])
-    first = np.array(known[order[0]].mount)
-    sweeps = [
-        Prepared(_sweep(stop, scans, known, first, settings)) for stop, scans in by_stop.items()
-    ]
+    sensors = list(dict.fromkeys(record.scan.sensor for record in records))
+    _check_scanners(campaign, settings, sensors)
+    known = settings.scanners
+    records = [record for record in records if record.scan.sensor in known]
+    by_stop = _rows(records) if settings.format == "csv" else _at_times(campaign, settings, records)
+    first = next(iter(known.values()))
+    mount, mount_sigmas = np.array(first.mount), np.array(first.mount_sigmas)
     stops = tuple(by_stop)
+    odometry, unscanned = _odometry(campaign, settings, by_stop)
+    decisions = campaign.folder / settings.decisions
     return LaserInputs(
-        stops=stops,
-        sweeps=tuple(sweeps),
-        mount=first,
-        mount_sigmas=np.array(known[order[0]].mount_sigmas),
-        odometry=_odometry(campaign, settings, stops, logged),
-        decisions=read_decisions(campaign.folder / settings.decisions, stops),
-        has_mount=bool(settings.scanners),
+        sweeps=tuple(
+            Prepared(_sweep(stop, scans, known, mount, settings)) for stop, scans in by_stop.items()
+        ),
+        mount=mount,
+        mount_sigmas=mount_sigmas,
+        odometry=odometry,
+        decisions=read_decisions(decisions, stops),
+        left_out=tuple(_left_out(settings, sensors, by_stop, unscanned)),
     )
 
 
-def _check_scanners(campaign: Campaign, settings: LaserSettings, names: Sequence[str]) -> None:
-    """Raise where scans and stated scanners do not name the same sensors."""
-    unknown = [name for name in names if name not in settings.scanners]
-    if unknown:
-        raise InputError(
+def _check_scanners(campaign: Campaign, settings: LaserSettings, sensors: Sequence[str]) -> None:
+    """Raise where facts of a scanner are needed and not stated, naming all keys at once."""
+    known = settings.scanners
+    problems = [
+        Problem(campaign.toml, "there is no scan of this sensor", None, "laser.scanners", name)
+        for name in known
+        if name not in sensors
+    ]
+    needed = {name: known.get(name, ScannerSettings()) for name in sensors}
+    if known and settings.format != "csv":  # of a log, the scanners that are stated are used
+        needed = {name: needed[name] for name in known if name in needed}
+    first = next(iter(known), sensors[0])
+    for name, scanner in needed.items():
+        missing = [] if scanner.mount else [("mount", MOUNT_EXAMPLE)]
+        if name == first and not scanner.mount_sigmas:
+            missing.append(("mount_sigmas", SIGMAS_EXAMPLE))
+        problems += [
             Problem(
                 campaign.toml,
-                "the scans name a sensor without a table [laser.scanners.NAME]",
+                f"not stated, and different on every robot; write below [laser.scanners.{name}], "
+                f"with your numbers: {example}",
                 None,
-                "laser.scanners",
-                name,
+                f"laser.scanners.{name}.{key}",
             )
-            for name in unknown
-        )
-    if not set(settings.scanners) & set(names):
-        raise InputError(
-            [
-                Problem(
-                    campaign.toml,
-                    "no scan of any of these sensors",
-                    None,
-                    "laser.scanners",
-                    ", ".join(settings.scanners),
-                )
-            ]
-        )
+            for key, example in missing
+        ]
+    if problems:
+        raise InputError(problems)
+
+
+def _left_out(
+    settings: LaserSettings,
+    sensors: Sequence[str],
+    by_stop: ByStop,
+    unscanned: Sequence[str],
+) -> Iterator[str]:
+    """Sentences about what is not used, and what is missing without being needed."""
+    for name in sensors:
+        if name not in settings.scanners:
+            yield f"the scans of '{name}' are not used: there is no table [laser.scanners.{name}]"
+    for name, scanner in settings.scanners.items():
+        mine = {
+            stop: [record for record in scans if record.scan.sensor == name]
+            for stop, scans in by_stop.items()
+        }
+        without = [stop for stop, scans in mine.items() if not scans]
+        if without:
+            yield f"there is no scan by '{name}' of the stops {', '.join(without)}"
+        still = [s for s, scans in mine.items() if not all(one.undistorted for one in scans)]
+        if scanner.turn_time is not None and still:
+            yield (
+                f"the scans by '{name}' of the stops {', '.join(still)} are not corrected for "
+                "the motion of the robot: there is no odometry near their time"
+            )
+    if unscanned:
+        yield f"the odometry of the stops {', '.join(unscanned)} is not used: they have no scan"
 
 
 def _sweep(
@@ -133,45 +180,38 @@ def _sweep(
     return merge(scans, mounts, stop, settings.max_delay)
 
 
-def _by_stop(
-    campaign: Campaign, settings: LaserSettings, records: Sequence[ScanRecord]
-) -> tuple[dict[str, list[ScanRecord]], dict[str, Array]]:
-    """The scans of each stop, and the odometry logged with them."""
-    stops: dict[str, list[ScanRecord]] = {}
-    logged: dict[str, Array] = {}
-    if settings.format == "csv":
-        for record in records:
-            stops.setdefault(record.stop, []).append(record)
-            if record.odometry is not None:
-                logged.setdefault(record.stop, record.odometry)
-        return stops, logged
+def _rows(records: Sequence[ScanRecord]) -> ByStop:
+    """The scans of each stop, where the file names the stops."""
+    stops: ByStop = {}
+    for record in records:
+        stops.setdefault(record.stop, []).append(record)
+    return stops
+
+
+def _at_times(campaign: Campaign, settings: LaserSettings, records: Sequence[ScanRecord]) -> ByStop:
+    """The scans of each stop, one by every scanner, at the times of the stops in a log."""
     path = campaign.folder / settings.stops
     table = read_csv(path, (Column("pose"), Column("time", "number", unit="s")))
     table.flag_duplicates(["pose"])
-    present = {record.scan.sensor for record in records}
-    sensors = sorted(present & set(settings.scanners) or present)
+    stops: ByStop = {}
     for row, stop in enumerate(table.text["pose"]):
         time = table.numbers["time"][row]
         if not np.isfinite(time):
             continue  # already a problem of the table
-        chosen = [_nearest_scan(records, sensor, time) for sensor in sensors]
-        late = [one for one in chosen if abs(one.scan.time - time) > settings.max_delay]
-        for one in late:
-            table.flag(
-                row,
-                "time",
-                f"no scan of '{one.scan.sensor}' within {settings.max_delay} s of this time; the "
-                f"nearest is {abs(one.scan.time - time):.3f} s off (clocks that differ?)",
-            )
-        if late:
-            continue
-        stops[stop] = chosen
-        if chosen[0].odometry is not None:
-            logged[stop] = chosen[0].odometry
+        stops[stop] = [_nearest_scan(records, name, time) for name in sorted(settings.scanners)]
+        for one in stops[stop]:
+            late = abs(one.scan.time - time)
+            if late > settings.max_delay:
+                table.flag(
+                    row,
+                    "time",
+                    f"no scan of '{one.scan.sensor}' within {settings.max_delay} s of this time; "
+                    f"the nearest is {late:.3f} s off (clocks that differ?)",
+                )
     table.raise_problems()
     if not stops:
         raise InputError([Problem(path, "the file has a header but no stop", 1)])
-    return stops, logged
+    return stops
 
 
 def _nearest_scan(records: Sequence[ScanRecord], sensor: str, time: float) -> ScanRecord:
@@ -181,23 +221,88 @@ def _nearest_scan(records: Sequence[ScanRecord], sensor: str, time: float) -> Sc
 
 
 def _odometry(
-    campaign: Campaign, settings: LaserSettings, stops: Sequence[str], logged: Mapping[str, Array]
-) -> Array | None:
-    """(n, 3) robot poses by odometry, from their own file or from the log; None without."""
+    campaign: Campaign, settings: LaserSettings, by_stop: ByStop
+) -> tuple[Array | None, list[str]]:
+    """(n, 3) robot poses by odometry, None without; and stops that have odometry only.
+
+    They come from their own file, or from the log.
+    """
     path = campaign.folder / settings.odometry
-    if settings.odometry_format == "rawseeds":
-        missing = [stop for stop in stops if stop not in logged]
-        if missing:
-            text = f"no odometry within {settings.max_delay} s of the stops {', '.join(missing)}"
-            raise InputError([Problem(path, text, None, "time")])
-    elif path.exists():
+    own = settings.odometry_format == "csv" and path.exists()
+    if own:
         table = from_csv(path, "odometry")
-        missing = [stop for stop in stops if stop not in table.ids]
-        if missing:
-            raise InputError(
-                [Problem(path, f"no odometry of the scanned stops {', '.join(missing)}")]
-            )
-        return table.select(stops).poses
-    if set(stops) <= set(logged):
-        return np.array([logged[stop] for stop in stops])
-    return None
+        poses = dict(zip(table.ids, table.poses, strict=True))
+    else:
+        logged = {stop: scans[0].odometry for stop, scans in by_stop.items()}
+        poses = {stop: pose for stop, pose in logged.items() if pose is not None}
+    missing = [stop for stop in by_stop if stop not in poses]
+    if not missing:
+        unscanned = [stop for stop in poses if stop not in by_stop]
+        return np.array([poses[stop] for stop in by_stop]), unscanned
+    names = ", ".join(missing)
+    if own:
+        raise InputError([Problem(path, f"no odometry of the scanned stops {names}")])
+    if settings.odometry_format == "rawseeds":
+        text = f"no odometry within {settings.max_delay} s of the stops {names}"
+        raise InputError([Problem(path, text, None, "time")])
+    if "odometry" in settings.model_fields_set:
+        raise InputError([Problem(path, "there is no such file; [laser] odometry names it")])
+    return None, []
+
+
+def surveyed_poses(campaign: Campaign) -> Surveyed:
+    """The validation poses that the survey made of this campaign.
+
+    Raises
+    ------
+    GtvalError
+        If there is no survey, or it does not determine any pose.
+    """
+    known = campaign.solved.get(VALIDATION_SYSTEM)
+    if known is None or not known.tables:
+        raise GtvalError(
+            f"{campaign.folder}: laser poses need at least one surveyed stop to place the laser "
+            "frame; survey one (survey/readings.csv), or give survey/published_poses.csv"
+        )
+    return as_surveyed(known.tables[0])
+
+
+def as_surveyed(table: PoseTable) -> Surveyed:
+    """A pose table as surveyed stops; those without covariance get `ASSUMED_SIGMAS`."""
+    n = len(table)
+    stated = np.asarray(np.isfinite(table.covariances).all((1, 2)))
+    if table.joint is not None and stated.all():
+        return Surveyed(tuple(table.ids), table.poses, table.joint)
+    joint = np.zeros((n, 3, n, 3))
+    joint[range(n), :, range(n), :] = np.where(
+        stated[:, None, None], table.covariances, np.diag(ASSUMED_SIGMAS) ** 2
+    )
+    assumed = tuple(stop for stop, known in zip(table.ids, stated, strict=True) if not known)
+    return Surveyed(tuple(table.ids), table.poses, joint.reshape(3 * n, 3 * n), assumed)
+
+
+def references(
+    campaign: Campaign, settings: LaserSettings, stops: Sequence[str], survey: Surveyed
+) -> Surveyed:
+    """The surveyed stops that place the laser frame.
+
+    Raises
+    ------
+    InputError
+        Naming every stop that has no scan or no surveyed pose; if there is none that has both.
+    """
+    wanted = settings.reference or [stop for stop in stops if stop in survey.stops]
+    problems = [
+        Problem(campaign.toml, text, None, "laser.reference", stop)
+        for text, known in (
+            ("no scan of this stop", stops),
+            ("this stop has no surveyed pose", survey.stops),
+        )
+        for stop in wanted
+        if stop not in known
+    ]
+    if not wanted:
+        problems = [Problem(campaign.toml, "no scanned stop has a surveyed pose", None, "laser")]
+    if problems:
+        raise InputError(problems)
+    return survey.select(wanted)

@@ -1,16 +1,15 @@
-"""Report sections, tables and result files of laser GT."""
+"""Report sections and tables of laser GT."""
 
-import csv
-import io
 from collections.abc import Sequence
 from types import ModuleType
 
 import numpy as np
 
 from laser_gt.campaign.outcome import LaserOutcome
-from laser_gt.campaign.solve import LaserSolution, Matching
-from laser_gt.matching.verdicts import SEVERITY, Match
+from laser_gt.matching.verdicts import VERDICTS, Match
+from laser_gt.placing.engines import Matching
 from laser_gt.placing.mounts import MountCheck
+from laser_gt.placing.solution import LaserSolution
 from laser_gt.scans.planar import compose
 from validation.results import Figure, Section, Table, Text
 
@@ -30,7 +29,6 @@ def _engine_section(outcome: LaserOutcome, matching: Matching) -> Section:
     """Map, pair graph, matches and poses of one engine."""
     engine = matching.engine
     title = {"scanmatch": "scan matching", "genetic": "genetic aligner"}[engine]
-    sweeps = dict(zip(outcome.inputs.stops, outcome.inputs.sweeps, strict=True))
     blocks: list[Table | Figure | Text] = [
         Text(
             f"Initial guess: {outcome.trajectory.source}. Every accepted match is an edge of one "
@@ -40,7 +38,7 @@ def _engine_section(outcome: LaserOutcome, matching: Matching) -> Section:
     ]
     solution = outcome.solutions.get(engine)
     if solution is not None:
-        blocks += _solution_blocks(outcome, solution, engine)
+        blocks += _solution_blocks(outcome, solution)
     shown = worst_first(matching.matches)[:SHOWN]
     blocks += [
         Figure(
@@ -54,7 +52,7 @@ def _engine_section(outcome: LaserOutcome, matching: Matching) -> Section:
             f"laser_{engine}_matches",
             f"Matches, the doubtful first ({len(shown)} of {len(matching.matches)}).",
             "Pairs of scans in two colours after alignment, each with its verdict.",
-            lambda: _figures().match_sheet(shown, sweeps),
+            lambda: _figures().match_sheet(shown, outcome.inputs.by_stop),
         ),
     ]
     if matching.convergence:
@@ -76,12 +74,9 @@ def _figures() -> ModuleType:
     return figures
 
 
-def _solution_blocks(
-    outcome: LaserOutcome, solution: LaserSolution, engine: str
-) -> list[Table | Figure | Text]:
+def _solution_blocks(outcome: LaserOutcome, solution: LaserSolution) -> list[Table | Figure | Text]:
     """What needs poses."""
-    sweeps = dict(zip(outcome.inputs.stops, outcome.inputs.sweeps, strict=True))
-    mount = outcome.inputs.mount
+    engine, mount = solution.matching.engine, outcome.inputs.mount
     where = dict(zip(solution.stops, solution.placement.poses, strict=True))
     start = solution.placement.frame
     laser = compose(compose(start, mount), outcome.trajectory.poses)
@@ -93,7 +88,7 @@ def _solution_blocks(
             f"laser_{engine}_map",
             "All scans, aligned, in the GTV frame; stops that placed the laser frame are bold.",
             "Map of the room drawn by the scans, with the stops and their headings.",
-            lambda: _figures().room_map(solution, sweeps, mount),
+            lambda: _figures().room_map(solution, outcome.inputs.by_stop, mount),
         ),
         Figure(
             f"laser_{engine}_pairs",
@@ -106,7 +101,7 @@ def _solution_blocks(
 
 
 def worst_first(matches: Sequence[Match]) -> list[Match]:
-    """Matches that need eyes first, then rejected, then accepted, each by falling doubt."""
+    """Matches that wait for a decision first, then rejected, then accepted, by falling doubt."""
     order = {"look": 0, "reject": 1, "accept": 2}
     return sorted(matches, key=lambda m: (order[m.verdict], m.agreement))
 
@@ -114,8 +109,8 @@ def worst_first(matches: Sequence[Match]) -> list[Match]:
 def verdict_table(matching: Matching) -> Table:
     """How many matches got which verdict, and why not better."""
     rows: list[list[str | int | float | None]] = []
-    for verdict in SEVERITY:
-        chosen = [m for m in matching.matches if m.verdict == verdict]
+    for verdict in VERDICTS:
+        chosen = matching.of(verdict)
         reasons: dict[str, int] = {}
         for one in chosen:
             for reason in one.reasons:
@@ -123,7 +118,7 @@ def verdict_table(matching: Matching) -> Table:
                 reasons[kind] = reasons.get(kind, 0) + 1
         common = sorted(reasons.items(), key=lambda item: -item[1])[:3]
         rows.append([verdict, len(chosen), "; ".join(f"{kind} ({n})" for kind, n in common)])
-    return Table("Verdicts on the matches", ["verdict", "matches", "commonest reasons"], rows)
+    return Table("Verdicts on the matches", ["verdict", "matches", "most common reasons"], rows)
 
 
 def pose_table(solution: LaserSolution) -> Table:
@@ -178,15 +173,12 @@ def mount_table(check: MountCheck) -> Table:
 
 def _mount_section(outcome: LaserOutcome, check: MountCheck) -> Section:
     """The mount and the document's overlay."""
-    blocks: list[Table | Figure | Text] = [mount_table(check)]
-    figure = overlay_figure(outcome, check)
-    return Section("Laser GT: mount", [*blocks, figure])
+    return Section("Laser GT: mount", [mount_table(check), overlay_figure(outcome, check)])
 
 
 def overlay_figure(outcome: LaserOutcome, check: MountCheck) -> Figure:
     """Two pairs of scans through the surveyed poses, with the stated and the found mount."""
     poses = dict(zip(outcome.survey.stops, outcome.survey.poses, strict=True))
-    sweeps = dict(zip(outcome.inputs.stops, outcome.inputs.sweeps, strict=True))
     accepted = [
         m
         for matching in outcome.matchings.values()
@@ -200,30 +192,5 @@ def overlay_figure(outcome: LaserOutcome, check: MountCheck) -> Figure:
         "Scans of two stops laid over each other through the surveyed poses: with the stated "
         "mount (left) and the one found (right).",
         "Where the mount is wrong, walls appear twice.",
-        lambda: _figures().mount_overlay(check, poses, sweeps, pairs),
+        lambda: _figures().mount_overlay(check, poses, outcome.inputs.by_stop, pairs),
     )
-
-
-MATCH_COLUMNS = (
-    "reference", "moving", "verdict", "x", "y", "theta", "xx", "xy", "xt", "yy", "yt", "tt",
-    "explained", "violating", "hidden", "agreement", "intruder", "scale", "real_share",
-    "eigenvalue_ratio", "returned", "rival", "surprise", "guess_x", "guess_y",
-    "guess_theta", "reasons",
-)  # fmt: skip
-
-
-def matches_csv(matching: Matching) -> str:
-    """Every match with its covariance, what it was judged by, verdict and reasons."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(MATCH_COLUMNS)
-    upper = np.triu_indices(3)
-    for one in matching.matches:
-        numbers = [
-            *one.pose, *one.covariance[upper], one.explained, one.violating, one.hidden,
-            one.agreement, one.intruder, one.scale, one.real_share, one.eigenvalue_ratio,
-            one.returned, one.rival, one.surprise, *one.guess,
-        ]  # fmt: skip
-        cells = [repr(float(v)) if np.isfinite(v) else "" for v in numbers]
-        writer.writerow([one.reference, one.moving, one.verdict, *cells, "; ".join(one.reasons)])
-    return text.getvalue()

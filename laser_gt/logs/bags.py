@@ -1,10 +1,11 @@
 """Reader of LaserScan messages from ROS 1 and ROS 2 bags and MCAP files, through rosbags."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from laser_gt.logs.records import ScanRecord, checked, make_scan
+from laser_gt.logs.records import Line, ScanRecord, checked, read_each
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 
@@ -40,43 +41,41 @@ def read_bag(path: Path) -> list[ScanRecord]:
     if not path.exists():
         raise InputError([Problem(path, "there is no such file")])
     store = get_typestore(Stores.ROS2_HUMBLE)
-    records: list[ScanRecord | Problem] = []
     try:
         with AnyReader([path], default_typestore=store) as reader:
             wanted = [c for c in reader.connections if c.msgtype == MESSAGE]
-            for number, (connection, _, raw) in enumerate(reader.messages(wanted), 1):
-                message = reader.deserialize(raw, connection.msgtype)
-                records.append(_record(path, number, message, connection.topic.strip("/")))
+            messages = (
+                (connection.topic.strip("/"), reader.deserialize(raw, connection.msgtype))
+                for connection, _, raw in reader.messages(wanted)
+            )
+            records, problems = read_each(path, enumerate(messages, 1), _record)
     except (AnyReaderError, OSError, ValueError, KeyError) as error:
         raise GtvalError(f"cannot read the bag {path}: {error}") from error
-    if not records:
+    if not records and not problems:
         raise InputError([Problem(path, "the bag holds no sensor_msgs/LaserScan message")])
-    return checked(path, records)
+    return checked(path, records, problems)
 
 
-def _record(path: Path, number: int, message: object, topic: str) -> ScanRecord | Problem:
+def _record(line: Line, topic_and_message: tuple[str, Any]) -> ScanRecord:
     """A scan of one message."""
-    header = getattr(message, "header")  # noqa: B009  (the type is made at run time)
-    ranges = np.array(getattr(message, "ranges"), dtype=float)  # noqa: B009
-    start, step, low, high = (
-        float(getattr(message, name))
-        for name in ("angle_min", "angle_increment", "range_min", "range_max")
-    )
+    topic, message = topic_and_message
+    low, high = float(message.range_min), float(message.range_max)
+    start, step = float(message.angle_min), float(message.angle_increment)
+    ranges = np.array(message.ranges, dtype=float)
     angles = np.asarray(start + step * np.arange(len(ranges)), dtype=float)
     ranges = np.where(np.isnan(ranges) | (ranges < low) | (ranges > high), np.inf, ranges)
     if step < 0:
         ranges, angles = ranges[::-1], angles[::-1]
-    scan = make_scan(
-        path,
-        number,
+    stamp = message.header.stamp
+    scan = line.scan(
         ranges,
         _at_most_a_turn(angles),
         range_min=low,
         range_max=high + 1e-6,
-        time=header.stamp.sec + 1e-9 * header.stamp.nanosec,
+        time=stamp.sec + 1e-9 * stamp.nanosec,
         sensor=topic,
     )
-    return scan if isinstance(scan, Problem) else ScanRecord(scan, line=number)
+    return ScanRecord(scan, line=line.number)
 
 
 def _at_most_a_turn(angles: Array) -> Array:

@@ -169,7 +169,8 @@ def undistorted_records(
     Returns
     -------
     list of ScanRecord
-        Scans without odometry close enough in time stay as they are.
+        Scans without odometry close enough in time stay as they are, and are not marked as
+        undistorted.
     """
     result = list(records)
     for sensor, timing in timings.items():
@@ -179,8 +180,6 @@ def undistorted_records(
             if record.scan.sensor == sensor and record.odometry is not None
         ]
         mine.sort(key=lambda number: records[number].scan.time)
-        if len(mine) < 2:
-            continue
         times = np.array([records[number].scan.time for number in mine])
         poses = np.array([records[number].odometry for number in mine])
         for number, twist in zip(mine, twists(times, poses), strict=True):
@@ -188,5 +187,5 @@ def undistorted_records(
                 scan = undistorted(
                     records[number].scan, sensor_twist(twist, mounts[sensor]), timing
                 )
-                result[number] = replace(records[number], scan=scan)
+                result[number] = replace(records[number], scan=scan, undistorted=True)
     return result

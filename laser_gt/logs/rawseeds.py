@@ -6,85 +6,82 @@ ranges over 240 degrees. Odometry: time, counter, right and left ticks, x, y, th
 """
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from laser_gt.logs.records import ScanRecord, checked, make_scan, numbers, read_lines, without_far
+from laser_gt.logs.records import (
+    SICK_RANGE_MAX,
+    Line,
+    ScanRecord,
+    checked,
+    read_each,
+    read_lines,
+    without_far,
+)
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
 
-SICK_RANGE_MAX = 81.0
 HOKUYO_RANGE_MAX = 5.6
+"""Largest range of a Hokuyo URG-04LX, in metres, by its data sheet."""
 HOKUYO_FIELD = np.deg2rad(240.0)
+"""Its field of view, by the same."""
+RANGE_MIN = 0.01
+"""Metres below which a range is none: the formats hold whole centimetres or less, and 0 for
+nothing came back."""
 ODOMETRY_NUMBERS = 7
+"""Numbers of a line of odometry, by the format."""
 
 
 def read_rawseeds_sick(path: Path, sensor: str = "front") -> list[ScanRecord]:
     """Scans of a SICK_*.csv; missing readings at the end (zero) are no returns."""
-    return _read(path, sensor, sick=True)
+    return checked(path, *read_each(path, _lines(path), partial(_record, sensor, sick=True)))
 
 
 def read_rawseeds_hokuyo(path: Path, sensor: str = "front") -> list[ScanRecord]:
     """Scans of a HOKUYO_*.csv."""
-    return _read(path, sensor, sick=False)
+    return checked(path, *read_each(path, _lines(path), partial(_record, sensor, sick=False)))
 
 
-def _read(path: Path, sensor: str, *, sick: bool) -> list[ScanRecord]:
-    records = [
-        _record(path, line, words, sensor, sick=sick) for line, words in _lines(read_lines(path))
-    ]
-    return checked(path, records)
-
-
-def _lines(lines: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
+def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Number and cells of each line that is no comment."""
-    for line, text in enumerate(lines, 1):
+    for number, text in enumerate(read_lines(path), 1):
         words = [word.strip() for word in text.split(",")]
         while words and not words[-1]:
             words.pop()
         if words and not words[0].startswith(("#", "%")):
-            yield line, words
+            yield number, words
 
 
-def _record(
-    path: Path, line: int, words: Sequence[str], sensor: str, *, sick: bool
-) -> ScanRecord | Problem:
+def _record(sensor: str, line: Line, words: Sequence[str], *, sick: bool) -> ScanRecord:
     """A scan of one line."""
     skip = 3 if sick else 2
-    if len(words) <= skip:
-        return Problem(path, f"the line is cut short: {len(words)} numbers", line, "ranges")
-    head = numbers(path, line, words[:skip], "head", finite=True)
-    if isinstance(head, Problem):
-        return head
-    if head[1] < 1 or head[1] != np.round(head[1]):
-        return Problem(path, "not a count of readings", line, "head", words[1])
-    count = int(head[1])
     found = len(words) - skip
+    if found < 1:
+        raise line.bad(f"the line is cut short: {len(words)} numbers", "ranges")
+    head = line.numbers(words[:skip], "head", finite=True)
+    if head[1] < 1 or head[1] != np.round(head[1]):
+        raise line.bad("not a count of readings", "head", words[1])
+    count = int(head[1])
     if found < count:
-        text = f"the line is cut short: {found} ranges, {count} expected"
-        return Problem(path, text, line, "ranges")
-    ranges = numbers(path, line, words[skip : skip + count], "ranges")
-    if isinstance(ranges, Problem):
-        return ranges
+        raise line.bad(f"the line is cut short: {found} ranges, {count} expected", "ranges")
+    ranges = line.numbers(words[skip : skip + count], "ranges")
     if sick:
         angles = np.deg2rad(-90.0 + 0.25 * head[2] + np.arange(count))
         limit = SICK_RANGE_MAX
     else:
         angles = np.linspace(-HOKUYO_FIELD / 2, HOKUYO_FIELD / 2, count)
         limit = HOKUYO_RANGE_MAX
-    ranges = without_far(np.where(ranges == 0, np.inf, ranges), limit)
-    scan = make_scan(
-        path,
-        line,
-        ranges,
+    scan = line.scan(
+        without_far(np.where(ranges == 0, np.inf, ranges), limit),
         angles,
-        range_min=0.01,
+        range_min=RANGE_MIN,
         range_max=limit,
         time=float(head[0]),
         sensor=sensor,
     )
-    return scan if isinstance(scan, Problem) else ScanRecord(scan, line=line)
+    return ScanRecord(scan, line=line.number)
 
 
 def read_rawseeds_odometry(path: Path) -> tuple[Array, Array]:
@@ -95,19 +92,19 @@ def read_rawseeds_odometry(path: Path) -> tuple[Array, Array]:
     InputError
         Naming every bad line.
     """
-    rows, problems = [], []
-    for line, words in _lines(read_lines(path)):
-        values = numbers(path, line, words, "odometry", finite=True)
-        if isinstance(values, Problem):
-            problems.append(values)
-        elif len(values) < ODOMETRY_NUMBERS:
-            short = f"the line is cut short: {len(values)} of {ODOMETRY_NUMBERS} numbers"
-            problems.append(Problem(path, short, line, "odometry"))
-        else:
-            rows.append(values)
+    rows, problems = read_each(path, _lines(path), _odometry)
     if not rows and not problems:
-        problems.append(Problem(path, "the file holds no odometry"))
+        problems = [Problem(path, "the file holds no odometry")]
     if problems:
         raise InputError(problems)
-    table = np.array([row[[0, 4, 5, 6]] for row in rows])
+    table = np.array(rows)
     return table[:, 0], table[:, 1:]
+
+
+def _odometry(line: Line, words: Sequence[str]) -> Array:
+    """(4,) time and pose of one line."""
+    values = line.numbers(words, "odometry", finite=True)
+    if len(values) < ODOMETRY_NUMBERS:
+        short = f"the line is cut short: {len(values)} of {ODOMETRY_NUMBERS} numbers"
+        raise line.bad(short, "odometry")
+    return values[[0, 4, 5, 6]]

@@ -9,6 +9,7 @@ import numpy as np
 from laser_gt.logs.motion import MirrorTiming, undistorted_records
 from laser_gt.logs.records import ScanRecord
 from laser_gt.settings import LaserSettings
+from validation.errors import InputError, Problem
 from validation.poses.angles import Array, wrap
 
 
@@ -42,26 +43,20 @@ def read_records(folder: Path, settings: LaserSettings) -> list[ScanRecord]:
     return undistorted_records(records, timings, mounts) if timings else records
 
 
-def scan_files(settings: LaserSettings) -> dict[str, str]:
-    """File of each scanner that has one of its own, by the scanner's name."""
-    return {
-        name: scanner.scans
-        for name, scanner in settings.scanners.items()
-        if scanner.scans is not None
-    }
-
-
 def _read(folder: Path, settings: LaserSettings) -> list[ScanRecord]:
     """The scans of one file for all scanners, or of one for each."""
     read = _reader(settings.format)
-    own = scan_files(settings)
-    if not own:
+    if not settings.own_files:
         return read(folder / settings.scans)
-    return [
-        replace(record, scan=replace(record.scan, sensor=name))
-        for name, file in own.items()
-        for record in read(folder / file)
-    ]
+    records = []
+    for name, file in settings.own_files.items():
+        found = read(folder / file)
+        sensors = dict.fromkeys(record.scan.sensor for record in found)
+        if len(sensors) > 1:
+            text = f"scans of several sensors ({', '.join(sensors)}) in the file of '{name}' alone"
+            raise InputError([Problem(folder / file, text)])
+        records += [replace(one, scan=replace(one.scan, sensor=name)) for one in found]
+    return records
 
 
 def _reader(form: str) -> Callable[[Path], list[ScanRecord]]:

@@ -1,8 +1,9 @@
 """Scans as logs hold them: with time, sensor, and the odometry that came along."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -10,7 +11,16 @@ from laser_gt.scans.scan import Scan, scan_fault
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 
+P = TypeVar("P")
+R = TypeVar("R")
+
 MAX_LOG_BYTES = 500_000_000
+"""Bytes of the largest log that is read. A judgement: two hours of a scanner with 75 scans a
+second; more does not fit into the memory of a small computer."""
+
+SICK_RANGE_MAX = 81.0
+"""Metres from which on a range in a log of a SICK scanner is none: nothing came back is written
+as 81.91 m, other codes as a few centimetres less."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +39,8 @@ class ScanRecord:
         Where it stands in its file, from 1; the number of the message in a bag.
     stop : str
         Name of the stop, where the file tells it.
+    undistorted : bool
+        Whether the beams were put where the moving scanner was when it fired.
     """
 
     scan: Scan
@@ -36,39 +48,116 @@ class ScanRecord:
     laser_odometry: Array | None = None
     line: int = 0
     stop: str = ""
+    undistorted: bool = False
 
 
-def make_scan(
-    path: Path,
-    line: int,
-    ranges: Array,
-    angles: Array,
-    *,
-    range_min: float,
-    range_max: float,
-    time: float,
-    sensor: str,
-    sigma: float | None = None,
-) -> Scan | Problem:
-    """A scan, or what is wrong with the line that it came from."""
-    fault = scan_fault(ranges, angles, range_min, range_max)
-    if fault is not None:
-        return Problem(path, f"not a scan: {fault}", line, "ranges")
-    return Scan(ranges, angles, range_min, range_max, sigma, time, sensor)
+@dataclass(frozen=True)
+class Line:
+    """A place in a file that one scan is read from.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    number : int
+        Line, from 1; number of the message in a bag.
+    """
+
+    path: Path
+    number: int
+
+    def bad(self, expected: str, name: str, value: str | None = None) -> InputError:
+        """The error of a field of this line."""
+        return InputError([Problem(self.path, expected, self.number, name, value)])
+
+    def numbers(self, words: Sequence[str], what: str, *, finite: bool = False) -> Array:
+        """Words as numbers.
+
+        Parameters
+        ----------
+        words : sequence of str
+            Blanks around each do not matter.
+        what : str
+            The field, as an error names it.
+        finite : bool
+            Whether infinite and not-a-number are errors too.
+
+        Raises
+        ------
+        InputError
+            Naming the first word that is no number.
+        """
+        try:
+            values = np.array(words, dtype=float)
+        except ValueError:
+            value = next(filter(_no_number, words), None)
+            raise self.bad("not a number", what, value) from None
+        if finite and not np.isfinite(values).all():
+            wrong = words[int((~np.isfinite(values)).argmax())]
+            raise self.bad("expected a finite number", what, wrong)
+        return values
+
+    def scan(
+        self,
+        ranges: Array,
+        angles: Array,
+        *,
+        range_min: float,
+        range_max: float,
+        time: float,
+        sensor: str,
+        sigma: float | None = None,
+    ) -> Scan:
+        """A scan of this line.
+
+        Raises
+        ------
+        InputError
+            If the numbers are not a scan.
+        """
+        fault = scan_fault(ranges, angles, range_min, range_max)
+        if fault is not None:
+            raise self.bad(f"not a scan: {fault}", "ranges")
+        return Scan(ranges, angles, range_min, range_max, sigma, time, sensor)
 
 
-def checked(path: Path, records: Sequence[ScanRecord | Problem]) -> list[ScanRecord]:
-    """The records, if all lines were good and no sensor has a time stamp twice.
+def read_each(
+    path: Path, parts: Iterable[tuple[int, P]], read: Callable[[Line, P], R]
+) -> tuple[list[R], list[Problem]]:
+    """What each part of a file holds, and what is wrong with those that cannot be read.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    parts : iterable of (int, any)
+        Number of each line, and the line.
+    read : callable
+        Reads one; raises InputError.
+    """
+    found: list[R] = []
+    problems: list[Problem] = []
+    for number, part in parts:
+        try:
+            found.append(read(Line(path, number), part))
+        except InputError as error:
+            problems += error.problems
+    return found, problems
+
+
+def checked(
+    path: Path, records: Sequence[ScanRecord], problems: Sequence[Problem]
+) -> list[ScanRecord]:
+    """The records, if there is no problem and no sensor has a time stamp twice.
 
     Raises
     ------
     InputError
         Naming every bad line; or the file, if it holds no scan.
     """
-    problems = [record for record in records if isinstance(record, Problem)]
-    good = [record for record in records if isinstance(record, ScanRecord)]
+    problems = list(problems)
     first: dict[tuple[str, float], int] = {}
-    for record in good:
+    for record in records:
         key = (record.scan.sensor, record.scan.time)
         if np.isfinite(key[1]) and key in first:
             problems.append(
@@ -81,11 +170,11 @@ def checked(path: Path, records: Sequence[ScanRecord | Problem]) -> list[ScanRec
                 )
             )
         first.setdefault(key, record.line)
-    if not good and not problems:
+    if not records and not problems:
         problems.append(Problem(path, "the file holds no scan that can be read"))
     if problems:
         raise InputError(sorted(problems, key=lambda problem: problem.line or 0))
-    return good
+    return list(records)
 
 
 def read_lines(path: Path) -> list[str]:
@@ -112,32 +201,6 @@ def read_lines(path: Path) -> list[str]:
     except OSError as error:
         raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
     return data.decode("utf-8", errors="replace").splitlines()
-
-
-def numbers(
-    path: Path, line: int, words: Sequence[str], what: str, *, finite: bool = False
-) -> Array | Problem:
-    """Words as numbers, or the problem of the first that is none.
-
-    Parameters
-    ----------
-    path, line
-        Where they stand.
-    words : sequence of str
-        Blanks around each do not matter.
-    what : str
-        The field, as a problem names it.
-    finite : bool
-        Whether infinite and not-a-number are problems too.
-    """
-    try:
-        values = np.array(words, dtype=float)
-    except ValueError:
-        return Problem(path, "not a number", line, what, next(filter(_no_number, words), None))
-    if finite and not np.isfinite(values).all():
-        bad = words[int((~np.isfinite(values)).argmax())]
-        return Problem(path, "expected a finite number", line, what, bad)
-    return values
 
 
 def _no_number(word: str) -> bool:

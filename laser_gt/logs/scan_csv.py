@@ -6,15 +6,16 @@ for no return).
 """
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from laser_gt.logs.records import ScanRecord, checked, make_scan, numbers
+from laser_gt.logs.records import Line, ScanRecord, checked, read_each
 from laser_gt.scans.scan import Scan
 from validation.errors import InputError, Problem
-from validation.text_files.csv_tables import Column, read_csv
+from validation.text_files.csv_tables import Column, CsvTable, read_csv
 
 COLUMNS = (
     Column("pose"),
@@ -26,8 +27,9 @@ COLUMNS = (
     Column("range_max", "number", required=False, blank=True, low=0, high=1e4, unit="m"),
     Column("ranges", blank=True),
 )
-RANGE_MIN, RANGE_MAX = 0.02, 80.0
 MAX_BYTES = 200_000_000
+"""Bytes of the largest file that is read. A judgement: some 50,000 scans of 500 ranges, far more
+than a robot makes stops."""
 
 
 def read_scan_csv(path: Path) -> list[ScanRecord]:
@@ -42,50 +44,48 @@ def read_scan_csv(path: Path) -> list[ScanRecord]:
     table = read_csv(path, COLUMNS, max_bytes=MAX_BYTES)
     table.flag_duplicates(["pose", "sensor"])
     table.raise_problems()
-    records: list[ScanRecord | Problem] = []
-    for row, line in enumerate(table.lines):
-        values = numbers(path, line, table.text["ranges"][row].split(), "ranges")
-        if isinstance(values, Problem):
-            records.append(values)
-            continue
-        step = table.numbers["angle_step"][row]
-        angles = np.asarray(table.numbers["angle_min"][row] + step * np.arange(len(values)))
-        if step < 0:
-            values, angles = values[::-1], angles[::-1]
-        scan = make_scan(
-            path,
-            line,
-            values,
-            angles,
-            range_min=_or(table.numbers["range_min"][row], RANGE_MIN),
-            range_max=_or(table.numbers["range_max"][row], RANGE_MAX),
-            time=table.numbers["time"][row],
-            sensor=table.text["sensor"][row] or "laser",
-        )
-        if isinstance(scan, Problem):
-            records.append(scan)
-        else:
-            records.append(ScanRecord(scan, line=line, stop=table.text["pose"][row]))
-    if not records:
+    records, problems = read_each(path, zip(table.lines, _rows(table), strict=True), _record)
+    if not records and not problems:
         raise InputError([Problem(path, "the file has a header but no scan", 1)])
-    return checked(path, _of_one_length(path, records))
+    return checked(path, records, [*problems, *_cut(path, records)])
 
 
-def _of_one_length(
-    path: Path, records: Sequence[ScanRecord | Problem]
-) -> list[ScanRecord | Problem]:
-    """The records, with a problem in place of each scan that has not all of its beams.
+def _rows(table: CsvTable) -> Iterator[dict[str, Any]]:
+    """The cells of each row by the names of their columns."""
+    columns: dict[str, Sequence[Any]] = {**table.text, **table.numbers}
+    for row in range(len(table)):
+        yield {name: cells[row] for name, cells in columns.items()}
+
+
+def _record(line: Line, row: Mapping[str, Any]) -> ScanRecord:
+    """The scan of a row."""
+    values = line.numbers(row["ranges"].split(), "ranges")
+    step = row["angle_step"]
+    angles = np.asarray(row["angle_min"] + step * np.arange(len(values)))
+    if step < 0:
+        values, angles = values[::-1], angles[::-1]
+    scan = line.scan(
+        values,
+        angles,
+        range_min=_or(row["range_min"], Scan.range_min),
+        range_max=_or(row["range_max"], Scan.range_max),
+        time=row["time"],
+        sensor=row["sensor"] or "laser",
+    )
+    return ScanRecord(scan, line=line.number, stop=row["pose"])
+
+
+def _cut(path: Path, records: Sequence[ScanRecord]) -> Iterator[Problem]:
+    """A problem for each scan that has not all of its beams.
 
     A sensor with the same first angle and step has the same number of beams in every scan; where
     it has not, a line was cut.
     """
     kinds: dict[tuple[str, float, float], list[ScanRecord]] = {}
     for record in records:
-        if isinstance(record, ScanRecord):
-            first, step = record.scan.angles[0], record.scan.step
-            kind = (record.scan.sensor, round(float(first), 9), round(float(step), 9))
-            kinds.setdefault(kind, []).append(record)
-    odd: dict[int, Problem] = {}
+        first, step = record.scan.angles[0], record.scan.step
+        kind = (record.scan.sensor, round(float(first), 9), round(float(step), 9))
+        kinds.setdefault(kind, []).append(record)
     for (sensor, *_), members in kinds.items():
         counts = Counter(len(one.scan) for one in members)
         usual = max(counts, key=lambda count: (counts[count], count))
@@ -95,11 +95,7 @@ def _of_one_length(
                     f"{len(one.scan)} ranges, where other scans of '{sensor}' with these angles "
                     f"have {usual}; was the line cut?"
                 )
-                odd[one.line] = Problem(path, what, one.line, "ranges")
-    return [
-        odd.get(record.line, record) if isinstance(record, ScanRecord) else record
-        for record in records
-    ]
+                yield Problem(path, what, one.line, "ranges")
 
 
 def _or(value: float, default: float) -> float:

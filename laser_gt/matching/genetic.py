@@ -70,8 +70,6 @@ class GeneticMatch:
         Moving frame in the reference frame.
     fitness : float
         Of the winner, before the polish: square metres, summed as published, a mean otherwise.
-    covariance : (3, 3) array
-        From the polish; NaN as published.
     convergence : (generations + 1,) array
         Best fitness of each generation.
     finalists : (m, 3) array
@@ -80,7 +78,6 @@ class GeneticMatch:
 
     pose: Array
     fitness: float
-    covariance: Array
     convergence: Array
     finalists: Array
 
@@ -141,9 +138,8 @@ def genetic_match(
     population[:, 2] = wrap(population[:, 2])
     winner = int(value.argmin())
     if settings.as_published:
-        unknown = np.full((3, 3), np.nan)
         best = population[winner]
-        return GeneticMatch(best, convergence[-1], unknown, np.array(convergence), best[None])
+        return GeneticMatch(best, convergence[-1], np.array(convergence), best[None])
     few = population[distinct(population, -value, 0.1, 0.1, 5)]
     polished = align(
         reference.surface, moving.surface, np.concatenate([few, scouts]), reach=0.3, stride=2
@@ -156,7 +152,6 @@ def genetic_match(
     return GeneticMatch(
         polished.pose[best_row],
         convergence[-1],
-        polished.covariance[best_row],
         np.array(convergence),
         polished.pose,
     )

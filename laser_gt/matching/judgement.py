@@ -80,7 +80,6 @@ def judged(
     guess: Array,
     candidates: Array,
     settings: MatchSettings,
-    engine: str = "scanmatch",
 ) -> Match:
     """The best of candidate poses, (k, 3), polished and judged, whatever engine found them."""
     limits = settings.judgement
@@ -126,8 +125,6 @@ def judged(
             returned=float(same.mean()),
             rival=rival - float(seen.score[best]),
             surprise=surprise,
-            pairs=int(found.pairs[best]),
-            engine=engine,
         ),
         limits,
     )

@@ -6,7 +6,6 @@ checked here.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy.typing as npt
 
 from laser_gt.matching.search import SearchSettings, global_match
 from laser_gt.scans.evidence import Prepared, evidence
-from laser_gt.scans.planar import between, compose
+from laser_gt.scans.planar import compose
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
@@ -91,26 +90,7 @@ def register(
     return _planar(pose)
 
 
-@dataclass(frozen=True)
-class Odometry:
-    """A trajectory from scans alone.
-
-    Parameters
-    ----------
-    poses : (n, 3) array
-        Sweep frames in the frame of the first.
-    recovered : tuple of int
-        Sweeps at which kiss-icp had lost the track and a global search took over.
-    doubtful : tuple of int
-        Sweeps that neither could place with confidence.
-    """
-
-    poses: Array
-    recovered: tuple[int, ...]
-    doubtful: tuple[int, ...]
-
-
-def odometry(sweeps: Sequence[Prepared]) -> Odometry:
+def chain(sweeps: Sequence[Prepared]) -> tuple[Array, list[int]]:
     """The trajectory of a series of sweeps, each matched to the one before.
 
     Parameters
@@ -118,26 +98,26 @@ def odometry(sweeps: Sequence[Prepared]) -> Odometry:
     sweeps : sequence of Prepared
         In the order taken. Between stops metres and half turns apart, kiss-icp loses the track;
         the evidence shows it, and a global search finds the way on.
+
+    Returns
+    -------
+    poses : (n, 3) array
+        Sweep frames in the frame of the first.
+    doubtful : list of int
+        Sweeps that neither could place with confidence.
     """
-    poses = [np.zeros(3)]
-    recovered, doubtful = [], []
+    poses, doubtful = [np.zeros(3)], []
     step = np.zeros(3)
     for number, (before, after) in enumerate(pairwise(sweeps), 1):
-        found = register(before, after, step)
+        expected = step
+        step = found = register(before, after, expected)
         seen = evidence(before, after, found)
         if seen.explained[0] - seen.violating[0] < LOST:
-            wide = global_match(before, after, step, SearchSettings(window=RECOVERY_WINDOW))
+            wide = global_match(before, after, expected, SearchSettings(window=RECOVERY_WINDOW))
             if wide.evidence.score[wide.order[0]] > seen.score[0]:
-                found = wide.pose
-                recovered.append(number)
+                found, step = wide.pose, np.zeros(3)
             seen = evidence(before, after, found)
             if seen.explained[0] - seen.violating[0] < LOST:
                 doubtful.append(number)
-        step = np.zeros(3) if recovered and recovered[-1] == number else found
         poses.append(compose(poses[-1], found))
-    return Odometry(np.array(poses), tuple(recovered), tuple(doubtful))
-
-
-def relative(poses: Array, first: int, second: int) -> Array:
-    """Frame of the second in that of the first, from poses in a common frame."""
-    return between(poses[first], poses[second])
+    return np.array(poses), doubtful

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from laser_gt.scans.planar import rotation
-from laser_gt.scans.scan import Flags, Indices
+from laser_gt.scans.scan import Indices
 from laser_gt.scans.surfaces import Surface
 from validation.poses.angles import Array, wrap
 
@@ -45,24 +45,15 @@ class Alignment:
         Hessian without the part that scattering normals fake.
     fake : (k, 3, 3) array
         That part.
-    pairs : (k,) int array
-        Number of paired points that kept weight.
     scale : (k,) array
         Root mean square residual over its expectation; 1 for a perfect model.
-    converged : (k,) bool array
-        Whether the last step was small. Says nothing about being right.
-    steps : int
-        Steps done.
     """
 
     pose: Array
     covariance: Array
     information: Array
     fake: Array
-    pairs: Indices
     scale: Array
-    converged: Flags
-    steps: int
 
 
 @dataclass(frozen=True)
@@ -137,20 +128,16 @@ def align(
     source = moving.movable[:, ::stride]
     finest = FINEST * moving.noise
     gate = max(reach, finest)
-    converged = np.zeros(len(pose), dtype=bool)
-    steps = 0
-    for steps in range(1, max_steps + 1):  # noqa: B007  (wanted after the loop)
+    for _ in range(max_steps):
         pairing = _pair(reference, source, pose, gate)
         change = _gauss_newton(pairing)
         pose += change
-        if gate <= finest:
-            converged = np.abs(change).max(-1) < SMALL_STEP
-            if converged.all():
-                break  # the pairing is of a place less than a small step away: good enough
+        if gate <= finest and (np.abs(change) < SMALL_STEP).all():
+            break  # the pairing is of a place less than a small step away: good enough
         gate = max(gate * SHRINK, finest)
     else:
         pairing = _pair(reference, source, pose, gate)
-    return _alignment(reference, pose, pairing, converged, steps)
+    return _alignment(reference, pose, pairing)
 
 
 def _pair(reference: Surface, source: Array, pose: Array, gate: float) -> Pairing:
@@ -199,10 +186,8 @@ def _gauss_newton(pairing: Pairing) -> Array:
     return np.asarray(np.maximum(np.minimum(change, 0.5), -0.5))
 
 
-def _alignment(
-    reference: Surface, pose: Array, pairing: Pairing, converged: Flags, steps: int
-) -> Alignment:
-    """Covariance and counts of the final pairing."""
+def _alignment(reference: Surface, pose: Array, pairing: Pairing) -> Alignment:
+    """Covariance and residuals of the final pairing."""
     used = pairing.weight > 0
     pairs = used.sum(-1)
     information, fake = pairing.moments[:, :3, :3], pairing.fake
@@ -212,7 +197,7 @@ def _alignment(
     covariance = _sandwich(information, fake, gradient)
     covariance[pairs < MIN_PAIRS] = np.inf
     pose[:, 2] = wrap(pose[:, 2])
-    return Alignment(pose, covariance, information - fake, fake, pairs, scale, converged, steps)
+    return Alignment(pose, covariance, information - fake, fake, scale)
 
 
 def _gradient_covariance(reference: Surface, pairing: Pairing) -> Array:

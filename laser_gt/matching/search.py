@@ -76,7 +76,7 @@ class LatticeSearch:
 
 @dataclass(frozen=True)
 class GlobalMatch:
-    """Polished poses of a global search, the best first.
+    """Polished poses of a global search.
 
     Parameters
     ----------
@@ -84,24 +84,18 @@ class GlobalMatch:
         Of the distinct modes.
     evidence : Evidence
         Of the same.
-    lattice : LatticeSearch
-        Where they came from.
+    order : (m,) int array
+        Their numbers, by falling score.
     """
 
     alignment: Alignment
     evidence: Evidence
-    lattice: LatticeSearch
     order: Indices
 
     @property
     def pose(self) -> Array:
         """(3,) the best pose."""
         return np.asarray(self.alignment.pose[self.order[0]])
-
-    @property
-    def rivals(self) -> Array:
-        """(m - 1, 3) other poses, best first."""
-        return np.asarray(self.alignment.pose[self.order[1:]])
 
 
 def global_match(
@@ -135,7 +129,7 @@ def global_match(
     keep = distinct(coarse.pose, found.score, 0.15, np.deg2rad(4))
     alignment = align(reference.surface, moving.surface, coarse.pose[keep], reach=0.15)
     final = evidence(reference, moving, alignment.pose)
-    return GlobalMatch(alignment, final, lattice, np.argsort(-final.score))
+    return GlobalMatch(alignment, final, np.argsort(-final.score))
 
 
 def distinct(pose: Array, score: Array, length: float, angle: float, most: int = 1000) -> Indices:

@@ -10,7 +10,8 @@ from laser_gt.scans.planar import CONTRADICTION
 from validation.poses.angles import Array
 
 Verdict = Literal["accept", "look", "reject"]
-SEVERITY: dict[Verdict, int] = {"accept": 0, "look": 1, "reject": 2}
+VERDICTS: tuple[Verdict, ...] = ("accept", "look", "reject")
+"""From the best to the worst: the worst of all checks is the verdict."""
 
 
 @dataclass(frozen=True)
@@ -103,8 +104,6 @@ class Match:
     changed : bool
         Whether only things that one scan shows and the other does not hold it up, and no longer
         ones than may have been moved or be glass.
-    engine : str
-        What found it.
     """
 
     reference: str
@@ -123,11 +122,9 @@ class Match:
     returned: float
     rival: float
     surprise: float
-    pairs: int
     verdict: Verdict = "look"
     reasons: tuple[str, ...] = ()
     changed: bool = False
-    engine: str = "scanmatch"
 
     @property
     def sigma_length(self) -> float:
@@ -161,7 +158,7 @@ def with_verdict(found: Match, limits: JudgementSettings) -> Match:
     rest = _graded(not_explained) + [("look", text) for text in _doubts(found, limits)]
     remarks = different + rest
     verdicts: list[Verdict] = ["accept", *(verdict for verdict, _ in remarks)]
-    worst = max(verdicts, key=SEVERITY.__getitem__)
+    worst = max(verdicts, key=VERDICTS.index)
     return replace(
         found,
         verdict=worst,

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from laser_gt.placing.pairs import connected_stops
 from laser_gt.scans.planar import (
     between,
     compose,
@@ -21,7 +22,7 @@ from laser_gt.scans.planar import (
     inverse_jacobian,
     rotation,
 )
-from laser_gt.scans.scan import Flags
+from laser_gt.scans.scan import Flags, Indices
 from validation.errors import GtvalError
 from validation.poses.angles import Array, wrap
 
@@ -97,13 +98,8 @@ class GraphSolution:
         Of the edges, with their robust weights.
     degrees_of_freedom : int
         Of the edges.
-    edge_chi_squared : (m,) array
-        Of each edge, 3 numbers each.
     weights : (m,) array
         Robust weights.
-    connected : (n,) bool array
-        False for stops that no chain of matches connects with a surveyed one: their poses mean
-        nothing.
     """
 
     poses: Array
@@ -111,9 +107,7 @@ class GraphSolution:
     covariance: Array
     chi_squared: float
     degrees_of_freedom: int
-    edge_chi_squared: Array
     weights: Array
-    connected: Flags
 
     @property
     def scale(self) -> float:
@@ -145,7 +139,7 @@ def solve_graph(graph: Graph, robust_width: float = 4.0) -> GraphSolution:
     if not graph.edges or not len(graph.prior_stops):
         raise GtvalError("no accepted match, or no surveyed stop: nothing to place the scans with")
     poses, mount = graph.initial.copy(), graph.mount.copy()
-    connected = connected_stops(len(poses), graph.edges, graph.prior_stops)
+    connected = connected_stops(len(poses), ends_of(graph.edges), graph.prior_stops)
     weights = np.ones(len(graph.edges))
     information: Array | None = None
     for _ in range(MAX_STEPS):
@@ -174,7 +168,7 @@ def _solution(
     share of the covariance that the misfit of the loops does not show is taken as noise of the
     stops (`_stop_noise`) and added to each of them.
     """
-    inside = np.array([connected[edge.start] for edge in graph.edges])
+    inside = connected[ends_of(graph.edges)[:, 0]]
     total = float((weights * chi)[inside].sum())
     unknowns = 3 * (int(connected.sum()) - len(graph.prior_stops))
     unknowns += 3 * (graph.mount_covariance is None)
@@ -192,7 +186,7 @@ def _solution(
         part = slice(3 * stop, 3 * stop + 3)
         covariance[part, part] += shared * noise
     covariance = (covariance + covariance.T) / 2
-    return GraphSolution(poses, mount, covariance, total, freedom, chi, weights, connected)
+    return GraphSolution(poses, mount, covariance, total, freedom, weights)
 
 
 def _stop_noise(graph: Graph, poses: Array, mount: Array) -> dict[int, Array]:
@@ -223,17 +217,9 @@ def _stop_noise(graph: Graph, poses: Array, mount: Array) -> dict[int, Array]:
     return result
 
 
-def connected_stops(count: int, edges: Sequence[Edge], roots: Sequence[int]) -> Flags:
-    """(count,) True for stops that a chain of edges connects with a root."""
-    reached = np.zeros(count, dtype=bool)
-    reached[list(roots)] = True
-    while True:
-        before = int(reached.sum())
-        for edge in edges:
-            if reached[edge.start] or reached[edge.end]:
-                reached[edge.start] = reached[edge.end] = True
-        if int(reached.sum()) == before:
-            return reached
+def ends_of(edges: Sequence[Edge]) -> Indices:
+    """(m, 2) stops of each edge."""
+    return np.array([(edge.start, edge.end) for edge in edges], dtype=np.intp).reshape(-1, 2)
 
 
 def predicted(first: Array, second: Array, mount: Array) -> Array:
@@ -243,8 +229,7 @@ def predicted(first: Array, second: Array, mount: Array) -> Array:
 
 def _edge_residuals(graph: Graph, poses: Array, mount: Array) -> tuple[Array, Array]:
     """(m, 3) predicted less matched poses, and their (m,) squared Mahalanobis lengths."""
-    start = np.array([edge.start for edge in graph.edges])
-    end = np.array([edge.end for edge in graph.edges])
+    start, end = ends_of(graph.edges).T
     measured = np.array([edge.pose for edge in graph.edges])
     residual = predicted(poses[start], poses[end], mount) - measured
     residual[:, 2] = wrap(residual[:, 2])
@@ -274,8 +259,7 @@ def _normal_equations(
     from scipy import sparse  # noqa: PLC0415  (loaded when a graph is solved)
 
     n = len(poses)
-    start = np.array([edge.start for edge in graph.edges])
-    end = np.array([edge.end for edge in graph.edges])
+    start, end = ends_of(graph.edges).T
     inverse_covariance = np.linalg.inv(np.array([edge.covariance for edge in graph.edges]))
     inverse_covariance *= weights[:, None, None]
     jacobians = np.stack(

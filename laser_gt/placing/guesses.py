@@ -1,11 +1,15 @@
 """How good the guesses were, by what the accepted matches say."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from laser_gt.matching.kiss import chain
 from laser_gt.matching.verdicts import Match
+from laser_gt.scans.evidence import Prepared
+from laser_gt.scans.planar import between
 from validation.poses.angles import Array, wrap
 from validation.statistics.robust import sigma_from_median
 
@@ -15,6 +19,34 @@ are the easy ones."""
 
 FEWEST = 10
 """Accepted matches below which nothing is said."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """First guess of all laser frames, in the frame of the first.
+
+    Parameters
+    ----------
+    poses : (n, 3) array
+        Laser frames.
+    source : str
+        Where they come from, in words.
+    doubtful : tuple of str
+        Stops that could not be placed with confidence.
+    """
+
+    poses: Array
+    source: str
+    doubtful: tuple[str, ...] = ()
+
+
+def first_trajectory(sweeps: Sequence[Prepared], odometry: Array | None) -> Trajectory:
+    """Laser frames by odometry, (n, 3), or by matching the scans in a row where there is none."""
+    if odometry is not None:
+        return Trajectory(between(odometry[0], odometry), "odometry")
+    poses, doubtful = chain(sweeps)
+    names = tuple(sweeps[number].name for number in doubtful)
+    return Trajectory(poses, "scans matched in a row (kiss-icp)", names)
 
 
 def guess_deviations(poses: Array, start: int, end: int, sigmas: Sequence[float]) -> Array:

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from laser_gt.matching.verdicts import SEVERITY, Match, Verdict
+from laser_gt.matching.verdicts import VERDICTS, Match, Verdict
 from laser_gt.scans.planar import (
     CONTRADICTION,
     compose,
@@ -30,14 +30,11 @@ class Loop:
     ----------
     stops : (str, str, str)
         The triple.
-    misclosure : (3,) array
-        The composed pose that should be the identity, metres and radians.
     chi_squared : float
-        Of the misclosure, 3 degrees of freedom.
+        Of the misclosure, the composed pose that should be the identity; 3 degrees of freedom.
     """
 
     stops: tuple[str, str, str]
-    misclosure: Array
     chi_squared: float
 
     @property
@@ -79,7 +76,7 @@ def _loop(matches: dict[tuple[str, str], Match], stops: tuple[str, str, str]) ->
         covariance = by_first @ covariance @ by_first.T + by_second @ step_covariance @ by_second.T
         pose = compose(pose, step)
     chi_squared = float(pose @ np.linalg.solve(covariance + FLOOR, pose))
-    return Loop(stops, pose, chi_squared)
+    return Loop(stops, chi_squared)
 
 
 def with_loops(matches: Sequence[Match]) -> tuple[list[Match], list[Loop]]:
@@ -106,7 +103,7 @@ def _told(match: Match, outcome: list[bool]) -> Match:
     if broken > len(outcome) / 2:
         reason = f"breaks {broken} of its {len(outcome)} loops of three scans"
         verdicts: tuple[Verdict, Verdict] = (match.verdict, "look")
-        worse = max(verdicts, key=SEVERITY.__getitem__)
+        worse = max(verdicts, key=VERDICTS.index)
         return replace(match, verdict=worse, reasons=(*match.reasons, reason))
     if match.changed and broken == 0 and len(outcome) >= CONFIRMING:
         reason = f"all the same it closes all of its {len(outcome)} loops of three scans"

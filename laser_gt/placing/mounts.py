@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from laser_gt.campaign.inputs import LaserInputs
-from laser_gt.campaign.solve import Surveyed, edges_of
 from laser_gt.matching.verdicts import Match
-from laser_gt.placing.graph import Edge, Graph, solve_graph
-from laser_gt.scans.planar import CONTRADICTION, between, compose, compose_jacobians
+from laser_gt.placing.anchors import Surveyed, edges_of
+from laser_gt.placing.graph import Edge, Graph, ends_of, solve_graph
+from laser_gt.scans.planar import CONTRADICTION, between, compose
 from validation.errors import GtvalError
 from validation.poses.angles import Array, wrap
 
@@ -37,25 +36,17 @@ class MountEstimate:
         of the laser on the robot cannot be seen.
     pairs : int
         Pairs used.
-    suspicious : tuple of int
-        Pairs weighed down to less than a quarter: the match or the pose is wrong.
     """
 
     mount: Array
     covariance: Array
     turn: float
     pairs: int
-    suspicious: tuple[int, ...] = ()
 
     @property
     def sigmas(self) -> Array:
         """(3,) standard deviations."""
         return np.sqrt(np.diagonal(self.covariance))
-
-    @property
-    def observed(self) -> bool:
-        """Whether the robot turned enough for the position to be seen."""
-        return self.turn >= MIN_TURN
 
 
 @dataclass(frozen=True)
@@ -88,13 +79,21 @@ class MountCheck:
         return float(self.difference @ np.linalg.solve(covariance, self.difference)) < CONTRADICTION
 
 
-def check_mount(inputs: LaserInputs, matches: Sequence[Match], surveyed: Surveyed) -> MountCheck:
+def check_mount(
+    stops: Sequence[str],
+    mount: Array,
+    mount_sigmas: Array,
+    matches: Sequence[Match],
+    surveyed: Surveyed,
+) -> MountCheck:
     """The mount from the surveyed poses of all stops and the accepted matches between them.
 
     Parameters
     ----------
-    inputs : LaserInputs
-        With the stated mount.
+    stops : sequence of str
+        All that were scanned.
+    mount, mount_sigmas : (3,) arrays
+        As stated: laser frame in the robot frame.
     matches : sequence of Match
         In the laser frame: they do not depend on the mount.
     surveyed : Surveyed
@@ -105,40 +104,61 @@ def check_mount(inputs: LaserInputs, matches: Sequence[Match], surveyed: Surveye
     GtvalError
         If fewer than two accepted pairs join surveyed stops, or the robot never turned.
     """
-    stops = [stop for stop in inputs.stops if stop in surveyed.stops]
-    edges = edges_of(stops, [m for m in matches if m.reference in stops and m.moving in stops])
+    known = surveyed.select([stop for stop in stops if stop in surveyed.stops])
+    edges = edges_of(known.stops, matches)
     if len(edges) < 2:
         raise GtvalError(
             "fewer than two accepted matches join surveyed stops; the mount cannot be checked"
         )
-    known = surveyed.select(stops)
-    turn = _turn([edge.pose for edge in edges])
-    _refuse_straight(turn)
+    found = mount_of(known.poses, known.joint, edges, mount)
+    return MountCheck(mount, mount_sigmas, found)
+
+
+def mount_of(
+    poses: Array, covariance: Array, edges: Sequence[Edge], stated: Array
+) -> MountEstimate:
+    """The mount from robot poses and matches between them, AX = XB in the plane.
+
+    Parameters
+    ----------
+    poses : (n, 3) array
+        Robot poses.
+    covariance : (3n, 3n) array
+        Their joint covariance.
+    edges : sequence of Edge
+        Matches.
+    stated : (3,) array
+        Where to start from, if the poses and matches show no better place.
+
+    Raises
+    ------
+    GtvalError
+        If the robot never turned.
+    """
+    turn = float(np.sqrt(np.mean(wrap(np.array([edge.pose[2] for edge in edges])) ** 2)))
+    if turn < MIN_TURN:
+        raise GtvalError(
+            f"between the stops the robot turns by {np.rad2deg(turn):.1f} degrees only; without "
+            "turns the place of the laser on the robot cannot be seen. Add stops with other "
+            "headings"
+        )
     graph = Graph(
-        initial=known.poses,
-        mount=_first_mount(known.poses, edges, inputs.mount),
+        initial=poses,
+        mount=_first_mount(poses, edges, stated),
         edges=edges,
-        prior_stops=range(len(stops)),
-        prior_poses=known.poses,
-        prior_covariance=known.joint,
+        prior_stops=range(len(poses)),
+        prior_poses=poses,
+        prior_covariance=covariance,
         mount_covariance=None,
     )
     solution = solve_graph(graph)
-    suspicious = tuple(int(i) for i in np.flatnonzero(solution.weights < 0.25))
-    found = MountEstimate(
-        np.append(solution.mount[:2], wrap(solution.mount[2])),
-        solution.covariance[-3:, -3:],
-        turn,
-        len(edges),
-        suspicious,
-    )
-    return MountCheck(inputs.mount, inputs.mount_sigmas, found)
+    mount = np.append(solution.mount[:2], wrap(solution.mount[2]))
+    return MountEstimate(mount, solution.covariance[-3:, -3:], turn, len(edges))
 
 
 def _first_mount(poses: Array, edges: Sequence[Edge], stated: Array) -> Array:
     """Start for the graph: the linear solution, or the stated mount where that is no worse."""
-    start = np.array([edge.start for edge in edges])
-    end = np.array([edge.end for edge in edges])
+    start, end = ends_of(edges).T
     motions = between(poses[start], poses[end])
     laser = np.array([edge.pose for edge in edges])
     linear = linear_hand_eye(motions, laser)
@@ -146,21 +166,6 @@ def _first_mount(poses: Array, edges: Sequence[Edge], stated: Array) -> Array:
         np.median(np.abs(closure(motions, laser, mount)[:, :2])) for mount in (linear, stated)
     ]
     return linear if errors[0] < errors[1] else stated
-
-
-def _turn(laser: Sequence[Array]) -> float:
-    """Root mean square turn of the pairs."""
-    return float(np.sqrt(np.mean(wrap(np.array(laser)[:, 2]) ** 2)))
-
-
-def _refuse_straight(turn: float) -> None:
-    """Raise where the robot did not turn: the position of the laser does not show then."""
-    if turn < MIN_TURN:
-        raise GtvalError(
-            f"between the stops the robot turns by {np.rad2deg(turn):.1f} degrees only; without "
-            "turns the place of the laser on the robot cannot be seen. Add stops with other "
-            "headings"
-        )
 
 
 def closure(robot: Array, laser: Array, mount: Array) -> Array:
@@ -214,77 +219,3 @@ def linear_hand_eye(robot: Array, laser: Array) -> Array:
         lambda a: solve(a)[1], bounds=(best - 0.1, best + 0.1), method="bounded"
     )
     return np.append(solve(float(found.x))[0], wrap(found.x))
-
-
-def hand_eye(
-    robot: Array, robot_covariance: Array, laser: Array, laser_covariance: Array
-) -> MountEstimate:
-    """The mount from motions of the robot and of the laser, AX = XB in the plane.
-
-    Parameters
-    ----------
-    robot, laser : (m, 3) arrays
-        Motions A between two stops by odometry or survey, and B by scan matching.
-    robot_covariance, laser_covariance : (m, 3, 3) arrays
-        Of each.
-
-    Raises
-    ------
-    GtvalError
-        If the robot did not turn.
-
-    Notes
-    -----
-    Gauss-Newton on the closures, whitened by both covariances, with Cauchy weights; the
-    covariance is scaled by the misfit.
-    """
-    turn = _turn(list(laser))
-    _refuse_straight(turn)
-    mount = linear_hand_eye(robot, laser)
-    weights = np.ones(len(robot))
-    information = np.eye(3)
-    chi = weights
-    for _ in range(50):
-        residual = closure(robot, laser, mount)
-        jacobian, whitener = _closure_terms(robot, robot_covariance, laser, laser_covariance, mount)
-        chi = np.einsum("mi,mij,mj->m", residual, whitener, residual)
-        spread = max(float(np.median(chi)) / 2.37, 1.0)
-        weights = 1 / (1 + chi / (12 * spread))
-        weighted = np.einsum("mji,mjk,m->mik", jacobian, whitener, weights)
-        information = np.einsum("mij,mjk->ik", weighted, jacobian)
-        step = -np.linalg.solve(information, np.einsum("mij,mj->i", weighted, residual))
-        mount = mount + step
-        if np.abs(step).max() < 1e-10:
-            break
-    freedom = max(3 * len(robot) - 3, 1)
-    scale = max(float((weights * chi).sum()) / freedom, 1.0)
-    return MountEstimate(
-        np.append(mount[:2], wrap(mount[2])),
-        np.asarray(np.linalg.inv(information) * scale),
-        turn,
-        len(robot),
-        tuple(int(i) for i in np.flatnonzero(weights < 0.25)),
-    )
-
-
-def _closure_terms(
-    robot: Array, robot_covariance: Array, laser: Array, laser_covariance: Array, mount: Array
-) -> tuple[Array, Array]:
-    """Derivative of the closure by the mount near zero, and the inverse of its covariance.
-
-    With the closure small, moving A X by its right end moves the closure the other way, and
-    moving X B moves it along, both turned into the frame at its end.
-    """
-    mounts = np.broadcast_to(mount, robot.shape)
-    ax_by_a, ax_by_x = compose_jacobians(robot, mounts)
-    xb_by_x, xb_by_b = compose_jacobians(mounts, laser)
-    end = compose(robot, mounts)
-    cosine, sine = np.cos(end[:, 2]), np.sin(end[:, 2])
-    into = np.zeros((len(robot), 3, 3))
-    into[:, 0, 0] = into[:, 1, 1] = cosine
-    into[:, 0, 1], into[:, 1, 0], into[:, 2, 2] = sine, -sine, 1.0
-    jacobian = into @ (xb_by_x - ax_by_x)
-    by_a, by_b = into @ ax_by_a, into @ xb_by_b
-    covariance = by_a @ robot_covariance @ np.swapaxes(by_a, -1, -2)
-    covariance += by_b @ laser_covariance @ np.swapaxes(by_b, -1, -2)
-    return jacobian, np.asarray(np.linalg.inv(covariance))

@@ -1,11 +1,13 @@
 """Candidate pairs: which scans are likely to show the same place, from the initial guess."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from laser_gt.scans.planar import between, transform
-from laser_gt.scans.scan import Indices, Sweep
+from laser_gt.scans.scan import Flags, Indices, Sweep
 from validation.poses.angles import Array, wrap
 
 
@@ -31,35 +33,65 @@ class PairSettings:
     most: int = 8
 
 
-@dataclass(frozen=True)
-class CandidatePairs:
-    """Pairs worth matching.
-
-    Parameters
-    ----------
-    index : (m, 2) int array
-        Stops, the smaller index first.
-    overlap : (m,) array
-        Expected overlap.
-    """
-
-    index: Indices
-    overlap: Array
+WIDER = (1.0, 1.5, 2.0, 3.0)
+"""Factors on the radius, tried in turn until chains of pairs join all stops. A judgement: three
+times the distance that was stated is still a neighbour, and more is another room."""
 
 
-def candidate_pairs(
-    poses: Array, sweeps: list[Sweep], settings: PairSettings | None = None
-) -> CandidatePairs:
-    """Pairs of stops that are near enough to each other, and look the same way.
+def find_pairs(
+    poses: Array,
+    sweeps: Sequence[Sweep],
+    settings: PairSettings,
+    decided: Iterable[tuple[str, str]] = (),
+) -> Indices:
+    """Pairs worth matching, and those that a decision names.
 
     Parameters
     ----------
     poses : (n, 3) array
         Initial guess of the sweeps' frames in any common frame.
-    sweeps : list of Sweep
+    sweeps : sequence of Sweep
         One for each.
     settings : PairSettings
-        Limits.
+        Limits. Where the radius leaves stops without a chain of pairs to the others, it is made
+        larger.
+    decided : iterable of (str, str)
+        Names of stops whose pair is taken in any case.
+
+    Returns
+    -------
+    (m, 2) int array
+        Stops, the smaller index first.
+    """
+    for wider in WIDER:
+        pairs = candidate_pairs(poses, sweeps, replace(settings, radius=settings.radius * wider))
+        if connected_stops(len(sweeps), pairs, [0]).all():
+            break
+    number = {sweep.name: index for index, sweep in enumerate(sweeps)}
+    named = dict.fromkeys(
+        tuple(sorted((number[reference], number[moving]))) for reference, moving in decided
+    )
+    have = {tuple(pair) for pair in pairs.tolist()}
+    more = [pair for pair in named if pair not in have]
+    return np.concatenate([pairs, np.array(more, dtype=np.intp).reshape(-1, 2)])
+
+
+def connected_stops(count: int, pairs: npt.ArrayLike, roots: Sequence[int]) -> Flags:
+    """(count,) True for stops that a chain of pairs, (m, 2), connects with a root."""
+    reached = np.zeros(count, dtype=bool)
+    reached[list(roots)] = True
+    joined = np.asarray(pairs, dtype=np.intp).reshape(-1, 2)
+    while True:
+        before = int(reached.sum())
+        reached[joined[reached[joined].any(1)]] = True
+        if int(reached.sum()) == before:
+            return reached
+
+
+def candidate_pairs(poses: Array, sweeps: Sequence[Sweep], settings: PairSettings) -> Indices:
+    """Pairs of stops, (m, 2), that are near enough to each other, and look the same way.
+
+    Parameters as for `find_pairs`.
 
     Notes
     -----
@@ -67,19 +99,15 @@ def candidate_pairs(
     """
     from scipy.spatial import cKDTree  # noqa: PLC0415  (loaded when stops are paired)
 
-    settings = settings or PairSettings()
     near = cKDTree(poses[:, :2]).query_pairs(settings.radius, output_type="ndarray")
     near = np.sort(np.asarray(near, dtype=np.intp).reshape(-1, 2), axis=1)
     turned = np.abs(wrap(poses[near[:, 1], 2] - poses[near[:, 0], 2]))
     near = near[turned <= settings.heading + 1e-9]
-    overlap = np.array(
-        [expected_overlap(poses[i], poses[j], sweeps[i], sweeps[j]) for i, j in near]
-    )
-    enough = overlap >= settings.overlap if len(near) else np.zeros(0, dtype=bool)
-    near, overlap = near[enough], overlap[enough]
+    overlap = [expected_overlap(poses[i], poses[j], sweeps[i], sweeps[j]) for i, j in near]
+    near = near[np.array(overlap, dtype=float) >= settings.overlap]
     keep = _nearest(poses, near, settings.most)
     order = np.lexsort((near[keep, 1], near[keep, 0]))
-    return CandidatePairs(near[keep][order], overlap[keep][order])
+    return near[keep][order]
 
 
 def _nearest(poses: Array, pairs: Indices, most: int) -> Indices:

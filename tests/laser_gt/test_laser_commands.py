@@ -93,4 +93,5 @@ def test_scans_of_a_scanner_without_a_mount_are_an_error(tmp_path):
     toml.write_text(toml.read_text().replace("[laser.scanners.rear]", "[laser.scanners.back]"))
     result = _run("laser", "solve", folder)
     assert result.exit_code == 2
-    assert "'rear'" in result.output
+    assert "field 'laser.scanners.rear.mount'" in result.output
+    assert "'back' — there is no scan of this sensor" in result.output

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
+from laser_rooms import of_motions
 
 from laser_gt.placing.graph import Edge, Graph, predicted, solve_graph
-from laser_gt.placing.mounts import hand_eye, linear_hand_eye
+from laser_gt.placing.mounts import linear_hand_eye, mount_of
 from laser_gt.placing.placement import place
 from laser_gt.scans.planar import between, compose, inverse
 from validation.errors import GtvalError
@@ -72,12 +73,13 @@ def test_motions_without_noise_give_the_mount_exactly_and_straight_ones_none():
     # golden section stops at 1e-5 rad
     assert np.abs(linear_hand_eye(robot, laser) - MOUNT).max() < 1e-5
     covariances = np.tile(NOISE, (12, 1, 1))
-    found = hand_eye(robot, covariances, laser, covariances)
+    motions = of_motions(robot, covariances, laser, covariances)
+    found = mount_of(*motions, np.zeros(3))
     assert np.abs(found.mount - MOUNT).max() < 1e-8
     straight = robot * [1, 1, 0]
     straight_laser = between(np.broadcast_to(MOUNT, robot.shape), compose(straight, MOUNT))
     with pytest.raises(GtvalError, match="without turns"):
-        hand_eye(straight, covariances, straight_laser, covariances)
+        mount_of(*of_motions(straight, covariances, straight_laser, covariances), np.zeros(3))
 
 
 MOUNT_SIGMAS = np.array([0.002, 0.002, 0.002])

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from laser_rooms import FR079
+from laser_rooms import FR079, of_motions
 
 from laser_gt.logs.carmen import read_carmen
 from laser_gt.logs.motion import MirrorTiming, undistorted_records
 from laser_gt.matching.judgement import MatchSettings, match
 from laser_gt.placing.guesses import GENEROUS, guess_scatter
-from laser_gt.placing.mounts import hand_eye
+from laser_gt.placing.mounts import mount_of
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import between, compose, inverse
 from laser_gt.scans.scan import sweep
@@ -110,11 +110,12 @@ def test_the_offset_of_the_laser_is_found_from_the_data(matched):
     truth, found = matched
     kept = [i for i, one in enumerate(found) if one.verdict != "reject"]
     covariance = np.tile(np.diag([0.02, 0.02, 0.005]) ** 2, (len(kept), 1, 1))
-    estimate = hand_eye(
+    motions = of_motions(
         truth[kept],
         covariance,
-        np.array([found[i].pose for i in kept]),
-        np.array([found[i].covariance for i in kept]),
+        [found[i].pose for i in kept],
+        [found[i].covariance for i in kept],
     )
+    estimate = mount_of(*motions, np.zeros(3))
     assert np.abs(estimate.mount[:2] - OFFSET[:2]).max() < 3 * estimate.sigmas[:2].max()
     assert estimate.sigmas[:2].max() < 0.006

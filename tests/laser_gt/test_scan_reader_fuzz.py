@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from laser_gt.logs.carmen import read_carmen
-from laser_gt.logs.decisions import HEADER, read_decisions
+from laser_gt.logs.decision_file import HEADER, read_decisions
 from laser_gt.logs.rawseeds import read_rawseeds_hokuyo, read_rawseeds_odometry, read_rawseeds_sick
 from laser_gt.logs.scan_csv import read_scan_csv, scan_csv
 from laser_gt.scans.scan import Scan
@@ -26,7 +26,9 @@ ODOMETRY = "".join(f"{time}.5, {time}, 10, 20, 0.5, 0.25, 1.5\n" for time in ran
 CSV = scan_csv(
     [(str(stop), Scan(np.full(12, 2.5), np.linspace(-1, 1, 12), time=stop)) for stop in range(3)]
 )
-DECISIONS = f'{HEADER}\n2024-03-04T10:00,1,2,accept,,,,"me",\n,2,3,guess,0.5,0.1,-0.3,,"so"\n'
+DECISIONS = (
+    f'{",".join(HEADER)}\n2024-03-04T10:00,1,2,accept,,,,"me",\n,2,3,guess,0.5,0.1,-0.3,,"so"\n'
+)
 READERS = {
     "carmen": (read_carmen, CARMEN),
     "sick": (read_rawseeds_sick, SICK),

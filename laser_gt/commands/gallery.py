@@ -85,8 +85,8 @@ def _article(match: Match, sweeps: Mapping[str, Prepared], campaign: str) -> str
 
 def _picture(match: Match, sweeps: Mapping[str, Prepared]) -> str:
     """The figure as a data address."""
-    from laser_gt.campaign.figures import match_figure  # noqa: PLC0415  (matplotlib is slow to load)
-    from validation.figures.writing import figure_bytes  # noqa: PLC0415
+    from laser_gt.campaign.figures import match_figure
+    from validation.figures.writing import figure_bytes
 
     figure = match_figure(match, sweeps[match.reference], sweeps[match.moving])
     image = figure_bytes(figure, ".png", "the picture of a match", dots_per_inch=80)

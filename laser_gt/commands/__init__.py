@@ -5,24 +5,25 @@ from typing import TYPE_CHECKING
 
 import click
 
-from validation.commands.options import AS_JSON, CAMPAIGN, progress_bar
+from validation.commands.options import AS_JSON, AS_PUBLISHED, CAMPAIGN, progress_bar
+from validation.commands.solve import CampaignGroup, solve_command
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from laser_gt.campaign.outcome import LaserOutcome
-    from laser_gt.campaign.solve import Engine
+    from laser_gt.placing.engines import Engine
     from validation.campaign.folder import Campaign
 
-ENGINE = click.option(
+ENGINES = click.option(
     "--engine",
+    "engines",
     type=click.Choice(["scanmatch", "genetic"]),
     multiple=True,
+    callback=lambda _context, _option, chosen: chosen or None,
     help="What matches the scans; may be given twice. Default: as campaign.toml says.",
 )
 
 
-@click.group()
+@click.group(cls=CampaignGroup)
 def laser() -> None:
     """Robot poses from laser scans: match, judge, inspect, place.
 
@@ -30,70 +31,37 @@ def laser() -> None:
     """
 
 
-@laser.command()
-@CAMPAIGN
-@AS_JSON
-@ENGINE
-@click.option("--as-published", is_flag=True, help="Also the document's way, for comparison.")
-@click.option("--dry-run", is_flag=True, help="Print only; write nothing.")
-def solve(
-    campaign: Path, as_json: bool, engine: tuple[str, ...], as_published: bool, dry_run: bool
-) -> None:
-    """Match all scans, judge every match, and compute the robot poses.
+laser.add_command(
+    solve_command(
+        "laser",
+        """Match all scans, judge every match, and compute the robot poses.
 
-    Writes poses_laser_scanmatch.csv, poses_laser_genetic.csv and laser_matches_*.csv to
-    CAMPAIGN/results: all of them, or none if anything fails.
-    """
-    from laser_gt.campaign.findings import laser_facts
-    from laser_gt.system import result_of
-    from validation.poses.pose_files import pose_files
-    from validation.report.terminal import print_findings, print_json, print_table
-    from validation.text_files.writing import write_files
-
-    loaded, outcome = _solved(campaign, engine, as_published=as_published)
-    result = result_of(outcome)
-    if not dry_run:
-        tables = pose_files(result.tables)
-        write_files(loaded.results, {**result.files, **tables})
-    if as_json:
-        print_json({**laser_facts(outcome), "findings": result.findings})
-        return
-    from laser_gt.campaign.sections import pose_table, verdict_table
-
-    for matching in outcome.matchings.values():
-        print_table(verdict_table(matching))
-    for solution in outcome.solutions.values():
-        print_table(pose_table(solution))
-    print_findings(result.findings)
-    if not dry_run:
-        click.echo(f"\nResults: {loaded.results}")
+        Writes poses_laser_scanmatch.csv, poses_laser_genetic.csv and laser_matches_*.csv to
+        CAMPAIGN/results: all of them, or none if anything fails.
+        """,
+        [ENGINES, AS_PUBLISHED],
+    )
+)
 
 
 def _solved(
-    campaign: Path,
-    engines: "Sequence[str]",
-    *,
-    as_published: bool = False,
-    need_poses: bool = True,
+    folder: Path, engines: "tuple[Engine, ...]", *, need_poses: bool
 ) -> "tuple[Campaign, LaserOutcome]":
     """The campaign and what laser GT makes of it."""
-    from laser_gt.campaign.outcome import solve_campaign
+    from laser_gt.campaign.solve import solve_campaign
     from validation.campaign.folder import load_campaign
+    from validation.solving import solve_validation
+    from validation.systems import installed_systems
 
-    loaded = load_campaign(campaign)
-    chosen: Sequence[Engine] | None = [
-        "genetic" if name == "genetic" else "scanmatch" for name in dict.fromkeys(engines)
-    ] or None
+    campaign = solve_validation(load_campaign(folder), installed_systems())
     with progress_bar("laser") as report:
-        return loaded, solve_campaign(
-            loaded, report, engines=chosen, as_published=as_published, need_poses=need_poses
-        )
+        return campaign, solve_campaign(campaign, report, engines=engines, need_poses=need_poses)
 
 
 @laser.command()
 @CAMPAIGN
 @AS_JSON
-@ENGINE
+@ENGINES
 @click.option(
     "--most",
     type=click.IntRange(1),
@@ -101,27 +69,26 @@ def _solved(
     show_default=True,
     help="Pairs drawn; the doubtful ones come first.",
 )
-def inspect(campaign: Path, as_json: bool, engine: tuple[str, ...], most: int) -> None:
+def inspect(campaign: Path, as_json: bool, engines: "tuple[Engine, ...] | None", most: int) -> None:
     """Write a gallery of the matches to CAMPAIGN/report/laser_matches.html.
 
     Each pair is shown before and after, with its verdict, the reasons, and the command that
     records a decision about it.
     """
-    from laser_gt.inspection import gallery
+    from laser_gt.commands.gallery import gallery
     from validation.report.terminal import print_json
     from validation.text_files.writing import write_files
 
-    loaded, outcome = _solved(campaign, engine or ("scanmatch",), need_poses=False)
-    sweeps = dict(zip(outcome.inputs.stops, outcome.inputs.sweeps, strict=True))
+    loaded, outcome = _solved(campaign, engines or ("scanmatch",), need_poses=False)
     matches = [match for matching in outcome.matchings.values() for match in matching.matches]
-    page = gallery(matches, sweeps, str(campaign), most)
+    page = gallery(matches, outcome.inputs.by_stop, str(campaign), most)
     write_files(loaded.report, {"laser_matches.html": page})
     path = loaded.report / "laser_matches.html"
     to_see = [[m.reference, m.moving] for m in matches if m.verdict == "look"]
     if as_json:
         print_json({"page": path, "look": to_see, "matches": len(matches)})
         return
-    click.echo(f"{len(to_see)} of {len(matches)} matches need eyes.\nGallery: {path}")
+    click.echo(f"{len(to_see)} of {len(matches)} matches wait for your decision.\nGallery: {path}")
 
 
 @laser.command(context_settings={"ignore_unknown_options": True})
@@ -130,6 +97,7 @@ def inspect(campaign: Path, as_json: bool, engine: tuple[str, ...], most: int) -
 @click.argument("moving")
 @click.argument("decision", type=click.Choice(["accept", "reject", "guess"]))
 @click.argument("pose", type=float, nargs=-1)
+@AS_JSON
 @click.option("--by", default="", help="Who or what decided.")
 @click.option("--note", default="", help="Why.")
 def decide(
@@ -138,6 +106,7 @@ def decide(
     moving: str,
     decision: str,
     pose: tuple[float, ...],
+    as_json: bool,
     by: str,
     note: str,
 ) -> None:
@@ -151,35 +120,23 @@ def decide(
     import numpy as np
 
     from laser_gt.campaign.inputs import load_inputs
-    from laser_gt.logs.decisions import Decision, append_decisions
+    from laser_gt.logs.decision_file import append_decision
+    from laser_gt.logs.decisions import Decision
     from laser_gt.settings import LaserSettings
     from validation.campaign.folder import load_campaign
-    from validation.errors import InputError, Problem
+    from validation.report.terminal import print_json
 
     loaded = load_campaign(campaign)
     settings = loaded.section("laser", LaserSettings)
     stops = load_inputs(loaded, settings).stops
     path = loaded.folder / settings.decisions
-    problems = [
-        Problem(path, "no scan of this stop", None, name, stop)
-        for name, stop in (("reference", reference), ("moving", moving))
-        if stop not in stops
-    ]
-    wanted = 3 if decision == "guess" else 0
-    if len(pose) != wanted:
-        text = f"'{decision}' takes {wanted} numbers after it" + (": X Y THETA" if wanted else "")
-        problems.append(Problem(path, text, None, "x", " ".join(map(str, pose)) or None))
-    elif not np.isfinite(pose).all():
-        problems.append(Problem(path, "a guess must be finite", None, "x"))
-    if reference == moving:
-        problems.append(
-            Problem(path, "the same stop twice; a pair has two", None, "moving", moving)
-        )
-    if problems:
-        raise InputError(problems)
     guess = np.array(pose) if pose else None
     now = datetime.now().astimezone().isoformat(timespec="seconds")
-    append_decisions(path, [Decision(reference, moving, decision, guess, by, note)], now)
+    made = Decision(reference, moving, decision, guess, by, note)
+    append_decision(path, made, stops, now)
+    if as_json:
+        print_json({"decisions": path, "pair": [reference, moving], "decision": decision})
+        return
     click.echo(f"Recorded in {path}.")
 
 
@@ -192,13 +149,14 @@ def check_mount(campaign: Path, as_json: bool) -> None:
     Writes CAMPAIGN/report/laser_mount_overlay.png: two scans laid over each other through the
     surveyed poses, with the stated mount and with the one found.
     """
-    from laser_gt.campaign.findings import laser_facts, laser_findings
+    from laser_gt.campaign.facts import laser_facts
+    from laser_gt.campaign.findings import laser_findings
     from laser_gt.campaign.sections import mount_table, overlay_figure
     from validation.errors import GtvalError
     from validation.figures.writing import write_figure
     from validation.report.terminal import print_findings, print_json, print_table
 
-    loaded, outcome = _solved(campaign, ("scanmatch",))
+    loaded, outcome = _solved(campaign, ("scanmatch",), need_poses=True)
     if outcome.mount_check is None:
         raise GtvalError(f"the mount cannot be checked: {outcome.mount_note}")
     path = loaded.report / "laser_mount_overlay.png"

@@ -1,0 +1,133 @@
+"""Decisions about matches, whoever or whatever made them: an append-only CSV that runs obey.
+
+Columns: time, reference, moving (stops), decision (accept, reject, guess), x, y, theta (for a
+guess: the moving laser frame in the reference laser frame; metres, radians), by, note. The last
+decision about a pair counts; a pair named the other way round is the same pair.
+"""
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from laser_gt.logs.decisions import KINDS, Decision
+from validation.errors import GtvalError, InputError, Problem
+from validation.text_files.csv_tables import Column, CsvTable, read_csv
+from validation.text_files.csv_text import csv_text
+
+COLUMNS = (
+    Column("time", required=False, blank=True),
+    Column("reference"),
+    Column("moving"),
+    Column("decision"),
+    Column("x", "number", required=False, blank=True, low=-1e4, high=1e4, unit="m"),
+    Column("y", "number", required=False, blank=True, low=-1e4, high=1e4, unit="m"),
+    Column("theta", "number", required=False, blank=True, low=-20, high=20, unit="rad"),
+    Column("by", required=False, blank=True),
+    Column("note", required=False, blank=True),
+)
+HEADER = tuple(column.name for column in COLUMNS)
+
+
+def read_decisions(path: Path, stops: Collection[str]) -> dict[tuple[str, str], Decision]:
+    """The decision that counts for each pair, under both of its names; none without the file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    stops : collection of str
+        Stops that have scans.
+
+    Raises
+    ------
+    InputError
+        Naming every bad place: unknown stops, unknown words, a guess without a pose.
+    """
+    if not path.exists():
+        return {}
+    table = read_csv(path, COLUMNS)
+    decisions: dict[tuple[str, str], Decision] = {}
+    for row in range(len(table)):
+        decision = _decision(table, row, stops)
+        if decision is not None:
+            decisions[decision.reference, decision.moving] = decision
+            decisions[decision.moving, decision.reference] = decision.turned()
+    table.raise_problems()
+    return decisions
+
+
+def _decision(table: CsvTable, row: int, known: Collection[str]) -> Decision | None:
+    """The decision of a row; None if it is bad, which is recorded."""
+    count = len(table.problems)
+    pose = np.array([table.numbers[name][row] for name in ("x", "y", "theta")])
+    text = {name: table.text[name][row] for name in table.text}
+    decision = Decision(
+        text["reference"],
+        text["moving"],
+        text["decision"],
+        None if np.isnan(pose).all() else pose,
+        text["by"],
+        text["note"],
+    )
+    for name, expected in _faults(decision, known):
+        table.flag(row, name, expected)
+    return None if len(table.problems) > count else decision
+
+
+def _faults(decision: Decision, known: Collection[str]) -> Iterator[tuple[str, str]]:
+    """Columns of a decision that are bad, and what is expected there."""
+    for name, stop in (("reference", decision.reference), ("moving", decision.moving)):
+        if stop and stop not in known:
+            yield name, "no scan of this stop; expected the name of a scanned stop"
+    if decision.moving and decision.reference == decision.moving:
+        yield "moving", "the same stop twice; a pair has two"
+    if decision.kind not in KINDS:
+        yield "decision", f"expected one of {', '.join(KINDS)}"
+    guess = decision.guess
+    if decision.kind == "guess":
+        if guess is None or len(guess) != 3 or not np.isfinite(guess).all():
+            yield "x", "a guess needs 3 numbers: x, y and theta"
+    elif guess is not None:
+        yield "x", "only a guess has x, y and theta; leave them blank, or write 'guess'"
+
+
+def append_decision(path: Path, decision: Decision, stops: Collection[str], time: str) -> None:
+    """Add a decision to the end of the file, which is made if missing.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    decision : Decision
+        What was decided.
+    stops : collection of str
+        Stops that have scans.
+    time : str
+        When.
+
+    Raises
+    ------
+    GtvalError
+        If the decision is not one that `read_decisions` would take, or the file cannot be
+        written.
+    """
+    values = {"reference": decision.reference, "moving": decision.moving, "decision": decision.kind}
+    problems = [
+        Problem(path, expected, None, name, values.get(name))
+        for name, expected in _faults(decision, stops)
+    ]
+    if problems:
+        raise InputError(problems)
+    pose = ["", "", ""] if decision.guess is None else [f"{v:.6f}" for v in decision.guess]
+    said = [" ".join(text.split()) for text in (decision.by, decision.note)]
+    text = csv_text(HEADER, [[time, *values.values(), *pose, *said]])
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        before = path.read_bytes() if path.exists() else b""
+        if before:
+            text = text.partition("\n")[2] if before.endswith(b"\n") else text[text.index("\n") :]
+        with path.open("a", encoding="utf-8") as stream:
+            stream.write(text)
+    except OSError as error:
+        raise GtvalError(f"cannot write {path}: {error.strerror or error}") from error

@@ -1,0 +1,49 @@
+"""Surveyed stops: what places the laser frame, and what the mount is checked with."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from laser_gt.matching.verdicts import Match
+from laser_gt.placing.graph import Edge
+from validation.poses.angles import Array
+
+
+@dataclass(frozen=True)
+class Surveyed:
+    """Surveyed poses of some stops, in the GTV frame.
+
+    Parameters
+    ----------
+    stops : tuple of str
+        Their names.
+    poses : (p, 3) array
+        Robot poses.
+    joint : (3p, 3p) array
+        Joint covariance.
+    assumed : tuple of str
+        Stops whose covariance was not stated but assumed.
+    """
+
+    stops: tuple[str, ...]
+    poses: Array
+    joint: Array
+    assumed: tuple[str, ...] = ()
+
+    def select(self, stops: Sequence[str]) -> "Surveyed":
+        """Some of the stops, in that order."""
+        rows = np.array([self.stops.index(stop) for stop in stops], dtype=int)
+        flat = (3 * rows[:, None] + np.arange(3)).ravel()
+        assumed = tuple(stop for stop in stops if stop in self.assumed)
+        return Surveyed(tuple(stops), self.poses[rows], self.joint[np.ix_(flat, flat)], assumed)
+
+
+def edges_of(stops: Sequence[str], matches: Sequence[Match]) -> list[Edge]:
+    """Accepted matches between some stops as edges of a graph."""
+    where = {stop: number for number, stop in enumerate(stops)}
+    return [
+        Edge(where[one.reference], where[one.moving], one.pose, one.covariance)
+        for one in matches
+        if one.verdict == "accept" and one.reference in where and one.moving in where
+    ]
