@@ -1,55 +1,41 @@
 """The commands ``gtval rtk scanner``, ``camera``, ``dgps`` and ``imu``."""
 
-from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from validation.commands.options import AS_JSON, CAMPAIGN
+from rtk_gt.commands.drive import (
+    FINITE,
+    SIGMA,
+    along_path,
+    lens_of,
+    sensor_named,
+    solved,
+)
+from validation.commands.options import AS_JSON, CAMPAIGN, PATH
 
 if TYPE_CHECKING:
-    from rtk_gt.campaign.outcome import RtkOutcome
-    from rtk_gt.path.interpolation import Interpolated
-    from rtk_gt.sensors.camera_pose import Lens
     from rtk_gt.sensors.pass_matching import ScannerCalibration
     from rtk_gt.sensors.scanner_calibration import MountedScans
     from rtk_gt.sensors.scans import LineScans
-    from rtk_gt.settings import Sensor
     from validation.poses.angles import Array
     from validation.results import Table
-
-FILE = click.Path(path_type=Path)
-
-
-class Number(click.FloatRange):
-    """A number within limits; click's own range lets NaN pass."""
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """The number, or a usage error."""
-        number = float(super().convert(value, param, ctx))
-        if isnan(number):
-            self.fail("nan is not a number", param, ctx)
-        return number
 
 
 LONG_ENOUGH = 50
 """Times its correlation time a record has to last for that time to be found (Sokal 1997)."""
-FINITE = Number(-1e9, 1e9)
-SIGMA = Number(1e-9, 1e3)
 POSE_COLUMNS = ("x [m]", "y [m]", "z [m]", "yaw [deg]", "pitch [deg]", "roll [deg]")
 
 
 @click.command()
 @CAMPAIGN
 @click.argument("sensor")
-@click.argument("scans", type=FILE)
+@click.argument("scans", type=PATH)
 @click.option(
     "--also",
     nargs=2,
-    type=(str, FILE),
+    type=(str, PATH),
     multiple=True,
     metavar="SENSOR SCANS",
     help="Another scanner of the same drive: both are found together, and better.",
@@ -76,7 +62,7 @@ POSE_COLUMNS = ("x [m]", "y [m]", "z [m]", "yaw [deg]", "pitch [deg]", "roll [de
 @click.option("--hand-sigma-deg", type=SIGMA, default=2.0, show_default=True, help="Degrees.")
 @click.option(
     "--histogram",
-    type=FILE,
+    type=PATH,
     help="Draw the heights of the ground beside the vehicle, before and after (.png, .svg).",
 )
 @AS_JSON
@@ -164,7 +150,7 @@ def _say_place(mounted: "MountedScans", result: "ScannerCalibration") -> None:
 @click.command()
 @CAMPAIGN
 @click.argument("sensor")
-@click.argument("points", type=FILE)
+@click.argument("points", type=PATH)
 @click.option("--lens", nargs=8, type=FINITE, required=True, help="fx fy cx cy k1 k2 p1 p2.")
 @click.option(
     "--point-sigma", type=SIGMA, default=0.02, show_default=True, help="Of the points, metres."
@@ -215,7 +201,7 @@ def camera(
 
 @click.command()
 @CAMPAIGN
-@click.argument("log", type=FILE)
+@click.argument("log", type=PATH)
 @click.option(
     "--antenna",
     nargs=3,
@@ -264,8 +250,8 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
 
 @click.command()
 @CAMPAIGN
-@click.argument("angles", type=FILE)
-@click.option("--figure", type=FILE, help="Draw the rates and their errors (.png, .svg).")
+@click.argument("angles", type=PATH)
+@click.option("--figure", type=PATH, help="Draw the rates and their errors (.png, .svg).")
 @AS_JSON
 def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> None:
     """Compare the rates of an IMU (CSV time,yaw,pitch,roll in radians) with the ground truth."""
@@ -306,53 +292,6 @@ def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> Non
         "path's noise. The rates are those of the path, the drift is the IMU's mean error."
     )
     _print(Table("Rates of the IMU", columns, rows, ["", *[".3f"] * 5], note))
-
-
-def solved(campaign: Path) -> "RtkOutcome":
-    """The drive of a campaign."""
-    from rtk_gt.campaign.outcome import solve_campaign
-    from validation.campaign.folder import load_campaign
-
-    return solve_campaign(load_campaign(campaign))
-
-
-def sensor_named(outcome: "RtkOutcome", name: str) -> "Sensor":
-    """A sensor of campaign.toml; a GtvalError lists those there are."""
-    from validation.errors import GtvalError
-
-    known = {one.name: one for one in outcome.settings.sensors}
-    if name not in known:
-        said = ", ".join(known) or "none"
-        raise GtvalError(f"no sensor '{name}' in {outcome.campaign.toml}; there are: {said}")
-    return known[name]
-
-
-def along_path(outcome: "RtkOutcome", times: "Array", file: Path) -> "Interpolated":
-    """Vehicle poses at the times of a file; a GtvalError if there is ground truth at none."""
-    from rtk_gt.sensors.times import path_at
-    from validation.errors import GtvalError
-
-    found = path_at(outcome, times)
-    if not found.available.any():
-        path = outcome.path.times
-        raise GtvalError(
-            f"{file}: none of its times, {times.min():.3f} to {times.max():.3f}, is where there is "
-            f"ground truth ({path[0]:.3f} to {path[-1]:.3f} seconds since 1970 UTC, without gaps). "
-            "Are they of the same drive and clock?"
-        )
-    return found
-
-
-def lens_of(numbers: tuple[float, ...]) -> "Lens":
-    """The lens of fx fy cx cy k1 k2 p1 p2."""
-    import numpy as np
-
-    from rtk_gt.sensors.camera_pose import Lens
-
-    fx, fy, cx, cy, *distortion = numbers
-    if not (fx > 0 and fy > 0):
-        raise click.UsageError(f"--lens: focal lengths {fx:g}, {fy:g} pixels; both must be above 0")
-    return Lens(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), np.array(distortion))
 
 
 def _poses(title: str, start: "Array", pose: "Array", spread: "Array", note: str) -> "Table":

@@ -212,6 +212,22 @@ def interpolate(
     return Interpolated(wanted, poses, covariances, np.isfinite(poses).all(1), dict(methods))
 
 
+def path_at(
+    path: VehiclePath,
+    times: Array,
+    *,
+    max_gap: float,
+    hold_out: HoldOut | None = None,
+    published: bool = False,
+) -> Interpolated:
+    """Vehicle poses at any times, by the methods that did best on the drive, or as published.
+
+    Parameters as in `interpolate`; without ``hold_out`` the methods are those published.
+    """
+    methods = PUBLISHED if published or hold_out is None else hold_out.chosen
+    return interpolate(path, times, max_gap=max_gap, methods=methods, errors=hold_out)
+
+
 def _unwrapped(poses: Array) -> Array:
     values = poses.copy()
     values[:, 3:] = np.unwrap(values[:, 3:], axis=0)

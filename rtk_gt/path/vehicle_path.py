@@ -16,10 +16,6 @@ from rtk_gt.receivers.frames import LocalFrame
 from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
 from validation.poses.angles import Array
-from validation.poses.pose_table import SPATIAL, PoseTable
-
-LARGEST_JOINT = 300
-"""Up to so many poses the joint covariance is kept; (6 n)^2 numbers are too many beyond."""
 
 
 @dataclass(frozen=True)
@@ -142,27 +138,6 @@ def vehicle_path(
         systematic_covariance=offsets.covariance,
         residuals=used.positions - fitted,
         frame=steps.frame,
-    )
-
-
-def pose_table(
-    path: VehiclePath, system: str = "rtk", leaps: npt.NDArray[np.bool_] | None = None
-) -> PoseTable:
-    """The path as the table that all systems share; the stops are named by their times.
-
-    Poses that leap against their neighbours say so in their source.
-    """
-    n = len(path)
-    leaps = np.zeros(n, dtype=bool) if leaps is None else leaps
-    return PoseTable(
-        system=system,
-        ids=tuple(f"{time:.3f}" for time in path.times),
-        poses=path.poses,
-        covariances=path.covariances,
-        components=SPATIAL,
-        sources=tuple("RTK fixed, leaps" if leap else "RTK fixed" for leap in leaps),
-        joint=path.joint_covariance if n <= LARGEST_JOINT else None,
-        provenance={"frame": str(path.frame), "published_as": "times are seconds UTC since 1970"},
     )
 
 

@@ -12,7 +12,7 @@ from rtk_samples import FRAGMENT, MALAGA, needs_fragment
 
 from data_samples.drives.drive import ANTENNAS, OFFSETS, DriveSettings, simulate_drive
 from data_samples.drives.files import write_drive
-from rtk_gt.campaign.outcome import solve_campaign
+from rtk_gt.campaign.solve import solve_campaign
 from rtk_gt.offsets.estimate import estimate_offsets
 from rtk_gt.receivers.rawlog import numbers_of, read_rawlog
 from rtk_gt.receivers.steps import common_steps

@@ -8,6 +8,7 @@ from rtk_samples import DISTANCES, NOISE, steps_of
 from scipy import stats
 
 from data_samples.drives.drive import ANTENNAS, LEFT_CAMERA, OFFSETS, DriveSettings, simulate_drive
+from rtk_gt.campaign.pose_tables import vehicle_table
 from rtk_gt.offsets.estimate import estimate_offsets
 from rtk_gt.offsets.noise import (
     GpsNoise,
@@ -26,7 +27,7 @@ from rtk_gt.path.consistency import consistency
 from rtk_gt.path.interpolation import METHODS, PUBLISHED, hold_out, interpolate, segments
 from rtk_gt.path.motion_check import motion_check
 from rtk_gt.path.orientation import pose_of, transform_of
-from rtk_gt.path.vehicle_path import heading_span, pose_table, tilt_spread, vehicle_path
+from rtk_gt.path.vehicle_path import heading_span, tilt_spread, vehicle_path
 from rtk_gt.receivers.steps import common_steps
 from validation.errors import GtvalError
 from validation.poses.pose_table import SPATIAL, pose_difference
@@ -226,7 +227,7 @@ def test_spans_and_names():
     _, _, _, path = driven(0)
     assert np.degrees(heading_span(path)) > 180
     assert np.degrees(tilt_spread(path)) > 1
-    table = pose_table(path)
+    table = vehicle_table(path)
     assert table.components == SPATIAL
     assert table.ids[0].startswith("1712739600")
 
