@@ -120,8 +120,9 @@ def as_surveyed(table: PoseTable) -> Surveyed:
     n = len(table)
     stated = np.asarray(np.isfinite(table.covariances).all((1, 2)))
     default = np.diag([0.002, 0.002, 0.003]) ** 2
-    if table.joint is not None and stated.all():
-        return Surveyed(tuple(table.ids), table.poses, table.joint)
+    joint = table.joint_covariance
+    if joint is not None and stated.all():
+        return Surveyed(tuple(table.ids), table.poses, joint)
     joint = np.zeros((3 * n, 3 * n))
     for row in range(n):
         part = slice(3 * row, 3 * row + 3)

@@ -12,9 +12,6 @@ from rtk_gt.receivers.fixes import Bools
 from rtk_gt.settings import Sensor
 from validation.poses.pose_table import SPATIAL, PoseTable
 
-LARGEST_JOINT = 300
-"""Up to so many poses the joint covariance is kept; (6 n)^2 numbers are too many beyond."""
-
 
 def vehicle_table(path: VehiclePath, leaps: Bools | None = None) -> PoseTable:
     """The path of the vehicle; the stops are named by their times.
@@ -30,7 +27,7 @@ def vehicle_table(path: VehiclePath, leaps: Bools | None = None) -> PoseTable:
         covariances=path.covariances,
         components=SPATIAL,
         sources=tuple("RTK fixed, leaps" if leap else "RTK fixed" for leap in leaps),
-        joint=path.joint_covariance if n <= LARGEST_JOINT else None,
+        factor=path.shared_factor,
         provenance={"frame": str(path.frame), "published_as": "times are seconds UTC since 1970"},
     )
 
@@ -44,7 +41,7 @@ def sensor_tables(outcome: RtkOutcome) -> dict[str, PoseTable]:
             system=f"rtk_{name}",
             poses=composed.poses,
             covariances=composed.covariances,
-            joint=None,
+            factor=None,
         )
         for name, composed in outcome.sensors.items()
     }

@@ -71,11 +71,17 @@ class VehiclePath:
     def joint_covariance(self) -> Array:
         """(6 n, 6 n) covariance of all poses together."""
         n = len(self)
-        J = self.systematic_jacobians.reshape(6 * n, -1)
-        joint = np.asarray(J @ self.systematic_covariance @ J.T)
+        joint = np.asarray(self.shared_factor @ self.shared_factor.T)
         blocks = joint.reshape(n, 6, n, 6)
         blocks[np.arange(n), :, np.arange(n)] += self.noise_covariances
         return joint
+
+    @property
+    def shared_factor(self) -> Array:
+        """(6 n, k) F: F F^T is what the errors of offsets and distances do to all poses."""
+        values, vectors = np.linalg.eigh(self.systematic_covariance)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        return np.asarray((self.systematic_jacobians @ root).reshape(6 * len(self), -1))
 
     def select(self, rows: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> "VehiclePath":
         """The chosen poses."""

@@ -154,6 +154,21 @@ def read_csv(path: Path, columns: Sequence[Column], *, max_bytes: int = MAX_BYTE
     return table
 
 
+def header_of(path: Path, *, max_bytes: int = MAX_BYTES) -> list[str]:
+    """The headings of a CSV file, for files whose columns are not known beforehand.
+
+    Raises
+    ------
+    InputError
+        Where nothing can be read, or the file is empty.
+    """
+    lines = _decode(path, max_bytes).lstrip("\r\n").split("\n", 1)
+    rows = _rows(path, lines[0])
+    if not rows:
+        raise InputError([Problem(path, "the file is empty; expected a header line", 1)])
+    return [cell.strip() for cell in rows[0][1]]
+
+
 def _decode(path: Path, max_bytes: int) -> str:
     """Text of a file, undecodable bytes kept as lone surrogates."""
     try:
