@@ -66,6 +66,31 @@ def load_drive(campaign: Campaign) -> DriveRecords:
     return DriveRecords(settings, tuple(records), steps)
 
 
+def check_places(campaign: Campaign) -> None:
+    """Raise where campaign.toml does not say where antennas are on the vehicle.
+
+    Raises
+    ------
+    InputError
+        Naming every key that is missing, with an example.
+    """
+    receivers = campaign.section("rtk", RtkSettings).receivers
+    wanted = [(one, "height", "z of its antenna on the vehicle") for one in receivers[:3]]
+    wanted += [(one, "position", "x, y, z on the vehicle, to 0.1 m") for one in receivers[3:]]
+    examples = {"height": "height = 0.132", "position": "position = [0.9, 0.6, 0.1]"}
+    problems = [
+        Problem(
+            campaign.toml,
+            f"not stated; write the {what} in metres, such as `{examples[key]}`",
+            field=f"rtk.receivers.{one.name}.{key}",
+        )
+        for one, key, what in wanted
+        if getattr(one, key) is None
+    ]
+    if problems:
+        raise InputError(problems)
+
+
 def read_records(campaign: Campaign, settings: RtkSettings) -> list[Fixes]:
     """The fixes of all receivers, in the order of campaign.toml.
 

@@ -119,7 +119,8 @@ def _coverage_blocks(outcome: RtkOutcome) -> list[Table | Figure | Text]:
             _figure(
                 "rtk_stated_ellipses",
                 "Typical error ellipses as the receivers state them, RTK fixed beside RTK float.",
-                "Two panels with an ellipse for each receiver; semi-axes are in the table.",
+                "Two panels with an ellipse for each receiver. `gtval rtk coverage --json` prints "
+                "their semi-axes.",
                 "stated_ellipses",
                 outcome.records,
             )

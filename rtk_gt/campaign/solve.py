@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rtk_gt.campaign.inputs import load_drive, offset_prior
+from rtk_gt.campaign.inputs import check_places, load_drive, offset_prior
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.checks import check_prior
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
@@ -23,9 +23,6 @@ from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
 from validation.systems import Progress, no_progress
 
-LARGEST_DISTANCE_SIGMA = 0.3
-"""With distances less sure than this, in metres, antennas cannot be placed on the vehicle."""
-
 
 def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkOutcome:
     """The path of a campaign's vehicle, with all that is known of its quality.
@@ -36,6 +33,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
         If the files are bad, or the receivers are never RTK-fixed together.
     """
     progress("reading the receivers", 0.0)
+    check_places(campaign)
     given = load_drive(campaign)
     settings, records, steps = given.settings, given.records, given.steps
     progress("offsets of the receivers", 0.3)
@@ -43,7 +41,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     prior = offset_prior(settings, steps.frame)
     stated = check_prior(steps, prior, eta=settings.eta, robust=settings.robust)
     offsets = estimate_offsets(steps, eta=settings.eta, robust=settings.robust, prior=prior)
-    _check_determined(offsets)
+    _check_determined(offsets, settings.largest_distance_sigma)
     antennas = _antennas(settings, offsets)
     noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
     progress("path", 0.5)
@@ -85,20 +83,21 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
 
 
 def _antennas(settings: RtkSettings, offsets: Offsets) -> Antennas:
-    heights = np.array([receiver.height for receiver in settings.receivers[:3]])
+    heights = np.array([receiver.height for receiver in settings.receivers[:3]], dtype=float)
     others = [receiver.position for receiver in settings.receivers[3:]]
     return antenna_positions(offsets.distances, heights, np.array(others) if others else None)
 
 
-def _check_determined(offsets: Offsets) -> None:
+def _check_determined(offsets: Offsets, largest: float) -> None:
     """Raise if not even the distances of the antennas are known: then there is no path."""
     worst = float(offsets.distance_sigmas.max())
-    if worst > LARGEST_DISTANCE_SIGMA:
+    if worst > largest:
         count = int((offsets.signal <= 0).sum())
         raise GtvalError(
             f"this drive does not determine the offsets of its receivers: in {count} of "
             f"{len(offsets.signal)} directions it says nothing, and the distances of the "
-            f"antennas are open by {worst:.1f} m. The vehicle turned or tilted too little. State "
+            f"antennas are open by {worst:.1f} m (largest_distance_sigma = {largest:g}). The "
+            "vehicle turned or tilted too little. State "
             "[rtk.known_distances] (a tape measure will do) or [rtk.known_offsets] from a longer "
             "drive; `gtval rtk coverage` works without"
         )

@@ -92,6 +92,7 @@ def scanner(
     from rtk_gt.sensors.scanner_calibration import MountedScans, calibrate_scanners
     from rtk_gt.sensors.sensor_files import read_line_scans
     from rtk_gt.sensors.trajectory import smooth_trajectory
+    from validation.report.terminal import print_json
 
     _need_picture("--histogram", histogram)
     files = {sensor: scans}
@@ -119,7 +120,7 @@ def scanner(
     if histogram is not None:
         _draw_heights(histogram, read[sensor], mounted[0].start, results[0].pose)
     if as_json:
-        _json(dict(zip(files, results, strict=True)) if also else results[0])
+        print_json(dict(zip(files, results, strict=True)) if also else results[0])
         return
     for one, result in zip(mounted, results, strict=True):
         _say_place(one, result)
@@ -127,6 +128,8 @@ def scanner(
 
 def _say_place(mounted: "MountedScans", result: "ScannerCalibration") -> None:
     import numpy as np
+
+    from validation.report.terminal import print_table
 
     share = ", ".join(
         f"{name} {100 * max(float(part), 0.0):.0f} %"
@@ -137,13 +140,15 @@ def _say_place(mounted: "MountedScans", result: "ScannerCalibration") -> None:
         f"{100 * result.rms_before:.1f} cm before and {100 * result.rms_after:.1f} cm after. "
         f"Known from the drive and not by hand: {share}. {_determined(result.sigmas)}"
     )
+    if result.left_out:
+        note += f" {result.left_out} scans are in gaps of the path and were not used."
     if not result.settled:
         note += (
             " It had not settled: each choice of points still moves it, as drives do that see"
             " their walls from few directions. Take these sigmas as the least."
         )
     spread = np.sqrt(np.diagonal(result.pose_covariance))
-    _print(_poses(f"Scanner {mounted.name}", mounted.start, result.pose, spread, note))
+    print_table(_poses(f"Scanner {mounted.name}", mounted.start, result.pose, spread, note))
     _say_how_to_keep(mounted.name, result.pose, spread)
 
 
@@ -173,6 +178,7 @@ def camera(
 
     from rtk_gt.sensors.camera_pose import camera_pose, vehicle_errors
     from rtk_gt.sensors.sensor_files import read_seen_points
+    from validation.report.terminal import print_json, print_table
 
     seen = read_seen_points(points)
     outcome = solved(campaign)
@@ -186,16 +192,17 @@ def camera(
     result = camera_pose(
         lens_of(lens), seen.points[rows], found.poses[rows], seen.pixels[rows], start, errors
     )
+    in_gaps = int((~rows).sum())
     if as_json:
-        _json(result)
+        print_json({**vars(result), "points_in_gaps": in_gaps})
         return
     note = (
         f"{int(rows.sum())} points in {len(np.unique(seen.times[rows]))} images, residuals of "
         f"{result.sigma:.2f} pixels, which hold the noise of the path. The sigmas hold it, too, "
-        "and the error of the offsets."
+        f"and the error of the offsets. {in_gaps} points are in gaps of the path."
     )
     spread = np.sqrt(np.diagonal(result.covariance))
-    _print(_poses(f"Camera {sensor}", start, result.pose, spread, note))
+    print_table(_poses(f"Camera {sensor}", start, result.pose, spread, note))
     _say_how_to_keep(sensor, result.pose, spread)
 
 
@@ -218,6 +225,7 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
     from rtk_gt.receivers.fix_csv import read_fix_csv
     from rtk_gt.receivers.nmea import read_nmea
     from rtk_gt.sensors.characterisation import position_errors
+    from validation.report.terminal import print_json, print_table
     from validation.results import Table
 
     read = read_fix_csv if log.suffix.lower() == ".csv" else read_nmea
@@ -225,8 +233,9 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
     outcome = solved(campaign)
     found = along_path(outcome, record.times, log)
     result = position_errors(record, found, np.array(antenna), outcome.path)
+    in_gaps = int((~found.available).sum())
     if as_json:
-        _json(result)
+        print_json({**vars(result), "fixes_in_gaps": in_gaps})
         return
     rows: list[list[str | int | float | None]] = [
         [axis, float(bias), float(sigma)]
@@ -235,7 +244,7 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
         )
     ]
     note = (
-        f"{len(result.errors)} fixes where there is ground truth. RMSE: "
+        f"{len(result.errors)} fixes where there is ground truth, {in_gaps} in gaps. RMSE: "
         f"{result.rmse_horizontal:.3f} m horizontal, {result.rmse_vertical:.3f} m vertical; "
         f"{result.correlation_time:.1f} fixes are worth one independent fix."
     )
@@ -245,7 +254,7 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
             "the standard errors as the least, and compare a longer drive, or several."
         )
     columns = ["direction", "mean error [m]", "standard error [m]"]
-    _print(Table(f"Errors of {record.receiver}", columns, rows, ["", ".3f", ".3f"], note))
+    print_table(Table(f"Errors of {record.receiver}", columns, rows, ["", ".3f", ".3f"], note))
 
 
 @click.command()
@@ -259,6 +268,7 @@ def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> Non
 
     from rtk_gt.sensors.characterisation import rate_errors
     from rtk_gt.sensors.sensor_files import read_imu
+    from validation.report.terminal import print_json, print_table
     from validation.results import Table
 
     _need_picture("--figure", figure)
@@ -272,7 +282,7 @@ def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> Non
 
         write_figure(figure, rates_over_time(result, max_gap))
     if as_json:
-        _json({"angles": result})
+        print_json({"angles": result})
         return
     rows: list[list[str | int | float | None]] = [
         [
@@ -291,7 +301,7 @@ def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> Non
         f"Degrees per second. {result[0].intervals} intervals between poses; the RMSE contains the "
         "path's noise. The rates are those of the path, the drift is the IMU's mean error."
     )
-    _print(Table("Rates of the IMU", columns, rows, ["", *[".3f"] * 5], note))
+    print_table(Table("Rates of the IMU", columns, rows, ["", *[".3f"] * 5], note))
 
 
 def _poses(title: str, start: "Array", pose: "Array", spread: "Array", note: str) -> "Table":
@@ -357,18 +367,6 @@ def _determined(sigmas: "Array") -> str:
         f"Not determined to 1 cm and 0.1 degrees (two standard deviations): {', '.join(open_ones)}."
         " A longer drive with more headings and slopes is what helps."
     )
-
-
-def _print(table: "Table") -> None:
-    from validation.report.terminal import print_table
-
-    print_table(table)
-
-
-def _json(result: object) -> None:
-    from validation.report.terminal import print_json
-
-    print_json(result)
 
 
 COMMANDS: list[click.Command] = [scanner, camera, dgps, imu]

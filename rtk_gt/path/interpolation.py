@@ -22,6 +22,7 @@ cubic spline; monotone cubic."""
 PUBLISHED: Mapping[str, str] = dict.fromkeys(NAMES, "local line") | {"x": "spline", "y": "spline"}
 """Blanco 2009, section 4.4: splines in x and y, least-squares lines through four poses else."""
 _NEEDED = 5
+"""Poses that the parabola needs; every second of twice as many less one is left out."""
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from printed_formulas import published_squared_distance_covariance
 from rtk_samples import DISTANCES, NOISE, steps_of
 from scipy import stats
 
@@ -12,8 +13,6 @@ from rtk_gt.campaign.pose_tables import vehicle_table
 from rtk_gt.offsets.estimate import estimate_offsets
 from rtk_gt.offsets.noise import (
     GpsNoise,
-    published_squared_distance_covariance,
-    sigma_from_distances,
     squared_distance_covariance,
 )
 from rtk_gt.path.antennas import Antennas, antenna_positions
@@ -194,12 +193,6 @@ def test_squared_distance_covariance_against_simulation():
     np.testing.assert_allclose(printed[[0, 0, 1, 1, 2], [0, 1, 1, 2, 2]],
                                exact[[0, 0, 1, 1, 2], [0, 1, 1, 2, 2]], rtol=0.01)  # fmt: skip
     assert printed[0, 2] == pytest.approx(-exact[0, 2], rel=0.01)
-
-
-def test_sigma_of_the_published_way():
-    steps = steps_of(0, count=4000)
-    sigma, error = sigma_from_distances(steps.positions + OFFSETS, DISTANCES, NOISE.eta)
-    assert abs(sigma - NOISE.sigma) < 4 * error
 
 
 def test_q_is_chi_distributed_and_flags_what_is_wrong():
