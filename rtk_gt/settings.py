@@ -5,22 +5,29 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from validation.campaign.folder import Finite, Name, NotNegative, Positive, Settings
+from rtk_gt.receivers.assumptions import CONFIDENCE, ETA, SIMULTANEOUS
+from validation.campaign.folder import Finite, Name, Positive, Settings
 
 Six = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 Three = tuple[Finite, Finite, Finite]
+LARGEST_DISTANCE_SIGMA = 0.3
+"""With distances less sure than this, in metres, antennas cannot be placed on the vehicle: a
+judgement, a sixth of what they are apart on cars, which makes ten degrees of attitude."""
 
 
 class Receiver(Settings):
     """One receiver and its record.
 
-    ``height`` is the z of its antenna in the vehicle frame. ``label`` is the name inside a
-    rawlog, where it differs. ``position`` (x, y, z) is needed from the fourth receiver on.
+    ``name`` is what results call it, ``file`` its record, ``format`` the kind of that file where
+    its ending does not tell. ``label`` is the name inside a rawlog, where it differs; ``date``
+    (UTC, YYYY-MM-DD) that of the first sentence of a log without dates. ``height`` is the z of
+    its antenna in the vehicle frame, metres, and needed of the first three receivers;
+    ``position`` (x, y, z), to a decimetre or so, is needed from the fourth on.
     """
 
     name: Name
     file: str
-    height: Finite = 0.0
+    height: Finite | None = None
     label: str = ""
     format: Literal["auto", "nmea", "rtklib", "rawlog", "csv"] = "auto"
     date: str = ""
@@ -28,7 +35,10 @@ class Receiver(Settings):
 
 
 class Origin(Settings):
-    """Origin of the local frame, in degrees and metres above the ellipsoid."""
+    """Origin of the local frame.
+
+    ``latitude`` and ``longitude`` in degrees, ``height`` above the ellipsoid in metres.
+    """
 
     latitude: Annotated[float, Field(ge=-90, le=90)]
     longitude: Annotated[float, Field(ge=-180, le=360)]
@@ -36,10 +46,12 @@ class Origin(Settings):
 
 
 class Sensor(Settings):
-    """A sensor on the vehicle: x, y, z in metres, yaw, pitch, roll in radians.
+    """A sensor on the vehicle.
 
-    The default sigmas are 2 mm and 0.1 degrees, those of the files published with the Malaga
-    data.
+    ``name`` is what results and commands call it, ``pose`` its x, y, z in metres and yaw, pitch,
+    roll in radians in the vehicle frame. ``sigmas`` are the standard deviations of these six; where
+    they are not stated 2 mm and 0.1 degrees are assumed, those of the files published with the
+    Malaga data, and a finding says so.
     """
 
     name: Name
@@ -51,9 +63,10 @@ class Sensor(Settings):
 
 
 class KnownOffsets(Settings):
-    """Offsets known beforehand, as [rtk.known_offsets]: a name of a receiver to x, y, z in metres.
+    """Offsets known beforehand, as [rtk.known_offsets].
 
-    ``up`` says to which frame they belong; it must be that of [rtk].
+    ``values`` are x, y, z in metres by the names of the receivers, ``sigma`` the standard deviation
+    of each number. ``up`` says to which frame they belong; it must be that of [rtk].
     """
 
     values: dict[Name, Three]
@@ -67,7 +80,11 @@ def reversed_pair(pair: str) -> str:
 
 
 class KnownDistances(Settings):
-    """Tape-measured distances: 'rear - left' to metres, with one standard deviation."""
+    """Tape-measured distances, as [rtk.known_distances].
+
+    ``values`` are metres by the pairs: 'rear - left'. ``sigma`` is the standard deviation of each;
+    where it is not stated 1 cm is assumed, and a finding says so.
+    """
 
     values: dict[str, Positive]
     sigma: Positive = 0.01
@@ -78,28 +95,39 @@ class KnownDistances(Settings):
 
 
 class RtkSettings(Settings):
-    """Receivers in the order rear, front left, front right, then others; paths in the campaign.
+    """The table [rtk].
 
-    ``sigma`` replaces the noise found from the residuals, ``eta`` is the ratio of vertical to
-    horizontal noise. Pauses longer than ``max_gap`` seconds are gaps. ``confidence`` is that of
-    the consistency bound.
+    ``receivers`` are in the order rear, front left, front right, then others; ``sensors`` are what
+    else is on the vehicle. ``origin`` and ``up`` make the local frame: without an origin it is at
+    the first fix, and up is the normal of the ellipsoid or the line from the Earth's centre.
+
+    ``sigma`` (metres, horizontal, of one receiver) replaces the noise found from the residuals,
+    ``eta`` is the ratio of vertical to horizontal noise; where it is not stated 1.75 is assumed,
+    and a finding says so. ``robust`` takes out steps with false fixes. ``simultaneous``: stamps
+    within so many seconds are one time. Pauses longer than ``max_gap`` seconds are gaps.
+    ``skip_damaged`` leaves out damaged sentences of NMEA logs. ``confidence`` is that of the
+    consistency bound.
+
+    ``known_offsets`` and ``known_distances`` are what is known beforehand. Offsets less sure than
+    ``largest_offset_sigma`` metres count as open; where distances of antennas are less sure than
+    ``largest_distance_sigma`` metres there is no path.
     """
 
     receivers: list[Receiver] = Field(default_factory=list)
     origin: Origin | None = None
     up: Literal["ellipsoid", "geocentric"] = "ellipsoid"
-    eta: Positive = 1.75
+    eta: Positive = ETA
     sigma: Positive | None = None
     robust: bool = True
-    simultaneous: Positive = 0.005
+    simultaneous: Positive = SIMULTANEOUS
     max_gap: Positive = 2.0
     skip_damaged: bool = False
-    confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.99
+    confidence: Annotated[float, Field(gt=0.5, lt=1)] = CONFIDENCE
     known_offsets: KnownOffsets | None = None
     known_distances: KnownDistances | None = None
     sensors: list[Sensor] = Field(default_factory=list)
     largest_offset_sigma: Positive = 0.01
-    largest_distance_sigma: NotNegative = 0.01
+    largest_distance_sigma: Positive = LARGEST_DISTANCE_SIGMA
 
     @model_validator(mode="after")
     def _names(self) -> "RtkSettings":
@@ -108,8 +136,6 @@ class RtkSettings(Settings):
             raise ValueError("two receivers have the same name")
         if 0 < len(names) < 3:
             raise ValueError("at least three receivers are needed for a pose in space")
-        if any(receiver.position is None for receiver in self.receivers[3:]):
-            raise ValueError("from the fourth receiver on a rough position is needed")
         known = set(self.known_offsets.values) if self.known_offsets else set()
         if known - set(names):
             raise ValueError(
@@ -124,6 +150,8 @@ class RtkSettings(Settings):
                         f"known_distances '{stated}' is no pair of receivers; expected one of "
                         f"{', '.join(pairs)}"
                     )
+                if stated in pairs and reversed_pair(stated) in self.known_distances.values:
+                    raise ValueError(f"known_distances '{stated}' is stated in both directions")
         if len({sensor.name for sensor in self.sensors}) < len(self.sensors):
             raise ValueError("two sensors have the same name")
         return self

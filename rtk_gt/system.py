@@ -1,5 +1,6 @@
 """RTK-GPS as a system of gtval: campaign folder to spatial poses."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtk_gt.settings import RtkSettings
@@ -20,64 +21,35 @@ class RtkSystem:
         """Whether campaign.toml names receivers."""
         return bool(campaign.section("rtk", RtkSettings).receivers)
 
+    def inputs(self, campaign: "Campaign") -> list[Path]:
+        """The records of the receivers."""
+        receivers = campaign.section("rtk", RtkSettings).receivers
+        return sorted({campaign.folder / receiver.file for receiver in receivers})
+
     def solve(self, campaign: "Campaign", progress: "Progress") -> "SystemResult":
         """Path, findings and report sections."""
-        from rtk_gt.campaign.outcome import solve_campaign
+        from rtk_gt.campaign.solve import solve_campaign
 
         return result_of(solve_campaign(campaign, progress))
 
 
 def result_of(outcome: "RtkOutcome") -> "SystemResult":
     """An outcome in the form that all systems share."""
+    from rtk_gt.campaign.facts import rtk_facts
     from rtk_gt.campaign.findings import rtk_findings
+    from rtk_gt.campaign.pose_tables import vehicle_table
     from rtk_gt.campaign.result_files import rtk_files
-    from rtk_gt.campaign.sections import rtk_sections
-    from rtk_gt.path.vehicle_path import pose_table
+    from rtk_gt.campaign.sections import rtk_overview, rtk_sections
     from validation.results import SystemResult
 
     return SystemResult(
-        tables=[pose_table(outcome.path, leaps=outcome.leaps)],
+        tables=[vehicle_table(outcome.path, outcome.leaps)],
         findings=rtk_findings(outcome),
         sections=rtk_sections(outcome),
         files=rtk_files(outcome),
         facts=rtk_facts(outcome),
+        overview=rtk_overview(outcome),
     )
-
-
-def rtk_facts(outcome: "RtkOutcome") -> dict[str, object]:
-    """Numbers of a drive for scripts."""
-    from rtk_gt.offsets.estimate import distance_names
-    from rtk_gt.path.vehicle_path import heading_span, tilt_spread
-
-    offsets, found = outcome.offsets, outcome.coverage
-    return {
-        "frame": str(outcome.steps.frame),
-        "poses": len(outcome.path),
-        "share_of_time": found.share_of_time,
-        "share_of_length": found.share_of_length,
-        "longest_gap": found.gaps[0].duration if found.gaps else 0.0,
-        "offsets": dict(zip(offsets.receivers, offsets.offsets.values, strict=True)),
-        "offset_sigmas": dict(zip(offsets.receivers, offsets.offset_sigmas, strict=True)),
-        "undetermined_directions": int((offsets.signal <= 0).sum()),
-        "distances": dict(zip(distance_names(offsets.receivers), offsets.distances, strict=True)),
-        "antennas": dict(zip(offsets.receivers, outcome.antennas.positions, strict=True)),
-        "sigma_horizontal": outcome.noise.sigma,
-        "sigma_vertical": outcome.noise.sigma * outcome.noise.eta,
-        "heading_span": heading_span(outcome.path),
-        "tilt_spread": tilt_spread(outcome.path),
-        "motion": outcome.motion,
-        "false_fixes": int((offsets.weights == 0).sum()),
-        "leaping_poses": outcome.path.times[outcome.leaps],
-        "consistency": {
-            "bound": outcome.consistency.bound,
-            "share_beyond": outcome.consistency.share_beyond,
-            "mean_square": outcome.consistency.mean_square,
-            "mean_square_interval": outcome.consistency.mean_square_interval,
-            "correlation_time": outcome.consistency.correlation_time,
-        },
-        "reference_covariance": outcome.reference,
-        "interpolation": None if outcome.hold_out is None else outcome.hold_out.chosen,
-    }
 
 
 SYSTEM = RtkSystem()

@@ -24,6 +24,8 @@ from validation.text_files.writing import write_files
 SCANNERS = {"left_scanner": LEFT_SCANNER, "right_scanner": RIGHT_SCANNER}
 HAND_SIGMAS = np.array([0.02, 0.02, 0.02, *np.radians([2.0, 2.0, 2.0])])
 """How well a scanner's place is measured by hand."""
+EXACT_SIGMAS = np.array([0.002, 0.002, 0.002, 0.001745, 0.001745, 0.001745])
+"""What campaign.toml states of sensors whose true places it has: 2 mm and 0.1 degrees."""
 
 
 def write_drive(
@@ -47,6 +49,7 @@ def write_drive(
     }
     generator = np.random.default_rng([drive.seed, 1])
     sensors = {"left_camera": LEFT_CAMERA, **SCANNERS}
+    sigmas = dict.fromkeys(sensors, EXACT_SIGMAS)
     rows = [",".join([name, *(repr(float(v)) for v in pose)]) for name, pose in sensors.items()]
     files["truth/sensors.csv"] = "\n".join(["sensor,x,y,z,yaw,pitch,roll", *rows]) + "\n"
     if images:
@@ -54,10 +57,12 @@ def write_drive(
     if other_sensors:
         files.update(sensor_files(drive))
         sensors["left_camera"] = LEFT_CAMERA + HAND_SIGMAS * generator.standard_normal(6)
+        sigmas["left_camera"] = HAND_SIGMAS
     for name, read in (scans or {}).items():
         files[f"scans/{name}.csv"] = scan_text(read)
         sensors[name] = sensors[name] + HAND_SIGMAS * generator.standard_normal(6)
-    files["campaign.toml"] = _toml(drive, sensors)
+        sigmas[name] = HAND_SIGMAS
+    files["campaign.toml"] = _toml(drive, sensors, sigmas)
     times = drive.records[0].times
     truth = PoseTable(
         "truth", tuple(f"{time:.3f}" for time in times), drive.poses(times), components=SPATIAL
@@ -164,7 +169,7 @@ def _sentence(body: str) -> str:
     return f"${body}*{value:02X}"
 
 
-def _toml(drive: Drive, sensors: Mapping[str, Array]) -> str:
+def _toml(drive: Drive, sensors: Mapping[str, Array], sigmas: Mapping[str, Array]) -> str:
     frame = drive.frame
     origin = (
         (
@@ -190,6 +195,7 @@ def _toml(drive: Drive, sensors: Mapping[str, Array]) -> str:
             parts.append(f"position = {_numbers(np.round(antenna, 1))}")
     for name, pose in sensors.items():
         parts += ["", "[[rtk.sensors]]", f'name = "{name}"', f"pose = {_numbers(pose)}"]
+        parts.append(f"sigmas = {_numbers(sigmas[name])}")
     return "\n".join(parts) + "\n"
 
 

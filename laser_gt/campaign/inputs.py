@@ -271,8 +271,9 @@ def as_surveyed(table: PoseTable) -> Surveyed:
     """A pose table as surveyed stops; those without covariance get `ASSUMED_SIGMAS`."""
     n = len(table)
     stated = np.asarray(np.isfinite(table.covariances).all((1, 2)))
-    if table.joint is not None and stated.all():
-        return Surveyed(tuple(table.ids), table.poses, table.joint)
+    joint = table.joint_covariance
+    if joint is not None and stated.all():
+        return Surveyed(tuple(table.ids), table.poses, joint)
     joint = np.zeros((n, 3, n, 3))
     joint[range(n), :, range(n), :] = np.where(
         stated[:, None, None], table.covariances, np.diag(ASSUMED_SIGMAS) ** 2

@@ -12,12 +12,12 @@ from matplotlib.ticker import MaxNLocator
 from rtk_gt.offsets.estimate import Offsets, distance_names
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.path.consistency import Consistency
-from rtk_gt.path.coverage import Coverage
 from rtk_gt.path.interpolation import segments
 from rtk_gt.path.vehicle_path import VehiclePath
 from rtk_gt.receivers.fixes import FIX_NAMES, RTK_FIXED, RTK_FLOAT, Fixes
 from rtk_gt.receivers.steps import Steps
 from rtk_gt.sensors.characterisation import RateErrors
+from rtk_gt.sensors.ground import KnownGround
 from rtk_gt.sensors.pass_matching import height_histogram
 from rtk_gt.sensors.scans import Cloud
 from validation.figures.errors import COLOURS, GREY, MARKERS
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 KIND_COLOURS: Mapping[int, str] = {RTK_FIXED: COLOURS[2], RTK_FLOAT: COLOURS[4], 2: COLOURS[3]}
-BESIDE = 4.0
+BESIDE = KnownGround.reach
 """Farther from the vehicle, in metres, hills take the ground out of its frame."""
 CHI_95_OF_2 = 2.4477
-"""95 % radius of a Gaussian in the plane, in standard deviations."""
+"""95 % radius of a Gaussian in the plane, in standard deviations: the root of -2 ln 0.05."""
 
 
 def _kind_colour(kind: int) -> str:
@@ -335,19 +335,4 @@ def stated_ellipses(records: Sequence[Fixes]) -> Figure:
         axes.set_aspect("equal")
         axes.grid(visible=True, linewidth=0.3)
     panels[0].set_ylabel("north [cm]")
-    return figure
-
-
-def gap_lengths(found: Coverage) -> Figure:
-    """How long the gaps last, sorted, in seconds and metres."""
-    figure = Figure(figsize=(7, 2.4), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    for axes, values, unit in (
-        (left, sorted((gap.duration for gap in found.gaps), reverse=True), "duration [s]"),
-        (right, sorted((gap.length for gap in found.gaps), reverse=True), "length [m]"),
-    ):
-        axes.bar(range(1, len(values) + 1), values, color=COLOURS[1])
-        axes.set_xlabel("gap, longest first")
-        axes.set_ylabel(unit)
-        axes.grid(visible=True, axis="y", linewidth=0.3)
     return figure

@@ -14,9 +14,16 @@ from validation.results import Finding
 SUBJECT = "rtk"
 AXES = ("x", "y", "z")
 LARGEST_SLIP = np.radians(1.0)
-"""Vehicle frames and wheels agree better than this."""
+"""Radians that the body of a vehicle stands off its wheels at most: a judgement; loads and springs
+make some tenths of a degree."""
 UNLIKELY = 1e-3
-"""Stated offsets that differ from the drive's by more than that often by chance are said."""
+"""Probability by chance below which stated offsets are said to differ from those of the drive: one
+good drive in a thousand is warned of."""
+LARGEST_MISFIT = 0.01
+"""Metres that distances may be off a rigid body: a judgement."""
+HOPELESS = 0.5
+"""Metres of sigma beyond which an offset is an error: over 1.8 m between front and rear the
+attitude is then open by 15 degrees."""
 
 
 def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
@@ -29,6 +36,7 @@ def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
         *_antennas(outcome),
         *_consistency(outcome),
         *_leaps(outcome),
+        *_assumed(outcome),
         *_records(outcome),
     ]
 
@@ -103,7 +111,9 @@ def _offsets(outcome: RtkOutcome) -> Iterator[Finding]:
             f"{_degrees_of(outcome)} degrees of attitude. The offsets must come from a longer "
             "drive with turns and slopes, or be stated in [rtk.known_offsets]."
         )
-        yield Finding("error" if worst > 0.5 else "warning", text, SUBJECT, "offsets_undetermined")
+        yield Finding(
+            "error" if worst > HOPELESS else "warning", text, SUBJECT, "offsets_undetermined"
+        )
     else:
         text += (
             "There they are those stated in campaign.toml, which this drive cannot check; "
@@ -185,7 +195,7 @@ def _motion(outcome: RtkOutcome) -> Iterator[Finding]:
 
 def _antennas(outcome: RtkOutcome) -> Iterator[Finding]:
     worst = float(np.abs(outcome.antennas.misfit).max())
-    if worst > 0.01:
+    if worst > LARGEST_MISFIT:
         text = (
             f"The distances do not fit antennas on a rigid body: {1000 * worst:.0f} mm are left. "
             "One antenna moved, or an offset is wrong."
@@ -252,6 +262,27 @@ def _leaps(outcome: RtkOutcome) -> Iterator[Finding]:
         "distances; so does a kerb. Such poses stay in the path, marked 'leaps' in its sources."
     )
     yield Finding("warning", text, SUBJECT, "leaps")
+
+
+def _assumed(outcome: RtkOutcome) -> Iterator[Finding]:
+    """What campaign.toml could state of the noise and of hand measurements, and does not."""
+    settings, known = outcome.settings, outcome.settings.known_distances
+    said = []
+    if "eta" not in settings.model_fields_set:
+        said.append(f"vertical noise is {settings.eta:g} times the horizontal one (eta)")
+    if known is not None and "sigma" not in known.model_fields_set:
+        said.append(f"measured distances have a sigma of {1000 * known.sigma:g} mm (sigma)")
+    open_sensors = [one for one in settings.sensors if "sigmas" not in one.model_fields_set]
+    if open_sensors:
+        sigmas = open_sensors[0].sigmas
+        names = ", ".join(one.name for one in open_sensors)
+        said.append(
+            f"the places of the sensors {names} have sigmas of {1000 * sigmas[0]:g} mm and "
+            f"{np.degrees(sigmas[3]):.1f} degrees (sigmas)"
+        )
+    if said:
+        text = f"Assumed, as campaign.toml does not state it: {'; '.join(said)}."
+        yield Finding("note", text, SUBJECT, "assumed_sigmas")
 
 
 def _records(outcome: RtkOutcome) -> Iterator[Finding]:

@@ -1,6 +1,6 @@
-"""A campaign's records of all receivers."""
+"""A campaign's records of all receivers, and what it states beforehand."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from rtk_gt.receivers.frames import FrameVectors, LocalFrame
 from rtk_gt.receivers.nmea import read_nmea
 from rtk_gt.receivers.rawlog import Rawlog, read_rawlog
 from rtk_gt.receivers.rtklib import read_pos
+from rtk_gt.receivers.steps import Steps, common_steps
 from rtk_gt.settings import Receiver, RtkSettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
@@ -27,6 +28,67 @@ ENDINGS = {
     ".rawlog": "rawlog",
     ".csv": "csv",
 }
+
+
+@dataclass(frozen=True)
+class DriveRecords:
+    """What a campaign holds of a drive.
+
+    Parameters
+    ----------
+    settings : RtkSettings
+        The table [rtk].
+    records : tuple of Fixes
+        Of all receivers, in the order of campaign.toml.
+    steps : Steps
+        The same brought together in the local frame, as recorded.
+    """
+
+    settings: RtkSettings
+    records: tuple[Fixes, ...]
+    steps: Steps
+
+
+def load_drive(campaign: Campaign) -> DriveRecords:
+    """The records of a campaign's receivers, brought together.
+
+    Raises
+    ------
+    GtvalError
+        If campaign.toml names no receivers, or the files are bad.
+    """
+    settings = campaign.section("rtk", RtkSettings)
+    if not settings.receivers:
+        raise GtvalError(f"{campaign.toml} names no [[rtk.receivers]]")
+    records = read_records(campaign, settings)
+    frame = local_frame(settings, records)
+    steps = common_steps(records, frame, settings.simultaneous)
+    return DriveRecords(settings, tuple(records), steps)
+
+
+def check_places(campaign: Campaign) -> None:
+    """Raise where campaign.toml does not say where antennas are on the vehicle.
+
+    Raises
+    ------
+    InputError
+        Naming every key that is missing, with an example.
+    """
+    receivers = campaign.section("rtk", RtkSettings).receivers
+    wanted = [(one, "height", "z of its antenna on the vehicle") for one in receivers[:3]]
+    wanted += [(one, "position", "x, y, z on the vehicle, to 0.1 m") for one in receivers[3:]]
+    examples = {"height": "height = 0.132", "position": "position = [0.9, 0.6, 0.1]"}
+    problems = [
+        Problem(
+            campaign.toml,
+            f"not stated; write the {what} in metres, such as `{examples[key]}`",
+            field=f"rtk.receivers.{one.name}.{key}",
+        )
+        for one, key, what in wanted
+        if getattr(one, key) is None
+    ]
+    if problems:
+        raise InputError(problems)
 
 
 def read_records(campaign: Campaign, settings: RtkSettings) -> list[Fixes]:

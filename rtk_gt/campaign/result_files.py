@@ -1,31 +1,12 @@
 """Files of the RTK system under results/."""
 
-import csv
-import io
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
-
 import numpy as np
 
 from rtk_gt.campaign.outcome import RtkOutcome
+from rtk_gt.campaign.pose_tables import sensor_tables
 from rtk_gt.offsets.estimate import distance_names
-from rtk_gt.path.vehicle_path import pose_table
-from validation.poses.pose_table import PoseTable, to_csv, to_tum
-
-
-def sensor_tables(outcome: RtkOutcome) -> dict[str, PoseTable]:
-    """The path of each sensor, by its name."""
-    vehicle = pose_table(outcome.path, leaps=outcome.leaps)
-    return {
-        name: replace(
-            vehicle,
-            system=f"rtk_{name}",
-            poses=composed.poses,
-            covariances=composed.covariances,
-            joint=None,
-        )
-        for name, composed in outcome.sensors.items()
-    }
+from validation.poses.pose_table import to_csv, to_tum
+from validation.text_files.csv_text import csv_text
 
 
 def rtk_files(outcome: RtkOutcome) -> dict[str, str | bytes]:
@@ -46,17 +27,6 @@ def rtk_files(outcome: RtkOutcome) -> dict[str, str | bytes]:
     return files
 
 
-def _text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(
-        [repr(float(cell)) if isinstance(cell, float | np.floating) else cell for cell in row]
-        for row in rows
-    )
-    return stream.getvalue()
-
-
 def _offsets(outcome: RtkOutcome) -> str:
     offsets = outcome.offsets
     header = ["receiver", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"]
@@ -68,14 +38,14 @@ def _offsets(outcome: RtkOutcome) -> str:
         outcome.antennas.positions,
         strict=True,
     )
-    return _text(header, ([name, *a, *b, *c] for name, a, b, c in values))
+    return csv_text(header, ([name, *a, *b, *c] for name, a, b, c in values))
 
 
 def _distances(outcome: RtkOutcome) -> str:
     offsets = outcome.offsets
     names = distance_names(offsets.receivers)
     rows = zip(names, offsets.distances, offsets.distance_sigmas, strict=True)
-    return _text(["pair", "distance", "sigma"], rows)
+    return csv_text(["pair", "distance", "sigma"], rows)
 
 
 def _quality(outcome: RtkOutcome) -> str:
@@ -87,9 +57,13 @@ def _quality(outcome: RtkOutcome) -> str:
     for row, value in zip(np.flatnonzero(offsets.weights > 0), found.q, strict=True):
         q[int(row)] = float(value)
     rows = zip(times, q, offsets.weights, offsets.residuals, strict=True)
-    return _text(header, ([time, one, weight, *residual] for time, one, weight, residual in rows))
+    return csv_text(
+        header, ([time, one, weight, *residual] for time, one, weight, residual in rows)
+    )
 
 
 def _gaps(outcome: RtkOutcome) -> str:
     gaps = sorted(outcome.coverage.gaps, key=lambda gap: gap.start)
-    return _text(["start", "duration", "length"], ([g.start, g.duration, g.length] for g in gaps))
+    return csv_text(
+        ["start", "duration", "length"], ([g.start, g.duration, g.length] for g in gaps)
+    )

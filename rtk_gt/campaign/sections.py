@@ -50,6 +50,17 @@ def rtk_sections(outcome: RtkOutcome) -> list[Section]:
     ]
 
 
+def rtk_overview(outcome: RtkOutcome) -> list[Table]:
+    """What the terminal shows of a drive that is solved by itself."""
+    return [
+        coverage_table(outcome.coverage),
+        offset_table(outcome),
+        observability_table(outcome),
+        distance_table(outcome),
+        uncertainty_table(outcome),
+    ]
+
+
 def _figure(name: str, caption: str, alternative: str, function: str, *arguments: object) -> Figure:
     return Figure(name, caption, alternative, partial(_draw, function, *arguments))
 
@@ -69,7 +80,7 @@ def _coverage_blocks(outcome: RtkOutcome) -> list[Table | Figure | Text]:
             "There is ground truth only where all receivers are RTK-fixed at the same time. "
             f"Pauses of up to {gap:g} s between two poses do not count as gaps."
         ),
-        coverage_table(outcome),
+        coverage_table(outcome.coverage),
         _figure(
             "rtk_fix_modes",
             "Fix kind of each receiver over time, and where that gives ground truth.",
@@ -93,7 +104,7 @@ def _coverage_blocks(outcome: RtkOutcome) -> list[Table | Figure | Text]:
         ),
     ]
     if outcome.coverage.gaps:
-        blocks.append(gap_table_of(outcome.coverage))
+        blocks.append(gap_table(outcome.coverage))
     blocks.append(
         _figure(
             "rtk_reception",
@@ -108,7 +119,8 @@ def _coverage_blocks(outcome: RtkOutcome) -> list[Table | Figure | Text]:
             _figure(
                 "rtk_stated_ellipses",
                 "Typical error ellipses as the receivers state them, RTK fixed beside RTK float.",
-                "Two panels with an ellipse for each receiver; semi-axes are in the table.",
+                "Two panels with an ellipse for each receiver. `gtval rtk coverage --json` prints "
+                "their semi-axes.",
                 "stated_ellipses",
                 outcome.records,
             )
@@ -116,13 +128,8 @@ def _coverage_blocks(outcome: RtkOutcome) -> list[Table | Figure | Text]:
     return blocks
 
 
-def coverage_table(outcome: RtkOutcome) -> Table:
+def coverage_table(coverage: Coverage) -> Table:
     """Fix kinds, satellites and gaps of each receiver."""
-    return coverage_table_of(outcome.coverage)
-
-
-def coverage_table_of(coverage: Coverage) -> Table:
-    """The same of a coverage alone."""
     found = coverage.receivers
     kinds = [name for name in FIX_NAMES.values() if any(name in one.shares for one in found)]
     kinds.append("no record")
@@ -146,7 +153,7 @@ def coverage_table_of(coverage: Coverage) -> Table:
     return Table("Fixes of each receiver", columns, rows, formats, note)
 
 
-def gap_table_of(found: Coverage) -> Table:
+def gap_table(found: Coverage) -> Table:
     """The longest parts without ground truth."""
     rows = [[g.start - found.start, g.duration, g.length] for g in found.gaps[:LONGEST_SHOWN]]
     return Table(

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rtk_gt.commands.sensors import FILE, FINITE, along_path, lens_of, sensor_named, solved
-from validation.commands.options import CAMPAIGN
+from rtk_gt.commands.drive import FINITE, along_path, lens_of, sensor_named, solved
+from validation.commands.options import AS_JSON, CAMPAIGN, PATH
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,11 +17,12 @@ if TYPE_CHECKING:
 @click.command()
 @CAMPAIGN
 @click.argument("sensor")
-@click.argument("scans", type=FILE)
-@click.argument("output", type=FILE)
-@click.option("--images", type=FILE, help="CSV file time,file: colour the points by these.")
+@click.argument("scans", type=PATH)
+@click.argument("output", type=PATH)
+@click.option("--images", type=PATH, help="CSV file time,file: colour the points by these.")
 @click.option("--camera", "camera_name", help="The camera of the images in campaign.toml.")
 @click.option("--lens", nargs=8, type=FINITE, help="Of the camera: fx fy cx cy k1 k2 p1 p2.")
+@AS_JSON
 def cloud(
     campaign: Path,
     sensor: str,
@@ -30,6 +31,7 @@ def cloud(
     images: Path | None,
     camera_name: str | None,
     lens: tuple[float, ...] | None,
+    as_json: bool,
 ) -> None:
     """Write the point cloud of a scanner's SCANS along the path as a PLY file.
 
@@ -41,6 +43,7 @@ def cloud(
     from rtk_gt.sensors.scans import cloud_of
     from rtk_gt.sensors.sensor_files import read_images, read_line_scans
     from validation.errors import GtvalError
+    from validation.report.terminal import print_json
     from validation.text_files.writing import write_files
 
     given = (images is not None, camera_name is not None, bool(lens))
@@ -55,8 +58,13 @@ def cloud(
     points = used.in_world(found.poses[found.available], pose)
     if len(points) == 0:
         raise GtvalError(f"{scans}: no beam hit anything between 0.5 and 30 m; no cloud to write")
+    facts: dict[str, object] = {
+        "file": output,
+        "points": len(points),
+        "scans_in_gaps": int((~found.available).sum()),
+    }
+    said = f"{len(points)} points in {output}; {facts['scans_in_gaps']} scans are in gaps."
     colours = None
-    said = ""
     if images is not None and pictures is not None and camera_name is not None and lens:
         at = along_path(outcome, pictures[0], images)
         camera_pose = np.array(sensor_named(outcome, camera_name).pose)
@@ -64,13 +72,17 @@ def cloud(
         colours, seen = colour_points(
             points, _pictures(files), at.poses[at.available], camera_pose, lens_of(lens)
         )
-        said = (
-            f" {int(seen.sum())} of them are coloured by {len(files)} images; "
-            f"{len(pictures[1]) - len(files)} images are in gaps. The others are grey."
+        left_out = len(pictures[1]) - len(files)
+        facts |= {"coloured": int(seen.sum()), "images": len(files), "images_in_gaps": left_out}
+        said += (
+            f" {facts['coloured']} of them are coloured by {len(files)} images; {left_out} images "
+            "are in gaps. The others are grey."
         )
     write_files(output.parent, {output.name: ply(points, colours)})
-    left_out = int((~found.available).sum())
-    click.echo(f"{len(points)} points in {output}; {left_out} scans are in gaps.{said}")
+    if as_json:
+        print_json(facts)
+    else:
+        click.echo(said)
 
 
 def _pictures(files: "list[Path]") -> "Iterator[Bytes]":

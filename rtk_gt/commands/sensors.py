@@ -1,55 +1,41 @@
 """The commands ``gtval rtk scanner``, ``camera``, ``dgps`` and ``imu``."""
 
-from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from validation.commands.options import AS_JSON, CAMPAIGN
+from rtk_gt.commands.drive import (
+    FINITE,
+    SIGMA,
+    along_path,
+    lens_of,
+    sensor_named,
+    solved,
+)
+from validation.commands.options import AS_JSON, CAMPAIGN, PATH
 
 if TYPE_CHECKING:
-    from rtk_gt.campaign.outcome import RtkOutcome
-    from rtk_gt.path.interpolation import Interpolated
-    from rtk_gt.sensors.camera_pose import Lens
     from rtk_gt.sensors.pass_matching import ScannerCalibration
     from rtk_gt.sensors.scanner_calibration import MountedScans
     from rtk_gt.sensors.scans import LineScans
-    from rtk_gt.settings import Sensor
     from validation.poses.angles import Array
     from validation.results import Table
-
-FILE = click.Path(path_type=Path)
-
-
-class Number(click.FloatRange):
-    """A number within limits; click's own range lets NaN pass."""
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """The number, or a usage error."""
-        number = float(super().convert(value, param, ctx))
-        if isnan(number):
-            self.fail("nan is not a number", param, ctx)
-        return number
 
 
 LONG_ENOUGH = 50
 """Times its correlation time a record has to last for that time to be found (Sokal 1997)."""
-FINITE = Number(-1e9, 1e9)
-SIGMA = Number(1e-9, 1e3)
 POSE_COLUMNS = ("x [m]", "y [m]", "z [m]", "yaw [deg]", "pitch [deg]", "roll [deg]")
 
 
 @click.command()
 @CAMPAIGN
 @click.argument("sensor")
-@click.argument("scans", type=FILE)
+@click.argument("scans", type=PATH)
 @click.option(
     "--also",
     nargs=2,
-    type=(str, FILE),
+    type=(str, PATH),
     multiple=True,
     metavar="SENSOR SCANS",
     help="Another scanner of the same drive: both are found together, and better.",
@@ -76,7 +62,7 @@ POSE_COLUMNS = ("x [m]", "y [m]", "z [m]", "yaw [deg]", "pitch [deg]", "roll [de
 @click.option("--hand-sigma-deg", type=SIGMA, default=2.0, show_default=True, help="Degrees.")
 @click.option(
     "--histogram",
-    type=FILE,
+    type=PATH,
     help="Draw the heights of the ground beside the vehicle, before and after (.png, .svg).",
 )
 @AS_JSON
@@ -106,6 +92,7 @@ def scanner(
     from rtk_gt.sensors.scanner_calibration import MountedScans, calibrate_scanners
     from rtk_gt.sensors.sensor_files import read_line_scans
     from rtk_gt.sensors.trajectory import smooth_trajectory
+    from validation.report.terminal import print_json
 
     _need_picture("--histogram", histogram)
     files = {sensor: scans}
@@ -133,7 +120,7 @@ def scanner(
     if histogram is not None:
         _draw_heights(histogram, read[sensor], mounted[0].start, results[0].pose)
     if as_json:
-        _json(dict(zip(files, results, strict=True)) if also else results[0])
+        print_json(dict(zip(files, results, strict=True)) if also else results[0])
         return
     for one, result in zip(mounted, results, strict=True):
         _say_place(one, result)
@@ -141,6 +128,8 @@ def scanner(
 
 def _say_place(mounted: "MountedScans", result: "ScannerCalibration") -> None:
     import numpy as np
+
+    from validation.report.terminal import print_table
 
     share = ", ".join(
         f"{name} {100 * max(float(part), 0.0):.0f} %"
@@ -151,20 +140,22 @@ def _say_place(mounted: "MountedScans", result: "ScannerCalibration") -> None:
         f"{100 * result.rms_before:.1f} cm before and {100 * result.rms_after:.1f} cm after. "
         f"Known from the drive and not by hand: {share}. {_determined(result.sigmas)}"
     )
+    if result.left_out:
+        note += f" {result.left_out} scans are in gaps of the path and were not used."
     if not result.settled:
         note += (
             " It had not settled: each choice of points still moves it, as drives do that see"
             " their walls from few directions. Take these sigmas as the least."
         )
     spread = np.sqrt(np.diagonal(result.pose_covariance))
-    _print(_poses(f"Scanner {mounted.name}", mounted.start, result.pose, spread, note))
+    print_table(_poses(f"Scanner {mounted.name}", mounted.start, result.pose, spread, note))
     _say_how_to_keep(mounted.name, result.pose, spread)
 
 
 @click.command()
 @CAMPAIGN
 @click.argument("sensor")
-@click.argument("points", type=FILE)
+@click.argument("points", type=PATH)
 @click.option("--lens", nargs=8, type=FINITE, required=True, help="fx fy cx cy k1 k2 p1 p2.")
 @click.option(
     "--point-sigma", type=SIGMA, default=0.02, show_default=True, help="Of the points, metres."
@@ -187,6 +178,7 @@ def camera(
 
     from rtk_gt.sensors.camera_pose import camera_pose, vehicle_errors
     from rtk_gt.sensors.sensor_files import read_seen_points
+    from validation.report.terminal import print_json, print_table
 
     seen = read_seen_points(points)
     outcome = solved(campaign)
@@ -200,22 +192,23 @@ def camera(
     result = camera_pose(
         lens_of(lens), seen.points[rows], found.poses[rows], seen.pixels[rows], start, errors
     )
+    in_gaps = int((~rows).sum())
     if as_json:
-        _json(result)
+        print_json({**vars(result), "points_in_gaps": in_gaps})
         return
     note = (
         f"{int(rows.sum())} points in {len(np.unique(seen.times[rows]))} images, residuals of "
         f"{result.sigma:.2f} pixels, which hold the noise of the path. The sigmas hold it, too, "
-        "and the error of the offsets."
+        f"and the error of the offsets. {in_gaps} points are in gaps of the path."
     )
     spread = np.sqrt(np.diagonal(result.covariance))
-    _print(_poses(f"Camera {sensor}", start, result.pose, spread, note))
+    print_table(_poses(f"Camera {sensor}", start, result.pose, spread, note))
     _say_how_to_keep(sensor, result.pose, spread)
 
 
 @click.command()
 @CAMPAIGN
-@click.argument("log", type=FILE)
+@click.argument("log", type=PATH)
 @click.option(
     "--antenna",
     nargs=3,
@@ -232,6 +225,7 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
     from rtk_gt.receivers.fix_csv import read_fix_csv
     from rtk_gt.receivers.nmea import read_nmea
     from rtk_gt.sensors.characterisation import position_errors
+    from validation.report.terminal import print_json, print_table
     from validation.results import Table
 
     read = read_fix_csv if log.suffix.lower() == ".csv" else read_nmea
@@ -239,8 +233,9 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
     outcome = solved(campaign)
     found = along_path(outcome, record.times, log)
     result = position_errors(record, found, np.array(antenna), outcome.path)
+    in_gaps = int((~found.available).sum())
     if as_json:
-        _json(result)
+        print_json({**vars(result), "fixes_in_gaps": in_gaps})
         return
     rows: list[list[str | int | float | None]] = [
         [axis, float(bias), float(sigma)]
@@ -249,7 +244,7 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
         )
     ]
     note = (
-        f"{len(result.errors)} fixes where there is ground truth. RMSE: "
+        f"{len(result.errors)} fixes where there is ground truth, {in_gaps} in gaps. RMSE: "
         f"{result.rmse_horizontal:.3f} m horizontal, {result.rmse_vertical:.3f} m vertical; "
         f"{result.correlation_time:.1f} fixes are worth one independent fix."
     )
@@ -259,13 +254,13 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
             "the standard errors as the least, and compare a longer drive, or several."
         )
     columns = ["direction", "mean error [m]", "standard error [m]"]
-    _print(Table(f"Errors of {record.receiver}", columns, rows, ["", ".3f", ".3f"], note))
+    print_table(Table(f"Errors of {record.receiver}", columns, rows, ["", ".3f", ".3f"], note))
 
 
 @click.command()
 @CAMPAIGN
-@click.argument("angles", type=FILE)
-@click.option("--figure", type=FILE, help="Draw the rates and their errors (.png, .svg).")
+@click.argument("angles", type=PATH)
+@click.option("--figure", type=PATH, help="Draw the rates and their errors (.png, .svg).")
 @AS_JSON
 def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> None:
     """Compare the rates of an IMU (CSV time,yaw,pitch,roll in radians) with the ground truth."""
@@ -273,6 +268,7 @@ def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> Non
 
     from rtk_gt.sensors.characterisation import rate_errors
     from rtk_gt.sensors.sensor_files import read_imu
+    from validation.report.terminal import print_json, print_table
     from validation.results import Table
 
     _need_picture("--figure", figure)
@@ -286,7 +282,7 @@ def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> Non
 
         write_figure(figure, rates_over_time(result, max_gap))
     if as_json:
-        _json({"angles": result})
+        print_json({"angles": result})
         return
     rows: list[list[str | int | float | None]] = [
         [
@@ -305,54 +301,7 @@ def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> Non
         f"Degrees per second. {result[0].intervals} intervals between poses; the RMSE contains the "
         "path's noise. The rates are those of the path, the drift is the IMU's mean error."
     )
-    _print(Table("Rates of the IMU", columns, rows, ["", *[".3f"] * 5], note))
-
-
-def solved(campaign: Path) -> "RtkOutcome":
-    """The drive of a campaign."""
-    from rtk_gt.campaign.outcome import solve_campaign
-    from validation.campaign.folder import load_campaign
-
-    return solve_campaign(load_campaign(campaign))
-
-
-def sensor_named(outcome: "RtkOutcome", name: str) -> "Sensor":
-    """A sensor of campaign.toml; a GtvalError lists those there are."""
-    from validation.errors import GtvalError
-
-    known = {one.name: one for one in outcome.settings.sensors}
-    if name not in known:
-        said = ", ".join(known) or "none"
-        raise GtvalError(f"no sensor '{name}' in {outcome.campaign.toml}; there are: {said}")
-    return known[name]
-
-
-def along_path(outcome: "RtkOutcome", times: "Array", file: Path) -> "Interpolated":
-    """Vehicle poses at the times of a file; a GtvalError if there is ground truth at none."""
-    from rtk_gt.sensors.times import path_at
-    from validation.errors import GtvalError
-
-    found = path_at(outcome, times)
-    if not found.available.any():
-        path = outcome.path.times
-        raise GtvalError(
-            f"{file}: none of its times, {times.min():.3f} to {times.max():.3f}, is where there is "
-            f"ground truth ({path[0]:.3f} to {path[-1]:.3f} seconds since 1970 UTC, without gaps). "
-            "Are they of the same drive and clock?"
-        )
-    return found
-
-
-def lens_of(numbers: tuple[float, ...]) -> "Lens":
-    """The lens of fx fy cx cy k1 k2 p1 p2."""
-    import numpy as np
-
-    from rtk_gt.sensors.camera_pose import Lens
-
-    fx, fy, cx, cy, *distortion = numbers
-    if not (fx > 0 and fy > 0):
-        raise click.UsageError(f"--lens: focal lengths {fx:g}, {fy:g} pixels; both must be above 0")
-    return Lens(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), np.array(distortion))
+    print_table(Table("Rates of the IMU", columns, rows, ["", *[".3f"] * 5], note))
 
 
 def _poses(title: str, start: "Array", pose: "Array", spread: "Array", note: str) -> "Table":
@@ -418,18 +367,6 @@ def _determined(sigmas: "Array") -> str:
         f"Not determined to 1 cm and 0.1 degrees (two standard deviations): {', '.join(open_ones)}."
         " A longer drive with more headings and slopes is what helps."
     )
-
-
-def _print(table: "Table") -> None:
-    from validation.report.terminal import print_table
-
-    print_table(table)
-
-
-def _json(result: object) -> None:
-    from validation.report.terminal import print_json
-
-    print_json(result)
 
 
 COMMANDS: list[click.Command] = [scanner, camera, dgps, imu]

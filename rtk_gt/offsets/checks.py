@@ -12,7 +12,8 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array
 
 CONTRADICTION = 10.0
-"""Beyond so many standard deviations of a component the two cannot be put together."""
+"""Beyond so many standard deviations of a component the two cannot be put together: no chance does
+that, also where a stated sigma is too small by half; between, a finding says it."""
 AXES = ("x", "y", "z")
 
 

@@ -13,25 +13,28 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from rtk_gt.offsets.noise import pair_incidence
+from rtk_gt.offsets.noise import LEAST_SPREAD, pair_incidence
 from rtk_gt.offsets.prior import OffsetPrior, posterior
 from rtk_gt.offsets.robust import (
     autocorrelation_time,
     expected_weighted_square,
     redescending_weights,
 )
+from rtk_gt.receivers.assumptions import ETA, FEWEST_STEPS
 from rtk_gt.receivers.frames import FrameVectors
 from rtk_gt.receivers.steps import Steps, pair_differences, receiver_pairs
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
 SIGNIFICANT = 4.0
-"""Rotation counts as such beyond so many standard deviations of what noise alone would show."""
+"""Rotation counts as such beyond so many standard deviations of what noise alone would show: noise
+passes that once in 30,000 directions."""
 _ROUNDS = 40
+"""At most: a judgement."""
 _ROUGH_SIGMA = 0.01
-"""Before the residuals say how large the noise is, in metres."""
+"""Before the residuals say how large the noise is, in metres: what makers state of RTK."""
 _SMALLEST_SIGMA = 1e-6
-"""Data without noise are weighted as if they had this much."""
+"""Data without noise are weighted as if they had this much, metres: far below any receiver."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,7 @@ class _Equations:
 
 
 def estimate_offsets(
-    steps: Steps, *, eta: float = 1.75, robust: bool = True, prior: OffsetPrior | None = None
+    steps: Steps, *, eta: float = ETA, robust: bool = True, prior: OffsetPrior | None = None
 ) -> Offsets:
     """Offsets and distances from the steps at which all receivers are RTK-fixed.
 
@@ -148,10 +151,10 @@ def estimate_offsets(
     used = steps.select(steps.complete)
     if len(used.receivers) < 3:
         raise GtvalError("at least three receivers are needed for a pose in space")
-    if len(used) < 10:
+    if len(used) < FEWEST_STEPS:
         raise GtvalError(
-            f"all receivers are RTK-fixed together at {len(used)} times only; at least 10 are "
-            "needed to find their offsets"
+            f"all receivers are RTK-fixed together at {len(used)} times only; at least "
+            f"{FEWEST_STEPS} are needed to find their offsets"
         )
     # Work near zero: recorded differences may be hundreds of metres, antennas are metres apart.
     shift = np.median(used.positions[:, :1] - used.positions, axis=0)
@@ -317,7 +320,7 @@ def _inverse(matrix: Array) -> Array:
     second order only; its variance of nearly 0 must not decide everything.
     """
     values, vectors = np.linalg.eigh(matrix)
-    lifted = np.maximum(values, 0.02 * values.max())
+    lifted = np.maximum(values, LEAST_SPREAD * values.max())
     inverse: Array = np.asarray((vectors / lifted) @ vectors.T, dtype=float)
     return inverse
 

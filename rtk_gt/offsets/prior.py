@@ -5,10 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rtk_gt.receivers.assumptions import VEHICLE_SIZE
 from validation.poses.angles import Array
-
-VEHICLE_SIZE = 10.0
-"""Antennas of one vehicle are within this many metres: all that is known without being told."""
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from rtk_gt.offsets.noise import GpsNoise, pair_incidence, squared_distance_covariance
+from rtk_gt.offsets.noise import (
+    LEAST_SPREAD,
+    GpsNoise,
+    pair_incidence,
+    squared_distance_covariance,
+)
 from rtk_gt.offsets.robust import autocorrelation_time
+from rtk_gt.receivers.assumptions import CONFIDENCE
 from rtk_gt.receivers.steps import pair_differences
 from validation.poses.angles import Array
-
-LEAST_SPREAD = 0.02
-"""Combinations of distances with less than this share of the greatest variance do not count."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ class Consistency:
 
 
 def consistency(
-    positions: Array, distances: Array, noise: GpsNoise, confidence: float = 0.99
+    positions: Array, distances: Array, noise: GpsNoise, confidence: float = CONFIDENCE
 ) -> Consistency:
     """The measure of Blanco 2009, Eq. 28, with the bound that a chi-squared variable has.
 

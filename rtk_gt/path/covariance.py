@@ -102,18 +102,6 @@ def simulated_covariance(
     return np.asarray((second - samples * np.outer(mean, mean)) / (samples - 1))
 
 
-def rotated_covariance(reference: Array, rotation: Array) -> Array:
-    """W* turned to an orientation (..., 6, 6), as published (Blanco 2009, Eq. 24 and 25).
-
-    The positions' block is turned, the angles' is not. On slopes this turns the noise with the
-    vehicle, although it belongs to the vertical; `noise_covariance` does not.
-    """
-    J = np.zeros((*rotation.shape[:-2], 6, 6))
-    J[..., :3, :3] = rotation
-    J[..., 3:, 3:] = np.eye(3)
-    return np.asarray(J @ reference @ np.swapaxes(J, -1, -2))
-
-
 def systematic_jacobian(antennas: Array, rotation: Array, by_distance: Array) -> Array:
     """Derivative (..., 6, 3 (r - 1) + p) of poses with respect to offsets and distances.
 

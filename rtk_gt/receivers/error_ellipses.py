@@ -14,7 +14,8 @@ from rtk_gt.receivers.fixes import covariance_of_ellipse
 from validation.poses.angles import Array
 
 AGREEMENT = 0.1
-"""Largest relative difference between stated and implied sigmas: GST is printed to 2-3 digits."""
+"""Largest relative difference between stated and implied sigmas: GST is printed to 2 or 3 digits,
+and 0.5 in the last of 2 digits is 5 % of each of the two that are compared."""
 
 
 class EllipseRecord(NamedTuple):

@@ -10,9 +10,10 @@ from validation.errors import InputError, Problem
 from validation.poses.angles import Array
 
 FAR = 100_000.0
-"""Farther than this from the other receivers or the frame's origin cannot be the same drive."""
+"""Metres from the other receivers or the frame's origin: farther is another drive. A judgement; RTK
+needs its base station within some 50 km."""
 FASTEST = 150.0
-"""No vehicle on the ground is faster, in m/s."""
+"""m/s; road vehicles stay below 120, damaged digits make kilometres."""
 LONGEST = 86_400.0
 """A pause longer than a day between two fixes is a wrong clock, not a pause."""
 

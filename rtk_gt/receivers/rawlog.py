@@ -1,4 +1,4 @@
-"""GPS observations of an MRPT rawlog (gzip or plain), with the settings in its comment.
+"""GPS observations of an MRPT rawlog (gzip or plain).
 
 Objects of a rawlog carry no length, so one of an unknown class cannot be stepped over: only
 logs of `CObservationComment` and `CObservationGPS` (version 8, as in the Malaga data of 2009) are
@@ -6,25 +6,24 @@ read, anything else is an error that names the class.
 """
 
 import gzip
-import re
 import struct
 import zlib
-from collections.abc import Mapping
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from rtk_gt.receivers.fixes import Fixes
-from validation.errors import GtvalError, InputError, Problem
+from validation.errors import InputError, Problem
 from validation.poses.angles import Array
+from validation.text_files.reading import file_bytes
 
 MAX_BYTES = 2_000_000_000
+"""A judgement: what fits into the memory of a laptop, unpacked."""
 FILETIME_TO_UNIX = 11644473600.0
 """Seconds from 1601-01-01, from which MRPT counts, to 1970-01-01."""
 _END = 0x88
-_SECTION = re.compile(r"^\[(\w+)\]\s*$", re.MULTILINE)
-_KEY = re.compile(r"^(\w+)\s*=\s*(.*?)\s*(?://.*)?$", re.MULTILINE)
 
 
 @dataclass
@@ -49,15 +48,12 @@ class Rawlog:
         One record for each sensor label.
     sensor_positions : dict of str to (3,) array
         Where the log says that each antenna is on the vehicle, in metres.
-    settings : dict of str to dict of str to str
-        Sections and keys of the comment, as written.
     comment : str
         The whole comment.
     """
 
     fixes: dict[str, Fixes] = field(default_factory=dict)
     sensor_positions: dict[str, Array] = field(default_factory=dict)
-    settings: dict[str, dict[str, str]] = field(default_factory=dict)
     comment: str = ""
 
 
@@ -75,6 +71,7 @@ def read_rawlog(path: Path) -> Rawlog:
     data = _decompressed(path)
     log = Rawlog()
     rows: dict[str, list[_Row]] = {}
+    empty: Counter[str] = Counter()
     cursor = _Cursor(path, data)
     number = 0
     while not cursor.at_end:
@@ -86,7 +83,9 @@ def read_rawlog(path: Path) -> Rawlog:
         elif name == "CObservationGPS" and version == 8:
             label, row, position = _observation(cursor, number)
             log.sensor_positions.setdefault(label, position)
-            if row is not None:
+            if row is None:
+                empty[label] += 1
+            else:
                 rows.setdefault(label, []).append(row)
         else:
             cursor.fail(
@@ -97,21 +96,13 @@ def read_rawlog(path: Path) -> Rawlog:
         cursor.end_of_object()
     if not rows:
         raise InputError([Problem(path, "the rawlog holds no GPS position")])
-    log.settings = comment_settings(log.comment)
-    log.fixes = {label: _fixes(path, label, found) for label, found in rows.items()}
+    log.fixes = {label: _fixes(path, label, found, empty[label]) for label, found in rows.items()}
     return log
 
 
 def _decompressed(path: Path) -> bytes:
     """Contents of the file, unpacked."""
-    try:
-        if path.is_file() and path.stat().st_size > MAX_BYTES:
-            raise InputError([Problem(path, "the rawlog has more than 2 GB; cut it first")])
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError([Problem(path, "there is no such file")]) from None
-    except OSError as error:
-        raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
+    data = file_bytes(path, MAX_BYTES)
     if not data.startswith(b"\x1f\x8b"):
         return data
     try:
@@ -208,7 +199,7 @@ def _sensor_pose(cursor: _Cursor) -> Array:
     return np.asarray(matrix[:3, 3])
 
 
-def _fixes(path: Path, label: str, rows: list[_Row]) -> Fixes:
+def _fixes(path: Path, label: str, rows: list[_Row], empty: int) -> Fixes:
     n = len(rows)
     return Fixes(
         receiver=label,
@@ -220,30 +211,5 @@ def _fixes(path: Path, label: str, rows: list[_Row]) -> Fixes:
         covariances=np.full((n, 3, 3), np.nan),
         lines=np.array([row.number for row in rows]),
         source=path,
+        tolerated={"observation without a position": empty} if empty else {},
     )
-
-
-def comment_settings(comment: str) -> dict[str, dict[str, str]]:
-    """Sections and keys of an ini-like comment; text outside of sections is left alone."""
-    marks = [*_SECTION.finditer(comment)]
-    found: dict[str, dict[str, str]] = {}
-    for mark, following in zip(marks, [*marks[1:], None], strict=True):
-        body = comment[mark.end() : following.start() if following else len(comment)]
-        found[mark[1]] = {key[1]: key[2] for key in _KEY.finditer(body)}
-    return found
-
-
-def numbers_of(settings: Mapping[str, str], *keys: str) -> Array:
-    """The values of some keys as numbers.
-
-    Raises
-    ------
-    GtvalError
-        If a key is missing or not a number.
-    """
-    try:
-        return np.array([float(settings[key]) for key in keys])
-    except KeyError as error:
-        raise GtvalError(f"the comment of the rawlog has no {error}") from None
-    except ValueError as error:
-        raise GtvalError(f"in the comment of the rawlog: {error}") from None

@@ -8,9 +8,12 @@ import numpy as np
 
 from rtk_gt.receivers.fixes import AUTONOMOUS, DGPS, ESTIMATED, RTK_FIXED, RTK_FLOAT, SBAS, Fixes
 from rtk_gt.receivers.frames import LocalFrame, geodetic_from_ecef
-from validation.errors import GtvalError, InputError, Problem
+from validation.errors import InputError, Problem
 from validation.poses.angles import Array
+from validation.text_files.reading import file_bytes
 
+MAX_BYTES = 2_000_000_000
+"""A judgement: thirteen million solutions, two weeks at 10 Hz."""
 KINDS = {1: RTK_FIXED, 2: RTK_FLOAT, 3: SBAS, 4: DGPS, 5: AUTONOMOUS, 6: ESTIMATED, 7: ESTIMATED}
 """RTKLIB's Q: fix, float, SBAS, DGPS, single, PPP, dead reckoning."""
 GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
@@ -43,12 +46,7 @@ def read_pos(path: Path, receiver: str) -> Fixes:
         Naming line, field and value of every bad place; for heights above the geoid, degrees
         with minutes, or baselines, which this reader does not take.
     """
-    try:
-        lines = path.read_bytes().decode("latin-1").splitlines()
-    except FileNotFoundError:
-        raise InputError([Problem(path, "there is no such file")]) from None
-    except OSError as error:
-        raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
+    lines = file_bytes(path, MAX_BYTES).decode("latin-1").splitlines()
     geodetic, utc = _header(path, lines)
     problems: list[Problem] = []
     rows: list[Array] = []

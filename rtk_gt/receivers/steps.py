@@ -7,13 +7,11 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
+from rtk_gt.receivers.assumptions import SIMULTANEOUS
 from rtk_gt.receivers.fixes import RTK_FIXED, Bools, Fixes, Ints
 from rtk_gt.receivers.frames import FrameVectors, LocalFrame
 from validation.errors import GtvalError
 from validation.poses.angles import Array
-
-SIMULTANEOUS = 0.005
-"""Receivers are tied to the satellites' time: stamps this near in seconds are the same."""
 
 
 @dataclass(frozen=True)

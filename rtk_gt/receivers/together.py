@@ -5,17 +5,15 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from rtk_gt.receivers.assumptions import FEWEST_STEPS, VEHICLE_SIZE
 from rtk_gt.receivers.fixes import FIX_NAMES, Fixes
 from rtk_gt.receivers.steps import Steps, receiver_pairs
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
-FEWEST = 10
-"""Common times that offsets need."""
-LARGEST_ROOF = 10.0
-"""Antennas on one vehicle are not farther apart, metres."""
 _SHIFTS = np.arange(-40.0, 41.0)
-"""Seconds by which clocks are tried to differ: GPS time is 18 s ahead of UTC."""
+"""Seconds by which clocks are tried to differ: GPS time is 18 s ahead of UTC, and there and back
+of two such mistakes fits in."""
 
 
 def check_together(records: Sequence[Fixes], steps: Steps, tolerance: float) -> None:
@@ -36,16 +34,16 @@ def check_together(records: Sequence[Fixes], steps: Steps, tolerance: float) -> 
         Saying which receiver it is, as far as can be told, and what to look at.
     """
     count = int(steps.complete.sum())
-    if count < FEWEST:
+    if count < FEWEST_STEPS:
         reasons = "; ".join(_reasons(records, tolerance))
         raise GtvalError(
-            f"all receivers are RTK-fixed together at {count} times only; at least {FEWEST} are "
-            f"needed to find their offsets{': ' if reasons else ''}{reasons}"
+            f"all receivers are RTK-fixed together at {count} times only; at least "
+            f"{FEWEST_STEPS} are needed to find their offsets{': ' if reasons else ''}{reasons}"
         )
     together = steps.select(steps.complete).positions
     for i, j in receiver_pairs(len(records)):
         apart = _spread(together[:, j] - together[:, i])
-        if apart > 2 * LARGEST_ROOF:
+        if apart > 2 * VEHICLE_SIZE:
             raise GtvalError(_not_together(records, steps, (i, j), apart))
 
 
@@ -106,7 +104,7 @@ def _not_together(
     text = (
         f"{first.receiver} ({first.source.name}) and {second.receiver} ({second.source.name}) do "
         f"not move together: the difference of their positions changes by {apart:.0f} m, and "
-        f"antennas on one vehicle are less than {LARGEST_ROOF:.0f} m apart. "
+        f"antennas on one vehicle are less than {VEHICLE_SIZE:.0f} m apart. "
     )
     if left < 0.3 * apart:
         late = second if shift > 0 else first
@@ -133,7 +131,7 @@ def _shift_between(first: Fixes, second: Fixes, steps: Steps) -> tuple[float, fl
     best = (0.0, np.inf)
     for shift in _SHIFTS:
         inside = (times + shift >= own[0]) & (times + shift <= own[-1])
-        if inside.sum() < FEWEST:
+        if inside.sum() < FEWEST_STEPS:
             continue
         wanted = times[inside] + shift
         moved = np.column_stack([np.interp(wanted, own, places[:, k]) for k in range(3)])

@@ -140,7 +140,7 @@ def vehicle_errors(
 
 
 PIXEL_SIGMA = 0.5
-"""What a person clicks on, or a detector finds, is off by about so much, pixels."""
+"""What a person clicks on, or a detector finds, is off by about so much, pixels: a judgement."""
 
 
 def camera_pose(

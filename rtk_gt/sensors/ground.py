@@ -11,14 +11,16 @@ from rtk_gt.sensors.trajectory import Spline, pose_columns
 from validation.poses.angles import Array
 
 SPOT = 0.25
-"""Points of one scan that are nearer to each other than so many metres share their pebbles."""
+"""Points of one scan that are nearer to each other than so many metres share their pebbles and
+patches: a judgement."""
 ROAD = 5
 """Numbers of the road in the vehicle frame."""
 _SLOWEST = 1.0
-"""Below this speed in m/s the direction of motion says nothing."""
-
+"""Below this speed in m/s the direction of motion says nothing: a second moves the vehicle by less
+than 100 times the noise of a fix."""
 _MARGIN = 2.0
-"""Seconds to the ends of the path within which its angles are too uncertain for differences."""
+"""Seconds to the ends of the path within which its angles are too uncertain for differences: four
+knots of the finest curves."""
 
 
 @dataclass(frozen=True)

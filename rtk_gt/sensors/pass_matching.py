@@ -22,7 +22,9 @@ from validation.poses.angles import Array
 from validation.statistics.robust import sigma_from_median
 
 NEIGHBOURS = 10
+"""Points that make a plane: a judgement; three would do without noise."""
 FEWEST_PAIRS = 200
+"""Pairs below which no place is found: a judgement."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,8 @@ class ScannerCalibration:
         Root mean square distance of matched points from their partners' planes, metres.
     settled : bool
         Whether choosing the points anew left the pose where it was.
+    left_out : int
+        Scans at times without a path, which were not used.
     """
 
     pose: Array
@@ -72,6 +76,7 @@ class ScannerCalibration:
     rms_before: float
     rms_after: float
     settled: bool = True
+    left_out: int = 0
 
     @property
     def pose_covariance(self) -> Array:
@@ -131,7 +136,7 @@ def match_passes(
     The path is taken as exact. An error that it has at all poses alike (a wrong vertical offset
     tilts the whole vehicle frame) comes back as the opposite turn of the scanner, and noise of
     the angles of a degree, as three receivers on a small roof give it, moves the result by
-    centimetres. `rtk_gt.sensors.scanner_calibration.calibrate_scanner` has neither fault.
+    centimetres. `rtk_gt.sensors.scanner_calibration.calibrate_scanners` has neither fault.
     """
     settings = settings or MatchingSettings()
     rows = times[cloud.scan]

@@ -18,7 +18,8 @@ from validation.poses.angles import Array
 from validation.statistics.robust import sigma_from_median
 
 GRAZING = 0.3
-"""Surfaces are rough: the noise across them is at least this share of that along the beam."""
+"""Surfaces are rough: the noise across them is at least this share of that along the beam. A
+judgement; it bounds what one grazing beam can weigh to 11 times a square one."""
 SHAPE = 6
 """Numbers of a piece: height, two slopes, three curvatures."""
 

@@ -37,6 +37,21 @@ def _increasing(table: CsvTable, times: Array) -> None:
         table.flag(int(row) + 1, "time", "not later than the row before")
 
 
+def read_times(path: Path) -> Array:
+    """(m,) seconds since 1970 of the column ``time`` of a CSV file; see `seconds_of`.
+
+    Raises
+    ------
+    InputError
+        Naming every cell that is no time, and times given twice.
+    """
+    table = _rows(path, [Column("time")])
+    times = _times(table)
+    table.flag_duplicates(["time"])
+    table.raise_problems()
+    return times
+
+
 def read_line_scans(path: Path) -> LineScans:
     """Scans of a CSV file: ``time,first_angle,angle_step,ranges``.
 

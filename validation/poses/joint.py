@@ -1,15 +1,22 @@
 """The covariance of all poses of a table together, as a file beside the table."""
 
-import csv
-import io
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from validation.errors import InputError, Problem
+from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable
-from validation.text_files.csv_tables import Column, read_csv
+from validation.text_files.csv_tables import Column, header_of, read_csv
+from validation.text_files.csv_text import csv_text
+
+LARGEST_WHOLE = 300
+"""Numbers of all poses up to which the matrix is written whole, also where it has a factor: 90,000
+cells, under 2 MB, which a spreadsheet shows. It grows with the square: the 201 poses of a drive of
+four minutes have 1,206 numbers and a matrix of 11.7 MB, their factor of 9 columns has 0.2 MB."""
+MAX_BYTES = 500_000_000
+"""A factor of 20 columns of a million numbers."""
 
 
 def joint_path(path: Path) -> Path:
@@ -17,28 +24,30 @@ def joint_path(path: Path) -> Path:
     return path.with_name("joint_" + path.name.removeprefix("poses_"))
 
 
-def joint_to_csv(table: PoseTable) -> str:
-    """The joint covariance as CSV: a row and a column for every number of every pose.
+def factor_path(path: Path) -> Path:
+    """joint_factor_<system>.csv beside poses_<system>.csv."""
+    return path.with_name("joint_factor_" + path.name.removeprefix("poses_"))
 
-    Parameters
-    ----------
-    table : PoseTable
-        With a joint covariance.
 
-    Raises
-    ------
-    ValueError
-        If it has none.
+def joint_files(table: PoseTable) -> dict[str, str]:
+    """The file of a table's joint covariance by its name; none where the table has none.
+
+    ``joint_<system>.csv`` has a row and a column for every number of every pose,
+    ``joint_factor_<system>.csv`` a row for every number and a column for every shared error. The
+    factor is written where the whole matrix would have more than `LARGEST_WHOLE` numbers a side.
     """
-    if table.joint is None:
-        raise ValueError(f"the table of '{table.system}' has no joint covariance")
-    names = _columns(table)
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(["number", *names])
-    for name, row in zip(names, table.joint, strict=True):
-        writer.writerow([name, *(repr(float(value)) for value in row)])
-    return stream.getvalue()
+    names = _names(table)
+    path = Path(f"poses_{table.system}.csv")
+    if table.factor is not None and len(names) > LARGEST_WHOLE:
+        columns = [f"shared_{column + 1}" for column in range(table.factor.shape[1])]
+        return {factor_path(path).name: _matrix_text(names, columns, table.factor)}
+    joint = table.joint_covariance
+    return {} if joint is None else {joint_path(path).name: _matrix_text(names, names, joint)}
+
+
+def _matrix_text(names: list[str], columns: list[str], matrix: Array) -> str:
+    rows = ([name, *row] for name, row in zip(names, matrix.tolist(), strict=True))
+    return csv_text(["number", *columns], rows)
 
 
 def with_stored_joint(table: PoseTable, path: Path) -> PoseTable:
@@ -56,27 +65,53 @@ def with_stored_joint(table: PoseTable, path: Path) -> PoseTable:
     InputError
         If the file is bad or does not belong to the poses.
     """
-    beside = joint_path(path)
-    if not path.name.startswith("poses_") or not beside.exists():
+    whole, factor = joint_path(path), factor_path(path)
+    found = [beside for beside in (whole, factor) if beside.exists()]
+    if not path.name.startswith("poses_") or not found:
         return table
-    names = _columns(table)
-    columns = [Column("number"), *(Column(name, "number", required=False) for name in names)]
-    cells = read_csv(beside, columns)
-    cells.raise_problems()
-    if tuple(cells.text["number"]) != tuple(names):
-        raise InputError(
-            [Problem(beside, f"its rows are not the poses of {path.name}; run the campaign again")]
-        )
-    joint = np.column_stack([cells.numbers[name] for name in names])
+    if len(found) > 1:
+        raise InputError([Problem(factor, f"{whole.name} states the same; delete the older one")])
+    square = found == [whole]
+    matrix = _matrix(found[0], _names(table), path, square=square)
+    table = replace(table, joint=matrix) if square else replace(table, factor=matrix)
+    _check_own(table, matrix, found[0], path)
+    return table
+
+
+def _matrix(beside: Path, names: list[str], path: Path, *, square: bool) -> Array:
+    """The numbers of a file; an InputError where its rows are not those of the poses."""
+    columns = header_of(beside, max_bytes=MAX_BYTES)[1:]
+    fits = columns == names if square else bool(columns)
+    if fits:
+        wanted = [Column("number"), *(Column(name, "number") for name in columns)]
+        cells = read_csv(beside, wanted, max_bytes=MAX_BYTES)
+        cells.raise_problems()
+        fits = cells.text["number"] == names
+    if not fits:
+        said = f"its rows are not the poses of {path.name}; run the campaign again"
+        raise InputError([Problem(beside, said)])
+    return np.column_stack([cells.numbers[name] for name in columns])
+
+
+def _check_own(table: PoseTable, matrix: Array, beside: Path, path: Path) -> None:
+    """Raise where the file and the covariances of single poses cannot both be right."""
     n, k = table.poses.shape
-    own = joint.reshape(n, k, n, k)[np.arange(n), :, np.arange(n)]
-    if not np.allclose(own, table.covariances, rtol=1e-6, atol=0.0, equal_nan=False):
+    if table.factor is None:
+        own = matrix.reshape(n, k, n, k)[np.arange(n), :, np.arange(n)]
+        fits = np.allclose(own, table.covariances, rtol=1e-6, atol=0.0, equal_nan=False)
+    else:
+        # What a pose shares is a part of its covariance: the rest is a covariance, too.
+        rows = matrix.reshape(n, k, -1)
+        scale = np.sqrt(np.diagonal(table.covariances, axis1=1, axis2=2))[:, :, None]
+        rest = table.covariances - rows @ np.swapaxes(rows, 1, 2)
+        rest = rest / scale / np.swapaxes(scale, 1, 2)
+        fits = bool(np.isfinite(rest).all() and (np.linalg.eigvalsh(rest) > -1e-6).all())
+    if not fits:
         raise InputError(
             [Problem(beside, f"it contradicts the covariances of {path.name}; run again")]
         )
-    return replace(table, joint=joint)
 
 
-def _columns(table: PoseTable) -> list[str]:
+def _names(table: PoseTable) -> list[str]:
     """'7.x', '7.y', '7.theta' for every pose."""
     return [f"{name}.{component.name}" for name in table.ids for component in table.components]

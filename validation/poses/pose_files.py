@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable
 
 from validation.errors import GtvalError
-from validation.poses.joint import joint_to_csv
+from validation.poses.joint import joint_files
 from validation.poses.pose_table import PoseTable, to_csv, to_tum
 
 _SYSTEM = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
@@ -27,8 +27,7 @@ def pose_files(tables: Iterable[PoseTable]) -> dict[str, str]:
                 "digits, '_', '-' and '.'"
             )
         files[f"poses_{table.system}.csv"] = to_csv(table)
-        if table.joint is not None:
-            files[f"joint_{table.system}.csv"] = joint_to_csv(table)
+        files |= joint_files(table)
         # Stops without numbers have no time to stand in a trajectory.
         with contextlib.suppress(GtvalError):
             files[f"poses_{table.system}.tum"] = to_tum(table)

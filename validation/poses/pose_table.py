@@ -75,6 +75,10 @@ class PoseTable:
         Where each pose came from: 'camera 4+1', 'published', ...
     joint : (n k, n k) array, optional
         Covariance of all poses together, where they are correlated.
+    factor : (n k, r) array, optional
+        The same in few numbers, where poses share the errors of few unknowns: the covariance
+        between two different poses is ``factor`` times its transpose there. Instead of ``joint``;
+        `joint_covariance` gives the matrix of either.
     provenance : mapping
         Facts of the whole table for results/run.json.
 
@@ -92,6 +96,7 @@ class PoseTable:
     components: tuple[Component, ...] = PLANAR
     sources: tuple[str, ...] = ()
     joint: Array | None = None
+    factor: Array | None = None
     provenance: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -117,8 +122,7 @@ class PoseTable:
             raise GtvalError(f"{who}: expected {(n, k)} numbers, got {self.poses.shape}")
         if self.covariances.shape != (n, k, k):
             raise GtvalError(f"{who}: covariances {self.covariances.shape}, not {(n, k, k)}")
-        if self.joint is not None and self.joint.shape != (n * k, n * k):
-            raise GtvalError(f"{who}: joint covariance {self.joint.shape}, not {(n * k, n * k)}")
+        self._check_joint(who, n * k)
         if len(self.sources) != n:
             raise GtvalError(f"{who}: {len(self.sources)} sources for {n} poses")
         bad = [name for name in self.ids if not name.isprintable() or name.strip() != name]
@@ -134,6 +138,16 @@ class PoseTable:
             if fault:
                 raise GtvalError(f"{who}: the covariance of pose {name} {fault}")
 
+    def _check_joint(self, who: str, size: int) -> None:
+        """Raise for a joint covariance of another number of poses."""
+        if self.joint is not None and self.joint.shape != (size, size):
+            raise GtvalError(f"{who}: joint covariance {self.joint.shape}, not {(size, size)}")
+        if self.factor is not None:
+            if self.joint is not None:
+                raise GtvalError(f"{who}: give the joint covariance or its factor, not both")
+            if self.factor.ndim != 2 or len(self.factor) != size:
+                raise GtvalError(f"{who}: factor {self.factor.shape}, not {size} rows")
+
     def __len__(self) -> int:
         return len(self.ids)
 
@@ -141,6 +155,21 @@ class PoseTable:
     def has_covariance(self) -> npt.NDArray[np.bool_]:
         """(n,) True where a covariance is stated."""
         return np.asarray(np.isfinite(self.covariances).all((1, 2)))
+
+    @property
+    def is_correlated(self) -> bool:
+        """Whether it states how its poses are correlated."""
+        return self.joint is not None or self.factor is not None
+
+    @property
+    def joint_covariance(self) -> Array | None:
+        """(n k, n k) covariance of all poses together; None where no correlation is known."""
+        if self.factor is None:
+            return self.joint
+        n, k = self.poses.shape
+        whole = (self.factor @ self.factor.T).reshape(n, k, n, k)
+        whole[np.arange(n), :, np.arange(n)] = self.covariances
+        return whole.reshape(n * k, n * k)
 
     def select(self, ids: Iterable[str]) -> Self:
         """The rows of the named stops, in that order."""
@@ -150,18 +179,16 @@ class PoseTable:
         if missing:
             raise GtvalError(f"system '{self.system}' has no pose {', '.join(missing)}")
         rows = [where[name] for name in chosen]
-        joint = self.joint
-        if joint is not None:
-            k = len(self.components)
-            flat = (np.array(rows, dtype=int)[:, None] * k + np.arange(k)).ravel()
-            joint = joint[np.ix_(flat, flat)]
+        k = len(self.components)
+        flat = (np.array(rows, dtype=int)[:, None] * k + np.arange(k)).ravel()
         return replace(
             self,
             ids=chosen,
             poses=self.poses[rows],
             covariances=self.covariances[rows],
             sources=tuple(self.sources[row] for row in rows),
-            joint=joint,
+            joint=None if self.joint is None else self.joint[np.ix_(flat, flat)],
+            factor=None if self.factor is None else self.factor[flat],
         )
 
 

@@ -171,7 +171,7 @@ def _test(
     if not stated.size:
         return None
     k = errors.shape[1]
-    if validation.joint is None and gt.joint is None:
+    if not (validation.is_correlated or gt.is_correlated):
         total, method = float(scores[stated].sum()), "sum of NEES, poses taken as independent"
     else:
         ids = [validation.ids[row] for row in stated]
@@ -189,8 +189,9 @@ def _test(
 
 def _joint(table: PoseTable) -> Array:
     """(n k, n k) covariance of all poses together; zero between poses where it is not stated."""
-    if table.joint is not None:
-        return table.joint
+    whole = table.joint_covariance
+    if whole is not None:
+        return whole
     n, k = table.poses.shape
     blocks = np.zeros((n, k, n, k))
     rows = np.arange(n)

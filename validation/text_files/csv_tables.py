@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from validation.errors import MAX_SHOWN_PROBLEMS, GtvalError, InputError, Problem, shown
+from validation.errors import MAX_SHOWN_PROBLEMS, InputError, Problem, shown
+from validation.text_files.reading import file_bytes
 
 MAX_BYTES = 20_000_000
 MAX_PROBLEMS = 1000
@@ -154,29 +155,24 @@ def read_csv(path: Path, columns: Sequence[Column], *, max_bytes: int = MAX_BYTE
     return table
 
 
+def header_of(path: Path, *, max_bytes: int = MAX_BYTES) -> list[str]:
+    """The headings of a CSV file, for files whose columns are not known beforehand.
+
+    Raises
+    ------
+    InputError
+        Where nothing can be read, or the file is empty.
+    """
+    lines = _decode(path, max_bytes).lstrip("\r\n").split("\n", 1)
+    rows = _rows(path, lines[0])
+    if not rows:
+        raise InputError([Problem(path, "the file is empty; expected a header line", 1)])
+    return [cell.strip() for cell in rows[0][1]]
+
+
 def _decode(path: Path, max_bytes: int) -> str:
     """Text of a file, undecodable bytes kept as lone surrogates."""
-    try:
-        if path.exists() and not path.is_file():
-            raise InputError([Problem(path, "this is no file, but a folder or a device")])
-        size = path.stat().st_size
-        if size > max_bytes:
-            raise InputError(
-                [
-                    Problem(
-                        path,
-                        f"the file has {size / 1e6:.0f} MB; more than {max_bytes / 1e6:.0f} MB "
-                        "cannot be a table of this kind",
-                    )
-                ]
-            )
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError([Problem(path, "there is no such file")]) from None
-    except OSError as error:
-        raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
-    except ValueError as error:  # a NUL byte in the name
-        raise GtvalError(f"cannot read {str(path)!r}: {error}") from error
+    data = file_bytes(path, max_bytes, "a table")
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise InputError([Problem(path, "saved as UTF-16; save the file as UTF-8", 1)])
     return data.decode("utf-8-sig", errors="surrogateescape")

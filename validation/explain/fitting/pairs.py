@@ -212,10 +212,11 @@ def shared_part(tables: Sequence[PoseTable]) -> Array | None:
     """
     total: Array | None = None
     for table in tables:
-        if table.joint is None:
+        joint = table.joint_covariance
+        if joint is None:
             continue
         n, k = table.poses.shape
-        between = np.array(table.joint, dtype=float).reshape(n, k, n, k)
+        between = np.array(joint, dtype=float).reshape(n, k, n, k)
         between[np.arange(n), :, np.arange(n)] = 0.0
         total = between if total is None else total + between
     return total

@@ -56,7 +56,9 @@ def corrected_csv(one: SystemExplanation) -> str:
                 covariances[row] = known[pairs.ids.index(name)]
     note = f"corrected: {one.name} ({_values(one)})"
     sources = tuple(f"{source + ' - ' if source else ''}{note}" for source in table.sources)
-    done = replace(table, poses=poses, covariances=covariances, sources=sources, joint=None)
+    done = replace(
+        table, poses=poses, covariances=covariances, sources=sources, joint=None, factor=None
+    )
     return to_csv(done)
 
 

@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+from printed_formulas import rotated_covariance
 from rtk_samples import DISTANCES
 from scipy.spatial.transform import Rotation
 
@@ -15,7 +16,6 @@ from rtk_gt.path.covariance import (
     noise_covariance,
     pose_jacobian,
     reference_covariance,
-    rotated_covariance,
     simulated_covariance,
     systematic_jacobian,
 )

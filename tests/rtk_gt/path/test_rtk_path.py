@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from printed_formulas import published_squared_distance_covariance
 from rtk_samples import DISTANCES, NOISE, steps_of
 from scipy import stats
 
 from data_samples.drives.drive import ANTENNAS, LEFT_CAMERA, OFFSETS, DriveSettings, simulate_drive
+from rtk_gt.campaign.pose_tables import vehicle_table
 from rtk_gt.offsets.estimate import estimate_offsets
 from rtk_gt.offsets.noise import (
     GpsNoise,
-    published_squared_distance_covariance,
-    sigma_from_distances,
     squared_distance_covariance,
 )
 from rtk_gt.path.antennas import Antennas, antenna_positions
@@ -26,7 +26,7 @@ from rtk_gt.path.consistency import consistency
 from rtk_gt.path.interpolation import METHODS, PUBLISHED, hold_out, interpolate, segments
 from rtk_gt.path.motion_check import motion_check
 from rtk_gt.path.orientation import pose_of, transform_of
-from rtk_gt.path.vehicle_path import heading_span, pose_table, tilt_spread, vehicle_path
+from rtk_gt.path.vehicle_path import heading_span, tilt_spread, vehicle_path
 from rtk_gt.receivers.steps import common_steps
 from validation.errors import GtvalError
 from validation.poses.pose_table import SPATIAL, pose_difference
@@ -195,12 +195,6 @@ def test_squared_distance_covariance_against_simulation():
     assert printed[0, 2] == pytest.approx(-exact[0, 2], rel=0.01)
 
 
-def test_sigma_of_the_published_way():
-    steps = steps_of(0, count=4000)
-    sigma, error = sigma_from_distances(steps.positions + OFFSETS, DISTANCES, NOISE.eta)
-    assert abs(sigma - NOISE.sigma) < 4 * error
-
-
 def test_q_is_chi_distributed_and_flags_what_is_wrong():
     steps = steps_of(0, count=3000, slope=8.0)
     good = consistency(steps.positions + OFFSETS, DISTANCES, NOISE)
@@ -226,7 +220,7 @@ def test_spans_and_names():
     _, _, _, path = driven(0)
     assert np.degrees(heading_span(path)) > 180
     assert np.degrees(tilt_spread(path)) > 1
-    table = pose_table(path)
+    table = vehicle_table(path)
     assert table.components == SPATIAL
     assert table.ids[0].startswith("1712739600")
 

@@ -11,10 +11,10 @@ from rtk_gt.receivers.fix_csv import read_fix_csv
 from rtk_gt.receivers.fixes import AUTONOMOUS, RTK_FIXED, RTK_FLOAT
 from rtk_gt.receivers.frames import LocalFrame
 from rtk_gt.receivers.nmea import read_nmea
-from rtk_gt.receivers.rawlog import comment_settings, numbers_of, read_rawlog
+from rtk_gt.receivers.rawlog import read_rawlog
 from rtk_gt.receivers.rtklib import gps_minus_utc, read_pos
 from rtk_gt.receivers.steps import common_steps
-from validation.errors import GtvalError, InputError
+from validation.errors import InputError
 
 
 def sentence(body):
@@ -157,6 +157,11 @@ def test_damaged_sentences_are_skipped_and_counted_on_request(tmp_path):
     assert any("1 damaged" in note for note in found.notes)
 
 
+def test_stated_errors_of_no_fix_are_counted(tmp_path):
+    found = read_nmea(written(tmp_path, gga(), gst(clock="100930.00")), "rear")
+    assert found.tolerated["GST of a time without a fix"] == 1
+
+
 def test_an_empty_log(tmp_path):
     with pytest.raises(InputError, match="no GGA"):
         read_nmea(written(tmp_path, ""), "rear")
@@ -270,13 +275,6 @@ def test_steps_bring_the_same_times_together(tmp_path):
     )
     assert found.times.tolist() == [0.0, 1.0, 1.5, 2.0]
     assert found.complete.tolist() == [True, False, False, False]
-
-
-def test_settings_in_a_comment():
-    found = comment_settings("Text\n[GPS_ORIGIN]\nlat_deg = 36.7 // degrees\n\n[B]\nx=1\n")
-    assert found == {"GPS_ORIGIN": {"lat_deg": "36.7"}, "B": {"x": "1"}}
-    with pytest.raises(GtvalError, match="has no 'y'"):
-        numbers_of(found["B"], "y")
 
 
 def test_files_that_are_no_rawlog(tmp_path):

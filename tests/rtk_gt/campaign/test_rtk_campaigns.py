@@ -1,6 +1,7 @@
 """Campaigns from files to results: a synthetic one, and the Malaga fragment."""
 
 import json
+import re
 import shutil
 import textwrap
 from pathlib import Path
@@ -12,9 +13,9 @@ from rtk_samples import FRAGMENT, MALAGA, needs_fragment
 
 from data_samples.drives.drive import ANTENNAS, OFFSETS, DriveSettings, simulate_drive
 from data_samples.drives.files import write_drive
-from rtk_gt.campaign.outcome import solve_campaign
+from rtk_gt.campaign.solve import solve_campaign
 from rtk_gt.offsets.estimate import estimate_offsets
-from rtk_gt.receivers.rawlog import numbers_of, read_rawlog
+from rtk_gt.receivers.rawlog import read_rawlog
 from rtk_gt.receivers.steps import common_steps
 from rtk_gt.system import SYSTEM, result_of
 from validation.campaign.folder import load_campaign
@@ -116,7 +117,11 @@ def test_the_commands_of_the_group(campaign, tmp_path):
     out = tmp_path / "camera.csv"
     done = run("rtk", "sensor-path", folder, "left_camera", times, "-o", out)
     assert done.exit_code == 0, done.output
-    assert len(from_csv(out, components=SPATIAL)) > 5
+    table = from_csv(out, components=SPATIAL)
+    assert len(table) > 5
+    printed = json.loads(run("rtk", "sensor-path", folder, "left_camera", times, "--json").stdout)
+    assert np.array_equal(printed["poses"], table.poses)
+    assert len(printed["times"]) + len(printed["times_in_gaps"]) == 20
     assert run("rtk", "sensor-path", folder, "vehicle", times).output.startswith("pose,x,y,z")
     wrong = run("rtk", "sensor-path", folder, "nose", times)
     assert wrong.exit_code == 2
@@ -203,6 +208,70 @@ def test_settings_that_cannot_be(tmp_path):
         solve_campaign(load_campaign(tmp_path))
 
 
+def test_places_of_antennas_are_never_taken_for_granted(tmp_path):
+    """Heights of the first three and positions of the others: all missing keys at once."""
+    write_drive(tmp_path, simulate_drive(3, DriveSettings(receivers=5)))
+    toml = tmp_path / "campaign.toml"
+    kept = [
+        line
+        for line in toml.read_text().splitlines()
+        if not line.startswith(("position", "height = 0.115"))
+    ]
+    toml.write_text("\n".join(kept) + "\n")
+    done = run("rtk", tmp_path)
+    assert done.exit_code == 2
+    keys = re.findall(r"rtk\.receivers\.(\w+\.\w+)", done.output)
+    assert len(keys) == 3
+    assert [key.split(".")[1] for key in keys] == ["height", "position", "position"]
+    said = " ".join(done.output.split())
+    assert "`height = 0.132`" in said
+    assert "`position = [0.9, 0.6, 0.1]`" in said
+    assert run("rtk", "coverage", tmp_path).exit_code == 0
+
+
+def test_what_is_assumed_is_said(campaign, tmp_path):
+    folder, _ = campaign
+    stated = result_of(solve_campaign(load_campaign(folder))).findings
+    assert "assumed_sigmas" not in {finding.code for finding in stated}
+    shutil.copytree(folder, tmp_path / "open", ignore=shutil.ignore_patterns("results", "report"))
+    toml = tmp_path / "open" / "campaign.toml"
+    lines = toml.read_text().splitlines()
+    toml.write_text("\n".join(x for x in lines if not x.startswith(("eta", "sigmas"))) + "\n")
+    findings = result_of(solve_campaign(load_campaign(toml.parent))).findings
+    (said,) = [finding for finding in findings if finding.code == "assumed_sigmas"]
+    assert said.severity == "note"
+    for words in ("1.75", "left_camera, left_scanner", "2 mm and 0.1 degrees"):
+        assert words in said.text
+
+
+def test_the_largest_sigma_of_distances_is_that_of_the_campaign(campaign, tmp_path):
+    folder, _ = campaign
+    shutil.copytree(folder, tmp_path / "strict", ignore=shutil.ignore_patterns("results", "report"))
+    toml = tmp_path / "strict" / "campaign.toml"
+    toml.write_text(toml.read_text().replace("[rtk]\n", "[rtk]\nlargest_distance_sigma = 1e-5\n"))
+    with pytest.raises(GtvalError, match="largest_distance_sigma = 1e-05"):
+        solve_campaign(load_campaign(toml.parent))
+
+
+def test_a_distance_stated_in_both_directions_is_refused(campaign, tmp_path):
+    folder, _ = campaign
+    shutil.copytree(folder, tmp_path / "twice", ignore=shutil.ignore_patterns("results", "report"))
+    toml = tmp_path / "twice" / "campaign.toml"
+    both = '{ "rear - front_left" = 1.79, "front_left - rear" = 1.82 }'
+    toml.write_text(toml.read_text() + f"\n[rtk.known_distances]\nvalues = {both}\n")
+    with pytest.raises(InputError, match="both directions"):
+        solve_campaign(load_campaign(toml.parent))
+
+
+def test_the_group_takes_a_campaign_as_the_other_systems_do(campaign):
+    folder, _ = campaign
+    outputs = [
+        run("rtk", *words, folder, "--json", "--dry-run") for words in ((), ("solve",), ("run",))
+    ]
+    assert [done.exit_code for done in outputs] == [0, 0, 0]
+    assert len({done.output for done in outputs}) == 1
+
+
 @needs_fragment
 def test_the_fragment_is_decoded_as_its_header_says():
     log = read_rawlog(FRAGMENT)
@@ -212,9 +281,11 @@ def test_the_fragment_is_decoded_as_its_header_says():
         "GPS_RTK_FRONT_L": 307,
     }
     assert np.allclose(log.sensor_positions["GPS_RTK_FRONT_R"], ANTENNAS[2])
-    assert numbers_of(log.settings["GPS_ORIGIN"], "height") == 38.8887
+    origin = log.comment.partition("[GPS_ORIGIN]")[2]
+    assert re.search(r"height\s*=\s*38\.8887\b", origin)
     # The sigma of sensor poses that the paper prints as 0.02 mm is 2 mm here.
-    assert numbers_of(log.settings["ERROR_SENSOR_POSES"], "std_x") == 0.002
+    errors = log.comment.partition("[ERROR_SENSOR_POSES]")[2]
+    assert float(re.search(r"std_x\s*=\s*(\S+)", errors)[1]) == 0.002
     assert log.fixes["GPS_RTK_REAR"].times[0] == 1226225355.0  # 2008-11-09 10:09:15
 
 
@@ -270,7 +341,7 @@ def test_the_fragments_offsets_belong_to_the_geocentric_frame(tmp_path):
 
 def test_the_campaign_of_the_guide_is_one(tmp_path):
     """What stands in docs/outdoor.md runs on a simulated drive, which has its offsets."""
-    page = (Path(__file__).parents[2] / "docs" / "outdoor.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "outdoor.md").read_text(encoding="utf-8")
     block = page.split("## The campaign\n")[1].split("\nFrom the fourth")[0]
     folder = tmp_path / "drive"
     write_drive(folder, simulate_drive(64))

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from printed_formulas import published_squared_distance_covariance
 from rtk_samples import DISTANCES, NOISE
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
@@ -12,7 +13,6 @@ from data_samples.drives.drive import ANTENNAS, LEFT_CAMERA
 from rtk_gt.offsets.noise import (
     PUBLISHED_NOISE,
     GpsNoise,
-    published_squared_distance_covariance,
     squared_distance_covariance,
 )
 from rtk_gt.path.composition import compose, published_composition, published_jacobian
@@ -21,7 +21,7 @@ from rtk_gt.path.orientation import transform_of
 from rtk_gt.receivers.frames import LocalFrame
 from rtk_gt.sensors.camera_pose import Lens
 
-PAGE = (Path(__file__).parents[2] / "docs" / "outdoor.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "outdoor.md").read_text(encoding="utf-8")
 A, FLATTENING = 6378137.0, 1 / 298.257223563
 
 

@@ -35,7 +35,7 @@ from rtk_gt.sensors.ground import (
 )
 from rtk_gt.sensors.pass_matching import perturbed
 from rtk_gt.sensors.scanner_adjustment import gauss_newton_step, other_equations
-from rtk_gt.sensors.scanner_calibration import calibrate_scanner
+from rtk_gt.sensors.scanner_calibration import MountedScans, calibrate_scanners
 from rtk_gt.sensors.scanner_equations import ScannerSettings, scan_residuals, scan_rows
 from rtk_gt.sensors.scans import LineScans, cloud_of
 from rtk_gt.sensors.surfaces import shared_surfaces
@@ -113,11 +113,9 @@ def test_too_little_seen_twice_is_said():
     drive = simulate_drive(0, calibration_drive(1))
     trajectory = solve_drive(drive).trajectory()
     scans = scan_along(drive, LEFT_SCANNER, np.random.default_rng(0), every=1.0, beams=31)
+    mounted = MountedScans(scans.select(np.arange(10)), LEFT_SCANNER, HAND_SIGMAS)
     with pytest.raises(GtvalError, match="another direction"):
-        calibrate_scanner(
-            trajectory, scans.select(np.arange(10)), LEFT_SCANNER, HAND_SIGMAS,
-            ground=KnownGround(-ROOF),
-        )  # fmt: skip
+        calibrate_scanners(trajectory, [mounted], ground=KnownGround(-ROOF))
 
 
 def test_scans_without_a_path_are_left_out():
@@ -126,7 +124,7 @@ def test_scans_without_a_path_are_left_out():
     scans = scan_along(drive, LEFT_SCANNER, np.random.default_rng(0), every=1.0, beams=31)
     late = LineScans(scans.times + 1e5, scans.angles, scans.ranges)
     with pytest.raises(GtvalError, match="none of the scans"):
-        calibrate_scanner(trajectory, late, LEFT_SCANNER, HAND_SIGMAS)
+        calibrate_scanners(trajectory, [MountedScans(late, LEFT_SCANNER, HAND_SIGMAS)])
 
 
 @pytest.mark.parametrize("receivers", [3, 5])

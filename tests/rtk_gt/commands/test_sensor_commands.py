@@ -19,8 +19,13 @@ from data_samples.drives.drive import (
 from data_samples.drives.files import SCANNERS, nmea_text, write_drive
 from data_samples.drives.trials import placement_error
 from rtk_gt.path.orientation import pose_of, transform_of
-from rtk_gt.sensors.sensor_files import read_images, read_imu, read_line_scans, read_seen_points
-from rtk_gt.sensors.times import read_times
+from rtk_gt.sensors.sensor_files import (
+    read_images,
+    read_imu,
+    read_line_scans,
+    read_seen_points,
+    read_times,
+)
 from validation.cli import main
 from validation.errors import InputError
 from validation.poses.pose_table import SPATIAL, from_csv

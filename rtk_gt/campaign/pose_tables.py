@@ -1,0 +1,81 @@
+"""Paths of the vehicle and of its sensors as the tables that all systems share."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from rtk_gt.campaign.outcome import RtkOutcome
+from rtk_gt.path.composition import compose, published_composition
+from rtk_gt.path.interpolation import Interpolated
+from rtk_gt.path.vehicle_path import VehiclePath
+from rtk_gt.receivers.fixes import Bools
+from rtk_gt.settings import Sensor
+from validation.poses.pose_table import SPATIAL, PoseTable
+
+
+def vehicle_table(path: VehiclePath, leaps: Bools | None = None) -> PoseTable:
+    """The path of the vehicle; the stops are named by their times.
+
+    Poses that leap against their neighbours say so in their source.
+    """
+    n = len(path)
+    leaps = np.zeros(n, dtype=bool) if leaps is None else leaps
+    return PoseTable(
+        system="rtk",
+        ids=tuple(f"{time:.3f}" for time in path.times),
+        poses=path.poses,
+        covariances=path.covariances,
+        components=SPATIAL,
+        sources=tuple("RTK fixed, leaps" if leap else "RTK fixed" for leap in leaps),
+        factor=path.shared_factor,
+        provenance={"frame": str(path.frame), "published_as": "times are seconds UTC since 1970"},
+    )
+
+
+def sensor_tables(outcome: RtkOutcome) -> dict[str, PoseTable]:
+    """The path of each sensor of campaign.toml, by its name."""
+    vehicle = vehicle_table(outcome.path, outcome.leaps)
+    return {
+        name: replace(
+            vehicle,
+            system=f"rtk_{name}",
+            poses=composed.poses,
+            covariances=composed.covariances,
+            factor=None,
+        )
+        for name, composed in outcome.sensors.items()
+    }
+
+
+def table_at(
+    vehicle: Interpolated, sensor: Sensor | None = None, *, additive_angles: bool = False
+) -> PoseTable:
+    """Poses of a sensor at the times of its data, where there is ground truth.
+
+    Parameters
+    ----------
+    vehicle : Interpolated
+        Poses of the vehicle at those times; ``available`` says which are in gaps.
+    sensor : Sensor, optional
+        By default the poses are those of the vehicle.
+    additive_angles : bool
+        Compose as published, by adding angles; the sources of the poses then say so.
+    """
+    rows = vehicle.available
+    system, source = "rtk", "interpolated"
+    poses, covariances = vehicle.poses[rows], vehicle.covariances[rows]
+    if sensor is not None:
+        system = f"rtk_{sensor.name}"
+        source += ", angles added" if additive_angles else ""
+        composed = published_composition if additive_angles else compose
+        own = np.diag(np.square(sensor.sigmas))
+        poses, covariances = composed(poses, covariances, np.array(sensor.pose), own)
+    return PoseTable(
+        system=system,
+        ids=tuple(f"{time:.6f}" for time in vehicle.times[rows]),
+        poses=poses,
+        covariances=covariances,
+        components=SPATIAL,
+        sources=(source,) * int(rows.sum()),
+        provenance={"methods": dict(vehicle.methods)},
+    )

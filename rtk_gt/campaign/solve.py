@@ -1,0 +1,116 @@
+"""From a campaign's receivers to the path: the whole chain, without printing or drawing."""
+
+import numpy as np
+
+from rtk_gt.campaign.inputs import check_places, load_drive, offset_prior
+from rtk_gt.campaign.outcome import RtkOutcome
+from rtk_gt.offsets.checks import check_prior
+from rtk_gt.offsets.estimate import Offsets, estimate_offsets
+from rtk_gt.offsets.noise import GpsNoise
+from rtk_gt.path.antennas import Antennas, antenna_positions
+from rtk_gt.path.composition import compose
+from rtk_gt.path.consistency import consistency
+from rtk_gt.path.covariance import reference_covariance
+from rtk_gt.path.coverage import coverage
+from rtk_gt.path.interpolation import HoldOut, hold_out
+from rtk_gt.path.leaps import leaping_poses
+from rtk_gt.path.motion_check import motion_check
+from rtk_gt.path.vehicle_path import VehiclePath, vehicle_path
+from rtk_gt.receivers.steps import Steps
+from rtk_gt.receivers.together import check_together
+from rtk_gt.settings import RtkSettings
+from validation.campaign.folder import Campaign
+from validation.errors import GtvalError
+from validation.systems import Progress, no_progress
+
+
+def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkOutcome:
+    """The path of a campaign's vehicle, with all that is known of its quality.
+
+    Raises
+    ------
+    GtvalError
+        If the files are bad, or the receivers are never RTK-fixed together.
+    """
+    progress("reading the receivers", 0.0)
+    check_places(campaign)
+    given = load_drive(campaign)
+    settings, records, steps = given.settings, given.records, given.steps
+    progress("offsets of the receivers", 0.3)
+    check_together(records, steps, settings.simultaneous)
+    prior = offset_prior(settings, steps.frame)
+    stated = check_prior(steps, prior, eta=settings.eta, robust=settings.robust)
+    offsets = estimate_offsets(steps, eta=settings.eta, robust=settings.robust, prior=prior)
+    _check_determined(offsets, settings.largest_distance_sigma)
+    antennas = _antennas(settings, offsets)
+    noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
+    progress("path", 0.5)
+    good = _without_false(steps, offsets)
+    path = vehicle_path(good, offsets, antennas, noise)
+    progress("quality of the path", 0.7)
+    return RtkOutcome(
+        campaign=campaign,
+        settings=settings,
+        records=records,
+        steps=steps,
+        prior=prior,
+        stated=stated,
+        offsets=offsets,
+        antennas=antennas,
+        noise=noise,
+        path=path,
+        leaps=leaping_poses(path, settings.max_gap),
+        reference=reference_covariance(antennas.positions, noise),
+        consistency=consistency(
+            good.corrected(offsets.offsets).positions,
+            offsets.distances,
+            noise,
+            settings.confidence,
+        ),
+        motion=motion_check(path, settings.max_gap),
+        coverage=coverage(records, steps, path.times, settings.max_gap),
+        hold_out=_hold_out(path, settings.max_gap),
+        sensors={
+            sensor.name: compose(
+                path.poses,
+                path.covariances,
+                np.array(sensor.pose),
+                np.diag(np.square(sensor.sigmas)),
+            )
+            for sensor in settings.sensors
+        },
+    )
+
+
+def _antennas(settings: RtkSettings, offsets: Offsets) -> Antennas:
+    heights = np.array([receiver.height for receiver in settings.receivers[:3]], dtype=float)
+    others = [receiver.position for receiver in settings.receivers[3:]]
+    return antenna_positions(offsets.distances, heights, np.array(others) if others else None)
+
+
+def _check_determined(offsets: Offsets, largest: float) -> None:
+    """Raise if not even the distances of the antennas are known: then there is no path."""
+    worst = float(offsets.distance_sigmas.max())
+    if worst > largest:
+        count = int((offsets.signal <= 0).sum())
+        raise GtvalError(
+            f"this drive does not determine the offsets of its receivers: in {count} of "
+            f"{len(offsets.signal)} directions it says nothing, and the distances of the "
+            f"antennas are open by {worst:.1f} m (largest_distance_sigma = {largest:g}). The "
+            "vehicle turned or tilted too little. State "
+            "[rtk.known_distances] (a tape measure will do) or [rtk.known_offsets] from a longer "
+            "drive; `gtval rtk coverage` works without"
+        )
+
+
+def _without_false(steps: Steps, offsets: Offsets) -> Steps:
+    """The complete steps but those whose distances say that a fix is false."""
+    rows = np.flatnonzero(steps.complete)
+    return steps.select(rows[offsets.weights > 0])
+
+
+def _hold_out(path: VehiclePath, max_gap: float) -> HoldOut | None:
+    try:
+        return hold_out(path, max_gap)
+    except GtvalError:
+        return None

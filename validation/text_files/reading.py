@@ -1,0 +1,38 @@
+"""Whole files, read with errors that a person understands."""
+
+from pathlib import Path
+
+from validation.errors import GtvalError, InputError, Problem
+
+
+def file_bytes(path: Path, max_bytes: int, kind: str = "a file") -> bytes:
+    """Contents of a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    max_bytes : int
+        A larger one is refused unread.
+    kind : str
+        What is expected, for that message: 'a table'.
+
+    Raises
+    ------
+    GtvalError
+        If it is missing, no file, too large, or cannot be read.
+    """
+    try:
+        if path.exists() and not path.is_file():
+            raise InputError([Problem(path, "this is no file, but a folder or a device")])
+        size = path.stat().st_size
+        if size > max_bytes:
+            said = f"the file has {size / 1e6:.0f} MB; more than {max_bytes / 1e6:.0f} MB"
+            raise InputError([Problem(path, f"{said} cannot be {kind} of this kind")])
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise InputError([Problem(path, "there is no such file")]) from None
+    except OSError as error:
+        raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
+    except ValueError as error:  # a NUL byte in the name
+        raise GtvalError(f"cannot read {str(path)!r}: {error}") from error
