@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 from vision_gt.images.files import CampaignImages, read_image
 from vision_gt.network.steadiness import Steadiness, board_move, image_move
-from vision_gt.optics.board_pose import BoardView
 from vision_gt.optics.camera import Camera
+from vision_gt.patterns.board_views import BoardView
 
 
 def camera_steadiness(

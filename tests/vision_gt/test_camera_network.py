@@ -10,9 +10,8 @@ from vision_scenes import CameraRow
 
 from validation.errors import GtvalError
 from vision_gt.network.adjustment import Bar, KnownBody
-from vision_gt.network.chain import NotLinkedError, chain_cameras, pair_links
+from vision_gt.network.chain import NotLinkedError, bar_poses, chain_cameras, pair_links
 from vision_gt.network.solution import NetworkInput, solve_network
-from vision_gt.optics.board_pose import bar_poses
 from vision_gt.optics.transforms import angle_between, change_between
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from validation.errors import GtvalError
+from vision_gt.commands.patterns import pattern_files
 from vision_gt.images.boards import find_board
 from vision_gt.images.markers import detect_markers
-from vision_gt.pattern_files import pattern_files
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import ARTOOLKITPLUS, Family
 from vision_gt.patterns.drawing import board_print, marker_print, pattern_bytes

@@ -15,7 +15,7 @@ from validation.campaign.folder import load_campaign
 from validation.cli import main
 from validation.poses.pose_table import from_csv, pose_difference
 from vision_gt.campaign.findings import vision_findings
-from vision_gt.campaign.objects import made_board
+from vision_gt.campaign.inputs import made_board
 from vision_gt.campaign.outcome import StopPose
 from vision_gt.campaign.solve import solve_campaign
 from vision_gt.choices import Choices

@@ -11,7 +11,7 @@ from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.pose_table import PoseTable
 from validation.systems import Progress, no_progress
-from vision_gt.campaign.objects import known_reference, made_board, placed
+from vision_gt.campaign.inputs import known_reference, made_board, placed
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.campaign.pose_tables import chosen_pose, counting, pose_table, published_table
 from vision_gt.choices import Choices
@@ -21,9 +21,9 @@ from vision_gt.images.markers import Detection
 from vision_gt.network.adjustment import Bar, Network
 from vision_gt.network.intrinsics import Calibration, calibrate
 from vision_gt.network.solution import NetworkInput, NetworkSolution, solve_network
-from vision_gt.optics.board_pose import BoardView
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.camera_files import read_cameras
+from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.robot.layout import Frame, Layout, LayoutFit, fit_layout

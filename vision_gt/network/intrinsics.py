@@ -11,9 +11,9 @@ from scipy.spatial.transform import RigidTransform
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from vision_gt.least_squares.adjustment import Adjustment, Knowledge, adjust
-from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Setup
-from vision_gt.optics.board_pose import BoardView, as_views, camera_pose_of_board
+from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Setup, as_views
 from vision_gt.optics.camera import PARAMETERS, Camera
+from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
 GRID = (8, 6)
 """Cells of the coverage report, across and down the image."""

@@ -11,8 +11,8 @@ from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import PoseTable
 from validation.results import Table
 from vision_gt.network.adjustment import Network
-from vision_gt.optics.board_pose import BoardView, camera_pose_of_board
 from vision_gt.optics.transforms import planar_transform
+from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
 MM = 1e3
 

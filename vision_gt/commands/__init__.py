@@ -117,7 +117,7 @@ def calibrate(
     as_json: bool,
 ) -> None:
     """Calibrate one camera from a folder of images of a board."""
-    from vision_gt.calibration_run import calibration_facts, calibration_of_folder
+    from vision_gt.commands.calibration import calibration_facts, calibration_of_folder
 
     with progress_bar("calibration") as report:
         board = _board(columns, rows, square, family)
@@ -133,7 +133,7 @@ def calibrate(
     if as_json:
         print_json(calibration_facts(found))
         return
-    from vision_gt.calibration_run import image_table, parameters_table
+    from vision_gt.commands.calibration import image_table, parameters_table
 
     print_table(parameters_table(found))
     print_table(image_table(found))
@@ -175,8 +175,8 @@ def check_table_command(campaign: Path, *, as_json: bool, workers: int | None) -
     Needs the results of `gtval run` and images CAMPAIGN/vision/table/CAMERA/poseX.png.
     """
     from validation.campaign.folder import load_campaign
+    from vision_gt.commands.table import table_readings
     from vision_gt.network.table_check import reading_table, statistics_table
-    from vision_gt.table_run import table_readings
 
     readings = table_readings(load_campaign(campaign), workers)
     from validation.report.terminal import print_json, print_table
@@ -224,7 +224,7 @@ def check_displacement(
     as_json: bool,
 ) -> None:
     """Check a camera with a board in two places at a known DISTANCE (metres)."""
-    from vision_gt.calibration_run import displacement_of_images
+    from vision_gt.commands.calibration import displacement_of_images
     from vision_gt.optics.camera_files import read_cameras
 
     camera = read_cameras(camera_file)[0]
@@ -248,7 +248,7 @@ def check_displacement(
 def print_patterns(folder: Path, *, campaign: Path | None, pdf: bool) -> None:
     """Write boards and markers to FOLDER, to be printed at 100 %."""
     from validation.text_files.writing import write_files
-    from vision_gt.pattern_files import pattern_files
+    from vision_gt.commands.patterns import pattern_files
     from vision_gt.settings import VisionSettings
 
     settings = VisionSettings()

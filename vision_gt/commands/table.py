@@ -3,7 +3,7 @@
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.pose_table import from_csv
-from vision_gt.campaign.objects import made_board
+from vision_gt.campaign.inputs import made_board
 from vision_gt.images.files import images_of_poses
 from vision_gt.images.jobs import BoardJob, detect_all
 from vision_gt.network.stored import read_network

@@ -1,6 +1,6 @@
 """All patterns that a campaign needs, as files to print."""
 
-from vision_gt.campaign.objects import made_board
+from vision_gt.campaign.inputs import made_board
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.patterns.drawing import board_print, marker_print, pattern_bytes
 from vision_gt.settings import VisionSettings
