@@ -1,15 +1,18 @@
 """The [vision] table of campaign.toml."""
 
-from typing import Annotated, Literal
+from collections.abc import Collection
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
 from validation.campaign.folder import Finite, Name, NotNegative, Positive, Settings
+from validation.errors import GtvalError
 
+T = TypeVar("T")
 Vector = tuple[Finite, Finite, Finite]
 Matrix = tuple[Vector, Vector, Vector]
 SixSigmas = tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative]
-_PRINTED_IDS = (3, 6, 14, 30, 89, 200)
+SixPositive = tuple[Positive, Positive, Positive, Positive, Positive, Positive]
 Count = Annotated[int, Field(ge=3, le=60)]
 
 
@@ -20,9 +23,9 @@ class BoardSettings(Settings):
     of a ChArUco board have the ids from ``first_id`` on.
     """
 
-    columns: Count = 10
-    rows: Count = 6
-    square: Positive = 0.1
+    columns: Count
+    rows: Count
+    square: Positive
     family: str = ""
     first_id: Annotated[int, Field(ge=0)] = 0
 
@@ -50,14 +53,15 @@ class Placement(Settings):
 class BarSettings(Settings):
     """The double pattern: two boards on a rigid bar.
 
-    ``second_on_first`` is where the second board's frame is in the first one's, as built;
-    ``sigmas`` say how well that is known, three in metres and three in radians (zeros: exact).
-    The camera named first in ``pairs`` sees the first board, for boards that look alike.
+    ``first`` and ``second`` are the boards. ``second_on_first`` is where the second board's frame
+    is in the first one's, as built; ``sigmas`` say how well that is known, three in metres and
+    three in radians (zeros: exact). For boards that look alike, ``pairs`` lists pairs of cameras:
+    the camera named first sees the first board.
     """
 
-    first: BoardSettings = BoardSettings(family="4X4_100")
-    second: BoardSettings = BoardSettings(family="4X4_100", first_id=30)
-    second_on_first: Placement = Placement(translation=(1.5, 0.0, 0.0))
+    first: BoardSettings | None = None
+    second: BoardSettings | None = None
+    second_on_first: Placement | None = None
     sigmas: SixSigmas = (0.003, 0.003, 0.003, 0.004, 0.004, 0.004)
     pairs: list[tuple[Name, Name]] = Field(default_factory=list)
 
@@ -65,45 +69,36 @@ class BarSettings(Settings):
 class ReferenceSettings(Settings):
     """The pattern that lies on the floor in a known place of the Vframe.
 
-    ``position`` is its first inner corner, ``heading`` the direction of its rows (radians),
-    ``height`` the thickness of the board. ``sigmas`` say how well it was laid: x, y, z in
-    metres, and rotations about x, y, z in radians. ``origin_near`` is a pixel near its first
-    corner, needed for a board that looks the same after half a turn.
+    ``board`` is the pattern. ``position`` is its first inner corner (x, y in metres), ``heading``
+    the direction of its rows (radians), ``height`` the thickness of the board (metres).
+    ``sigmas`` say how well it was laid: x, y, z in metres, and rotations about x, y, z in
+    radians. ``origin_near`` is a pixel near its first corner, needed for a board that looks the
+    same after half a turn.
     """
 
-    board: BoardSettings = BoardSettings()
-    position: tuple[Finite, Finite] = (0.2, 0.0)
+    board: BoardSettings | None = None
+    position: tuple[Finite, Finite] | None = None
     heading: Finite = 0.0
     height: Finite = 0.0
-    sigmas: tuple[Positive, Positive, Positive, Positive, Positive, Positive] = (
-        0.001,
-        0.001,
-        0.001,
-        0.001,
-        0.001,
-        0.001,
-    )
+    sigmas: SixPositive = (0.001, 0.001, 0.001, 0.001, 0.001, 0.001)
     origin_near: tuple[Finite, Finite] | None = None
 
 
 class MarkerSettings(Settings):
     """The markers on the robot.
 
-    ``sides`` maps ids to lengths in metres. ``dima`` is the marker whose place on the robot was
-    measured: ``dima_on_robot`` with ``dima_sigmas``. ``hand_measured`` are places of the others
-    as measured by hand, for comparison only.
+    ``family`` is their kind: 'ARTOOLKITPLUS_SIMPLE', or one of OpenCV's such as '6X6_250' or
+    'APRILTAG_36H11'; ``border`` counts the black cells around the code. ``sides`` maps ids to
+    lengths in metres. ``dima`` is the marker whose place on the robot was measured:
+    ``dima_on_robot``, and with ``dima_sigmas`` how well (three in metres, three in radians).
+    ``hand_measured`` are places of the others as measured by hand, for comparison only.
     """
 
-    family: str = "ARTOOLKITPLUS_SIMPLE"
+    family: str = ""
     border: Annotated[int, Field(ge=1, le=4)] = 1
-    sides: dict[str, Positive] = Field(
-        default_factory=lambda: {str(n): 0.160 if n == 14 else 0.156 for n in _PRINTED_IDS}
-    )
-    dima: int = 14
-    dima_on_robot: Placement = Placement(
-        translation=(-0.143, 0.098, 0.018),
-        rotation=((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
-    )
+    sides: dict[str, Positive] = Field(default_factory=dict)
+    dima: int | None = None
+    dima_on_robot: Placement | None = None
     dima_sigmas: SixSigmas = (0.0005, 0.0005, 0.0005, 0.001, 0.001, 0.001)
     hand_measured: dict[str, Placement] = Field(default_factory=dict)
 
@@ -111,16 +106,11 @@ class MarkerSettings(Settings):
     def _ids(self) -> "MarkerSettings":
         if bad := [n for n in [*self.sides, *self.hand_measured] if not n.isdigit()]:
             raise ValueError(f"marker ids are whole numbers, not {bad[0]!r}")
-        if str(self.dima) not in self.sides:
+        if self.dima is not None and self.sides and str(self.dima) not in self.sides:
             raise ValueError(f"the dima-marker {self.dima} has no side in 'sides'")
         if unknown := set(self.hand_measured) - set(self.sides):
             raise ValueError(f"hand-measured marker {min(unknown)} has no side in 'sides'")
         return self
-
-    @property
-    def side_of(self) -> dict[int, float]:
-        """Sides by number."""
-        return {int(number): side for number, side in self.sides.items()}
 
 
 class FloorSettings(Settings):
@@ -133,30 +123,38 @@ class FloorSettings(Settings):
 class TableSettings(Settings):
     """A board on a table over validated poses, to check the cameras.
 
-    ``height`` is the table's, metres. ``corner`` is where the board's first inner corner is in
-    the robot frame of the pose (x, y in metres) and ``heading`` the direction of its rows there
-    (radians), as aligned by the plumb-lines.
+    ``board`` is what lies on it, ``height`` the table's height, metres. ``corner`` is where the
+    board's first inner corner is in the robot frame of the pose (x, y in metres) and ``heading``
+    the direction of its rows there (radians), as aligned by the plumb-lines.
     """
 
-    board: BoardSettings = BoardSettings()
-    height: Finite = 0.720
-    corner: tuple[Finite, Finite] = (0.0, 0.0)
+    board: BoardSettings | None = None
+    height: Finite | None = None
+    corner: tuple[Finite, Finite] | None = None
     heading: Finite = 0.0
 
 
 class VisionSettings(Settings):
-    """Folders and choices of the vision system; paths are relative to the campaign folder.
+    """What the vision system knows of a lab, and its choices.
 
-    ``images`` holds the folders calibration/CAMERA, network, bar, reference, layout/CAMERA,
-    poses/CAMERA and steadiness. ``cameras`` are those of the network; by default all that have
-    a folder of poses. Intrinsic parameters come from ``camera_files`` (by camera) or from the
-    calibration images.
+    ``images`` is a folder below that of the campaign. It holds the folders calibration/CAMERA,
+    network, bar, reference, layout/CAMERA, poses/CAMERA and steadiness. ``cameras`` are those of
+    the network; by default all that have a folder of poses. Intrinsic parameters come from
+    ``camera_files`` (by camera, relative to the campaign folder) or from the calibration images,
+    which show ``board``; so do the images of steadiness. The other things that images show are
+    ``bar``, ``reference``, ``markers`` and ``table``; ``floor`` is what the robot stands on.
+
+    With ``on_floor`` poses of the robot are held to the floor, with ``merge_cameras`` all cameras
+    that see a stop give one pose, with ``averaged_network`` the cameras are placed by averages
+    and chains, as the document does, instead of by one adjustment. ``detector`` finds the corners
+    of plain chessboards: 'fitted' by fits of this package, 'classic' and 'sector' by OpenCV's.
+    With ``as_published`` poses by the document's way are computed too.
     """
 
     images: str = "vision"
     cameras: list[Name] = Field(default_factory=list)
     camera_files: dict[Name, str] = Field(default_factory=dict)
-    board: BoardSettings = BoardSettings()
+    board: BoardSettings | None = None
     bar: BarSettings = BarSettings()
     reference: ReferenceSettings = ReferenceSettings()
     markers: MarkerSettings = MarkerSettings()
@@ -167,3 +165,46 @@ class VisionSettings(Settings):
     averaged_network: bool = False
     detector: Literal["fitted", "classic", "sector"] = "fitted"
     as_published: bool = False
+
+
+_BOARD = "columns = 10, rows = 6, square = 0.1"
+EXAMPLES = {
+    "vision": {"board": f"{{ {_BOARD} }}"},
+    "vision.bar": {
+        "first": f'{{ {_BOARD}, family = "4X4_100" }}',
+        "second": f'{{ {_BOARD}, family = "4X4_100", first_id = 30 }}',
+        "second_on_first": "{ translation = [1.5, 0.0, 0.0] }",
+    },
+    "vision.reference": {"board": f"{{ {_BOARD} }}", "position": "[0.2, 0.0]"},
+    "vision.markers": {
+        "family": '"ARTOOLKITPLUS_SIMPLE"',
+        "sides": '{ "3" = 0.156, "6" = 0.156, "14" = 0.160, "30" = 0.156 }',
+        "dima": "14",
+        "dima_on_robot": "{ translation = [-0.143, 0.098, 0.018], "
+        "rotation = [[0, -1, 0], [1, 0, 0], [0, 0, 1]] }",
+    },
+    "vision.table": {"board": f"{{ {_BOARD} }}", "height": "0.72", "corner": "[0.0, 0.0]"},
+}
+"""A value for each key that states a lab's hardware, by table: none of them has a default."""
+
+
+def example_tables(names: Collection[str]) -> str:
+    """Tables of campaign.toml that state some hardware, as an example to change."""
+    chosen = {name: keys for name, keys in EXAMPLES.items() if name in names}
+    return "\n".join(
+        f"[{name}]\n" + "".join(f"{key} = {value}\n" for key, value in keys.items())
+        for name, keys in chosen.items()
+    )
+
+
+def stated(fact: T | None) -> T:
+    """A fact of the hardware that campaign.toml states.
+
+    Raises
+    ------
+    GtvalError
+        If it does not; which one is said before images are looked at.
+    """
+    if fact is None:
+        raise GtvalError("campaign.toml does not state all of the hardware that images show")
+    return fact

@@ -27,6 +27,7 @@ from validation.text_files.writing import write_files
 from vision_gt.optics.camera import project
 from vision_gt.optics.camera_files import write_camera
 from vision_gt.optics.transforms import perturbed
+from vision_gt.patterns.boards import Board
 
 _ROOMS = 60
 """Rooms tried before it is said that none has a place for all cameras."""
@@ -153,7 +154,6 @@ def _vision_table(truth: VisionTruth, rng: np.random.Generator) -> str:
         f'"{n}" = {float(s):g}'
         for n, s in zip(truth.layout.numbers, truth.layout.sides, strict=True)
     )
-    second = f'columns = 10, rows = 6, square = 0.1, family = "{_family(1)}"'
     blocks = [
         "",
         "[vision]",
@@ -161,15 +161,16 @@ def _vision_table(truth: VisionTruth, rng: np.random.Generator) -> str:
         "as_published = true  # also the document's way, for comparison",
         "",
         "[vision.board]  # for the intrinsic parameters",
-        *_board_lines(CHESSBOARD.columns, CHESSBOARD.rows, CHESSBOARD.square),
+        *_board_lines(CHESSBOARD),
         "",
         "[vision.bar]  # the double pattern, as built",
         f"sigmas = {_six(*_BAR_SIGMAS)}",
         f"second_on_first = {_placement(T_BAR_NOMINAL)}",
-        f'first = {{ columns = 10, rows = 6, square = 0.1, family = "{_family(0)}" }}',
-        f"second = {{ {second}, first_id = {BAR_BOARDS[1].first_id} }}",
+        f"first = {{ {', '.join(_board_lines(BAR_BOARDS[0]))} }}",
+        f"second = {{ {', '.join(_board_lines(BAR_BOARDS[1]))} }}",
         "",
         "[vision.reference]  # the chessboard on the Vframe",
+        f"board = {{ {', '.join(_board_lines(CHESSBOARD))} }}",
         f"position = [{REFERENCE_SHIFT:g}, 0.0]",
         f"sigmas = {_six(length, angle)}",
         f"origin_near = [{click[0]}, {click[1]}]",
@@ -191,13 +192,12 @@ def _vision_table(truth: VisionTruth, rng: np.random.Generator) -> str:
     return "\n".join(blocks) + "\n"
 
 
-def _board_lines(columns: int, rows: int, square: float) -> list[str]:
-    return [f"columns = {columns}", f"rows = {rows}", f"square = {square:g}"]
-
-
-def _family(part: int) -> str:
-    family = BAR_BOARDS[part].family
-    return "" if family is None else family.name
+def _board_lines(board: Board) -> list[str]:
+    """What a campaign states of a board."""
+    lines = [f"columns = {board.columns}", f"rows = {board.rows}", f"square = {board.square:g}"]
+    if board.family is not None:
+        lines += [f'family = "{board.family.name}"', f"first_id = {board.first_id}"]
+    return lines
 
 
 def _six(length: float, angle: float) -> str:

@@ -111,10 +111,10 @@ class VisionSettings:
 MOVIE_CAMERA = "hand"
 """The camera that is carried around the robot."""
 SIZE = (1280, 960)
-CHESSBOARD = Board()
+CHESSBOARD = Board(columns=10, rows=6, square=0.1)
 BAR_BOARDS = (
-    Board(family=Family("4X4_100")),
-    Board(family=Family("4X4_100"), first_id=30),
+    replace(CHESSBOARD, family=Family("4X4_100")),
+    replace(CHESSBOARD, family=Family("4X4_100"), first_id=30),
 )
 BAR_GAP = 0.5
 T_BAR_NOMINAL = RigidTransform.from_translation(

@@ -4,12 +4,12 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from data_samples.rendering.image import Optics, Scene, Sheet, render
-from data_samples.rooms.cameras import looking, robot_layout
+from data_samples.rooms.cameras import CHESSBOARD, looking, robot_layout
 from vision_gt.images.markers import MarkerView
 from vision_gt.network.adjustment import Network
-from vision_gt.optics.board_pose import BoardView
 from vision_gt.optics.camera import Camera, inside_image, project
 from vision_gt.optics.transforms import perturbed
+from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.robot.robot_pose import Sighting
@@ -110,7 +110,7 @@ class CameraRow:
         board: Board | None = None,
     ) -> None:
         rng = np.random.default_rng(seed)
-        self.board = board or Board()
+        self.board = board or CHESSBOARD
         self.noise, self.rng = noise, rng
         self.cameras = [camera(str(i + 1)) for i in range(cameras)]
         self.T_gtv_camera = [

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from validation.results import Finding, Severity
-from vision_gt.campaign.objects import placed
+from vision_gt.campaign.inputs import placed
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.optics.transforms import change_between
 

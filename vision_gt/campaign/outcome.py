@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from validation.poses.pose_table import PoseTable
+from scipy.spatial.transform import RigidTransform
+
 from vision_gt.images.markers import Detection
 from vision_gt.network.intrinsics import Calibration
 from vision_gt.network.solution import NetworkSolution
@@ -51,10 +52,9 @@ class VisionOutcome:
         In the order that people count.
     detections : mapping of (str, str) to Detection
         By camera and stop: every image of the robot.
-    poses : PoseTable or None
-        The result; None if no stop has a sure pose.
-    published : PoseTable or None
-        The document's way from the same images.
+    published : mapping of str to sequence of (str, RigidTransform), or None
+        The document's way from the same images: for each stop in the order that people count,
+        cameras and T_gtv_robot by each. None where it was not asked for.
     steadiness : tuple of Steadiness
         A verdict for each camera that was checked.
     oddities : sequence of (str, str)
@@ -67,7 +67,6 @@ class VisionOutcome:
     layout: LayoutFit
     stops: tuple[StopPose, ...]
     detections: Mapping[tuple[str, str], Detection]
-    poses: PoseTable | None
-    published: PoseTable | None
+    published: Mapping[str, Sequence[tuple[str, RigidTransform]]] | None
     steadiness: tuple[Steadiness, ...] = ()
     oddities: Sequence[tuple[str, str]] = field(default=())

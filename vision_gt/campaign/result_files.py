@@ -1,13 +1,19 @@
 """The files that the vision system writes under results/, besides its poses."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform
 
+from validation.poses.angles import Array
+from validation.text_files.csv_text import csv_text
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.network.adjustment import Network
 from vision_gt.optics.camera_files import write_camera
 from vision_gt.robot.layout import Layout
+
+PLACED = ("x", "y", "z", "rx", "ry", "rz")
+"""Columns of a transform: translation in metres, rotation vector in radians."""
 
 
 def vision_files(outcome: VisionOutcome) -> dict[str, str | bytes]:
@@ -21,12 +27,6 @@ def vision_files(outcome: VisionOutcome) -> dict[str, str | bytes]:
     for camera in outcome.network.network.cameras:
         files[f"vision_camera_{camera.name}.yaml"] = write_camera(".yaml", "opencv", camera)
     return files
-
-
-def _csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Plain CSV text; numbers read back to the last bit."""
-    cells = ([repr(float(c)) if isinstance(c, float) else str(c) for c in row] for row in rows)
-    return "".join(",".join(row) + "\n" for row in [list(header), *cells])
 
 
 def camera_poses_csv(outcome: VisionOutcome) -> str:
@@ -50,7 +50,7 @@ def camera_poses_csv(outcome: VisionOutcome) -> str:
                 ]
             )
     header = ["pose", "camera", "x", "y", "theta", "xx", "xy", "xt", "yy", "yt", "tt"]
-    return _csv([*header, "markers", "p_value", "ambiguous", "floor_p_value", "used"], rows)
+    return csv_text([*header, "markers", "p_value", "ambiguous", "floor_p_value", "used"], rows)
 
 
 def detections_csv(outcome: VisionOutcome) -> str:
@@ -65,39 +65,31 @@ def detections_csv(outcome: VisionOutcome) -> str:
         ]
         for (camera, pose), detection in outcome.detections.items()
     ]
-    return _csv(["camera", "pose", "markers", *(str(n) for n in numbers)], rows)
+    return csv_text(["camera", "pose", "markers", *(str(n) for n in numbers)], rows)
 
 
 def cameras_csv(network: Network) -> str:
     """Poses of the cameras in the GTV frame with their standard deviations."""
-    rows = []
-    for i, camera in enumerate(network.cameras):
-        T = network.T_gtv_camera[i]
-        sigma = np.sqrt(np.diagonal(network.pose_covariance(camera.name)))
-        rows.append(
-            [
-                camera.name,
-                *T.translation.tolist(),
-                *T.rotation.as_rotvec().tolist(),
-                *sigma.tolist(),
-            ]
-        )
-    names = ["x", "y", "z", "rx", "ry", "rz"]
-    return _csv(["camera", *names, *(f"sigma_{name}" for name in names)], rows)
+    sigmas = [np.sqrt(np.diagonal(network.pose_covariance(name))) for name in network.names]
+    labels = [[name] for name in network.names]
+    return _placed_csv(["camera"], labels, network.T_gtv_camera, np.array(sigmas))
 
 
 def layout_csv(layout: Layout) -> str:
     """Places of the markers on the robot with their standard deviations."""
-    sigmas = layout.sigmas()
+    labels = [[n, float(side)] for n, side in zip(layout.numbers, layout.sides, strict=True)]
+    return _placed_csv(["marker", "side"], labels, layout.T_robot_marker, layout.sigmas())
+
+
+def _placed_csv(
+    header: Sequence[str],
+    labels: Sequence[Sequence[object]],
+    poses: RigidTransform,
+    sigmas: Array,
+) -> str:
+    """Translations and rotation vectors with their standard deviations (n, 6)."""
     rows = [
-        [
-            number,
-            float(layout.sides[i]),
-            *layout.T_robot_marker[i].translation.tolist(),
-            *layout.T_robot_marker[i].rotation.as_rotvec().tolist(),
-            *sigmas[i].tolist(),
-        ]
-        for i, number in enumerate(layout.numbers)
+        [*label, *T.translation.tolist(), *T.rotation.as_rotvec().tolist(), *sigma.tolist()]
+        for label, T, sigma in zip(labels, poses, sigmas, strict=True)
     ]
-    names = ["x", "y", "z", "rx", "ry", "rz"]
-    return _csv(["marker", "side", *names, *(f"sigma_{name}" for name in names)], rows)
+    return csv_text([*header, *PLACED, *(f"sigma_{name}" for name in PLACED)], rows)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from validation.results import Figure, Section, Table, Text
-from vision_gt.campaign.objects import placed
+from vision_gt.campaign.inputs import placed
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.optics.camera import PARAMETERS
 from vision_gt.optics.transforms import change_between

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from validation.poses.angles import Array
 from vision_gt.images.saddles import refine_saddles
-from vision_gt.optics.board_pose import BoardView
+from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.boards import Board
 
 Image = npt.NDArray[np.uint8]

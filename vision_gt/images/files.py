@@ -15,6 +15,8 @@ from validation.errors import InputError, Problem
 Image = npt.NDArray[np.uint8]
 
 ENDINGS = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm"}
+OTHER_ENDINGS = {".gif", ".heic", ".jp2", ".ppm", ".webp"}
+"""Of images that are not read."""
 MAX_BYTES = 100_000_000
 BLANK = 1.5
 """Standard deviation of the grey levels (of a blurred copy) below which an image shows nothing."""
@@ -115,6 +117,12 @@ def list_images(folder: Path) -> list[Path]:
         return []
     found = [path for path in folder.iterdir() if path.suffix.lower() in ENDINGS]
     return sorted(found, key=_counting)
+
+
+def images_below(folder: Path) -> list[Path]:
+    """All image files below a folder, also those that are not read, by their names."""
+    known = ENDINGS | OTHER_ENDINGS
+    return sorted(path for path in folder.rglob("*") if path.suffix.lower() in known)
 
 
 def _counting(path: Path) -> list[tuple[int, str]]:

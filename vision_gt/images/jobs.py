@@ -14,8 +14,8 @@ from validation.errors import InputError, Problem
 from vision_gt.images.boards import Detector, view_of_board
 from vision_gt.images.files import Image, is_blank, read_image
 from vision_gt.images.markers import Detection, Refinement, detect_markers
-from vision_gt.optics.board_pose import BoardView
 from vision_gt.optics.camera import Camera
+from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
 

@@ -3,6 +3,7 @@
 Cameras stand in a world, bodies lie in the world, parts lie on bodies, points lie on parts.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from validation.poses.angles import Array
 from vision_gt.optics.camera import project_with_jacobians
 from vision_gt.optics.transforms import rotation_matrices, rotation_vectors
+from vision_gt.patterns.board_views import BoardView
 
 Ints = npt.NDArray[np.intp]
 
@@ -55,6 +57,37 @@ class Views:
             self.pixel[rows],
             self.covariance[rows],
         )
+
+
+def as_views(
+    views: Sequence[BoardView],
+    cameras: Sequence[str],
+    bodies: Sequence[str],
+    factor: float = 1.0,
+) -> Views:
+    """All corners of all views, for the adjustment.
+
+    Parameters
+    ----------
+    views : sequence of BoardView
+        At least one.
+    cameras, bodies : sequence of str
+        Names in the order of the adjustment's stacks.
+    factor : float
+        On the stated standard deviations.
+    """
+    counts = [len(view.ids) for view in views]
+    camera = [cameras.index(view.camera) for view in views]
+    number = {name: i for i, name in enumerate(bodies)}
+    sigmas = factor * np.concatenate([view.stated_sigmas for view in views])
+    return Views(
+        camera=np.repeat(camera, counts),
+        body=np.repeat([number[view.body] for view in views], counts),
+        part=np.repeat([view.part for view in views], counts),
+        point=np.concatenate([view.points for view in views]),
+        pixel=np.concatenate([view.pixels for view in views]),
+        covariance=np.square(sigmas)[:, None, None] * np.eye(2),
+    )
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,15 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.statistics.robust import sigma_from_median
 from vision_gt.least_squares.adjustment import Adjustment, Knowledge, adjust
-from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Setup, camera_slots, part_slots
-from vision_gt.optics.board_pose import BoardView, as_views, camera_pose_of_board
+from vision_gt.least_squares.setups import (
+    CAMERA_UNKNOWNS,
+    Setup,
+    as_views,
+    camera_slots,
+    part_slots,
+)
 from vision_gt.optics.camera import PARAMETERS, Camera
+from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
 _LEAST_FACTOR = 0.05
 _POSE_NAMES = ("x", "y", "z", "rotation about x", "rotation about y", "rotation about z")

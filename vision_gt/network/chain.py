@@ -14,7 +14,9 @@ from scipy.spatial.transform import RigidTransform
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from vision_gt.optics.camera import Camera
 from vision_gt.optics.transforms import angle_between, mean_transform
+from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
 _FAR_LENGTH = 0.15
 _FAR_ANGLE = np.deg2rad(5.0)
@@ -49,6 +51,34 @@ class BoardPose:
     camera: str
     snapshot: str
     T_camera_bar: Sequence[RigidTransform]
+
+
+def bar_poses(
+    views: Sequence[BoardView], cameras: Sequence[Camera], T_bar_patterns: RigidTransform
+) -> list[BoardPose]:
+    """The bar as each view shows it, by all readings of the boards.
+
+    Parameters
+    ----------
+    views : sequence of BoardView
+        Of the network's snapshots.
+    cameras : sequence of Camera
+        With their intrinsic parameters.
+    T_bar_patterns : RigidTransform
+        Stack of two: where the patterns are on the bar.
+    """
+    by_name = {camera.name: camera for camera in cameras}
+    poses = []
+    for view in views:
+        T = camera_pose_of_board(view, by_name[view.camera])
+        if T is None:
+            continue
+        T_pattern_bar = T_bar_patterns[view.part].inv()
+        readings = [T * T_pattern_bar]
+        if view.board.looks_the_same_turned:
+            readings.append(T * view.board.half_turn * T_pattern_bar)
+        poses.append(BoardPose(view.camera, view.body, readings))
+    return poses
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from scipy.spatial.transform import RigidTransform
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from vision_gt.least_squares.adjustment import Adjustment, Knowledge, adjust
-from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Setup
-from vision_gt.optics.board_pose import BoardView, as_views, camera_pose_of_board
+from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Setup, as_views
 from vision_gt.optics.camera import PARAMETERS, Camera
+from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
 GRID = (8, 6)
 """Cells of the coverage report, across and down the image."""
@@ -139,7 +139,9 @@ def calibrate(name: str, size: tuple[int, int], views: Sequence[BoardView]) -> C
 
 
 def _start(name: str, size: tuple[int, int], views: Sequence[BoardView]) -> Camera:
-    """OpenCV's calibration."""
+    """OpenCV's calibration, in one thread: several add up in an order that changes."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
     try:
         _rms, K, lens, _r, _t = cv2.calibrateCamera(
             [view.points.astype(np.float32) for view in views],
@@ -153,6 +155,8 @@ def _start(name: str, size: tuple[int, int], views: Sequence[BoardView]) -> Came
             f"camera {name}: the images of the board do not determine its parameters; show it "
             "tilted, near and far, and in all parts of the image"
         ) from None
+    finally:
+        cv2.setNumThreads(threads)
     values = np.concatenate([[K[0, 0], K[1, 1], K[0, 2], K[1, 2]], np.ravel(lens)[:5]])
     return Camera(name, size, values)
 

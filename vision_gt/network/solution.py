@@ -9,11 +9,18 @@ from scipy.spatial.transform import RigidTransform
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from vision_gt.network.adjustment import Bar, KnownBody, Network, adjust_network
-from vision_gt.network.chain import Chain, NotLinkedError, PairLink, chain_cameras, pair_links
-from vision_gt.optics.board_pose import BoardView, bar_poses, camera_pose_of_board
+from vision_gt.network.chain import (
+    Chain,
+    NotLinkedError,
+    PairLink,
+    bar_poses,
+    chain_cameras,
+    pair_links,
+)
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.planar_pose import planar_solutions
 from vision_gt.optics.transforms import angle_between, composition_jacobians
+from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
 REFERENCE = "reference"
 """Name of the reference pattern's body."""

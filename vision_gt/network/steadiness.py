@@ -10,10 +10,10 @@ from scipy.stats import chi2
 
 from validation.poses.angles import Array
 from vision_gt.least_squares.adjustment import Knowledge, adjust
-from vision_gt.least_squares.setups import Setup
-from vision_gt.optics.board_pose import BoardView, as_views, camera_pose_of_board
+from vision_gt.least_squares.setups import Setup, as_views
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.transforms import change_between
+from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
 Image = npt.NDArray[np.uint8]
 

@@ -9,12 +9,9 @@ from scipy.spatial.transform import RigidTransform
 from validation.errors import GtvalError
 from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import PoseTable
-from validation.results import Table
 from vision_gt.network.adjustment import Network
-from vision_gt.optics.board_pose import BoardView, camera_pose_of_board
 from vision_gt.optics.transforms import planar_transform
-
-MM = 1e3
+from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
 
 @dataclass(frozen=True)
@@ -99,42 +96,3 @@ def _board_state(view: BoardView, network: Network, camera: int) -> Array | None
     T_gtv_board: RigidTransform = network.T_gtv_camera[camera] * T
     rows = T_gtv_board.rotation.as_matrix()[:, 0]
     return np.array([*T_gtv_board.translation, np.arctan2(rows[1], rows[0])])
-
-
-def reading_table(readings: Sequence[TableReading]) -> Table:
-    """The document's table: each pose with its differences, validation minus board."""
-    rows = []
-    for one in readings:
-        cells = [
-            value
-            for k in range(3)
-            for value in (one.validation[k], one.board[k], one.difference[k])
-        ]
-        rows.append((one.pose, one.camera, *cells, float(one.difference[3])))
-    columns = [
-        f"{name} {what} [m]" for name in "xyz" for what in ("validation", "board", "difference")
-    ]
-    return Table(
-        "Chessboard on the table",
-        ("pose", "camera", *columns, "heading difference [rad]"),
-        rows,
-        ("", "", *((".4f", ".4f", "+.4f") * 3), "+.4f"),
-        note="Difference: validation minus board.",
-    )
-
-
-def statistics_table(readings: Sequence[TableReading]) -> Table:
-    """Mean, standard deviation and largest absolute value of the differences."""
-    off = np.array([one.difference for one in readings])
-    rows = []
-    for k, name in enumerate(("x [mm]", "y [mm]", "z [mm]", "heading [mrad]")):
-        column = MM * off[:, k]
-        spread = float(column.std(ddof=1)) if len(column) > 1 else None
-        rows.append((name, len(column), float(column.mean()), spread, float(np.abs(column).max())))
-    return Table(
-        "Differences of the chessboard on the table",
-        ("component", "n", "average", "standard deviation", "largest absolute value"),
-        rows,
-        ("", "", "+.2f", ".2f", ".2f"),
-        note="The document reports averages of 2.9 mm and -0.1 mm in x and y.",
-    )

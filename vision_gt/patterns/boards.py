@@ -48,9 +48,9 @@ class Board:
         For fewer than three squares a side.
     """
 
-    columns: int = 10
-    rows: int = 6
-    square: float = 0.1
+    columns: int
+    rows: int
+    square: float
     family: Family | None = None
     first_id: int = 0
 

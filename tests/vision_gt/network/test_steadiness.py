@@ -6,10 +6,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from vision_scenes import board_view, camera
 
 from data_samples.rendering.image import Optics, Scene, Sheet, render
-from data_samples.rooms.cameras import looking
+from data_samples.rooms.cameras import CHESSBOARD, looking
 from vision_gt.network.steadiness import Steadiness, _rigid_shift, board_move, image_move
 from vision_gt.optics.transforms import perturbed
-from vision_gt.patterns.boards import Board
 
 T_CAMERA = looking(np.array([0.0, -2.2, 2.2]), np.zeros(3))
 BOARD = RigidTransform.from_components([-0.4, 0.2, 0], Rotation.from_rotvec([np.pi, 0, 0]))
@@ -66,7 +65,7 @@ def test_boards_put_back_are_accused_as_rarely_as_promised():
         rng = np.random.default_rng(seed)
         replaced = perturbed(BOARD, 0.001 * rng.standard_normal(6))
         views = [
-            board_view(T_CAMERA, "1", Board(), T, "b", 0, 0.05, rng) for T in (BOARD, replaced)
+            board_view(T_CAMERA, "1", CHESSBOARD, T, "b", 0, 0.05, rng) for T in (BOARD, replaced)
         ]
         second = views[1].turned() if seed % 2 else views[1]
         accused += board_move(views[0], second, camera()).moved
@@ -77,8 +76,8 @@ def test_boards_put_back_are_accused_as_rarely_as_promised():
 def test_a_moved_camera_is_found_out_by_the_board():
     rng = np.random.default_rng(3)
     moved = perturbed(T_CAMERA, np.array([0.0, 0.0, 0.0, 0.004, 0.0, 0.004]))
-    before = board_view(T_CAMERA, "1", Board(), BOARD, "b", 0, 0.05, rng)
-    after = board_view(moved, "1", Board(), BOARD, "b", 0, 0.05, rng)
+    before = board_view(T_CAMERA, "1", CHESSBOARD, BOARD, "b", 0, 0.05, rng)
+    after = board_view(moved, "1", CHESSBOARD, BOARD, "b", 0, 0.05, rng)
     assert board_move(before, after, camera()).moved
 
 

@@ -15,21 +15,26 @@ from validation.campaign.folder import load_campaign
 from validation.cli import main
 from validation.poses.pose_table import from_csv, pose_difference
 from vision_gt.campaign.findings import vision_findings
-from vision_gt.campaign.objects import made_board
+from vision_gt.campaign.inputs import made_board
 from vision_gt.campaign.outcome import StopPose
+from vision_gt.campaign.pose_tables import pose_tables
 from vision_gt.campaign.solve import solve_campaign
-from vision_gt.choices import Choices
 from vision_gt.images.jobs import BoardJob, detect_one
 from vision_gt.images.markers import detect_markers
 from vision_gt.settings import VisionSettings
 from vision_gt.system import SYSTEM, result_of
 
-QUICK = Choices(workers=1, as_published=False)
+TABLE = """
+[vision.table]
+board = { columns = 10, rows = 6, square = 0.1 }
+height = 0.0
+corner = [0.2, 0.0]
+"""
 
 
 @pytest.fixture(scope="session")
 def outcome(rendered):
-    return solve_campaign(load_campaign(rendered), choices=Choices(workers=1))
+    return solve_campaign(load_campaign(rendered), workers=1)
 
 
 def errors_of(rendered, table):
@@ -44,12 +49,13 @@ def test_the_images_have_the_documents_names(rendered):
 
 
 def test_poses_are_within_millimetres_and_as_good_as_stated(rendered, outcome):
-    errors = errors_of(rendered, outcome.poses)
+    poses, _ = pose_tables(outcome)
+    errors = errors_of(rendered, poses)
     assert len(errors) >= 5
     assert np.abs(errors[:, :2]).max() < 0.012
     assert np.abs(errors[:, 2]).max() < 0.010
     k = errors.size
-    total = errors.ravel() @ np.linalg.solve(outcome.poses.joint, errors.ravel())
+    total = errors.ravel() @ np.linalg.solve(poses.joint, errors.ravel())
     # One campaign is one draw of its cameras: the bounds are those of chi-squared at 1 in 10 000.
     from scipy.stats import chi2
 
@@ -57,8 +63,9 @@ def test_poses_are_within_millimetres_and_as_good_as_stated(rendered, outcome):
 
 
 def test_the_documents_way_is_several_times_worse(rendered, outcome):
-    theirs = np.abs(errors_of(rendered, outcome.published)[:, :2]).mean()
-    ours = np.abs(errors_of(rendered, outcome.poses)[:, :2]).mean()
+    poses, published = pose_tables(outcome)
+    theirs = np.abs(errors_of(rendered, published)[:, :2]).mean()
+    ours = np.abs(errors_of(rendered, poses)[:, :2]).mean()
     assert theirs > 3 * ours
 
 
@@ -105,7 +112,7 @@ def test_the_command_writes_and_the_table_check_reads(campaign):
     folder.mkdir(parents=True)
     shutil.copy(image, folder / "poseframe.png")
     toml = campaign / "campaign.toml"
-    toml.write_text(toml.read_text() + "\n[vision.table]\nheight = 0.0\ncorner = [0.2, 0.0]\n")
+    toml.write_text(toml.read_text() + TABLE)
     done = runner.invoke(main, ["vision", "check-table", str(campaign), "--json"])
     assert done.exit_code == 0, done.output
     difference = json.loads(done.stdout)["readings"][0]["difference"]
@@ -212,9 +219,9 @@ def test_blank_and_mirrored_images_and_swapped_pairs_are_findings(campaign):
     one.rename(spare)
     other.rename(one)
     spare.rename(other)
-    found = result_of(
-        solve_campaign(load_campaign(campaign), choices=QUICK), load_campaign(campaign)
-    ).findings
+    loaded = load_campaign(campaign)
+    outcome = solve_campaign(loaded, workers=1, as_published=False)
+    found = result_of(outcome, loaded).findings
     said = {finding.code: finding.text for finding in found}
     images = " ".join(f.text for f in found if f.code == "image")
     assert blank.name in images

@@ -1,6 +1,5 @@
 """Boards as images show them, and the poses that follow from single views."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,8 +7,6 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from validation.poses.angles import Array
-from vision_gt.least_squares.setups import Views
-from vision_gt.network.chain import BoardPose
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.planar_pose import planar_arrays
 from vision_gt.patterns.boards import Board
@@ -82,62 +79,3 @@ def camera_pose_of_board(view: BoardView, camera: Camera) -> RigidTransform | No
         return None
     R, t, _ = found
     return RigidTransform.from_components(t[0], Rotation.from_matrix(R[0]))
-
-
-def bar_poses(
-    views: Sequence[BoardView], cameras: Sequence[Camera], T_bar_patterns: RigidTransform
-) -> list[BoardPose]:
-    """The bar as each view shows it, by all readings of the boards.
-
-    Parameters
-    ----------
-    views : sequence of BoardView
-        Of the network's snapshots.
-    cameras : sequence of Camera
-        With their intrinsic parameters.
-    T_bar_patterns : RigidTransform
-        Stack of two: where the patterns are on the bar.
-    """
-    by_name = {camera.name: camera for camera in cameras}
-    poses = []
-    for view in views:
-        T = camera_pose_of_board(view, by_name[view.camera])
-        if T is None:
-            continue
-        T_pattern_bar = T_bar_patterns[view.part].inv()
-        readings = [T * T_pattern_bar]
-        if view.board.looks_the_same_turned:
-            readings.append(T * view.board.half_turn * T_pattern_bar)
-        poses.append(BoardPose(view.camera, view.body, readings))
-    return poses
-
-
-def as_views(
-    views: Sequence[BoardView],
-    cameras: Sequence[str],
-    bodies: Sequence[str],
-    factor: float = 1.0,
-) -> Views:
-    """All corners of all views, for the adjustment.
-
-    Parameters
-    ----------
-    views : sequence of BoardView
-        At least one.
-    cameras, bodies : sequence of str
-        Names in the order of the adjustment's stacks.
-    factor : float
-        On the stated standard deviations.
-    """
-    counts = [len(view.ids) for view in views]
-    camera = [cameras.index(view.camera) for view in views]
-    number = {name: i for i, name in enumerate(bodies)}
-    sigmas = factor * np.concatenate([view.stated_sigmas for view in views])
-    return Views(
-        camera=np.repeat(camera, counts),
-        body=np.repeat([number[view.body] for view in views], counts),
-        part=np.repeat([view.part for view in views], counts),
-        point=np.concatenate([view.points for view in views]),
-        pixel=np.concatenate([view.pixels for view in views]),
-        covariance=np.square(sigmas)[:, None, None] * np.eye(2),
-    )

@@ -2,16 +2,17 @@
 
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
+from data_samples.rooms.cameras import CHESSBOARD
 from validation.errors import GtvalError
+from vision_gt.commands.patterns import example_settings, pattern_files
 from vision_gt.images.boards import find_board
 from vision_gt.images.markers import detect_markers
-from vision_gt.pattern_files import pattern_files
-from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import ARTOOLKITPLUS, Family
 from vision_gt.patterns.drawing import board_print, marker_print, pattern_bytes
 from vision_gt.settings import VisionSettings
@@ -39,7 +40,7 @@ def test_a_marker_is_as_large_as_asked_and_is_detected():
 
 @pytest.mark.parametrize("family", ["", "4X4_100"])
 def test_a_board_is_as_large_as_asked_and_is_detected(family):
-    board = Board(family=Family(family) if family else None)
+    board = replace(CHESSBOARD, family=Family(family) if family else None)
     image = drawn(pattern_bytes(".svg", board_print(board)))
     image = cv2.copyMakeBorder(image, 40, 40, 40, 40, cv2.BORDER_CONSTANT, value=255)
     found = find_board(image, board, "classic")
@@ -49,7 +50,7 @@ def test_a_board_is_as_large_as_asked_and_is_detected(family):
 
 
 def test_the_pdf_has_the_size_of_the_sheet():
-    pattern = board_print(Board())
+    pattern = board_print(CHESSBOARD)
     pdf = pattern_bytes(".pdf", pattern)
     box = re.search(rb"MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", pdf)
     width, height = (float(v) / 72 * 0.0254 for v in box.groups())
@@ -59,12 +60,17 @@ def test_the_pdf_has_the_size_of_the_sheet():
 
 
 def test_all_patterns_of_a_campaign():
-    files = pattern_files(VisionSettings(), ".svg")
+    files = pattern_files(example_settings(), ".svg")
     assert "bar_second_board.svg" in files
-    assert sum(name.startswith("marker_") for name in files) == 6
-    assert pattern_bytes(".svg", board_print(Board())) == files["calibration_board.svg"]
+    assert sum(name.startswith("marker_") for name in files) == 4
+    assert pattern_bytes(".svg", board_print(CHESSBOARD)) == files["calibration_board.svg"]
+
+
+def test_no_patterns_are_printed_that_nobody_stated():
+    with pytest.raises(GtvalError, match="states no boards and no markers"):
+        pattern_files(VisionSettings(), ".svg")
 
 
 def test_another_ending_is_refused():
     with pytest.raises(GtvalError, match=r"\.svg or \.pdf"):
-        pattern_bytes(".png", board_print(Board()))
+        pattern_bytes(".png", board_print(CHESSBOARD))

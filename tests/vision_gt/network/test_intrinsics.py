@@ -9,9 +9,9 @@ from scipy.stats import chi2
 from vision_scenes import LENS, SIZE, board_view, camera
 
 from data_samples.rendering.campaign import _board_in_view
+from data_samples.rooms.cameras import CHESSBOARD
 from validation.errors import GtvalError
 from vision_gt.network.intrinsics import calibrate, known_displacement
-from vision_gt.patterns.boards import Board
 
 WORLD = RigidTransform.identity()
 
@@ -21,7 +21,7 @@ def board_views(seed: int, count: int = 12, noise: float = 0.05):
     views = []
     for number in range(count):
         T = _board_in_view(camera(), number, rng)
-        view = board_view(WORLD, "1", Board(), T, f"{number}", 0, noise, rng)
+        view = board_view(WORLD, "1", CHESSBOARD, T, f"{number}", 0, noise, rng)
         assert view is not None
         views.append(view)
     return views
@@ -67,7 +67,7 @@ def test_two_boards_at_a_known_displacement():
     lean = Rotation.from_rotvec([0.4, 0.2, 0.1])
     start = RigidTransform.from_components([-0.5, -0.3, 2.2], lean)
     moved = start * RigidTransform.from_translation([0.3, 0.0, 0.0])
-    views = [board_view(WORLD, "1", Board(), T, "b", 0, 0.03, rng) for T in (start, moved)]
+    views = [board_view(WORLD, "1", CHESSBOARD, T, "b", 0, 0.03, rng) for T in (start, moved)]
     for second in (views[1], views[1].turned()):
         distance, angle = known_displacement(views[0], second, camera())
         assert distance == pytest.approx(0.3, abs=0.001)

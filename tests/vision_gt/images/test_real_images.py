@@ -16,7 +16,7 @@ from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
 
 REAL = Path(
-    os.environ.get("GTVAL_REAL_DATA", Path(__file__).resolve().parents[3] / "shared" / "real")
+    os.environ.get("GTVAL_REAL_DATA", Path(__file__).resolve().parents[4] / "shared" / "real")
 )
 needs_real = pytest.mark.skipif(
     not (REAL / "vision").is_dir(), reason=f"no real data in {REAL} (set GTVAL_REAL_DATA)"

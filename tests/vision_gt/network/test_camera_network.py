@@ -8,13 +8,12 @@ from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 from vision_scenes import CameraRow
 
+from data_samples.rooms.cameras import CHESSBOARD
 from validation.errors import GtvalError
 from vision_gt.network.adjustment import Bar, KnownBody
-from vision_gt.network.chain import NotLinkedError, chain_cameras, pair_links
+from vision_gt.network.chain import NotLinkedError, bar_poses, chain_cameras, pair_links
 from vision_gt.network.solution import NetworkInput, solve_network
-from vision_gt.optics.board_pose import bar_poses
 from vision_gt.optics.transforms import angle_between, change_between
-from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
 
 KNOWN_REFERENCE = np.diag([1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4]) ** 2
@@ -128,7 +127,7 @@ def test_cameras_that_nothing_links_are_named():
 
 
 def test_a_swapped_pair_is_left_out_and_named():
-    row = CameraRow(1, snapshots=10, board=Board(family=Family("4X4_100")))
+    row = CameraRow(1, snapshots=10, board=replace(CHESSBOARD, family=Family("4X4_100")))
     victim = "1-2-4"
     swapped = [
         replace(view, camera={"1": "2", "2": "1"}[view.camera]) if view.body == victim else view

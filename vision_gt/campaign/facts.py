@@ -1,0 +1,31 @@
+"""Numbers of the vision system for scripts."""
+
+from vision_gt.campaign.outcome import VisionOutcome
+
+
+def vision_facts(outcome: VisionOutcome) -> dict[str, object]:
+    """What --json prints and results/run.json keeps."""
+    network = outcome.network.network
+    return {
+        "stops": len(outcome.stops),
+        "stops_with_pose": [stop.pose for stop in outcome.stops if stop.chosen is not None],
+        "stops_ambiguous": [
+            stop.pose
+            for stop in outcome.stops
+            if stop.chosen is None and any(p.ambiguous for p in stop.by_camera.values())
+        ],
+        "cameras": {
+            camera.name: {
+                "position": [float(v) for v in network.T_gtv_camera[i].translation],
+                "position_sigma": [
+                    float(network.pose_covariance(camera.name)[k, k] ** 0.5) for k in range(3)
+                ],
+                "chain": list(outcome.network.chain.path(camera.name)),
+            }
+            for i, camera in enumerate(network.cameras)
+        },
+        "corner_sigma": network.sigma,
+        "calibration_rms": {name: c.rms for name, c in outcome.calibrations.items()},
+        "steadiness": {one.camera: one.verdict for one in outcome.steadiness},
+        "as_published": bool(outcome.published),
+    }

@@ -1,0 +1,399 @@
+"""From the files of a campaign to data: what the lab states, and what the images show."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from validation.campaign.folder import Campaign
+from validation.errors import InputError, Problem
+from validation.systems import Progress, no_progress
+from vision_gt.images.files import CampaignImages, campaign_images, images_below
+from vision_gt.images.jobs import BoardJob, Found, Job, MarkerJob, detect_all
+from vision_gt.images.markers import Detection, Refinement
+from vision_gt.network.adjustment import KnownBody
+from vision_gt.optics.camera import Camera
+from vision_gt.optics.camera_files import read_cameras
+from vision_gt.patterns.board_views import BoardView
+from vision_gt.patterns.boards import Board
+from vision_gt.patterns.dictionaries import Family
+from vision_gt.robot.layout import Frame
+from vision_gt.settings import EXAMPLES, BoardSettings, Placement, VisionSettings, stated
+
+TABLE = "table"
+"""Folder of the images of the table check, which the system itself does not use."""
+
+
+def made_board(settings: BoardSettings | None) -> Board:
+    """The board that settings describe."""
+    board = stated(settings)
+    family = Family(board.family) if board.family else None
+    return Board(board.columns, board.rows, board.square, family, board.first_id)
+
+
+def placed(settings: Placement | None) -> RigidTransform:
+    """The transform that settings describe."""
+    place = stated(settings)
+    rotation = Rotation.from_matrix(np.array(place.rotation))
+    return RigidTransform.from_components(np.array(place.translation), rotation)
+
+
+def sides_of(settings: VisionSettings) -> dict[int, float]:
+    """Sides of the markers by their ids, metres."""
+    return {int(number): side for number, side in settings.markers.sides.items()}
+
+
+def known_reference(settings: VisionSettings) -> KnownBody:
+    """Where the reference pattern lies, face up, and how well that is known."""
+    reference = settings.reference
+    lying = Rotation.from_rotvec([0, 0, reference.heading]) * Rotation.from_rotvec([np.pi, 0, 0])
+    place = [*stated(reference.position), reference.height]
+    covariance = np.diag(np.square(reference.sigmas))
+    return KnownBody(RigidTransform.from_components(place, lying), covariance)
+
+
+def missing_facts(
+    toml: Path, settings: VisionSettings, needed: Mapping[str, str]
+) -> Iterator[Problem]:
+    """What a lab has to state of its hardware and did not: nothing here has a default.
+
+    Parameters
+    ----------
+    toml : Path
+        The campaign's.
+    settings : VisionSettings
+        As read.
+    needed : mapping of str to str
+        Keys or tables, such as 'vision.bar', and what they are needed for.
+    """
+    for table, keys in EXAMPLES.items():
+        found: Any = settings
+        for part in table.split(".")[1:]:
+            found = getattr(found, part)
+        for key, example in keys.items():
+            name = f"{table}.{key}"
+            why = needed.get(name) or needed.get(table)
+            if why and getattr(found, key) in (None, "", {}):
+                said = f"needed for {why}; write in [{table}] a line such as: {key} = {example}"
+                yield Problem(toml, said, field=name)
+
+
+@dataclass(frozen=True)
+class VisionInputs:
+    """What a campaign holds for the vision system.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The folder.
+    settings : VisionSettings
+        With what was chosen at the command line.
+    images : CampaignImages
+        By what they were taken for.
+    progress : callable
+        Told what is being done.
+    workers : int, optional
+        Processes; by default one for each processor.
+    oddities : list of (str, str)
+        Images and what is odd about them; grows while images are looked at.
+    """
+
+    campaign: Campaign
+    settings: VisionSettings
+    images: CampaignImages
+    progress: Progress = no_progress
+    workers: int | None = None
+    oddities: list[tuple[str, str]] = field(default_factory=list)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The cameras of the network."""
+        return tuple(self.settings.cameras) or tuple(self.images.poses)
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """Those of the network, and those that took the walk around the robot."""
+        return tuple(dict.fromkeys([*self.names, *self.images.movie]))
+
+    def board_views(self) -> tuple[dict[str, list[BoardView]], dict[str, tuple[int, int]]]:
+        """Views of all boards by what the image was taken for, and each camera's image size.
+
+        Raises
+        ------
+        InputError
+            For every bad image, and for images of one camera that differ in size.
+        """
+        kind = self.settings.detector
+        taken = list(self.board_images())
+        found = detect_all(
+            [
+                BoardJob(path, camera, moment, self._boards_in(purpose, camera, moment), kind)
+                for purpose, camera, path, moment in taken
+            ],
+            self.workers,
+            lambda share: self.progress("looking for boards", 0.45 * share),
+        )
+        _raise_faults(found)
+        views: dict[str, list[BoardView]] = {}
+        sizes: dict[str, dict[tuple[int, int], Path]] = {}
+        for (purpose, camera, _, _), one in zip(taken, found, strict=True):
+            self._note(one, "the board")
+            sizes.setdefault(camera, {}).setdefault(one.size, one.path)
+            views.setdefault(purpose, []).extend(one.boards)
+            if not one.boards and not one.note:
+                self.oddities.append((self._shown(one.path), "the board was not found"))
+        _check_sizes(sizes)
+        return views, {camera: next(iter(by_size)) for camera, by_size in sizes.items()}
+
+    def board_images(self) -> Iterator[tuple[str, str, Path, str]]:
+        """Images of boards: what they were taken for, camera, file, and a name for the moment."""
+        images = self.images
+        for camera in self.wanted:
+            for path in images.calibration.get(camera, ()):
+                if camera not in self.settings.camera_files:
+                    yield "calibration", camera, path, f"calibration/{camera}/{path.stem}"
+        bars = [
+            *(("network", c, path, s.name) for s in images.network for c, path in s.images.items()),
+            *(("bar", camera, path, f"bar/{path.stem}") for camera, path in images.bar),
+        ]
+        yield from (image for image in bars if image[1] in self.names)
+        for camera, path in images.reference.items():
+            yield "reference", camera, path, "reference"
+        for camera in self.watched:
+            yield "before", camera, images.before[camera], "before"
+            yield "after", camera, images.after[camera], "after"
+
+    @property
+    def watched(self) -> tuple[str, ...]:
+        """Cameras with an image of before and one of after."""
+        images = self.images
+        return tuple(n for n in self.names if n in images.before and n in images.after)
+
+    def _boards_in(self, purpose: str, camera: str, moment: str) -> list[tuple[int, Board]]:
+        """Which boards an image may show, with their parts of the bar."""
+        settings = self.settings
+        if purpose == "reference":
+            return [(0, made_board(settings.reference.board))]
+        if purpose not in {"network", "bar"}:
+            return [(0, made_board(settings.board))]
+        boards = [(0, made_board(settings.bar.first)), (1, made_board(settings.bar.second))]
+        if purpose == "bar" or all(board.family is not None for _, board in boards):
+            return boards
+        # Boards that look alike: a camera sees its own one.
+        pair = moment.split("-")[:2]
+        first = next((n for n in self.names if n in pair), None)
+        first = next((one for one, two in settings.bar.pairs if {one, two} == set(pair)), first)
+        return [boards[0 if camera == first else 1]]
+
+    def camera_from_file(self, name: str, size: tuple[int, int] | None) -> Camera:
+        """A camera as its file has it.
+
+        Raises
+        ------
+        InputError
+            If the file is bad, has no such camera, or is made for images of another size.
+        """
+        path = self.campaign.folder / self.settings.camera_files[name]
+        found = read_cameras(path)
+        chosen = next((c for c in found if c.name == name), found[0] if len(found) == 1 else None)
+        if chosen is None:
+            names = ", ".join(c.name for c in found)
+            raise InputError([Problem(path, f"it has no camera '{name}' (it has {names})")])
+        if size is not None and size != chosen.size:
+            said = (
+                f"made for {chosen.size[0]} x {chosen.size[1]} pixels, but the images of camera "
+                f"{name} have {size[0]} x {size[1]}"
+            )
+            raise InputError([Problem(path, said)])
+        return replace(chosen, name=name)
+
+    @property
+    def movie_camera(self) -> str:
+        """The camera that took most of the walk around the robot."""
+        return max(self.images.movie, key=lambda name: len(self.images.movie[name]))
+
+    @property
+    def walk(self) -> Sequence[Path]:
+        """Its images."""
+        return self.images.movie[self.movie_camera]
+
+    def marker_views(
+        self, cameras: Mapping[str, Camera]
+    ) -> tuple[list[Frame], dict[tuple[str, str], Detection]]:
+        """Markers in the walk around the robot, and in the images of the stops.
+
+        Parameters
+        ----------
+        cameras : mapping of str to Camera
+            Whose distortion bends the edges of the markers.
+
+        Returns
+        -------
+        frames : list of Frame
+            Of the movie camera.
+        detections : dict of (str, str) to Detection
+            By camera and stop.
+        """
+        walk = self.walk
+        stops = self.stop_images()
+        jobs = [self._marker_job(path, cameras[self.movie_camera]) for path in walk]
+        jobs += [self._marker_job(path, cameras[name]) for (name, _), path in stops.items()]
+        found = detect_all(
+            jobs,
+            self.workers,
+            lambda share: self.progress("looking for markers", 0.65 + 0.2 * share),
+        )
+        _raise_faults(found)
+        for one in found:
+            self._note(one, "the marker")
+            for number in one.markers.duplicates:
+                self.oddities.append(
+                    (self._shown(one.path), f"marker {number} is seen twice; neither is used")
+                )
+            for number in one.markers.strangers:
+                said = f"marker {number} is not in vision.markers.sides; it is not used"
+                self.oddities.append((self._shown(one.path), said))
+        frames = [Frame(one.path.stem, one.markers.views) for one in found[: len(walk)]]
+        return frames, dict(zip(stops, (one.markers for one in found[len(walk) :]), strict=True))
+
+    def published_views(self, cameras: Mapping[str, Camera]) -> dict[tuple[str, str], Detection]:
+        """Markers in the images of the stops with corners as OpenCV finds them."""
+        stops = self.stop_images()
+        jobs = [self._marker_job(path, cameras[name], "none") for (name, _), path in stops.items()]
+        found = detect_all(jobs, self.workers)
+        return dict(zip(stops, (one.markers for one in found), strict=True))
+
+    def stop_images(self) -> dict[tuple[str, str], Path]:
+        """Images of the robot by camera and stop."""
+        poses = self.images.poses
+        return {(n, pose): path for n in self.names for pose, path in poses.get(n, {}).items()}
+
+    def _marker_job(self, path: Path, camera: Camera, refinement: Refinement = "edges") -> Job:
+        markers = self.settings.markers
+        family = Family(markers.family, markers.border)
+        return MarkerJob(path, family, tuple(sides_of(self.settings)), camera, refinement)
+
+    def _note(self, found: Found, what: str) -> None:
+        """Remember what is odd about an image."""
+        said = {
+            "blank": "blank: nothing but noise (a covered lens, no light?)",
+            "mirrored": f"{what} is only found in the mirror image: the print, or the image, is "
+            "mirrored",
+        }
+        if found.note:
+            self.oddities.append((self._shown(found.path), said[found.note]))
+
+    def _shown(self, path: Path) -> str:
+        return str(path.relative_to(self.campaign.folder))
+
+
+def load_inputs(
+    campaign: Campaign,
+    progress: Progress = no_progress,
+    workers: int | None = None,
+    choices: Mapping[str, object] | None = None,
+) -> VisionInputs:
+    """What a campaign holds for the vision system, checked but for the contents of the images.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The folder.
+    progress : callable
+        Told what is being done.
+    workers : int, optional
+        Processes; by default one for each processor.
+    choices : mapping of str to object, optional
+        Settings that are used instead of the campaign's.
+
+    Raises
+    ------
+    InputError
+        Naming every image that is missing or has a name that says nothing, and every fact of the
+        lab's hardware that campaign.toml has to state.
+    """
+    stated = campaign.section("vision", VisionSettings)
+    settings = VisionSettings.model_validate(
+        {**stated.model_dump(exclude_unset=True), **(choices or {})}
+    )
+    images = campaign_images(campaign.folder / settings.images)
+    given = VisionInputs(campaign, settings, images, progress, workers)
+    problems = [*_missing_images(given), *missing_facts(campaign.toml, settings, _needed(given))]
+    if problems:
+        raise InputError(problems)
+    given.oddities.extend(_not_used(given))
+    return given
+
+
+def _needed(given: VisionInputs) -> dict[str, str]:
+    """Facts of the hardware that these images ask for, and what for."""
+    images = given.images
+    needed = {
+        "vision.reference": "the image of the reference pattern",
+        "vision.markers": "the images of the robot",
+    }
+    if given.watched:
+        needed["vision.board"] = "the images of steadiness"
+    if any(purpose == "calibration" for purpose, _, _, _ in given.board_images()):
+        needed["vision.board"] = "the calibration images"
+    if images.network or images.bar:
+        needed["vision.bar"] = "the images of the double pattern"
+    return needed
+
+
+def _missing_images(given: VisionInputs) -> Iterator[Problem]:
+    """Cameras without what they need."""
+    folder = given.campaign.folder / given.settings.images
+    images, names = given.images, given.names
+    for name in given.wanted:
+        if name not in images.calibration and name not in given.settings.camera_files:
+            said = "has neither calibration images nor an entry in vision.camera_files"
+            yield Problem(folder / "calibration" / name, f"camera {name} {said}")
+    if not images.reference:
+        yield Problem(folder / "reference", "no image of the reference pattern (CAMERA.png)")
+    if not images.movie:
+        yield Problem(folder / "layout", "no movie around the robot (layout/CAMERA/*.png)")
+    for name, path in images.reference.items():
+        if name not in names:
+            yield Problem(path, f"there is no camera '{name}' ({', '.join(names)})")
+
+
+def _not_used(given: VisionInputs) -> Iterator[tuple[str, str]]:
+    """Images that no step looks at, and why; and camera files of cameras that there are not."""
+    folder = given.campaign.folder
+    used = {path for _, _, path, _ in given.board_images()}
+    used |= {*given.walk, *given.stop_images().values()}
+    root = folder / given.settings.images
+    for path in images_below(root):
+        if path not in used and path.relative_to(root).parts[0] != TABLE:
+            what = "not used: no step looks at an image of this place, camera or kind"
+            yield str(path.relative_to(folder)), what
+    for name, file in given.settings.camera_files.items():
+        if name not in given.wanted:
+            yield file, f"not used: there are no images of camera {name} (vision.camera_files)"
+
+
+def _raise_faults(found: Sequence[Found]) -> None:
+    faults = [Problem(one.path, one.fault) for one in found if one.fault]
+    if faults:
+        raise InputError(faults)
+
+
+def _check_sizes(sizes: Mapping[str, Mapping[tuple[int, int], Path]]) -> None:
+    """Raise where one camera's images differ in size."""
+    problems = []
+    for camera, by_size in sizes.items():
+        (usual, example), *others = by_size.items()
+        problems += [
+            Problem(
+                path,
+                f"{size[0]} x {size[1]} pixels, but {example.name} of camera {camera} has "
+                f"{usual[0]} x {usual[1]}",
+            )
+            for size, path in others
+        ]
+    if problems:
+        raise InputError(problems)

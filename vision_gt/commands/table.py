@@ -1,0 +1,112 @@
+"""The table check of a campaign: images and earlier results to readings, and their tables."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from validation.campaign.folder import Campaign
+from validation.errors import GtvalError, InputError, Problem
+from validation.poses.pose_table import from_csv
+from validation.results import Table
+from vision_gt.campaign.inputs import made_board, missing_facts
+from vision_gt.images.files import images_of_poses
+from vision_gt.images.jobs import BoardJob, detect_all
+from vision_gt.network.stored import read_network
+from vision_gt.network.table_check import TableReading, check_table
+from vision_gt.settings import VisionSettings, stated
+
+MM = 1e3
+
+
+def table_readings(campaign: Campaign, workers: int | None = None) -> list[TableReading]:
+    """Boards on the table, found in the images of vision/table, beside the validation poses.
+
+    Raises
+    ------
+    GtvalError
+        If results or images are missing or bad.
+    """
+    settings = campaign.section("vision", VisionSettings)
+    needed = {"vision.table": "the images of a board on a table"}
+    if problems := list(missing_facts(campaign.toml, settings, needed)):
+        raise InputError(problems)
+    network = read_network(campaign.results)
+    validation = from_csv(campaign.results / "poses_survey.csv", system="survey")
+    folder = campaign.folder / settings.images / "table"
+    images = images_of_poses(folder)
+    board = made_board(settings.table.board)
+    jobs = [
+        (pose, BoardJob(path, camera, pose, [(0, board)], settings.detector))
+        for camera, paths in images.items()
+        for pose, path in paths.items()
+    ]
+    if not jobs:
+        raise InputError([Problem(folder, "no images (CAMERA/poseX.png) of a board on a table")])
+    unknown = sorted(set(images) - set(network.names))
+    if unknown:
+        raise GtvalError(f"{folder}: the results have no camera {', '.join(unknown)}")
+    found = detect_all([job for _, job in jobs], workers)
+    problems = [
+        Problem(one.path, one.fault or "the board was not found")
+        for one in found
+        if one.fault or not one.boards
+    ]
+    if problems:
+        raise InputError(problems)
+    views = [(pose, one.boards[0]) for (pose, _), one in zip(jobs, found, strict=True)]
+    table = settings.table
+    place = (*stated(table.corner), table.heading, stated(table.height))
+    return check_table(views, network, validation, place)
+
+
+def reading_facts(readings: Sequence[TableReading]) -> list[dict[str, object]]:
+    """Numbers for scripts."""
+    return [
+        {
+            "pose": one.pose,
+            "camera": one.camera,
+            "validation": one.validation,
+            "board": one.board,
+            "difference": one.difference,
+        }
+        for one in readings
+    ]
+
+
+def reading_table(readings: Sequence[TableReading]) -> Table:
+    """The document's table: each pose with its differences, validation minus board."""
+    rows = []
+    for one in readings:
+        cells = [
+            value
+            for k in range(3)
+            for value in (one.validation[k], one.board[k], one.difference[k])
+        ]
+        rows.append((one.pose, one.camera, *cells, float(one.difference[3])))
+    columns = [
+        f"{name} {what} [m]" for name in "xyz" for what in ("validation", "board", "difference")
+    ]
+    return Table(
+        "Chessboard on the table",
+        ("pose", "camera", *columns, "heading difference [rad]"),
+        rows,
+        ("", "", *((".4f", ".4f", "+.4f") * 3), "+.4f"),
+        note="Difference: validation minus board.",
+    )
+
+
+def statistics_table(readings: Sequence[TableReading]) -> Table:
+    """Mean, standard deviation and largest absolute value of the differences."""
+    off = np.array([one.difference for one in readings])
+    rows = []
+    for k, name in enumerate(("x [mm]", "y [mm]", "z [mm]", "heading [mrad]")):
+        column = MM * off[:, k]
+        spread = float(column.std(ddof=1)) if len(column) > 1 else None
+        rows.append((name, len(column), float(column.mean()), spread, float(np.abs(column).max())))
+    return Table(
+        "Differences of the chessboard on the table",
+        ("component", "n", "average", "standard deviation", "largest absolute value"),
+        rows,
+        ("", "", "+.2f", ".2f", ".2f"),
+        note="The document reports averages of 2.9 mm and -0.1 mm in x and y.",
+    )
