@@ -259,7 +259,9 @@ def bias_test(mean: float, std: float, n: int, limit: float, confidence: float =
     if n < 2 or np.isnan(std):
         return BiasTest(limit, NAN, NAN, confidence)
     error = std / np.sqrt(n)
-    p_value = float(special.stdtr(n - 1, (abs(mean) - limit) / error))
+    beyond = abs(mean) - limit
+    # Values that are all the same leave no doubt.
+    p_value = float(special.stdtr(n - 1, beyond / error) if error > 0 else beyond >= 0)
     smallest = abs(mean) + special.stdtrit(n - 1, confidence) * error
     return BiasTest(limit, p_value, float(smallest), confidence)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from validation.explain.fitting.models import Corrected, ErrorModel, correct
+from validation.explain.fitting.models import UNITS, Corrected, ErrorModel, correct
 from validation.explain.fitting.noise import (
     Mask,
     Precision,
@@ -18,7 +18,7 @@ from validation.poses.angles import Array, wrap
 
 ITERATIONS = 60
 _TOLERANCE = 1e-4
-_SMALLEST_SCALE = np.array([1e-6, 1e-6])
+SMALLEST_SCALE = np.array([1e-6, 1e-6])
 """Metres and radians: below this, noise is of the arithmetic."""
 
 LEAST_P = float(np.finfo(float).tiny)
@@ -95,6 +95,12 @@ def covariance_of(information: Array) -> Array:
     return np.asarray(result)
 
 
+def known_part(covariance: Array) -> Array:
+    """The covariance (..., k, k) as if undetermined parameters were known and did not move."""
+    known = np.isfinite(np.diagonal(covariance, axis1=-2, axis2=-1))
+    return np.where(known[..., :, None] & known[..., None, :], covariance, 0.0)
+
+
 def fit(
     pairs: Pairs,
     model: ErrorModel,
@@ -138,10 +144,10 @@ def fit(
         cells,
         estimated=not pairs.stated if estimate_scale is None else estimate_scale,
     )
-    batch = len(include)
+    batch, limits = len(include), _limits(pairs, model)
     parameters = np.zeros((batch, len(model.fitted)))
     scale = np.ones((batch, 2))
-    floor = _SMALLEST_SCALE
+    floor = SMALLEST_SCALE
     if start is not None:
         parameters = np.broadcast_to(start.parameters, parameters.shape).copy()
         scale = np.broadcast_to(start.scale, scale.shape)
@@ -150,13 +156,27 @@ def fit(
         scale = problem.median_scale(parameters)
     for _ in range(iterations):
         step, information, moved = problem.iterate(parameters, scale, floor, start is None)
-        parameters = parameters + step
+        parameters = np.clip(parameters + step, -limits, limits)
         size = np.abs(step) * np.sqrt(np.maximum(np.einsum("bii->bi", information), 0))
         change = np.abs(np.log(moved / scale)).max(initial=0.0)
         scale = moved
         if size.max(initial=0.0) < _TOLERANCE and change < _TOLERANCE:
             break
     return problem.finish(parameters, scale)
+
+
+def _limits(pairs: Pairs, model: ErrorModel) -> Array:
+    """(k,) largest size that a parameter may take, so that no step leads out of the arithmetic.
+
+    No two poses differ by more than the largest coordinates of both tables together, and a shift
+    or a ratio of ten times that explains nothing. A time offset is bounded by `LONGEST`.
+    """
+    extent = 1 + np.abs(pairs.validation[:, :2]).max() + np.abs(pairs.gt[:, :2]).max()
+    return np.array([LONGEST if UNITS[name] == "s" else 10 * extent for name in model.fitted])
+
+
+LONGEST = 1e9
+"""Seconds; 30 years, as between two clocks that count from different days."""
 
 
 class _Problem:
@@ -299,7 +319,7 @@ class _Problem:
         if guard and self.cells is None:
             median = np.sqrt(np.median(squares, axis=1) / np.array([1.386, 0.455])) * scale
             found = np.maximum(found, _SPIKE * median)
-        return np.asarray(np.maximum(found, floor if self.cells is None else _SMALLEST_SCALE))
+        return np.asarray(np.maximum(found, floor if self.cells is None else SMALLEST_SCALE))
 
     def median_scale(self, parameters: Array) -> Array:
         """Where the noise level starts: from the median residual."""

@@ -158,10 +158,12 @@ def _one_kind(
         difference = poses[a] - poses[b]
         difference[:, 2] = wrap(difference[:, 2])
         mask = good[a, :, kind] & good[b, :, kind] & np.isfinite(difference).all(1)
+        if mask.sum() < _MINIMUM:
+            continue
         count = float(mask.sum() * DIMENSIONS[kind])
         shares = _shares(count, float(lost[a, kind]), float(lost[b, kind]))
         dof = count * min(shares)
-        if mask.sum() < _MINIMUM or dof < 1:
+        if dof < 1:
             continue
         part = difference[mask, 2:] if kind else difference[mask, :2]
         squares = (part**2).sum(1)
@@ -325,5 +327,5 @@ def _skewness(
     third = np.einsum("sjab,sjbc,sjca->s", forms, forms, forms)
     # Per number in a cell and counting the freedom that is lost: fewer numbers, more skewness.
     numbers = float(np.mean(freedom / used.sum(1)))
-    spread = np.sqrt(np.maximum(2 * second, 1e-300) * numbers) ** 3
-    return np.asarray(8 * third * numbers / spread)
+    spread = np.sqrt(np.maximum(2 * second, 0.0) * numbers) ** 3
+    return np.where(spread > 0, 8 * third * numbers / np.where(spread > 0, spread, 1.0), 0.0)

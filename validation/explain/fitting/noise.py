@@ -54,9 +54,41 @@ class Weighed(NamedTuple):
     weights: Array
 
 
+def regular(matrices: Array) -> Array:
+    """Symmetric matrices (..., d, d) without negative directions, made fit to be inverted.
+
+    A covariance that is carried along a long arm, or a sum of weights of very different sizes,
+    may be singular once it is rounded. Where the least eigenvalue of its correlations says so,
+    the diagonal grows until that is `ROUNDING`; all others stay as they are, to the last bit.
+    """
+    matrices = np.asarray(matrices, dtype=float)
+    diagonal = np.diagonal(matrices, axis1=-2, axis2=-1)
+    size = np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
+    correlations = matrices / size[..., :, None] / size[..., None, :]
+    missing = np.zeros(matrices.shape[:-2])
+    # Eigenvalues are slow, and far from zero where the determinant is.
+    close = np.linalg.det(correlations) < CLOSE
+    least = np.linalg.eigvalsh(correlations[close])[..., 0]
+    missing[close] = np.maximum(ROUNDING - least, 0.0)
+    if not missing.any():
+        return matrices
+    return matrices + (missing[..., None] * size**2)[..., None] * np.eye(matrices.shape[-1])
+
+
+ROUNDING = 1e-6
+"""Part of a variance that is put back where rounding has taken it. `precision` inverts a block
+and then what is left: from numbers good to u = 2e-16, what is left of a matrix with a lost
+direction is ROUNDING, known to about u / ROUNDING, which must be far smaller: ROUNDING is far
+above the root of u, 1.5e-8. In correlations it makes a difference beyond 0.999999 only."""
+
+CLOSE = 1e-3
+"""Determinant of correlations below which eigenvalues are looked at. Rounding makes eigenvalues
+negative by far less than 0.03, the size that two of them need for a product above this."""
+
+
 def precision(covariance: Array) -> Precision:
     """Inverses that `weigh` needs, from covariances (..., 3, 3) of x, y, theta."""
-    covariance = np.asarray(covariance, dtype=float)
+    covariance = regular(covariance)
     a, b, c = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
     heading = covariance[..., 2, 2]
     determinant = a * c - b * b

@@ -168,7 +168,7 @@ def gain_p_value(simple: Fit, full: Fit) -> float:
     left = n - len(full.model.fitted) - 2
     if left < 1:
         return 1.0
-    statistic = np.expm1(gain / n) * left / extra
+    statistic = np.expm1(min(gain / n, 700.0)) * left / extra
     return max(float(special.fdtrc(extra, left, statistic)), LEAST_P)
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from validation.explain.fitting.fit import LEAST_P, Fit, covariance_of, fit
+from validation.explain.fitting.fit import LEAST_P, Fit, covariance_of, fit, known_part
 from validation.explain.fitting.models import UNITS, correct
-from validation.explain.fitting.noise import Mask, masked_precision, precision
+from validation.explain.fitting.noise import Mask, masked_precision, precision, regular
 from validation.explain.fitting.pairs import Pairs
 from validation.explain.fitting.shared import shared_covariance
 from validation.poses.angles import Array, wrap
@@ -102,10 +102,9 @@ class Settled:
         made = self.fit.corrected
         slopes = np.broadcast_to(made.by_parameters, (1, *self.before.shape, self._k))[0]
         by = np.broadcast_to(made.by_pose, (1, *self.before.shape, 3))[0]
-        full = self.full_covariance
-        finite = np.where(np.isfinite(full), full, 0.0)
+        finite = known_part(self.full_covariance)
         own = by @ self.pairs.gt_covariances @ np.swapaxes(by, -1, -2)
-        return np.asarray(own + np.einsum("nik,kl,njl->nij", slopes, finite, slopes))
+        return regular(own + np.einsum("nik,kl,njl->nij", slopes, finite, slopes))
 
     @property
     def _k(self) -> int:
@@ -265,8 +264,7 @@ def _freedom(plain: Fit, cells: Mask) -> Array:
     if not plain.parameters.shape[1]:
         return np.zeros(2)
     slopes, used = _pieces(plain, cells)
-    covariance = covariance_of(plain.information)[0]
-    finite = np.where(np.isfinite(covariance), covariance, 0.0)
+    finite = known_part(covariance_of(plain.information)[0])
     hat = np.einsum("nik,kl,njl,nji->ni", slopes, finite, slopes, used)
     return np.array([hat[:, :2].sum(), hat[:, 2].sum()])
 

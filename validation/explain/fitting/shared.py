@@ -6,18 +6,15 @@ under test. Fits weigh the poses one by one; here their parameters get the uncer
 shared errors add, so that a survey's own error is not taken for a fault of the system.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy import special
 
+from validation.explain.fitting.fit import Fit, known_part
+from validation.explain.fitting.noise import regular
 from validation.poses.angles import Array
 
-if TYPE_CHECKING:
-    from validation.explain.fitting.fit import Fit
 
-
-def shared_covariance(fit: "Fit", covariance: Array, between: Array | None) -> Array:
+def shared_covariance(fit: Fit, covariance: Array, between: Array | None) -> Array:
     """(k, k) what the shared errors add to the covariance of a fit's parameters.
 
     Parameters
@@ -40,13 +37,19 @@ def shared_covariance(fit: "Fit", covariance: Array, between: Array | None) -> A
     n = fit.residuals.shape[1]
     slopes = np.broadcast_to(fit.corrected.by_parameters, (1, n, 3, k))[0]
     root = np.sqrt(fit.weights[0][:, [0, 0, 1]])
-    precision = root[:, :, None] * np.linalg.inv(fit.covariances[0]) * root[:, None, :]
-    finite = np.where(np.isfinite(covariance), covariance, 0.0)
-    gain = np.einsum("kl,nil,nij->knj", finite, slopes, precision)
-    return np.asarray(np.einsum("kni,nimj,lmj->kl", gain, between, gain))
+    precision = root[:, :, None] * np.linalg.inv(regular(fit.covariances[0])) * root[:, None, :]
+    own = known_part(covariance)
+    gain = np.einsum("kl,nil,nij->knj", own, slopes, precision)
+    added = np.einsum("kni,nimj,lmj->kl", gain, between, gain)
+    known = np.isfinite(np.diagonal(covariance))
+    if np.linalg.eigvalsh((own + added)[known][:, known]).min(initial=1.0) >= 0:
+        return np.asarray(added)
+    # Errors that cancel make parameters better known, but never better than exactly.
+    values, vectors = np.linalg.eigh(added)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
-def dropped_p_value(full: "Fit", simple: "Fit", covariance: Array) -> float:
+def dropped_p_value(full: Fit, simple: Fit, covariance: Array) -> float:
     """Chance of so large values of what the simpler explanation leaves out, if it were true.
 
     Parameters
@@ -62,4 +65,4 @@ def dropped_p_value(full: "Fit", simple: "Fit", covariance: Array) -> float:
     if not rows or not np.isfinite(block).all():
         return 1.0
     values = full.parameters[0, rows]
-    return float(special.chdtrc(len(rows), values @ np.linalg.solve(block, values)))
+    return float(special.chdtrc(len(rows), values @ np.linalg.solve(regular(block), values)))

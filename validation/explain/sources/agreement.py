@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from validation.explain.fitting.noise import masked_precision, precision
+from validation.explain.fitting.noise import masked_precision, precision, regular
 from validation.explain.fitting.settled import Settled
 from validation.poses.angles import Array
 
@@ -88,9 +88,9 @@ def agreement(sensor: str, fits: Sequence[Settled]) -> Agreement:
         for j in range(m):
             block = _mount(fits[i])[1] if i == j else _cross(fits[i], fits[j])
             covariance[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = block
-    weight = np.linalg.inv(covariance)
+    weight = np.linalg.inv(regular(covariance))
     stack = np.tile(np.eye(3), (m, 1))
-    joint_covariance = np.linalg.inv(stack.T @ weight @ stack)
+    joint_covariance = np.linalg.inv(regular(stack.T @ weight @ stack))
     joint = joint_covariance @ stack.T @ weight @ mounts.ravel()
     left = mounts.ravel() - stack @ joint
     square = float(left @ weight @ left)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import special
 
 from validation.explain.fitting.hat_values import DIMENSIONS
-from validation.explain.fitting.noise import Mask
+from validation.explain.fitting.noise import ROUNDING, Mask, regular
 from validation.explain.sources.reading_of_sources import (
     CELLS,
     Sources,
@@ -36,14 +36,13 @@ class _Gains:
     """What each of G suspects explains at n stops, in one kind of cell.
 
     ``gain`` (G, n) chi-squared that its removal takes away, ``valid`` (G, n) whether it can be
-    asked, ``size`` (G, n) determinant of the standard deviations of its distance from the rest,
-    and ``whole`` (n,) the chi-squared of all about their weighted mean.
+    asked, and ``size`` (G, n) determinant of the standard deviations of its distance from the
+    rest.
     """
 
     gain: Array
     valid: Mask
     size: Array
-    whole: Array
 
 
 class JudgedTable:
@@ -103,7 +102,7 @@ class JudgedTable:
         covariances[stated] = sources.covariances[stated][..., part, part]
         there = sources.present
         covariances[~there] = np.eye(d)
-        weights = np.linalg.inv(covariances) * there[..., None, None]
+        weights = np.linalg.inv(regular(covariances)) * there[..., None, None]
         values = differences(sources.poses, sources.poses[:1], kind)
         return np.where(there[..., None], values, 0.0), np.asarray(weights)
 
@@ -112,27 +111,21 @@ class JudgedTable:
         values, weights = self._prepared[kind]
         weights = weights * there[..., None, None]
         pulls = np.einsum("snij,snj->sni", weights, values)
-        total, pull = weights.sum(0), pulls.sum(0)
         own = np.einsum("gs,snij->gnij", self._member, weights)
         own_pull = np.einsum("gs,sni->gni", self._member, pulls)
+        rest, rest_pull = _without(self._member, weights, pulls)
         count, inside = there.sum(0), self._member @ there
         need = np.array([min(len(group), 2) for group in self.groups])[:, None]
         valid = (inside >= need) & (inside < count)
         eye = np.eye(values.shape[-1])
-        own_covariance = np.linalg.inv(np.where(valid[..., None, None], own, eye))
-        rest = np.where(valid[..., None, None], total - own, eye)
-        rest_covariance = np.linalg.inv(rest)
+        own_covariance = np.linalg.inv(regular(np.where(valid[..., None, None], own, eye)))
+        rest_covariance = np.linalg.inv(regular(np.where(valid[..., None, None], rest, eye)))
         apart = np.einsum("gnij,gnj->gni", own_covariance, own_pull)
-        apart = apart - np.einsum("gnij,gnj->gni", rest_covariance, pull - own_pull)
-        both = own_covariance + rest_covariance
+        apart = apart - np.einsum("gnij,gnj->gni", rest_covariance, rest_pull)
+        both = regular(own_covariance + rest_covariance)
         gain = np.einsum("gni,gnij,gnj->gn", apart, np.linalg.inv(both), apart)
-        some = count > 0
-        mean = np.linalg.solve(np.where(some[:, None, None], total, eye), pull[..., None])[..., 0]
-        whole = np.einsum("sni,sni->n", values, pulls) - (mean * pull).sum(-1)
         size = np.sqrt(np.linalg.det(both))
-        return _Gains(
-            np.where(valid, gain, 0.0), valid, np.where(valid, size, 0.0), np.maximum(whole, 0.0)
-        )
+        return _Gains(np.where(valid, gain, 0.0), valid, np.where(valid, size, 0.0))
 
     def _asked(self, found: _Gains) -> Array:
         """(G, n) 1 for each question; of two sources at a stop only one is asked."""
@@ -258,7 +251,7 @@ class JudgedTable:
         for some in (self._member[group] > 0, self._member[group] == 0):
             w = weights[some & there[:, stop], stop]
             pull = np.einsum("sij,sj->i", w, values[some & there[:, stop], stop])
-            means.append(np.linalg.solve(w.sum(0), pull))
+            means.append(np.linalg.solve(regular(w.sum(0)), pull))
         return float(np.linalg.norm(means[0] - means[1]))
 
     def _sensor_of(self, names: Sequence[str]) -> str:
@@ -274,15 +267,36 @@ class JudgedTable:
         for kind in range(2):
             values, weights = self._prepared[kind]
             counted = weights * ~excluded[..., kind, None, None]
-            total = counted.sum(0) - counted
-            pull = np.einsum("snij,snj->sni", counted, values)
-            pull = pull.sum(0) - pull
+            pulls = np.einsum("snij,snj->sni", counted, values)
+            total, pull = _without(np.eye(len(values)), counted, pulls)
             known = self.sources.present & (np.linalg.det(total) > 0)
             eye = np.eye(2 - kind)
-            others = np.linalg.inv(np.where(known[..., None, None], total, eye))
-            own = np.linalg.inv(np.where(known[..., None, None], weights, eye))
+            others = np.linalg.inv(regular(np.where(known[..., None, None], total, eye)))
+            own = np.linalg.inv(regular(np.where(known[..., None, None], weights, eye)))
             left = values - np.einsum("snij,snj->sni", others, pull)
-            square = np.einsum("sni,snij,snj->sn", left, np.linalg.inv(own + others), left)
+            square = np.einsum("sni,snij,snj->sn", left, np.linalg.inv(regular(own + others)), left)
             square = square / self._factor[: len(square), :, kind]
             result[..., kind] = np.where(known, np.sqrt(square), np.nan)
         return result
+
+
+def _without(member: Array, weights: Array, pulls: Array) -> tuple[Array, Array]:
+    """Summed weights (G, n, d, d) and pulls (G, n, d) of all sources but those of each suspect.
+
+    Parameters
+    ----------
+    member : (G, S) array
+        1 for the sources of each suspect.
+    weights, pulls : (S, n, d, d) and (S, n, d) array
+        Of the sources.
+    """
+    total = weights.sum(0)
+    rest = total - np.einsum("gs,snij->gnij", member, weights)
+    rest_pull = pulls.sum(0) - np.einsum("gs,sni->gni", member, pulls)
+    left, whole = (np.diagonal(one, axis1=-2, axis2=-1) for one in (rest, total))
+    lost = (left < ROUNDING * whole).any(-1)
+    if lost.any():  # beside a far larger weight, a difference is rounding: summed anew
+        others = 1 - member
+        rest = np.where(lost[..., None, None], np.einsum("gs,snij->gnij", others, weights), rest)
+        rest_pull = np.where(lost[..., None], np.einsum("gs,sni->gni", others, pulls), rest_pull)
+    return rest, rest_pull

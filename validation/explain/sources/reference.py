@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from validation.explain.fitting.fit import known_part
+from validation.explain.fitting.noise import regular
 from validation.explain.fitting.settled import Settled
 from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import PoseTable
@@ -88,8 +90,7 @@ def infer_reference(
     certain : bool
         Whether it is known from elsewhere that the system was tied by one of the stops.
     """
-    values, covariance = settled.values[:6], settled.covariance[:6, :6]
-    covariance = np.where(np.isfinite(covariance), covariance, 0.0)
+    values, covariance = settled.values[:6], known_part(settled.covariance[:6, :6])
     poses = validation.poses
     slips = _slips(values, poses)
     steps = _STEP * np.eye(6)
@@ -97,7 +98,7 @@ def infer_reference(
         [(_slips(values + h, poses) - _slips(values - h, poses)) / (2 * _STEP) for h in steps], -1
     )
     own = _pose_noise(settled, validation, noise)
-    total = own + slopes @ covariance @ np.swapaxes(slopes, -1, -2)
+    total = regular(own + slopes @ covariance @ np.swapaxes(slopes, -1, -2))
     squares = np.einsum("ni,nij,nj->n", slips, np.linalg.inv(total), slips)
     log_density = -0.5 * (squares + np.linalg.slogdet(2 * np.pi * total)[1])
     p_values = _tail(squares, settled)
