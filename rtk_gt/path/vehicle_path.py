@@ -17,13 +17,14 @@ from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.poses.pose_table import SPATIAL, PoseTable
+from validation.shown import Shown
 
 LARGEST_JOINT = 300
 """Up to so many poses the joint covariance is kept; (6 n)^2 numbers are too many beyond."""
 
 
-@dataclass(frozen=True)
-class VehiclePath:
+@dataclass(frozen=True, repr=False)
+class VehiclePath(Shown):
     """Poses of the vehicle in the local frame.
 
     Parameters
