@@ -3,7 +3,7 @@
 
 VENV := .venv
 PYTHON := $(VENV)/bin/python
-TESTED := validation survey vision_gt laser_gt rtk_gt data_samples tests benchmarks docs
+TESTED := gtval validation survey vision_gt laser_gt rtk_gt data_samples tests benchmarks docs examples
 
 # One thread a process: the tests run side by side, and small matrices gain nothing from more.
 export OMP_NUM_THREADS := 1
@@ -24,6 +24,7 @@ check-code: $(VENV)/installed-for-tests
 	$(PYTHON) -m ruff check $(TESTED)
 	$(PYTHON) -m ruff format --check $(TESTED)
 	$(PYTHON) -m mypy
+	$(VENV)/bin/lint-imports --no-cache
 
 # What users get is the wheel: the demo must run from it, far from this folder.
 check-wheel: $(VENV)/installed-for-tests
@@ -36,6 +37,7 @@ images: $(VENV)/installed
 	$(PYTHON) docs/make_images.py
 	$(PYTHON) docs/make_survey_images.py
 	$(PYTHON) docs/make_explain_images.py
+	$(PYTHON) docs/make_room_pictures.py
 
 clean:
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -14,6 +14,7 @@ from validation.explain.telling.section import ExplainParts, explain_campaign
 from validation.poses.pose_files import pose_files
 from validation.poses.pose_table import SPATIAL, PoseTable
 from validation.results import VALIDATION_SYSTEM, Finding, Section, SystemResult
+from validation.shown import Shown
 from validation.solving import (
     SolvedSystem,
     made_with,
@@ -31,8 +32,8 @@ from validation.text_files.json_text import json_text
 from validation.text_files.writing import write_files
 
 
-@dataclass(frozen=True)
-class RunResult:
+@dataclass(frozen=True, repr=False)
+class RunResult(Shown):
     """All that a run found.
 
     Parameters

@@ -132,22 +132,14 @@ def simulate(
     The folder holds a survey of the room and an example ground truth to compare with it;
     `gtval run FOLDER` computes it. What is true is in FOLDER/truth, which no computation reads.
     """
-    import numpy as np
-
-    from data_samples.rooms.campaign_files import write_campaign
-    from data_samples.rooms.rooms import RoomSettings, make_room
-    from data_samples.rooms.simulate import ExampleSystem, SimulationSettings, simulate_survey
+    from data_samples.room_campaign import write_room
+    from data_samples.rooms.cameras import VisionSettings
+    from data_samples.rooms.laser_campaign import with_faults
+    from data_samples.rooms.rooms import RoomSettings
+    from data_samples.rooms.simulate import ExampleSystem, SimulationSettings
+    from validation.commands.options import progress_bar
 
     _refuse_to_overwrite(folder, force)
-    rng = np.random.default_rng(seed)
-    room_settings = RoomSettings(world_points=world_points, stops=stops, pillars=pillars)
-    if vision:
-        from data_samples.rendering.files import make_room_with_cameras, vision_texts, write_images
-        from data_samples.rooms.cameras import VisionSettings
-
-        room, cameras = make_room_with_cameras(room_settings, VisionSettings(), rng)
-    else:
-        room = make_room(room_settings, rng)
     settings = SimulationSettings(
         systems=(ExampleSystem(bias=bias),),
         blunders=blunders,
@@ -157,27 +149,17 @@ def simulate(
         hand_points=hand_points,
         guess_sigmas=(0.1, 0.1, 0.1) if initial_guesses else None,
     )
-    simulated = simulate_survey(room, settings, rng)
-    more: dict[str, str] = {}
-    if laser:
-        from data_samples.rooms.laser_campaign import laser_files, with_faults
-
-        more = dict(laser_files(room, with_faults(laser_faults, mount_error), rng))
-    if vision:
-        for name, text in vision_texts(cameras, rng).items():
-            more[name] = more.get(name, "") + text
-    write_campaign(folder, simulated, seed, more)
-    if vision:
-        from validation.commands.options import progress_bar
-
-        with progress_bar("rendering") as report:
-            write_images(
-                folder,
-                cameras,
-                rng,
-                workers or os.cpu_count() or 1,
-                lambda share: report("rendering", share),
-            )
+    with progress_bar("simulating") as report:
+        simulated = write_room(
+            folder,
+            seed,
+            RoomSettings(world_points=world_points, stops=stops, pillars=pillars),
+            settings,
+            with_faults(laser_faults, mount_error) if laser else None,
+            VisionSettings() if vision else None,
+            workers or os.cpu_count() or 1,
+            lambda share: report("rendering", share),
+        )
     said = {
         "folder": str(folder),
         "seed": seed,

@@ -17,6 +17,7 @@ from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.path.orientation import pose_of, transform_of
 from rtk_gt.receivers.fixes import RTK_FIXED, RTK_FLOAT, Fixes
 from rtk_gt.receivers.frames import FrameVectors, LocalFrame
+from rtk_gt.receivers.steps import pair_differences
 from rtk_gt.sensors.scans import LineScans
 from validation.poses.angles import Array
 
@@ -109,6 +110,11 @@ class Drive:
     def poses(self, times: Array) -> Array:
         """(n, 6) true x, y, z, yaw, pitch, roll."""
         return pose_of(self.T_local_vehicle(times))
+
+    @property
+    def distances(self) -> Array:
+        """(p,) true distances between the antennas of each pair, metres."""
+        return np.asarray(np.linalg.norm(pair_differences(self.antennas), axis=-1))
 
 
 def simulate_drive(seed: int, settings: DriveSettings | None = None) -> Drive:

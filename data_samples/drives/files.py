@@ -63,17 +63,20 @@ def write_drive(
         sensors[name] = sensors[name] + HAND_SIGMAS * generator.standard_normal(6)
         sigmas[name] = HAND_SIGMAS
     files["campaign.toml"] = _toml(drive, sensors, sigmas)
-    times = drive.records[0].times
-    truth = PoseTable(
-        "truth", tuple(f"{time:.3f}" for time in times), drive.poses(times), components=SPATIAL
-    )
-    files["truth/poses_truth.csv"] = to_csv(truth)
+    files["truth/poses_truth.csv"] = to_csv(true_poses(drive))
     rows = [
         ",".join([record.receiver, *(repr(float(v)) for v in value)])
         for record, value in zip(drive.records, drive.offsets.values, strict=True)
     ]
     files["truth/offsets.csv"] = "\n".join(["receiver,x,y,z", *rows]) + "\n"
     return write_files(folder, files)
+
+
+def true_poses(drive: Drive) -> PoseTable:
+    """The vehicle's poses at the times of the first receiver, by which they are named."""
+    times = drive.records[0].times
+    names = tuple(f"{time:.3f}" for time in times)
+    return PoseTable("truth", names, drive.poses(times), components=SPATIAL)
 
 
 def sensor_files(drive: Drive) -> dict[str, str]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from laser_gt.scans.planar import CONTRADICTION
 from validation.poses.angles import Array
+from validation.shown import Shown
 
 Verdict = Literal["accept", "look", "reject"]
 VERDICTS: tuple[Verdict, ...] = ("accept", "look", "reject")
@@ -69,8 +70,8 @@ class JudgementSettings:
     starts: int = 8
 
 
-@dataclass(frozen=True)
-class Match:
+@dataclass(frozen=True, repr=False)
+class Match(Shown):
     """A pose of one sweep in the frame of another, and how far it can be trusted.
 
     Parameters

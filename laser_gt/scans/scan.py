@@ -10,6 +10,7 @@ import numpy.typing as npt
 from laser_gt.scans.planar import transform
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.shown import Shown
 
 Indices = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
@@ -18,8 +19,8 @@ MIN_RETURNS = 10
 """Fewer returns do not make a scan that can be matched."""
 
 
-@dataclass(frozen=True)
-class Scan:
+@dataclass(frozen=True, repr=False)
+class Scan(Shown):
     """One sweep of a scanner, in the sensor's frame.
 
     Parameters

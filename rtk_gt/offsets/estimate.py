@@ -25,6 +25,7 @@ from rtk_gt.receivers.frames import FrameVectors
 from rtk_gt.receivers.steps import Steps, pair_differences, receiver_pairs
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.shown import Shown
 
 SIGNIFICANT = 4.0
 """Rotation counts as such beyond so many standard deviations of what noise alone would show: noise
@@ -37,8 +38,8 @@ _SMALLEST_SIGMA = 1e-6
 """Data without noise are weighted as if they had this much, metres: far below any receiver."""
 
 
-@dataclass(frozen=True)
-class Offsets:
+@dataclass(frozen=True, repr=False)
+class Offsets(Shown):
     """Offsets and distances with what is known of them.
 
     Parameters

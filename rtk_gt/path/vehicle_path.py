@@ -16,10 +16,11 @@ from rtk_gt.receivers.frames import LocalFrame
 from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.shown import Shown
 
 
-@dataclass(frozen=True)
-class VehiclePath:
+@dataclass(frozen=True, repr=False)
+class VehiclePath(Shown):
     """Poses of the vehicle in the local frame.
 
     Parameters

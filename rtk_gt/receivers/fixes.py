@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.shown import Shown
 
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
@@ -33,8 +34,8 @@ FIX_NAMES: Mapping[int, str] = MappingProxyType(
 )
 
 
-@dataclass(frozen=True)
-class Fixes:
+@dataclass(frozen=True, repr=False)
+class Fixes(Shown):
     """The record of one receiver, in order of time.
 
     Parameters

@@ -26,11 +26,12 @@ from validation.campaign.folder import RobotFrame, Vframe
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable
+from validation.shown import Shown
 from validation.systems import Progress, no_progress
 
 
-@dataclass(frozen=True)
-class SurveySolution:
+@dataclass(frozen=True, repr=False)
+class SurveySolution(Shown):
     """Everything that the readings give.
 
     Parameters

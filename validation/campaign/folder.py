@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from validation.errors import GtvalError, InputError, Problem
 from validation.plugins import entry_points
+from validation.shown import Shown
 
 if TYPE_CHECKING:
     from validation.results import SystemResult
@@ -153,8 +154,8 @@ class CampaignSettings(BaseModel):
     published: list[Published] = []
 
 
-@dataclass(frozen=True)
-class Campaign:
+@dataclass(frozen=True, repr=False)
+class Campaign(Shown):
     """A campaign folder.
 
     Parameters

@@ -17,6 +17,7 @@ from validation.explain.sources.reading_of_sources import Arbitration, Sources
 from validation.explain.sources.reference import ReferenceEvidence, infer_reference
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable
+from validation.shown import Shown
 
 FEWEST = 4
 """Poses below which nothing is fitted."""
@@ -56,8 +57,8 @@ class Question:
     false_alarm: float = FALSE_ALARM
 
 
-@dataclass(frozen=True)
-class SystemExplanation:
+@dataclass(frozen=True, repr=False)
+class SystemExplanation(Shown):
     """What was found out about one system.
 
     Parameters
@@ -93,8 +94,8 @@ class SystemExplanation:
         return name
 
 
-@dataclass(frozen=True)
-class Explanation:
+@dataclass(frozen=True, repr=False)
+class Explanation(Shown):
     """Where the errors of all systems come from.
 
     Parameters

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from validation.errors import GtvalError, InputError, Problem, shown
 from validation.poses.angles import Array, wrap
+from validation.shown import Shown
 from validation.text_files.csv_tables import Column, read_csv
 
 
@@ -55,8 +56,8 @@ SPATIAL = (
 )
 
 
-@dataclass(frozen=True)
-class PoseTable:
+@dataclass(frozen=True, repr=False)
+class PoseTable(Shown):
     """Poses of one system at named stops, in the GTV frame.
 
     Parameters

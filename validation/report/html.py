@@ -15,27 +15,50 @@ from validation.results import Figure, Finding, Table, Text
 
 def html_report(document: Document) -> str:
     """The report as HTML. All text is escaped; only the figures' SVG goes in as it is."""
-    environment = Environment(
+    sections = [
+        {
+            "id": f"section-{number}",
+            "title": section.title,
+            "first": section is document.overview,
+            "blocks": _blocks(section.blocks, f"s{number}"),
+        }
+        for number, section in enumerate(document.sections, 1)
+    ]
+    return (
+        _environment()
+        .get_template("report.html.j2")
+        .render(document=document, sections=sections, groups=_groups(document.findings))
+    )
+
+
+def html_blocks(blocks: Sequence[Table | Figure | Text], name: str) -> str:
+    """Tables, figures and paragraphs as the report sets them, for another page.
+
+    Parameters
+    ----------
+    blocks : sequence of Table, Figure or Text
+        In their order.
+    name : str
+        Begins the ids of this page's elements.
+    """
+    template = _environment().get_template("blocks.html.j2")
+    return str(template.module.set_blocks(_blocks(blocks, name)))  # type: ignore[attr-defined]
+
+
+def _environment() -> Environment:
+    """Where the templates are, and that all text is escaped."""
+    return Environment(
         loader=PackageLoader("validation.report"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    sections = [
-        {
-            "id": f"section-{number}",
-            "title": section.title,
-            "first": section is document.overview,
-            "blocks": [
-                _block(block, f"s{number}b{place}") for place, block in enumerate(section.blocks)
-            ],
-        }
-        for number, section in enumerate(document.sections, 1)
-    ]
-    return environment.get_template("report.html.j2").render(
-        document=document, sections=sections, groups=_groups(document.findings)
-    )
+
+
+def _blocks(blocks: Sequence[Table | Figure | Text], name: str) -> list[dict[str, Any]]:
+    """What the templates need of several blocks."""
+    return [_block(block, f"{name}b{place}") for place, block in enumerate(blocks)]
 
 
 def _groups(findings: Sequence[Finding]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import numpy as np
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.poses.pose_table import Component, PoseTable, in_common, pose_difference
+from validation.shown import Shown
 from validation.statistics.consistency import (
     ConsistencyTest,
     Interval,
@@ -17,8 +18,8 @@ from validation.statistics.consistency import (
 )
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Shown):
     """What a system's poses differ by from the validation poses.
 
     Parameters

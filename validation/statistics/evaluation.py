@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from validation.campaign.folder import Comparison as ComparisonSettings
 from validation.poses.pose_table import Component, PoseTable
+from validation.shown import Shown
 from validation.statistics.comparison import Comparison, compare
 from validation.statistics.error_statistics import (
     ComponentStatistics,
@@ -12,8 +13,8 @@ from validation.statistics.error_statistics import (
 )
 
 
-@dataclass(frozen=True)
-class Evaluation:
+@dataclass(frozen=True, repr=False)
+class Evaluation(Shown):
     """One GT system's errors and what they amount to.
 
     Parameters

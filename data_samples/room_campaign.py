@@ -1,0 +1,63 @@
+"""A synthetic room as a campaign folder: survey, scans and images of one room together."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from data_samples.rendering.files import make_room_with_cameras, vision_texts, write_images
+from data_samples.rooms.cameras import VisionSettings
+from data_samples.rooms.campaign_files import write_campaign
+from data_samples.rooms.laser_campaign import LaserSimulation, laser_files
+from data_samples.rooms.rooms import RoomSettings, make_room
+from data_samples.rooms.simulate import SimulatedCampaign, SimulationSettings, simulate_survey
+
+
+def write_room(
+    folder: Path,
+    seed: int,
+    room_settings: RoomSettings,
+    settings: SimulationSettings,
+    laser: LaserSimulation | None = None,
+    vision: VisionSettings | None = None,
+    workers: int = 1,
+    progress: Callable[[float], None] | None = None,
+) -> SimulatedCampaign:
+    """Write the campaign of a synthetic room, with the truth in ``folder``/truth.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if missing. Files of an earlier simulation are replaced.
+    seed : int
+        Of all that is drawn.
+    room_settings, settings : RoomSettings, SimulationSettings
+        The room, and the survey with what goes wrong.
+    laser : LaserSimulation, optional
+        Scanners on the robot; none by default.
+    vision : VisionSettings, optional
+        Cameras, boards and markers, whose images are rendered; none by default.
+    workers : int
+        Processes for rendering.
+    progress : callable, optional
+        Told the share of the images that is done.
+
+    Raises
+    ------
+    GtvalError
+        If the room is too small for what should be in it, or the folder cannot be written.
+    """
+    rng = np.random.default_rng(seed)
+    if vision is None:
+        room, cameras = make_room(room_settings, rng), None
+    else:
+        room, cameras = make_room_with_cameras(room_settings, vision, rng)
+    simulated = simulate_survey(room, settings, rng)
+    more = {} if laser is None else dict(laser_files(room, laser, rng))
+    if cameras is not None:
+        for name, text in vision_texts(cameras, rng).items():
+            more[name] = more.get(name, "") + text
+    write_campaign(folder, simulated, seed, more)
+    if cameras is not None:
+        write_images(folder, cameras, rng, workers, progress)
+    return simulated

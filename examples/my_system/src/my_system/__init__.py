@@ -1,0 +1,1 @@
+"""Poses of a motion-capture rig for gtval."""

@@ -1,0 +1,89 @@
+"""The fixtures that pytest has once gtval is installed."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import gtval
+
+pytest_plugins = ["pytester"]
+NAMES = ("gtval_drive", "gtval_images", "gtval_room", "gtval_scans", "gtval_survey")
+
+
+def test_pytest_lists_them_with_what_they_are(tmp_path):
+    command = [sys.executable, "-m", "pytest", "--fixtures", "-p", "no:cacheprovider", tmp_path]
+    told = subprocess.run(command, check=False, capture_output=True, text=True).stdout
+    for name in NAMES:
+        assert f"\n{name}" in told
+    assert "Campaign folder of a synthetic room with its survey; the truth beside it." in told
+
+
+def joint_nees(truth, poses):
+    """Squared distance of all poses from the true ones, by their joint covariance."""
+    off = gtval.compare(truth, poses).comparison.errors.ravel()
+    return off @ np.linalg.solve(poses.joint, off)
+
+
+def test_a_room_can_be_run_and_its_truth_is_beside_it(gtval_room):
+    done = gtval.run_campaign(gtval_room.folder)
+    # 36 numbers: 99.9 % of honest surveys are below 68.
+    assert joint_nees(gtval_room.truth, done.validation) < 68
+    assert gtval_room.walls.shape[1:] == (2, 2)
+    assert len(gtval_room.world_points) == 16
+
+
+@pytest.mark.parametrize("gtval_room", [{"stops": 5, "laser": True}], indirect=True)
+def test_a_test_chooses_its_options(gtval_room):
+    assert len(gtval_room.truth) == 5
+    assert (gtval_room.folder / "laser" / "scans.csv").exists()
+
+
+def test_readings_give_the_true_poses(gtval_survey):
+    solution = gtval.solve_survey(**gtval_survey.arguments)
+    assert joint_nees(gtval_survey.truth, solution.pose_table()) < 68
+    assert set(gtval_survey.world_points) == set(gtval_survey.arguments["world_points"])
+
+
+def test_scans_lie_where_the_truth_says(gtval_scans):
+    for row, (first, second) in enumerate(
+        zip(gtval_scans.scans[:-1], gtval_scans.scans[1:], strict=True)
+    ):
+        found = gtval.match_scans(first, second, gtval_scans.guesses[row])
+        off = found.pose - gtval_scans.truth[row]
+        if found.verdict == "accept":
+            # chi-squared with 3 degrees of freedom: beyond 21.1 once in 10,000 right matches.
+            assert off @ np.linalg.solve(found.covariance, off) < 21.1
+
+
+def test_markers_are_where_the_truth_says(gtval_images):
+    sample = gtval_images
+    found = gtval.locate_markers(sample.images[0], sample.camera, sample.sides, sample.family)
+    assert len(found) >= 2
+    for one in found:
+        seen, true = one.T_camera_marker[0].translation, sample.truth[0][one.number].translation
+        # Where the axis meets the image, in pixels: four corners of 0.5 pixels at worst.
+        focal = sample.camera.parameters[0]
+        assert np.abs(focal * (seen[:2] / seen[2] - true[:2] / true[2])).max() < 3 * 0.25
+
+
+def test_a_drive_is_a_campaign_and_records(gtval_drive):
+    assert (gtval_drive.folder / "campaign.toml").exists()
+    assert gtval_drive.records[0].receiver == "rear"
+    assert len(gtval_drive.truth.components) == 6
+
+
+def test_another_seed_gives_another_room(pytester):
+    pytester.makepyfile(
+        """
+        def test_it(gtval_survey):
+            print("distance", gtval_survey.arguments["distance"][6])
+        """
+    )
+    told = [
+        pytester.runpytest_subprocess("-s", "-p", "no:cacheprovider", f"--gtval-seed={seed}")
+        for seed in (1, 1, 2)
+    ]
+    lines = [next(x for x in one.outlines if "distance" in x) for one in told]
+    assert lines[0] == lines[1] != lines[2]
