@@ -1,4 +1,3 @@
-# ruff: noqa: INP001  (read by Sphinx, in no package)
 """How the site is built: `make docs`. Nothing is fetched, neither to build it nor to read it."""
 
 import sys

@@ -47,7 +47,9 @@ REASONS = {
 RUN = {"console", "python", "toml"}
 NOT_CODE = {"text", "csv", "yaml", "json"}
 """Languages of blocks that nothing can execute; ``csv`` and ``json`` must still be readable."""
-_COMMENT = re.compile(r"<!--\s*(file|append|status|setup|not run|full)(?::\s*(.*?))?\s*-->", re.S)
+_COMMENT = re.compile(
+    r"<!--\s*(file|append|status|setup|not run|full)(?::\s*(.*?))?\s*-->", re.DOTALL
+)
 
 
 @dataclass(frozen=True)
@@ -174,4 +176,4 @@ def commands_of(block: Block) -> list[tuple[str, str]]:
 def _matches(expected: str, printed: str) -> bool:
     """Whether a text is what was shown; '...' stands for anything, blanks count once."""
     parts = [re.escape(" ".join(part.split())) for part in expected.split("...")]
-    return re.search(".*".join(parts), " ".join(printed.split()), re.S) is not None
+    return re.search(".*".join(parts), " ".join(printed.split()), re.DOTALL) is not None

@@ -5,7 +5,6 @@ import io
 import json
 
 import pytest
-
 from blocks import NOT_CODE, PAGES, REASONS, REPOSITORY, RUN, Reader, blocks_of, commands_of
 
 MOST_LEFT_OUT = 12
