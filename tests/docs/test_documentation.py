@@ -50,7 +50,7 @@ def command_of(words: list[str]) -> tuple[click.Command | None, list[str]]:
     """The command that the first words name, and the words that are left."""
     found, context = main, main.make_context("gtval", ["demo"])
     left = list(words)
-    while isinstance(found, click.Group) and left and re.fullmatch("[a-z-]+", left[0]):
+    while isinstance(found, click.Group) and left and re.fullmatch("[a-z][a-z-]*", left[0]):
         inner = found.get_command(context, left[0])
         if inner is None:
             return (None if found is main else found), left
