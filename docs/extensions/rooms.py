@@ -1,4 +1,4 @@
-"""The directive ``rooms``: what each module of a package is for, from its own first line."""
+"""The directive ``rooms``: the picture of a package, and what each of its modules is for."""
 
 import ast
 from pathlib import Path
@@ -36,16 +36,22 @@ class Rooms(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """A definition list for each folder of the package."""
+        package = self.arguments[0]
         found: list[nodes.Node] = []
-        for folder, modules in modules_of(self.arguments[0]).items():
-            listed = nodes.definition_list()
+        picture = f"images/rooms_{package}.svg"
+        if (REPOSITORY / "docs" / picture).exists():
+            said = f"The rooms of {package}; an arrow goes from a room to one that it imports"
+            found.append(nodes.image(uri=f"/{picture}", alt=said, candidates={"*": picture}))
+            self.env.images.add_file(self.env.docname, picture)
+        for folder, modules in modules_of(package).items():
+            listed = nodes.definition_list(classes=["rooms"])
             for name, line in modules:
                 item = nodes.definition_list_item()
                 item += nodes.term("", "", nodes.literal(text=name))
                 item += nodes.definition("", nodes.paragraph(text=f"{line}."))
                 listed += item
             found += [nodes.rubric(text=f"{folder}/"), listed]
-        for path in (REPOSITORY / self.arguments[0]).rglob("*.py"):
+        for path in (REPOSITORY / package).rglob("*.py"):
             self.env.note_dependency(str(path))
         return found
 
