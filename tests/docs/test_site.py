@@ -137,8 +137,6 @@ def test_no_picture_is_left_over():
         for page in [*REPOSITORY.glob("*.md"), *(REPOSITORY / "docs").rglob("*.md")]
     )
     pictures = (REPOSITORY / "docs" / "images").iterdir()
-    drawn_by_the_directive = {
-        f"rooms_{package}.svg" for package in re.findall(r"{rooms} (\w+)", shown)
-    }
+    drawn = {f"rooms_{package}.svg" for package in re.findall(r"{rooms} (\w+)", shown)}
     names = {picture.name for picture in pictures} - drawn
     assert not [name for name in names if name not in shown]
