@@ -1,4 +1,5 @@
-# What there is: make demo, make test, make test-full, make bench, make images, make clean.
+# What there is: make demo, make test, make test-full, make docs, make bench, make images,
+# make clean.
 # All they need is python3 (3.11 or later) with its venv module; the rest goes to .venv.
 
 VENV := .venv
@@ -9,7 +10,7 @@ TESTED := gtval validation survey vision_gt laser_gt rtk_gt data_samples tests b
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: demo test test-full check-code check-wheel bench images clean
+.PHONY: demo test test-full check-code check-wheel docs bench images clean
 
 demo: $(VENV)/installed
 	$(VENV)/bin/gtval demo
@@ -30,6 +31,11 @@ check-code: $(VENV)/installed-for-tests
 check-wheel: $(VENV)/installed-for-tests
 	.ci/check-wheel $(PYTHON)
 
+# Warnings are errors, and a name that leads nowhere is a warning. The tests build it, too.
+docs: $(VENV)/installed-for-docs
+	$(PYTHON) -m sphinx -W -n --keep-going -q -b html docs build/docs
+	@echo "The site: build/docs/index.html"
+
 bench: $(VENV)/installed-for-tests
 	for question in benchmarks/*.py; do $(PYTHON) $$question || exit 1; done
 
@@ -38,6 +44,7 @@ images: $(VENV)/installed
 	$(PYTHON) docs/make_survey_images.py
 	$(PYTHON) docs/make_explain_images.py
 	$(PYTHON) docs/make_room_pictures.py
+	$(PYTHON) docs/make_tutorial_images.py
 
 clean:
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
@@ -50,6 +57,10 @@ $(VENV)/installed: pyproject.toml | $(VENV)/bin/python
 
 $(VENV)/installed-for-tests: pyproject.toml | $(VENV)/bin/python
 	$(PYTHON) -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	touch $@ $(VENV)/installed
+
+$(VENV)/installed-for-docs: pyproject.toml | $(VENV)/bin/python
+	$(PYTHON) -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	touch $@ $(VENV)/installed
 
 $(VENV)/bin/python:

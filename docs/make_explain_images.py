@@ -1,4 +1,3 @@
-# ruff: noqa: INP001  (a script, in no package)
 """The pictures of ad23.md, drawn by gtval itself: run `make images` after a change."""
 
 from pathlib import Path

@@ -1,4 +1,3 @@
-# ruff: noqa: INP001  (a script, in no package)
 """The pictures and numbers of survey.md, made by gtval itself: run `make images` after a change."""
 
 import sys
