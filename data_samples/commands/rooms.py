@@ -1,48 +1,56 @@
 """The commands ``gtval demo`` and ``gtval simulate``."""
 
 import os
+from functools import partial
 from pathlib import Path
 
 import click
 
+from validation.commands.options import (
+    AS_JSON,
+    EVERYTHING,
+    NORMAL,
+    PATH,
+    STRICT,
+    WORKERS,
+    progress_bar,
+)
 from validation.errors import GtvalError
 
-FOLDER = click.Path(path_type=Path)
+FORCE = click.option("--force", is_flag=True, help="Write into a folder that is not empty.")
+SEED = click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=1,
+    show_default=True,
+    help="Of all that is drawn at random.",
+)
 
 
 @click.command()
-@click.argument("folder", type=FOLDER, default="gtval-demo")
-@click.option("--json", "as_json", is_flag=True, help="Print what a script can read.")
+@click.argument("folder", type=PATH, default="gtval-demo")
+@AS_JSON
+@NORMAL
+@STRICT
+@EVERYTHING
 @click.pass_context
-def demo(ctx: click.Context, folder: Path, as_json: bool) -> None:
+def demo(ctx: click.Context, /, folder: Path, *, as_json: bool, **choices: bool) -> None:
     """Copy the published AD2.3 campaign to FOLDER and compute it.
 
     FOLDER is ./gtval-demo where none is given. It must be new, empty, or an earlier copy.
     """
     from data_samples.demo import copy_demo
+    from validation.commands.run import run
 
     copy_demo(folder)
     if not as_json:
-        click.echo(f"The AD2.3 campaign is in {folder}.")
-    run = _run_command(ctx)
-    arguments = [str(folder), *(["--json"] if as_json else [])]
-    status = run.main(arguments, "gtval run", standalone_mode=False)
-    ctx.exit(status if isinstance(status, int) else 0)
-
-
-def _run_command(ctx: click.Context) -> click.Command:
-    """The command ``gtval run``, which another package brings."""
-    from validation.cli import main
-
-    command = main.get_command(ctx, "run")
-    if command is None:
-        raise GtvalError("the command `gtval run` is not installed")
-    return command
+        click.echo(f"The AD2.3 campaign is in {folder}.\n")
+    ctx.invoke(run, campaign=folder, as_json=as_json, **choices)
 
 
 @click.command()
-@click.argument("folder", type=FOLDER)
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
+@click.argument("folder", type=PATH)
+@SEED
 @click.option("--stops", type=click.IntRange(1, 1000), default=26, show_default=True)
 @click.option("--world-points", type=click.IntRange(2, 500), default=16, show_default=True)
 @click.option("--pillars", type=click.IntRange(0, 10), default=0, show_default=True)
@@ -100,11 +108,9 @@ def _run_command(ctx: click.Context) -> click.Command:
     help="What disturbs the scans; may be given several times. docs/laser.md says how much.",
 )
 @click.option("--vision", is_flag=True, help="Also cameras, a robot with markers, and images.")
-@click.option(
-    "--workers", type=click.IntRange(1), help="Processes for rendering; one a processor by default."
-)
-@click.option("--force", is_flag=True, help="Write into a folder that is not empty.")
-@click.option("--json", "as_json", is_flag=True, help="Print what a script can read.")
+@WORKERS
+@FORCE
+@AS_JSON
 def simulate(
     folder: Path,
     *,
@@ -138,16 +144,9 @@ def simulate(
     from data_samples.rooms.rooms import RoomSettings, make_room
     from data_samples.rooms.simulate import ExampleSystem, SimulationSettings, simulate_survey
 
-    _refuse_to_overwrite(folder, force)
+    refuse_to_overwrite(folder, force=force)
     rng = np.random.default_rng(seed)
     room_settings = RoomSettings(world_points=world_points, stops=stops, pillars=pillars)
-    if vision:
-        from data_samples.rendering.files import make_room_with_cameras, vision_texts, write_images
-        from data_samples.rooms.cameras import VisionSettings
-
-        room, cameras = make_room_with_cameras(room_settings, VisionSettings(), rng)
-    else:
-        room = make_room(room_settings, rng)
     settings = SimulationSettings(
         systems=(ExampleSystem(bias=bias),),
         blunders=blunders,
@@ -157,27 +156,29 @@ def simulate(
         hand_points=hand_points,
         guess_sigmas=(0.1, 0.1, 0.1) if initial_guesses else None,
     )
-    simulated = simulate_survey(room, settings, rng)
-    more: dict[str, str] = {}
-    if laser:
-        from data_samples.rooms.laser_campaign import laser_files, with_faults
+    with progress_bar("the room and its survey") as report:
+        if vision:
+            from data_samples.rendering.files import images_of, make_room_with_cameras, vision_texts
+            from data_samples.rooms.cameras import VisionSettings
 
-        more = dict(laser_files(room, with_faults(laser_faults, mount_error), rng))
-    if vision:
-        for name, text in vision_texts(cameras, rng).items():
-            more[name] = more.get(name, "") + text
-    write_campaign(folder, simulated, seed, more)
-    if vision:
-        from validation.commands.options import progress_bar
+            room, cameras = make_room_with_cameras(room_settings, VisionSettings(), rng)
+        else:
+            room = make_room(room_settings, rng)
+        simulated = simulate_survey(room, settings, rng)
+        more: dict[str, str] = {}
+        images: dict[str, bytes] = {}
+        if laser:
+            from data_samples.rooms.laser_campaign import laser_files, with_faults
 
-        with progress_bar("rendering") as report:
-            write_images(
-                folder,
-                cameras,
-                rng,
-                workers or os.cpu_count() or 1,
-                lambda share: report("rendering", share),
+            report("scanning", 0.0)
+            more = dict(laser_files(room, with_faults(laser_faults, mount_error), rng))
+        if vision:
+            for name, text in vision_texts(cameras, rng).items():
+                more[name] = more.get(name, "") + text
+            images = images_of(
+                cameras, rng, workers or os.cpu_count() or 1, partial(report, "rendering")
             )
+        write_campaign(folder, simulated, seed, more, images)
     said = {
         "folder": str(folder),
         "seed": seed,
@@ -197,7 +198,7 @@ def simulate(
     )
 
 
-def _refuse_to_overwrite(folder: Path, force: bool) -> None:
+def refuse_to_overwrite(folder: Path, *, force: bool = False) -> None:
     """Raise where the folder is no folder, or holds anything and that was not allowed."""
     if folder.exists() and not folder.is_dir():
         raise GtvalError(f"{folder} is a file; give the simulation a folder of its own")
