@@ -4,14 +4,19 @@ Nothing heavy is imported here or when the commands are loaded; a command import
 when it is called.
 """
 
+import sys
 from collections.abc import Iterable
+from typing import Any
 
 import click
 
-from validation.commands.options import WANTS_JSON
 from validation.commands.output import BAD_INPUT, INTERRUPTED, UNEXPECTED
 from validation.errors import GtvalError, InputError
 from validation.plugins import EntryPoint, entry_points
+from validation.report.characters import never_fail
+
+WANTS_JSON = "gtval.json"
+"""Key of the click context's meta: whether an error, too, is to be told as JSON."""
 
 
 class DiscoveredGroup(click.Group):
@@ -50,35 +55,47 @@ class DiscoveredGroup(click.Group):
             self._discover()
         return super().get_command(ctx, cmd_name)
 
+    def main(self, *arguments: Any, **settings: Any) -> Any:
+        """Run the program; no character that the terminal lacks is an error."""
+        never_fail()
+        return super().main(*arguments, **settings)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """The arguments; whether JSON is asked for is known before any of them is wrong."""
+        ctx.meta[WANTS_JSON] = "--json" in args
+        return super().parse_args(ctx, args)
+
     def invoke(self, ctx: click.Context) -> object:
         """Run the command; whatever goes wrong ends in a plain sentence and its exit status."""
         try:
             return super().invoke(ctx)
         except GtvalError as error:
             problems = error.problems if isinstance(error, InputError) else ()
-            _tell(ctx, str(error), problems)
+            _tell(ctx, f"Error: {error}", problems)
             ctx.exit(BAD_INPUT)
         except (KeyboardInterrupt, click.Abort):
-            click.echo("\nInterrupted; no file is half-written.", err=True)
+            if sys.stderr.isatty():
+                click.echo(err=True)  # the terminal's own ^C stays on a line of its own
+            _tell(ctx, "Interrupted; no file is half-written.")
             ctx.exit(INTERRUPTED)
         except click.ClickException as error:
             _tell_json(ctx, error.format_message())
             raise
-        except click.exceptions.Exit:
+        except (click.exceptions.Exit, BrokenPipeError):
             raise
         except Exception as error:  # noqa: BLE001  (a traceback helps those who report it)
             import traceback  # noqa: PLC0415
 
-            said = f"unexpected: {type(error).__name__}: {error}. Please report it"
+            said = f"Error: unexpected: {type(error).__name__}: {error}. Please report it"
             click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
             _tell(ctx, said)
             ctx.exit(UNEXPECTED)
 
 
 def _tell(ctx: click.Context, message: str, problems: Iterable[object] = ()) -> None:
-    """An error on stderr, and where JSON was asked for as an object on stdout."""
-    click.echo(f"Error: {message}", err=True)
-    _tell_json(ctx, message, problems)
+    """What went wrong on stderr, and where JSON was asked for as an object on stdout."""
+    click.echo(message, err=True)
+    _tell_json(ctx, message.removeprefix("Error: "), problems)
 
 
 def _tell_json(ctx: click.Context, message: str, problems: Iterable[object] = ()) -> None:
@@ -88,7 +105,15 @@ def _tell_json(ctx: click.Context, message: str, problems: Iterable[object] = ()
         print_json({"error": {"message": message, "problems": list(problems)}})
 
 
-@click.command(cls=DiscoveredGroup, context_settings={"help_option_names": ["-h", "--help"]})
+STATUSES = """Exit status of every command: 0 done; 1 a part failed unexpectedly; 2 bad input or
+usage; 3 with --strict, a finding is an error; 130 interrupted."""
+
+
+@click.command(
+    cls=DiscoveredGroup,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=STATUSES,
+)
 @click.version_option(package_name="gtval", prog_name="gtval")
 def main() -> None:
     """Prove how good a ground truth is.

@@ -5,10 +5,13 @@ from typing import Literal
 
 import click
 
+from data_samples.commands.rooms import FORCE, SEED, refuse_to_overwrite
+from validation.commands.options import AS_JSON, PATH, progress_bar
+
 
 @click.command("simulate-drive")
-@click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
+@click.argument("folder", type=PATH)
+@SEED
 @click.option("--loops", type=click.IntRange(1, 50), default=2, show_default=True)
 @click.option(
     "--steepest",
@@ -39,6 +42,8 @@ import click
 @click.option(
     "--images", is_flag=True, help="Draw the left camera's images, too: half a second each."
 )
+@FORCE
+@AS_JSON
 def simulate_drive_command(
     folder: Path,
     seed: int,
@@ -50,6 +55,8 @@ def simulate_drive_command(
     scans: bool,
     sensors: bool,
     images: bool,
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Write a synthetic campus drive with RTK-GPS receivers as a campaign to FOLDER.
 
@@ -61,21 +68,25 @@ def simulate_drive_command(
 
     from data_samples.drives.drive import DriveSettings, scan_along, simulate_drive
     from data_samples.drives.files import SCANNERS, write_drive
-    from validation.errors import GtvalError
 
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise GtvalError(f"{folder} is not empty; nothing was written")
+    refuse_to_overwrite(folder, force=force)
     settings = DriveSettings(
         loops=loops, steepest=radians(steepest), false_fixes=false_fixes, route=route,
         receivers=receivers,
     )  # fmt: skip
-    drive = simulate_drive(seed, settings)
-    read = {
-        name: scan_along(drive, pose, np.random.default_rng([seed, row]), every=0.2)
-        for row, (name, pose) in enumerate(SCANNERS.items())
-        if scans
-    }
-    write_drive(folder, drive, read, other_sensors=sensors, images=images)
+    with progress_bar("the drive") as report:
+        drive = simulate_drive(seed, settings)
+        read = {}
+        for row, (name, pose) in enumerate(SCANNERS.items() if scans else ()):
+            report(f"scans of {name}", row / len(SCANNERS))
+            read[name] = scan_along(drive, pose, np.random.default_rng([seed, row]), every=0.2)
+        report("writing", 0.0)
+        written = write_drive(folder, drive, read, other_sensors=sensors, images=images)
+    if as_json:
+        from validation.report.terminal import print_json
+
+        print_json({"folder": folder, "seed": seed, "loops": loops, "files": written})
+        return
     click.echo(f"A drive of {loops} loops is in {folder}. Next: gtval run {folder}")
 
 

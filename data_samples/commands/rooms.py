@@ -5,44 +5,51 @@ from pathlib import Path
 
 import click
 
+from validation.commands.options import (
+    AS_JSON,
+    EVERYTHING,
+    NORMAL,
+    PATH,
+    STRICT,
+    WORKERS,
+    progress_bar,
+)
 from validation.errors import GtvalError
 
-FOLDER = click.Path(path_type=Path)
+FORCE = click.option("--force", is_flag=True, help="Write into a folder that is not empty.")
+SEED = click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=1,
+    show_default=True,
+    help="Of all that is drawn at random.",
+)
 
 
 @click.command()
-@click.argument("folder", type=FOLDER, default="gtval-demo")
-@click.option("--json", "as_json", is_flag=True, help="Print what a script can read.")
+@click.argument("folder", type=PATH, default="gtval-demo")
+@AS_JSON
+@NORMAL
+@STRICT
+@EVERYTHING
 @click.pass_context
-def demo(ctx: click.Context, folder: Path, as_json: bool) -> None:
+def demo(ctx: click.Context, /, folder: Path, *, as_json: bool, **choices: bool) -> None:
     """Copy the published AD2.3 campaign to FOLDER and compute it.
 
     FOLDER is ./gtval-demo where none is given. It must be new, empty, or an earlier copy.
     """
     from data_samples.demo import copy_demo
+    from validation.commands.run import run
 
     copy_demo(folder)
     if not as_json:
-        click.echo(f"The AD2.3 campaign is in {folder}.")
-    run = _run_command(ctx)
-    arguments = [str(folder), *(["--json"] if as_json else [])]
-    status = run.main(arguments, "gtval run", standalone_mode=False)
-    ctx.exit(status if isinstance(status, int) else 0)
-
-
-def _run_command(ctx: click.Context) -> click.Command:
-    """The command ``gtval run``, which another package brings."""
-    from validation.cli import main
-
-    command = main.get_command(ctx, "run")
-    if command is None:
-        raise GtvalError("the command `gtval run` is not installed")
-    return command
+        click.echo(f"The AD2.3 campaign is in {folder}.\n")
+    ctx.invoke(run, campaign=folder, as_json=as_json, **choices)
 
 
 @click.command()
-@click.argument("folder", type=FOLDER)
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
+@click.argument("folder", type=PATH)
+@SEED
 @click.option("--stops", type=click.IntRange(1, 1000), default=26, show_default=True)
 @click.option("--world-points", type=click.IntRange(2, 500), default=16, show_default=True)
 @click.option("--pillars", type=click.IntRange(0, 10), default=0, show_default=True)
@@ -100,11 +107,9 @@ def _run_command(ctx: click.Context) -> click.Command:
     help="What disturbs the scans; may be given several times. docs/laser.md says how much.",
 )
 @click.option("--vision", is_flag=True, help="Also cameras, a robot with markers, and images.")
-@click.option(
-    "--workers", type=click.IntRange(1), help="Processes for rendering; one a processor by default."
-)
-@click.option("--force", is_flag=True, help="Write into a folder that is not empty.")
-@click.option("--json", "as_json", is_flag=True, help="Print what a script can read.")
+@WORKERS
+@FORCE
+@AS_JSON
 def simulate(
     folder: Path,
     *,
@@ -137,9 +142,8 @@ def simulate(
     from data_samples.rooms.laser_campaign import with_faults
     from data_samples.rooms.rooms import RoomSettings
     from data_samples.rooms.simulate import ExampleSystem, SimulationSettings
-    from validation.commands.options import progress_bar
 
-    _refuse_to_overwrite(folder, force)
+    refuse_to_overwrite(folder, force=force)
     settings = SimulationSettings(
         systems=(ExampleSystem(bias=bias),),
         blunders=blunders,
@@ -149,7 +153,7 @@ def simulate(
         hand_points=hand_points,
         guess_sigmas=(0.1, 0.1, 0.1) if initial_guesses else None,
     )
-    with progress_bar("simulating") as report:
+    with progress_bar("the room and its survey") as report:
         simulated = write_room(
             folder,
             seed,
@@ -179,7 +183,7 @@ def simulate(
     )
 
 
-def _refuse_to_overwrite(folder: Path, force: bool) -> None:
+def refuse_to_overwrite(folder: Path, *, force: bool = False) -> None:
     """Raise where the folder is no folder, or holds anything and that was not allowed."""
     if folder.exists() and not folder.is_dir():
         raise GtvalError(f"{folder} is a file; give the simulation a folder of its own")

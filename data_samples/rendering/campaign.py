@@ -1,9 +1,7 @@
 """The photographs of a vision campaign: what is taken, from where, under which name."""
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 
 import cv2
 import numpy as np
@@ -28,6 +26,7 @@ from data_samples.rooms.cameras import (
 )
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.processes import in_processes
 from vision_gt.optics.camera import Camera, inside_image, project
 from vision_gt.patterns.boards import Board
 
@@ -104,23 +103,7 @@ def render_all(
     """
     seeds = np.random.SeedSequence(seed).spawn(len(photographs))
     jobs = list(zip(photographs, seeds, strict=True))
-    if workers <= 1:
-        results = map(_taken, jobs)
-        yield from _counted(results, len(jobs), progress)
-        return
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        yield from _counted(pool.map(_taken, jobs, chunksize=4), len(jobs), progress)
-
-
-def _counted(
-    results: "map[tuple[str, bytes]] | Iterator[tuple[str, bytes]]",
-    total: int,
-    progress: Callable[[float], None] | None,
-) -> Iterator[tuple[str, bytes]]:
-    for number, result in enumerate(results, 1):
-        if progress is not None:
-            progress(number / total)
-        yield result
+    return in_processes(_taken, jobs, workers, progress)
 
 
 def _taken(job: tuple[Photograph, np.random.SeedSequence]) -> tuple[str, bytes]:

@@ -96,19 +96,16 @@ def vision_texts(truth: VisionTruth, rng: np.random.Generator) -> dict[str, str]
     return files
 
 
-def write_images(
-    folder: Path,
+def images_of(
     truth: VisionTruth,
     rng: np.random.Generator,
     workers: int,
     progress: Callable[[float], None] | None = None,
-) -> int:
-    """The number of images rendered and written below ``folder``/vision.
+) -> dict[str, bytes]:
+    """The images as PNG files below vision/, by their names relative to the campaign.
 
     Parameters
     ----------
-    folder : Path
-        The campaign.
     truth : VisionTruth
         What is photographed.
     rng : numpy.random.Generator
@@ -121,11 +118,21 @@ def write_images(
     Raises
     ------
     GtvalError
-        If they cannot be rendered or written.
+        If they cannot be rendered.
     """
     photographs = all_photographs(truth, rng)
-    images = render_all(photographs, int(rng.integers(2**31)), workers, progress)
-    return len(write_files(folder, dict(images)))
+    return dict(render_all(photographs, int(rng.integers(2**31)), workers, progress))
+
+
+def write_images(
+    folder: Path,
+    truth: VisionTruth,
+    rng: np.random.Generator,
+    workers: int,
+    progress: Callable[[float], None] | None = None,
+) -> None:
+    """Render the images of a campaign and write them below ``folder``/vision; see `images_of`."""
+    write_files(folder, images_of(truth, rng, workers, progress))
 
 
 def _poses_csv(kind: str, names: list[str], poses: RigidTransform) -> str:

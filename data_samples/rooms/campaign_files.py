@@ -35,6 +35,7 @@ def write_campaign(
     simulated: SimulatedCampaign,
     seed: int | None = None,
     more: Mapping[str, str] | None = None,
+    images: Mapping[str, bytes] | None = None,
 ) -> None:
     """Write all files of a simulated campaign; its truth goes to ``truth/``.
 
@@ -48,6 +49,8 @@ def write_campaign(
         Noted in the truth.
     more : mapping of str to str, optional
         Further files, of other systems; the text for campaign.toml is added to its end.
+    images : mapping of str to bytes, optional
+        Further files.
 
     Raises
     ------
@@ -57,7 +60,7 @@ def write_campaign(
     contents = campaign_files(simulated, seed)
     for name, text in (more or {}).items():
         contents[name] = contents.get(name, "") + text
-    write_files(folder, contents)
+    write_files(folder, {**contents, **(images or {})})
     for name in _OPTIONAL:
         if name not in contents:
             (folder / name).unlink(missing_ok=True)

@@ -6,21 +6,22 @@ from typing import TYPE_CHECKING
 
 import click
 
+from validation.commands.options import AS_JSON, EVERYTHING, PATH, STRICT, progress_bar
+
 if TYPE_CHECKING:
     from validation.campaign.folder import Campaign
     from validation.explain.analysis import Explanation
     from validation.poses.pose_table import PoseTable
     from validation.results import Finding, Section
+    from validation.systems import Progress
 
 GOOD_ENOUGH = (0.05, 0.05, 0.05)
 """Metres and radians asked of x, y, theta of single tables, as a campaign's [comparison] does."""
 
-ANY_PATH = click.Path(path_type=Path)
-
 
 @click.command()
-@click.argument("validation", type=ANY_PATH, metavar="CAMPAIGN | VALIDATION.csv")
-@click.argument("gt", type=ANY_PATH, nargs=-1, metavar="[GT.csv]...")
+@click.argument("validation", type=PATH, metavar="CAMPAIGN | VALIDATION.csv")
+@click.argument("gt", type=PATH, nargs=-1, metavar="[GT.csv]...")
 @click.option(
     "--reference",
     "references",
@@ -39,12 +40,14 @@ ANY_PATH = click.Path(path_type=Path)
     "--witness",
     "witnesses",
     multiple=True,
-    type=ANY_PATH,
+    type=PATH,
     help="Rough poses from elsewhere (CSV) that only help to decide who is wrong.",
 )
-@click.option("--output", type=ANY_PATH, help="Folder for corrected poses and numbers.")
+@click.option("--output", type=PATH, help="Folder for corrected poses and numbers.")
 @click.option("--figures", is_flag=True, help="Write the figures there too (SVG).")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON for scripts.")
+@AS_JSON
+@STRICT
+@EVERYTHING
 def explain(
     validation: Path,
     gt: tuple[Path, ...],
@@ -53,7 +56,10 @@ def explain(
     witnesses: tuple[Path, ...],
     output: Path | None,
     figures: bool,
+    *,
     as_json: bool,
+    strict: bool,
+    everything: bool,
 ) -> None:
     """Tell where errors come from: a mount, a frame, a few wrong poses, and whose.
 
@@ -63,25 +69,37 @@ def explain(
     (seconds) lets a time offset show. Files are named after their system. For a campaign,
     corrected poses and all numbers go to CAMPAIGN/results/explain; for tables, to --output.
     """
+    from validation.commands.output import end_of_command
+
     folder: Path | None
-    if validation.is_dir() or validation.name == "campaign.toml":
-        if gt or references or sensors or witnesses:
+    with progress_bar("explaining") as progress:
+        if validation.is_dir() or validation.name == "campaign.toml":
+            if gt or references or sensors or witnesses:
+                raise click.UsageError(
+                    "with a campaign folder, references, sensors and witnesses are stated in the "
+                    "table [explain] of its campaign.toml"
+                )
+            explanation, found, sections, results = _of_campaign(validation, progress)
+            folder = output or results
+        elif gt:
+            explanation, found, sections = _of_files(validation, gt, references, sensors, witnesses)
+            folder = output
+        else:
             raise click.UsageError(
-                "with a campaign folder, references, sensors and witnesses are stated in the "
-                "table [explain] of its campaign.toml"
+                "give at least one GT table to explain with the validation table"
             )
-        explanation, found, sections, results = _of_campaign(validation)
-        folder = output or results
-    elif gt:
-        explanation, found, sections = _of_files(validation, gt, references, sensors, witnesses)
-        folder = output
+        if folder is not None:
+            _write(folder, explanation, sections if figures else ())
+        elif figures:
+            raise click.UsageError("--figures needs --output")
+    if as_json:
+        from validation.explain.telling.output import explanation_json
+        from validation.report.terminal import print_json
+
+        print_json(explanation_json(explanation))
     else:
-        raise click.UsageError("give at least one GT table to explain with the validation table")
-    if folder is not None:
-        _write(folder, explanation, sections if figures else ())
-    elif figures:
-        raise click.UsageError("--figures needs --output")
-    _print(explanation, found, sections, folder, as_json=as_json)
+        _print(explanation, found, sections, folder, everything=everything)
+    end_of_command(found, failed=False, strict=strict)
 
 
 def _of_files(
@@ -124,7 +142,7 @@ def _assignments(pairs: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def _of_campaign(
-    folder: Path,
+    folder: Path, progress: "Progress"
 ) -> "tuple[Explanation, Sequence[Finding], Sequence[Section], Path]":
     """The explanation of a campaign's results, run first where they are missing."""
     from validation.campaign.folder import load_campaign
@@ -132,7 +150,7 @@ def _of_campaign(
     from validation.explain.telling.section import explain_campaign
 
     campaign = load_campaign(folder)
-    parts = explain_campaign(campaign, _tables(campaign))
+    parts = explain_campaign(campaign, _tables(campaign, progress))
     if parts.explanation is None:
         raise GtvalError(
             "there is nothing to explain: no planar system has a stop in common with the survey"
@@ -140,7 +158,7 @@ def _of_campaign(
     return parts.explanation, parts.findings, parts.sections, campaign.results
 
 
-def _tables(campaign: "Campaign") -> "Sequence[PoseTable]":
+def _tables(campaign: "Campaign", progress: "Progress") -> "Sequence[PoseTable]":
     """Tables under results/, or of a fresh run where the validation's is missing."""
     from validation.campaign.stored import stored_tables
     from validation.results import VALIDATION_SYSTEM
@@ -151,7 +169,7 @@ def _tables(campaign: "Campaign") -> "Sequence[PoseTable]":
         return tables
     from validation.run import run_campaign, write_results
 
-    done = run_campaign(campaign)
+    done = run_campaign(campaign, progress)
     write_results(done)
     return done.tables
 
@@ -178,21 +196,21 @@ def _print(
     sections: "Sequence[Section]",
     folder: Path | None,
     *,
-    as_json: bool,
+    everything: bool,
 ) -> None:
-    """Tables and findings, or JSON."""
-    from validation.explain.telling.output import FOLDER, explanation_json
-    from validation.report.terminal import print_findings, print_json, print_table
+    """One row a system and what asks for action; with everything, all tables too."""
+    from validation.commands.output import print_first_findings
+    from validation.explain.telling.output import FOLDER
+    from validation.explain.telling.tables import cause_table
+    from validation.report.terminal import print_table
     from validation.results import Table
 
-    if as_json:
-        print_json(explanation_json(explanation))
-        return
-    for section in sections:
+    print_table(cause_table(explanation.systems))
+    for section in sections if everything else ():
         for block in section.blocks:
             if isinstance(block, Table) and block.rows:
                 print_table(block)
-    print_findings(found)
+    print_first_findings(found, everything=everything)
     if folder is not None:
         click.echo(f"\nCorrected poses and numbers: {folder / FOLDER}")
 

@@ -10,25 +10,9 @@ import click
 if TYPE_CHECKING:
     from validation.systems import Progress
 
-WANTS_JSON = "gtval.json"
-"""Key of the click context's meta: whether an error, too, is to be told as JSON."""
-
-
-def _remember_json(ctx: click.Context, _parameter: click.Parameter, wanted: bool) -> bool:
-    ctx.meta[WANTS_JSON] = wanted
-    return wanted
-
-
 PATH = click.Path(path_type=Path)
 CAMPAIGN = click.argument("campaign", type=PATH)
-AS_JSON = click.option(
-    "--json",
-    "as_json",
-    is_flag=True,
-    is_eager=True,
-    callback=_remember_json,
-    help="Print JSON for scripts.",
-)
+AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for scripts.")
 NORMAL = click.option(
     "--normal-interval",
     "normal",

@@ -1,5 +1,6 @@
 """What commands print, and the status they end with."""
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -27,16 +28,30 @@ def print_result(
 
 
 def print_first_findings(findings: Sequence[Finding], *, everything: bool) -> None:
-    """The findings that ask for action, ten at most; or all of them."""
-    from validation.report.terminal import most_severe_first, print_findings
+    """The findings that ask for action, ten at most and in short; or all of them, whole."""
+    from validation.report.terminal import print_findings
 
-    shown = most_severe_first(findings)
-    if not everything:
-        shown = [one for one in shown if one.severity in {"error", "warning"}][:MOST_FINDINGS]
-    print_findings(shown)
+    shown = list(findings) if everything else first_findings(findings)
+    print_findings(shown, brief=not everything)
     left = len(findings) - len(shown)
     if left:
-        click.echo(f"\n{left} more findings: --all shows them, and so does the report.")
+        click.echo(f"\n{left} more findings, and what to do about each, with --all.")
+
+
+def first_findings(findings: Sequence[Finding]) -> list[Finding]:
+    """Errors and warnings, ten at most, in the order found.
+
+    Where there are more, errors come before warnings, and the first of each kind about each
+    subject before the second: ten that say different things.
+    """
+    asking = [one for one in findings if one.severity in {"error", "warning"}]
+    seen: Counter[tuple[str, str]] = Counter()
+    ranks = []
+    for place, one in enumerate(asking):
+        kind = (one.code, one.subject)
+        ranks.append((one.severity != "error", seen[kind], place))
+        seen[kind] += 1
+    return [asking[place] for place in sorted(rank[-1] for rank in sorted(ranks)[:MOST_FINDINGS])]
 
 
 def end_of_command(findings: Sequence[Finding], *, failed: bool, strict: bool) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from validation.poses.pose_table import Component
+from validation.poses.pose_table import Component, PoseTable
 from validation.report.cells import Value
 from validation.results import Table
 from validation.statistics.comparison import Comparison
@@ -43,6 +43,15 @@ def overview_table(evaluations: Sequence[Evaluation]) -> Table:
         "Mean and sample standard deviation (n - 1) over the n poses that system and survey have "
         "in common; systems with different poses are not compared on equal terms.",
     )
+
+
+def poses_table(tables: Sequence[PoseTable]) -> Table:
+    """What every system gave, where nothing is compared."""
+    rows: list[list[Value]] = [
+        [table.system, len(table), ", ".join(one.name for one in table.components)]
+        for table in tables
+    ]
+    return Table("Poses of all systems", ["system", "poses", "of"], rows)
 
 
 def statistics_table(evaluation: Evaluation) -> Table:

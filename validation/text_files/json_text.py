@@ -58,6 +58,15 @@ def _list_or_text(value: Any) -> Any:
     return str(value)
 
 
-def json_text(value: Any) -> str:
-    """The value as indented JSON text ending in a line break; see `as_json`."""
-    return json.dumps(as_json(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+def json_text(value: Any, *, ascii_only: bool = False) -> str:
+    """The value as indented JSON text ending in a line break; see `as_json`.
+
+    Parameters
+    ----------
+    value : object
+        As for `as_json`.
+    ascii_only : bool
+        Whether all other characters are escaped.
+    """
+    text = json.dumps(as_json(value), indent=2, ensure_ascii=ascii_only, allow_nan=False)
+    return text + "\n"

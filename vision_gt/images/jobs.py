@@ -1,16 +1,15 @@
 """Detection in many images at once, in as many processes as there are processors."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from validation.errors import InputError, Problem
+from validation.processes import in_processes
 from vision_gt.images.boards import Detector, view_of_board
 from vision_gt.images.files import Image, is_blank, read_image
 from vision_gt.images.markers import Detection, Refinement, detect_markers
@@ -119,26 +118,14 @@ def detect_all(
         Told the share done.
     """
     workers = workers or os.cpu_count() or 1
-    if workers == 1 or len(jobs) < _WORTH_A_POOL:
-        return _collected(map(detect_one, jobs), len(jobs), progress)
-    with ProcessPoolExecutor(workers, get_context("spawn"), _one_thread) as pool:
-        return _collected(pool.map(detect_one, jobs, chunksize=4), len(jobs), progress)
+    if len(jobs) < _WORTH_A_POOL:
+        workers = 1
+    return list(in_processes(detect_one, jobs, workers, progress, _one_thread))
 
 
 def _one_thread() -> None:
     """One thread of OpenCV in each process."""
     cv2.setNumThreads(1)
-
-
-def _collected(
-    results: Iterable[Found], total: int, progress: Callable[[float], None] | None
-) -> list[Found]:
-    found = []
-    for number, result in enumerate(results, 1):
-        found.append(result)
-        if progress is not None:
-            progress(number / total)
-    return found
 
 
 def detect_one(job: Job) -> Found:

@@ -75,6 +75,28 @@ def parameter_table(one: SystemExplanation, confidence: float) -> Table:
     )
 
 
+def cause_table(systems: Sequence[SystemExplanation]) -> Table:
+    """One row a system: what explains its errors, and what is left of them."""
+    rows: Rows = []
+    for one in systems:
+        settled = one.settled
+        if settled is None:
+            rows.append([one.system, "too few poses", None, None, None])
+            continue
+        x, y, _ = settled.spread(settled.before)
+        left = settled.spread(settled.after)
+        words = settled.fit.model.words
+        rows.append([one.system, words, np.hypot(x, y), np.hypot(left[0], left[1]), left[2]])
+    return Table(
+        "Where the errors come from",
+        ["system", "explained by", "positions before [m]", "positions after [m]", "headings [rad]"],
+        rows,
+        ["", "", ".4f", ".4f", ".4f"],
+        note="Standard deviations of the poses that fit, before and after what is explained is "
+        "taken out.",
+    )
+
+
 def before_after_table(systems: Sequence[SystemExplanation]) -> Table:
     """Mean and standard deviation before and after, over all cells and without flagged ones."""
     rows: Rows = []

@@ -77,8 +77,8 @@ def _cause(
     values = [p for p in settled.parameters(confidence) if p.name in model.parameters]
     said = ", ".join(parameter_text(value) for value in values)
     text = (
-        f"Explained by {_named(one, model)}{_or(selection)}: {said}; "
-        f"{100 * confidence:.3g} % intervals. {_change(settled)} {measure(one, settled)}"
+        f"Explained by {_named(one, model)}{_or(selection)}: {said} "
+        f"({100 * confidence:.3g} % intervals). {_change(settled)} {measure(one, settled)}"
     )
     return Finding("warning", text, one.system, "systematic_error")
 
