@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from laser_lines import Lines, arguments
 from laser_matching import small_gicp
+from trials.scan_pairs import ScanPair
 
-from data_samples.rooms.scan_pairs import ScanPair
 from laser_gt.logs.carmen import read_carmen
 from laser_gt.logs.motion import MirrorTiming, undistorted_records
 from laser_gt.logs.records import ScanRecord

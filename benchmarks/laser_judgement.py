@@ -10,8 +10,8 @@ from collections import Counter
 
 import numpy as np
 from laser_lines import Lines, arguments
+from trials.scan_pairs import CORRIDOR_GUESS, KINDS, corridor_pair, mixed_pair
 
-from data_samples.rooms.scan_pairs import CORRIDOR_GUESS, KINDS, corridor_pair, mixed_pair
 from laser_gt.matching.judgement import MatchSettings, match
 from laser_gt.scans.evidence import Prepared
 from validation.poses.angles import wrap

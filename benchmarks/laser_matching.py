@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 from laser_lines import arguments
+from trials.scan_pairs import ScanPair, draw_pair
 
-from data_samples.rooms.scan_pairs import ScanPair, draw_pair
 from data_samples.rooms.scanners import FULL_TURN, HALF_TURN, Scanner
 from laser_gt.matching.judgement import MatchSettings, match
 from laser_gt.matching.kiss import register

@@ -10,8 +10,8 @@ import time
 
 import numpy as np
 from laser_lines import Lines, arguments
+from trials.scan_pairs import ScanPair, draw_pair
 
-from data_samples.rooms.scan_pairs import ScanPair, draw_pair
 from data_samples.rooms.scanners import FULL_TURN, HALF_TURN, Scanner
 from laser_gt.matching.genetic import genetic_match
 from laser_gt.matching.judgement import MatchSettings, match

@@ -13,9 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy import stats
-
-from data_samples.drives.drive import LEFT_SCANNER, RIGHT_SCANNER, DriveSettings, simulate_drive
-from data_samples.drives.trials import (
+from trials.drives import (
     CONDITIONS,
     HAND_SIGMAS,
     calibration_drive,
@@ -25,6 +23,8 @@ from data_samples.drives.trials import (
     scanner_trial,
     solve_drive,
 )
+
+from data_samples.drives.drive import LEFT_SCANNER, RIGHT_SCANNER, DriveSettings, simulate_drive
 from rtk_gt.path.leaps import leaping_poses
 from rtk_gt.sensors.pass_matching import match_passes
 from rtk_gt.sensors.scans import cloud_of

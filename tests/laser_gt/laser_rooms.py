@@ -4,10 +4,10 @@ import os
 from pathlib import Path
 
 import numpy as np
+from trials.scan_pairs import ScanPair, draw_pair
 
 from data_samples.rooms.laser_campaign import LaserSimulation, laser_files
 from data_samples.rooms.rooms import RoomSettings, make_room
-from data_samples.rooms.scan_pairs import ScanPair, draw_pair
 from data_samples.rooms.simulate import SimulationSettings, simulate_survey
 from laser_gt.campaign.solve import solve_campaign
 from laser_gt.placing.graph import Edge

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 from laser_rooms import error, pair_of, prepared
+from trials.scan_pairs import CORRIDOR_GUESS, corridor_pair, mixed_pair
 
-from data_samples.rooms.scan_pairs import CORRIDOR_GUESS, corridor_pair, mixed_pair
 from laser_gt.matching.judgement import MatchSettings, match
 from laser_gt.scans.evidence import Prepared
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from laser_rooms import error, pair_of, prepared
 from scipy.spatial import cKDTree
+from trials.scan_pairs import draw_pair
 
-from data_samples.rooms.scan_pairs import draw_pair
 from data_samples.rooms.scanners import FULL_TURN, HALF_TURN
 from laser_gt.matching.local import align
 from laser_gt.scans.nearest import NearestGrid

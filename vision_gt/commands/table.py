@@ -9,9 +9,9 @@ from validation.errors import GtvalError, InputError, Problem
 from validation.poses.pose_table import from_csv
 from validation.results import Table
 from vision_gt.campaign.inputs import made_board, missing_facts
+from vision_gt.commands.stored_network import read_network
 from vision_gt.images.files import images_of_poses
 from vision_gt.images.jobs import BoardJob, detect_all
-from vision_gt.network.stored import read_network
 from vision_gt.network.table_check import TableReading, check_table
 from vision_gt.settings import VisionSettings, stated
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from scipy import stats
+from trials.drives import placement_error
 
 from data_samples.drives.drive import (
     LEFT_CAMERA,
@@ -17,7 +18,6 @@ from data_samples.drives.drive import (
     simulate_drive,
 )
 from data_samples.drives.files import SCANNERS, nmea_text, write_drive
-from data_samples.drives.trials import placement_error
 from rtk_gt.path.orientation import pose_of, transform_of
 from rtk_gt.sensors.sensor_files import (
     read_images,

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
-
-from data_samples.drives.drive import DriveSettings, simulate_drive
-from data_samples.drives.trials import (
+from trials.drives import (
     CONDITIONS,
     normalised_squares,
     offset_errors,
     solve_drive,
 )
+
+from data_samples.drives.drive import DriveSettings, simulate_drive
 from rtk_gt.path.consistency import consistency
 from rtk_gt.path.leaps import leaping_poses
 from validation.poses.pose_table import SPATIAL, pose_difference

@@ -8,6 +8,7 @@ import pytest
 from rtk_samples import MALAGA
 from scipy import stats
 from scipy.spatial.transform import Rotation
+from trials.drives import solve_drive
 
 from data_samples.drives.drive import (
     LEFT_CAMERA,
@@ -18,7 +19,6 @@ from data_samples.drives.drive import (
     scan_along,
     simulate_drive,
 )
-from data_samples.drives.trials import solve_drive
 from rtk_gt.path.interpolation import Interpolated
 from rtk_gt.path.orientation import transform_of
 from rtk_gt.path.vehicle_path import VehiclePath

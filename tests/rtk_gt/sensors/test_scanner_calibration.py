@@ -6,6 +6,15 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
+from trials.drives import (
+    HAND_SIGMAS,
+    LEVEL,
+    TAPE,
+    calibration_drive,
+    placement_error,
+    scanner_trial,
+    solve_drive,
+)
 
 from data_samples.drives.drive import (
     LEFT_SCANNER,
@@ -15,15 +24,6 @@ from data_samples.drives.drive import (
     DriveSettings,
     scan_along,
     simulate_drive,
-)
-from data_samples.drives.trials import (
-    HAND_SIGMAS,
-    LEVEL,
-    TAPE,
-    calibration_drive,
-    placement_error,
-    scanner_trial,
-    solve_drive,
 )
 from rtk_gt.sensors.ground import (
     KnownGround,

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 from entry_rooms import ANN, EntryRoom, entry_room
+from trials.typing_errors import TYPING_ERRORS, mistyped
 
-from data_samples.faults.typing_errors import TYPING_ERRORS, mistyped
 from survey.entry.dialogue.answers import Answer
 from survey.entry.dialogue.entry_session import EntrySession
 from survey.entry.record.numbers import parse_distance

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
+from trials.typing_errors import TYPING_ERRORS, mistyped
 
-from data_samples.faults.typing_errors import TYPING_ERRORS, mistyped
 from survey.entry.record.numbers import parse_distance
 from survey.entry.room.slips import SLIPS, fitting_originals, possible_originals
 from validation.campaign.folder import Instrument
