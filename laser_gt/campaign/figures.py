@@ -28,14 +28,12 @@ STYLES: dict[Verdict, tuple[str, str, str]] = {
 """Colour, line and marker of each verdict."""
 
 
-def _metres(axes: "Axes", title: str = "") -> None:
+def _metres(axes: "Axes") -> None:
     """Equal axes in metres."""
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.grid(visible=True, linewidth=0.4, alpha=0.5)
-    if title:
-        axes.set_title(title, fontsize=10)
 
 
 def room_map(solution: LaserSolution, sweeps: Mapping[str, Prepared], mount: Array) -> Figure:

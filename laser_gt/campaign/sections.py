@@ -1,5 +1,6 @@
 """Report sections and tables of laser GT."""
 
+from collections import Counter
 from collections.abc import Sequence
 from types import ModuleType
 
@@ -111,14 +112,14 @@ def verdict_table(matching: Matching) -> Table:
     rows: list[list[str | int | float | None]] = []
     for verdict in VERDICTS:
         chosen = matching.of(verdict)
-        reasons: dict[str, int] = {}
-        for one in chosen:
-            for reason in one.reasons:
-                kind = " ".join(word for word in reason.split() if not any(map(str.isdigit, word)))
-                reasons[kind] = reasons.get(kind, 0) + 1
-        common = sorted(reasons.items(), key=lambda item: -item[1])[:3]
+        common = Counter(_kind(reason) for one in chosen for reason in one.reasons).most_common(3)
         rows.append([verdict, len(chosen), "; ".join(f"{kind} ({n})" for kind, n in common)])
     return Table("Verdicts on the matches", ["verdict", "matches", "most common reasons"], rows)
+
+
+def _kind(reason: str) -> str:
+    """A reason without its numbers."""
+    return " ".join(word for word in reason.split() if not any(map(str.isdigit, word)))
 
 
 def pose_table(solution: LaserSolution) -> Table:

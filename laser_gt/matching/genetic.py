@@ -16,8 +16,8 @@ from laser_gt.matching.local import align
 from laser_gt.matching.search import distinct, thinned
 from laser_gt.scans.evidence import Prepared, evidence
 from laser_gt.scans.nearest import NearestGrid
-from laser_gt.scans.planar import rotation
-from validation.poses.angles import Array, wrap
+from laser_gt.scans.planar import rotation, wrapped
+from validation.poses.angles import Array
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def genetic_match(
         population = np.concatenate([population[elite], children])
         value = np.concatenate([value[elite], fitness(children)])
         convergence.append(float(value.min()))
-    population[:, 2] = wrap(population[:, 2])
+    population = wrapped(population)
     winner = int(value.argmin())
     if settings.as_published:
         best = population[winner]
@@ -253,8 +253,7 @@ def _children(
     rivals = rng.integers(len(population), size=(2, 2, count))
     first_wins = value[rivals[0]] <= value[rivals[1]]
     mother, father = population[np.where(first_wins, rivals[0], rivals[1])]
-    away = father - mother
-    away[:, 2] = wrap(away[:, 2])
+    away = wrapped(father - mother)
     share = rng.uniform(-0.3, 1.3, (count, 3))
     width = window * 0.1 * (0.01**progress)
     mutated = rng.random((count, 3)) < 0.4

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from laser_gt.scans.evidence import Prepared
-from laser_gt.scans.planar import rotation
+from laser_gt.scans.planar import rotation, wrapped
 from validation.poses.angles import Array, wrap
 
 CELL = 0.1
@@ -63,9 +63,7 @@ def associate(
         peaks.append([(edge[i] + edge[i + 1]) / 2 for edge, i in zip(edges, where, strict=True)])
         around = tuple(slice(max(i - 3, 0), i + 4) for i in where)
         smooth[around] = 0
-    poses = guess + np.array(peaks)
-    poses[:, 2] = wrap(poses[:, 2])
-    return poses
+    return wrapped(guess + np.array(peaks))
 
 
 def _votes(

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from laser_gt.matching.search import SearchSettings, global_match
 from laser_gt.scans.evidence import Prepared, evidence
-from laser_gt.scans.planar import compose
+from laser_gt.scans.planar import compose, rotation
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
@@ -40,9 +40,8 @@ def spatial(points: Array) -> Array:
 
 def _matrix(pose: Array) -> Array:
     """(4, 4) homogeneous matrix of a planar pose, the form the library takes."""
-    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
     matrix = np.eye(4)
-    matrix[:2, :2] = [[cosine, -sine], [sine, cosine]]
+    matrix[:2, :2] = rotation(pose[2])
     matrix[:2, 3] = pose[:2]
     return matrix
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from laser_gt.scans.planar import rotation
+from laser_gt.scans.planar import rotation, wrapped
 from laser_gt.scans.scan import Indices
 from laser_gt.scans.surfaces import Surface
-from validation.poses.angles import Array, wrap
+from validation.poses.angles import Array
 
 MAX_STEPS = 40
 TUKEY = 6.0
@@ -196,7 +196,7 @@ def _alignment(reference: Surface, pose: Array, pairing: Pairing) -> Alignment:
     gradient = _gradient_covariance(reference, pairing)
     covariance = _sandwich(information, fake, gradient)
     covariance[pairs < MIN_PAIRS] = np.inf
-    pose[:, 2] = wrap(pose[:, 2])
+    pose = wrapped(pose)
     return Alignment(pose, covariance, information - fake, fake, scale)
 
 

@@ -9,8 +9,8 @@ import numpy.typing as npt
 from laser_gt.matching.kiss import chain
 from laser_gt.matching.verdicts import Match
 from laser_gt.scans.evidence import Prepared
-from laser_gt.scans.planar import between
-from validation.poses.angles import Array, wrap
+from laser_gt.scans.planar import between, wrapped
+from validation.poses.angles import Array
 from validation.statistics.robust import sigma_from_median
 
 GENEROUS = 2.0
@@ -105,8 +105,7 @@ def guess_scatter(matches: Sequence[Match], growth: npt.ArrayLike | None = None)
     accepted = np.array([one.verdict == "accept" for one in matches], dtype=bool)
     if accepted.sum() < FEWEST:
         return None
-    off = np.array([one.pose - one.guess for one in matches])[accepted]
-    off[:, 2] = wrap(off[:, 2])
+    off = wrapped(np.array([one.pose - one.guess for one in matches])[accepted])
     if growth is not None:
         off /= np.asarray(growth, dtype=float)[accepted][:, [0, 0, 1]]
     x, y, theta = sigma_from_median(off, axis=0)
