@@ -44,11 +44,10 @@ def room_map(solution: LaserSolution, sweeps: Mapping[str, Prepared], mount: Arr
         points = transform(compose(pose, mount), sweeps[stop].sweep.points)
         axes.plot(*points.T, ",", color=GREY, alpha=0.6)
     poses = solution.placement.poses
+    heading = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     axes.quiver(
-        poses[:, 0],
-        poses[:, 1],
-        np.cos(poses[:, 2]),
-        np.sin(poses[:, 2]),
+        *poses[:, :2].T,
+        *heading,
         color=COLOURS[0],
         angles="xy",
         scale=20,
