@@ -91,7 +91,6 @@ def load_inputs(campaign: Campaign, settings: LaserSettings) -> LaserInputs:
     mount, mount_sigmas = np.array(first.mount), np.array(first.mount_sigmas)
     stops = tuple(by_stop)
     odometry, unscanned = _odometry(campaign, settings, by_stop)
-    decisions = campaign.folder / settings.decisions
     return LaserInputs(
         sweeps=tuple(
             Prepared(_sweep(stop, scans, known, mount, settings)) for stop, scans in by_stop.items()
@@ -99,8 +98,8 @@ def load_inputs(campaign: Campaign, settings: LaserSettings) -> LaserInputs:
         mount=mount,
         mount_sigmas=mount_sigmas,
         odometry=odometry,
-        decisions=read_decisions(decisions, stops),
-        left_out=tuple(_left_out(settings, sensors, by_stop, unscanned)),
+        decisions=read_decisions(campaign.folder / settings.decisions, stops),
+        left_out=tuple(_left_out(campaign, settings, sensors, by_stop, unscanned)),
     )
 
 
@@ -135,6 +134,7 @@ def _check_scanners(campaign: Campaign, settings: LaserSettings, sensors: Sequen
 
 
 def _left_out(
+    campaign: Campaign,
     settings: LaserSettings,
     sensors: Sequence[str],
     by_stop: ByStop,
@@ -158,6 +158,9 @@ def _left_out(
                 f"the scans by '{name}' of the stops {', '.join(still)} are not corrected for "
                 "the motion of the robot: there is no odometry near their time"
             )
+    stated = "decisions" in settings.model_fields_set
+    if stated and not (campaign.folder / settings.decisions).exists():
+        yield f"no decision is used: there is no file {settings.decisions} yet"
     if unscanned:
         yield f"the odometry of the stops {', '.join(unscanned)} is not used: they have no scan"
 
