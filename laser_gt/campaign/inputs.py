@@ -22,8 +22,9 @@ from validation.results import VALIDATION_SYSTEM
 from validation.text_files.csv_tables import Column, read_csv
 
 ASSUMED_SIGMAS = (0.002, 0.002, 0.003)
-"""Standard deviations of a surveyed pose without covariance: 2 mm and 3 mrad. A judgement: what a
-hand laser of 1.5 mm gives over a robot frame of 0.6 m; a finding says where it is used."""
+"""Standard deviations of a surveyed pose without covariance: 2 mm and 3 mrad. A judgement: a
+hand laser good to 1.5 mm places a point to some 1 mm, a mark on the floor is as wide, and 2 mm
+over the 0.6 m of a robot frame are 3 mrad. A finding says where they are used."""
 
 MOUNT_EXAMPLE = "mount = [0.178, 0.192, 1.571]  # x [m], y [m], theta [rad] in the robot frame"
 SIGMAS_EXAMPLE = "mount_sigmas = [0.002, 0.002, 0.002]  # how well that was measured"

@@ -20,7 +20,8 @@ from laser_gt.scans.scan import Flags
 from validation.poses.angles import Array, wrap
 
 FINISH = 5
-"""Steps with all points at the end of a disturbed start."""
+"""Steps with all points at the end of a disturbed start. A judgement: with half of the points the
+start has ended within the noise of those, from where it is not far."""
 
 
 @dataclass(frozen=True)

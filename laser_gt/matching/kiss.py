@@ -20,9 +20,11 @@ VOXEL = 0.1
 """Edge of a cell of the library's map in metres: the finest of what it takes indoors, where walls
 are seen from near."""
 RECOVERY_WINDOW = 8.0
-"""Half width of the search in metres where the track is lost: how far apart stops may be."""
+"""Half width of the search in metres where the track is lost: how far apart two stops in a row may
+be. A judgement: the length of a room."""
 LOST = 0.4
-"""Less explained share than this between two scans in a row means that the track is lost."""
+"""Less explained share than this, violations taken off, between two scans in a row means that the
+track is lost. A judgement: a little less than the 0.45 from which on a match is accepted."""
 
 
 def _spatial(points: Array) -> Array:

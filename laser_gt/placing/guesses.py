@@ -15,10 +15,11 @@ from validation.statistics.robust import sigma_from_median
 
 GENEROUS = 2.0
 """What to take the guesses' deviations for, over their scatter about the accepted matches: those
-are the easy ones."""
+are the easy ones. A judgement: twice as wide a search costs time, a narrow one right poses."""
 
 FEWEST = 10
-"""Accepted matches below which nothing is said."""
+"""Accepted matches below which nothing is said: from ten, a deviation by medians is known to 37 %
+of itself (1.17 / sqrt(10))."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ from laser_gt.scans.planar import CONTRADICTION, between, compose, compose_jacob
 from validation.poses.angles import Array
 
 HELD = 1e6
-"""Factor on the information of a mount that is held."""
+"""Factor on the information of a mount that is held: it moves by a millionth of what the survey
+would have it."""
 
 
 @dataclass(frozen=True)
