@@ -28,14 +28,12 @@ STYLES: dict[Verdict, tuple[str, str, str]] = {
 """Colour, line and marker of each verdict."""
 
 
-def _metres(axes: "Axes", title: str = "") -> None:
+def _metres(axes: "Axes") -> None:
     """Equal axes in metres."""
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.grid(visible=True, linewidth=0.4, alpha=0.5)
-    if title:
-        axes.set_title(title, fontsize=10)
 
 
 def room_map(solution: LaserSolution, sweeps: Mapping[str, Prepared], mount: Array) -> Figure:
@@ -46,11 +44,10 @@ def room_map(solution: LaserSolution, sweeps: Mapping[str, Prepared], mount: Arr
         points = transform(compose(pose, mount), sweeps[stop].sweep.points)
         axes.plot(*points.T, ",", color=GREY, alpha=0.6)
     poses = solution.placement.poses
+    heading = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     axes.quiver(
-        poses[:, 0],
-        poses[:, 1],
-        np.cos(poses[:, 2]),
-        np.sin(poses[:, 2]),
+        *poses[:, :2].T,
+        *heading,
         color=COLOURS[0],
         angles="xy",
         scale=20,

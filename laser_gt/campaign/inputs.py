@@ -22,8 +22,9 @@ from validation.results import VALIDATION_SYSTEM
 from validation.text_files.csv_tables import Column, read_csv
 
 ASSUMED_SIGMAS = (0.002, 0.002, 0.003)
-"""Standard deviations of a surveyed pose without covariance: 2 mm and 3 mrad. A judgement: what a
-hand laser of 1.5 mm gives over a robot frame of 0.6 m; a finding says where it is used."""
+"""Standard deviations of a surveyed pose without covariance: 2 mm and 3 mrad. A judgement: a
+hand laser good to 1.5 mm places a point to some 1 mm, a mark on the floor is as wide, and 2 mm
+over the 0.6 m of a robot frame are 3 mrad. A finding says where they are used."""
 
 MOUNT_EXAMPLE = "mount = [0.178, 0.192, 1.571]  # x [m], y [m], theta [rad] in the robot frame"
 SIGMAS_EXAMPLE = "mount_sigmas = [0.002, 0.002, 0.002]  # how well that was measured"
@@ -91,7 +92,6 @@ def load_inputs(campaign: Campaign, settings: LaserSettings) -> LaserInputs:
     mount, mount_sigmas = np.array(first.mount), np.array(first.mount_sigmas)
     stops = tuple(by_stop)
     odometry, unscanned = _odometry(campaign, settings, by_stop)
-    decisions = campaign.folder / settings.decisions
     return LaserInputs(
         sweeps=tuple(
             Prepared(_sweep(stop, scans, known, mount, settings)) for stop, scans in by_stop.items()
@@ -99,8 +99,8 @@ def load_inputs(campaign: Campaign, settings: LaserSettings) -> LaserInputs:
         mount=mount,
         mount_sigmas=mount_sigmas,
         odometry=odometry,
-        decisions=read_decisions(decisions, stops),
-        left_out=tuple(_left_out(settings, sensors, by_stop, unscanned)),
+        decisions=read_decisions(campaign.folder / settings.decisions, stops),
+        left_out=tuple(_left_out(campaign, settings, sensors, by_stop, unscanned)),
     )
 
 
@@ -135,6 +135,7 @@ def _check_scanners(campaign: Campaign, settings: LaserSettings, sensors: Sequen
 
 
 def _left_out(
+    campaign: Campaign,
     settings: LaserSettings,
     sensors: Sequence[str],
     by_stop: ByStop,
@@ -158,6 +159,9 @@ def _left_out(
                 f"the scans by '{name}' of the stops {', '.join(still)} are not corrected for "
                 "the motion of the robot: there is no odometry near their time"
             )
+    stated = "decisions" in settings.model_fields_set
+    if stated and not (campaign.folder / settings.decisions).exists():
+        yield f"no decision is used: there is no file {settings.decisions} yet"
     if unscanned:
         yield f"the odometry of the stops {', '.join(unscanned)} is not used: they have no scan"
 

@@ -1,5 +1,6 @@
 """Report sections and tables of laser GT."""
 
+from collections import Counter
 from collections.abc import Sequence
 from types import ModuleType
 
@@ -13,6 +14,8 @@ from laser_gt.placing.solution import LaserSolution
 from laser_gt.scans.planar import compose
 from validation.results import Figure, Section, Table, Text
 
+COMPONENTS = ("x [m]", "y [m]", "theta [rad]")
+
 SHOWN = 16
 """Matches on the sheet of the report: the doubtful ones first. The gallery shows all."""
 
@@ -20,8 +23,10 @@ SHOWN = 16
 def laser_sections(outcome: LaserOutcome) -> list[Section]:
     """One section for each engine, and one for the mount."""
     sections = [_engine_section(outcome, matching) for matching in outcome.matchings.values()]
-    if outcome.mount_check is not None:
-        sections.append(_mount_section(outcome, outcome.mount_check))
+    check = outcome.mount_check
+    if check is not None:
+        section = Section("Laser GT: mount", [mount_table(check), overlay_figure(outcome, check)])
+        sections.append(section)
     return sections
 
 
@@ -111,36 +116,25 @@ def verdict_table(matching: Matching) -> Table:
     rows: list[list[str | int | float | None]] = []
     for verdict in VERDICTS:
         chosen = matching.of(verdict)
-        reasons: dict[str, int] = {}
-        for one in chosen:
-            for reason in one.reasons:
-                kind = " ".join(word for word in reason.split() if not any(map(str.isdigit, word)))
-                reasons[kind] = reasons.get(kind, 0) + 1
-        common = sorted(reasons.items(), key=lambda item: -item[1])[:3]
+        common = Counter(_kind(reason) for one in chosen for reason in one.reasons).most_common(3)
         rows.append([verdict, len(chosen), "; ".join(f"{kind} ({n})" for kind, n in common)])
     return Table("Verdicts on the matches", ["verdict", "matches", "most common reasons"], rows)
+
+
+def _kind(reason: str) -> str:
+    """A reason without its numbers."""
+    return " ".join(word for word in reason.split() if not any(map(str.isdigit, word)))
 
 
 def pose_table(solution: LaserSolution) -> Table:
     """Poses with standard deviations."""
     n = len(solution.stops)
     sigma = np.sqrt(np.diagonal(solution.placement.joint)).reshape(n, 3)
-    rows: list[list[str | int | float | None]] = [
-        [stop, *map(float, pose), *map(float, s)]
-        for stop, pose, s in zip(solution.stops, solution.placement.poses, sigma, strict=True)
-    ]
+    values = np.hstack([solution.placement.poses, sigma]).tolist()
     return Table(
         f"Poses by {solution.matching.engine}",
-        [
-            "pose",
-            "x [m]",
-            "y [m]",
-            "theta [rad]",
-            "sigma x [m]",
-            "sigma y [m]",
-            "sigma theta [rad]",
-        ],
-        rows,
+        ["pose", *COMPONENTS, *(f"sigma {name}" for name in COMPONENTS)],
+        [[stop, *row] for stop, row in zip(solution.stops, values, strict=True)],
         ["", ".4f", ".4f", ".4f", ".4f", ".4f", ".4f"],
         f"Placed by the surveyed stops {', '.join(solution.anchors)}.",
     )
@@ -148,32 +142,17 @@ def pose_table(solution: LaserSolution) -> Table:
 
 def mount_table(check: MountCheck) -> Table:
     """Stated and found mount."""
-    names = ("x [m]", "y [m]", "theta [rad]")
-    rows: list[list[str | int | float | None]] = [
-        [name, *map(float, values)]
-        for name, *values in zip(
-            names,
-            check.stated,
-            check.stated_sigmas,
-            check.found.mount,
-            check.found.sigmas,
-            check.difference,
-            strict=True,
-        )
-    ]
+    found = check.found
+    columns = [check.stated, check.stated_sigmas, found.mount, found.sigmas, check.difference]
+    values = np.column_stack(columns).tolist()
     return Table(
         "Mount of the laser on the robot",
         ["", "stated", "sigma", "found", "sigma found", "stated - found"],
-        rows,
+        [[name, *row] for name, row in zip(COMPONENTS, values, strict=True)],
         ["", ".4f", ".4f", ".4f", ".4f", "+.4f"],
-        f"From {check.found.pairs} pairs with turns of {np.rad2deg(check.found.turn):.0f} degrees "
+        f"From {found.pairs} pairs with turns of {np.rad2deg(found.turn):.0f} degrees "
         f"(root mean square); the two {'agree' if check.agrees else 'do not agree'}.",
     )
-
-
-def _mount_section(outcome: LaserOutcome, check: MountCheck) -> Section:
-    """The mount and the document's overlay."""
-    return Section("Laser GT: mount", [mount_table(check), overlay_figure(outcome, check)])
 
 
 def overlay_figure(outcome: LaserOutcome, check: MountCheck) -> Figure:

@@ -19,7 +19,8 @@ from validation.poses.angles import Array
 from validation.systems import no_progress
 
 GENETIC_PAIRS = 3
-"""Nearest neighbours of a stop that the genetic aligner matches: it takes a third of a second."""
+"""Nearest neighbours of a stop that the genetic aligner matches, at most. A judgement: a match
+takes it a third of a second, and three pairs at each stop make a graph with loops."""
 
 
 def solve_campaign(

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from laser_gt.logs.records import Line, ScanRecord, checked, read_each
+from laser_gt.scans.scan import Scan
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 
@@ -67,7 +68,7 @@ def _record(line: Line, topic_and_message: tuple[str, Any]) -> ScanRecord:
     if step < 0:
         ranges, angles = ranges[::-1], angles[::-1]
     stamp = message.header.stamp
-    scan = line.scan(
+    scan = Scan(
         ranges,
         _at_most_a_turn(angles),
         range_min=low,

@@ -18,6 +18,7 @@ from laser_gt.logs.records import (
     read_lines,
     without_far,
 )
+from laser_gt.scans.scan import Scan
 from validation.poses.angles import Array
 
 RANGE_SIGMA = 0.01
@@ -100,7 +101,7 @@ def _scan(
     line: Line, message: str, ranges: Array, angles: Array, range_max: float, tail: Array
 ) -> ScanRecord:
     """The record of a scan; the tail is the laser's pose, the robot's pose, ..., the time."""
-    scan = line.scan(
+    scan = Scan(
         without_far(ranges, range_max),
         angles,
         range_min=0.0,

@@ -20,6 +20,7 @@ from laser_gt.logs.records import (
     read_lines,
     without_far,
 )
+from laser_gt.scans.scan import Scan
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
 
@@ -73,7 +74,7 @@ def _record(sensor: str, line: Line, words: Sequence[str], *, sick: bool) -> Sca
     else:
         angles = np.linspace(-HOKUYO_FIELD / 2, HOKUYO_FIELD / 2, count)
         limit = HOKUYO_RANGE_MAX
-    scan = line.scan(
+    scan = Scan(
         without_far(np.where(ranges == 0, np.inf, ranges), limit),
         angles,
         range_min=RANGE_MIN,

@@ -6,11 +6,28 @@ from pathlib import Path
 
 import numpy as np
 
+from laser_gt.logs.bags import read_bag
+from laser_gt.logs.carmen import read_carmen
 from laser_gt.logs.motion import MirrorTiming, undistorted_records
+from laser_gt.logs.rawseeds import (
+    read_rawseeds_hokuyo,
+    read_rawseeds_odometry,
+    read_rawseeds_sick,
+)
 from laser_gt.logs.records import ScanRecord
+from laser_gt.logs.scan_csv import read_scan_csv
+from laser_gt.scans.planar import wrapped
 from laser_gt.settings import LaserSettings
 from validation.errors import InputError, Problem
-from validation.poses.angles import Array, wrap
+from validation.poses.angles import Array
+
+READERS: dict[str, Callable[[Path], list[ScanRecord]]] = {
+    "csv": read_scan_csv,
+    "carmen": read_carmen,
+    "rawseeds_sick": read_rawseeds_sick,
+    "rawseeds_hokuyo": read_rawseeds_hokuyo,
+    "bag": read_bag,
+}
 
 
 def read_records(folder: Path, settings: LaserSettings) -> list[ScanRecord]:
@@ -30,8 +47,6 @@ def read_records(folder: Path, settings: LaserSettings) -> list[ScanRecord]:
     """
     records = _read(folder, settings)
     if settings.odometry_format == "rawseeds":
-        from laser_gt.logs.rawseeds import read_rawseeds_odometry  # noqa: PLC0415
-
         times, poses = read_rawseeds_odometry(folder / settings.odometry)
         records = with_odometry(records, times, poses, settings.max_delay)
     timings = {
@@ -45,7 +60,7 @@ def read_records(folder: Path, settings: LaserSettings) -> list[ScanRecord]:
 
 def _read(folder: Path, settings: LaserSettings) -> list[ScanRecord]:
     """The scans of one file for all scanners, or of one for each."""
-    read = _reader(settings.format)
+    read = READERS[settings.format]
     if not settings.own_files:
         return read(folder / settings.scans)
     records = []
@@ -57,25 +72,6 @@ def _read(folder: Path, settings: LaserSettings) -> list[ScanRecord]:
             raise InputError([Problem(folder / file, text)])
         records += [replace(one, scan=replace(one.scan, sensor=name)) for one in found]
     return records
-
-
-def _reader(form: str) -> Callable[[Path], list[ScanRecord]]:
-    """What reads a format."""
-    if form == "bag":
-        from laser_gt.logs.bags import read_bag  # noqa: PLC0415  (an extra)
-
-        return read_bag
-    from laser_gt.logs.carmen import read_carmen  # noqa: PLC0415
-    from laser_gt.logs.rawseeds import read_rawseeds_hokuyo, read_rawseeds_sick  # noqa: PLC0415
-    from laser_gt.logs.scan_csv import read_scan_csv  # noqa: PLC0415
-
-    readers: dict[str, Callable[[Path], list[ScanRecord]]] = {
-        "csv": read_scan_csv,
-        "carmen": read_carmen,
-        "rawseeds_sick": read_rawseeds_sick,
-        "rawseeds_hokuyo": read_rawseeds_hokuyo,
-    }
-    return readers[form]
 
 
 def with_odometry(
@@ -105,14 +101,8 @@ def with_odometry(
     after = np.clip(np.searchsorted(times, asked), 0, len(times) - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.minimum(np.abs(times[after] - asked), np.abs(times[before] - asked))
-    heading = np.unwrap(poses[:, 2])
-    found = np.column_stack(
-        [
-            np.interp(asked, times, poses[:, 0]),
-            np.interp(asked, times, poses[:, 1]),
-            wrap(np.interp(asked, times, heading)),
-        ]
-    )
+    track = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
+    found = wrapped(np.column_stack([np.interp(asked, times, column) for column in track.T]))
     return [
         replace(record, odometry=pose) if near <= max_delay else record
         for record, pose, near in zip(records, found, nearest, strict=True)

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from laser_gt.scans.scan import Scan, scan_fault
+from laser_gt.scans.scan import Scan
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 
@@ -97,29 +97,6 @@ class Line:
             raise self.bad("expected a finite number", what, wrong)
         return values
 
-    def scan(
-        self,
-        ranges: Array,
-        angles: Array,
-        *,
-        range_min: float,
-        range_max: float,
-        time: float,
-        sensor: str,
-        sigma: float | None = None,
-    ) -> Scan:
-        """A scan of this line.
-
-        Raises
-        ------
-        InputError
-            If the numbers are not a scan.
-        """
-        fault = scan_fault(ranges, angles, range_min, range_max)
-        if fault is not None:
-            raise self.bad(f"not a scan: {fault}", "ranges")
-        return Scan(ranges, angles, range_min, range_max, sigma, time, sensor)
-
 
 def read_each(
     path: Path, parts: Iterable[tuple[int, P]], read: Callable[[Line, P], R]
@@ -133,7 +110,7 @@ def read_each(
     parts : iterable of (int, any)
         Number of each line, and the line.
     read : callable
-        Reads one; raises InputError.
+        Reads one; raises GtvalError.
     """
     found: list[R] = []
     problems: list[Problem] = []
@@ -142,6 +119,8 @@ def read_each(
             found.append(read(Line(path, number), part))
         except InputError as error:
             problems += error.problems
+        except GtvalError as error:  # the numbers are not a scan
+            problems.append(Problem(path, str(error), number, "ranges"))
     return found, problems
 
 

@@ -64,7 +64,7 @@ def _record(line: Line, row: Mapping[str, Any]) -> ScanRecord:
     angles = np.asarray(row["angle_min"] + step * np.arange(len(values)))
     if step < 0:
         values, angles = values[::-1], angles[::-1]
-    scan = line.scan(
+    scan = Scan(
         values,
         angles,
         range_min=_or(row["range_min"], Scan.range_min),

@@ -15,11 +15,13 @@ from laser_gt.matching.local import Alignment, align
 from laser_gt.matching.search import SearchSettings, distinct, global_match
 from laser_gt.matching.verdicts import JudgementSettings, Match, with_verdict
 from laser_gt.scans.evidence import Prepared, evidence, intruder
+from laser_gt.scans.planar import wrapped
 from laser_gt.scans.scan import Flags
 from validation.poses.angles import Array, wrap
 
 FINISH = 5
-"""Steps with all points at the end of a disturbed start."""
+"""Steps with all points at the end of a disturbed start. A judgement: with half of the points the
+start has ended within the noise of those, from where it is not far."""
 
 
 @dataclass(frozen=True)
@@ -198,7 +200,7 @@ def _spread(poses: Array, pose: Array) -> Array:
     """(3, 3) second moment of poses about a pose."""
     if not len(poses):
         return np.zeros((3, 3))
-    difference = np.column_stack([poses[:, :2] - pose[:2], wrap(poses[:, 2] - pose[2])])
+    difference = wrapped(poses - pose)
     return np.asarray(difference.T @ difference / len(poses))
 
 
@@ -212,8 +214,7 @@ def _surprise(pose: Array, covariance: Array, guess: Array, settings: MatchSetti
     """Squared distance of a pose from its guess in standard deviations of both."""
     if not np.isfinite(covariance).all():
         return 0.0
-    difference = pose - guess
-    difference[2] = wrap(difference[2])
+    difference = wrapped(pose - guess)
     return float(difference @ np.linalg.solve(covariance + _prior(settings), difference))
 
 
@@ -229,11 +230,9 @@ def _with_guess(
     if not np.isfinite(covariance).all():
         return guess.copy(), prior
     gain = covariance @ np.linalg.inv(covariance + prior)
-    difference = guess - pose
-    difference[2] = wrap(difference[2])
+    difference = wrapped(guess - pose)
     joint = gain @ prior
-    together = pose + gain @ difference
-    together[2] = wrap(together[2])
+    together = wrapped(pose + gain @ difference)
     return together, (joint + joint.T) / 2
 
 

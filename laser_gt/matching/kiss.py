@@ -1,8 +1,8 @@
 """kiss-icp on planar scans: registration of two, and odometry along a series.
 
 The library works on points in space; scans are padded to z = 0. Its defaults are made for cars:
-the voxel must be 0.1 to 0.3 m indoors. It reports neither bad input nor lost overlap, so both are
-checked here.
+the voxel must be 0.1 to 0.3 m indoors. It does not report that two scans hardly overlap; that is
+checked here. Nor does it report bad points, but a scan holds only finite ones.
 """
 
 from collections.abc import Sequence
@@ -13,36 +13,29 @@ import numpy.typing as npt
 
 from laser_gt.matching.search import SearchSettings, global_match
 from laser_gt.scans.evidence import Prepared, evidence
-from laser_gt.scans.planar import compose
-from validation.errors import GtvalError
+from laser_gt.scans.planar import compose, rotation
 from validation.poses.angles import Array
 
 VOXEL = 0.1
+"""Edge of a cell of the library's map in metres: the finest of what it takes indoors, where walls
+are seen from near."""
 RECOVERY_WINDOW = 8.0
-"""Half width of the search in metres where the track is lost: how far apart stops may be."""
+"""Half width of the search in metres where the track is lost: how far apart two stops in a row may
+be. A judgement: the length of a room."""
 LOST = 0.4
-"""Less explained share than this between two scans in a row means that the track is lost."""
+"""Less explained share than this, violations taken off, between two scans in a row means that the
+track is lost. A judgement: a little less than the 0.45 from which on a match is accepted."""
 
 
-def spatial(points: Array) -> Array:
-    """(n, 3) points at z = 0, from (n, 2); anything else would be read as garbage.
-
-    Raises
-    ------
-    GtvalError
-        For another shape or values that are not finite.
-    """
-    points = np.asarray(points, dtype=float)
-    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
-        raise GtvalError(f"kiss-icp needs finite (n, 2) points, got an array {points.shape}")
+def _spatial(points: Array) -> Array:
+    """(n, 3) points at z = 0, from (n, 2)."""
     return np.column_stack([points, np.zeros(len(points))])
 
 
 def _matrix(pose: Array) -> Array:
     """(4, 4) homogeneous matrix of a planar pose, the form the library takes."""
-    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
     matrix = np.eye(4)
-    matrix[:2, :2] = [[cosine, -sine], [sine, cosine]]
+    matrix[:2, :2] = rotation(pose[2])
     matrix[:2, 3] = pose[:2]
     return matrix
 
@@ -79,9 +72,9 @@ def register(
     config.mapping.voxel_size = VOXEL
     config.registration.max_num_threads = 1
     grid = get_voxel_hash_map(config)
-    grid.add_points(spatial(reference.sweep.points))
+    grid.add_points(_spatial(reference.sweep.points))
     pose = get_registration(config).align_points_to_map(
-        spatial(moving.sweep.points),
+        _spatial(moving.sweep.points),
         grid,
         _matrix(np.asarray(guess, dtype=float)),
         reach,

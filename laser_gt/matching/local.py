@@ -10,25 +10,34 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from laser_gt.scans.planar import rotation
+from laser_gt.scans.planar import rotation, wrapped
 from laser_gt.scans.scan import Indices
 from laser_gt.scans.surfaces import Surface
-from validation.poses.angles import Array, wrap
+from validation.poses.angles import Array
 
 MAX_STEPS = 40
+"""Bound on the steps. A judgement: with the width for outliers at the noise after four or
+five, a start that has not ended after forty goes to and fro between pairings."""
 TUKEY = 6.0
 """Width of the biweight in standard deviations: 98 % efficient for normal noise."""
 FACING = 0.7
-"""Least cosine between the normals of paired points (45 degrees)."""
+"""Least cosine between the normals of paired points (45 degrees): halfway between the two walls of
+a right-angled corner."""
 SMALL_STEP = 2e-5
-"""A step below this, in metres and radians, ends the iteration."""
+"""A step below this, in metres and radians, ends the iteration. Measured: matches in a simulated
+room have standard deviations from 0.26 mm and 0.086 mrad on, more than four times as much."""
 FINEST = 8.4
-"""Least width for outliers, in standard deviations of a point across its surface."""
+"""Least distance within which points are paired, in standard deviations of a point across its
+surface. A judgement: half of it, 4.2, is the least width of the biweight, near the 4.685 with
+which it is 95 % efficient."""
 SHRINK = 0.4
-"""Factor on the width for outliers from step to step."""
+"""Factor on that distance from step to step. A judgement: from 0.5 m it takes three or four steps
+to the noise, in each of which the pose comes nearer by more than that."""
 MIN_PAIRS = 10
+"""Fewer pairs determine nothing. A judgement: three unknowns, three times over."""
 MOSTLY_FAKE = 0.5
-"""No step is made in a direction in which more than this share of the information is fake."""
+"""No step is made in a direction in which more than this share of the information is fake:
+beyond one half, chance says more about it than the surfaces do."""
 
 
 @dataclass(frozen=True)
@@ -196,7 +205,7 @@ def _alignment(reference: Surface, pose: Array, pairing: Pairing) -> Alignment:
     gradient = _gradient_covariance(reference, pairing)
     covariance = _sandwich(information, fake, gradient)
     covariance[pairs < MIN_PAIRS] = np.inf
-    pose[:, 2] = wrap(pose[:, 2])
+    pose = wrapped(pose)
     return Alignment(pose, covariance, information - fake, fake, scale)
 
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from laser_gt.placing.pairs import connected_stops
 from laser_gt.scans.planar import (
     between,
     compose,
@@ -21,14 +20,18 @@ from laser_gt.scans.planar import (
     inverse_covariance_of,
     inverse_jacobian,
     rotation,
+    wrapped,
 )
-from laser_gt.scans.scan import Flags, Indices
+from laser_gt.scans.scan import Indices
 from validation.errors import GtvalError
-from validation.poses.angles import Array, wrap
+from validation.poses.angles import Array
 
 MAX_STEPS = 50
+"""Bound on the steps of Gauss-Newton. A judgement: it converges in a few from the initial guess of
+any chain of matches; the bound ends what weights that change to and fro would keep going."""
 LEAST_MISFIT = 0.02
-"""Least factor on the edges' covariances: no loop closes perfectly but by chance."""
+"""Least factor on the edges' covariances: no loop closes perfectly but by chance. A judgement: a
+seventh of the stated standard deviations; the rest is then noise of the stops."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ class Graph:
     Parameters
     ----------
     initial : (n, 3) array
-        First values of the robot poses, in the GTV frame.
+        First values of the robot poses, in the GTV frame. Edges join all of them.
     mount : (3,) array
         First value of the mount: laser frame in the robot frame.
     edges : sequence of Edge
@@ -139,28 +142,20 @@ def solve_graph(graph: Graph, robust_width: float = 4.0) -> GraphSolution:
     if not graph.edges or not len(graph.prior_stops):
         raise GtvalError("no accepted match, or no surveyed stop: nothing to place the scans with")
     poses, mount = graph.initial.copy(), graph.mount.copy()
-    connected = connected_stops(len(poses), ends_of(graph.edges), graph.prior_stops)
     weights = np.ones(len(graph.edges))
-    information: Array | None = None
     for _ in range(MAX_STEPS):
         residuals, chi = _edge_residuals(graph, poses, mount)
         weights = 1 / (1 + chi / (3 * robust_width**2))
-        information, gradient = _normal_equations(
-            graph, poses, mount, residuals, weights, connected
-        )
+        information, gradient = _normal_equations(graph, poses, mount, residuals, weights)
         step = _solve(information, gradient)
-        poses = poses + step[:-3].reshape(-1, 3)
-        poses[:, 2] = wrap(poses[:, 2])
+        poses = wrapped(poses + step[:-3].reshape(-1, 3))
         mount = mount + step[-3:]
         if np.abs(step).max() < 1e-9:
             break
-    _, chi = _edge_residuals(graph, poses, mount)
-    return _solution(graph, poses, mount, chi, weights, connected)
+    return _solution(graph, poses, mount, weights)
 
 
-def _solution(
-    graph: Graph, poses: Array, mount: Array, chi: Array, weights: Array, connected: Flags
-) -> GraphSolution:
+def _solution(graph: Graph, poses: Array, mount: Array, weights: Array) -> GraphSolution:
     """The solution with its covariance, the edges scaled by their misfit.
 
     Matches of one scan with many others share that scan's noise: loops close better than the
@@ -168,15 +163,13 @@ def _solution(
     share of the covariance that the misfit of the loops does not show is taken as noise of the
     stops (`_stop_noise`) and added to each of them.
     """
-    inside = connected[ends_of(graph.edges)[:, 0]]
-    total = float((weights * chi)[inside].sum())
-    unknowns = 3 * (int(connected.sum()) - len(graph.prior_stops))
-    unknowns += 3 * (graph.mount_covariance is None)
-    freedom = 3 * int(inside.sum()) - unknowns
+    residuals, chi = _edge_residuals(graph, poses, mount)
+    total = float((weights * chi).sum())
+    unknowns = 3 * (len(poses) - len(graph.prior_stops) + (graph.mount_covariance is None))
+    freedom = 3 * len(graph.edges) - unknowns
     misfit = total / freedom if freedom > 0 else 1.0
-    residuals, _ = _edge_residuals(graph, poses, mount)
     scale = max(misfit, LEAST_MISFIT)
-    information, _ = _normal_equations(graph, poses, mount, residuals, weights / scale, connected)
+    information, _ = _normal_equations(graph, poses, mount, residuals, weights / scale)
     try:
         covariance = np.linalg.inv(information.toarray())
     except np.linalg.LinAlgError:
@@ -231,8 +224,7 @@ def _edge_residuals(graph: Graph, poses: Array, mount: Array) -> tuple[Array, Ar
     """(m, 3) predicted less matched poses, and their (m,) squared Mahalanobis lengths."""
     start, end = ends_of(graph.edges).T
     measured = np.array([edge.pose for edge in graph.edges])
-    residual = predicted(poses[start], poses[end], mount) - measured
-    residual[:, 2] = wrap(residual[:, 2])
+    residual = wrapped(predicted(poses[start], poses[end], mount) - measured)
     covariance = np.array([edge.covariance for edge in graph.edges])
     solved = np.linalg.solve(covariance, residual[..., None])[..., 0]
     return residual, (residual * solved).sum(-1)
@@ -253,7 +245,7 @@ def _edge_jacobians(first: Array, second: Array, mount: Array) -> tuple[Array, A
 
 
 def _normal_equations(
-    graph: Graph, poses: Array, mount: Array, residuals: Array, weights: Array, connected: Flags
+    graph: Graph, poses: Array, mount: Array, residuals: Array, weights: Array
 ) -> tuple[Any, Array]:
     """Information matrix (sparse) and gradient of all terms."""
     from scipy import sparse  # noqa: PLC0415  (loaded when a graph is solved)
@@ -282,32 +274,24 @@ def _normal_equations(
         (3 * where[..., None] + offsets).ravel(),
         (weighted @ residuals[:, None, :, None])[..., 0].ravel(),
     )
-    _add_priors(graph, poses, mount, connected, matrix, gradient)
+    _add_priors(graph, poses, mount, matrix, gradient)
     return matrix.tocsc(), gradient
 
 
-def _add_priors(
-    graph: Graph, poses: Array, mount: Array, connected: Flags, matrix: Any, gradient: Array
-) -> None:
-    """Add surveyed poses, the measured mount, and a weak hold on stops without connection."""
+def _add_priors(graph: Graph, poses: Array, mount: Array, matrix: Any, gradient: Array) -> None:
+    """Add surveyed poses and the measured mount."""
     n = len(poses)
     flat = (3 * np.asarray(graph.prior_stops)[:, None] + np.arange(3)).ravel()
     information = np.linalg.inv(graph.prior_covariance)
-    difference = poses[list(graph.prior_stops)] - graph.prior_poses
-    difference[:, 2] = wrap(difference[:, 2])
+    difference = wrapped(poses[list(graph.prior_stops)] - graph.prior_poses)
     matrix[np.ix_(flat, flat)] += information
     gradient[flat] += information @ difference.ravel()
     if graph.mount_covariance is not None:
         last = slice(3 * n, 3 * n + 3)
         information = np.linalg.inv(graph.mount_covariance)
-        difference = mount - graph.mount
-        difference[2] = wrap(difference[2])
+        difference = wrapped(mount - graph.mount)
         matrix[last, last] += information
         gradient[last] += information @ difference
-    loose = np.flatnonzero(~connected)
-    for stop in loose:
-        part = slice(3 * stop, 3 * stop + 3)
-        matrix[part, part] += np.eye(3)
 
 
 def _solve(information: Any, gradient: Array) -> Array:

@@ -17,9 +17,11 @@ from laser_gt.scans.planar import (
 from validation.poses.angles import Array
 
 FLOOR = np.diag([0.003**2, 0.003**2, 0.001**2])
-"""Allowed for what the covariances leave out: 3 mm and 1 mrad of surfaces that are not flat."""
+"""Allowed for what the covariances leave out: 3 mm and 1 mrad of surfaces that are not flat.
+A judgement: half of the standard deviations up to which a match is accepted."""
 CONFIRMING = 2
-"""Loops through different third stops that confirm a match."""
+"""Loops through different third stops that confirm a match. A judgement: one may close by chance or
+share its third stop's fault; two that do so to millimetres do not."""
 
 
 @dataclass(frozen=True)

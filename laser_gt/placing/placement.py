@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from laser_gt.placing.graph import GraphSolution
-from laser_gt.scans.planar import CONTRADICTION, between, compose, compose_jacobians
-from validation.poses.angles import Array, wrap
+from laser_gt.scans.planar import CONTRADICTION, between, compose, compose_jacobians, wrapped
+from validation.poses.angles import Array
 
 HELD = 1e6
-"""Factor on the information of a mount that is held."""
+"""Factor on the information of a mount that is held: it moves by a millionth of what the survey
+would have it."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +88,7 @@ def _fitted(
         by_frame, by_pose = compose_jacobians(np.broadcast_to(frame, (n, 3)), shape)
         turned = _block_diagonal(by_pose)
         lever = np.hstack([by_frame.reshape(3 * n, 3), turned @ by_mount])
-        difference = surveyed - compose(frame, shape[anchors])
-        difference[:, 2] = wrap(difference[:, 2])
+        difference = wrapped(surveyed - compose(frame, shape[anchors]))
         weighted = lever[flat].T / np.diagonal(covariance)
         solver = np.linalg.inv(weighted @ lever[flat] + prior)
         step = solver @ (weighted @ difference.ravel() - prior[:, 3:] @ mount)

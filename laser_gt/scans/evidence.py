@@ -16,10 +16,12 @@ from laser_gt.scans.surfaces import Surface, surface
 from validation.poses.angles import Array, wrap
 
 MARGIN = 0.06
-"""Distances up to this plus 4 sigma count as explained, in metres."""
+"""Distances up to this plus 4 sigma count as explained, in metres. A judgement between skirting
+boards or the edges of frames, and furniture that stands out of a wall."""
 
 ROW_GAP = 0.3
-"""Points of one row are no further apart than this, in metres."""
+"""Points of one row are no further apart than this, in metres. A judgement: more than the points of
+a wall seen at a grazing angle in a room, less than the gap between two things."""
 
 
 @dataclass(frozen=True)

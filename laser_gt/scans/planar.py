@@ -14,6 +14,13 @@ CONTRADICTION = 16.27
 the 99.9 % quantile of chi-squared with 3 degrees of freedom."""
 
 
+def wrapped(pose: npt.ArrayLike) -> Array:
+    """Poses, or differences of poses, (..., 3), with their angles in (-pi, pi]."""
+    result = np.array(pose, dtype=float)
+    result[..., 2] = wrap(result[..., 2])
+    return result
+
+
 def rotation(theta: npt.ArrayLike) -> Array:
     """(..., 2, 2) rotation matrices of angles in radians."""
     result = np.empty((*np.shape(theta), 2, 2))

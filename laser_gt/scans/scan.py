@@ -16,7 +16,7 @@ Indices = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
 
 MIN_RETURNS = 10
-"""Fewer returns do not make a scan that can be matched."""
+"""Fewer returns do not make a scan that can be matched: the local matcher wants as many pairs."""
 
 
 @dataclass(frozen=True, repr=False)

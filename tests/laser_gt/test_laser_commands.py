@@ -21,7 +21,8 @@ def campaign(tmp_path_factory):
 
 
 def test_solve_writes_poses_near_the_truth(campaign):
-    result = _run("laser", "solve", campaign, "--engine", "scanmatch", "--json")
+    # short for `gtval laser solve`
+    result = _run("laser", campaign, "--engine", "scanmatch", "--json")
     assert result.exit_code == 0, result.output
     facts = json.loads(result.output)
     assert facts["engines"]["scanmatch"]["poses"] == 6
@@ -47,7 +48,9 @@ def test_a_wrong_mount_is_found_and_drawn(tmp_path):
 def test_decisions_are_recorded_and_obeyed(tmp_path):
     folder = tmp_path / "campaign"
     write_campaign(folder, seed=4, stops=4)
-    assert _run("laser", "decide", folder, "1", "2", "reject", "--by", "me").exit_code == 0
+    done = _run("laser", "decide", folder, "1", "2", "reject", "--by", "me", "--json")
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.output)["pair"] == ["1", "2"]
     assert _run("laser", "decide", folder, "2", "3", "guess", "0", "0", "-0.5").exit_code == 0
     result = _run("laser", "inspect", folder, "--json")
     assert result.exit_code == 0, result.output

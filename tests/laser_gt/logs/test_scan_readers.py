@@ -31,6 +31,12 @@ def test_carmen_messages_are_read_with_their_poses(tmp_path):
     assert new.scan.ranges[3] == 2.03
 
 
+def test_the_rear_scanner_of_newer_logs_is_read_too(tmp_path):
+    both = f"{ROBOT}\n{ROBOT.replace('ROBOTLASER1', 'ROBOTLASER2')}\n"
+    front, rear = read_carmen(_write(tmp_path, both))
+    assert (front.scan.sensor, rear.scan.sensor) == ("front", "rear")
+
+
 def test_ranges_at_the_limit_are_no_returns(tmp_path):
     far = FLASER.replace("2.05", "81.91")
     (record,) = read_carmen(_write(tmp_path, far))
