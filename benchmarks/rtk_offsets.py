@@ -13,11 +13,11 @@ from statistics import median
 
 import numpy as np
 import numpy.typing as npt
+from nested_offsets import nested_offsets
 from scipy.spatial.transform import Rotation
 
 from data_samples.drives.drive import ANTENNAS, OFFSETS, RECEIVERS
 from rtk_gt.offsets.estimate import estimate_offsets
-from rtk_gt.offsets.nested import nested_offsets
 from rtk_gt.offsets.noise import PUBLISHED_NOISE
 from rtk_gt.path.antennas import antenna_positions
 from rtk_gt.path.covariance import reference_covariance, simulated_covariance

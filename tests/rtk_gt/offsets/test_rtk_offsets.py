@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from nested_offsets import nested_offsets
 from rtk_samples import DISTANCES, NOISE, steps_of
 from scipy import stats
 
 from data_samples.drives.drive import ANTENNAS, OFFSETS
 from rtk_gt.offsets.estimate import estimate_offsets
-from rtk_gt.offsets.nested import nested_offsets
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.offsets.robust import (
