@@ -193,7 +193,7 @@ def path_of(times, poses):
     n = len(times)
     return VehiclePath(
         times, poses, np.tile(np.eye(6) * 1e-6, (n, 1, 1)), np.zeros((n, 6, 1)),
-        np.zeros((1, 1)), np.zeros((n, 3, 3)), MALAGA,
+        np.zeros((1, 1)), MALAGA,
     )  # fmt: skip
 
 
