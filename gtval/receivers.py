@@ -1,15 +1,17 @@
 """Offsets and path from the fixes of RTK-GPS receivers."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from rtk_gt.campaign.pose_tables import vehicle_table
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.path.antennas import antenna_positions
-from rtk_gt.path.vehicle_path import VehiclePath, pose_table, vehicle_path
+from rtk_gt.path.vehicle_path import VehiclePath, vehicle_path
 from rtk_gt.receivers.fix_csv import read_fix_csv
 from rtk_gt.receivers.fixes import RTK_FIXED, Fixes
 from rtk_gt.receivers.frames import LocalFrame
@@ -206,7 +208,7 @@ def path_table(path: VehiclePath, system: str = "rtk") -> PoseTable:
     -------
     PoseTable
         x, y, z, yaw, pitch, roll in the local frame of the path, named by their times in seconds
-        since 1970 UTC; with the joint covariance where there are at most 300 poses.
+        since 1970 UTC; its ``factor`` holds the errors that all poses share.
 
     Examples
     --------
@@ -215,7 +217,7 @@ def path_table(path: VehiclePath, system: str = "rtk") -> PoseTable:
     >>> gtval.path_table(path).ids[0]
     '1712739600.000'
     """
-    return pose_table(path, system)
+    return replace(vehicle_table(path), system=system)
 
 
 def _steps(records: Sequence[Fixes]) -> Steps:
