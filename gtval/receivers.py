@@ -208,7 +208,7 @@ def path_table(path: VehiclePath, system: str = "rtk") -> PoseTable:
     -------
     PoseTable
         x, y, z, yaw, pitch, roll in the local frame of the path, named by their times in seconds
-        since 1970 UTC; with what the poses share, as the errors of the offsets.
+        since 1970 UTC; its ``factor`` holds the errors that all poses share.
 
     Examples
     --------

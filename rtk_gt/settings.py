@@ -1,5 +1,6 @@
 """The [rtk] table of campaign.toml."""
 
+from datetime import date as Day  # noqa: N812  (the key is called date)
 from itertools import combinations
 from typing import Annotated, Literal
 
@@ -30,7 +31,7 @@ class Receiver(Settings):
     height: Finite | None = None
     label: str = ""
     format: Literal["auto", "nmea", "rtklib", "rawlog", "csv"] = "auto"
-    date: str = ""
+    date: Day | None = None
     position: Three | None = None
 
 

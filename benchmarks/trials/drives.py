@@ -8,6 +8,7 @@ from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
 from data_samples.drives.drive import LEFT_CAMERA, ROOF, Drive, DriveSettings, scan_along
+from rtk_gt.campaign.pose_tables import vehicle_table
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.path.antennas import Antennas, antenna_positions
@@ -92,7 +93,8 @@ def normalised_squares(solved: SolvedDrive) -> Squares:
     drive, seed = solved.drive, solved.drive.seed
     path = solved.path.select(np.arange(seed % 4, len(solved.path), 4))
     errors = pose_difference(path.poses, drive.poses(path.times), SPATIAL).ravel()
-    joint = errors @ np.linalg.solve(path.joint_covariance, errors)
+    whole = np.asarray(vehicle_table(path).joint_covariance, dtype=float)
+    joint = errors @ np.linalg.solve(whole, errors)
     generator = np.random.default_rng([seed, 3])
     one = path.select(np.array([generator.integers(len(path))]))
     camera = LEFT_CAMERA + generator.standard_normal(6) * SENSOR_SIGMAS

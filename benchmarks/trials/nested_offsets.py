@@ -1,6 +1,6 @@
 """The offsets and distances by two nested Levenberg-Marquardt optimisations, as published.
 
-Kept for comparison: `rtk_gt.offsets.estimate` finds the same in closed form and says how
+A peer for comparison: `rtk_gt.offsets.estimate` finds the same in closed form and says how
 sure it is.
 """
 

@@ -116,7 +116,7 @@ def _offsets(outcome: RtkOutcome) -> Iterator[Finding]:
         )
     else:
         text += (
-            "There they are those stated in campaign.toml, which this drive cannot check; "
+            "There the offsets are those of campaign.toml, which this drive cannot check; "
             if outcome.settings.known_offsets or outcome.settings.known_distances
             else f"No single offset is worse than {_metres(worst)}; "
         )
@@ -126,8 +126,8 @@ def _offsets(outcome: RtkOutcome) -> Iterator[Finding]:
 
 def _beforehand(outcome: RtkOutcome) -> str:
     if outcome.settings.known_offsets or outcome.settings.known_distances:
-        return "What campaign.toml states beforehand does not settle them."
-    return "Nothing is stated of them beforehand."
+        return "What campaign.toml states beforehand does not determine them."
+    return "campaign.toml states nothing of them."
 
 
 def _metres(value: float) -> str:
@@ -228,8 +228,8 @@ def _consistency(outcome: RtkOutcome) -> Iterator[Finding]:
         yield Finding("note" if side == "smaller" else "warning", text, SUBJECT, "noise_level")
     if found.correlation_time > 2:
         text = (
-            f"Neighbouring poses err alike: {found.correlation_time:.1f} poses are worth one "
-            "independent one. Averages over neighbours gain less than their number says."
+            f"Neighbouring poses have similar errors: {found.correlation_time:.1f} poses are worth "
+            "one independent one. Averages over neighbours gain less than their number says."
         )
         yield Finding("note", text, SUBJECT, "correlated")
     names = distance_names(outcome.offsets.receivers)
@@ -242,7 +242,7 @@ def _consistency(outcome: RtkOutcome) -> Iterator[Finding]:
             yield Finding("warning", text, SUBJECT, "distance_biased")
     false = int((outcome.offsets.weights == 0).sum())
     if false:
-        text = f"{false} steps have a false fix, told by their distances, and give no pose."
+        text = f"The antenna distances show a false fix in {false} steps, which give no pose."
         yield Finding("note", text, SUBJECT, "false_fixes")
 
 

@@ -1,7 +1,6 @@
 """A campaign's records of all receivers, and what it states beforehand."""
 
 from dataclasses import dataclass, replace
-from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -128,8 +127,8 @@ def _read(
             raise InputError([Problem(path, expected, field="label", value=label)])
         return replace(found[label], receiver=receiver.name)
     if kind == "nmea":
-        day = _day(campaign, receiver)
-        return read_nmea(path, receiver.name, day=day, skip_damaged=settings.skip_damaged)
+        skip = settings.skip_damaged
+        return read_nmea(path, receiver.name, day=receiver.date, skip_damaged=skip)
     if kind == "rtklib":
         return read_pos(path, receiver.name)
     if kind == "csv":
@@ -138,24 +137,6 @@ def _read(
         f"a kind of file that its name does not tell; set format, or use {', '.join(ENDINGS)}"
     )
     raise InputError([Problem(path, expected)])
-
-
-def _day(campaign: Campaign, receiver: Receiver) -> date | None:
-    if not receiver.date:
-        return None
-    try:
-        return date.fromisoformat(receiver.date)
-    except ValueError:
-        raise InputError(
-            [
-                Problem(
-                    campaign.toml,
-                    "not a date; expected YYYY-MM-DD",
-                    field=f"rtk.receivers.{receiver.name}.date",
-                    value=receiver.date,
-                )
-            ]
-        ) from None
 
 
 def stated_frame(settings: RtkSettings) -> LocalFrame | None:

@@ -10,7 +10,7 @@ from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.estimate import distance_names
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.path.coverage import Coverage
-from rtk_gt.path.interpolation import METHODS, NAMES
+from rtk_gt.path.interpolation import METHODS, NAMES, HoldOut
 from rtk_gt.receivers.fixes import FIX_NAMES
 from validation.poses.angles import Array
 from validation.results import Figure, Section, Table, Text
@@ -264,7 +264,7 @@ def _path_blocks(outcome: RtkOutcome) -> list[Table | Figure | Text]:
         ),
     ]
     if outcome.hold_out is not None:
-        blocks.append(interpolation_table(outcome))
+        blocks.append(interpolation_table(outcome.hold_out))
     return blocks
 
 
@@ -314,11 +314,8 @@ def reference_table(first: Array, simulated: Array, noise: GpsNoise, samples: in
     )
 
 
-def interpolation_table(outcome: RtkOutcome) -> Table:
+def interpolation_table(found: HoldOut) -> Table:
     """Hold-out errors of the methods of interpolation."""
-    found = outcome.hold_out
-    if found is None:
-        return Table("Interpolation", ["component"], [])
     rows: list[list[str | float | None]] = []
     for name in NAMES:
         angle = name in {"yaw", "pitch", "roll"}

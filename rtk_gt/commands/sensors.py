@@ -145,7 +145,7 @@ def _say_place(mounted: "MountedScans", result: "ScannerCalibration") -> None:
     if not result.settled:
         note += (
             " It had not settled: each choice of points still moves it, as drives do that see"
-            " their walls from few directions. Take these sigmas as the least."
+            " their walls from few directions. The true errors may be larger than these sigmas."
         )
     spread = np.sqrt(np.diagonal(result.pose_covariance))
     print_table(_poses(f"Scanner {mounted.name}", mounted.start, result.pose, spread, note))
@@ -250,8 +250,8 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
     )
     if len(result.errors) < LONG_ENOUGH * result.correlation_time:
         note += (
-            " The errors hang together for too much of the record to say how long they do: take "
-            "the standard errors as the least, and compare a longer drive, or several."
+            " Errors stay similar for too much of the record: the true standard errors may be "
+            "larger. Compare a longer drive, or several."
         )
     columns = ["direction", "mean error [m]", "standard error [m]"]
     print_table(Table(f"Errors of {record.receiver}", columns, rows, ["", ".3f", ".3f"], note))
@@ -365,7 +365,7 @@ def _determined(sigmas: "Array") -> str:
         return "All six are determined to 1 cm and 0.1 degrees (two standard deviations)."
     return (
         f"Not determined to 1 cm and 0.1 degrees (two standard deviations): {', '.join(open_ones)}."
-        " A longer drive with more headings and slopes is what helps."
+        " A longer drive with more headings and slopes helps."
     )
 
 

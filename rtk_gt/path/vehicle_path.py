@@ -4,14 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import RigidTransform
 
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.path.alignment import align
 from rtk_gt.path.antennas import Antennas, check_antennas
 from rtk_gt.path.covariance import noise_covariance, systematic_jacobian
-from rtk_gt.path.orientation import angles_of, matrix_of, transform_of
+from rtk_gt.path.orientation import angles_of, matrix_of
 from rtk_gt.receivers.frames import LocalFrame
 from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
@@ -35,8 +34,6 @@ class VehiclePath(Shown):
         How an error of offsets and distances moves each pose.
     systematic_covariance : (k, k) array
         Covariance of offsets and distances, the same for the whole drive.
-    residuals : (n, r, 3) array
-        Measured minus fitted antenna positions, metres.
     frame : LocalFrame
         The local frame.
     """
@@ -46,16 +43,10 @@ class VehiclePath(Shown):
     noise_covariances: Array
     systematic_jacobians: Array
     systematic_covariance: Array
-    residuals: Array
     frame: LocalFrame
 
     def __len__(self) -> int:
         return len(self.times)
-
-    @property
-    def T_local_vehicle(self) -> RigidTransform:
-        """The poses as transforms."""
-        return transform_of(self.poses)
 
     @property
     def systematic_covariances(self) -> Array:
@@ -67,15 +58,6 @@ class VehiclePath(Shown):
     def covariances(self) -> Array:
         """(n, 6, 6) covariance of each pose, noise and offsets together."""
         return np.asarray(self.noise_covariances + self.systematic_covariances)
-
-    @property
-    def joint_covariance(self) -> Array:
-        """(6 n, 6 n) covariance of all poses together."""
-        n = len(self)
-        joint = np.asarray(self.shared_factor @ self.shared_factor.T)
-        blocks = joint.reshape(n, 6, n, 6)
-        blocks[np.arange(n), :, np.arange(n)] += self.noise_covariances
-        return joint
 
     @property
     def shared_factor(self) -> Array:
@@ -92,7 +74,6 @@ class VehiclePath(Shown):
             poses=self.poses[rows],
             noise_covariances=self.noise_covariances[rows],
             systematic_jacobians=self.systematic_jacobians[rows],
-            residuals=self.residuals[rows],
         )
 
 
@@ -134,7 +115,6 @@ def vehicle_path(
             "receivers must be listed as rear, front left, front right"
         )
     noise = noise or GpsNoise(offsets.sigma, offsets.eta)
-    fitted = np.einsum("tij,rj->tri", rotation, antennas.positions) + translation[:, None]
     return VehiclePath(
         times=used.times,
         poses=np.concatenate([translation, angles], axis=1),
@@ -143,7 +123,6 @@ def vehicle_path(
             antennas.positions, rotation, antennas.by_distance
         ),
         systematic_covariance=offsets.covariance,
-        residuals=used.positions - fitted,
         frame=steps.frame,
     )
 

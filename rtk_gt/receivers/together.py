@@ -109,9 +109,9 @@ def _not_together(
     if left < 0.3 * apart:
         late = second if shift > 0 else first
         text += (
-            f"With the clock of {late.receiver} set back by about {abs(shift):.0f} s they do, "
-            "give or take the time that the vehicle takes for its own length; GPS time is 18 s "
-            "ahead of UTC since 2017. Correct the times of that file"
+            f"With the clock of {late.receiver} set back by about {abs(shift):.0f} s they do. "
+            "The number is uncertain by the time in which the vehicle drives its own length. GPS "
+            "time is 18 s ahead of UTC since 2017. Correct the times of that file"
         )
     else:
         text += "Are both files of this vehicle and this drive?"

@@ -8,6 +8,7 @@ values keep what the drive does not show. On a measured path this is only where
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -33,7 +34,7 @@ class MatchingSettings:
 
     ``apart``: passes are at least so many seconds apart. ``gates``: largest distances of
     partners in metres, from round to round. ``block``: seconds whose points share one
-    independent error, for the covariance. ``flat``: ratio of the smallest to the middle spread
+    independent error. ``flat``: ratio of the smallest to the middle spread
     of a neighbourhood that counts as a plane. ``sources``: at most so many points are matched.
     """
 
@@ -53,7 +54,7 @@ class ScannerCalibration:
     pose : (6,) array
         x, y, z, yaw, pitch, roll, metres and radians.
     covariance : (6, 6) array
-        Of x, y, z and a rotation vector in the vehicle frame; see ``angle_covariance``.
+        Of x, y, z and a rotation vector in the vehicle frame; see ``pose_covariance``.
     sigmas : (6,) array
         Standard deviations of x, y, z and rotations about the vehicle's x, y, z axes.
     from_drive : (6,) array
@@ -86,6 +87,18 @@ class ScannerCalibration:
         return np.asarray(J @ self.covariance @ J.T)
 
 
+class MatchedPasses(NamedTuple):
+    """A scanner's pose (6,) at which passes agree: x, y, z, yaw, pitch, roll.
+
+    ``rms_before`` and ``rms_after`` are the root mean square distances of matched points from
+    their partners' planes, metres.
+    """
+
+    pose: Array
+    rms_before: float
+    rms_after: float
+
+
 @dataclass(frozen=True)
 class _Pairs:
     """Points, their partners and the partners' normals."""
@@ -104,8 +117,8 @@ def match_passes(
     *,
     settings: MatchingSettings | None = None,
     ground: KnownGround | None = None,
-) -> ScannerCalibration:
-    """The pose of a scanner on the vehicle.
+) -> MatchedPasses:
+    """The pose of a scanner on the vehicle at which passes agree.
 
     Parameters
     ----------
@@ -164,21 +177,8 @@ def match_passes(
         )
         pose = perturbed(pose, change)
     pairs = _matched(cloud, rows, vehicle, pose, settings.gates[-1], settings)
-    residual, J = _equations(cloud, vehicle, pose, pairs)
-    covariance = _covariance(J, residual, weights_of(residual), rows[pairs.source], settings)
-    own: Array = np.asarray(np.linalg.inv(covariance), dtype=float)
-    information = own + prior + _ground_part(cloud, pose, ground)
-    total: Array = np.asarray(np.linalg.inv(information), dtype=float)
-    spread = np.sqrt(np.diagonal(total))
-    return ScannerCalibration(
-        pose=pose,
-        covariance=total,
-        sigmas=spread,
-        from_drive=1 - np.square(spread / sigmas),
-        pairs=len(residual),
-        rms_before=first_rms,
-        rms_after=float(np.sqrt(np.mean(residual**2))),
-    )
+    residual, _ = _equations(cloud, vehicle, pose, pairs)
+    return MatchedPasses(pose, first_rms, float(np.sqrt(np.mean(residual**2))))
 
 
 def weights_of(residual: Array) -> Array:
@@ -290,25 +290,6 @@ def _ground_equations(cloud: Cloud, pose: Array, ground: KnownGround) -> tuple[A
     lost = np.outer(weight, weight) * bound
     pulled = weight * bound * (-residual.mean() * scans / ground.roughness**2)
     return white - lost, right - pulled
-
-
-def _ground_part(cloud: Cloud, pose: Array, ground: KnownGround | None) -> Array:
-    return np.zeros((6, 6)) if ground is None else _ground_equations(cloud, pose, ground)[0]
-
-
-def _covariance(
-    J: Array, residual: Array, weights: Array, times: Array, settings: MatchingSettings
-) -> Array:
-    """Sandwich covariance (6, 6), the points of each block of time taken together."""
-    information = (J * weights[:, None]).T @ J
-    block = np.unique(np.floor(times / settings.block), return_inverse=True)[1]
-    scores = np.zeros((int(block.max()) + 1, 6))
-    np.add.at(scores, block, J * (weights * residual)[:, None])
-    meat = scores.T @ scores
-    inverse = np.linalg.pinv(information)
-    # Each matched pair holds the errors of two passes, of which the blocks count one, and
-    # partners of one plane share its error: twice twice.
-    return np.asarray(4 * inverse @ meat @ inverse + 1e-12 * np.eye(6))
 
 
 def height_histogram(cloud: Cloud, pose: Array, bins: Array, reach: float = np.inf) -> Array:

@@ -16,7 +16,13 @@ import numpy as np
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.receivers.assumptions import VEHICLE_SIZE
 from rtk_gt.sensors.ground import ROAD, KnownGround, road_points
-from rtk_gt.sensors.pass_matching import ScannerCalibration, change_from, match_passes, weights_of
+from rtk_gt.sensors.pass_matching import (
+    MatchedPasses,
+    ScannerCalibration,
+    change_from,
+    match_passes,
+    weights_of,
+)
 from rtk_gt.sensors.scanner_adjustment import gauss_newton_step
 from rtk_gt.sensors.scanner_equations import (
     SHAPE,
@@ -301,7 +307,7 @@ def _prior(vehicle: Vehicle, prior: OffsetPrior) -> tuple[Array, Array]:
     return information, wanted
 
 
-def _rough(data: Given, mounted: MountedScans, cloud: Cloud) -> ScannerCalibration:
+def _rough(data: Given, mounted: MountedScans, cloud: Cloud) -> MatchedPasses:
     """The pose at which passes agree along the path as it is: good enough to begin with."""
     times = mounted.scans.times
     return match_passes(

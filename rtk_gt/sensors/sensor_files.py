@@ -15,12 +15,12 @@ from validation.text_files.csv_tables import Column, CsvTable, read_csv
 MAX_BYTES = 1_000_000_000
 
 
-def _rows(path: Path, columns: Sequence[Column]) -> CsvTable:
+def _rows(path: Path, columns: Sequence[Column], what: str = "rows") -> CsvTable:
     """The table of a file that has to have rows; cells that are wrong are recorded in it."""
     table = read_csv(path, columns, max_bytes=MAX_BYTES)
     if len(table) == 0:
         table.raise_problems()
-        raise InputError([Problem(path, "no rows below the header")])
+        raise InputError([Problem(path, f"no {what} below the header")])
     return table
 
 
@@ -45,7 +45,7 @@ def read_times(path: Path) -> Array:
     InputError
         Naming every cell that is no time, and times given twice.
     """
-    table = _rows(path, [Column("time")])
+    table = _rows(path, [Column("time")], "times")
     times = _times(table)
     table.flag_duplicates(["time"])
     table.raise_problems()

@@ -55,7 +55,7 @@ def test_nees_of_whole_paths_on_hills():
         drive, _, _, path = driven(seed)
         path = path.select(np.arange(0, len(path), 4))
         errors = pose_difference(path.poses, drive.poses(path.times), SPATIAL)
-        total += nees_of(errors, path.joint_covariance)
+        total += nees_of(errors, vehicle_table(path).joint_covariance)
         count += errors.size
     # Sigma of the noise is estimated too, to 1/sqrt(2 * 120 * 3) in each drive: its effect on
     # the total is 2 count / (sqrt(12) * sqrt(720)).

@@ -461,3 +461,17 @@ def test_pieces_are_not_cut_by_the_grid():
     assert len(below.points) == len(found.points)
     once = shared_surfaces(world[:n], origins[:n], times[:n], size=2.0, gate=0.4, apart=8.0)
     assert len(once.centres) == 0
+
+
+def test_scans_in_gaps_are_counted():
+    """Of three scans in ten the time is an hour too late: the rest places the scanner."""
+    drive = simulate_drive(0, calibration_drive(2))
+    trajectory = solve_drive(drive).trajectory()
+    scans = scan_along(drive, LEFT_SCANNER, np.random.default_rng(0), every=0.4, beams=61)
+    cut = int(0.7 * len(scans.times))
+    late = np.where(np.arange(len(scans.times)) < cut, scans.times, scans.times + 3600.0)
+    given = MountedScans(LineScans(late, scans.angles, scans.ranges), LEFT_SCANNER, HAND_SIGMAS)
+    settings = ScannerSettings(points=8000)
+    (found,) = calibrate_scanners(trajectory, [given], settings=settings)
+    without = int((~trajectory.spline.covers(scans.times[:cut])).sum())
+    assert found.left_out == without + len(scans.times) - cut
