@@ -7,6 +7,7 @@ import numpy as np
 from survey.campaign.outcome import SurveyOutcome
 from survey.campaign.result_files import adjusted_points
 from survey.estimation.solve import SurveySolution
+from survey.readings.levels import CRITICAL
 from validation.results import Figure
 
 if TYPE_CHECKING:
@@ -123,7 +124,7 @@ def _residuals(solution: SurveySolution) -> Figure:
     return Figure(
         "reading-residuals",
         "Standardised residuals of all readings over their distance, and their distribution; "
-        "beyond 3.29 a reading is suspect.",
+        f"beyond {CRITICAL} a reading is suspect.",
         f"{len(solution.used)} standardised residuals, largest "
         f"{np.nanmax(np.abs(solution.reliability.w), initial=0.0):.1f}.",
         draw,

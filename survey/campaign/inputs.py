@@ -16,7 +16,8 @@ from validation.poses.pose_table import PoseTable, from_csv
 from validation.text_files.csv_tables import Column, read_csv
 
 HAND_SIGMA = 0.2
-"""Standard deviation, in metres, of hand-measured points that state none."""
+"""Standard deviation, in metres, of hand-measured points that state none. A judgement: a tape laid
+by one person; it separates a place from its mirror image, which is metres away."""
 
 
 @dataclass(frozen=True)

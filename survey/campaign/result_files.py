@@ -1,8 +1,6 @@
 """The survey's files under results/."""
 
-import csv
-import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,6 +8,7 @@ from survey.campaign.outcome import SurveyOutcome
 from survey.estimation.solve import SurveySolution
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable, to_csv
+from validation.text_files.csv_text import csv_text
 
 
 def survey_files(outcome: SurveyOutcome) -> dict[str, str | bytes]:
@@ -68,7 +67,7 @@ def _world_points(solution: SurveySolution, *, joint: bool) -> str:
         for point in solution.world.missing
         if point.name not in names
     ]
-    return _csv(("world_point", "x", "y", "var_x", "cov_xy", "var_y", "status"), rows)
+    return csv_text(("world_point", "x", "y", "var_x", "cov_xy", "var_y", "status"), rows)
 
 
 def _vframe(solution: SurveySolution) -> str:
@@ -78,7 +77,7 @@ def _vframe(solution: SurveySolution) -> str:
         (name, *p, c[0, 0], c[0, 1], c[1, 1])
         for name, p, c in zip(names, positions, covariances, strict=True)
     ]
-    return _csv(("vframe_point", "x", "y", "var_x", "cov_xy", "var_y"), rows)
+    return csv_text(("vframe_point", "x", "y", "var_x", "cov_xy", "var_y"), rows)
 
 
 def _readings(solution: SurveySolution) -> str:
@@ -118,14 +117,4 @@ def _readings(solution: SurveySolution) -> str:
         "weight",
         "suspicion",
     )
-    return _csv(heading, rows)
-
-
-def _csv(heading: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """CSV text with numbers to the last bit."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(heading)
-    for row in rows:
-        writer.writerow([repr(float(c)) if isinstance(c, float) else c for c in row])
-    return stream.getvalue()
+    return csv_text(heading, rows)

@@ -8,6 +8,7 @@ from survey.campaign.outcome import SurveyOutcome
 from survey.campaign.result_files import adjusted_points
 from survey.estimation.robot_frames import RobotFrameFit
 from survey.estimation.solve import SurveySolution
+from survey.readings.levels import CRITICAL
 from validation.poses.angles import wrap
 from validation.results import Section, Table, Text
 
@@ -285,7 +286,7 @@ def _reading_tables(solution: SurveySolution) -> Iterator[Table]:
             for i in worst
         ],
         ("", "", ".3f", "+.1f", ".2f", "+.2f", ".1f"),
-        note="|w| above 3.29 happens by chance once in a thousand readings.",
+        note=f"|w| above {CRITICAL} happens by chance once in a thousand readings.",
     )
 
 

@@ -120,7 +120,7 @@ def _print_status(entry_session: "EntrySession", *, as_json: bool) -> None:
     changes = entry_session.readings_file.changes_by_hand(entry_session.state)
     waiting = 0 if changes is None else len(changes.added)
     if as_json:
-        from validation.text_files.json_text import json_text
+        from validation.report.terminal import print_json
 
         entries = [entry_session.state.entries[number] for number in doubtful]
         said = {
@@ -134,7 +134,7 @@ def _print_status(entry_session: "EntrySession", *, as_json: bool) -> None:
                 for e in entries
             ],
         }
-        click.echo(json_text(said), nl=False)
+        print_json(said)
         return
     click.echo(progress_text(progress))
     if waiting:

@@ -166,7 +166,7 @@ def plan_findings(prediction: Prediction) -> "list[Finding]":
     if prediction.extra:
         last = prediction.extra[-1]
         gain = 1 - last.after / now
-        small = "hardly anything: " if gain < 0.01 else ""
+        small = "very little: " if gain < 0.01 else ""
         findings.append(
             Finding(
                 "note",

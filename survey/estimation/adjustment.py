@@ -12,9 +12,11 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array, wrap
 
 HUBER = 1.5
-"""Standardised residual from which the robust option weighs a reading down."""
+"""Standardised residual from which the robust option weighs a reading down: usual, and 96 % as
+exact as least squares where nothing is wrong."""
 _PASSES = 30
 _STEP_TOLERANCE = 1e-9
+"""Gauss-Newton ends at steps below a nanometre, after four or five passes where readings agree."""
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,10 @@ from survey.estimation.filterpy_filter import extended_kalman_filter
 from validation.poses.angles import Array
 
 PASSES = 20
+"""As in the document."""
 STEP_TOLERANCE = 1e-9
-"""A pass that moves the estimate by less (metres, radians) is the last."""
+"""A pass that moves the estimate by less (metres, radians) is the last: far below the millimetre
+of a reading, and above the rounding of coordinates of a kilometre (1e-13)."""
 WORKING_ELEMENTS = 15_000
 """Starts times readings iterated at a time: enough to make the cost of a call small, few enough
 for the cache and for the allocator to keep the memory from one operation to the next."""

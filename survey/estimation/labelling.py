@@ -26,21 +26,27 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array
 
 MOST_POINTS = 5
-"""Frames of more points have too many labellings to try those that are no symmetry."""
+"""Frames of more points have too many labellings to try those that are no symmetry: 120 are tried
+of 5 points, 720 would be of 6."""
 _SAME_PLACE = 1e-6
 """Nominal points nearer than this, in metres, are the same."""
 MOST_POSES = 2
-"""Robot frames asked for their opinion."""
+"""Robot frames asked. A judgement: one tells a mirror image from the truth, and the second is for
+the case that the first holds a blunder."""
 DECISIVE = 30.0
 """Difference of chi-squared (natural odds of millions) from which evidence decides."""
 PUBLISHED_SIGMA = 0.02
-"""Standard deviation, in metres, granted to published coordinates."""
+"""Standard deviation, in metres, granted to published coordinates. A judgement: it separates errors
+of centimetres in print from mirror images, which are metres off."""
 GUESS_SIGMA = 0.3
-"""The same for the place of a stop measured by steps and by eye."""
+"""The same for the place of a stop measured by steps and by eye: those that
+AD2.3 prints are up to 12 cm off."""
 MOST_POINTS_TRIED = 6
-"""World points with which exchanged labels are tried."""
+"""World points with which exchanged labels are tried. A judgement: three readings more than needed
+in all would do, and one of them may hold a blunder."""
 _HOPELESS = 1e-6
-"""p-value of the world points below which the given labels are doubted without any symmetry."""
+"""p-value of the world points below which the given labels are doubted without any symmetry. A
+judgement: exchanged labels miss by decimetres, hundreds of sigmas."""
 
 _Frame = tuple[str, Array, float]
 """Pose, its best state (3,), and the cost there."""

@@ -22,7 +22,7 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array
 
 _FIXED = 1e-6
-"""Standard deviation, in metres, that stands for 'exactly known'."""
+"""Standard deviation, in metres, that stands for 'exactly known': a thousandth of a reading's."""
 
 Index = npt.NDArray[np.intp]
 

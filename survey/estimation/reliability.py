@@ -12,18 +12,17 @@ from scipy.special import ndtri
 
 from survey.estimation.adjustment import Adjustment
 from survey.estimation.network import distance_entries
+from survey.readings.levels import CRITICAL
 from validation.poses.angles import Array
 
-CRITICAL_W = 3.29
-"""|w| above which a reading is suspect: two-sided 0.1 % of the normal distribution."""
 DETECTABLE = 4.13
 """Non-centrality of a blunder found with 80 % power at 0.1 % (Baarda)."""
 FALSE_ALARM = 0.05
-"""Chance that a campaign without any blunder is accused of one."""
+"""Chance that a campaign without any blunder is said to have one: usual."""
 TOLD_APART = 2.33
 """Normal deviate (1 %, one-sided) from which the worst reading is told apart from another."""
 MIN_REDUNDANCY = 1e-6
-"""A reading that the others check by less than this share has no w."""
+"""A reading that the others check by less than this share has no w: rounding alone gives 1e-9."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +92,7 @@ def reading_tests(adjustment: Adjustment) -> Reliability:
 
 def critical_w(readings: int) -> float:
     """|w| that the largest of so many readings exceeds by chance in one campaign of twenty."""
-    return max(CRITICAL_W, float(-ndtri(FALSE_ALARM / (2 * max(readings, 1)))))
+    return max(CRITICAL, float(-ndtri(FALSE_ALARM / (2 * max(readings, 1)))))
 
 
 def suspected_blunders(adjustment: Adjustment, most: int = 20) -> list[BlunderSuspicion]:

@@ -24,7 +24,8 @@ from validation.poses.angles import Array
 TIE = 13.8
 """Costs nearer than this (chi-squared, 2 degrees of freedom, 0.1 %) do not tell solutions apart."""
 GOOD_REST = 11.0
-"""Chi-squared for each degree of freedom up to which readings agree (0.1 %)."""
+"""Chi-squared for each degree of freedom up to which readings agree: 0.1 % with one, more rarely
+with more."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WIDTH = 5.6
-"""Inches: narrow enough for the letters to be read on a phone."""
+"""Inches. A judgement: narrow enough for the letters to be read on a phone."""
 
 
 @dataclass(frozen=True)

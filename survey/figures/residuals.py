@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from survey.figures.maps import WIDTH
+from survey.readings.levels import CRITICAL
 from validation.figures.errors import COLOURS, GREY
 from validation.poses.angles import Array
 
@@ -14,11 +15,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MOST_NAMED = 4
-"""Suspect readings named in the figure; a large blunder drags many others along."""
+"""Suspect readings named in the figure. A judgement: a large blunder spoils many others, and more
+names would cover one another."""
 
 
 def residual_figure(
-    distance: Array, standardised: Array, labels: Sequence[str], suspect: float = 3.29
+    distance: Array, standardised: Array, labels: Sequence[str], suspect: float = CRITICAL
 ) -> Figure:
     """Standardised residuals of the readings over their distance, and how they are distributed.
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MOST_DRAWN = 1500
-"""Starts of one kind drawn in a map; more would hide one another."""
+"""Starts of one kind drawn in a map. A judgement: more would hide one another."""
 
 
 def instrument_figure(

@@ -15,10 +15,12 @@ from validation.poses.angles import Array
 TOLERANCE = 1e-4
 """Metres; the order of the readings and the sigmas move the last 0.1 mm of a solution."""
 OUTLYING = 10.0
-"""Times the median difference of all points from which one stands out, beyond the tolerance."""
+"""Times the median difference of all points from which one stands out, beyond the tolerance. A
+judgement: it separates point 15 of AD2.3 (3.7 mm off) from the others."""
 BLUNDER_RANGE = 0.05
-"""Changes of a single reading that are tried, metres."""
+"""Changes of a single reading that are tried, metres. A judgement: larger ones are seen by eye."""
 _PASSES = 10
+"""Of Gauss-Newton, from at most 5 cm away. A judgement: half of them reach the last digit."""
 
 
 @dataclass(frozen=True)

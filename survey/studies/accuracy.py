@@ -18,6 +18,7 @@ from validation.poses.angles import Array, wrap
 
 CONFIDENCE = 0.95
 POWER = 0.8
+"""Usual levels of a test, and of the chance that it sees what is there."""
 
 Frame = Literal["robot", "gtv"]
 

@@ -18,13 +18,17 @@ from validation.poses.angles import Array, wrap
 
 REACHES_SOLUTION, REACHES_OTHER, NOT_CONVERGED = 0, 1, 2
 HEADING_LIMITS = (np.pi, np.pi / 6, np.pi / 3, np.pi / 2)
-"""Largest heading errors of the first guess for which radii are given; pi stands for any."""
+"""Largest heading errors of the first guess for which radii are given; pi stands for any. A
+judgement: what people can tell by eye, by the floor tiles, or hardly at all."""
 RADII = 50
-"""Radii tested, in equal steps to the largest."""
+"""Radii tested, in equal steps to the largest: of 10 cm where that is 5 m."""
 CONFIDENCE = 0.95
+"""Of the statement how few starts fail: usual."""
 _SAME = 1e-5
-"""Ends nearer than this, in metres and radians, are one place."""
+"""Ends nearer than this, in metres and radians, are one place: the filter stops at steps below
+1e-9, and converges quadratically."""
 _MOST_OTHERS = 20
+"""Other solutions listed. A judgement: nobody reads more."""
 
 
 @dataclass(frozen=True)

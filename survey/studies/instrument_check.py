@@ -16,6 +16,7 @@ from validation.campaign.folder import Instrument
 from validation.poses.angles import Array
 
 CONFIDENCE = 0.95
+"""Of intervals and tests: usual."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from validation.campaign.folder import Instrument
 from validation.results import Finding, Severity
 
 NOISE_FACTOR = 2.0
-"""'Within specification' is said only where the noise is surely below so many times the stated."""
+"""'Within specification' is said only where the noise is surely below so many times the stated. A
+judgement: eight readings whose noise is as stated show that much, seven do not."""
 
 
 def verdict(check: InstrumentCheck) -> list[Finding]:
@@ -164,7 +165,7 @@ def settings_snippet(check: InstrumentCheck, instrument: Instrument) -> str:
         lines.append(f"# {seen}.")
     else:
         sigma = np.sqrt(np.diagonal(correction.covariance))
-        scale = f"scale {sigma[1]:.7f}" if sigma[1] > 0 else "scale held at 1"
+        scale = f"scale {sigma[1]:.7f}" if sigma[1] > 0 else "scale taken as 1"
         lines.append(f"# Standard deviations: offset {sigma[0]:.6f} m, {scale}.")
     lines += [f"offset = {correction.offset:.6f}", f"scale = {correction.scale:.7f}"]
     if check.p_noise < 1 - CONFIDENCE:

@@ -6,6 +6,7 @@ it can be had from a plan, and for a survey that exists it says what one more re
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,7 @@ from validation.campaign.folder import Instrument, RobotFrame, Vframe
 from validation.poses.angles import Array
 
 _CHUNK = 2000
-"""Candidates weighed at a time, to bound the memory."""
+"""Candidates weighed at a time: with 300 unknowns, 5 MB."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def planned_readings(
     places = planned_places(vframe, rig, world, poses)
     marks = [name for name in places if robot_point(name) is not None]
     pairs = [
-        *sorted_pairs(vframe.points),
+        *combinations(vframe.points, 2),
         *((v, w) for w in world for v in vframe.points),
         *((m, w) for m in marks for w in world),
     ]
@@ -99,12 +100,6 @@ def planned_readings(
         distance=distances,
         sigma=reading_sigma(instrument, distances),
     )
-
-
-def sorted_pairs(names: Collection[str]) -> list[tuple[str, str]]:
-    """Every pair of different names once, in their order."""
-    ordered = list(names)
-    return [(a, b) for i, a in enumerate(ordered) for b in ordered[i + 1 :]]
 
 
 def planned_places(

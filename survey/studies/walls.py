@@ -15,7 +15,7 @@ from validation.poses.angles import Array
 from validation.results import Finding
 
 SIGNIFICANT = 0.05
-"""p-value below which walls are called not parallel, and not straight."""
+"""p-value below which walls are called not parallel, and not straight: usual."""
 
 
 @dataclass(frozen=True)

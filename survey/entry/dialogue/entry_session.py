@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from survey.entry.room.room_checks import PointStatus, RoomChecks
 
 PREPARE_AFTER = 0.2
-"""Seconds."""
+"""Seconds: the first question is on the screen by then."""
 
 
 class EntrySession:

@@ -20,9 +20,10 @@ from validation.campaign.folder import Campaign
 from validation.results import Finding, Section, Table
 
 PAUSE = 300.0
-"""Seconds without a reading after which people are taken to have had a break."""
+"""Seconds without a reading that are a break. A judgement: readings follow within a minute, and
+moving to the next stop takes two or three."""
 MOST_PLACES = 8
-"""So many places of a person are named in the table."""
+"""So many places of a person are named in the table. A judgement: one line of a report."""
 SUBJECT = "field entry"
 
 
@@ -161,7 +162,7 @@ def _behind(entry_session: EntrySession) -> Iterable[Finding]:
         yield Finding(
             "error",
             f"{path.name} is not what the journal says: it is behind, or was changed by hand. "
-            "Start `gtval enter` once: it brings the file up to date, or says what was changed",
+            "Start `gtval enter` once: it brings the file up to date, or says what was changed.",
             SUBJECT,
             "entry-file-differs",
         )
@@ -175,7 +176,7 @@ def _doubtful(entry_session: EntrySession) -> Iterable[Finding]:
         yield Finding(
             "warning",
             f"{len(numbers)} reading(s) were doubtful in the room and neither kept nor measured "
-            f"again: {readings_text(entry_session, numbers)}",
+            f"again: {readings_text(entry_session, numbers)}.",
             SUBJECT,
             "entry-doubtful",
         )
@@ -183,7 +184,7 @@ def _doubtful(entry_session: EntrySession) -> Iterable[Finding]:
         yield Finding(
             "note",
             f"{len(kept)} doubtful reading(s) were kept by the people in the room: "
-            f"{readings_text(entry_session, kept)}",
+            f"{readings_text(entry_session, kept)}.",
             SUBJECT,
             "entry-kept",
         )
@@ -199,7 +200,7 @@ def _left(entry_session: EntrySession) -> Iterable[Finding]:
     if progress.left:
         yield Finding(
             "note",
-            f"{progress.left} planned pair(s) have no reading yet, {progress.done} have",
+            f"{progress.left} planned pair(s) have no reading yet, {progress.done} have.",
             SUBJECT,
             "entry-plan",
         )
@@ -273,7 +274,7 @@ def _agreement(entry_session: EntrySession, double: Sequence[_Double]) -> Findin
         return Finding(
             "warning",
             f"{len(open_pairs)} pair(s) have two entries that disagree and count as not "
-            f"measured: {shown}",
+            f"measured: {shown}.",
             SUBJECT,
             "entry-disagrees",
         )
@@ -283,7 +284,7 @@ def _agreement(entry_session: EntrySession, double: Sequence[_Double]) -> Findin
     return Finding(
         "good",
         f"{total} of {done} pairs were entered by two people without seeing one another's value; "
-        f"{agreed} agreed at once, all others after a further reading",
+        f"{agreed} agreed at once, all others after a further reading.",
         SUBJECT,
         "entry-agrees",
     )

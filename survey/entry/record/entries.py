@@ -24,6 +24,7 @@ FROM_FILE_UNUSED = "file, set aside"
 """Devices of readings that were taken over from a readings file; the second: with use = no."""
 MAX_NAME = 80
 MAX_NOTE = 1000
+"""Characters kept of a name and of a remark. A judgement: more is a mistake of a program."""
 
 
 @lru_cache(maxsize=1 << 16)

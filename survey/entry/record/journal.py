@@ -20,8 +20,10 @@ from survey.entry.record.lock import CampaignLock
 from validation.errors import GtvalError, InputError, Problem
 
 MAX_JOURNAL_BYTES = 200_000_000
+"""A million entries: no campaign has as many."""
 _CHECK, _END = b',"check":"', b'"}'
 _CHECK_LENGTH = 16
+"""Hexadecimal digits: chance lets a damaged line pass once in 1.8e19."""
 _START = b"0" * _CHECK_LENGTH
 
 

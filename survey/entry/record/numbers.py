@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from validation.campaign.folder import Instrument
 
 MAX_TEXT = 40
-"""A longer text is no distance."""
+"""Characters. A judgement: a longer text is no distance."""
 _TYPED = re.compile(r"([0-9]{1,9}(?:[.,][0-9]{1,9})?|[.,][0-9]{1,9})\s*(mm|m)?", re.IGNORECASE)
 _SMALLEST = 1e-6
-"""Metres to which a typed number is kept."""
+"""Metres to which a typed number is kept: a thousandth of what instruments show."""
 
 
 @dataclass(frozen=True)

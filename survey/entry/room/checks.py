@@ -5,16 +5,18 @@ from dataclasses import dataclass
 from typing import Literal
 
 from survey.entry.record.numbers import TypedDistance, signed_mm
-from survey.entry.room.judgement import LIMIT
 from survey.entry.room.knowledge import Judged, RoomKnowledge
 from survey.entry.room.prediction import Prediction
 from survey.entry.room.slips import Hypothesis, fitting_originals, shown_decimals
+from survey.readings.levels import CRITICAL
 from validation.campaign.folder import Instrument
 
 Status = Literal["fits", "unchecked", "doubtful"]
 MOST_HYPOTHESES = 3
+"""Values suggested. A judgement: what a person can look at between two readings."""
 SHARP = 0.02
-"""Standard deviation, in metres, up to which a prediction is taken at its word."""
+"""Standard deviation, in metres, up to which a prediction is believed by itself. A judgement:
+most slips, a wrong digit or two digits exchanged, are larger than three times this."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ def verdict(
         # readings together, which knows how they bend, has found nothing wrong.
         misfit = prediction.sides.misfit(metres)
     too_fine = has_too_many_decimals(typed, instrument)
-    if misfit <= LIMIT and number not in suspects and not too_fine:
+    if misfit <= CRITICAL and number not in suspects and not too_fine:
         if not prediction.checks and not suspects:
             return Verdict("unchecked", "nothing to check it with yet")
         text = f"fits {prediction.basis}" if prediction.checks else "plausible"
@@ -90,13 +92,13 @@ def verdict(
         typed,
         instrument,
         lambda value: prediction.misfit(instrument.offset + instrument.scale * value),
-        LIMIT,
+        CRITICAL,
     )
     hypotheses = tuple(originals[:MOST_HYPOTHESES]) if prediction.checks else ()
     text = _why_doubtful(metres, prediction, misfit)
     if not suspects:
-        suspects = prediction.sides.broken(metres, LIMIT)
-    if too_fine and misfit <= LIMIT:
+        suspects = prediction.sides.broken(metres, CRITICAL)
+    if too_fine and misfit <= CRITICAL:
         text = "has more decimals than the instrument shows"
     return Verdict("doubtful", text, said, sigma, off, suspects, hypotheses)
 
@@ -119,13 +121,13 @@ def _difference(
 
 def _why_doubtful(metres: float, prediction: Prediction, misfit: float) -> str:
     """Why a reading is doubtful, in words."""
-    if prediction.checks and misfit > LIMIT:
+    if prediction.checks and misfit > CRITICAL:
         said, sigma = prediction.nearest(metres)
         return (
             f"does not fit {prediction.basis}: expected {said:.3f} m ± {1000 * sigma:.0f} mm, "
             f"this is {signed_mm(metres - said)} off"
         )
-    if misfit > LIMIT:
+    if misfit > CRITICAL:
         return "cannot be: with the readings so far it closes no triangle"
     return "together with this one the readings no longer fit"
 
@@ -141,7 +143,7 @@ def other_ends(
         prediction = knowledge.predict(start, other)
         # A prediction as wide as a hand would fit by chance.
         sharp = prediction.checks and float(prediction.sigmas.min()) < SHARP
-        if sharp and prediction.misfit(metres) <= LIMIT:
+        if sharp and prediction.misfit(metres) <= CRITICAL:
             found.append(other)
     return tuple(found[:MOST_HYPOTHESES])
 

@@ -2,16 +2,17 @@
 
 from survey.entry.record.entries import Person
 from survey.entry.record.state import Agree, EntryState, Pair
+from survey.readings.levels import CRITICAL
 from survey.settings import SurveySettings
 from validation.campaign.folder import Instrument
 from validation.errors import GtvalError
 
-AGREEMENT = 3.29
-"""Two people disagree if their measurements differ by more standard deviations than this."""
-
 
 def agreement(instrument: Instrument, survey: SurveySettings) -> Agree:
-    """Whether two people's values agree: the same, or within what the instrument allows."""
+    """Whether two people's values agree: the same, or within what the instrument allows.
+
+    Two measurements agree if they differ by less than one correct pair in a thousand does.
+    """
     half_step = 0.5 * (instrument.resolution or 0.001)
     if survey.entry.second == "type":
         return lambda a, b: abs(a - b) < half_step
@@ -21,7 +22,7 @@ def agreement(instrument: Instrument, survey: SurveySettings) -> Agree:
         from survey.readings.instrument import reading_sigma  # noqa: PLC0415  (numpy)
 
         sigma = float(reading_sigma(instrument, max(a, b))) if stated is None else stated
-        return instrument.scale * abs(a - b) <= AGREEMENT * 2**0.5 * sigma + half_step
+        return instrument.scale * abs(a - b) <= CRITICAL * 2**0.5 * sigma + half_step
 
     return agree
 

@@ -17,6 +17,8 @@ from survey.estimation.world_points import circle_starts
 from validation.poses.angles import Array
 
 _HEADINGS = 12
+"""First headings in equal steps: none is more than 15 degrees off, and every start within 60
+degrees led to the solution (`gtval convergence`)."""
 _CIRCLES = 12
 """So many meeting points of circles lead to every place that fits: more repeat them."""
 

@@ -20,17 +20,17 @@ from survey.entry.room.fits import (
     why_open,
 )
 from survey.estimation.distance_fit import DistanceFit, Rows
+from survey.estimation.world_points import TIE
 from validation.poses.angles import Array
 
-LIMIT = 3.29
-"""Standard deviations from which a reading is doubtful: one correct reading in a thousand."""
 MISFIT_CHANCE = 1e-4
-"""Chance that readings without any error are said not to fit together."""
-TIE = 13.8
-"""Costs nearer than this do not tell solutions apart (chi-squared, 2 d.o.f., 0.1 %)."""
+"""Chance that readings without any error are said not to fit together. A judgement: asked at each
+of a thousand readings, it troubles people in one campaign of ten."""
 _FEW = 8
-"""Up to so many readings each is left out in turn; of more, only those that fit worst."""
+"""Up to so many readings each is left out in turn; of more, only those that fit worst. A
+judgement: the answer must come before the next number is typed."""
 _TRIED = 4
+"""So many that fit worst. A judgement: the wrong ones are among them unless half are wrong."""
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from survey.entry.record.state import EntryState, Pair
 from survey.entry.room.checks import Verdict, other_ends, suspects_of, verdict
 from survey.entry.room.fits import test_values
 from survey.entry.room.groups import FRAME
-from survey.entry.room.judgement import LIMIT
 from survey.entry.room.knowledge import Judged, KnownReading, RoomKnowledge
 from survey.entry.room.prediction import Prediction
+from survey.readings.levels import CRITICAL
 from survey.settings import EntrySettings, SurveySettings
 from validation.campaign.folder import CampaignSettings
 from validation.poses.angles import Array
@@ -242,7 +242,7 @@ class RoomChecks:
             for number in self._state.counting(pair):
                 entry = self._state.entries[number]
                 metres = self.knowledge.corrected(entry.metres or 0.0)
-                if self.knowledge.predict(entry.start, entry.end).misfit(metres) > LIMIT:
+                if self.knowledge.predict(entry.start, entry.end).misfit(metres) > CRITICAL:
                     found.add(number)
         return found
 
@@ -253,7 +253,7 @@ def _unlikely(one: Judged) -> set[int]:
     if not judgement.is_unique or judgement.redundancy <= 0 or judgement.explanations:
         return set()
     w, _ = test_values(one.fit, judgement.states[0])
-    return {number for number, value in zip(one.numbers, w, strict=True) if abs(value) > LIMIT}
+    return {number for number, value in zip(one.numbers, w, strict=True) if abs(value) > CRITICAL}
 
 
 def _status(

@@ -18,8 +18,8 @@ from validation.text_files.csv_tables import Column, read_csv
 
 Pair = frozenset[str]
 SPREAD = 3
-"""So many world points of a mark lie far apart at first: they fix it well enough to check the
-others."""
+"""So many world points of a mark lie far apart at first: two leave two places, the third tells
+them apart, and each further reading is checked."""
 
 
 class Target(NamedTuple):

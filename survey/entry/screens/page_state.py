@@ -22,6 +22,7 @@ from survey.entry.room.targets import Target, stop_of
 FOLLOWING = 200
 """Targets sent ahead, for a page that loses the link: an hour's work or more."""
 RECENT = 6
+"""Readings shown back. A judgement: what fits on the screen of a phone."""
 
 
 def page_state(entry_session: EntrySession, person: Person, rough: RoughPlaces) -> dict[str, Any]:

@@ -11,6 +11,8 @@ from starlette.requests import ClientDisconnect, Request
 
 MAX_BODY = 65_536
 MAX_FIELD = 2_000
+"""Bytes of a request, characters of a field. A judgement: a field is twice the longest remark, and
+a request holds thirty of them."""
 MAX_SECONDS = 10.0
 """For a request to come in whole."""
 

@@ -13,6 +13,7 @@ from validation.report.terminal import console
 
 SERVER = Person("", "page server")
 MAX_OPEN_FILES = 8192
+"""A judgement: more connections than any room makes, and few enough for every system."""
 
 
 def serve(entry_session: EntrySession, host: str, port: int) -> int:

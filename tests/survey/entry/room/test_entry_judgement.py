@@ -41,7 +41,7 @@ def test_one_reading_leaves_a_circle_and_two_leave_two_places():
 
 def test_correct_readings_are_hardly_ever_suspected():
     rng = np.random.default_rng(2)
-    judged = [judge(place_fit(rng)[1]) for _ in range(400)]
+    judged = [judge(simulated_fit(rng)[1]) for _ in range(400)]
     assert sum(bool(j.explanations) for j in judged) <= 2  # the chance of one is below 1e-3
     assert all(j.is_unique for j in judged if not j.explanations)
 
@@ -63,7 +63,7 @@ def test_of_five_readings_the_wrong_one_is_found():
     rng = np.random.default_rng(4)
     found = 0
     for trial in range(100):
-        judged = judge(place_fit(rng, 5, wrong=trial % 5)[1])
+        judged = judge(simulated_fit(rng, 5, wrong=trial % 5)[1])
         assert trial % 5 in judged.suspects
         found += judged.suspects == (trial % 5,)
     assert found >= 90
@@ -71,7 +71,7 @@ def test_of_five_readings_the_wrong_one_is_found():
 
 def test_of_three_readings_with_one_wrong_all_are_suspected():
     rng = np.random.default_rng(5)
-    judged = judge(place_fit(rng, 3, wrong=1, size=0.7)[1])
+    judged = judge(simulated_fit(rng, 3, wrong=1, size=0.7)[1])
     assert set(judged.suspects) == {0, 1, 2}
 
 
