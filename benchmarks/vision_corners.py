@@ -29,7 +29,7 @@ from vision_gt.images.markers import Image, Refinement, detect_markers
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.planar_pose import planar_solutions
 from vision_gt.optics.transforms import angle_between
-from vision_gt.robot.layout import Layout
+from vision_gt.robot.marker_poses import Layout
 from vision_gt.robot.robot_pose import Sighting, robot_pose
 
 SQUARE = SIDE / 2 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)

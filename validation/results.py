@@ -1,6 +1,6 @@
 """What a system hands over: poses, findings, and blocks for the report."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 VALIDATION_SYSTEM = "survey"
 """The system whose poses the others are compared with."""
 
+TableColumn = tuple[str, str, Iterable[str | int | float | None]]
+"""Heading with its unit, format of the numbers (or ''), and values from the top."""
 Severity = Literal["good", "note", "warning", "error"]
 
 
@@ -73,6 +75,17 @@ class Table:
                 f"table '{self.title}': {len(self.columns)} columns, {len(self.formats)} formats, "
                 f"rows of {sorted(wrong) or 'that length'}"
             )
+
+    @classmethod
+    def of_columns(
+        cls,
+        title: str,
+        columns: "Sequence[TableColumn]",
+        note: str = "",
+    ) -> "Table":
+        """A table from its columns."""
+        headings, formats, values = zip(*columns, strict=True)
+        return cls(title, headings, list(zip(*values, strict=True)), formats, note)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from data_samples.rooms.cameras import (
 from validation.poses.angles import Array
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
-from vision_gt.robot.layout import Layout
+from vision_gt.robot.marker_poses import Layout
 
 PAPER = 0.95
 INK = 0.05

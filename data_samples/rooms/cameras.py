@@ -15,7 +15,7 @@ from vision_gt.optics.camera import Camera, inside_image, project
 from vision_gt.optics.transforms import perturbed, planar_transform
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import ARTOOLKITPLUS, Family
-from vision_gt.robot.layout import Layout
+from vision_gt.robot.marker_poses import Layout
 
 MARKER_SIDES = {3: 0.156, 6: 0.156, 14: 0.160, 30: 0.156, 89: 0.156, 200: 0.156}
 """Ids and sides (metres) of AD2.3; the side of 89 is not printed."""

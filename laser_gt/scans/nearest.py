@@ -28,8 +28,8 @@ class NearestGrid:
     """
 
     MAX_CELLS = 400_000
-    """A judgement: 44 m by 44 m at the usual cell, and 12 bytes each, so that the tables of all stops
-    stay in memory."""
+    """A judgement: 44 m by 44 m at the usual cell, and 12 bytes each, so that the tables of all
+    stops stay in memory."""
 
     def __init__(self, points: Array, cell: float = 0.07, margin: float = 0.5) -> None:
         self.points = points

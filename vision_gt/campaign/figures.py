@@ -14,7 +14,8 @@ from vision_gt.network.intrinsics import Calibration
 from vision_gt.network.solution import NetworkSolution
 from vision_gt.network.steadiness import Steadiness
 from vision_gt.optics.camera import Camera, undistort
-from vision_gt.robot.layout import Layout, LayoutFit
+from vision_gt.robot.layout import LayoutFit
+from vision_gt.robot.marker_poses import Layout
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -163,7 +163,7 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
             "bar_single",
         )
     network = solution.network
-    if network.bar_covariance.any() and network.adjustment is not None:
+    if network.bar_covariance.any() and network is not solution.averaged:
         built = solution.averaged.bar
         off = change_between(network.bar, built)
         sigma = np.sqrt(np.diagonal(network.bar_covariance))

@@ -1,12 +1,13 @@
 """The vision system's part of the report: tables and figures."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from validation.results import Figure, Section, Table, Text
+from validation.poses.angles import Array
+from validation.results import Figure, Section, Table, TableColumn, Text
 from vision_gt.campaign.inputs import placed
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.optics.camera import PARAMETERS
@@ -70,64 +71,58 @@ def _camera_blocks(outcome: VisionOutcome, campaign: "Campaign") -> list[Table |
 def camera_table(outcome: VisionOutcome) -> Table:
     """Poses of the cameras with their standard deviations along the chain."""
     network, chain = outcome.network.network, outcome.network.chain
-    rows: list[Sequence[str | float]] = []
-    for i, camera in enumerate(network.cameras):
-        T = network.T_gtv_camera[i]
-        sigma = np.sqrt(np.diagonal(network.pose_covariance(camera.name)))
-        axis = T.rotation.as_matrix()[:, 2]
-        off = change_between(outcome.network.averaged.T_gtv_camera[i], T)
-        rows.append(
-            (
-                camera.name,
-                " <- ".join(reversed(chain.path(camera.name))),
-                *T.translation,
-                float(np.rad2deg(np.arcsin(axis[2]))),
-                *(MM * sigma[:3]),
-                float(np.rad2deg(sigma[3:].max())),
-                MM * float(np.linalg.norm(off[:3])),
-            )
-        )
-    return Table(
-        "Cameras in the GTV frame",
-        (
-            "camera",
-            "chain",
-            "x [m]",
-            "y [m]",
-            "z [m]",
-            "tilt [deg]",
-            "sigma x [mm]",
-            "sigma y [mm]",
-            "sigma z [mm]",
-            "sigma angle [deg]",
-            "averaged chain off by [mm]",
-        ),
-        rows,
-        ("", "", ".4f", ".4f", ".4f", ".1f", ".1f", ".1f", ".1f", ".3f", ".1f"),
-        note="Sigmas include how well the reference pattern was laid. The last column is what "
-        "the document's averaging gives instead of the joint adjustment.",
+    T = network.T_gtv_camera
+    variances = [np.diagonal(network.pose_covariance(name)) for name in network.names]
+    sigmas = np.sqrt(variances)
+    tilt = np.arcsin(T.rotation.as_matrix()[:, 2, 2])
+    off = change_between(outcome.network.averaged.T_gtv_camera, T)
+    columns: list[TableColumn] = [
+        ("camera", "", network.names),
+        ("chain", "", [_chain(chain.path(name)) for name in network.names]),
+        ("x [m]", ".4f", T.translation[:, 0]),
+        ("y [m]", ".4f", T.translation[:, 1]),
+        ("z [m]", ".4f", T.translation[:, 2]),
+        ("tilt [deg]", ".1f", np.rad2deg(tilt)),
+        ("sigma x [mm]", ".1f", MM * sigmas[:, 0]),
+        ("sigma y [mm]", ".1f", MM * sigmas[:, 1]),
+        ("sigma z [mm]", ".1f", MM * sigmas[:, 2]),
+        ("sigma angle [deg]", ".3f", np.rad2deg(sigmas[:, 3:].max(1))),
+        ("averaged chain off by [mm]", ".1f", MM * _length(off)),
+    ]
+    note = (
+        "Sigmas include how well the reference pattern was laid. The last column is what "
+        "the document's averaging gives instead of the joint adjustment."
     )
+    return Table.of_columns("Cameras in the GTV frame", columns, note)
+
+
+def _chain(names: Iterable[str | int]) -> str:
+    """Names from the root to the end of a chain."""
+    return " <- ".join(reversed([str(name) for name in names]))
+
+
+def _length(change: Array) -> Array:
+    """How far transforms moved (n,), of changes (n, 6)."""
+    return np.asarray(np.linalg.norm(change[..., :3], axis=-1))
+
+
+def _angle(change: Array) -> Array:
+    """How far they turned (n,), radians."""
+    return np.asarray(np.linalg.norm(change[..., 3:], axis=-1))
 
 
 def link_table(outcome: VisionOutcome) -> Table:
     """The pairs of cameras with their snapshots."""
-    rows = [
-        (
-            f"{link.first}-{link.second}",
-            len(link.snapshots),
-            len(link.outliers),
-            MM * float(link.spread[0]),
-            float(np.rad2deg(link.spread[1])),
-        )
-        for link in outcome.network.links
+    links = outcome.network.links
+    columns: list[TableColumn] = [
+        ("cameras", "", [f"{link.first}-{link.second}" for link in links]),
+        ("snapshots", "", [len(link.snapshots) for link in links]),
+        ("left out", "", [len(link.outliers) for link in links]),
+        ("spread [mm]", ".1f", [MM * float(link.spread[0]) for link in links]),
+        ("spread [deg]", ".2f", [float(np.rad2deg(link.spread[1])) for link in links]),
     ]
-    return Table(
-        "Links between cameras",
-        ("cameras", "snapshots", "left out", "spread [mm]", "spread [deg]"),
-        rows,
-        ("", "", "", ".1f", ".2f"),
-        note="Spread of single snapshots about their mean, before the joint adjustment.",
-    )
+    note = "Spread of single snapshots about their mean, before the joint adjustment."
+    return Table.of_columns("Links between cameras", columns, note)
 
 
 def _calibration_blocks(outcome: VisionOutcome) -> list[Table | Figure | Text]:
@@ -149,38 +144,20 @@ def _calibration_blocks(outcome: VisionOutcome) -> list[Table | Figure | Text]:
 
 def calibration_table(outcome: VisionOutcome) -> Table:
     """How good each camera's calibration images are."""
-    rows = []
-    for name, calibration in outcome.calibrations.items():
-        coverage = calibration.coverage
-        rows.append(
-            (
-                name,
-                len(calibration.views),
-                len(calibration.outliers),
-                calibration.rms,
-                float(calibration.image_rms.max()),
-                100 * coverage.share,
-                float(coverage.distances.min()),
-                float(coverage.distances.max()),
-                float(np.rad2deg(coverage.tilts.max())),
-            )
-        )
-    return Table(
-        "Calibration images",
-        (
-            "camera",
-            "images",
-            "left out",
-            "rms [px]",
-            "worst image [px]",
-            "image covered [%]",
-            "nearest [m]",
-            "farthest [m]",
-            "largest tilt [deg]",
-        ),
-        rows,
-        ("", "", "", ".3f", ".3f", ".0f", ".2f", ".2f", ".0f"),
-    )
+    found = outcome.calibrations.values()
+    coverages = [calibration.coverage for calibration in found]
+    columns: list[TableColumn] = [
+        ("camera", "", list(outcome.calibrations)),
+        ("images", "", [len(one.views) for one in found]),
+        ("left out", "", [len(one.outliers) for one in found]),
+        ("rms [px]", ".3f", [one.rms for one in found]),
+        ("worst image [px]", ".3f", [float(one.image_rms.max()) for one in found]),
+        ("image covered [%]", ".0f", [100 * one.share for one in coverages]),
+        ("nearest [m]", ".2f", [float(one.distances.min()) for one in coverages]),
+        ("farthest [m]", ".2f", [float(one.distances.max()) for one in coverages]),
+        ("largest tilt [deg]", ".0f", [np.rad2deg(one.tilts.max()) for one in coverages]),
+    ]
+    return Table.of_columns("Calibration images", columns)
 
 
 def parameter_table(outcome: VisionOutcome) -> Table:
@@ -224,44 +201,35 @@ def _layout_blocks(outcome: VisionOutcome) -> list[Table | Figure | Text]:
 
 def layout_table(outcome: VisionOutcome) -> Table:
     """The markers on the robot, beside the chains alone and the hand measurements."""
-    layout = outcome.layout.layout
+    layout, chains = outcome.layout.layout, outcome.layout.chains
+    T = layout.T_robot_marker
     sigmas = layout.sigmas()
-    rows: list[Sequence[str | float | None]] = []
-    for i, number in enumerate(layout.numbers):
-        T = layout.T_robot_marker[i]
-        chained = change_between(outcome.layout.chained[i], T)
-        hand = outcome.settings.markers.hand_measured.get(str(number))
-        off = None if hand is None else change_between(placed(hand), T)
-        rows.append(
-            (
-                number,
-                " <- ".join(str(n) for n in reversed(outcome.layout.chains[number])),
-                *(MM * T.translation),
-                MM * float(sigmas[i, :3].max()),
-                float(np.rad2deg(sigmas[i, 3:].max())),
-                MM * float(np.linalg.norm(chained[:3])),
-                None if off is None else MM * float(np.linalg.norm(off[:3])),
-                None if off is None else float(np.rad2deg(np.linalg.norm(off[3:]))),
-            )
-        )
-    return Table(
-        "Markers in the robot frame",
+    by_hand = [outcome.settings.markers.hand_measured.get(str(n)) for n in layout.numbers]
+    off = [
+        None if hand is None else change_between(placed(hand), T[i])
+        for i, hand in enumerate(by_hand)
+    ]
+    moved = [None if change is None else MM * float(_length(change)) for change in off]
+    turned = [None if change is None else float(np.rad2deg(_angle(change))) for change in off]
+    chained = _length(change_between(outcome.layout.chained, T))
+    columns: list[TableColumn] = [
+        ("marker", "", layout.numbers),
+        ("chain", "", [_chain(chains[number]) for number in layout.numbers]),
+        ("x [mm]", ".1f", MM * T.translation[:, 0]),
+        ("y [mm]", ".1f", MM * T.translation[:, 1]),
+        ("z [mm]", ".1f", MM * T.translation[:, 2]),
+        ("sigma [mm]", ".1f", MM * sigmas[:, :3].max(1)),
+        ("sigma [deg]", ".2f", np.rad2deg(sigmas[:, 3:].max(1))),
         (
-            "marker",
-            "chain",
-            "x [mm]",
-            "y [mm]",
-            "z [mm]",
-            "sigma [mm]",
-            "sigma [deg]",
             "chains alone off by [mm]",
-            "hand off by [mm]",
-            "hand off by [deg]",
+            ".1f",
+            MM * chained,
         ),
-        rows,
-        ("", "", ".1f", ".1f", ".1f", ".1f", ".2f", ".1f", ".1f", ".1f"),
-        note="Sigmas include how well the dima-marker's place on the robot is known.",
-    )
+        ("hand off by [mm]", ".1f", moved),
+        ("hand off by [deg]", ".1f", turned),
+    ]
+    note = "Sigmas include how well the dima-marker's place on the robot is known."
+    return Table.of_columns("Markers in the robot frame", columns, note)
 
 
 def _pose_blocks(outcome: VisionOutcome) -> list[Table | Figure | Text]:
@@ -346,34 +314,21 @@ def _steadiness_blocks(outcome: VisionOutcome) -> list[Table | Figure | Text]:
 
 def steadiness_table(outcome: VisionOutcome) -> Table:
     """Both tests of each camera with their thresholds' p-values."""
-    rows: list[Sequence[str | float | None]] = []
-    for check in outcome.steadiness:
-        board, image = check.board, check.image
-        rows.append(
-            (
-                check.camera,
-                None if board is None else MM * float(np.linalg.norm(board.change[:3])),
-                None if board is None else MRAD * float(np.linalg.norm(board.change[3:])),
-                None if board is None else board.p_value,
-                None if image is None else float(np.linalg.norm(image.shift)),
-                None if image is None else MRAD * image.rotation,
-                None if image is None else image.p_value,
-                check.verdict,
-            )
-        )
-    return Table(
-        "Did the cameras move?",
-        (
-            "camera",
-            "board moved [mm]",
-            "board turned [mrad]",
-            "p",
-            "image shift [px]",
-            "image rotation [mrad]",
-            "p",
-            "verdict",
-        ),
-        rows,
-        ("", ".2f", ".2f", ".2g", ".3f", "+.3f", ".2g", ""),
-        note="p: how likely so large a move is by chance; below 0.001 the camera moved.",
-    )
+    boards = [one.board for one in outcome.steadiness]
+    images = [one.image for one in outcome.steadiness]
+    moved = [None if b is None else MM * float(_length(b.change)) for b in boards]
+    turned = [None if b is None else MRAD * float(_angle(b.change)) for b in boards]
+    rotated = [None if i is None else MRAD * i.rotation for i in images]
+    shifted = [None if i is None else float(np.linalg.norm(i.shift)) for i in images]
+    columns: list[TableColumn] = [
+        ("camera", "", [one.camera for one in outcome.steadiness]),
+        ("board moved [mm]", ".2f", moved),
+        ("board turned [mrad]", ".2f", turned),
+        ("p", ".2g", [None if b is None else b.p_value for b in boards]),
+        ("image shift [px]", ".3f", shifted),
+        ("image rotation [mrad]", "+.3f", rotated),
+        ("p", ".2g", [None if i is None else i.p_value for i in images]),
+        ("verdict", "", [one.verdict for one in outcome.steadiness]),
+    ]
+    note = "p: how likely so large a move is by chance; below 0.001 the camera moved."
+    return Table.of_columns("Did the cameras move?", columns, note)

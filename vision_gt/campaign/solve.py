@@ -24,7 +24,8 @@ from vision_gt.network.solution import NetworkInput, NetworkSolution, solve_netw
 from vision_gt.network.steadiness import Steadiness, board_move, image_move
 from vision_gt.optics.camera import Camera
 from vision_gt.patterns.board_views import BoardView
-from vision_gt.robot.layout import Frame, Layout, LayoutFit, fit_layout
+from vision_gt.robot.layout import Frame, LayoutFit, fit_layout
+from vision_gt.robot.marker_poses import Layout
 from vision_gt.robot.robot_pose import (
     Floor,
     RobotPose,

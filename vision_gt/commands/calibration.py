@@ -66,36 +66,30 @@ def calibration_facts(found: Calibration) -> dict[str, object]:
 
 def parameters_table(found: Calibration) -> Table:
     """The parameters with their standard deviations."""
-    rows = [
-        (name, float(value), float(sigma))
-        for name, value, sigma in zip(
-            PARAMETERS, found.camera.parameters, found.camera.sigmas, strict=True
-        )
-    ]
-    return Table(
-        f"Camera {found.camera.name}, {found.camera.size[0]} x {found.camera.size[1]} pixels",
-        ("parameter", "value", "sigma"),
-        rows,
-        ("", ".6g", ".2g"),
-        note=f"rms {found.rms:.3f} px; {100 * found.coverage.share:.0f} % of the image covered.",
+    camera = found.camera
+    return Table.of_columns(
+        f"Camera {camera.name}, {camera.size[0]} x {camera.size[1]} pixels",
+        [
+            ("parameter", "", PARAMETERS),
+            ("value", ".6g", camera.parameters),
+            ("sigma", ".2g", camera.sigmas),
+        ],
+        f"rms {found.rms:.3f} px; {100 * found.coverage.share:.0f} % of the image covered.",
     )
 
 
 def image_table(found: Calibration) -> Table:
     """Each image with its residuals, distance and tilt."""
-    coverage = found.coverage
-    rows: list[tuple[str, float | None, float | None, float | None]] = [
-        (view.source, float(rms), float(distance), float(np.rad2deg(tilt)))
-        for view, rms, distance, tilt in zip(
-            found.views, found.image_rms, coverage.distances, coverage.tilts, strict=True
-        )
-    ]
-    rows += [(f"{name} (left out)", None, None, None) for name in found.outliers]
-    return Table(
+    coverage, nothing = found.coverage, [None] * len(found.outliers)
+    left = [f"{name} (left out)" for name in found.outliers]
+    return Table.of_columns(
         "Images",
-        ("image", "rms [px]", "distance [m]", "tilt [deg]"),
-        rows,
-        ("", ".3f", ".2f", ".0f"),
+        [
+            ("image", "", [*(view.source for view in found.views), *left]),
+            ("rms [px]", ".3f", [*found.image_rms, *nothing]),
+            ("distance [m]", ".2f", [*coverage.distances, *nothing]),
+            ("tilt [deg]", ".0f", [*np.rad2deg(coverage.tilts), *nothing]),
+        ],
     )
 
 

@@ -9,7 +9,8 @@ from validation.text_files.csv_tables import Column, read_csv
 from vision_gt.network.adjustment import Network
 from vision_gt.optics.camera_files import read_cameras
 
-_NAMES = ("x", "y", "z", "rx", "ry", "rz")
+PLACED = ("x", "y", "z", "rx", "ry", "rz")
+"""Columns of a transform: translation in metres, rotation vector in radians."""
 
 
 def read_network(results: Path) -> Network:
@@ -25,15 +26,15 @@ def read_network(results: Path) -> Network:
     """
     columns = [
         Column("camera"),
-        *(Column(name, "number") for name in _NAMES),
-        *(Column(f"sigma_{name}", "number", low=0) for name in _NAMES),
+        *(Column(name, "number") for name in PLACED),
+        *(Column(f"sigma_{name}", "number", low=0) for name in PLACED),
     ]
     table = read_csv(results / "vision_cameras.csv", columns)
     table.flag_duplicates(["camera"])
     table.raise_problems()
     names = table.text["camera"]
-    values = np.column_stack([table.numbers[name] for name in _NAMES])
-    sigmas = np.column_stack([table.numbers[f"sigma_{name}"] for name in _NAMES])
+    values = np.column_stack([table.numbers[name] for name in PLACED])
+    sigmas = np.column_stack([table.numbers[f"sigma_{name}"] for name in PLACED])
     cameras = [read_cameras(results / f"vision_camera_{name}.yaml")[0] for name in names]
     covariance = np.zeros((15 * len(names), 15 * len(names)))
     for i, sigma in enumerate(sigmas):

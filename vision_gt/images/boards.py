@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from validation.poses.angles import Array
 from vision_gt.images.saddles import refine_saddles
-from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.boards import Board
 
 Image = npt.NDArray[np.uint8]
@@ -89,35 +88,6 @@ def _fitted(
         return None
     sigmas = np.hypot(fit.sigmas, _LEAST_SIGMA)
     return FoundBoard(numbers[fit.good], fit.pixels[fit.good], sigmas[fit.good])
-
-
-def view_of_board(
-    image: Image,
-    board: Board,
-    camera: str,
-    body: str,
-    *,
-    part: int = 0,
-    source: str = "",
-    detector: Detector = "fitted",
-) -> BoardView | None:
-    """The board as a view for the adjustments; None if it is not found.
-
-    Parameters
-    ----------
-    image : (h, w) array of uint8
-        Grey levels.
-    board : Board
-        What to look for.
-    camera, body, part, source
-        As in `BoardView`.
-    detector : {"fitted", "classic", "sector"}
-        For plain chessboards.
-    """
-    found = find_board(image, board, detector)
-    if found is None:
-        return None
-    return BoardView(camera, body, part, board, found.ids, found.pixels, source, found.sigmas)
 
 
 def _classic(image: Image, board: Board) -> Array | None:

@@ -18,14 +18,11 @@ from vision_gt.images.edge_samples import Flat, Image, Mask, Samples, edge_frame
 from vision_gt.images.grey_fits import (
     BLUR_INFORMATION,
     LEAST_BLUR,
-    LEAST_CONTRAST,
-    LEAST_KEPT,
     LEAST_VARIANCE,
     MOST_BLUR,
-    MOST_NOISE,
-    MOST_SIGMA,
     SATURATED,
     START_BLUR,
+    believable,
     tukey,
 )
 
@@ -170,11 +167,8 @@ def _fitted_edges(image: Image, ends: Array, half: Array, flat: Flat, start: Arr
     sigma = np.sqrt(np.abs(covariance[:, [0, 1], [0, 1]])).max(1)
     good = (
         fit.enough
-        & (contrast > LEAST_CONTRAST)
-        & (kept > LEAST_KEPT)
-        & (sigma < MOST_SIGMA)
+        & believable(contrast, kept, sigma, np.sqrt(variance))
         & (np.abs(found[:, :2]).max(1) < HALF_WINDOW)
-        & (np.sqrt(variance) < MOST_NOISE * np.maximum(contrast, 1.0))
     )
     return _Edges(ends, frame[1], found[:, :2], covariance, good, kept, np.sqrt(variance))
 

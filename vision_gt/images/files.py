@@ -2,7 +2,7 @@
 
 import re
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -166,13 +166,12 @@ def _one_each(folder: Path, problems: list[Problem]) -> dict[str, Path]:
 
 def _snapshots(folder: Path, problems: list[Problem]) -> list[Snapshot]:
     pairs: dict[str, dict[str, Path]] = {}
-    for path in list_images(folder):
-        match = _SNAPSHOT.fullmatch(path.stem)
-        if match is None or match["one"] == match["other"]:
-            expected = "expected a name such as 2-1-4: camera, the one it is paired with, number"
+    expected = "expected a name such as 2-1-4: camera, the one it is paired with, number"
+    for path, match in _matching(list_images(folder), _SNAPSHOT, expected, problems):
+        low, high = sorted((match["one"], match["other"]))
+        if low == high:
             problems.append(Problem(path, expected))
             continue
-        low, high = sorted((match["one"], match["other"]))
         views = pairs.setdefault(f"{low}-{high}-{int(match['number'])}", {})
         if match["one"] in views:
             problems.append(Problem(path, f"the same snapshot as {views[match['one']].name}"))
@@ -181,30 +180,31 @@ def _snapshots(folder: Path, problems: list[Problem]) -> list[Snapshot]:
 
 
 def _of_cameras(folder: Path, problems: list[Problem]) -> list[tuple[str, Path]]:
-    found = []
-    for path in list_images(folder):
-        match = _OF_CAMERA.fullmatch(path.stem)
-        if match is None:
-            problems.append(Problem(path, "expected a name such as 2-1: camera, number"))
-        else:
-            found.append((match["camera"], path))
-    return found
+    expected = "expected a name such as 2-1: camera, number"
+    found = _matching(list_images(folder), _OF_CAMERA, expected, problems)
+    return [(match["camera"], path) for path, match in found]
 
 
 def _poses(folder: Path, problems: list[Problem]) -> dict[str, dict[str, Path]]:
     found: dict[str, dict[str, Path]] = {}
     for camera, images in _by_camera(folder).items():
-        found[camera] = {}
-        for path in images:
-            match = _POSE.fullmatch(path.stem)
-            if match is None:
-                problems.append(Problem(path, "expected a name such as pose7"))
-            elif match["pose"] in found[camera]:
-                twin = found[camera][match["pose"]].name
+        poses = found.setdefault(camera, {})
+        expected = "expected a name such as pose7"
+        for path, match in _matching(images, _POSE, expected, problems):
+            if match["pose"] in poses:
+                twin = poses[match["pose"]].name
                 problems.append(Problem(path, f"the same pose as {twin}; keep one of them"))
-            else:
-                found[camera][match["pose"]] = path
+            poses[match["pose"]] = path
     return found
+
+
+def _matching(
+    paths: Iterable[Path], pattern: re.Pattern[str], expected: str, problems: list[Problem]
+) -> list[tuple[Path, re.Match[str]]]:
+    """Images whose names a pattern understands; the others become problems."""
+    matches = [(path, pattern.fullmatch(path.stem)) for path in paths]
+    problems += [Problem(path, expected) for path, match in matches if match is None]
+    return [(path, match) for path, match in matches if match is not None]
 
 
 def read_image(path: Path) -> Image:

@@ -1,9 +1,12 @@
 """What the fits of grey levels have in common: the blur, and how outliers are held back."""
 
 import numpy as np
+import numpy.typing as npt
 
 from validation.poses.angles import Array
 from validation.statistics.robust import SIGMA_OF_MEDIAN
+
+Mask = npt.NDArray[np.bool_]
 
 SATURATED = 254
 """Such a pixel says that the light is at least so much: a brighter model is no misfit."""
@@ -12,12 +15,12 @@ BLUR_INFORMATION = 4 / 0.5**2
 """On the width of the blur about its start, for noise of one grey level: keeps a saturated edge
 solvable."""
 LEAST_BLUR, MOST_BLUR = 0.3, 3.0
-LEAST_CONTRAST = 12.0
-LEAST_KEPT = 0.5
+_LEAST_CONTRAST = 12.0
+_LEAST_KEPT = 0.5
 """Share of the weights that outliers must leave."""
-MOST_NOISE = 0.25
+_MOST_NOISE = 0.25
 """Standard deviation of the residuals over the contrast."""
-MOST_SIGMA = 0.5
+_MOST_SIGMA = 0.5
 """Pixels."""
 LEAST_VARIANCE = 0.1
 """Of grey levels, which are whole numbers."""
@@ -45,3 +48,25 @@ def tukey(residual: Array, weight: Array, contrast: Array, step: int) -> Array:
     scale = np.maximum(np.where(np.isfinite(scale), scale, 0.0), least)
     ratio = np.minimum(np.square(residual / (_TUKEY * scale)[:, None]), 1.0)
     return np.asarray(np.square(1 - ratio))
+
+
+def believable(contrast: Array, kept: Array, sigma: Array, noise: Array) -> Mask:
+    """Whether fits (...) may be believed.
+
+    Parameters
+    ----------
+    contrast : (...) array
+        Between white and black, grey levels.
+    kept : (...) array
+        Mean weight that outliers have left.
+    sigma : (...) array
+        Largest standard deviation of a place, pixels.
+    noise : (...) array
+        Standard deviation of the residuals, grey levels.
+    """
+    return np.asarray(
+        (contrast > _LEAST_CONTRAST)
+        & (kept > _LEAST_KEPT)
+        & (sigma < _MOST_SIGMA)
+        & (noise < _MOST_NOISE * contrast)
+    )

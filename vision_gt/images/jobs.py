@@ -10,7 +10,7 @@ import numpy as np
 
 from validation.errors import InputError, Problem
 from validation.processes import in_processes
-from vision_gt.images.boards import Detector, view_of_board
+from vision_gt.images.boards import Detector, FoundBoard, find_board
 from vision_gt.images.files import Image, is_blank, read_image
 from vision_gt.images.markers import Detection, Refinement, detect_markers
 from vision_gt.optics.camera import Camera
@@ -138,21 +138,18 @@ def detect_one(job: Job) -> Found:
     if is_blank(image):
         return Found(job.path, size, note="blank")
     if isinstance(job, BoardJob):
-        views = [
-            view_of_board(
-                image,
-                board,
-                job.camera,
-                job.body,
-                part=part,
-                source=job.path.name,
-                detector=job.detector,
-            )
-            for part, board in job.boards
+        found = [
+            (part, board, find_board(image, board, job.detector)) for part, board in job.boards
         ]
-        seen = tuple(view for view in views if view is not None)
+        seen = tuple(_view(job, part, board, one) for part, board, one in found if one is not None)
         return Found(job.path, size, seen, note="" if seen else _mirrored_board(image, job))
     return _markers(image, size, job)
+
+
+def _view(job: BoardJob, part: int, board: Board, found: FoundBoard) -> BoardView:
+    """A board as a view for the adjustments."""
+    ids, pixels, sigmas = found.ids, found.pixels, found.sigmas
+    return BoardView(job.camera, job.body, part, board, ids, pixels, job.path.name, sigmas)
 
 
 def _markers(image: Image, size: tuple[int, int], job: MarkerJob) -> Found:
@@ -175,10 +172,10 @@ def _markers(image: Image, size: tuple[int, int], job: MarkerJob) -> Found:
 def _mirrored_board(image: Image, job: BoardJob) -> str:
     """'mirrored' where a ChArUco board is only found in the mirror image."""
     flipped = np.ascontiguousarray(image[:, ::-1])
-    for part, board in job.boards:
+    for _, board in job.boards:
         if board.family is None:
             continue
-        if view_of_board(flipped, board, job.camera, job.body, part=part) is not None:
+        if find_board(flipped, board) is not None:
             return "mirrored"
     return ""
 

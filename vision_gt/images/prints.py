@@ -17,14 +17,11 @@ from vision_gt.images.edge_samples import Flat, Image
 from vision_gt.images.grey_fits import (
     BLUR_INFORMATION,
     LEAST_BLUR,
-    LEAST_CONTRAST,
-    LEAST_KEPT,
     LEAST_VARIANCE,
     MOST_BLUR,
-    MOST_NOISE,
-    MOST_SIGMA,
     SATURATED,
     START_BLUR,
+    believable,
     tukey,
 )
 
@@ -127,15 +124,14 @@ def fit_print(
         fit = _fitted(seen, np.asarray(H, dtype=float))
     except np.linalg.LinAlgError:
         return bad
-    if fit is None or fit.contrast < LEAST_CONTRAST or fit.kept < LEAST_KEPT:
+    if fit is None:
         return bad
     corners, slopes = _corners(fit.state.H)
     spread = fit.inverse[:_BLUR, :_BLUR] * max(fit.variance, LEAST_VARIANCE)
     covariances = slopes @ spread @ np.swapaxes(slopes, 1, 2)
-    sure = np.diagonal(covariances, axis1=1, axis2=2).max() < MOST_SIGMA**2
-    if not sure or np.sqrt(fit.variance) > MOST_NOISE * fit.contrast:
-        return bad
-    return corners, covariances, True
+    sigma = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2).max())
+    numbers = (fit.contrast, fit.kept, sigma, np.sqrt(fit.variance))
+    return (corners, covariances, True) if believable(*map(np.asarray, numbers)) else bad
 
 
 def _around(image: Image, H: Array, bits: Array, rim: float, flat: Flat) -> _Seen:

@@ -8,7 +8,6 @@ different things known; the bodies, of which there are many, are eliminated firs
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -16,12 +15,11 @@ import numpy.typing as npt
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from vision_gt.least_squares.setups import (
-    CAMERA_UNKNOWNS,
-    Arrays,
     Linearised,
     Setup,
     Views,
     linearised_at,
+    shared_slots,
     whiten,
 )
 
@@ -31,8 +29,6 @@ _MAX_STEPS = 60
 _SMALL_GAIN, _SMALL_SHARE = 1e-6, 1e-8
 """Of half the sum of squares: less than a thousandth of a standard deviation; and of its size."""
 _SINGULAR = 1e-11
-_DEPENDENT = 1e-12
-"""Eigenvalues of a correlation matrix below this are taken for zero."""
 
 
 class NotDeterminedError(GtvalError):
@@ -58,21 +54,14 @@ class Knowledge:
     free: Mask
 
 
-def nothing_known(start: Setup | Arrays) -> Knowledge:
-    """All free, and no prior information."""
-    at = _plain(start)
-    g, b = at.shared, len(at.R_body)
-    return Knowledge(np.zeros((g, g)), np.zeros((b, 6, 6)), np.ones(g, dtype=bool))
-
-
 @dataclass(frozen=True)
 class Adjustment:
     """The setup that fits best.
 
     Parameters
     ----------
-    at : Arrays
-        Estimates, as plain arrays.
+    setup : Setup
+        Estimates.
     covariance : (g, g) array
         Of the shared unknowns; zero rows for those held fixed.
     body_covariances : (b, 6, 6) array
@@ -89,7 +78,7 @@ class Adjustment:
         Whether the last step was negligible.
     """
 
-    at: Arrays
+    setup: Setup
     covariance: Array
     body_covariances: Array
     residuals: Array
@@ -97,11 +86,6 @@ class Adjustment:
     cost: float
     freedom: int
     converged: bool
-
-    @cached_property
-    def setup(self) -> Setup:
-        """Estimates."""
-        return self.at.setup
 
     @property
     def m0(self) -> float:
@@ -112,8 +96,8 @@ class Adjustment:
 
 def adjust(
     views: Views,
-    start: Setup | Arrays,
-    knowledge: Knowledge | None = None,
+    start: Setup,
+    knowledge: Knowledge,
     huber: float | None = 4.0,
     describe: Callable[[int], str] | None = None,
 ) -> Adjustment:
@@ -123,10 +107,10 @@ def adjust(
     ----------
     views : Views
         What was seen.
-    start : Setup or Arrays
+    start : Setup
         Where to start; also the mean of what ``knowledge`` knows.
-    knowledge : Knowledge, optional
-        Priors, and what is held fixed; nothing by default.
+    knowledge : Knowledge
+        Priors, and what is held fixed.
     huber : float, optional
         Length of a unit-variance residual from which on the loss is linear; None for squares.
     describe : callable, optional
@@ -143,9 +127,8 @@ def adjust(
     (Triggs et al., "Bundle adjustment - a modern synthesis", 2000, section 6). Covariances are
     those of the linearised problem at the solution.
     """
-    known = knowledge or nothing_known(start)
-    at = _plain(start)
-    problem = _Problem(views, at, known, huber)
+    at = start
+    problem = _Problem(views, start, knowledge, huber)
     state = problem.evaluate(at)
     if not np.isfinite(state.cost):
         raise NotDeterminedError("the start puts seen points behind their camera")
@@ -173,10 +156,6 @@ def adjust(
     return _result(problem, at, state, converged, describe)
 
 
-def _plain(start: Setup | Arrays) -> Arrays:
-    return Arrays.of(start) if isinstance(start, Setup) else start
-
-
 def _tiny(step: tuple[Array, Array]) -> bool:
     return bool(max(np.abs(s).max(initial=0.0) for s in step) < 1e-10)
 
@@ -198,7 +177,7 @@ class _State:
 class _Problem:
     """What does not change between steps."""
 
-    def __init__(self, views: Views, start: Arrays, known: Knowledge, huber: float | None) -> None:
+    def __init__(self, views: Views, start: Setup, known: Knowledge, huber: float | None) -> None:
         self.known, self.huber, self.origin = known, huber, start
         self.has_prior = bool(known.shared.any() or known.bodies.any())
         self.free = np.flatnonzero(known.free)
@@ -213,16 +192,9 @@ class _Problem:
         first = np.flatnonzero(np.append(True, (np.diff(keys, axis=1) != 0).any(0)))
         self.groups = list(zip(first, [*first[1:], len(order)], strict=True))
         self.bodies = self.views.body[first]
-        c = len(start.R_camera)
-        self.slots = np.concatenate(
-            [
-                CAMERA_UNKNOWNS * self.views.camera[first, None] + np.arange(CAMERA_UNKNOWNS),
-                CAMERA_UNKNOWNS * c + 6 * self.views.part[first, None] + np.arange(6),
-            ],
-            axis=1,
-        )
+        self.slots = shared_slots(self.views.select(first), len(start.R_camera))
 
-    def evaluate(self, at: Arrays) -> _State:
+    def evaluate(self, at: Setup) -> _State:
         """Cost and normal equations; infinite cost where a point falls behind its camera."""
         lin = linearised_at(self.views, at, self.whitening)
         size = np.sqrt((lin.residual**2).sum(1))
@@ -318,7 +290,7 @@ def _summed(a: Array, b: Array) -> Array:
 
 def _result(
     problem: _Problem,
-    at: Arrays,
+    at: Setup,
     state: _State,
     converged: bool,
     describe: Callable[[int], str] | None,
@@ -382,22 +354,6 @@ def _inverse_of_reduced(
         name = describe(worst) if describe else f"unknown {worst}"
         raise NotDeterminedError(f"the images do not determine {name}")
     return np.asarray(scale[:, None] * (vectors / values) @ vectors.T * scale)
-
-
-def information_of(covariance: Array) -> Array:
-    """Inverse of a covariance; of one without full rank that on what varies.
-
-    Parameters
-    ----------
-    covariance : (k, k) array
-        With a positive diagonal.
-    """
-    scale = 1 / np.sqrt(np.diagonal(covariance))
-    scaled = scale[:, None] * covariance * scale
-    inverse = _inverse(scaled)
-    if inverse is None or np.trace(inverse) > 1 / _DEPENDENT:
-        inverse = np.asarray(np.linalg.pinv(scaled, rcond=_DEPENDENT, hermitian=True))
-    return np.asarray(scale[:, None] * inverse * scale)
 
 
 def _inverse(matrix: Array) -> Array | None:

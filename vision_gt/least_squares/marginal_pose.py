@@ -5,16 +5,16 @@ is linear over what their covariance allows, so it is added to the covariance of
 step then has six unknowns, and ends where an adjustment of all unknowns would end.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from validation.poses.angles import Array
 from vision_gt.least_squares.setups import (
-    CAMERA_UNKNOWNS,
-    Arrays,
+    Setup,
     Views,
     linearised_at,
+    shared_slots,
     whiten,
 )
 from vision_gt.optics.transforms import rotation_matrices, rotation_vectors
@@ -86,7 +86,7 @@ class MarginalPose:
     ----------
     views : Views
         Points of one body.
-    cameras, parts : Arrays
+    cameras, parts : Setup
         Where both are; the body in it is not used.
     covariance : (g, g) array
         Of the unknowns of cameras (15 each) and parts (6 each).
@@ -94,18 +94,12 @@ class MarginalPose:
         Length of a unit-variance residual from which on the loss is linear.
     """
 
-    def __init__(self, views: Views, known: Arrays, covariance: Array, huber: float) -> None:
+    def __init__(self, views: Views, known: Setup, covariance: Array, huber: float) -> None:
         self.views, self.known, self.huber = views, known, huber
         self.covariance = covariance
         self.whitening = whiten(views.covariance)
-        n, c = len(views), len(known.R_camera)
-        slots = np.concatenate(
-            [
-                CAMERA_UNKNOWNS * views.camera[:, None] + np.arange(CAMERA_UNKNOWNS),
-                CAMERA_UNKNOWNS * c + 6 * views.part[:, None] + np.arange(6),
-            ],
-            axis=1,
-        )
+        n = len(views)
+        slots = shared_slots(views, len(known.R_camera))
         rows = np.arange(2 * n).reshape(n, 2, 1)
         self._places = (rows * len(covariance) + slots[:, None]).ravel()
 
@@ -156,16 +150,7 @@ class MarginalPose:
 
     def _at(self, R: Array, t: Array, prior: Array, origin: tuple[Array, Array]) -> _State:
         """The problem at a pose; of infinite cost where a point falls behind its camera."""
-        known = self.known
-        at = Arrays(
-            known.R_camera,
-            known.t_camera,
-            known.intrinsics,
-            R[None],
-            t[None],
-            known.R_part,
-            known.t_part,
-        )
+        at = replace(self.known, R_body=R[None], t_body=t[None])
         lin = linearised_at(self.views, at, self.whitening)
         n, g = len(self.views), len(self.covariance)
         residual, by_body = lin.residual.ravel(), lin.by_body.reshape(2 * n, 6)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from validation.poses.angles import Array
 from vision_gt.optics.camera import project_with_jacobians
-from vision_gt.optics.transforms import rotation_matrices, rotation_vectors
+from vision_gt.optics.transforms import rotation_matrices, rotation_vectors, stacked
 from vision_gt.patterns.board_views import BoardView
 
 Ints = npt.NDArray[np.intp]
@@ -92,34 +92,19 @@ def as_views(
 
 @dataclass(frozen=True)
 class Setup:
-    """Where everything is.
+    """Where everything is, as plain rotations and translations: quick to change.
 
     Parameters
     ----------
-    T_world_camera : RigidTransform
-        Stack of c cameras.
+    R_camera, t_camera : (c, 3, 3) and (c, 3) arrays
+        T_world_camera.
     intrinsics : (c, 9) array
-        Their parameters.
-    T_world_body : RigidTransform
-        Stack of b bodies.
-    T_body_part : RigidTransform
-        Stack of p parts, the same on every body.
+        Parameters of the cameras.
+    R_body, t_body : (b, 3, 3) and (b, 3) arrays
+        T_world_body.
+    R_part, t_part : (p, 3, 3) and (p, 3) arrays
+        T_body_part, the same on every body.
     """
-
-    T_world_camera: RigidTransform
-    intrinsics: Array
-    T_world_body: RigidTransform
-    T_body_part: RigidTransform
-
-    @property
-    def shared(self) -> int:
-        """Number of unknowns that are not a body's: 15 of each camera, then 6 of each part."""
-        return CAMERA_UNKNOWNS * len(self.T_world_camera) + 6 * len(self.T_body_part)
-
-
-@dataclass(frozen=True)
-class Arrays:
-    """The same as a `Setup`, as plain rotations and translations: quick to change."""
 
     R_camera: Array
     t_camera: Array
@@ -129,40 +114,47 @@ class Arrays:
     R_part: Array
     t_part: Array
 
+    @classmethod
+    def of(
+        cls,
+        T_world_camera: RigidTransform,
+        intrinsics: Array,
+        T_world_body: RigidTransform,
+        T_body_part: RigidTransform,
+    ) -> "Setup":
+        """Of stacks of transforms."""
+        (Rc, tc), (Rb, tb), (Rp, tp) = (
+            (T.rotation.as_matrix(), np.asarray(T.translation))
+            for T in (T_world_camera, T_world_body, T_body_part)
+        )
+        return cls(Rc, tc, np.asarray(intrinsics, dtype=float), Rb, tb, Rp, tp)
+
+    @property
+    def T_world_camera(self) -> RigidTransform:
+        """Stack of the cameras."""
+        return stacked(self.R_camera, self.t_camera)
+
+    @property
+    def T_world_body(self) -> RigidTransform:
+        """Stack of the bodies."""
+        return stacked(self.R_body, self.t_body)
+
+    @property
+    def T_body_part(self) -> RigidTransform:
+        """Stack of the parts."""
+        return stacked(self.R_part, self.t_part)
+
     @property
     def shared(self) -> int:
-        """Number of unknowns that are not a body's."""
+        """Number of unknowns that are not a body's: 15 of each camera, then 6 of each part."""
         return CAMERA_UNKNOWNS * len(self.R_camera) + 6 * len(self.R_part)
 
-    @classmethod
-    def of(cls, setup: Setup) -> "Arrays":
-        """Of a setup."""
-        stacks = (setup.T_world_camera, setup.T_world_body, setup.T_body_part)
-        (Rc, tc), (Rb, tb), (Rp, tp) = (
-            (T.rotation.as_matrix(), np.asarray(T.translation)) for T in stacks
-        )
-        return cls(Rc, tc, np.asarray(setup.intrinsics, dtype=float), Rb, tb, Rp, tp)
-
-    @property
-    def setup(self) -> Setup:
-        """As a setup."""
-        stacks = (
-            RigidTransform.from_components(t, Rotation.from_matrix(R))
-            for R, t in (
-                (self.R_camera, self.t_camera),
-                (self.R_body, self.t_body),
-                (self.R_part, self.t_part),
-            )
-        )
-        camera, body, part = stacks
-        return Setup(camera, self.intrinsics, body, part)
-
-    def moved(self, shared: Array, bodies: Array) -> "Arrays":
+    def moved(self, shared: Array, bodies: Array) -> "Setup":
         """After changes (g,) of the shared unknowns and (b, 6) of the bodies."""
         c = len(self.R_camera)
         cameras = shared[: CAMERA_UNKNOWNS * c].reshape(c, CAMERA_UNKNOWNS)
         parts = shared[CAMERA_UNKNOWNS * c :].reshape(-1, 6)
-        return Arrays(
+        return Setup(
             rotation_matrices(cameras[:, 3:6]) @ self.R_camera,
             self.t_camera + cameras[:, :3],
             self.intrinsics + cameras[:, 6:],
@@ -172,7 +164,7 @@ class Arrays:
             self.t_part + parts[:, :3],
         )
 
-    def change_from(self, other: "Arrays") -> tuple[Array, Array]:
+    def change_from(self, other: "Setup") -> tuple[Array, Array]:
         """Changes of the shared unknowns (g,) and the bodies (b, 6) that make it of another."""
         cameras = np.concatenate(
             [
@@ -203,8 +195,19 @@ def camera_slots(camera: int) -> slice:
 
 def part_slots(setup: Setup, part: int) -> slice:
     """Where a part's six unknowns are among the shared ones."""
-    first = CAMERA_UNKNOWNS * len(setup.T_world_camera) + 6 * part
+    first = CAMERA_UNKNOWNS * len(setup.R_camera) + 6 * part
     return slice(first, first + 6)
+
+
+def shared_slots(views: Views, cameras: int) -> Ints:
+    """(n, 21) places among the shared unknowns of each view's camera and part."""
+    return np.concatenate(
+        [
+            CAMERA_UNKNOWNS * views.camera[:, None] + np.arange(CAMERA_UNKNOWNS),
+            CAMERA_UNKNOWNS * cameras + 6 * views.part[:, None] + np.arange(6),
+        ],
+        axis=1,
+    )
 
 
 @dataclass(frozen=True)
@@ -227,14 +230,14 @@ class Linearised:
     by_body: Array
 
 
-def linearised_at(views: Views, at: Arrays, whitening: Array) -> Linearised:
+def linearised_at(views: Views, at: Setup, whitening: Array) -> Linearised:
     """Residuals of all views, and the derivatives of the predictions.
 
     Parameters
     ----------
     views : Views
         What was seen.
-    at : Arrays
+    at : Setup
         Where things are taken to be.
     whitening : (n, 2, 2) array
         From `whiten`.

@@ -1,8 +1,8 @@
 """The joint adjustment of the camera network: cameras, bar and boards from all images at once."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -85,8 +85,6 @@ class Network:
         What was used.
     residuals : tuple of (n, 2) array
         Of each view, pixels.
-    adjustment : Adjustment or None
-        The whole result; None where the network was only averaged.
     """
 
     cameras: tuple[Camera, ...]
@@ -97,7 +95,6 @@ class Network:
     sigma: float
     views: tuple[BoardView, ...] = ()
     residuals: tuple[Array, ...] = ()
-    adjustment: Adjustment | None = field(default=None, repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -167,7 +164,7 @@ def adjust_network(
         raise GtvalError("no camera sees the reference pattern")
     used = [view for view in views if view.body in starts]
     bodies = list(starts)
-    setup = Setup(
+    setup = Setup.of(
         RigidTransform.concatenate([T_gtv_camera[name] for name in names]),
         np.array([camera.parameters for camera in cameras]),
         RigidTransform.concatenate([starts[name] for name in bodies]),
@@ -187,11 +184,10 @@ def _two_rounds(
 ) -> Network:
     """The adjustment with the corner noise that its own residuals show."""
     names = [camera.name for camera in cameras]
-    first = adjust(as_views(views, names, bodies), setup, knowledge, describe=_describe(names))
+    describe = partial(_described, names)
+    first = adjust(as_views(views, names, bodies), setup, knowledge, describe=describe)
     factor = max(_robust_m0(first), _LEAST_FACTOR)
-    done = adjust(
-        as_views(views, names, bodies, factor), setup, knowledge, describe=_describe(names)
-    )
+    done = adjust(as_views(views, names, bodies, factor), setup, knowledge, describe=describe)
     # What the median does not see, heavier tails than normal, the covariance should.
     scale = max(done.m0, 1.0) ** 2
     g = CAMERA_UNKNOWNS * len(names)
@@ -217,7 +213,6 @@ def _two_rounds(
         float(np.median(sigmas)),
         tuple(views),
         tuple(np.split(sigmas[:, None] * done.residuals, ends)),
-        done,
     )
 
 
@@ -260,19 +255,9 @@ def _knowledge(
     return Knowledge(shared, body_information, free)
 
 
-def _describe(names: Sequence[str]) -> "_Describe":
-    return _Describe(tuple(names))
-
-
-@dataclass(frozen=True)
-class _Describe:
-    """Names of the shared unknowns."""
-
-    names: tuple[str, ...]
-
-    def __call__(self, unknown: int) -> str:
-        camera, place = divmod(unknown, CAMERA_UNKNOWNS)
-        if camera < len(self.names):
-            what = (*_POSE_NAMES, *PARAMETERS)[place]
-            return f"{what} of camera {self.names[camera]}"
-        return f"{_POSE_NAMES[(unknown - CAMERA_UNKNOWNS * len(self.names)) % 6]} of the bar"
+def _described(names: Sequence[str], unknown: int) -> str:
+    """The name of a shared unknown."""
+    camera, place = divmod(unknown, CAMERA_UNKNOWNS)
+    if camera < len(names):
+        return f"{(*_POSE_NAMES, *PARAMETERS)[place]} of camera {names[camera]}"
+    return f"{_POSE_NAMES[(unknown - CAMERA_UNKNOWNS * len(names)) % 6]} of the bar"

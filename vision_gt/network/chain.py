@@ -14,19 +14,27 @@ from scipy.spatial.transform import RigidTransform
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from vision_gt.optics.agreement import (
+    chain_to_root,
+    distances,
+    largest_agreement,
+    strongest_tree,
+)
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.transforms import angle_between, mean_transform
 from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
-_FAR_LENGTH = 0.15
-_FAR_ANGLE = np.deg2rad(5.0)
-"""Estimates of one camera pair that differ by more do not agree. Single boards give a camera's
-place to centimetres; a wrong board, corner order or file gives something metres away."""
-
-
+_FAR = 0.15, float(np.deg2rad(5.0))
+"""Estimates of one camera pair that differ by more (metres, radians) do not agree. Single boards
+give a camera's place to centimetres; a wrong board, corner order or file gives something metres
+away."""
 _LEAST_FOR_SCATTER = 4
 _STRAY, _STRAY_LENGTH, _STRAY_ANGLE = 6.0, 0.01, np.deg2rad(0.4)
 """A snapshot is left out if it is so many times farther off than the median one, and so far."""
+
+
+_Estimates = list[tuple[RigidTransform, tuple[int, int]]]
+"""Of one camera relative to another by one snapshot, with the reading of each board."""
 
 
 class NotLinkedError(GtvalError):
@@ -121,7 +129,7 @@ def pair_links(poses: Sequence[BoardPose]) -> list[PairLink]:
     poses : sequence of BoardPose
         All the board views of the network's images.
     """
-    seen: dict[tuple[str, str], dict[str, list[tuple[RigidTransform, tuple[int, int]]]]] = {}
+    seen: dict[tuple[str, str], dict[str, _Estimates]] = {}
     by_snapshot: dict[str, list[BoardPose]] = {}
     for pose in poses:
         by_snapshot.setdefault(pose.snapshot, []).append(pose)
@@ -132,87 +140,51 @@ def pair_links(poses: Sequence[BoardPose]) -> list[PairLink]:
     return [_link(pair, estimates) for pair, estimates in sorted(seen.items())]
 
 
-def _estimates(a: BoardPose, b: BoardPose) -> list[tuple[RigidTransform, tuple[int, int]]]:
+def _estimates(a: BoardPose, b: BoardPose) -> _Estimates:
     """T_a_b for every reading of the two boards."""
     readings = product(range(len(a.T_camera_bar)), range(len(b.T_camera_bar)))
     return [(a.T_camera_bar[i] * b.T_camera_bar[j].inv(), (i, j)) for i, j in readings]
 
 
-def _link(
-    pair: tuple[str, str],
-    estimates: Mapping[str, Sequence[tuple[RigidTransform, tuple[int, int]]]],
-) -> PairLink:
+def _link(pair: tuple[str, str], estimates: Mapping[str, _Estimates]) -> PairLink:
     """The transform that most snapshots agree on, and their mean."""
-    snapshots = list(estimates)
-    stack = RigidTransform.concatenate([T for s in snapshots for T, _ in estimates[s]])
-    owner = np.concatenate([np.full(len(estimates[s]), k) for k, s in enumerate(snapshots)])
-    apart = _apart(stack)
-    # For each candidate: how far is the nearest reading of every snapshot, one at most.
-    nearest = np.stack(
-        [np.minimum(apart[:, owner == k].min(1), 1.0) for k in range(len(snapshots))], axis=1
-    )
-    misfit = nearest.sum(1)
-    best = int(np.argmin(misfit))
-    chosen, kept, outliers = [], {}, []
-    for k, snapshot in enumerate(snapshots):
-        rows = np.flatnonzero(owner == k)
-        row = rows[np.argmin(apart[best, rows])]
-        if apart[best, row] < 1:
-            chosen.append(int(row))
-            kept[snapshot] = estimates[snapshot][int(row - rows[0])][1]
-        else:
-            outliers.append(snapshot)
-    chosen, kept, stray = _without_strays(stack, chosen, kept)
-    outliers += stray
-    support = (nearest < 1).sum(1)
-    others = apart[best] > 1
-    rival = int(support[others].max(initial=0))
+    names = list(estimates)
+    listed = [(name, T, reading) for name in names for T, reading in estimates[name]]
+    stack = RigidTransform.concatenate([T for _, T, _ in listed])
+    owner = np.array([names.index(name) for name, _, _ in listed])
+    rows, rival = largest_agreement(stack, owner, _FAR)
+    chosen = _without_strays(stack, rows)
+    kept = {listed[row][0]: listed[row][2] for row in chosen}
     members = stack[chosen]
     mean = mean_transform(members)
     return PairLink(
         *pair,
         mean,
         tuple(kept),
-        tuple(outliers),
+        tuple(name for name in names if name not in kept),
         kept,
         _spread(members, mean),
-        ambiguous=(2 * rival > support[best] and len(snapshots) > 1)
-        or (len(snapshots) == 1 and len(stack) > 1),
+        ambiguous=(2 * rival > len(rows) and len(names) > 1)
+        or (len(names) == 1 and len(stack) > 1),
     )
 
 
-def _without_strays(
-    stack: RigidTransform, chosen: list[int], kept: dict[str, tuple[int, int]]
-) -> tuple[list[int], dict[str, tuple[int, int]], list[str]]:
-    """Members without those far from the others' scatter, and the snapshots left out.
+def _without_strays(stack: RigidTransform, chosen: list[int]) -> list[int]:
+    """Rows without those far from the others' scatter.
 
     Cameras that face each other look nearly alike with their images exchanged: only the scatter
     of the good snapshots, which is much smaller than a first look must allow, tells.
     """
     if len(chosen) < _LEAST_FOR_SCATTER:
-        return chosen, kept, []
+        return chosen
     members = stack[chosen]
-    middle = members[int(np.argmin(_apart(members).sum(1)))]
+    middle = members[int(np.argmin(distances(members, _FAR).sum(1)))]
     lengths = np.linalg.norm(members.translation - middle.translation, axis=1)
     angles = angle_between(members, middle)
     good = (lengths <= max(_STRAY * float(np.median(lengths)), _STRAY_LENGTH)) & (
         angles <= max(_STRAY * float(np.median(angles)), _STRAY_ANGLE)
     )
-    names = list(kept)
-    return (
-        [row for row, fine in zip(chosen, good, strict=True) if fine],
-        {name: kept[name] for name, fine in zip(names, good, strict=True) if fine},
-        [name for name, fine in zip(names, good, strict=True) if not fine],
-    )
-
-
-def _apart(stack: RigidTransform) -> Array:
-    """(n, n) distances of transforms, 1 where they no longer agree."""
-    t, R = stack.translation, stack.rotation.as_matrix()
-    lengths = np.linalg.norm(t[:, None] - t, axis=-1) / _FAR_LENGTH
-    traces = np.einsum("aij,bij->ab", R, R)
-    angles = np.arccos(np.clip((traces - 1) / 2, -1, 1)) / _FAR_ANGLE
-    return np.asarray(np.maximum(lengths, angles))
+    return [row for row, fine in zip(chosen, good, strict=True) if fine]
 
 
 def _spread(members: RigidTransform, mean: RigidTransform) -> Array:
@@ -238,10 +210,7 @@ class Chain:
 
     def path(self, camera: str) -> tuple[str, ...]:
         """Cameras from one to the reference."""
-        path = [camera]
-        while path[-1] in self.parents:
-            path.append(self.parents[path[-1]])
-        return tuple(path)
+        return chain_to_root(camera, self.parents)
 
 
 def chain_cameras(cameras: Sequence[str], links: Sequence[PairLink], reference: str) -> Chain:
@@ -261,21 +230,10 @@ def chain_cameras(cameras: Sequence[str], links: Sequence[PairLink], reference: 
     NotLinkedError
         Naming every camera without a chain to the reference.
     """
-    found = {reference: RigidTransform.identity()}
-    parents: dict[str, str] = {}
     usable = [link for link in links if link.snapshots and not link.ambiguous]
-    while True:
-        # Prim's tree: the strongest link that reaches a new camera.
-        reach = [link for link in usable if (link.first in found) != (link.second in found)]
-        if not reach:
-            break
-        link = max(reach, key=lambda one: len(one.snapshots))
-        if link.first in found:
-            known, new, T = link.first, link.second, link.T_first_second
-        else:
-            known, new, T = link.second, link.first, link.T_first_second.inv()
-        found[new] = found[known] * T
-        parents[new] = known
+    found, parents = strongest_tree(
+        reference, [(u.first, u.second, u.T_first_second, len(u.snapshots)) for u in usable]
+    )
     missing = [camera for camera in cameras if camera not in found]
     if missing:
         raise NotLinkedError(_missing_sentence(missing, links, reference))

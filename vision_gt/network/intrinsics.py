@@ -17,7 +17,9 @@ from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
 GRID = (8, 6)
 """Cells of the coverage report, across and down the image."""
-_LEAST_IMAGES = 4
+_LEAST_IMAGES, _LEAST_CORNERS = 4, 8
+"""Three images determine a camera without distortion (Zhang, PAMI 22, 2000), so four leave one to
+spare. Boards with fewer corners are not taken for found, see `vision_gt.images.boards`."""
 _OUTLIER = 3.0
 """An image whose residuals are so many times the median image's is left out."""
 _LEAST_OUTLIER = 0.15
@@ -63,7 +65,7 @@ class Calibration:
     residuals : tuple of (n, 2) array
         Of each, pixels.
     outliers : tuple of str
-        Images left out.
+        Images left out: their residuals are too large, or they show too few corners.
     coverage : Coverage
         Of the images used.
     T_camera_board : RigidTransform
@@ -112,30 +114,19 @@ def calibrate(name: str, size: tuple[int, int], views: Sequence[BoardView]) -> C
     AD2.3, "Single camera calibration": Bouguet's toolbox. Here OpenCV's version of it starts
     the adjustment, which takes the noise from the residuals and leaves outlier images out.
     """
-    usable = [view for view in views if len(view.ids) >= 8]
+    usable = [view for view in views if len(view.ids) >= _LEAST_CORNERS]
     if len(usable) < _LEAST_IMAGES:
         raise GtvalError(
             f"camera {name}: only {len(usable)} images show the board; at least {_LEAST_IMAGES} "
             "are needed, and 12 or more in all parts of the image are better"
         )
-    start = _start(name, size, usable)
-    first = _fitted(start, usable)
-    rms = first.image_rms
-    limit = max(_OUTLIER * float(np.median(rms)), _LEAST_OUTLIER)
-    kept = [view for view, error in zip(usable, rms, strict=True) if error <= limit]
-    left = tuple(view.source or view.body for view, e in zip(usable, rms, strict=True) if e > limit)
-    if not left or len(kept) < _LEAST_IMAGES:
-        return first
-    again = _fitted(_start(name, size, kept), kept)
-    return Calibration(
-        again.camera,
-        again.sigma,
-        again.views,
-        again.residuals,
-        left,
-        again.coverage,
-        again.T_camera_board,
-    )
+    found = _fitted(_start(name, size, usable), usable)
+    limit = max(_OUTLIER * float(np.median(found.image_rms)), _LEAST_OUTLIER)
+    kept = [view for view, rms in zip(usable, found.image_rms, strict=True) if rms <= limit]
+    if _LEAST_IMAGES <= len(kept) < len(usable):
+        found = _fitted(_start(name, size, kept), kept)
+    left = tuple(v.source or v.body for v in views if all(v is not one for one in found.views))
+    return replace(found, outliers=left)
 
 
 def _start(name: str, size: tuple[int, int], views: Sequence[BoardView]) -> Camera:
@@ -168,7 +159,7 @@ def _fitted(start: Camera, views: Sequence[BoardView]) -> Calibration:
     poses = [camera_pose_of_board(view, start) for view in own]
     if any(T is None for T in poses):
         raise GtvalError(f"camera {start.name}: the calibration failed; check the board's size")
-    setup = Setup(
+    setup = Setup.of(
         RigidTransform.concatenate([RigidTransform.identity()]),
         start.parameters[None],
         RigidTransform.concatenate([T for T in poses if T is not None]),

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -11,7 +12,6 @@ from validation.poses.angles import Array
 from vision_gt.network.adjustment import Bar, KnownBody, Network, adjust_network
 from vision_gt.network.chain import (
     Chain,
-    NotLinkedError,
     PairLink,
     bar_poses,
     chain_cameras,
@@ -80,6 +80,9 @@ class NetworkSolution:
         Images of both boards that do not fit the bar.
     bar_single : tuple of str
         Images in which only one of them was found.
+    unused : tuple of str
+        Other images of boards that took no part: no camera saw the same moment, or the board
+        gives no pose.
     """
 
     network: Network
@@ -89,6 +92,7 @@ class NetworkSolution:
     reference: str
     bar_outliers: tuple[str, ...] = field(default=())
     bar_single: tuple[str, ...] = field(default=())
+    unused: tuple[str, ...] = field(default=())
 
 
 def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution:
@@ -131,7 +135,17 @@ def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution
         given.bar,
         free_intrinsics=bool(given.calibration),
     )
-    return NetworkSolution(network, averaged, tuple(links), chain, root, left, single)
+    unused = _unused(given, network, [name for link in links for name in link.outliers])
+    unused = tuple(name for name in unused if name not in {*left, *single})
+    return NetworkSolution(network, averaged, tuple(links), chain, root, left, single, unused)
+
+
+def _unused(given: NetworkInput, network: Network, outliers: Sequence[str]) -> tuple[str, ...]:
+    """Images that the adjustment did not use, outliers apart."""
+    used = {(view.camera, view.body, view.part) for view in network.views}
+    views = [*given.snapshots, *given.both, *given.reference, *given.calibration]
+    left = [v for v in views if (v.camera, v.body, v.part) not in used and v.body not in outliers]
+    return tuple(dict.fromkeys(view.source or view.body for view in left))
 
 
 def _read_reference(given: NetworkInput) -> list[BoardView]:
@@ -210,17 +224,14 @@ def _fitting_pair(
     views: Sequence[BoardView], cameras: Mapping[str, Camera], bar: Bar
 ) -> list[BoardView] | None:
     """The two views of one image, read so that they fit the bar; None if they cannot."""
-    first = [view for view in views if view.part == 0]
-    second = [view for view in views if view.part == 1]
-    best, least = None, np.inf
-    for a in first:
-        for b in second:
-            for one in a.readings():
-                for other in b.readings():
-                    off = _bar_misfit(one, other, cameras, bar)
-                    if off < least:
-                        best, least = [one, other], off
-    return best if least < 1 else None
+    first = [reading for view in views if view.part == 0 for reading in view.readings()]
+    second = [reading for view in views if view.part == 1 for reading in view.readings()]
+    best, least = None, 1.0
+    for one, other in product(first, second):
+        off = _bar_misfit(one, other, cameras, bar)
+        if off < least:
+            best, least = [one, other], off
+    return best
 
 
 def _bar_misfit(one: BoardView, other: BoardView, cameras: Mapping[str, Camera], bar: Bar) -> float:
@@ -281,12 +292,3 @@ def _averaged(
         np.diag(np.square(given.bar.sigmas)),
         0.0,
     )
-
-
-__all__ = [
-    "REFERENCE",
-    "NetworkInput",
-    "NetworkSolution",
-    "NotLinkedError",
-    "solve_network",
-]

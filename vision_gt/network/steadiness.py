@@ -35,14 +35,11 @@ class BoardMove:
     ----------
     change : (6,) array
         Of the board's pose in the camera: metres, radians.
-    covariance : (6, 6) array
-        Of the change if nothing moved, the re-placing included.
     p_value : float
         How likely so large a change is then.
     """
 
     change: Array
-    covariance: Array
     p_value: float
 
     @property
@@ -61,19 +58,13 @@ class ImageMove:
         Mean shift of the static background, pixels.
     rotation : float
         Its rotation about the image's middle, radians.
-    sigma : (3,) array
-        Of shift and rotation, from the scatter of the image's tiles.
     p_value : float
         How likely so large a move is by chance.
-    tiles : int
-        Parts of the image with enough to see.
     """
 
     shift: Array
     rotation: float
-    sigma: Array
     p_value: float
-    tiles: int
 
     @property
     def moved(self) -> bool:
@@ -146,7 +137,7 @@ def board_move(
     change = change_between(T_after, T_before)
     covariance = first + second + np.diag(np.repeat(np.square(replaced), 3))
     statistic = float(change @ np.linalg.solve(covariance, change))
-    return BoardMove(change, covariance, float(chi2.sf(statistic, 6)))
+    return BoardMove(change, float(chi2.sf(statistic, 6)))
 
 
 def _board_pose(view: BoardView, camera: Camera) -> tuple[RigidTransform, Array] | None:
@@ -155,7 +146,7 @@ def _board_pose(view: BoardView, camera: Camera) -> tuple[RigidTransform, Array]
     if start is None:
         return None
     one = RigidTransform.concatenate([RigidTransform.identity()])
-    setup = Setup(one, camera.parameters[None], RigidTransform.concatenate([start]), one)
+    setup = Setup.of(one, camera.parameters[None], RigidTransform.concatenate([start]), one)
     g = setup.shared
     fixed = Knowledge(np.zeros((g, g)), np.zeros((1, 6, 6)), np.zeros(g, dtype=bool))
     alone = replace(view, body="it", part=0)
@@ -188,13 +179,7 @@ def image_move(before: Image, after: Image) -> ImageMove | None:
     from_middle = places - middle
     unknown, covariance = _rigid_shift(from_middle, shifts)
     statistic = float(unknown @ np.linalg.solve(covariance, unknown))
-    return ImageMove(
-        unknown[:2],
-        float(unknown[2]),
-        np.sqrt(np.diagonal(covariance)),
-        float(chi2.sf(statistic, 3)),
-        len(places),
-    )
+    return ImageMove(unknown[:2], float(unknown[2]), float(chi2.sf(statistic, 3)))
 
 
 def _tile_shifts(before: Image, after: Image) -> tuple[Array, Array]:

@@ -75,13 +75,19 @@ def write_camera(path_suffix: str, file_format: str, camera: Camera) -> bytes:
     return writers[file_format](camera)
 
 
+def _bad(
+    path: Path, expected: str, field: str | None = None, value: str | None = None
+) -> InputError:
+    return InputError([Problem(path, expected, None, field, value)])
+
+
 def _bytes_of(path: Path) -> bytes:
     try:
         if path.stat().st_size > MAX_BYTES:
-            raise InputError([Problem(path, "larger than 20 MB; this cannot be a camera file")])
+            raise _bad(path, "larger than 20 MB; this cannot be a camera file")
         return path.read_bytes()
     except FileNotFoundError:
-        raise InputError([Problem(path, "there is no such camera file")]) from None
+        raise _bad(path, "there is no such camera file") from None
     except OSError as error:
         raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
 
@@ -95,9 +101,9 @@ def _parsed(path: Path, text: str) -> Any:
         root = storage.root()
     except (cv2.error, SystemError) as error:
         said = str(error).splitlines()[0]
-        raise InputError([Problem(path, f"not a camera file: {said}")]) from None
+        raise _bad(path, f"not a camera file: {said}") from None
     if root.empty() or not root.isMap():
-        raise InputError([Problem(path, "not a camera file: nothing is named in it")])
+        raise _bad(path, "not a camera file: nothing is named in it")
     # The root does not keep its file alive.
     return _Kept(storage, root)
 
@@ -122,18 +128,16 @@ def _numbers(path: Path, node: Any, field: str, counts: Sequence[int]) -> Array:
         if inner.isSeq():
             values = np.array([inner.at(i).real() for i in range(inner.size())])
     if values is None:
-        raise InputError([Problem(path, "the camera file lacks this", field=field)])
+        raise _bad(path, "the camera file lacks this", field)
     if len(values) not in counts or not np.isfinite(values).all():
         wanted = " or ".join(str(n) for n in counts)
-        raise InputError(
-            [Problem(path, f"expected {wanted} finite numbers, got {len(values)}", field=field)]
-        )
+        raise _bad(path, f"expected {wanted} finite numbers, got {len(values)}", field)
     return values
 
 
 def _whole(path: Path, node: Any, field: str) -> int:
     if not (node.isInt() or node.isReal()) or node.real() <= 0:
-        raise InputError([Problem(path, "expected a positive whole number", field=field)])
+        raise _bad(path, "expected a positive whole number", field)
     return int(node.real())
 
 
@@ -142,13 +146,7 @@ def _lens(path: Path, values: Array, field: str) -> Array:
     padded = np.zeros(max(5, len(values)))
     padded[: len(values)] = values
     if padded[5:].any():
-        raise InputError(
-            [
-                Problem(
-                    path, "the rational and thin-prism lens models are not supported", field=field
-                )
-            ]
-        )
+        raise _bad(path, "the rational and thin-prism lens models are not supported", field)
     return padded[:5]
 
 
@@ -156,7 +154,7 @@ def _made(path: Path, name: str, size: tuple[int, int], parameters: Array) -> Ca
     try:
         return Camera(name, size, parameters)
     except GtvalError as error:
-        raise InputError([Problem(path, str(error))]) from None
+        raise _bad(path, str(error)) from None
 
 
 def _first_of(root: Any, names: Sequence[str]) -> tuple[Any, str]:
@@ -191,9 +189,7 @@ def _read_opencv(path: Path, root: Any) -> Camera:
 def _read_ros(path: Path, root: Any) -> Camera:
     model = root.getNode("distortion_model").string()
     if model not in _PINHOLE_LENSES:
-        raise InputError(
-            [Problem(path, "expected 'plumb_bob'", field="distortion_model", value=model)]
-        )
+        raise _bad(path, "expected 'plumb_bob'", "distortion_model", model)
     return _read_opencv(path, root)
 
 
@@ -206,9 +202,7 @@ def _read_kalibr(path: Path, root: Any) -> list[Camera]:
             value = node.getNode(key).string() if node.getNode(key).isString() else ""
             if value not in good:
                 wanted = " or ".join(sorted(good))
-                raise InputError(
-                    [Problem(path, f"expected {wanted}", None, f"{field}.{key}", value)]
-                )
+                raise _bad(path, f"expected {wanted}", f"{field}.{key}", value)
         focal = _numbers(path, node.getNode("intrinsics"), f"{field}.intrinsics", (4,))
         lens = _numbers(
             path, node.getNode("distortion_coeffs"), f"{field}.distortion_coeffs", (4, 5)
@@ -227,14 +221,14 @@ def _read_bouguet(path: Path, data: bytes) -> Camera:
         stream: Any = io.BytesIO(data)
         found = loadmat(stream)
     except Exception as error:  # noqa: BLE001  (scipy raises many kinds for broken files)
-        raise InputError([Problem(path, f"not a MATLAB file: {error}")]) from None
+        raise _bad(path, f"not a MATLAB file: {error}") from None
     values = {}
     for key, count in (("fc", 2), ("cc", 2), ("kc", 5), ("nx", 1), ("ny", 1)):
         if key not in found or np.size(found[key]) != count:
-            raise InputError([Problem(path, f"expected {count} numbers", field=key)])
+            raise _bad(path, f"expected {count} numbers", key)
         values[key] = np.ravel(found[key]).astype(float)
     if "alpha_c" in found and np.any(np.abs(found["alpha_c"]) > 1e-12):
-        raise InputError([Problem(path, "a skew is not supported", field="alpha_c")])
+        raise _bad(path, "a skew is not supported", "alpha_c")
     covariance = np.zeros((9, 9))
     if all(np.size(found.get(f"{k}_error", ())) == n for k, n in (("fc", 2), ("cc", 2), ("kc", 5))):
         # The toolbox states about three standard deviations.

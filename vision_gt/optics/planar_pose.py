@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from validation.poses.angles import Array
 from vision_gt.optics.camera import project, undistort
-from vision_gt.optics.transforms import rotation_matrices
+from vision_gt.optics.transforms import rotation_matrices, stacked
 
 
 @dataclass(frozen=True)
@@ -17,19 +17,25 @@ class PlanarSolutions:
 
     Parameters
     ----------
-    T_camera_plane : RigidTransform
-        A stack of one or two, best first.
+    R, t : (k, 3, 3) and (k, 3) arrays
+        T_camera_plane of one or two, best first.
     errors : (k,) array
         Root mean square of the reprojection residuals' lengths, pixels.
     """
 
-    T_camera_plane: RigidTransform
+    R: Array
+    t: Array
     errors: Array
+
+    @property
+    def T_camera_plane(self) -> RigidTransform:
+        """Both as a stack."""
+        return stacked(self.R, self.t)
 
     @property
     def best(self) -> RigidTransform:
         """The one that fits better."""
-        return self.T_camera_plane[0]
+        return stacked(self.R[0], self.t[0])
 
 
 def planar_solutions(points: Array, pixels: Array, parameters: Array) -> PlanarSolutions | None:
@@ -49,17 +55,6 @@ def planar_solutions(points: Array, pixels: Array, parameters: Array) -> PlanarS
     Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109 (2014). Refined,
     each solution is a local minimum of the reprojection error if it is one at all.
     """
-    found = planar_arrays(points, pixels, parameters)
-    if found is None:
-        return None
-    R, t, errors = found
-    return PlanarSolutions(RigidTransform.from_components(t, Rotation.from_matrix(R)), errors)
-
-
-def planar_arrays(
-    points: Array, pixels: Array, parameters: Array
-) -> tuple[Array, Array, Array] | None:
-    """The same as rotations (k, 3, 3), translations (k, 3) and errors (k,), best first."""
     pixels = np.asarray(pixels, dtype=float)
     guesses = planar_guesses(points, undistort(pixels, parameters))
     if guesses is None:
@@ -81,7 +76,7 @@ def planar_arrays(
     order = np.argsort(errors)[: int(np.isfinite(errors).sum())]
     if not len(order):
         return None
-    return R[order], t[order], errors[order]
+    return PlanarSolutions(R[order], t[order], errors[order])
 
 
 def planar_guesses(points: Array, directions: Array) -> tuple[Array, Array] | None:

@@ -12,6 +12,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from validation.poses.angles import Array
 
 
+def stacked(R: Array, t: Array) -> RigidTransform:
+    """Transforms with rotations (..., 3, 3) and translations (..., 3)."""
+    return RigidTransform.from_components(t, Rotation.from_matrix(R))
+
+
 def perturbed(T_a_b: RigidTransform, change: Array) -> RigidTransform:
     """The transform after a small change.
 
@@ -59,15 +64,13 @@ def rotation_vectors(matrices: Array) -> Array:
     )
 
 
-def mean_transform(transforms: RigidTransform, weights: Array | None = None) -> RigidTransform:
+def mean_transform(transforms: RigidTransform) -> RigidTransform:
     """Mean of the elements of the matrices, its rotation made orthogonal again.
 
     Parameters
     ----------
     transforms : RigidTransform
         A stack of n.
-    weights : (n,) array, optional
-        All alike by default.
 
     Notes
     -----
@@ -76,7 +79,7 @@ def mean_transform(transforms: RigidTransform, weights: Array | None = None) -> 
     here it is the rotation nearest to it (Frobenius norm).
     """
     matrices = transforms.as_matrix()
-    mean = np.average(matrices, axis=0, weights=weights)
+    mean = np.average(matrices, axis=0)
     rotation = Rotation.from_matrix(nearest_rotation(mean[:3, :3]))
     return RigidTransform.from_components(mean[:3, 3], rotation)
 
@@ -110,20 +113,6 @@ def composition_jacobians(T_a_b: RigidTransform, T_b_c: RigidTransform) -> tuple
     return first, second
 
 
-def inverse_jacobian(T_a_b: RigidTransform) -> Array:
-    """Derivative (6, 6) of the change of T_b_a by that of T_a_b.
-
-    Notes
-    -----
-    t_ba = -R^T t_ab, so tau_ba = -R^T tau_ab - R^T [t_ab]x phi_ab and phi_ba = -R^T phi_ab.
-    """
-    Rt = T_a_b.rotation.as_matrix().T
-    jacobian = np.zeros((6, 6))
-    jacobian[:3, :3] = jacobian[3:, 3:] = -Rt
-    jacobian[:3, 3:] = -Rt @ cross_matrix(T_a_b.translation)
-    return jacobian
-
-
 def planar_pose(T_a_b: RigidTransform) -> Array:
     """x, y and the heading of b's x axis in the plane of a: (..., 3), metres and radians."""
     return planar_pose_of(T_a_b.rotation.as_matrix(), T_a_b.translation)
@@ -135,13 +124,8 @@ def planar_pose_of(R: Array, t: Array) -> Array:
     return np.stack([t[..., 0], t[..., 1], heading], -1)
 
 
-def planar_jacobian(T_a_b: RigidTransform) -> Array:
-    """Derivative (3, 6) of `planar_pose` by the small change."""
-    return planar_jacobian_of(T_a_b.rotation.as_matrix())
-
-
-def planar_jacobian_of(R: Array) -> Array:
-    """The same from a rotation (3, 3)."""
+def planar_jacobian(R: Array) -> Array:
+    """Derivative (3, 6) of the planar pose by the small change, from the rotation (3, 3)."""
     e = R[:, 0]
     jacobian = np.zeros((3, 6))
     jacobian[0, 0] = jacobian[1, 1] = 1.0

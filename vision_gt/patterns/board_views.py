@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from validation.poses.angles import Array
 from vision_gt.optics.camera import Camera
-from vision_gt.optics.planar_pose import planar_arrays
+from vision_gt.optics.planar_pose import planar_solutions
 from vision_gt.patterns.boards import Board
 
 STATED_SIGMA = 0.1
@@ -74,8 +74,5 @@ def camera_pose_of_board(view: BoardView, camera: Camera) -> RigidTransform | No
     """T_camera_board from one view; None if it has too few corners."""
     if len(view.ids) < 6:
         return None
-    found = planar_arrays(view.points, view.pixels, camera.parameters)
-    if found is None:
-        return None
-    R, t, _ = found
-    return RigidTransform.from_components(t[0], Rotation.from_matrix(R[0]))
+    found = planar_solutions(view.points, view.pixels, camera.parameters)
+    return None if found is None else found.best

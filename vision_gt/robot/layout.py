@@ -1,77 +1,37 @@
 """Where the markers are on the robot: from images that show several of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from vision_gt.images.markers import MarkerView
-from vision_gt.least_squares.adjustment import Adjustment, Knowledge, adjust
+from vision_gt.least_squares.adjustment import Knowledge, adjust
 from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Setup, part_slots
+from vision_gt.optics.agreement import chain_to_root, largest_agreement, strongest_tree
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.planar_pose import PlanarSolutions
-from vision_gt.optics.transforms import angle_between, mean_transform
+from vision_gt.optics.transforms import mean_transform
 from vision_gt.robot.marker_poses import (
-    Placed,
+    Layout,
     best_start,
-    marker_corners,
     marker_solutions,
     marker_views,
 )
 
 _CLEAR = 2.0
 """A pose counts as sure if the other solution's error is so many times larger."""
-_AGREE_LENGTH = 0.1
-_AGREE_ANGLE = np.deg2rad(15.0)
+_AGREE = 0.1, float(np.deg2rad(15.0))
+"""Estimates of two markers' transform that differ by more (metres, radians) do not agree: the
+wrong one of a marker's two poses is tilted by some 30 degrees and more."""
 
 
 class UnlinkedMarkersError(GtvalError):
     """Some markers were never seen together with the others."""
-
-
-@dataclass(frozen=True)
-class Layout:
-    """The markers on the robot.
-
-    Parameters
-    ----------
-    numbers : tuple of int
-        Ids.
-    sides : (m,) array
-        Lengths of their sides, metres.
-    T_robot_marker : RigidTransform
-        Stack of m.
-    covariance : (6 m, 6 m) array
-        Of all of them together.
-    """
-
-    numbers: tuple[int, ...]
-    sides: Array
-    T_robot_marker: RigidTransform
-    covariance: Array
-
-    @cached_property
-    def placed(self) -> Placed:
-        """The same as plain arrays."""
-        return Placed.of(self.numbers, self.sides.tolist(), self.T_robot_marker)
-
-    def index(self, number: int) -> int:
-        """Place of a marker in the stacks."""
-        return self.numbers.index(number)
-
-    def sigmas(self) -> Array:
-        """(m, 6) standard deviations: metres, then radians."""
-        return np.sqrt(np.diagonal(self.covariance)).reshape(-1, 6)
-
-    def corners(self, number: int) -> Array:
-        """(4, 3) corners of a marker in its own frame."""
-        return marker_corners(float(self.sides[self.index(number)]))
 
 
 @dataclass(frozen=True)
@@ -124,18 +84,15 @@ class LayoutFit:
         The co-visibility graph.
     chains : mapping of int to tuple of int
         Markers from each to the dima-marker.
-    frames : tuple of Frame
-        The images used.
-    adjustment : Adjustment
-        Of the joint refinement.
+    left_out : tuple of str
+        Images that say nothing of it: they show fewer than two markers, or give no pose.
     """
 
     layout: Layout
     chained: RigidTransform
     pairs: tuple[PairEstimate, ...]
     chains: Mapping[int, tuple[int, ...]]
-    frames: tuple[Frame, ...]
-    adjustment: Adjustment = field(repr=False)
+    left_out: tuple[str, ...]
 
 
 def fit_layout(
@@ -159,6 +116,8 @@ def fit_layout(
 
     Raises
     ------
+    GtvalError
+        Naming the markers of the images that have no side.
     UnlinkedMarkersError
         Naming the markers that no chain of common images links to the dima-marker.
 
@@ -168,13 +127,15 @@ def fit_layout(
     images, chains with the highest number of views. The joint refinement of all corners in all
     images is this toolkit's.
     """
-    known = [Frame(f.name, tuple(v for v in f.views if v.number in sides)) for f in frames]
-    useful = [frame for frame in known if len(frame.views) > 1]
+    unknown = {view.number for frame in frames for view in frame.views} - set(sides)
+    if unknown:
+        raise GtvalError(f"no side is given for {', '.join(map(str, sorted(unknown)))}")
+    useful = [frame for frame in frames if len(frame.views) > 1]
     pairs = _pair_estimates(useful, camera, sides)
     numbers = tuple(sorted(sides))
     chains, T_dima_marker = _chains(numbers, pairs, dima[0])
-    T_robot_marker = RigidTransform.concatenate([dima[1] * T_dima_marker[n] for n in numbers])
-    return _refined(useful, camera, sides, dima, (T_robot_marker, pairs, chains))
+    T_robot_marker = dima[1] * T_dima_marker
+    return _refined(frames, camera, sides, dima, (T_robot_marker, pairs, chains))
 
 
 def _pair_estimates(
@@ -198,7 +159,7 @@ def _pair_estimates(
         if listed:
             stack = RigidTransform.concatenate([T for _, T in listed])
             owner = np.array([number for number, _ in listed])
-            members = _consensus(stack, owner)
+            members, _ = largest_agreement(stack, owner, _AGREE)
             mean = mean_transform(stack[members])
             estimates.append(PairEstimate(a, b, mean, len(members)))
     return tuple(estimates)
@@ -213,54 +174,22 @@ def _likely(solutions: PlanarSolutions | None) -> list[RigidTransform]:
     return [solutions.T_camera_plane[i] for i in range(1 if sure else 2)]
 
 
-def _consensus(stack: RigidTransform, owner: npt.NDArray[np.intp]) -> list[int]:
-    """Rows of the largest group that agrees, one from each image."""
-    t = stack.translation
-    misfits = []
-    for i in range(len(stack)):
-        apart = np.maximum(
-            np.linalg.norm(t - t[i], axis=1) / _AGREE_LENGTH,
-            angle_between(stack, stack[i]) / _AGREE_ANGLE,
-        )
-        misfits.append(apart)
-    apart = np.array(misfits)
-    images = np.unique(owner)
-    nearest = np.stack([np.minimum(apart[:, owner == k].min(1), 1.0) for k in images], axis=1)
-    best = int(np.argmin(nearest.sum(1)))
-    rows = []
-    for k in images:
-        mine = np.flatnonzero(owner == k)
-        row = int(mine[np.argmin(apart[best, mine])])
-        if apart[best, row] < 1:
-            rows.append(row)
-    return rows
-
-
 def _chains(
     numbers: Sequence[int], pairs: Sequence[PairEstimate], dima: int
-) -> tuple[dict[int, tuple[int, ...]], dict[int, RigidTransform]]:
-    """Chains with most views from each marker to the dima-marker, and what they add up to."""
-    chains: dict[int, tuple[int, ...]] = {dima: (dima,)}
-    T_dima_marker = {dima: RigidTransform.identity()}
-    while True:
-        reach = [p for p in pairs if (p.first in chains) != (p.second in chains)]
-        if not reach:
-            break
-        pair = max(reach, key=lambda p: p.images)
-        if pair.first in chains:
-            old, new, T = pair.first, pair.second, pair.T_first_second
-        else:
-            old, new, T = pair.second, pair.first, pair.T_first_second.inv()
-        chains[new] = (new, *chains[old])
-        T_dima_marker[new] = T_dima_marker[old] * T
-    missing = [str(number) for number in numbers if number not in chains]
+) -> tuple[dict[int, tuple[int, ...]], RigidTransform]:
+    """Chains with most views from each marker to the dima-marker, and T_dima_marker of each."""
+    T_dima_marker, parents = strongest_tree(
+        dima, [(p.first, p.second, p.T_first_second, p.images) for p in pairs]
+    )
+    missing = [str(number) for number in numbers if number not in T_dima_marker]
     if missing:
         raise UnlinkedMarkersError(
             f"no images link marker{'s' if len(missing) > 1 else ''} {', '.join(missing)} to the "
             f"dima-marker {dima}: they were never seen together with it, nor with one that was. "
             "Take the movie again so that neighbouring markers are in one image"
         )
-    return chains, T_dima_marker
+    chains = {number: chain_to_root(number, parents) for number in T_dima_marker}
+    return chains, RigidTransform.concatenate([T_dima_marker[number] for number in numbers])
 
 
 def _refined(
@@ -273,16 +202,19 @@ def _refined(
     """All corners of all images in one adjustment, started from the chains."""
     T_robot_marker, pairs, chains = chained
     numbers = tuple(sorted(sides))
-    placed = Placed.of(numbers, [sides[n] for n in numbers], T_robot_marker)
-    bodies, kept = [], []
+    lengths = np.array([sides[n] for n in numbers])
+    start = Layout(numbers, lengths, T_robot_marker, np.zeros((6 * len(numbers),) * 2))
+    bodies, kept, left_out = [], [], []
     for frame in frames:
-        T = best_start(frame.views, camera, placed)
+        T = best_start(frame.views, camera, start) if len(frame.views) > 1 else None
         if T is not None:
             bodies.append(T)
             kept.append(frame)
+        else:
+            left_out.append(frame.name)
     if not kept:
         raise GtvalError("no image of the robot shows two markers; the layout cannot be found")
-    setup = Setup(
+    setup = Setup.of(
         RigidTransform.concatenate([RigidTransform.identity()]),
         camera.parameters[None],
         RigidTransform.concatenate(bodies),
@@ -293,10 +225,8 @@ def _refined(
     first = CAMERA_UNKNOWNS
     factor = max(done.m0, 1.0) ** 2
     covariance = done.covariance[first:, first:] * factor
-    layout = Layout(
-        numbers, np.array([sides[n] for n in numbers]), done.setup.T_body_part, covariance
-    )
-    return LayoutFit(layout, T_robot_marker, pairs, dict(chains), tuple(kept), done)
+    layout = Layout(numbers, lengths, done.setup.T_body_part, covariance)
+    return LayoutFit(layout, T_robot_marker, pairs, dict(chains), tuple(left_out))
 
 
 def _layout_knowledge(
@@ -316,4 +246,4 @@ def _layout_knowledge(
         shared[slots, slots] = np.linalg.inv(covariance)
     else:
         free[slots] = False
-    return Knowledge(shared, np.zeros((len(setup.T_world_body), 6, 6)), free)
+    return Knowledge(shared, np.zeros((len(setup.R_body), 6, 6)), free)

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from validation.poses.angles import Array
 from vision_gt.images.markers import MarkerView
@@ -13,10 +13,10 @@ from vision_gt.least_squares.setups import Views
 from vision_gt.optics.camera import Camera, project, undistort
 from vision_gt.optics.planar_pose import (
     PlanarSolutions,
-    planar_arrays,
     planar_guesses,
     planar_solutions,
 )
+from vision_gt.optics.transforms import stacked
 
 _ENOUGH, _GOOD, _CAP = 1, 25.0, 40.0
 """After so many markers, the largest first, a guess with this mean square is good enough; no
@@ -69,39 +69,54 @@ def marker_views(
 
 
 @dataclass(frozen=True)
-class Placed:
-    """Markers on the robot, as plain arrays.
+class Layout:
+    """The markers on the robot.
 
     Parameters
     ----------
-    numbers : sequence of int
-        Ids in the order of the stacks.
-    corners : (m, 4, 3) array
-        Their corners in the robot frame, metres.
-    R, t : (m, 3, 3) and (m, 3) arrays
-        T_robot_marker.
-    sides : sequence of float
-        Metres.
+    numbers : tuple of int
+        Ids.
+    sides : (m,) array
+        Lengths of their sides, metres.
+    T_robot_marker : RigidTransform
+        Stack of m.
+    covariance : (6 m, 6 m) array
+        Of all of them together.
     """
 
-    numbers: Sequence[int]
-    corners: Array
-    R: Array
-    t: Array
-    sides: Sequence[float]
+    numbers: tuple[int, ...]
+    sides: Array
+    T_robot_marker: RigidTransform
+    covariance: Array
 
-    @classmethod
-    def of(
-        cls, numbers: Sequence[int], sides: Sequence[float], T_robot_marker: RigidTransform
-    ) -> "Placed":
-        """Of a stack of transforms."""
-        R, t = T_robot_marker.rotation.as_matrix(), np.asarray(T_robot_marker.translation)
-        own = np.array([marker_corners(float(side)) for side in sides])
-        return cls(tuple(numbers), own @ np.swapaxes(R, 1, 2) + t[:, None], R, t, tuple(sides))
+    @cached_property
+    def placed(self) -> tuple[Array, Array]:
+        """Rotations (m, 3, 3) and translations (m, 3) of T_robot_marker."""
+        T = self.T_robot_marker
+        return T.rotation.as_matrix(), np.asarray(T.translation)
+
+    @cached_property
+    def corners_on_robot(self) -> Array:
+        """(m, 4, 3) corners of all markers in the robot frame, metres."""
+        R, t = self.placed
+        own = np.array([marker_corners(float(side)) for side in self.sides])
+        return np.asarray(own @ np.swapaxes(R, 1, 2) + t[:, None])
+
+    def index(self, number: int) -> int:
+        """Place of a marker in the stacks."""
+        return self.numbers.index(number)
+
+    def sigmas(self) -> Array:
+        """(m, 6) standard deviations: metres, then radians."""
+        return np.sqrt(np.diagonal(self.covariance)).reshape(-1, 6)
+
+    def corners(self, number: int) -> Array:
+        """(4, 3) corners of a marker in its own frame."""
+        return marker_corners(float(self.sides[self.index(number)]))
 
 
 def robot_candidates(
-    views: Sequence[MarkerView], camera: Camera, placed: Placed
+    views: Sequence[MarkerView], camera: Camera, layout: Layout
 ) -> tuple[Array, Array, Array]:
     """T_camera_robot by either solution of each marker, with how badly all corners fit.
 
@@ -111,7 +126,7 @@ def robot_candidates(
         Of one image.
     camera : Camera
         That took it.
-    placed : Placed
+    layout : Layout
         Where the markers are on the robot.
 
     Returns
@@ -122,27 +137,27 @@ def robot_candidates(
     R, t : (k, 3, 3) and (k, 3) arrays
         The candidates.
     """
-    rows = [placed.numbers.index(view.number) for view in views]
+    rows = [layout.index(view.number) for view in views]
+    R_marker, t_marker = layout.placed
     pixels = np.array([view.corners for view in views], dtype=float)
     directions = undistort(pixels, camera.parameters)
-    points = placed.corners[rows].reshape(-1, 3)
+    points = layout.corners_on_robot[rows].reshape(-1, 3)
     largest_first = np.argsort(-np.prod(np.ptp(pixels, axis=1), axis=1), kind="stable")
     found: list[tuple[Array, Array, Array]] = []
     least = np.inf
     for count, one in enumerate(largest_first):
         if count >= _ENOUGH and least < _GOOD:
             break
-        marker = marker_corners(placed.sides[rows[one]])
-        # Alone, a marker's two solutions are judged by their fit, so they are refined.
-        solved = (
-            planar_guesses(marker, directions[one])
-            if len(views) > 1
-            else planar_arrays(marker, pixels[one], camera.parameters)
-        )
-        if solved is None:
+        marker = marker_corners(float(layout.sides[rows[one]]))
+        if len(views) > 1:
+            guesses = planar_guesses(marker, directions[one])
+        else:  # its two solutions are judged by their fit, so they are refined
+            refined = planar_solutions(marker, pixels[one], camera.parameters)
+            guesses = None if refined is None else (refined.R, refined.t)
+        if guesses is None:
             continue
-        R = solved[0] @ placed.R[rows[one]].T
-        t = solved[1] - R @ placed.t[rows[one]]
+        R = guesses[0] @ R_marker[rows[one]].T
+        t = guesses[1] - R @ t_marker[rows[one]]
         seen = points @ np.swapaxes(R, 1, 2) + t[:, None]
         miss = project(seen, camera.parameters) - pixels.reshape(-1, 2)
         squares = np.nan_to_num((miss**2).sum(-1), nan=np.inf)
@@ -157,8 +172,8 @@ def robot_candidates(
 
 
 def best_start(
-    views: Sequence[MarkerView], camera: Camera, placed: Placed
+    views: Sequence[MarkerView], camera: Camera, layout: Layout
 ) -> RigidTransform | None:
     """The best of `robot_candidates`, if there is any."""
-    _, R, t = robot_candidates(views, camera, placed)
-    return RigidTransform.from_components(t[0], Rotation.from_matrix(R[0])) if len(R) else None
+    _, R, t = robot_candidates(views, camera, layout)
+    return stacked(R[0], t[0]) if len(R) else None

@@ -5,24 +5,25 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 from scipy.special import chdtrc
 
+from validation.errors import GtvalError
 from validation.poses.angles import Array
 from vision_gt.images.markers import MarkerView
 from vision_gt.least_squares.marginal_pose import BodyPose, MarginalPose
-from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Arrays, camera_slots
+from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Setup, camera_slots
 from vision_gt.network.adjustment import Network
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.transforms import (
     mean_transform,
-    planar_jacobian_of,
+    planar_jacobian,
     planar_pose_of,
     rotation_matrices,
     rotation_vectors,
+    stacked,
 )
-from vision_gt.robot.layout import Layout
-from vision_gt.robot.marker_poses import marker_solutions, marker_views, robot_candidates
+from vision_gt.robot.marker_poses import Layout, marker_solutions, marker_views, robot_candidates
 
 AMBIGUOUS_EXCESS = 13.8
 """Difference of chi^2 below which the other solution is not a thousand times less likely."""
@@ -114,12 +115,12 @@ class RobotPose:
     @cached_property
     def T_gtv_robot(self) -> RigidTransform:
         """The pose in space."""
-        return _transform(self.best)
+        return stacked(self.best.R, self.best.t)
 
     @cached_property
     def other(self) -> RigidTransform | None:
         """The second solution, if there is one."""
-        return None if self.second is None else _transform(self.second)
+        return None if self.second is None else stacked(self.second.R, self.second.t)
 
     @cached_property
     def floor_p(self) -> float:
@@ -139,7 +140,7 @@ class RobotPose:
     @property
     def planar(self) -> tuple[Array, Array]:
         """x, y, theta, and their covariance (3, 3)."""
-        jacobian = planar_jacobian_of(self.best.R)
+        jacobian = planar_jacobian(self.best.R)
         return planar_pose_of(self.best.R, self.best.t), jacobian @ self.covariance @ jacobian.T
 
 
@@ -161,6 +162,11 @@ def robot_pose(
         Markers with their covariance.
     floor : Floor, optional
         Take the robot as standing on the floor. The floor is tested either way.
+
+    Raises
+    ------
+    GtvalError
+        Naming the markers that the layout does not have.
 
     Notes
     -----
@@ -210,11 +216,10 @@ class _Problem:
     def __init__(self, sightings: Sequence[Sighting], network: Network, layout: Layout) -> None:
         self.network, self.layout = network, layout
         self.sides = dict(zip(layout.numbers, layout.sides.tolist(), strict=True))
-        kept = [
-            Sighting(s.camera, tuple(v for v in s.views if v.number in self.sides))
-            for s in sightings
-        ]
-        self.sightings = [s for s in kept if s.views]
+        self.sightings = [sighting for sighting in sightings if sighting.views]
+        seen = {view.number for sighting in sightings for view in sighting.views}
+        if unknown := seen - set(self.sides):
+            raise GtvalError(f"the layout has no marker {', '.join(map(str, sorted(unknown)))}")
         if not self.sightings:
             return
         self.cameras = [network.index(s.camera) for s in self.sightings]
@@ -226,15 +231,15 @@ class _Problem:
         R, t = network.placed
         self.R_camera, self.t_camera = R[self.cameras], t[self.cameras]
         self.slots, self.covariance = self._shared()
-        placed = layout.placed
-        known = Arrays(
+        R_part, t_part = layout.placed
+        known = Setup(
             self.R_camera,
             self.t_camera,
             np.array([network.cameras[i].parameters for i in self.cameras]),
             np.zeros((0, 3, 3)),
             np.zeros((0, 3)),
-            placed.R[self.parts],
-            placed.t[self.parts],
+            R_part[self.parts],
+            t_part[self.parts],
         )
         self.problem = MarginalPose(self.views, known, self.covariance, _HUBER)
 
@@ -276,7 +281,7 @@ class _Problem:
         for place, sighting in enumerate(self.sightings):
             R_camera, t_camera = self.R_camera[place], self.t_camera[place]
             camera = self.network.cameras[self.cameras[place]]
-            found = robot_candidates(sighting.views, camera, self.layout.placed)
+            found = robot_candidates(sighting.views, camera, self.layout)
             guesses += [
                 (float(misfit), R_camera @ R, R_camera @ t + t_camera)
                 for misfit, R, t in zip(*found, strict=True)
@@ -289,10 +294,6 @@ class _Problem:
             if all(_distinct((R, t), other, 3.0) for other in starts):
                 starts.append((R, t))
         return starts[:_MOST_STARTS]
-
-
-def _transform(pose: BodyPose) -> RigidTransform:
-    return RigidTransform.from_components(pose.t, Rotation.from_matrix(pose.R))
 
 
 def _floor_information(floor: Floor | None) -> Array:
@@ -358,7 +359,7 @@ def joint_covariance(poses: Sequence[RobotPose], network: Network, layout: Layou
     Poses share cameras and markers, so they err together.
     """
     n, c = len(poses), len(network.covariance)
-    jacobians = [planar_jacobian_of(pose.best.R) for pose in poses]
+    jacobians = [planar_jacobian(pose.best.R) for pose in poses]
     S = np.concatenate([J @ p.sensitivity for J, p in zip(jacobians, poses, strict=True)])
     shared = np.zeros((S.shape[1], S.shape[1]))
     shared[:c, :c] = network.covariance

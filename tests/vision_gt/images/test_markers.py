@@ -24,7 +24,7 @@ from vision_gt.images.markers import detect_markers
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.transforms import angle_between
 from vision_gt.patterns.dictionaries import ARTOOLKITPLUS, Family, artoolkitplus_bits
-from vision_gt.robot.layout import Layout
+from vision_gt.robot.marker_poses import Layout
 from vision_gt.robot.robot_pose import Sighting, robot_pose
 
 

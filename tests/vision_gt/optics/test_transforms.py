@@ -6,7 +6,6 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from vision_gt.optics.transforms import (
     change_between,
     composition_jacobians,
-    inverse_jacobian,
     mean_transform,
     perturbed,
     planar_jacobian,
@@ -46,7 +45,7 @@ def test_rotations_are_those_of_scipy():
     np.testing.assert_allclose(rotation_vectors(rotation_matrices(short)), short, atol=1e-7)
 
 
-def test_composition_and_inverse_have_the_derivatives_they_claim():
+def test_a_composition_has_the_derivatives_it_claims():
     A, B = a_transform(), a_transform()
     first, second = composition_jacobians(A, B)
     np.testing.assert_allclose(
@@ -55,11 +54,6 @@ def test_composition_and_inverse_have_the_derivatives_they_claim():
     np.testing.assert_allclose(
         second, numeric(lambda d: change_between(A * perturbed(B, d), A * B)), atol=1e-8
     )
-    np.testing.assert_allclose(
-        inverse_jacobian(A),
-        numeric(lambda d: change_between(perturbed(A, d).inv(), A.inv())),
-        atol=1e-8,
-    )
 
 
 def test_planar_pose_of_an_upright_body_and_its_derivative():
@@ -67,8 +61,10 @@ def test_planar_pose_of_an_upright_body_and_its_derivative():
     np.testing.assert_allclose(planar_pose(planar_transform(pose)), pose, atol=1e-15)
     T = perturbed(planar_transform(pose), np.array([0, 0, 0.1, 0.02, -0.03, 0.01]))
     found = numeric(lambda d: planar_pose(perturbed(T, d)))
-    np.testing.assert_allclose(planar_jacobian(T), found, atol=1e-8)
-    np.testing.assert_allclose(planar_jacobian(planar_transform(pose))[2], [0, 0, 0, 0, 0, 1])
+    np.testing.assert_allclose(planar_jacobian(T.rotation.as_matrix()), found, atol=1e-8)
+    np.testing.assert_allclose(
+        planar_jacobian(planar_transform(pose).rotation.as_matrix())[2], [0, 0, 0, 0, 0, 1]
+    )
 
 
 def test_the_mean_of_equal_transforms_is_the_transform_and_of_opposite_changes_nearly_so():

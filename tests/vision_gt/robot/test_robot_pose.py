@@ -197,7 +197,7 @@ def test_a_pose_is_what_an_adjustment_of_all_unknowns_gives(spoiled, floor):
     # The prior of the floor is about a robot that stands upright on it.
     x, y, theta = planar_pose(pose.T_gtv_robot)
     upright = RigidTransform.from_components([x, y, 0], Rotation.from_rotvec([0, 0, theta]))
-    start = Setup(
+    start = Setup.of(
         RigidTransform.concatenate([T_camera]),
         network.cameras[0].parameters[None],
         RigidTransform.concatenate([upright]),
