@@ -100,9 +100,9 @@ def test_the_options_of_simulate_that_are_shown_exist():
     assert set(shown) <= options_of(command) | {"--seed"}
 
 
-def test_modules_that_are_named_exist():
+def test_files_of_the_sources_that_are_named_exist():
+    places = (REPOSITORY, REPOSITORY / "examples" / "my_system")
     for page in PAGES:
-        for name in re.findall(
-            r"`((?:benchmarks|tests|docs|examples)/[\w/.]+)", page.read_text(encoding="utf-8")
-        ):
-            assert (REPOSITORY / name).exists(), f"{page.name}: {name}"
+        text = page.read_text(encoding="utf-8")
+        for name in re.findall(r"`((?:benchmarks|tests|docs|examples)/[\w/.]+)", text):
+            assert any((place / name).exists() for place in places), f"{page.name}: {name}"
