@@ -6,11 +6,9 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from validation.text_files.csv_tables import Column, read_csv
+from vision_gt.campaign.result_files import PLACED
 from vision_gt.network.adjustment import Network
 from vision_gt.optics.camera_files import read_cameras
-
-PLACED = ("x", "y", "z", "rx", "ry", "rz")
-"""Columns of a transform: translation in metres, rotation vector in radians."""
 
 
 def read_network(results: Path) -> Network:
