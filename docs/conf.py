@@ -39,7 +39,6 @@ myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
 
 # Signatures without types: the docstrings give types with shapes and units.
 autodoc_typehints = "none"
-autodoc_preserve_defaults = True
 autodoc_member_order = "bysource"
 autodoc_default_options = {"members": True}
 autosummary_generate = False
