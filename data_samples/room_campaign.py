@@ -14,7 +14,7 @@ from data_samples.rooms.simulate import SimulatedCampaign, SimulationSettings, s
 
 
 def write_room(
-    folder: Path,
+    folder: Path | None,
     seed: int,
     room_settings: RoomSettings,
     settings: SimulationSettings,
@@ -23,12 +23,13 @@ def write_room(
     workers: int = 1,
     progress: Callable[[float], None] | None = None,
 ) -> SimulatedCampaign:
-    """Write the campaign of a synthetic room, with the truth in ``folder``/truth.
+    """A synthetic room with its survey, written as a campaign with its truth in truth/.
 
     Parameters
     ----------
-    folder : Path
-        Made if missing. Files of an earlier simulation are replaced.
+    folder : Path or None
+        Made if missing. Files of an earlier simulation are replaced. Without one nothing is
+        written.
     seed : int
         Of all that is drawn.
     room_settings, settings : RoomSettings, SimulationSettings
@@ -53,6 +54,8 @@ def write_room(
     else:
         room, cameras = make_room_with_cameras(room_settings, vision, rng)
     simulated = simulate_survey(room, settings, rng)
+    if folder is None:
+        return simulated
     more = {} if laser is None else dict(laser_files(room, laser, rng))
     if cameras is not None:
         for name, text in vision_texts(cameras, rng).items():

@@ -1,17 +1,16 @@
 """Offsets and path from the fixes of RTK-GPS receivers."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from rtk_gt.campaign.pose_tables import vehicle_table
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.path.antennas import antenna_positions
 from rtk_gt.path.vehicle_path import VehiclePath, vehicle_path
+from rtk_gt.campaign.pose_tables import vehicle_table
 from rtk_gt.receivers.fix_csv import read_fix_csv
 from rtk_gt.receivers.fixes import RTK_FIXED, Fixes
 from rtk_gt.receivers.frames import LocalFrame
@@ -21,16 +20,8 @@ from rtk_gt.receivers.steps import Steps, common_steps
 from validation.errors import GtvalError
 from validation.poses.pose_table import PoseTable
 
-__all__ = [
-    "Fixes",
-    "Offsets",
-    "VehiclePath",
-    "find_offsets",
-    "find_path",
-    "fixes",
-    "path_table",
-    "read_fixes",
-]
+__all__ = ["Fixes", "Offsets", "VehiclePath"]
+__all__ += ["find_offsets", "find_path", "fixes", "path_table", "read_fixes"]
 
 _READERS = {".csv": read_fix_csv, ".pos": read_pos, ".nmea": read_nmea, ".txt": read_nmea}
 
@@ -194,21 +185,19 @@ def find_path(
     return vehicle_path(steps.select(rows[offsets.weights > 0]), offsets, antennas)
 
 
-def path_table(path: VehiclePath, system: str = "rtk") -> PoseTable:
-    """A path as a pose table, to be compared or written.
+def path_table(path: VehiclePath) -> PoseTable:
+    """A path as the pose table of a system 'rtk', to be compared or written.
 
     Parameters
     ----------
     path : VehiclePath
         Of `find_path`.
-    system : str
-        Name of the system.
 
     Returns
     -------
     PoseTable
         x, y, z, yaw, pitch, roll in the local frame of the path, named by their times in seconds
-        since 1970 UTC; with what the poses share, as the errors of the offsets.
+        since 1970 UTC, with what the poses share.
 
     Examples
     --------
@@ -217,7 +206,7 @@ def path_table(path: VehiclePath, system: str = "rtk") -> PoseTable:
     >>> gtval.path_table(path).ids[0]
     '1712739600.000'
     """
-    return replace(vehicle_table(path), system=system)
+    return vehicle_table(path)
 
 
 def _steps(records: Sequence[Fixes]) -> Steps:
