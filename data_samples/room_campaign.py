@@ -14,7 +14,7 @@ from data_samples.rooms.simulate import SimulatedCampaign, SimulationSettings, s
 
 
 def write_room(
-    folder: Path | None,
+    folder: Path,
     seed: int,
     room_settings: RoomSettings,
     settings: SimulationSettings,
@@ -27,9 +27,8 @@ def write_room(
 
     Parameters
     ----------
-    folder : Path or None
-        Made if missing. Files of an earlier simulation are replaced. Without one nothing is
-        written.
+    folder : Path
+        Made if missing. Files of an earlier simulation are replaced.
     seed : int
         Of all that is drawn.
     room_settings, settings : RoomSettings, SimulationSettings
@@ -54,8 +53,6 @@ def write_room(
     else:
         room, cameras = make_room_with_cameras(room_settings, vision, rng)
     simulated = simulate_survey(room, settings, rng)
-    if folder is None:
-        return simulated
     more = {} if laser is None else dict(laser_files(room, laser, rng))
     if cameras is not None:
         for name, text in vision_texts(cameras, rng).items():

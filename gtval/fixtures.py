@@ -38,11 +38,13 @@ def gtval_room(request: pytest.FixtureRequest, tmp_path: Path) -> "SampleRoom":
 
 
 @pytest.fixture(scope="session")
-def gtval_survey(request: pytest.FixtureRequest) -> "SampleRoom":
+def gtval_survey(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> "SampleRoom":
     """Readings of a hand-laser survey in arrays; true poses and world points beside them."""
     from gtval.testing import make_room
 
-    return make_room(**_options(request))
+    return make_room(tmp_path_factory.mktemp("gtval_survey"), **_options(request))
 
 
 @pytest.fixture(scope="session")

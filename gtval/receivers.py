@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from rtk_gt.campaign.pose_tables import vehicle_table
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.path.antennas import antenna_positions
 from rtk_gt.path.vehicle_path import VehiclePath, vehicle_path
-from rtk_gt.campaign.pose_tables import vehicle_table
 from rtk_gt.receivers.fix_csv import read_fix_csv
 from rtk_gt.receivers.fixes import RTK_FIXED, Fixes
 from rtk_gt.receivers.frames import LocalFrame
@@ -128,7 +128,7 @@ def find_offsets(records: Sequence[Fixes], *, eta: float = 1.75) -> Offsets:
 
     Examples
     --------
-    >>> drive = gtval.testing.make_drive(seed=1)
+    >>> drive = gtval.testing.make_drive(folder, seed=1)
     >>> offsets = gtval.find_offsets(drive.records)
     >>> bool(abs(offsets.distances - drive.distances).max() < 0.01)
     True
@@ -173,7 +173,7 @@ def find_path(
 
     Examples
     --------
-    >>> drive = gtval.testing.make_drive(seed=1)
+    >>> drive = gtval.testing.make_drive(folder, seed=1)
     >>> path = gtval.find_path(drive.records, gtval.find_offsets(drive.records), drive.heights)
     >>> path.poses.shape == (len(path), 6)
     True
@@ -201,7 +201,7 @@ def path_table(path: VehiclePath) -> PoseTable:
 
     Examples
     --------
-    >>> drive = gtval.testing.make_drive(seed=1)
+    >>> drive = gtval.testing.make_drive(folder, seed=1)
     >>> path = gtval.find_path(drive.records, gtval.find_offsets(drive.records), drive.heights)
     >>> gtval.path_table(path).ids[0]
     '1712739600.000'

@@ -69,7 +69,7 @@ def solve_survey(
 
     Examples
     --------
-    >>> room = gtval.testing.make_room(seed=1)
+    >>> room = gtval.testing.make_room(folder, seed=1)
     >>> solution = gtval.solve_survey(**room.survey)
     >>> errors = gtval.compare(room.truth, solution.pose_table())
     >>> bool(errors.comparison.distances.max() < 0.01)

@@ -45,15 +45,15 @@ class SampleRoom(Shown):
         True places, metres, in the GTV frame.
     survey : mapping
         What `gtval.solve_survey` takes: readings, names and nominal points.
-    folder : Path, optional
-        The campaign, where it was written; its files under truth/ are read by no computation.
+    folder : Path
+        The campaign; its files under truth/ are read by no computation.
     """
 
     truth: PoseTable
     walls: Array
     world_points: Mapping[str, tuple[float, float]]
     survey: Mapping[str, object]
-    folder: Path | None
+    folder: Path
 
 
 @dataclass(frozen=True, repr=False)
@@ -117,19 +117,19 @@ class SampleDrive(Shown):
         True distances of the antennas: rear to left, rear to right, left to right, metres.
     truth : PoseTable
         True poses in space at every second of the rear receiver, in the frame of the campaign.
-    folder : Path, optional
-        The campaign, where it was written.
+    folder : Path
+        The campaign; its files under truth/ are read by no computation.
     """
 
     records: tuple[Fixes, ...]
     heights: tuple[float, ...]
     distances: Array
     truth: PoseTable
-    folder: Path | None
+    folder: Path
 
 
 def make_room(
-    folder: Path | None = None,
+    folder: Path,
     *,
     seed: int = 1,
     stops: int = 12,
@@ -139,11 +139,11 @@ def make_room(
     laser: bool = False,
     vision: bool = False,
 ) -> SampleRoom:
-    """A room with its survey and an example ground truth, as a campaign where a folder is given.
+    """A campaign folder with the survey of a room and an example ground truth.
 
     Parameters
     ----------
-    folder : Path, optional
+    folder : Path
         Made if missing.
     seed : int
         Of all that is drawn.
@@ -255,14 +255,14 @@ def make_images(*, seed: int = 1, images: int = 1) -> SampleImages:
 
 
 def make_drive(
-    folder: Path | None = None, *, seed: int = 1, loops: int = 2, false_fixes: float = 0.0
+    folder: Path, *, seed: int = 1, loops: int = 2, false_fixes: float = 0.0
 ) -> SampleDrive:
-    """A drive over a campus with three RTK-GPS receivers, as a campaign where a folder is given.
+    """A campaign folder with a drive over a campus: records of three RTK-GPS receivers.
 
     Parameters
     ----------
-    folder : Path, optional
-        Made if missing; its truth is beside the records.
+    folder : Path
+        Made if missing.
     seed : int
         Of all that is drawn.
     loops : int
@@ -277,11 +277,10 @@ def make_drive(
 
     Examples
     --------
-    >>> [record.receiver for record in gtval.testing.make_drive(seed=1).records]
+    >>> [record.receiver for record in gtval.testing.make_drive(folder, seed=1).records]
     ['rear', 'front_left', 'front_right']
     """
     drive = simulate_drive(seed, DriveSettings(loops=loops, false_fixes=false_fixes))
-    if folder is not None:
-        write_drive(folder, drive)
+    write_drive(folder, drive)
     heights = tuple(drive.antennas[:, 2].tolist())
     return SampleDrive(drive.records, heights, drive.distances, true_poses(drive), folder)

@@ -15,7 +15,11 @@ import gtval.testing as samples
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     """One result of every kind, by the name of its type."""
-    drive, scans, images = samples.make_drive(), samples.make_scans(), samples.make_images()
+    drive, scans, images = (
+        samples.make_drive(tmp_path_factory.mktemp("drive")),
+        samples.make_scans(),
+        samples.make_images(),
+    )
     offsets = gtval.find_offsets(drive.records)
     room = samples.make_room(tmp_path_factory.mktemp("room"), bias=(0.1, 0.0, 0.0))
     done = gtval.run_campaign(room.folder)
