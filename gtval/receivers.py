@@ -197,7 +197,7 @@ def path_table(path: VehiclePath) -> PoseTable:
     -------
     PoseTable
         x, y, z, yaw, pitch, roll in the local frame of the path, named by their times in seconds
-        since 1970 UTC, with what the poses share.
+        since 1970 UTC; its ``factor`` holds the errors that all poses share.
 
     Examples
     --------
