@@ -1,4 +1,3 @@
-# ruff: noqa: INP001  (a script, in no package)
 """A picture of each package, made from its imports: run `make images` after a change.
 
 Boxes are the rooms of a package (folders, and the modules beside them). An arrow leads from a

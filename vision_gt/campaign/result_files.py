@@ -9,9 +9,11 @@ from validation.poses.angles import Array
 from validation.text_files.csv_text import csv_text
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.network.adjustment import Network
-from vision_gt.network.stored import PLACED
 from vision_gt.optics.camera_files import write_camera
 from vision_gt.robot.marker_poses import Layout
+
+PLACED = ("x", "y", "z", "rx", "ry", "rz")
+"""Columns of a transform: translation in metres, rotation vector in radians."""
 
 
 def vision_files(outcome: VisionOutcome) -> dict[str, str | bytes]:
