@@ -23,7 +23,7 @@ def write_room(
     workers: int = 1,
     progress: Callable[[float], None] | None = None,
 ) -> SimulatedCampaign:
-    """Write the campaign of a synthetic room, with the truth in ``folder``/truth.
+    """A synthetic room with its survey, written as a campaign with its truth in truth/.
 
     Parameters
     ----------

@@ -36,57 +36,29 @@ if TYPE_CHECKING:
     from validation.errors import GtvalError, InputError
     from validation.results import Finding
 
-__all__ = [
-    "Camera",
-    "Campaign",
-    "Evaluation",
-    "Explanation",
-    "Finding",
-    "Fixes",
-    "GtvalError",
-    "InputError",
-    "MarkerPlace",
-    "Match",
-    "Offsets",
-    "PoseTable",
-    "RunResult",
-    "Scan",
-    "SurveySolution",
-    "VehiclePath",
-    "compare",
-    "explain",
-    "find_offsets",
-    "find_path",
-    "findings",
-    "fixes",
-    "load_campaign",
-    "locate_markers",
-    "match_scans",
-    "path_table",
-    "pose_table",
-    "read_fixes",
-    "read_poses",
-    "run_campaign",
-    "solve_survey",
-    "write_poses",
-    "write_run",
-]
+__all__ = ["Campaign", "RunResult", "load_campaign", "run_campaign", "write_run"]
+__all__ += ["Evaluation", "Explanation", "compare", "explain", "findings"]
+__all__ += ["Camera", "MarkerPlace", "locate_markers"]
+__all__ += ["Fixes", "Offsets", "VehiclePath"]
+__all__ += ["find_offsets", "find_path", "fixes", "path_table", "read_fixes"]
+__all__ += ["Match", "Scan", "match_scans"]
+__all__ += ["SurveySolution", "solve_survey"]
+__all__ += ["PoseTable", "pose_table", "read_poses", "write_poses"]
+__all__ += ["Finding", "GtvalError", "InputError"]
 
 __getattr__ = lazily(
     __name__,
     {
-        "gtval.campaigns": ("Campaign", "RunResult", "load_campaign", "run_campaign", "write_run"),
-        "gtval.judging": ("Evaluation", "Explanation", "compare", "explain", "findings"),
-        "gtval.markers": ("Camera", "MarkerPlace", "locate_markers"),
-        "gtval.receivers": (
-            *("Fixes", "Offsets", "VehiclePath"),
-            *("find_offsets", "find_path", "fixes", "path_table", "read_fixes"),
-        ),
-        "gtval.scans": ("Match", "Scan", "match_scans"),
-        "gtval.surveys": ("SurveySolution", "solve_survey"),
-        "gtval.tables": ("PoseTable", "pose_table", "read_poses", "write_poses"),
-        "validation.errors": ("GtvalError", "InputError"),
-        "validation.results": ("Finding",),
+        "gtval.campaigns": "Campaign RunResult load_campaign run_campaign write_run",
+        "gtval.judging": "Evaluation Explanation compare explain findings",
+        "gtval.markers": "Camera MarkerPlace locate_markers",
+        "gtval.receivers": "Fixes Offsets VehiclePath find_offsets find_path fixes "
+        "path_table read_fixes",
+        "gtval.scans": "Match Scan match_scans",
+        "gtval.surveys": "SurveySolution solve_survey",
+        "gtval.tables": "PoseTable pose_table read_poses write_poses",
+        "validation.errors": "GtvalError InputError",
+        "validation.results": "Finding",
     },
 )
 

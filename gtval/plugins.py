@@ -17,36 +17,22 @@ if TYPE_CHECKING:
     from validation.systems import Progress, System
     from validation.text_files.csv_tables import Column, read_csv
 
-__all__ = [
-    "Campaign",
-    "Column",
-    "Figure",
-    "Finding",
-    "GtvalError",
-    "InputError",
-    "PoseTable",
-    "Problem",
-    "Progress",
-    "Section",
-    "Settings",
-    "System",
-    "SystemResult",
-    "Table",
-    "Text",
-    "read_csv",
-    "solve_command",
-]
+__all__ = ["Campaign", "Settings", "solve_command"]
+__all__ += ["GtvalError", "InputError", "Problem"]
+__all__ += ["Column", "PoseTable", "read_csv"]
+__all__ += ["Figure", "Finding", "Section", "SystemResult", "Table", "Text"]
+__all__ += ["Progress", "System"]
 
 __getattr__ = lazily(
     __name__,
     {
-        "validation.campaign.folder": ("Campaign", "Settings"),
-        "validation.commands.solve": ("solve_command",),
-        "validation.errors": ("GtvalError", "InputError", "Problem"),
-        "validation.poses.pose_table": ("PoseTable",),
-        "validation.results": ("Figure", "Finding", "Section", "SystemResult", "Table", "Text"),
-        "validation.systems": ("Progress", "System"),
-        "validation.text_files.csv_tables": ("Column", "read_csv"),
+        "validation.campaign.folder": "Campaign Settings",
+        "validation.commands.solve": "solve_command",
+        "validation.errors": "GtvalError InputError Problem",
+        "validation.poses.pose_table": "PoseTable",
+        "validation.results": "Figure Finding Section SystemResult Table Text",
+        "validation.systems": "Progress System",
+        "validation.text_files.csv_tables": "Column read_csv",
     },
 )
 

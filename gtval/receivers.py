@@ -1,7 +1,6 @@
 """Offsets and path from the fixes of RTK-GPS receivers."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
@@ -21,16 +20,8 @@ from rtk_gt.receivers.steps import Steps, common_steps
 from validation.errors import GtvalError
 from validation.poses.pose_table import PoseTable
 
-__all__ = [
-    "Fixes",
-    "Offsets",
-    "VehiclePath",
-    "find_offsets",
-    "find_path",
-    "fixes",
-    "path_table",
-    "read_fixes",
-]
+__all__ = ["Fixes", "Offsets", "VehiclePath"]
+__all__ += ["find_offsets", "find_path", "fixes", "path_table", "read_fixes"]
 
 _READERS = {".csv": read_fix_csv, ".pos": read_pos, ".nmea": read_nmea, ".txt": read_nmea}
 
@@ -137,7 +128,7 @@ def find_offsets(records: Sequence[Fixes], *, eta: float = 1.75) -> Offsets:
 
     Examples
     --------
-    >>> drive = gtval.testing.make_drive(seed=1)
+    >>> drive = gtval.testing.make_drive(folder, seed=1)
     >>> offsets = gtval.find_offsets(drive.records)
     >>> bool(abs(offsets.distances - drive.distances).max() < 0.01)
     True
@@ -182,7 +173,7 @@ def find_path(
 
     Examples
     --------
-    >>> drive = gtval.testing.make_drive(seed=1)
+    >>> drive = gtval.testing.make_drive(folder, seed=1)
     >>> path = gtval.find_path(drive.records, gtval.find_offsets(drive.records), drive.heights)
     >>> path.poses.shape == (len(path), 6)
     True
@@ -194,30 +185,28 @@ def find_path(
     return vehicle_path(steps.select(rows[offsets.weights > 0]), offsets, antennas)
 
 
-def path_table(path: VehiclePath, system: str = "rtk") -> PoseTable:
-    """A path as a pose table, to be compared or written.
+def path_table(path: VehiclePath) -> PoseTable:
+    """A path as the pose table of a system 'rtk', to be compared or written.
 
     Parameters
     ----------
     path : VehiclePath
         Of `find_path`.
-    system : str
-        Name of the system.
 
     Returns
     -------
     PoseTable
         x, y, z, yaw, pitch, roll in the local frame of the path, named by their times in seconds
-        since 1970 UTC; its ``factor`` holds the errors that all poses share.
+        since 1970 UTC, with what the poses share.
 
     Examples
     --------
-    >>> drive = gtval.testing.make_drive(seed=1)
+    >>> drive = gtval.testing.make_drive(folder, seed=1)
     >>> path = gtval.find_path(drive.records, gtval.find_offsets(drive.records), drive.heights)
     >>> gtval.path_table(path).ids[0]
     '1712739600.000'
     """
-    return replace(vehicle_table(path), system=system)
+    return vehicle_table(path)
 
 
 def _steps(records: Sequence[Fixes]) -> Steps:

@@ -60,7 +60,8 @@ def solve_survey(
     Raises
     ------
     GtvalError
-        If the labels are contradicted, nothing can be located, or the adjustment fails.
+        If readings name unknown points, the labels are contradicted, nothing can be located, or
+        the adjustment fails.
 
     Notes
     -----
@@ -68,8 +69,8 @@ def solve_survey(
 
     Examples
     --------
-    >>> room = gtval.testing.make_survey(seed=1)
-    >>> solution = gtval.solve_survey(**room.arguments)
+    >>> room = gtval.testing.make_room(folder, seed=1)
+    >>> solution = gtval.solve_survey(**room.survey)
     >>> errors = gtval.compare(room.truth, solution.pose_table())
     >>> bool(errors.comparison.distances.max() < 0.01)
     True

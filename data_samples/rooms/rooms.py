@@ -108,14 +108,6 @@ class Room:
         """(m, 2, 2) walls and sides of obstacles: all that blocks a sight line."""
         return blocking_segments(self.outline, self.obstacles)
 
-    @property
-    def places(self) -> dict[str, tuple[float, float]]:
-        """World points by their names."""
-        return {
-            name: (float(x), float(y))
-            for name, (x, y) in zip(self.world_names, self.world_points, strict=True)
-        }
-
 
 def blocking_segments(outline: Array, obstacles: Array) -> Array:
     """(m, 2, 2) sides of the walls (..., 2) and the obstacles (k, 4, 2)."""

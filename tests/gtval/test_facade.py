@@ -21,14 +21,14 @@ def python(code, *arguments):
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
-@pytest.mark.parametrize("name", ["gtval", "gtval.plugins", "gtval.testing"])
+@pytest.mark.parametrize("name", ["gtval", "gtval.plugins"])
 def test_importing_loads_nothing_heavy(name):
     code = f"import sys, {name}; print(*(m.partition('.')[0] for m in sys.modules))"
     assert not HEAVY & set(python(code).split())
 
 
 def test_pytest_starts_without_numpy_for_our_fixtures():
-    code = "import sys, gtval.testing.fixtures; print(sorted(sys.modules))"
+    code = "import sys, gtval.fixtures; print(sorted(sys.modules))"
     loaded = ast.literal_eval(python(code))
     assert "pytest" in loaded
     assert not HEAVY & set(loaded)

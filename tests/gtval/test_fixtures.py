@@ -41,9 +41,9 @@ def test_a_test_chooses_its_options(gtval_room):
 
 
 def test_readings_give_the_true_poses(gtval_survey):
-    solution = gtval.solve_survey(**gtval_survey.arguments)
+    solution = gtval.solve_survey(**gtval_survey.survey)
     assert joint_nees(gtval_survey.truth, solution.pose_table()) < 68
-    assert set(gtval_survey.world_points) == set(gtval_survey.arguments["world_points"])
+    assert set(gtval_survey.world_points) == set(gtval_survey.survey["world_points"])
 
 
 def test_scans_lie_where_the_truth_says(gtval_scans):
@@ -78,7 +78,7 @@ def test_another_seed_gives_another_room(pytester):
     pytester.makepyfile(
         """
         def test_it(gtval_survey):
-            print("distance", gtval_survey.arguments["distance"][6])
+            print("distance", gtval_survey.survey["distance"][6])
         """
     )
     told = [

@@ -7,7 +7,7 @@ import pytest
 
 import gtval
 from gtval.plugins import Campaign, Finding, Progress, System, SystemResult
-from gtval.testing import SampleRoom, make_room, make_survey
+from gtval.testing import SampleRoom, make_room
 
 
 def judge(folder: Path) -> list[str]:
@@ -46,7 +46,7 @@ def measure(image: np.ndarray[tuple[int, int], np.dtype[np.uint8]]) -> gtval.Mar
         robot_frame={"O": (0.0, 0.0), "X": (0.6, 0.0)},
         marking_sigma=0.001,
     )
-    stops: tuple[str, ...] = table.ids + make_survey(seed=2).truth.ids
+    stops: tuple[str, ...] = table.ids + make_room(Path("room"), seed=2).truth.ids
     assert match.verdict == "accept"
     assert solution.pose_table() is not None
     assert stops

@@ -24,7 +24,9 @@ WIDTH = 5.6
 _MAP_WIDTH, _MAP_MARGIN = 4.8, 1.1
 """Inches of the camera map that show the floor, and those that labels and legend need."""
 _FARTHEST = 6.5
+"""Metres from a camera that are drawn of what it sees."""
 _RIM = 24
+"""Points on each side of an image's rim that are drawn: distortion bends it."""
 
 
 def field_of_view(camera: Camera, T_gtv_camera: Array) -> Array:

@@ -8,13 +8,26 @@ from validation.results import Finding, Severity
 from vision_gt.campaign.inputs import placed
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.optics.transforms import change_between
+from vision_gt.settings import (
+    BarSettings,
+    FloorSettings,
+    MarkerSettings,
+    ReferenceSettings,
+    VisionSettings,
+)
 
 SUBJECT = "vision"
-_POOR_FIT = 1e-4
-_POOR_FLOOR = 1e-3
+_POOR_FIT, _POOR_FLOOR = 1e-4, 1e-3
+"""p-values below which corners do not fit, and a robot is not on the floor. A judgement: of a
+hundred good stops one is called poor in a hundred campaigns, and off the floor in ten."""
 _LEAST_COVERAGE = 0.5
+"""Share of the cells of an image. A judgement: where no corner was, the lens is extrapolated."""
 _LEAST_TILT = np.deg2rad(25)
+"""A board that faces the camera says nothing of the focal length, which goes with the distance. A
+judgement: what it says grows with the square of the tilt, and 30 degrees and more are asked for."""
 _HAND_LENGTH, _HAND_ANGLE = 0.03, np.deg2rad(8)
+"""Metres and radians. A judgement: ruler and plumb-line are good to a centimetre and some degrees;
+a wrong id or a marker that was turned is farther off."""
 
 
 def vision_findings(outcome: VisionOutcome, surveyed: Sequence[str] = ()) -> list[Finding]:
@@ -29,6 +42,7 @@ def vision_findings(outcome: VisionOutcome, surveyed: Sequence[str] = ()) -> lis
     """
     return [
         *_coverage(outcome, surveyed),
+        *_assumed(outcome.settings),
         *_poses(outcome),
         *_calibrations(outcome),
         *_network(outcome),
@@ -61,6 +75,32 @@ def _coverage(outcome: VisionOutcome, surveyed: Sequence[str]) -> Iterator[Findi
         text += f" No camera has an image of {_listed(unseen)}: out of all cameras' view?"
     severity: Severity = "good" if not missing and not unseen else "note" if known else "error"
     yield Finding(severity, text, SUBJECT, "coverage")
+
+
+def _assumed(settings: VisionSettings) -> Iterator[Finding]:
+    """Standard deviations that campaign.toml does not state."""
+    parts: list[tuple[str, BarSettings | ReferenceSettings | MarkerSettings | FloorSettings, str]]
+    parts = [
+        ("reference", settings.reference, "sigmas"),
+        ("markers", settings.markers, "dima_sigmas"),
+        ("floor", settings.floor, "height"),
+        ("floor", settings.floor, "tilt"),
+    ]
+    if settings.bar.second_on_first is not None:
+        parts.append(("bar", settings.bar, "sigmas"))
+    assumed = [
+        f"vision.{table}.{key} = {getattr(part, key)}"
+        for table, part, key in parts
+        if key not in part.model_fields_set
+    ]
+    if assumed:
+        yield Finding(
+            "note",
+            "campaign.toml does not state these standard deviations (metres, radians), so they are "
+            f"assumed: {'; '.join(assumed)}. State your own.",
+            SUBJECT,
+            "assumed_sigmas",
+        )
 
 
 def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
@@ -162,6 +202,15 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
             "bar",
             "bar_single",
         )
+    if solution.unused:
+        yield Finding(
+            "note",
+            "These images of boards take no part in the camera network: "
+            f"{_listed(list(solution.unused))}. The other camera does not show the bar at the "
+            "same moment, or the board gives no pose.",
+            SUBJECT,
+            "network_unused",
+        )
     network = solution.network
     if network.bar_covariance.any() and network is not solution.averaged:
         built = solution.averaged.bar
@@ -180,6 +229,14 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
 def _layout(outcome: VisionOutcome) -> Iterator[Finding]:
     """Markers that are not where they were measured by hand."""
     layout = outcome.layout.layout
+    if outcome.layout.left_out:
+        yield Finding(
+            "note",
+            "These images of the walk around the robot do not show two markers or give no pose, "
+            f"so they are not used: {_listed(list(outcome.layout.left_out))}.",
+            SUBJECT,
+            "layout_unused",
+        )
     for name, hand in outcome.settings.markers.hand_measured.items():
         T = layout.T_robot_marker[layout.index(int(name))]
         off = change_between(T, placed(hand))

@@ -1,18 +1,23 @@
 """The table check of a campaign: images and earlier results to readings, and their tables."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.pose_table import from_csv
 from validation.results import Table
+from validation.text_files.csv_tables import Column, read_csv
 from vision_gt.campaign.inputs import made_board, missing_facts
-from vision_gt.commands.stored_network import read_network
+from vision_gt.campaign.result_files import PLACED
 from vision_gt.images.files import images_of_poses
 from vision_gt.images.jobs import BoardJob, detect_all
+from vision_gt.network.adjustment import Network
 from vision_gt.network.table_check import TableReading, check_table
+from vision_gt.optics.camera_files import read_cameras
 from vision_gt.settings import VisionSettings, stated
 
 MM = 1e3
@@ -57,6 +62,43 @@ def table_readings(campaign: Campaign, workers: int | None = None) -> list[Table
     table = settings.table
     place = (*stated(table.corner), table.heading, stated(table.height))
     return check_table(views, network, validation, place)
+
+
+def read_network(results: Path) -> Network:
+    """Cameras and their poses from vision_cameras.csv and vision_camera_NAME.yaml.
+
+    The covariances between cameras are not stored: each camera's own standard deviations are
+    all that the result has.
+
+    Raises
+    ------
+    InputError
+        If the files are missing or bad.
+    """
+    columns = [
+        Column("camera"),
+        *(Column(name, "number") for name in PLACED),
+        *(Column(f"sigma_{name}", "number", low=0) for name in PLACED),
+    ]
+    table = read_csv(results / "vision_cameras.csv", columns)
+    table.flag_duplicates(["camera"])
+    table.raise_problems()
+    names = table.text["camera"]
+    values = np.column_stack([table.numbers[name] for name in PLACED])
+    sigmas = np.column_stack([table.numbers[f"sigma_{name}"] for name in PLACED])
+    cameras = [read_cameras(results / f"vision_camera_{name}.yaml")[0] for name in names]
+    covariance = np.zeros((15 * len(names), 15 * len(names)))
+    for i, sigma in enumerate(sigmas):
+        rows = np.arange(15 * i, 15 * i + 6)
+        covariance[rows, rows] = sigma**2
+    return Network(
+        tuple(cameras),
+        RigidTransform.from_components(values[:, :3], Rotation.from_rotvec(values[:, 3:])),
+        covariance,
+        RigidTransform.identity(),
+        np.zeros((6, 6)),
+        0.0,
+    )
 
 
 def reading_facts(readings: Sequence[TableReading]) -> list[dict[str, object]]:

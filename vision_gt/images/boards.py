@@ -16,10 +16,12 @@ Ints = npt.NDArray[np.intp]
 Detector = Literal["fitted", "classic", "sector"]
 
 _LEAST_CORNERS = 8
+"""A judgement: twice what a pose needs."""
 _STOCK_WINDOW = 11
 """Half window of the sub-pixel refinement in OpenCV's own samples."""
 _LEAST_SIGMA = 0.01
-"""Pixels; what the print and the model of the blur add to each fitted corner."""
+"""Pixels; what the print and the model of the blur add to each fitted corner: a judgement, a tenth
+of the usual noise of OpenCV's corners."""
 _CLEAR_OF_MARKERS, _CLEAR_OF_CORNERS = 0.16, 0.4
 """Radius of the fit over the square's side. On a ChArUco board the next marker's corner is 0.177
 of it away, on a plain one the next corner a whole one."""

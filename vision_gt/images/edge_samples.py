@@ -10,7 +10,8 @@ from validation.poses.angles import Array
 from vision_gt.optics.camera import distorted, distortion_slopes, undistort
 
 CORNER_MARGIN = 2.5
-"""Pixels near a corner that are left out: there the other side's blur reaches in."""
+"""Pixels near a corner that are left out: there the other side's blur reaches in, of which three
+widths are 2.4 pixels."""
 
 Mask = npt.NDArray[np.bool_]
 Image = npt.NDArray[np.uint8]

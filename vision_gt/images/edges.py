@@ -29,17 +29,21 @@ from vision_gt.images.grey_fits import (
 Places = npt.NDArray[np.intp]
 
 HALF_WINDOW = 3.5
-"""Pixels to either side of an edge that are looked at, at most."""
+"""Pixels to either side of an edge that are looked at, at most: four widths of a usual blur."""
 _MAX_STATIONS = 40
+"""Along an edge. A judgement: more take longer and gain little, as what lens and blur leave is
+larger than the noise of 280 pixels."""
 _MOST_STEPS = 4
 _CONVERGED = 0.05
-"""Pixels that no end of an edge moves any more."""
+"""Pixels that no end of an edge moves any more: the steps shrink quadratically, so the one after
+would be some thousandths."""
 _SEARCH = np.arange(-4.0, 2.51, 0.5)
 """Displacements (pixels, inwards) among which the edge is sought first: found corners tend to
 lie inside, and two cells further in the next edges of the same kind begin."""
 _STEPS = np.arange(-5.0, 3.51, 0.5)
 """Where the profiles are taken: a pixel before and after each of these."""
 _SEARCH_STATIONS = 6
+"""For each half of an edge: enough to average noise of some grey levels."""
 _LEVEL_PRIOR = 20.0
 """Standard deviation (grey levels) of the levels about where they start and of their slopes about
 zero: narrow windows of small markers see no plateau, and would trade levels for position."""
@@ -47,7 +51,8 @@ _UNDISTURBED = 0.88
 """Of Tukey's weights, which end at six standard deviations, normal noise keeps 0.947, and noise
 that is larger on the edge than beside it some 0.91; less is left where something lies over it."""
 _ALIKE = 2.0
-"""Edges of one marker have about the same noise."""
+"""Edges of one marker have about the same noise: with 100 pixels its estimates differ by a tenth,
+so twice as much on one edge is a thing that lies over it."""
 _UNKNOWNS = 7
 _PRIOR = np.array([1e-3, 1e-3, BLUR_INFORMATION, *[1 / _LEVEL_PRIOR**2] * 4])
 """Information on the unknowns, for noise of one grey level."""

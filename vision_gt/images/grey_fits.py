@@ -11,22 +11,29 @@ Mask = npt.NDArray[np.bool_]
 SATURATED = 254
 """Such a pixel says that the light is at least so much: a brighter model is no misfit."""
 START_BLUR = 0.8
+"""Pixels: the standard deviation of the blur of a sharp lens and of the pixels' own area."""
 BLUR_INFORMATION = 4 / 0.5**2
-"""On the width of the blur about its start, for noise of one grey level: keeps a saturated edge
-solvable."""
+"""On the width of the blur about its start, for noise of one grey level: as of one pixel with noise
+of 2 grey levels that knows it to half a pixel. Keeps a saturated edge solvable."""
 LEAST_BLUR, MOST_BLUR = 0.3, 3.0
+"""Pixels: the area of a pixel alone, and an image too blurred to be used."""
 _LEAST_CONTRAST = 12.0
+"""Grey levels. A judgement: six times a usual noise."""
 _LEAST_KEPT = 0.5
-"""Share of the weights that outliers must leave."""
+"""Share of the weights that outliers must leave: with half and more no fit can be told from
+others."""
 _MOST_NOISE = 0.25
-"""Standard deviation of the residuals over the contrast."""
+"""Standard deviation of the residuals over the contrast. A judgement: where half of the
+cells are wrong it is a half."""
 _MOST_SIGMA = 0.5
-"""Pixels."""
+"""Pixels. A judgement: OpenCV's own corners are as good."""
 LEAST_VARIANCE = 0.1
-"""Of grey levels, which are whole numbers."""
+"""Of grey levels, which are whole numbers: rounding alone has 1/12."""
 _TUKEY = 6.0
+"""Standard deviations at which weights end: nearly all normal noise keeps its say."""
 _MISFIT = (0.05, 0.02)
-"""Shares of the contrast that are no outlier's sign: after the first step, and then."""
+"""Shares of the contrast that are no outlier's sign: after the first step, when the start may be
+off, and then, for what the model of the blur leaves. Judgements."""
 
 
 def tukey(residual: Array, weight: Array, contrast: Array, step: int) -> Array:

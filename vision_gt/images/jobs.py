@@ -19,7 +19,8 @@ from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
 
 _WORTH_A_POOL = 12
-"""With fewer images starting processes takes longer than it saves."""
+"""With fewer images starting processes takes longer than it saves: a judgement, as a process has to
+import all modules first."""
 
 
 @dataclass(frozen=True)

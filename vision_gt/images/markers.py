@@ -18,11 +18,13 @@ Image = npt.NDArray[np.uint8]
 Refinement = Literal["edges", "none", "subpix", "apriltag"]
 
 STOCK_SIGMA = 0.5
-"""Pixels; what is assumed of corners that were not fitted here."""
+"""Pixels; what is assumed of corners that were not fitted here: OpenCV's are off by 0.3 to 0.8 on
+rendered images, see benchmarks/vision_corners.py."""
 _WINDOW = 11
-"""Pixels of the window that the thresholding of the first look uses."""
+"""Pixels of the window that the thresholding of the first look uses: the middle one of OpenCV's
+three. Where it finds nothing, all are tried."""
 _LEAST_CELL = 1.6
-"""Pixels of a cell's side below which no code can be read."""
+"""Pixels of a cell's side below which no code can be read, on rendered images with usual blur."""
 _APRILTAG_OFFSET = 0.5
 """OpenCV's AprilTag refinement counts pixels from the corner of the top-left one."""
 

@@ -42,10 +42,11 @@ _FINENESS = 1.8
 contrast between the steps; and how few and many steps a cell has."""
 _STEPS_A_CELL = 10, 32
 _MOST_STEPS = 8
+"""A judgement: one that has not ended by then has found no print."""
 _REPLICATE = cv2.BORDER_REPLICATE
 _CONVERGED, _DIVERGED = 0.05, 3.0
 """Pixels that a corner moves: as steps shrink fast, the one after would be far smaller; and more
-than the start is off."""
+than the start is off, which is a pixel or two."""
 
 
 @dataclass(frozen=True)

@@ -12,19 +12,26 @@ import numpy.typing as npt
 from scipy.special import ndtr
 
 from validation.poses.angles import Array
+from vision_gt.images.grey_fits import BLUR_INFORMATION, LEAST_VARIANCE, MOST_BLUR, START_BLUR
 
 Image = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
 
 _REACH = 7
 """Most pixels from a corner in each direction."""
-_LEAST_PIXELS = 20
+_LEAST_PIXELS, _UNKNOWNS = 20, 9
+"""Pixels that a fit needs: twice its unknowns and more."""
 _STEPS = 7
-_UNKNOWNS = 9
-_START_BLUR = 0.8
+"""Gauss-Newton steps. A judgement: none moves a corner by more than a pixel, and it starts two
+off."""
+_LEAST_BLUR = 0.35
+"""Pixels; narrower steps are seen as no slope at all between whole pixels."""
 _MOST_SHIFT = 2.5
-_WORST_FIT = 0.12
-"""Residuals over contrast from which on a corner is not one."""
+"""Pixels that a corner may be from its start, which is known to about two."""
+_WORST_FIT, _LEAST_CONTRAST, _MOST_SIGMA = 0.12, 15.0, 0.3
+"""Residuals over contrast from which on a corner is not one; grey levels between black and white
+that it needs; pixels that it may be uncertain by. Judgements: noise of 2 grey levels on a contrast
+of 100 is 0.02, and a marker's corner or a shadow's end leaves a third of the contrast."""
 
 
 @dataclass(frozen=True)
@@ -69,11 +76,11 @@ def refine_saddles(image: Image, start: Array, axes: Array, radius: float) -> Sa
         change[:, :2] = np.clip(change[:, :2], -1.0, 1.0)
         change[:, 2:4] = np.clip(change[:, 2:4], -0.2, 0.2)
         values = values + np.where(enough[:, None], change, 0.0)
-        values[:, 4] = np.clip(values[:, 4], 0.35, 3.0)
+        values[:, 4] = np.clip(values[:, 4], _LEAST_BLUR, MOST_BLUR)
     residual, jacobian = _model(values, offsets, grey)
     _change, normal = _solve(residual, jacobian, weight)
     count = np.maximum(weight.sum(1) - _UNKNOWNS, 1.0)
-    variance = np.maximum((weight * residual**2).sum(1) / count, 0.1)
+    variance = np.maximum((weight * residual**2).sum(1) / count, LEAST_VARIANCE)
     inverse = np.linalg.inv(normal)
     sigmas = np.sqrt(variance * np.maximum(inverse[:, 0, 0], inverse[:, 1, 1]))
     contrast = 2 * np.abs(values[:, 8])
@@ -81,8 +88,8 @@ def refine_saddles(image: Image, start: Array, axes: Array, radius: float) -> Sa
         enough
         & (np.linalg.norm(values[:, :2], axis=1) < _MOST_SHIFT)
         & (np.sqrt(variance) < _WORST_FIT * contrast)
-        & (contrast > 15)
-        & (sigmas < 0.3)
+        & (contrast > _LEAST_CONTRAST)
+        & (sigmas < _MOST_SIGMA)
     )
     return SaddleFit(start + values[:, :2], sigmas, good)
 
@@ -117,7 +124,7 @@ def _start_values(grey: Array, weight: Array, axes: Array, offsets: Array) -> Ar
     ]
     half = (weight * signs[0] * signs[1] * (grey - mean[:, None])).sum(1) / total
     none = np.zeros(len(grey))
-    blur = np.full(len(grey), _START_BLUR)
+    blur = np.full(len(grey), START_BLUR)
     return np.column_stack([none, none, *angles, blur, mean, none, none, half])
 
 
@@ -159,6 +166,6 @@ def _solve(residual: Array, jacobian: Array, weight: Array) -> tuple[Array, Arra
     normal = weighted @ jacobian
     diagonal = np.arange(_UNKNOWNS)
     normal[:, diagonal, diagonal] += 1e-6 + 1e-6 * normal[:, diagonal, diagonal]
-    normal[:, 4, 4] += 16.0  # the width is known to a fraction of a pixel beforehand
+    normal[:, 4, 4] += BLUR_INFORMATION
     change = np.linalg.solve(normal, (weighted @ residual[..., None]))[..., 0]
     return np.asarray(change), np.asarray(normal)

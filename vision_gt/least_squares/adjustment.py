@@ -25,10 +25,17 @@ from vision_gt.least_squares.setups import (
 
 Mask = npt.NDArray[np.bool_]
 
-_MAX_STEPS = 60
-_SMALL_GAIN, _SMALL_SHARE = 1e-6, 1e-8
+MAX_STEPS = 60
+"""Of Levenberg-Marquardt. A judgement: good starts need five to ten."""
+MOST_DAMPING = 1e8
+"""From which on a step is smaller than rounding: the search has ended."""
+SMALL_GAIN, _SMALL_SHARE = 1e-6, 1e-8
 """Of half the sum of squares: less than a thousandth of a standard deviation; and of its size."""
-_SINGULAR = 1e-11
+_SMALL_STEP = 1e-10
+"""Metres, radians and pixels: less than anything that is measured here."""
+SINGULAR = 1e-11
+"""Least eigenvalue of a scaled normal matrix: below it rounding, some 1e-16 times a few hundred
+unknowns and the square of their scales, may have made it."""
 
 
 class NotDeterminedError(GtvalError):
@@ -133,11 +140,11 @@ def adjust(
     if not np.isfinite(state.cost):
         raise NotDeterminedError("the start puts seen points behind their camera")
     damping, converged = 1e-4, False
-    for _ in range(_MAX_STEPS):
+    for _ in range(MAX_STEPS):
         step = _step(problem, state, damping)
         if step is None:
             damping *= 10
-            if damping > 1e8:
+            if damping > MOST_DAMPING:
                 break
             continue
         trial = at.moved(*step)
@@ -145,19 +152,19 @@ def adjust(
         if candidate.cost <= state.cost * (1 + 1e-14):
             gain = state.cost - candidate.cost
             at, state, damping = trial, candidate, max(damping / 10, 1e-12)
-            converged = gain <= max(_SMALL_GAIN, _SMALL_SHARE * state.cost) or _tiny(step)
+            converged = gain <= max(SMALL_GAIN, _SMALL_SHARE * state.cost) or _tiny(step)
             if converged:
                 break
         else:
             damping *= 10
-            if damping > 1e8:
+            if damping > MOST_DAMPING:
                 converged = _tiny(step)
                 break
     return _result(problem, at, state, converged, describe)
 
 
 def _tiny(step: tuple[Array, Array]) -> bool:
-    return bool(max(np.abs(s).max(initial=0.0) for s in step) < 1e-10)
+    return bool(max(np.abs(s).max(initial=0.0) for s in step) < _SMALL_STEP)
 
 
 @dataclass(frozen=True)
@@ -330,7 +337,7 @@ def _inverse_of_bodies(body: Array) -> Array:
         return body
     scale = 1 / np.sqrt(np.maximum(np.diagonal(body, axis1=1, axis2=2), 1e-300))
     values, vectors = np.linalg.eigh(scale[:, :, None] * body * scale[:, None])
-    bad = np.flatnonzero(values[:, 0] < _SINGULAR)
+    bad = np.flatnonzero(values[:, 0] < SINGULAR)
     if len(bad):
         raise NotDeterminedError(f"too little is seen of body {bad[0]} to place it")
     scaled = scale[:, :, None] * vectors
@@ -346,10 +353,10 @@ def _inverse_of_reduced(
     scale = 1 / np.sqrt(np.maximum(diagonal, 1e-300))
     # The largest eigenvalue of an inverse is at most its trace.
     inverse = _inverse(scale[:, None] * reduced * scale)
-    if inverse is not None and np.trace(inverse) < 1 / _SINGULAR:
+    if inverse is not None and np.trace(inverse) < 1 / SINGULAR:
         return np.asarray(scale[:, None] * inverse * scale)
     values, vectors = np.linalg.eigh(scale[:, None] * reduced * scale)
-    if values[0] < _SINGULAR:
+    if values[0] < SINGULAR:
         worst = int(problem.free[np.argmax(np.abs(vectors[:, 0]))])
         name = describe(worst) if describe else f"unknown {worst}"
         raise NotDeterminedError(f"the images do not determine {name}")

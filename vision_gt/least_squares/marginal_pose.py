@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from validation.poses.angles import Array
+from vision_gt.least_squares.adjustment import MAX_STEPS, MOST_DAMPING, SINGULAR, SMALL_GAIN
 from vision_gt.least_squares.setups import (
     Setup,
     Views,
@@ -19,13 +20,9 @@ from vision_gt.least_squares.setups import (
 )
 from vision_gt.optics.transforms import rotation_matrices, rotation_vectors
 
-_MAX_STEPS = 60
-_SMALL_GAIN = 1e-6
-"""Of half the sum of squares: less than a thousandth of a standard deviation."""
-_SINGULAR = 1e-11
-_MAX_REWEIGHTINGS = 20
-_SMALL_CHANGE = 1e-4
-_MOST_DAMPING = 1e8
+_MAX_REWEIGHTINGS, _SMALL_CHANGE = 20, 1e-4
+"""Of the robust weights at one pose, and what ends them: a change of the weights' roots that
+changes a residual by less than a thousandth of its sigma. Twenty is a judgement."""
 
 
 @dataclass(frozen=True)
@@ -129,14 +126,14 @@ class MarginalPose:
         origin = (R, t)
         state = self._at(R, t, prior, origin)
         damping = 1e-6
-        for _ in range(_MAX_STEPS):
+        for _ in range(MAX_STEPS):
             normal = state.by_body.T @ state.inverse @ state.by_body + prior
             right = state.by_body.T @ state.left - prior @ state.off
             damped = normal.copy()
             damped.flat[::7] *= 1 + damping
             step = np.asarray(np.linalg.solve(damped, right), dtype=float)
             moved = rotation_matrices(step[3:]) @ state.R, state.t + step[:3]
-            if 0.5 * float(step @ right) <= _SMALL_GAIN:
+            if 0.5 * float(step @ right) <= SMALL_GAIN:
                 # So small a step changes neither derivatives nor weights.
                 return self._result(state, moved, prior)
             trial = self._at(*moved, prior, origin)
@@ -144,7 +141,7 @@ class MarginalPose:
                 state, damping = trial, max(damping / 10, 1e-12)
             else:
                 damping *= 10
-            if damping > _MOST_DAMPING:
+            if damping > MOST_DAMPING:
                 break
         return self._result(state, (state.R, state.t), prior)
 
@@ -201,7 +198,7 @@ class MarginalPose:
         normal = weighted @ state.by_body + prior
         scale = 1 / np.sqrt(np.maximum(np.diagonal(normal), 1e-300))
         values, vectors = np.linalg.eigh(scale[:, None] * normal * scale)
-        if values[0] < _SINGULAR:
+        if values[0] < SINGULAR:
             raise np.linalg.LinAlgError("too little is seen of the body to place it")
         vectors = scale[:, None] * vectors
         covariance = vectors / values @ vectors.T

@@ -22,6 +22,8 @@ from vision_gt.optics.camera import PARAMETERS, Camera
 from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
 _LEAST_FACTOR = 0.05
+"""Of the stated corner noise. A judgement: exact corners, as of a simulation, must not make weights
+infinite."""
 _POSE_NAMES = ("x", "y", "z", "rotation about x", "rotation about y", "rotation about z")
 
 

@@ -21,9 +21,10 @@ _LEAST_IMAGES, _LEAST_CORNERS = 4, 8
 """Three images determine a camera without distortion (Zhang, PAMI 22, 2000), so four leave one to
 spare. Boards with fewer corners are not taken for found, see `vision_gt.images.boards`."""
 _OUTLIER = 3.0
-"""An image whose residuals are so many times the median image's is left out."""
+"""An image whose residuals are so many times the median image's is left out. A judgement: with 50
+corners and equal noise images differ by a tenth."""
 _LEAST_OUTLIER = 0.15
-"""Pixels; below this no image is an outlier."""
+"""Pixels; below this no image is an outlier. A judgement: so good are corners of sharp images."""
 
 
 @dataclass(frozen=True)

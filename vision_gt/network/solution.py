@@ -24,6 +24,10 @@ from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
 REFERENCE = "reference"
 """Name of the reference pattern's body."""
+_FAR_FROM_BAR = 0.1, float(np.deg2rad(6))
+"""Metres and radians, besides five of the stated sigmas, from which on two boards do not fit the
+bar. A judgement: poses of single boards are good to centimetres; wrong readings are a board's
+length off."""
 
 
 @dataclass(frozen=True)
@@ -249,8 +253,8 @@ def _bar_misfit(one: BoardView, other: BoardView, cameras: Mapping[str, Camera],
     sigmas = bar.sigmas
     return float(
         max(
-            length / (0.1 + 5 * sigmas[:3].max()),
-            angle / (np.deg2rad(6) + 5 * sigmas[3:].max()),
+            length / (_FAR_FROM_BAR[0] + 5 * sigmas[:3].max()),
+            angle / (_FAR_FROM_BAR[1] + 5 * sigmas[3:].max()),
         )
     )
 

@@ -18,13 +18,25 @@ from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 Image = npt.NDArray[np.uint8]
 
 _LEVEL = 1e-3
-"""A camera that stands still is accused so often by chance."""
+"""A camera that stands still is accused so often by chance: in one campaign of a hundred, of ten
+cameras."""
 _TILES = (4, 3)
-_BORDER = 24
+_BORDER, _LEAST_TILES = 24, 4
+"""Tiles across and down the image, pixels between them and the rim, and how many must show
+something. Judgements: a shift and a turn need two tiles, and what moved in one must be outvoted by
+the others."""
+_LEAST_CONTRAST, _LEAST_SCORE = 1.0, 0.3
+"""Grey levels that a tile must vary by, and ECC's correlation. Judgements: below these it shows
+noise."""
+_LEAST_FACTOR = 0.2
+"""Of the stated corner noise: what few corners leave may be small by chance. A judgement."""
+_REPLACED = (0.001, 0.001)
+"""Metres and radians by which a person puts a board back on its marks. A judgement: the width of a
+line of felt-tip pen."""
 _MEDIAN_LENGTH = float(np.sqrt(2 * np.log(2)))
 """Median length of a normal vector in the plane, in standard deviations of a coordinate."""
 _FLOOR_PIXELS = 0.02
-"""Pixels; what interpolation and changing light add to a shift of the whole image."""
+"""Pixels; what interpolation and changing light add to a shift of the whole image. A judgement."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +119,7 @@ def board_move(
     before: BoardView,
     after: BoardView,
     camera: Camera,
-    replaced: tuple[float, float] = (0.001, 0.001),
+    replaced: tuple[float, float] = _REPLACED,
 ) -> BoardMove | None:
     """The change of a board that was put back on its marks.
 
@@ -151,7 +163,7 @@ def _board_pose(view: BoardView, camera: Camera) -> tuple[RigidTransform, Array]
     fixed = Knowledge(np.zeros((g, g)), np.zeros((1, 6, 6)), np.zeros(g, dtype=bool))
     alone = replace(view, body="it", part=0)
     done = adjust(as_views([alone], [view.camera], ["it"]), setup, fixed)
-    factor = max(done.m0, 0.2) ** 2
+    factor = max(done.m0, _LEAST_FACTOR) ** 2
     return done.setup.T_world_body[0], done.body_covariances[0] * factor
 
 
@@ -173,7 +185,7 @@ def image_move(before: Image, after: Image) -> ImageMove | None:
     if before.shape != after.shape:
         return None
     places, shifts = _tile_shifts(before, after)
-    if len(places) < 4:
+    if len(places) < _LEAST_TILES:
         return None
     middle = np.array(before.shape[::-1]) / 2
     from_middle = places - middle
@@ -201,7 +213,7 @@ def _tile_shifts(before: Image, after: Image) -> tuple[Array, Array]:
 def _shift(before: Image, after: Image) -> Array | None:
     """(2,) shift of one tile; None where it shows too little."""
     soft = [cv2.GaussianBlur(part.astype(np.float32), (0, 0), 1.5) for part in (before, after)]
-    if min(float(part.std()) for part in soft) < 1.0:
+    if min(float(part.std()) for part in soft) < _LEAST_CONTRAST:
         return None
     guess, _response = cv2.phaseCorrelate(soft[0], soft[1])
     dx, dy = float(guess[0]), float(guess[1])
@@ -213,7 +225,7 @@ def _shift(before: Image, after: Image) -> Array | None:
         score, found = cv2.findTransformECC(soft[0], soft[1], warp, cv2.MOTION_TRANSLATION, stop)
     except cv2.error:
         return None
-    if score < 0.3:
+    if score < _LEAST_SCORE:
         return None
     return np.asarray(found, dtype=float)[:, 2]
 

@@ -18,6 +18,7 @@ from validation.poses.angles import Array
 from vision_gt.optics.camera import Camera
 
 MAX_BYTES = 20_000_000
+"""A judgement: camera files have some kilobytes, images and videos megabytes."""
 _PINHOLE_LENSES = {"plumb_bob", "radtan", "radial-tangential"}
 FORMATS = ("opencv", "ros", "kalibr", "bouguet")
 

@@ -12,7 +12,10 @@ from vision_gt.optics.planar_pose import planar_solutions
 from vision_gt.patterns.boards import Board
 
 STATED_SIGMA = 0.1
-"""Pixels; what is assumed of board corners that come without a standard deviation."""
+"""Pixels; what is assumed of board corners that come without a standard deviation. Only the weights
+of views against each other depend on it: the adjustments take the noise from their residuals."""
+_LEAST_CORNERS = 6
+"""Of a pose: a judgement. Four corners give one; two more to spare tell a wrong one."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ class BoardView:
 
 def camera_pose_of_board(view: BoardView, camera: Camera) -> RigidTransform | None:
     """T_camera_board from one view; None if it has too few corners."""
-    if len(view.ids) < 6:
+    if len(view.ids) < _LEAST_CORNERS:
         return None
     found = planar_solutions(view.points, view.pixels, camera.parameters)
     return None if found is None else found.best

@@ -14,6 +14,7 @@ MARGIN = 0.02
 _MM = 1000.0
 _POINTS_PER_METRE = 72 / 0.0254
 _RULER = 0.1
+"""Metres of the line below a pattern, by which the print is checked."""
 _SVG = "http://www.w3.org/2000/svg"
 
 

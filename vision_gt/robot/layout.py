@@ -23,11 +23,13 @@ from vision_gt.robot.marker_poses import (
     marker_views,
 )
 
-_CLEAR = 2.0
-"""A pose counts as sure if the other solution's error is so many times larger."""
+_CLEAR, _CLEAR_PIXELS = 2.0, 0.1
+"""A pose counts as sure if the other solution's error is so many times larger. A judgement: a
+second candidate that is not needed only costs time, as the images agree on the right one."""
 _AGREE = 0.1, float(np.deg2rad(15.0))
 """Estimates of two markers' transform that differ by more (metres, radians) do not agree: the
-wrong one of a marker's two poses is tilted by some 30 degrees and more."""
+wrong one of a marker's two poses is tilted by twice the marker's tilt. A judgement: it separates
+tilts above some 10 degrees, and smaller ones differ little from the right pose."""
 
 
 class UnlinkedMarkersError(GtvalError):
@@ -170,7 +172,7 @@ def _likely(solutions: PlanarSolutions | None) -> list[RigidTransform]:
     if solutions is None:
         return []
     errors = solutions.errors
-    sure = len(errors) == 1 or errors[1] > _CLEAR * errors[0] + 0.1
+    sure = len(errors) == 1 or errors[1] > _CLEAR * errors[0] + _CLEAR_PIXELS
     return [solutions.T_camera_plane[i] for i in range(1 if sure else 2)]
 
 
@@ -223,7 +225,7 @@ def _refined(
     views = marker_views([(0, i, f.views) for i, f in enumerate(kept)], numbers, sides)
     done = adjust(views, setup, _layout_knowledge(setup, camera, numbers, dima), huber=3.0)
     first = CAMERA_UNKNOWNS
-    factor = max(done.m0, 1.0) ** 2
+    factor = max(done.m0, 1.0) ** 2  # never more certain than the corners state
     covariance = done.covariance[first:, first:] * factor
     layout = Layout(numbers, lengths, done.setup.T_body_part, covariance)
     return LayoutFit(layout, T_robot_marker, pairs, dict(chains), tuple(left_out))

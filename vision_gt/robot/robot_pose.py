@@ -26,15 +26,23 @@ from vision_gt.optics.transforms import (
 from vision_gt.robot.marker_poses import Layout, marker_solutions, marker_views, robot_candidates
 
 AMBIGUOUS_EXCESS = 13.8
-"""Difference of chi^2 below which the other solution is not a thousand times less likely."""
+"""Difference of chi^2 below which the other solution is not a thousand times less likely:
+2 ln 1000 = 13.8."""
 _DISTINCT = np.deg2rad(3.0)
 _DISTINCT_LENGTH = 0.02
+"""Poses that differ by less (radians, metres) are one. A judgement: searches that end at the same
+solution end much closer, and two solutions of a marker differ by twice its tilt."""
 _MOST_STARTS = 4
+"""Two markers with two solutions each; further ones repeat these."""
 _HOPELESS, _HOPELESS_PIXELS = 25.0, 3.0
-"""A first guess that fits so much worse than the best one is not tried."""
+"""A first guess whose mean square is so many times the best one's, and so many pixels squared more,
+is not tried: five times the best one's misfit, where a search moves a guess by less. A
+judgement."""
 _HUBER = 4.0
+"""Unit-variance length from which on a corner counts less: one in 3000 is so far off by chance."""
 _POOR_FIT = 0.01
-"""Corners that fit worse than this by chance say that their noise is larger than stated."""
+"""Corners that fit worse than this by chance say that their noise is larger than stated. A
+judgement: one pose in a hundred is called less certain than it is."""
 
 
 @dataclass(frozen=True)

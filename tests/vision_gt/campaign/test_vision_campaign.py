@@ -2,7 +2,10 @@
 
 import csv
 import json
+import os
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 
 import cv2
@@ -15,13 +18,15 @@ from validation.campaign.folder import load_campaign
 from validation.cli import main
 from validation.poses.pose_table import from_csv, pose_difference
 from vision_gt.campaign.findings import vision_findings
-from vision_gt.campaign.inputs import made_board
+from vision_gt.campaign.inputs import load_inputs, made_board
 from vision_gt.campaign.outcome import StopPose
 from vision_gt.campaign.pose_tables import pose_tables
 from vision_gt.campaign.solve import solve_campaign
+from vision_gt.commands.patterns import EXAMPLE
 from vision_gt.images.jobs import BoardJob, detect_one
 from vision_gt.images.markers import detect_markers
-from vision_gt.settings import VisionSettings
+from vision_gt.optics.camera_files import read_cameras
+from vision_gt.settings import FloorSettings, VisionSettings
 from vision_gt.system import SYSTEM, result_of
 
 TABLE = """
@@ -118,6 +123,88 @@ def test_the_command_writes_and_the_table_check_reads(campaign):
     difference = json.loads(done.stdout)["readings"][0]["difference"]
     # The pattern's own place is known to 0.7 mm and 0.5 mrad, and the network keeps to it.
     np.testing.assert_allclose(difference, 0.0, atol=0.003)
+
+
+def gtval(seed: int, *arguments: str) -> None:
+    """The command in a process of its own, with its own order of sets."""
+    environment = {**os.environ, "PYTHONHASHSEED": str(seed)}
+    command = [sys.executable, "-c", "from validation.cli import main; main()", *arguments]
+    subprocess.run(command, env=environment, check=True, capture_output=True)
+
+
+def test_the_command_and_a_run_write_the_same_bytes_in_two_processes(rendered, tmp_path):
+    alone, run = tmp_path / "alone", tmp_path / "run"
+    for folder in (alone, run):
+        shutil.copytree(rendered, folder)
+    gtval(1, "vision", str(alone), "--workers", "1")
+    gtval(2, "run", str(run))
+    record = json.loads((run / "results" / "run.json").read_text())
+    written = set(record["steps"]["vision"]["outputs"])
+    tables = {"poses_vision.csv", "poses_vision.tum", "joint_vision.csv", "vision_cameras.csv"}
+    assert tables <= written
+    assert written == {path.name for path in (alone / "results").iterdir()} - {"run.json"}
+    for name in written:
+        assert (alone / "results" / name).read_bytes() == (run / "results" / name).read_bytes()
+
+
+def test_hardware_that_nobody_stated_is_asked_for_all_at_once(campaign):
+    toml = campaign / "campaign.toml"
+    kept, left = [], False
+    for line in toml.read_text().splitlines():
+        if line.startswith("["):
+            left = line.split("]")[0].removeprefix("[").startswith("vision.")
+        if not left:
+            kept.append(line)
+    toml.write_text("\n".join(kept))
+    keys = ["board", "bar.first", "bar.second", "bar.second_on_first", "reference.board"]
+    keys += ["reference.position", "markers.family", "markers.sides", "markers.dima"]
+    keys += ["markers.dima_on_robot"]
+    examples = ["in [vision.markers] a line such as: dima = 14", "position = [0.2, 0.0]"]
+    expect_error(campaign, *(f"field 'vision.{key}'" for key in keys), *examples)
+    # What the error says to write is enough.
+    toml.write_text(toml.read_text() + "\n" + EXAMPLE)
+    load_inputs(load_campaign(campaign))
+
+
+def test_standard_deviations_that_nobody_stated_are_told(outcome):
+    stated = vision_findings(outcome)
+    assert "assumed_sigmas" not in {finding.code for finding in stated}
+    settings = outcome.settings.model_copy(update={"floor": FloorSettings()})
+    (found,) = set(vision_findings(replace(outcome, settings=settings))) - set(stated)
+    assert (found.severity, found.code) == ("note", "assumed_sigmas")
+    assert "vision.floor.height = 0.003; vision.floor.tilt = 0.005" in found.text
+
+
+def test_what_no_step_looks_at_is_told(campaign):
+    vision = campaign / "vision"
+    image = next((vision / "reference").iterdir())
+    strays = ["poses/7/pose1.png", "layout/1/1.png", "calibration/loose.png", "pose/1/pose1.png"]
+    strays += ["poses/1/pose9.webp"]
+    for name in [*strays, "table/1/pose1.png"]:
+        (vision / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(image, vision / name)
+    (vision / "steadiness" / "after" / "1.png").unlink()
+    toml = campaign / "campaign.toml"
+    files = 'camera_files = { "8" = "eight.yaml" }'
+    toml.write_text(toml.read_text().replace("[vision]\n", f"[vision]\n{files}\n"))
+    told = {name for name, _ in load_inputs(load_campaign(campaign)).oddities}
+    strays += ["steadiness/before/1.png"]
+    assert told == {*(f"vision/{name}" for name in strays), "eight.yaml"}
+
+
+def test_a_marker_that_the_campaign_does_not_have_is_told(campaign):
+    toml = campaign / "campaign.toml"
+    text = toml.read_text()
+    first = text.index("sides = {")
+    toml.write_text(text[:first] + text[first:].replace('"89" = 0.156, ', "", 1))
+    given = load_inputs(load_campaign(campaign), workers=1)
+    cameras = {
+        name: read_cameras(campaign / "truth" / f"camera_{name}.yaml")[0] for name in given.wanted
+    }
+    given.marker_views(cameras)
+    assert "marker 89 is not in vision.markers.sides; it is not used" in {
+        what: image for image, what in given.oddities
+    }
 
 
 def expect_error(campaign, *words):

@@ -138,6 +138,13 @@ def test_a_swapped_pair_is_left_out_and_named():
     assert pair_error(solution.network, row)[0] < 2.5
 
 
+def test_images_that_take_no_part_are_named():
+    row = CameraRow(0, snapshots=3)
+    lonely = replace(row.snapshots[0], body="1-2-9", source="1-2-9.png")
+    solution = solve_network(given(row, snapshots=[*row.snapshots, lonely]))
+    assert solution.unused == ("1-2-9.png",)
+
+
 def test_boards_that_look_the_same_turned_are_read_by_consensus():
     row = CameraRow(4, snapshots=12)
     rng = np.random.default_rng(0)

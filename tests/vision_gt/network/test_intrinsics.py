@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -46,6 +47,20 @@ def test_an_image_that_does_not_fit_is_left_out_and_named():
     assert found.outliers == ("third.png",)
     assert len(found.views) == len(views) - 1
     assert found.sigma < 0.07
+
+
+def test_an_image_with_too_few_corners_is_left_out_and_named():
+    views = board_views(1)
+    few = replace(views[0], ids=views[0].ids[:7], pixels=views[0].pixels[:7], source="few.png")
+    assert calibrate("1", SIZE, [*views, few]).outliers == ("few.png",)
+
+
+def test_the_same_images_give_the_same_bytes_whatever_the_threads():
+    views = board_views(6)
+    threads = cv2.getNumThreads()
+    found = {calibrate("1", SIZE, views).camera.parameters.tobytes() for _ in range(6)}
+    assert len(found) == 1
+    assert cv2.getNumThreads() == threads
 
 
 def test_the_coverage_tells_where_the_board_was():

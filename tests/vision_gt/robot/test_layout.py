@@ -9,6 +9,7 @@ from scipy.stats import chi2
 from vision_scenes import camera, seen_robot
 
 from data_samples.rooms.cameras import DIMA_MARKER, T_DIMA_MARKER, looking, robot_layout
+from validation.errors import GtvalError
 from vision_gt.optics.transforms import change_between
 from vision_gt.robot.layout import Frame, UnlinkedMarkersError, fit_layout
 
@@ -84,6 +85,15 @@ def test_markers_never_seen_together_are_named():
     alone = [Frame(f.name, tuple(v for v in f.views if v.number == 200)) for f in frames]
     with pytest.raises(UnlinkedMarkersError, match="marker 200 to the dima-marker 14"):
         fitted([*apart, *alone])
+
+
+def test_images_that_say_nothing_and_markers_without_a_side_are_named():
+    frames = movie(5)
+    alone = Frame("alone", frames[0].views[:1])
+    assert fitted([*frames, alone]).left_out == ("alone",)
+    stranger = replace(frames[0].views[0], number=777)
+    with pytest.raises(GtvalError, match="no side is given for 777"):
+        fitted([*frames, Frame("strange", (stranger,))])
 
 
 def test_single_markers_say_nothing():

@@ -9,13 +9,13 @@ from scipy.stats import chi2
 from vision_scenes import LENS, camera_at, exact_network, random_robot, seen_robot
 
 from data_samples.rooms.cameras import robot_layout
+from validation.errors import GtvalError
 from vision_gt.images.markers import MarkerView
 from vision_gt.least_squares.adjustment import Knowledge, adjust
 from vision_gt.least_squares.setups import Setup
 from vision_gt.optics.camera import project
 from vision_gt.optics.transforms import angle_between, change_between, perturbed, planar_pose
-from vision_gt.robot.layout import marker_corners
-from vision_gt.robot.marker_poses import marker_views
+from vision_gt.robot.marker_poses import marker_corners, marker_views
 from vision_gt.robot.robot_pose import (
     Floor,
     Sighting,
@@ -255,11 +255,17 @@ def test_the_documents_way_is_worse():
     assert np.median(theirs) > 3 * np.median(ours)
 
 
-def test_no_known_marker_is_no_pose():
+def test_a_marker_that_the_layout_does_not_have_is_refused_and_named():
     T_camera, layout = camera_at(2.0), robot_layout()
     network = exact_network(T_camera)
     stranger = MarkerView(777, np.zeros((4, 2)), np.zeros((4, 2, 2)))
-    assert robot_pose([Sighting("1", (stranger,))], network, layout) is None
+    with pytest.raises(GtvalError, match="the layout has no marker 777"):
+        robot_pose([Sighting("1", (stranger,))], network, layout)
+
+
+def test_no_marker_is_no_pose():
+    network, layout = exact_network(camera_at(2.0)), robot_layout()
+    assert robot_pose([Sighting("1", ())], network, layout) is None
     assert best_of({}) is None
 
 

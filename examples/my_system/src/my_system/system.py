@@ -57,7 +57,7 @@ def _findings(found: "RigPoses") -> list[Finding]:
 
 def _table(found: "RigPoses") -> Table:
     """Every pose."""
-    rows = [
+    rows: list[list[str | float]] = [
         [name, *map(float, pose), count]
         for name, pose, count in zip(found.table.ids, found.table.poses, found.markers, strict=True)
     ]
