@@ -1,16 +1,17 @@
-# What there is: make demo, make test, make test-full, make docs, make bench, make images,
+# What there is: make demo, make test, make test-full, make test-lowest, make docs, make bench, make images,
 # make clean.
 # All they need is python3 (3.11 or later) with its venv module; the rest goes to .venv.
 
 VENV := .venv
 PYTHON := $(VENV)/bin/python
+LOWEST := .venv-lowest
 TESTED := gtval validation survey vision_gt laser_gt rtk_gt data_samples tests benchmarks docs examples
 
 # One thread a process: the tests run side by side, and small matrices gain nothing from more.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: demo test test-full check-code check-wheel docs bench images clean
+.PHONY: demo test test-full test-lowest check-code check-wheel docs bench images clean
 
 demo: $(VENV)/installed
 	$(VENV)/bin/gtval demo
@@ -20,6 +21,10 @@ test: check-code check-wheel
 
 test-full: check-code check-wheel
 	$(PYTHON) -m pytest -n 2
+
+# The lowest versions that pyproject.toml promises, OpenCV 4 among them; `make test` has OpenCV 5.
+test-lowest: $(LOWEST)/installed
+	$(LOWEST)/bin/python -m pytest -n 2 -m "not full and not browser" --ignore=tests/docs --ignore=tests/gtval tests
 
 check-code: $(VENV)/installed-for-tests
 	$(PYTHON) -m ruff check $(TESTED)
@@ -36,8 +41,9 @@ docs: $(VENV)/installed-for-docs
 	$(PYTHON) -m sphinx -W -n --keep-going -q -b html docs build/docs
 	@echo "The site: build/docs/index.html"
 
+# Each figure beside the last one kept in benchmarks/figures.json; --keep adds today's.
 bench: $(VENV)/installed-for-tests
-	for question in benchmarks/*.py; do $(PYTHON) $$question || exit 1; done
+	$(PYTHON) benchmarks/kept.py
 
 images: $(VENV)/installed
 	$(PYTHON) docs/make_images.py
@@ -55,13 +61,18 @@ $(VENV)/installed: pyproject.toml | $(VENV)/bin/python
 	$(PYTHON) -m pip install --quiet --disable-pip-version-check --editable .
 	touch $@
 
-$(VENV)/installed-for-tests: pyproject.toml | $(VENV)/bin/python
-	$(PYTHON) -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+$(VENV)/installed-for-tests: pyproject.toml tests/pinned.txt | $(VENV)/bin/python
+	$(PYTHON) -m pip install --quiet --disable-pip-version-check --constraint tests/pinned.txt --editable '.[test]'
 	touch $@ $(VENV)/installed
 
 $(VENV)/installed-for-docs: pyproject.toml | $(VENV)/bin/python
 	$(PYTHON) -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	touch $@ $(VENV)/installed
+
+$(LOWEST)/installed: pyproject.toml tests/lowest.txt
+	python3 -m venv $(LOWEST)
+	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check --constraint tests/lowest.txt --editable '.[web,bags]' pytest pytest-xdist hypothesis httpx evo pyproj pymap3d selenium jsonschema
+	touch $@
 
 $(VENV)/bin/python:
 	python3 -m venv $(VENV)
