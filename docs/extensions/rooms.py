@@ -39,10 +39,11 @@ class Rooms(SphinxDirective):
         package = self.arguments[0]
         found: list[nodes.Node] = []
         picture = f"images/rooms_{package}.svg"
-        if (REPOSITORY / "docs" / picture).exists():
-            said = f"The rooms of {package}; an arrow goes from a room to one that it imports"
-            found.append(nodes.image(uri=f"/{picture}", alt=said, candidates={"*": picture}))
-            self.env.images.add_file(self.env.docname, picture)
+        if not (REPOSITORY / "docs" / picture).exists():
+            raise self.error(f"there is no {picture}; `make images` draws it")
+        said = f"The rooms of {package}; an arrow goes from a room to one that imports it"
+        found.append(nodes.image(uri=f"/{picture}", alt=said, candidates={"*": picture}))
+        self.env.images.add_file(self.env.docname, picture)
         for folder, modules in modules_of(package).items():
             listed = nodes.definition_list(classes=["rooms"])
             for name, line in modules:
