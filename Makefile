@@ -17,10 +17,10 @@ demo: $(VENV)/installed
 	$(VENV)/bin/gtval demo
 
 test: check-code check-wheel
-	$(PYTHON) -m pytest -n 2 -m "not full"
+	$(PYTHON) -m pytest -n 2 --dist loadgroup -m "not full"
 
 test-full: check-code check-wheel
-	$(PYTHON) -m pytest -n 2
+	$(PYTHON) -m pytest -n 2 --dist loadgroup
 
 # The lowest versions that pyproject.toml promises, OpenCV 4 among them; `make test` has OpenCV 5.
 test-lowest: $(LOWEST)/installed
