@@ -55,7 +55,8 @@ def solve_survey(
     Returns
     -------
     SurveySolution
-        ``pose_table()`` has the validation poses; ``suspicions`` the readings that do not fit.
+        ``pose_table()`` has the validation poses; ``suspicions`` the readings that do not fit;
+        ``left_out`` those that are not used because a point of theirs has no position.
 
     Raises
     ------

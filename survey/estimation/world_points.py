@@ -32,20 +32,19 @@ with more."""
 class Rejected:
     """The best of the other solutions.
 
+    Where the filter rests at no other, the mirrored meeting point of two circles, from which it
+    comes back to the chosen solution.
+
     Parameters
     ----------
     position : (2,) array
         Metres.
     cost : float
         Its h^T R^-1 h.
-    is_minimum : bool
-        Whether the filter rests there; otherwise it is the mirrored meeting point of two circles,
-        from which the filter comes back to the chosen solution.
     """
 
     position: Array
     cost: float
-    is_minimum: bool
 
 
 @dataclass(frozen=True)
@@ -192,7 +191,7 @@ def _locate(name: str, own: Readings, vframe: VframeEstimate) -> WorldPoint | No
         )
     estimate = iterated_ekf(place_model(own, vframe), minima[0], PLACE_PRIOR_SIGMA)
     rejected = (
-        Rejected(minima[1], float(costs[1]), is_minimum=True)
+        Rejected(minima[1], float(costs[1]))
         if len(minima) > 1
         else _mirrored(estimate.state, starts, fit)
     )
@@ -296,7 +295,7 @@ def _mirrored(place: Array, starts: Array, fit: DistanceFit) -> Rejected | None:
         return None
     cost = fit.costs(wrong)
     best = int(cost.argmin())
-    return Rejected(wrong[best], float(cost[best]), is_minimum=False)
+    return Rejected(wrong[best], float(cost[best]))
 
 
 def joint_covariance(found: Sequence[WorldPoint], vframe: VframeEstimate) -> Array:

@@ -96,7 +96,6 @@ class _Fit:
     covariance: Array
     chi_squared: float
     degrees_of_freedom: int
-    variance_factor: float
 
     @property
     def quantile(self) -> float:
@@ -199,7 +198,7 @@ def _fit(length: Array, error: Array, sigma: Array, rounding: float, *, with_sca
     dof = len(length) - len(columns)
     chi_squared = float(rest @ rest)
     factor = max(chi_squared / dof, float((rounding**2 / sigma**2).mean())) if dof else 1.0
-    return _Fit(parameters, factor * inverse @ inverse.T, chi_squared, dof, factor)
+    return _Fit(parameters, factor * inverse @ inverse.T, chi_squared, dof)
 
 
 def _ratio(chi_squared: float, dof: float) -> float:

@@ -17,7 +17,7 @@ from survey.entry.record.numbers import plain
 from survey.entry.record.readings_csv import csv_text
 from survey.settings import SurveySettings
 from validation.campaign.folder import Campaign
-from validation.results import Finding, Section, Table
+from validation.results import Finding, Section, SystemResult, Table
 
 PAUSE = 300.0
 """Seconds without a reading that are a break. A judgement: readings follow within a minute, and
@@ -27,16 +27,8 @@ MOST_PLACES = 8
 SUBJECT = "field entry"
 
 
-@dataclass(frozen=True)
-class EntryReport:
-    """Findings and sections about the entry of readings; none where there is no journal."""
-
-    findings: Sequence[Finding] = ()
-    sections: Sequence[Section] = ()
-
-
-def entry_report(campaign: Campaign) -> EntryReport:
-    """What the journal of a campaign tells about how its readings were taken.
+def entry_report(campaign: Campaign) -> SystemResult:
+    """Findings and sections on how the readings were taken; none where there is no journal.
 
     Raises
     ------
@@ -45,11 +37,11 @@ def entry_report(campaign: Campaign) -> EntryReport:
     """
     settings = campaign.section("survey", SurveySettings)
     if not (campaign.folder / settings.entry.journal).exists():
-        return EntryReport()
+        return SystemResult()
     entry_session = EntrySession.look(campaign)
     readings = [e for e in entry_session.journal.entries if e.kind == "reading"]
     if not readings:
-        return EntryReport()
+        return SystemResult()
     tables = [
         _people(entry_session, readings),
         _places(readings),
@@ -69,7 +61,8 @@ def entry_report(campaign: Campaign) -> EntryReport:
     if remarks:
         heading = ("reading", "value [m]", "measured by", "remark")
         tables.append(Table("Remarks", heading, remarks, ("", "", "", "")))
-    return EntryReport(findings, [Section("How the readings were taken", tables)])
+    section = Section("How the readings were taken", tables)
+    return SystemResult(findings=findings, sections=[section])
 
 
 def _people(entry_session: EntrySession, readings: Sequence[Entry]) -> Table:
