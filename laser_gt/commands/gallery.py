@@ -1,8 +1,8 @@
 """The gallery for manual inspection: one page, all matches, before and after.
 
 AD2.3, "Manual Inspection": every match was plotted in two colours and looked at. Here the page
-shows first those that need eyes; what is decided goes into laser/decisions.csv, by the command
-that stands under each pair or by any other hand, and the next run obeys.
+shows first those that wait for a decision. What is decided goes into laser/decisions.csv, by the
+command that stands under each pair or by any other hand, and the next run obeys.
 """
 
 import base64
@@ -40,7 +40,7 @@ def gallery(
     campaign : str
         The folder, as commands should name it.
     most : int
-        Pairs drawn; the ones that need eyes come first.
+        Pairs drawn; the ones that wait for a decision come first.
     """
     ordered = worst_first(matches)
     count = {v: sum(m.verdict == v for m in matches) for v in ("look", "reject", "accept")}
@@ -50,9 +50,9 @@ def gallery(
         f"<title>Matches to inspect</title><style>{STYLE}</style></head><body>",
         "<h1>Matches to inspect</h1>",
         (
-            f"<p>{count['look']} need eyes, {count['reject']} are rejected, {count['accept']} "
-            "accepted. The reference scan is orange (its sensor a triangle), the other blue (a "
-            "square). Right: the two must lie on each other wherever both could see.</p>"
+            f"<p>{count['look']} wait for your decision, {count['reject']} are rejected, "
+            f"{count['accept']} are accepted. The reference scan is orange (sensor: triangle), "
+            "the other blue (square). Right: they must lie on each other where both could see.</p>"
         ),
     ]
     if len(ordered) > most:
@@ -66,14 +66,12 @@ def _article(match: Match, sweeps: Mapping[str, Prepared], campaign: str) -> str
     """One pair."""
     pair = f"{match.reference} - {match.moving}"
     reasons = "".join(f"<li>{html.escape(reason)}</li>" for reason in match.reasons)
-    words = ("gtval", "laser", "decide", campaign, match.reference, match.moving)
-    command = shlex.join(words)
+    command = shlex.join(["gtval", "laser", "decide", campaign, match.reference, match.moving])
     x, y, theta = match.pose
-    picture = _picture(match, sweeps)
     return (
         f"<article id='{html.escape(pair)}'><h2>{html.escape(pair)}: "
         f"<span class='{match.verdict}'>{match.verdict}</span></h2>"
-        f"<img alt='The two scans before and after alignment' src='{picture}'>"
+        f"<img alt='The two scans before and after alignment' src='{_picture(match, sweeps)}'>"
         f"<ul>{reasons or '<li>nothing speaks against it</li>'}</ul>"
         f"<p>Pose {x:.4f} m, {y:.4f} m, {theta:.4f} rad; standard deviation "
         f"{match.sigma_length * 1e3:.1f} mm, {match.sigma_angle * 1e3:.1f} mrad; "

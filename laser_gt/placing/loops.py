@@ -108,6 +108,6 @@ def _told(match: Match, outcome: list[bool]) -> Match:
         worse = max(verdicts, key=VERDICTS.index)
         return replace(match, verdict=worse, reasons=(*match.reasons, reason))
     if match.changed and broken == 0 and len(outcome) >= CONFIRMING:
-        reason = f"all the same it closes all of its {len(outcome)} loops of three scans"
+        reason = f"accepted, for it closes all of its {len(outcome)} loops of three scans"
         return replace(match, verdict="accept", reasons=(*match.reasons, reason))
     return match
