@@ -1,7 +1,7 @@
 """Figures of the vision system. Nothing is told by colour alone."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 WIDTH = 5.6
 _MAP_WIDTH, _MAP_MARGIN = 4.8, 1.1
 """Inches of the camera map that show the floor, and those that labels and legend need."""
+_SMALL: dict[str, Any] = {"fontsize": 8, "ha": "center", "va": "center"}
+"""Of a label on a line or a node."""
 _FARTHEST = 6.5
 """Metres from a camera that are drawn of what it sees."""
 _RIM = 24
@@ -113,14 +115,8 @@ def _draw_chain(axes: "Axes", solution: NetworkSolution, places: Mapping[str, Ar
         axes.plot(*ends.T, "--", color="black", linewidth=1)
         count = counts.get(frozenset((parent, child)), 0)
         middle = ends.mean(0)
-        axes.annotate(
-            f"{count}",
-            (middle[0], middle[1]),
-            fontsize=8,
-            ha="center",
-            va="center",
-            bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "black", "lw": 0.6},
-        )
+        box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "black", "lw": 0.6}
+        axes.annotate(f"{count}", (middle[0], middle[1]), bbox=box, **_SMALL)
 
 
 def residual_plot(network: Network) -> Figure:
@@ -212,29 +208,14 @@ def layout_graph(fit: LayoutFit) -> Figure:
         axes.plot(*ends.T, "-" if in_chain else ":", color=COLOURS[0], linewidth=width, zorder=1)
         # Not in the middle, where many edges cross.
         spot = 0.62 * ends[0] + 0.38 * ends[1]
-        axes.text(
-            spot[0],
-            spot[1],
-            f"{pair.images}",
-            fontsize=8,
-            ha="center",
-            va="center",
-            bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none"},
-            zorder=2,
-        )
+        box = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none"}
+        axes.annotate(f"{pair.images}", (spot[0], spot[1]), bbox=box, zorder=2, **_SMALL)
     dima = next(n for n, chain in fit.chains.items() if len(chain) == 1)
     for number, place in places.items():
         style = "square,pad=0.4" if number == dima else "circle,pad=0.35"
-        axes.text(
-            place[0],
-            place[1],
-            f"{number}",
-            fontsize=10,
-            ha="center",
-            va="center",
-            bbox={"boxstyle": style, "fc": "white", "ec": "black", "lw": 1.5},
-            zorder=3,
-        )
+        frame: dict[str, Any] = {"boxstyle": style, "fc": "white", "ec": "black", "lw": 1.5}
+        label = {**_SMALL, "fontsize": 10}
+        axes.annotate(f"{number}", (place[0], place[1]), bbox=frame, zorder=3, **label)
     axes.set_xlim(-1.35, 1.35)
     axes.set_ylim(-1.3, 1.3)
     axes.set_aspect("equal")

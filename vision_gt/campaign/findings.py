@@ -72,7 +72,7 @@ def _coverage(outcome: VisionOutcome, surveyed: Sequence[str]) -> Iterator[Findi
     with_images = {stop.pose for stop in outcome.stops}
     unseen = [pose for pose in surveyed if pose not in with_images]
     if unseen:
-        text += f" No camera has an image of {_listed(unseen)}: out of all cameras' view?"
+        text += f" No camera has an image of {_listed(unseen)}. Are they out of view?"
     severity: Severity = "good" if not missing and not unseen else "note" if known else "error"
     yield Finding(severity, text, SUBJECT, "coverage")
 
@@ -110,22 +110,23 @@ def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
         if unsure and stop.chosen is None:
             yield Finding(
                 "warning",
-                f"Pose {stop.pose} is ambiguous: camera {_listed(unsure)} sees a marker from so "
-                "far or so straight that two poses fit alike. Neither is used; setting "
-                "vision.on_floor may decide.",
+                f"Pose {stop.pose} is ambiguous. Camera {_listed(unsure)} sees a marker from so "
+                "far, or so much from the front, that two poses fit alike. Neither is used. "
+                "vision.on_floor = true may decide.",
                 f"pose {stop.pose}",
                 "ambiguous",
             )
         chosen = stop.chosen
         if chosen is None:
             continue
+        best = chosen.best
         if chosen.p_value < _POOR_FIT:
             yield Finding(
                 "note",
                 f"Pose {stop.pose}: the corners fit worse than they should (chi² "
-                f"{chosen.chi_square:.0f} with {chosen.freedom} degrees of freedom); something "
-                "(the sheet of the next marker?) covers the edge of a marker, or one has moved on "
-                "the robot. Its covariance is enlarged.",
+                f"{best.chi_square:.0f} with {best.freedom} degrees of freedom). Something covers "
+                "the edge of a marker (the sheet of the next marker?), or a marker has moved on "
+                "the robot. The covariance of the pose is enlarged.",
                 f"pose {stop.pose}",
                 "poor_fit",
             )
@@ -133,7 +134,7 @@ def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
             yield Finding(
                 "warning",
                 f"Pose {stop.pose}: the robot does not stand on the floor as it should "
-                f"(p = {chosen.floor_p:.1g}); a marker or a camera has moved, or the floor is "
+                f"(p = {chosen.floor_p:.1g}). A marker or a camera has moved, or the floor is "
                 "not even.",
                 f"pose {stop.pose}",
                 "off_floor",
@@ -157,7 +158,7 @@ def _calibrations(outcome: VisionOutcome) -> Iterator[Finding]:
             yield Finding(
                 "warning",
                 f"Camera {name}: the board covered only {100 * coverage.share:.0f} % of the "
-                "image; show it in all parts, or the distortion is a guess there.",
+                "image. Show it in all parts: elsewhere the distortion is not known.",
                 subject,
                 "calibration_coverage",
             )
@@ -165,7 +166,7 @@ def _calibrations(outcome: VisionOutcome) -> Iterator[Finding]:
             yield Finding(
                 "warning",
                 f"Camera {name}: the board was tilted by at most "
-                f"{np.rad2deg(coverage.tilts.max()):.0f} degrees; the focal length needs tilts "
+                f"{np.rad2deg(coverage.tilts.max()):.0f} degrees. The focal length needs tilts "
                 "of 30 degrees and more.",
                 subject,
                 "calibration_tilt",
@@ -180,8 +181,8 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
             yield Finding(
                 "warning",
                 f"Cameras {link.first} and {link.second}: snapshots {_listed(list(link.outliers))} "
-                "do not agree with the others; the files may be exchanged, or the bar moved "
-                "between the two exposures. They are left out.",
+                "do not agree with the others and are left out. The files may be exchanged, or the "
+                "bar moved between the two exposures.",
                 f"cameras {link.first}-{link.second}",
                 "snapshot_outliers",
             )
@@ -189,7 +190,7 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
         yield Finding(
             "warning",
             "These images of both boards do not fit the bar: "
-            f"{_listed(list(solution.bar_outliers))}. They are left out; is "
+            f"{_listed(list(solution.bar_outliers))}. They are left out. Is "
             "vision.bar.second_on_first right?",
             "bar",
             "bar_outliers",
@@ -198,7 +199,7 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
         yield Finding(
             "note",
             "Only one of the bar's two boards was found in "
-            f"{_listed(list(solution.bar_single))}; they say nothing about the bar.",
+            f"{_listed(list(solution.bar_single))}. These images say nothing about the bar.",
             "bar",
             "bar_single",
         )
@@ -218,8 +219,8 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
         sigma = np.sqrt(np.diagonal(network.bar_covariance))
         yield Finding(
             "note",
-            f"The bar is off its nominal transform by {1e3 * np.linalg.norm(off[:3]):.1f} mm and "
-            f"{np.rad2deg(np.linalg.norm(off[3:])):.2f} degrees; it is now known to "
+            f"The bar differs from what was built by {1e3 * np.linalg.norm(off[:3]):.1f} mm and "
+            f"{np.rad2deg(np.linalg.norm(off[3:])):.2f} degrees. It is now known to "
             f"{1e3 * sigma[:3].max():.2f} mm and {np.rad2deg(sigma[3:].max()):.3f} degrees.",
             "bar",
             "bar",
@@ -245,7 +246,7 @@ def _layout(outcome: VisionOutcome) -> Iterator[Finding]:
             yield Finding(
                 "warning",
                 f"Marker {name} is {1e3 * length:.0f} mm and {np.rad2deg(angle):.1f} degrees from "
-                "where it was measured by hand; check its id, its side and the hand measurement.",
+                "where it was measured by hand. Check its id, its side and the hand measurement.",
                 f"marker {name}",
                 "hand_measured",
             )
@@ -258,8 +259,8 @@ def _steadiness(outcome: VisionOutcome) -> Iterator[Finding]:
         if one.verdict == "moved":
             yield Finding(
                 "error",
-                f"Camera {one.camera} moved between the images before and after; its poses must "
-                "not be used. Calibrate the network again and repeat the stops it saw.",
+                f"Camera {one.camera} moved between the images before and after. Its poses must "
+                "not be used. Calibrate the network again and repeat the stops that it saw.",
                 f"camera {one.camera}",
                 "camera_moved",
             )

@@ -1,6 +1,6 @@
 """The vision system's part of the report: tables and figures."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -9,9 +9,10 @@ import numpy as np
 from validation.poses.angles import Array
 from validation.results import Figure, Section, Table, TableColumn, Text
 from vision_gt.campaign.inputs import placed
-from vision_gt.campaign.outcome import VisionOutcome
+from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.optics.camera import PARAMETERS
 from vision_gt.optics.transforms import change_between
+from vision_gt.robot.robot_pose import RobotPose
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -254,46 +255,45 @@ def _pose_blocks(outcome: VisionOutcome) -> list[Table | Figure | Text]:
 
 def pose_table(outcome: VisionOutcome) -> Table:
     """The pose of each stop from each camera; the one in the results is marked."""
-    rows: list[Sequence[str | float | None]] = []
+    seen: list[tuple[StopPose, str, RobotPose | None]] = []
     for stop in outcome.stops:
-        for name, pose in stop.by_camera.items():
-            planar, covariance = pose.planar
-            sigma = np.sqrt(np.diagonal(covariance))
-            used = stop.chosen is not None and name in stop.chosen.cameras
-            rows.append(
-                (
-                    stop.pose,
-                    name,
-                    " ".join(str(number) for number in pose.numbers),
-                    *planar,
-                    *(MM * sigma[:2]),
-                    MRAD * float(sigma[2]),
-                    pose.p_value,
-                    "ambiguous" if pose.ambiguous else "used" if used else "",
-                )
-            )
+        seen += [(stop, name, pose) for name, pose in stop.by_camera.items()]
         if not stop.by_camera:
-            rows.append((stop.pose, "", "none", *(None,) * 7, "no marker"))
-    return Table(
-        "Vision poses",
-        (
-            "pose",
-            "camera",
-            "markers",
-            "x [m]",
-            "y [m]",
-            "theta [rad]",
-            "sigma x [mm]",
-            "sigma y [mm]",
-            "sigma theta [mrad]",
-            "p of the fit",
-            "",
-        ),
-        rows,
-        ("", "", "", ".4f", ".4f", ".4f", ".1f", ".1f", ".1f", ".2g", ""),
-        note="Cameras are not merged unless vision.merge_cameras is set, as in the document; the "
-        "pose known best is used.",
+            seen.append((stop, "", None))
+    poses = [pose for _, _, pose in seen]
+    numbers = np.full((len(seen), 6), None)
+    for row, pose in enumerate(poses):
+        if pose is not None:
+            planar, covariance = pose.planar
+            sigmas = np.sqrt(np.diagonal(covariance))
+            numbers[row] = [*planar, *(MM * sigmas[:2]), MRAD * sigmas[2]]
+    columns: list[TableColumn] = [
+        ("pose", "", [stop.pose for stop, _, _ in seen]),
+        ("camera", "", [name for _, name, _ in seen]),
+        ("markers", "", [" ".join(map(str, one.numbers)) if one else "none" for one in poses]),
+        ("x [m]", ".4f", numbers[:, 0]),
+        ("y [m]", ".4f", numbers[:, 1]),
+        ("theta [rad]", ".4f", numbers[:, 2]),
+        ("sigma x [mm]", ".1f", numbers[:, 3]),
+        ("sigma y [mm]", ".1f", numbers[:, 4]),
+        ("sigma theta [mrad]", ".1f", numbers[:, 5]),
+        ("p of the fit", ".2g", [None if one is None else one.p_value for one in poses]),
+        ("", "", [_verdict(*one) for one in seen]),
+    ]
+    note = (
+        "Cameras are not merged unless vision.merge_cameras is set, as in the document; the "
+        "pose known best is used."
     )
+    return Table.of_columns("Vision poses", columns, note)
+
+
+def _verdict(stop: StopPose, camera: str, pose: RobotPose | None) -> str:
+    """What became of a pose."""
+    if pose is None:
+        return "no marker"
+    if pose.ambiguous:
+        return "ambiguous"
+    return "used" if stop.chosen is not None and camera in stop.chosen.cameras else ""
 
 
 def _steadiness_blocks(outcome: VisionOutcome) -> list[Table | Figure | Text]:

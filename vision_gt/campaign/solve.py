@@ -16,7 +16,7 @@ from vision_gt.campaign.inputs import (
     sides_of,
 )
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
-from vision_gt.images.files import read_image
+from vision_gt.images.files import counting, read_image
 from vision_gt.images.markers import Detection
 from vision_gt.network.adjustment import Bar, Network
 from vision_gt.network.intrinsics import Calibration, calibrate
@@ -175,7 +175,7 @@ def _stops(
     bound = stated if given.settings.on_floor else None
     names = dict.fromkeys(pose for images in given.images.poses.values() for pose in images)
     stops = []
-    for pose in sorted(names, key=_counting):
+    for pose in sorted(names, key=counting):
         sightings = [
             Sighting(camera, detection.views)
             for (camera, stop), detection in detections.items()
@@ -192,11 +192,6 @@ def _stops(
             chosen = None if best is None else by_camera[best]
         stops.append(StopPose(pose, by_camera, chosen))
     return tuple(stops)
-
-
-def _counting(name: str) -> tuple[int, str]:
-    """Sort key by which '10' comes after '9'."""
-    return (int(name), "") if name.isdigit() else (1 << 60, name)
 
 
 def _published(
@@ -216,7 +211,7 @@ def _published(
         T = published_pose(sighting, network.cameras[i], network.T_gtv_camera[i], chained)
         if T is not None:
             by_pose.setdefault(pose, []).append((name, T))
-    return {pose: by_pose[pose] for pose in sorted(by_pose, key=_counting)}
+    return {pose: by_pose[pose] for pose in sorted(by_pose, key=counting)}
 
 
 def _steadiness(given: VisionInputs, name: str, boards: BoardViews, camera: Camera) -> Steadiness:

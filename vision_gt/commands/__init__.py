@@ -87,14 +87,11 @@ vision.add_command(
 def calibrate(
     images: Path,
     *,
-    columns: int | None,
-    rows: int | None,
-    square: float | None,
-    family: str,
     target: Path | None,
     file_format: str,
     workers: int | None,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Calibrate one camera from a folder of images of a board."""
     from validation.report.terminal import print_json, print_table
@@ -105,7 +102,7 @@ def calibrate(
         parameters_table,
     )
 
-    board = _board(columns, rows, square, family)
+    board = _board(**options)
     with progress_bar("calibration") as report:
         found = calibration_of_folder(images, board, workers, report)
     if target is not None:
@@ -155,7 +152,6 @@ def check_table_command(campaign: Path, *, as_json: bool, workers: int | None) -
     from validation.campaign.folder import load_campaign
     from validation.report.terminal import print_json, print_table
     from vision_gt.commands.table import (
-        reading_facts,
         reading_table,
         statistics_table,
         table_readings,
@@ -163,7 +159,7 @@ def check_table_command(campaign: Path, *, as_json: bool, workers: int | None) -
 
     readings = table_readings(load_campaign(campaign), workers)
     if as_json:
-        print_json({"readings": reading_facts(readings)})
+        print_json({"readings": readings})
         return
     print_table(reading_table(readings))
     print_table(statistics_table(readings))
@@ -182,17 +178,14 @@ def check_displacement(
     second: Path,
     distance: float,
     *,
-    columns: int | None,
-    rows: int | None,
-    square: float | None,
-    family: str,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Check a camera with a board in two places at a known DISTANCE (metres)."""
     from vision_gt.commands.calibration import displacement_of_images
     from vision_gt.optics.camera_files import read_cameras
 
-    board = _board(columns, rows, square, family)
+    board = _board(**options)
     camera = read_cameras(camera_file)[0]
     measured, angle = displacement_of_images(first, second, board, camera)
     if as_json:

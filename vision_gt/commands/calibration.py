@@ -1,5 +1,7 @@
 """Calibration of one camera from a folder, and the check with two boards."""
 
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +10,7 @@ from validation.errors import GtvalError, InputError, Problem
 from validation.results import Table
 from validation.systems import Progress, no_progress
 from vision_gt.images.files import list_images
-from vision_gt.images.jobs import BoardJob, detect_all
+from vision_gt.images.jobs import BoardJob, Found, detect_all
 from vision_gt.network.intrinsics import Calibration, calibrate, known_displacement
 from vision_gt.optics.camera import PARAMETERS, Camera
 from vision_gt.patterns.boards import Board
@@ -27,25 +29,38 @@ def calibration_of_folder(
     paths = list_images(folder)
     if not paths:
         raise InputError([Problem(folder, "there are no images here")])
-    jobs = [BoardJob(path, folder.name, path.stem, [(0, board)]) for path in paths]
-    found = detect_all(jobs, workers, lambda share: progress("looking for boards", share))
-    problems = [Problem(one.path, one.fault) for one in found if one.fault]
-    size = next((one.size for one in found if not one.fault), (0, 0))
-    usual = f"{size[0]} x {size[1]}"
-    problems += [
-        Problem(one.path, f"{one.size[0]} x {one.size[1]} pixels, the first has {usual}")
-        for one in found
-        if not one.fault and one.size != size
-    ]
-    if problems:
-        raise InputError(problems)
+    report = partial(progress, "looking for boards")
+    found = _looked_through(paths, board, folder.name, None, workers, report)
     views = [view for one in found for view in one.boards]
     if not views:
         raise GtvalError(
             f"none of the {len(paths)} images in {folder} shows a board of {board.columns} x "
             f"{board.rows} squares; count the squares, not the inner corners"
         )
-    return calibrate(folder.name, size, views)
+    return calibrate(folder.name, found[0].size, views)
+
+
+def _looked_through(
+    paths: Sequence[Path],
+    board: Board,
+    camera: str,
+    size: tuple[int, int] | None,
+    workers: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> list[Found]:
+    """What images show of a board; an error for all that are bad, or not of the camera's size."""
+    jobs = [BoardJob(path, camera, path.stem, [(0, board)]) for path in paths]
+    found = detect_all(jobs, workers, progress)
+    width, height = size or next((one.size for one in found if not one.fault), (0, 0))
+    problems = [Problem(one.path, one.fault) for one in found if one.fault]
+    problems += [
+        Problem(one.path, f"{one.size[0]} x {one.size[1]} pixels; expected {width} x {height}")
+        for one in found
+        if not one.fault and one.size != (width, height)
+    ]
+    if problems:
+        raise InputError(problems)
+    return found
 
 
 def calibration_facts(found: Calibration) -> dict[str, object]:
@@ -103,19 +118,11 @@ def displacement_of_images(
     GtvalError
         If an image is bad or does not show the board.
     """
-    views = []
-    for path in (first, second):
-        found = detect_all([BoardJob(path, camera.name, path.stem, [(0, board)])])[0]
-        if found.fault:
-            raise InputError([Problem(path, found.fault)])
-        if found.size != camera.size:
-            raise InputError(
-                [Problem(path, f"{found.size} pixels; the camera file is for {camera.size}")]
-            )
-        if not found.boards:
-            raise InputError([Problem(path, "the board was not found")])
-        views.append(found.boards[0])
-    moved = known_displacement(views[0], views[1], camera)
+    found = _looked_through((first, second), board, camera.name, camera.size)
+    problems = [Problem(one.path, "the board was not found") for one in found if not one.boards]
+    if problems:
+        raise InputError(problems)
+    moved = known_displacement(found[0].boards[0], found[1].boards[0], camera)
     if moved is None:
         raise GtvalError("the board gives no pose in one of the images")
     return moved

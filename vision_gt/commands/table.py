@@ -101,20 +101,6 @@ def read_network(results: Path) -> Network:
     )
 
 
-def reading_facts(readings: Sequence[TableReading]) -> list[dict[str, object]]:
-    """Numbers for scripts."""
-    return [
-        {
-            "pose": one.pose,
-            "camera": one.camera,
-            "validation": one.validation,
-            "board": one.board,
-            "difference": one.difference,
-        }
-        for one in readings
-    ]
-
-
 def reading_table(readings: Sequence[TableReading]) -> Table:
     """The document's table: each pose with its differences, validation minus board."""
     rows = []

@@ -118,7 +118,7 @@ def list_images(folder: Path) -> list[Path]:
     if not folder.is_dir():
         return []
     found = [path for path in folder.iterdir() if path.suffix.lower() in ENDINGS]
-    return sorted(found, key=_counting)
+    return sorted(found, key=lambda path: counting(path.name))
 
 
 def images_below(folder: Path) -> list[Path]:
@@ -127,9 +127,9 @@ def images_below(folder: Path) -> list[Path]:
     return sorted(path for path in folder.rglob("*") if path.suffix.lower() in known)
 
 
-def _counting(path: Path) -> list[tuple[int, str]]:
+def counting(name: str) -> list[tuple[int, str]]:
     """Sort key by which 'pose10' comes after 'pose9'."""
-    parts = re.split(r"(\d+)", path.name)
+    parts = re.split(r"(\d+)", name)
     return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
 
 

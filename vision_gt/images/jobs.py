@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from validation.errors import InputError, Problem
+from validation.errors import InputError
 from validation.processes import in_processes
 from vision_gt.images.boards import Detector, FoundBoard, find_board
 from vision_gt.images.files import Image, is_blank, read_image
@@ -134,7 +134,7 @@ def detect_one(job: Job) -> Found:
     try:
         image = read_image(job.path)
     except InputError as error:
-        return Found(job.path, fault=_said(error.problems))
+        return Found(job.path, fault="; ".join(problem.expected for problem in error.problems))
     size = (image.shape[1], image.shape[0])
     if is_blank(image):
         return Found(job.path, size, note="blank")
@@ -179,7 +179,3 @@ def _mirrored_board(image: Image, job: BoardJob) -> str:
         if find_board(flipped, board) is not None:
             return "mirrored"
     return ""
-
-
-def _said(problems: Sequence[Problem]) -> str:
-    return "; ".join(problem.expected for problem in problems)

@@ -18,6 +18,7 @@ from vision_gt.least_squares.setups import (
     Linearised,
     Setup,
     Views,
+    camera_slots,
     linearised_at,
     shared_slots,
     whiten,
@@ -59,6 +60,20 @@ class Knowledge:
     shared: Array
     bodies: Array
     free: Mask
+
+    @classmethod
+    def nothing(cls, setup: Setup) -> "Knowledge":
+        """No information, and all shared unknowns held fixed: to be filled in."""
+        g, b = setup.shared, len(setup.R_body)
+        return cls(np.zeros((g, g)), np.zeros((b, 6, 6)), np.zeros(g, dtype=bool))
+
+    def add_camera(self, camera: int, covariance: Array) -> None:
+        """Free a camera's intrinsic parameters with a covariance (9, 9), if it is not zero."""
+        if covariance.any():
+            slots = camera_slots(camera)
+            inner = slice(slots.start + 6, slots.stop)
+            self.free[inner] = np.diagonal(covariance) > 0
+            self.shared[inner, inner] = np.linalg.pinv(covariance, hermitian=True)
 
 
 @dataclass(frozen=True)

@@ -235,26 +235,23 @@ def _knowledge(
 ) -> Knowledge:
     """Priors of the reference, the bar and the intrinsic parameters, and what is held fixed."""
     has_bar, free_intrinsics = choices
-    g = setup.shared
-    shared, free = np.zeros((g, g)), np.zeros(g, dtype=bool)
+    knowledge = Knowledge.nothing(setup)
     for i, camera in enumerate(cameras):
         slots = camera_slots(i)
-        free[slots.start : slots.start + 6] = True
-        inner = slice(slots.start + 6, slots.stop)
+        knowledge.free[slots.start : slots.start + 6] = True
         if free_intrinsics:
-            free[inner] = True
-        elif camera.covariance.any():
-            free[inner] = np.diagonal(camera.covariance) > 0
-            shared[inner, inner] = np.linalg.pinv(camera.covariance, hermitian=True)
+            knowledge.free[slots] = True
+        else:
+            knowledge.add_camera(i, camera.covariance)
     second = part_slots(setup, 1)
     if has_bar and (bar.sigmas > 0).any():
-        free[second] = bar.sigmas > 0
-        shared[second, second] = np.diag(1 / np.where(bar.sigmas > 0, bar.sigmas, 1.0) ** 2)
-    body_information = np.zeros((len(bodies), 6, 6))
+        knowledge.free[second] = bar.sigmas > 0
+        sigmas = np.where(bar.sigmas > 0, bar.sigmas, 1.0)
+        knowledge.shared[second, second] = np.diag(1 / sigmas**2)
     for name, body in known.items():
         if name in bodies:
-            body_information[bodies.index(name)] = np.linalg.inv(body.covariance)
-    return Knowledge(shared, body_information, free)
+            knowledge.bodies[bodies.index(name)] = np.linalg.inv(body.covariance)
+    return knowledge
 
 
 def _described(names: Sequence[str], unknown: int) -> str:

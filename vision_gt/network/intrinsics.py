@@ -166,9 +166,8 @@ def _fitted(start: Camera, views: Sequence[BoardView]) -> Calibration:
         RigidTransform.concatenate([T for T in poses if T is not None]),
         RigidTransform.concatenate([RigidTransform.identity()]),
     )
-    free = np.zeros(setup.shared, dtype=bool)
-    free[6:CAMERA_UNKNOWNS] = True
-    knowledge = Knowledge(np.zeros((setup.shared, setup.shared)), np.zeros((len(own), 6, 6)), free)
+    knowledge = Knowledge.nothing(setup)
+    knowledge.free[6:CAMERA_UNKNOWNS] = True
     corners = as_views(own, [start.name], bodies)
     done = adjust(corners, setup, knowledge, describe=lambda i: _named(i, start.name))
     factor = done.m0

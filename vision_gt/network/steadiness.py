@@ -159,10 +159,8 @@ def _board_pose(view: BoardView, camera: Camera) -> tuple[RigidTransform, Array]
         return None
     one = RigidTransform.concatenate([RigidTransform.identity()])
     setup = Setup.of(one, camera.parameters[None], RigidTransform.concatenate([start]), one)
-    g = setup.shared
-    fixed = Knowledge(np.zeros((g, g)), np.zeros((1, 6, 6)), np.zeros(g, dtype=bool))
     alone = replace(view, body="it", part=0)
-    done = adjust(as_views([alone], [view.camera], ["it"]), setup, fixed)
+    done = adjust(as_views([alone], [view.camera], ["it"]), setup, Knowledge.nothing(setup))
     factor = max(done.m0, _LEAST_FACTOR) ** 2
     return done.setup.T_world_body[0], done.body_covariances[0] * factor
 

@@ -28,19 +28,15 @@ class TableReading:
         x, y, height (metres) and heading (radians) where the board should be.
     board : (4,) array
         Where the camera sees it.
+    difference : (4,) array
+        Validation minus board, the heading wrapped.
     """
 
     pose: str
     camera: str
     validation: Array
     board: Array
-
-    @property
-    def difference(self) -> Array:
-        """(4,) validation minus board, the heading wrapped."""
-        off = self.validation - self.board
-        off[3] = wrap(off[3])
-        return off
+    difference: Array
 
 
 def check_table(
@@ -84,7 +80,9 @@ def check_table(
             raise GtvalError(f"{view.source}: the board gives no pose")
         best = min(seen, key=lambda state: abs(float(wrap(state[3] - wanted[3]))))
         wanted[3] = wrap(wanted[3])
-        readings.append(TableReading(pose, view.camera, wanted, best))
+        off = wanted - best
+        off[3] = wrap(off[3])
+        readings.append(TableReading(pose, view.camera, wanted, best, off))
     return readings
 
 

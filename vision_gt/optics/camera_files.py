@@ -7,6 +7,7 @@ All four put the centre of the top-left pixel at (0, 0) and share the lens model
 import io
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,11 @@ from vision_gt.optics.camera import Camera
 MAX_BYTES = 20_000_000
 """A judgement: camera files have some kilobytes, images and videos megabytes."""
 _PINHOLE_LENSES = {"plumb_bob", "radtan", "radial-tangential"}
+_KEYS = (
+    ("camera_matrix", "cameraMatrix", "K", "M1"),
+    ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D", "D1"),
+)
+"""Names of the camera matrix and of the lens in files of OpenCV's samples and users."""
 FORMATS = ("opencv", "ros", "kalibr", "bouguet")
 
 
@@ -41,9 +47,9 @@ def read_cameras(path: Path) -> list[Camera]:
         return [_read_bouguet(path, data)]
     text = data.decode("utf-8-sig", errors="replace")
     root = _parsed(path, text)
-    if root.getNode("cam0").isMap():
+    if isinstance(root.get("cam0"), dict):
         return _read_kalibr(path, root)
-    if root.getNode("distortion_model").isString():
+    if isinstance(root.get("distortion_model"), str):
         return [_read_ros(path, root)]
     return [_read_opencv(path, root)]
 
@@ -93,53 +99,49 @@ def _bytes_of(path: Path) -> bytes:
         raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
 
 
-def _parsed(path: Path, text: str) -> Any:
-    """The root of a YAML or XML file, by OpenCV's own parser."""
+def _parsed(path: Path, text: str) -> dict[str, Any]:
+    """What a YAML or XML file says, by OpenCV's own parser."""
     if not text.lstrip().startswith(("<", "%YAML")):
         text = "%YAML:1.0\n---\n" + re.sub(r"^---\s*$", "", text, count=1, flags=re.MULTILINE)
     try:
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        root = storage.root()
+        found = _plain(storage.root())
     except (cv2.error, SystemError) as error:
         said = str(error).splitlines()[0]
         raise _bad(path, f"not a camera file: {said}") from None
-    if root.empty() or not root.isMap():
+    if not isinstance(found, dict):
         raise _bad(path, "not a camera file: nothing is named in it")
-    # The root does not keep its file alive.
-    return _Kept(storage, root)
+    return found
 
 
-class _Kept:
-    """A node that keeps its storage."""
-
-    def __init__(self, storage: Any, node: Any) -> None:
-        self._storage, self._node = storage, node
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._node, name)
-
-
-def _numbers(path: Path, node: Any, field: str, counts: Sequence[int]) -> Array:
-    """The numbers of a matrix or a list, of one of the allowed lengths."""
-    values: Array | None = None
+def _plain(node: Any) -> Any:
+    """A node as dict, list, str or float; None for any other."""
+    if node.isMap():
+        return {key: _plain(node.getNode(key)) for key in node.keys()}  # noqa: SIM118  (no dict)
     if node.isSeq():
-        values = np.array([node.at(i).real() for i in range(node.size())])
-    elif node.isMap():
-        inner = node.getNode("data")
-        if inner.isSeq():
-            values = np.array([inner.at(i).real() for i in range(inner.size())])
-    if values is None:
+        return [_plain(node.at(i)) for i in range(node.size())]
+    if node.isString():
+        return node.string()
+    return node.real() if node.isInt() or node.isReal() else None
+
+
+def _numbers(path: Path, value: Any, field: str, counts: Sequence[int]) -> Array:
+    """The numbers of a matrix or a list, of one of the allowed lengths."""
+    if isinstance(value, dict):
+        value = value.get("data")
+    if not isinstance(value, list):
         raise _bad(path, "the camera file lacks this", field)
-    if len(values) not in counts or not np.isfinite(values).all():
+    numbers = np.array([one if isinstance(one, float) else np.nan for one in value])
+    if len(numbers) not in counts or not np.isfinite(numbers).all():
         wanted = " or ".join(str(n) for n in counts)
-        raise _bad(path, f"expected {wanted} finite numbers, got {len(values)}", field)
-    return values
+        raise _bad(path, f"expected {wanted} finite numbers, got {len(numbers)}", field)
+    return numbers
 
 
-def _whole(path: Path, node: Any, field: str) -> int:
-    if not (node.isInt() or node.isReal()) or node.real() <= 0:
+def _whole(path: Path, value: Any, field: str) -> int:
+    if not isinstance(value, float) or value <= 0:
         raise _bad(path, "expected a positive whole number", field)
-    return int(node.real())
+    return int(value)
 
 
 def _lens(path: Path, values: Array, field: str) -> Array:
@@ -158,60 +160,47 @@ def _made(path: Path, name: str, size: tuple[int, int], parameters: Array) -> Ca
         raise _bad(path, str(error)) from None
 
 
-def _first_of(root: Any, names: Sequence[str]) -> tuple[Any, str]:
-    for name in names:
-        node = root.getNode(name)
-        if not node.empty():
-            return node, name
-    return root.getNode(names[0]), names[0]
-
-
-def _read_opencv(path: Path, root: Any) -> Camera:
-    matrix, field = _first_of(root, ("camera_matrix", "cameraMatrix", "K", "M1"))
-    K = _numbers(path, matrix, field, (9,)).reshape(3, 3)
-    lens, lens_field = _first_of(
-        root, ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D", "D1")
-    )
-    coefficients = _numbers(path, lens, lens_field, (4, 5, 8, 12, 14))
-    width, height = (_whole(path, root.getNode(n), n) for n in ("image_width", "image_height"))
-    size = (width, height)
-    name = root.getNode("camera_name")
-    parameters = np.concatenate(
-        [[K[0, 0], K[1, 1], K[0, 2], K[1, 2]], _lens(path, coefficients, lens_field)]
-    )
-    camera = _made(path, name.string() if name.isString() else path.stem, size, parameters)
-    covariance = root.getNode("parameter_covariance")
-    if covariance.empty():
+def _read_opencv(path: Path, root: Mapping[str, Any]) -> Camera:
+    field, lens_field = (next((key for key in keys if key in root), keys[0]) for keys in _KEYS)
+    K = _numbers(path, root.get(field), field, (9,)).reshape(3, 3)
+    lens = _numbers(path, root.get(lens_field), lens_field, (4, 5, 8, 12, 14))
+    width, height = (_whole(path, root.get(key), key) for key in ("image_width", "image_height"))
+    name = root.get("camera_name")
+    focal = [K[0, 0], K[1, 1], K[0, 2], K[1, 2]]
+    parameters = np.concatenate([focal, _lens(path, lens, lens_field)])
+    shown = name if isinstance(name, str) else path.stem
+    camera = _made(path, shown, (width, height), parameters)
+    field = "parameter_covariance"
+    if field not in root:
         return camera
-    values = _numbers(path, covariance, "parameter_covariance", (81,)).reshape(9, 9)
-    return Camera(camera.name, camera.size, camera.parameters, values)
+    return replace(camera, covariance=_numbers(path, root[field], field, (81,)).reshape(9, 9))
 
 
-def _read_ros(path: Path, root: Any) -> Camera:
-    model = root.getNode("distortion_model").string()
+def _read_ros(path: Path, root: Mapping[str, Any]) -> Camera:
+    model = root["distortion_model"]
     if model not in _PINHOLE_LENSES:
         raise _bad(path, "expected 'plumb_bob'", "distortion_model", model)
     return _read_opencv(path, root)
 
 
-def _read_kalibr(path: Path, root: Any) -> list[Camera]:
-    cameras = []
-    number = 0
-    while root.getNode(f"cam{number}").isMap():
-        node, field = root.getNode(f"cam{number}"), f"cam{number}"
+def _read_kalibr(path: Path, root: Mapping[str, Any]) -> list[Camera]:
+    cameras: list[Camera] = []
+    while isinstance(node := root.get(f"cam{len(cameras)}"), dict):
+        field = f"cam{len(cameras)}"
         for key, good in (("camera_model", {"pinhole"}), ("distortion_model", _PINHOLE_LENSES)):
-            value = node.getNode(key).string() if node.getNode(key).isString() else ""
-            if value not in good:
+            if node.get(key) not in good:
                 wanted = " or ".join(sorted(good))
-                raise _bad(path, f"expected {wanted}", f"{field}.{key}", value)
-        focal = _numbers(path, node.getNode("intrinsics"), f"{field}.intrinsics", (4,))
-        lens = _numbers(
-            path, node.getNode("distortion_coeffs"), f"{field}.distortion_coeffs", (4, 5)
+                raise _bad(path, f"expected {wanted}", f"{field}.{key}", str(node.get(key, "")))
+        focal, lens, size = (
+            _numbers(path, node.get(key), f"{field}.{key}", counts)
+            for key, counts in (
+                ("intrinsics", (4,)),
+                ("distortion_coeffs", (4, 5)),
+                ("resolution", (2,)),
+            )
         )
-        size = _numbers(path, node.getNode("resolution"), f"{field}.resolution", (2,)).astype(int)
         parameters = np.concatenate([focal, _lens(path, lens, field)])
         cameras.append(_made(path, field, (int(size[0]), int(size[1])), parameters))
-        number += 1
     return cameras
 
 

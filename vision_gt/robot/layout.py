@@ -235,17 +235,13 @@ def _layout_knowledge(
     setup: Setup, camera: Camera, numbers: Sequence[int], dima: tuple[int, RigidTransform, Array]
 ) -> Knowledge:
     """The dima-marker's measured place; the camera's parameters as well as they are known."""
-    g = setup.shared
-    shared, free = np.zeros((g, g)), np.zeros(g, dtype=bool)
-    free[CAMERA_UNKNOWNS:] = True
-    if camera.covariance.any():
-        inner = slice(6, CAMERA_UNKNOWNS)
-        free[inner] = np.diagonal(camera.covariance) > 0
-        shared[inner, inner] = np.linalg.pinv(camera.covariance, hermitian=True)
+    known = Knowledge.nothing(setup)
+    known.free[CAMERA_UNKNOWNS:] = True
+    known.add_camera(0, camera.covariance)
     number, _, covariance = dima
     slots = part_slots(setup, numbers.index(number))
     if np.any(covariance):
-        shared[slots, slots] = np.linalg.inv(covariance)
+        known.shared[slots, slots] = np.linalg.inv(covariance)
     else:
-        free[slots] = False
-    return Knowledge(shared, np.zeros((len(setup.R_body), 6, 6)), free)
+        known.free[slots] = False
+    return known

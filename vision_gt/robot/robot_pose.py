@@ -95,8 +95,6 @@ class RobotPose:
         Whose images were used.
     numbers : tuple of int
         Markers used.
-    chi_square, freedom : float, int
-        Fit of the corners, with what cameras and markers may be off.
     second : BodyPose or None
         The second solution, if there is one.
     excess : float
@@ -113,8 +111,6 @@ class RobotPose:
     own_covariance: Array = field(repr=False)
     cameras: tuple[str, ...]
     numbers: tuple[int, ...]
-    chi_square: float
-    freedom: int
     second: BodyPose | None = field(repr=False)
     excess: float
     unbound: BodyPose = field(repr=False)
@@ -124,11 +120,6 @@ class RobotPose:
     def T_gtv_robot(self) -> RigidTransform:
         """The pose in space."""
         return stacked(self.best.R, self.best.t)
-
-    @cached_property
-    def other(self) -> RigidTransform | None:
-        """The second solution, if there is one."""
-        return None if self.second is None else stacked(self.second.R, self.second.t)
 
     @cached_property
     def floor_p(self) -> float:
@@ -143,7 +134,7 @@ class RobotPose:
     @property
     def p_value(self) -> float:
         """How likely so bad a fit of the corners is by chance."""
-        return float(chdtrc(max(self.freedom, 1), self.chi_square))
+        return float(chdtrc(max(self.best.freedom, 1), self.best.chi_square))
 
     @property
     def planar(self) -> tuple[Array, Array]:
@@ -209,8 +200,6 @@ def robot_pose(
         own,
         tuple(s.camera for s in problem.sightings),
         tuple(sorted({v.number for s in problem.sightings for v in s.views})),
-        best.chi_square,
-        best.freedom,
         second,
         float(excess),
         unbound,
