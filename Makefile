@@ -11,6 +11,9 @@ TESTED := gtval validation survey vision_gt laser_gt rtk_gt data_samples tests b
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
+# Installing takes minutes: pip shows what it does where a person watches, elsewhere it is quiet.
+INSTALL = $(PYTHON) -m pip install --disable-pip-version-check $$(test -t 2 || echo --quiet)
+
 .PHONY: demo test test-full test-lowest check-code check-wheel docs bench images clean
 
 demo: $(VENV)/installed
@@ -58,15 +61,15 @@ clean:
 
 # Installed editable, so that the commands always run the sources as they are.
 $(VENV)/installed: pyproject.toml | $(VENV)/bin/python
-	$(PYTHON) -m pip install --quiet --disable-pip-version-check --editable .
+	$(INSTALL) --editable .
 	touch $@
 
 $(VENV)/installed-for-tests: pyproject.toml tests/pinned.txt | $(VENV)/bin/python
-	$(PYTHON) -m pip install --quiet --disable-pip-version-check --constraint tests/pinned.txt --editable '.[test]'
+	$(INSTALL) --constraint tests/pinned.txt --editable '.[test]'
 	touch $@ $(VENV)/installed
 
 $(VENV)/installed-for-docs: pyproject.toml | $(VENV)/bin/python
-	$(PYTHON) -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	$(INSTALL) --editable '.[docs]'
 	touch $@ $(VENV)/installed
 
 $(LOWEST)/installed: pyproject.toml tests/lowest.txt

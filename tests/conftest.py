@@ -1,7 +1,61 @@
-"""Settings that all tests share."""
+"""Settings that all tests share, and small samples of all kinds of campaigns."""
 
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
 from hypothesis import settings
 
 # How long an example takes says more of the machine than of the code.
 settings.register_profile("gtval", deadline=None)
 settings.load_profile("gtval")
+
+
+@pytest.fixture(scope="session")
+def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Folders of a solved demo, a room with laser scans, a drive with sensors, and of files."""
+    from validation.cli import main
+
+    root = tmp_path_factory.mktemp("samples")
+    for line in (
+        "demo ad23",
+        "simulate room --stops 6 --world-points 8 --laser",
+        "simulate-drive drive --loops 1 --scans --sensors",
+    ):
+        command, name, *options = line.split()
+        done = CliRunner().invoke(main, [command, str(root / name), *options])
+        assert done.exit_code == 0, done.output
+    shutil.copytree(root / "room", root / "decided")
+    files = root / "files"
+    files.mkdir()
+    times = (root / "drive/sensors/imu.csv").read_text().splitlines()[1:200:20]
+    (files / "times.csv").write_text("time\n" + "".join(f"{t.split(',')[0]}\n" for t in times))
+    (files / "walls.csv").write_text("wall_a,wall_b,position,distance\ns,n,0,6\ns,n,3,6.021\n")
+    rows = [f"{length}.000,{length}.003\n" for length in range(1, 13)]
+    (files / "lengths.csv").write_text("true,reading\n" + "".join(rows))
+    lens = (root / "drive/sensors/left_camera_lens.txt").read_text().strip()
+    names = {name: str(root / name) for name in ("ad23", "room", "decided", "drive", "files")}
+    return {**names, "lens": lens}
+
+
+@pytest.fixture(scope="session")
+def vision_sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a campaign of two cameras and three stops."""
+    import numpy as np
+
+    from data_samples.rendering.files import images_of, make_room_with_cameras, vision_texts
+    from data_samples.rooms.cameras import VisionSettings
+    from data_samples.rooms.campaign_files import write_campaign
+    from data_samples.rooms.rooms import RoomSettings
+    from data_samples.rooms.simulate import SimulationSettings, simulate_survey
+
+    folder = tmp_path_factory.mktemp("vision") / "campaign"
+    rng = np.random.default_rng(11)
+    sizes = RoomSettings(stops=3, runs=1, clearance=2.3, world_points=8)
+    few = VisionSettings(cameras=2, calibration=5, snapshots=5, both=2, movie=8)
+    room, cameras = make_room_with_cameras(sizes, few, rng)
+    texts = vision_texts(cameras, rng)
+    simulated = simulate_survey(room, SimulationSettings(), rng)
+    write_campaign(folder, simulated, 11, texts, images_of(cameras, rng, 1))
+    return folder

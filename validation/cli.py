@@ -102,7 +102,8 @@ def _tell_json(ctx: click.Context, message: str, problems: Iterable[object] = ()
     if ctx.meta.get(WANTS_JSON):
         from validation.report.terminal import print_json  # noqa: PLC0415
 
-        print_json({"error": {"message": message, "problems": list(problems)}})
+        error = {"message": message, "problems": list(problems)}
+        print_json({"command": ctx.invoked_subcommand or "", "error": error})
 
 
 STATUSES = """Exit status of every command: 0 done; 1 a part failed unexpectedly; 2 bad input or

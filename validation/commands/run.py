@@ -52,7 +52,7 @@ def run(
         _print_run(done, everything=everything)
         click.echo(f"Results: {done.campaign.results}")
         if page:
-            click.echo(f"Report:  {page}")
+            click.echo(f"Report: {page}")
     end_of_command(done.findings, failed=done.failed, strict=strict)
 
 

@@ -5,6 +5,7 @@ lacks is replaced by a readable one, so that no output ends in an error.
 """
 
 import codecs
+import io
 import sys
 import unicodedata
 from typing import TextIO
@@ -61,6 +62,27 @@ def _replaced(error: UnicodeError) -> tuple[str, int]:
 
 codecs.register_error(READABLE, _replaced)
 
+_ASCII = "gtval_ascii"
+
+
+def _ascii_by_another_name(name: str) -> codecs.CodecInfo | None:
+    """The codec of streams in ASCII: click writes UTF-8 to those that say so themselves."""
+    if name != _ASCII:
+        return None
+    known = codecs.lookup("ascii")
+    return codecs.CodecInfo(
+        known.encode,
+        known.decode,
+        known.streamreader,
+        known.streamwriter,
+        known.incrementalencoder,
+        known.incrementaldecoder,
+        name=_ASCII,
+    )
+
+
+codecs.register(_ascii_by_another_name)
+
 
 def as_shown(text: str, encoding: str) -> str:
     """The text as a stream of that encoding shows it."""
@@ -70,5 +92,6 @@ def as_shown(text: str, encoding: str) -> str:
 def never_fail(*streams: TextIO) -> None:
     """Let streams replace what they lack; by default stdout and stderr."""
     for stream in streams or (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors=READABLE)
+        if isinstance(stream, io.TextIOWrapper):
+            is_ascii = codecs.lookup(stream.encoding).name == "ascii"
+            stream.reconfigure(encoding=_ASCII if is_ascii else None, errors=READABLE)

@@ -1,0 +1,61 @@
+"""Every command of the program, and a use of each on small samples."""
+
+from collections.abc import Iterator
+
+import click
+
+from validation.cli import main
+
+USES = {
+    "accuracy": "{ad23} --start 18 --end 18' --dx 0.01 --dy 0.01 --dtheta 0.02",
+    "compare": "{ad23}",
+    "convergence": "{room} --starts 20 --passes 3",
+    "demo": "{out}",
+    "enter": "{room} --status",
+    "explain": "{ad23}",
+    "instrument-check": "{files}/lengths.csv",
+    "laser check-mount": "{room}",
+    "laser decide": "{decided} 1 2 reject",
+    "laser inspect": "{decided}",
+    "laser solve": "{room} --dry-run",
+    "plan": "{room}",
+    "report": "{room}",
+    "rtk camera": "{drive} left_camera {drive}/sensors/left_camera_points.csv --lens {lens}",
+    "rtk cloud": "{drive} left_scanner {drive}/scans/left_scanner.csv {out}.ply",
+    "rtk coverage": "{drive}",
+    "rtk dgps": "{drive} {drive}/sensors/consumer.nmea",
+    "rtk imu": "{drive} {drive}/sensors/imu.csv",
+    "rtk reference-covariance": "{drive} --samples 1000",
+    "rtk run": "{drive} --dry-run",
+    "rtk scanner": "{drive} left_scanner {drive}/scans/left_scanner.csv",
+    "rtk sensor-path": "{drive} left_camera {files}/times.csv",
+    "run": "{room} --no-report",
+    "simulate": "{out} --stops 3 --world-points 6",
+    "simulate-drive": "{out} --loops 1",
+    "survey": "{room} --dry-run",
+    "vision calibrate": "{vision}/vision/calibration/1 --workers 1",
+    "vision check-displacement": "{vision}/truth/camera_1.yaml "
+    "{vision}/vision/calibration/1/01.png {vision}/vision/calibration/1/02.png 0.1",
+    "vision check-table": "{vision} --workers 1",
+    "vision convert-camera": "{vision}/truth/camera_1.yaml {out}.yaml --format ros",
+    "vision print-patterns": "{out} --campaign {vision} --svg",
+    "vision solve": "{vision} --workers 1 --dry-run",
+    "walls-check": "{files}/walls.csv",
+}
+"""Arguments of each command; the samples are made by the fixture of their name."""
+
+
+def commands() -> Iterator[tuple[str, click.Command]]:
+    """The names and commands of all that is no group."""
+
+    def below(group: click.Group, names: tuple[str, ...]) -> Iterator[tuple[str, click.Command]]:
+        context = click.Context(group)
+        for name in group.list_commands(context):
+            command = group.get_command(context, name)
+            assert command is not None
+            if isinstance(command, click.Group):
+                yield from below(command, (*names, name))
+            else:
+                yield " ".join((*names, name)), command
+
+    return below(main, ())
