@@ -72,7 +72,8 @@ def regular(matrices: Array) -> Array:
     missing[close] = np.maximum(ROUNDING - least, 0.0)
     if not missing.any():
         return matrices
-    return matrices + (missing[..., None] * size**2)[..., None] * np.eye(matrices.shape[-1])
+    more = (missing[..., None] * size**2)[..., None] * np.eye(matrices.shape[-1])
+    return np.asarray(matrices + more)
 
 
 ROUNDING = 1e-6

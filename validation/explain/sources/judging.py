@@ -294,7 +294,7 @@ def _without(member: Array, weights: Array, pulls: Array) -> tuple[Array, Array]
     rest = total - np.einsum("gs,snij->gnij", member, weights)
     rest_pull = pulls.sum(0) - np.einsum("gs,sni->gni", member, pulls)
     left, whole = (np.diagonal(one, axis1=-2, axis2=-1) for one in (rest, total))
-    lost = (left < ROUNDING * whole).any(-1)
+    lost = np.asarray((left < ROUNDING * whole).any(-1))
     if lost.any():  # beside a far larger weight, a difference is rounding: summed anew
         others = 1 - member
         rest = np.where(lost[..., None, None], np.einsum("gs,snij->gnij", others, weights), rest)
