@@ -1,25 +1,34 @@
 """A whole run: solve what the campaign has data for, compare, and write the results."""
 
 import contextlib
-import json
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from validation.campaign.folder import Campaign
-from validation.campaign.provenance import RECORD, Step, input_hashes
+from validation.campaign.provenance import (
+    RECORD,
+    REPORT,
+    Step,
+    digest_of,
+    earlier_outputs,
+    input_hashes,
+)
 from validation.campaign.published import assumed_sigmas, published_tables
 from validation.errors import GtvalError, InputError, Problem
 from validation.explain.telling.section import ExplainParts, explain_campaign
-from validation.poses.pose_files import pose_files
 from validation.poses.pose_table import SPATIAL, PoseTable
 from validation.results import VALIDATION_SYSTEM, Finding, Section, SystemResult
 from validation.shown import Shown
 from validation.solving import (
+    TRACEBACKS,
     SolvedSystem,
+    failed_system,
     made_with,
     merged,
     solve_system,
+    solved_system,
+    starts_from_survey,
     step_of,
     unexpected,
 )
@@ -27,7 +36,7 @@ from validation.statistics.conclusions import conclusions
 from validation.statistics.error_statistics import IntervalMethod
 from validation.statistics.evaluation import Evaluation, evaluate
 from validation.statistics.result_files import errors_csv, statistics_csv
-from validation.systems import Progress, inputs_of, installed_systems, no_progress
+from validation.systems import Progress, System, inputs_of, installed_systems, no_progress
 from validation.text_files.json_text import json_text
 from validation.text_files.writing import write_files
 
@@ -54,6 +63,8 @@ class RunResult(Shown):
         Where the errors come from; None where there is nothing to explain.
     failures : tuple of SystemResult
         What stands in for analyses that failed unexpectedly; of systems, see ``systems``.
+    comparison_files : mapping of str to str or bytes
+        Errors and statistics, by names relative to results/.
     """
 
     campaign: Campaign
@@ -64,6 +75,13 @@ class RunResult(Shown):
     method: IntervalMethod
     explained: ExplainParts | None = None
     failures: tuple[SystemResult, ...] = ()
+    comparison_files: Mapping[str, str | bytes] = field(default_factory=dict)
+
+    def with_failures(self, failures: Iterable[SystemResult]) -> "RunResult":
+        """The run with what stands in for parts of its report that could not be made."""
+        new = tuple(failures)
+        more = tuple(finding for failure in new for finding in failure.findings)
+        return replace(self, failures=self.failures + new, findings=self.findings + more)
 
     @property
     def failed(self) -> bool:
@@ -131,6 +149,11 @@ def run_campaign(
     findings = [finding for system in systems for finding in system.result.findings]
     evaluations, more, failures = _evaluate_all(campaign, systems, method)
     findings += more
+    comparison_files: dict[str, str | bytes] = {}
+    try:
+        comparison_files = _comparison_files(campaign, evaluations)
+    except Exception as error:  # noqa: BLE001  (the poses stand without them)
+        failures.append(unexpected(COMPARISON, error))
     progress("explaining", 0.93)
     explained, more = None, []
     try:
@@ -153,6 +176,7 @@ def run_campaign(
         method=method,
         explained=explained,
         failures=tuple(failures),
+        comparison_files=comparison_files,
     )
 
 
@@ -183,9 +207,16 @@ def _explain(
 
 def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
     """Every system with data, then the published tables."""
-    wanted = [system for system in installed_systems() if system.has_data(campaign)]
     faults: list[GtvalError] = []
     solved: list[SolvedSystem] = []
+    wanted: list[System] = []
+    for system in installed_systems():
+        try:
+            wanted += [system] if system.has_data(campaign) else []
+        except GtvalError as error:
+            faults.append(error)
+        except Exception as error:  # noqa: BLE001  (one system must not take the others)
+            solved.append(failed_system(system.name, error))
     for number, system in enumerate(wanted):
         known = replace(campaign, solved={before.name: before.result for before in solved})
         start, width = 0.9 * number / len(wanted), 0.9 / len(wanted)
@@ -205,8 +236,8 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
         published = []
     _raise_together(faults)
     for table in published:
-        assumed = assumed_sigmas(table)
-        solved.append(SolvedSystem(table.system, SystemResult([table], findings=assumed)))
+        result = SystemResult([table], findings=assumed_sigmas(table))
+        solved.append(solved_system(table.system, result))
     if not solved:
         raise InputError(
             [Problem(campaign.folder, "the campaign holds no data for any installed system")]
@@ -281,7 +312,20 @@ COMPARISON, EXPLANATION = "comparison", "explain"
 """Steps of a run besides the systems."""
 
 
-def result_files(run: RunResult) -> dict[str, dict[str, str | bytes]]:
+def _comparison_files(
+    campaign: Campaign, evaluations: Sequence[Evaluation]
+) -> dict[str, str | bytes]:
+    """Errors and statistics of all systems; nothing where nothing was compared."""
+    if not evaluations:
+        return {}
+    confidence = campaign.settings.comparison.confidence
+    return {
+        "errors.csv": errors_csv(evaluations),
+        "statistics.csv": statistics_csv(evaluations, confidence),
+    }
+
+
+def result_files(run: RunResult) -> dict[str, Mapping[str, str | bytes]]:
     """Every file of results/ but run.json: by the step that made it, and by its name.
 
     Raises
@@ -289,22 +333,14 @@ def result_files(run: RunResult) -> dict[str, dict[str, str | bytes]]:
     GtvalError
         If two steps write the same file, or one outside of results/.
     """
-    steps = {
-        system.name: merged(
-            [("poses", dict(pose_files(system.result.tables))), (system.name, system.result.files)]
-        )
-        for system in run.systems
-    }
-    if run.evaluations:
-        confidence = run.campaign.settings.comparison.confidence
-        steps[COMPARISON] = {
-            "errors.csv": errors_csv(run.evaluations),
-            "statistics.csv": statistics_csv(run.evaluations, confidence),
-        }
+    steps = {system.name: system.files for system in run.systems}
+    if run.comparison_files:
+        steps[COMPARISON] = run.comparison_files
     if run.explained is not None:
-        steps[EXPLANATION] = dict(run.explained.files)
-    for failure in run.failures:
-        steps[failure.findings[0].subject] = dict(failure.files)
+        steps[EXPLANATION] = run.explained.files
+    failures = {name: one for failure in run.failures for name, one in failure.files.items()}
+    if failures:
+        steps[TRACEBACKS] = failures
     merged(steps.items())
     return steps
 
@@ -314,21 +350,22 @@ def _steps(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> di
     campaign = run.campaign
     installed = {system.name: system for system in installed_systems()}
     choices = {system.name: system.choices for system in run.systems}
+    written = {name: digest_of(one) for step in files.values() for name, one in step.items()}
     poses = {
-        name: digest
-        for step in files
-        for name, digest in step_of(campaign, [], files[step]).outputs.items()
+        name: one
+        for name, one in written.items()
         if name.startswith("poses_") and name.endswith(".csv")
     }
     surveyed = {name: one for name, one in poses.items() if name == "poses_survey.csv"}
     steps = {}
     for step, contents in files.items():
+        sources, uses = [campaign.folder], poses if step in {COMPARISON, EXPLANATION} else {}
         system = installed.get(step)
-        whole = [campaign.folder]
-        sources = whole if system is None else inputs_of(system, campaign)
-        from_survey = system is not None and step != VALIDATION_SYSTEM
-        uses = surveyed if from_survey else poses if step in {COMPARISON, EXPLANATION} else {}
-        steps[step] = step_of(campaign, sources, contents, uses, choices.get(step), run.inputs)
+        if system is not None:
+            sources = inputs_of(system, campaign)
+            uses = surveyed if starts_from_survey(system) else {}
+        steps[step] = step_of(campaign, sources, contents, run.inputs, uses, choices.get(step))
+    steps[REPORT] = step_of(campaign, [campaign.folder], {}, run.inputs, written)
     return steps
 
 
@@ -386,7 +423,7 @@ def write_results(run: RunResult, report: Mapping[str, str | bytes] | None = Non
     """
     folder, results = run.campaign.folder, run.campaign.results
     steps = result_files(run)
-    before = _earlier_outputs(results / RECORD)
+    before = earlier_outputs(run.campaign)
     files = {name: content for step in steps.values() for name, content in step.items()}
     files[RECORD] = json_text(run_record(run, steps))
     contents = {f"{results.name}/{name}": content for name, content in files.items()}
@@ -397,19 +434,3 @@ def write_results(run: RunResult, report: Mapping[str, str | bytes] | None = Non
         with contextlib.suppress(OSError):
             (results / name).unlink()
     return written
-
-
-def _earlier_outputs(path: Path) -> set[str]:
-    """Names that an earlier run.json says it wrote; only such as stay inside results/."""
-    try:
-        listed = json.loads(path.read_bytes())["outputs"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return set()
-    if not isinstance(listed, list):
-        return set()
-    root = path.parent.resolve()
-    return {
-        name
-        for name in listed
-        if isinstance(name, str) and "\0" not in name and root in (root / name).resolve().parents
-    }

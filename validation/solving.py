@@ -7,6 +7,7 @@ says which inputs and which step made each of them.
 
 import contextlib
 import platform
+import re
 import traceback
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -17,17 +18,22 @@ from validation.campaign.banner import marked_report
 from validation.campaign.folder import Campaign, load_campaign
 from validation.campaign.provenance import (
     RECORD,
+    REPORT_FILE,
     Step,
+    below,
     digest_of,
+    earlier_outputs,
     earlier_record,
     earlier_steps,
     input_hashes,
     out_of_date,
     relative,
+    sources_of,
 )
 from validation.errors import GtvalError
 from validation.poses.pose_files import pose_files
-from validation.results import VALIDATION_SYSTEM, Finding, SystemResult
+from validation.poses.pose_table import PoseTable
+from validation.results import VALIDATION_SYSTEM, Finding, Section, SystemResult, Table
 from validation.systems import (
     Progress,
     System,
@@ -53,6 +59,8 @@ class SolvedSystem:
         The system.
     result : SystemResult
         Poses, findings, sections, files. Of a system that failed: the finding that says so.
+    files : mapping of str to str or bytes
+        All that it leaves under results/: poses, joint covariances, its own.
     choices : mapping of str to object
         Of the command line, where they differ from the settings.
     failed : bool
@@ -61,8 +69,43 @@ class SolvedSystem:
 
     name: str
     result: SystemResult
+    files: Mapping[str, str | bytes]
     choices: Mapping[str, object] = field(default_factory=dict)
     failed: bool = False
+
+
+def solved_system(
+    name: str, result: SystemResult, choices: Mapping[str, object] | None = None
+) -> SolvedSystem:
+    """A system's result with its files, checked to be what others take it for.
+
+    Raises
+    ------
+    GtvalError
+        If two files have one name, or one leads out of results/.
+    TypeError
+        If a plug-in gives something else than it promises.
+    """
+    promised: list[tuple[Iterable[object], tuple[type, ...]]] = [
+        (result.tables, (PoseTable,)),
+        (result.findings, (Finding,)),
+        (result.sections, (Section,)),
+        (result.overview, (Table,)),
+        (result.files.values(), (str, bytes)),
+    ]
+    for parts, kinds in promised:
+        for part in parts:
+            if not isinstance(part, kinds):
+                names = " or ".join(kind.__name__ for kind in kinds)
+                raise TypeError(f"'{name}' gives {part!r} where {names} is expected")
+    files = merged([("poses", dict(pose_files(result.tables))), (name, result.files)])
+    return SolvedSystem(name, result, files, choices or {})
+
+
+def failed_system(name: str, error: Exception) -> SolvedSystem:
+    """What stands in for a system that failed unexpectedly; called while that is handled."""
+    result = unexpected(name, error)
+    return SolvedSystem(name, result, result.files, failed=True)
 
 
 def unexpected(part: str, error: Exception) -> SystemResult:
@@ -71,11 +114,11 @@ def unexpected(part: str, error: Exception) -> SystemResult:
     Parameters
     ----------
     part : str
-        A system or an analysis, as people call it: 'laser', 'explain'.
+        A system, an analysis or a part of the report, as people call it: 'laser', 'explain'.
     error : Exception
         What was raised; being handled.
     """
-    name = f"{TRACEBACKS}/{part}.txt"
+    name = f"{TRACEBACKS}/{re.sub('[^A-Za-z0-9_-]+', '_', part)}.txt"
     text = (
         f"'{part}' failed unexpectedly and gives no result ({type(error).__name__}: {error}). "
         f"All other parts are done. The traceback is in results/{name}; please report it"
@@ -100,11 +143,11 @@ def solve_system(
     """
     chosen = {name: value for name, value in (choices or {}).items() if value is not None}
     try:
-        return SolvedSystem(system.name, system.solve(campaign, progress, **chosen), chosen)
+        return solved_system(system.name, system.solve(campaign, progress, **chosen), chosen)
     except GtvalError:
         raise
     except Exception as error:  # noqa: BLE001  (one system must not take the others)
-        return SolvedSystem(system.name, unexpected(system.name, error), chosen, failed=True)
+        return failed_system(system.name, error)
 
 
 def solve_validation(campaign: Campaign, systems: Iterable[System]) -> Campaign:
@@ -116,24 +159,16 @@ def solve_validation(campaign: Campaign, systems: Iterable[System]) -> Campaign:
     Raises
     ------
     GtvalError
-        If the survey's data are bad.
+        If the survey's data are bad, or it fails unexpectedly.
     """
     first = next((s for s in systems if s.name == VALIDATION_SYSTEM and s.has_data(campaign)), None)
     if first is None or first.name in campaign.solved:
         return campaign
     solved = solve_system(campaign, first)
+    if solved.failed:
+        said = solved.result.findings[0].text
+        raise GtvalError(f"{said} `gtval {first.name} CAMPAIGN` alone writes it")
     return replace(campaign, solved={first.name: solved.result})
-
-
-def system_files(result: SystemResult) -> dict[str, str | bytes]:
-    """Every file that a system leaves under results/: poses, joint covariances, its own.
-
-    Raises
-    ------
-    GtvalError
-        If two files have one name, or one leads out of the folder.
-    """
-    return merged([("poses", dict(pose_files(result.tables))), ("the system", result.files)])
 
 
 def merged(parts: Iterable[tuple[str, Mapping[str, str | bytes]]]) -> dict[str, str | bytes]:
@@ -165,9 +200,9 @@ def step_of(
     campaign: Campaign,
     sources: Iterable[Path],
     files: Mapping[str, str | bytes],
+    hashes: Mapping[str, str],
     uses: Mapping[str, str] | None = None,
     choices: Mapping[str, object] | None = None,
-    hashes: Mapping[str, str] | None = None,
 ) -> Step:
     """What a step read and wrote, by the hashes of the files.
 
@@ -179,29 +214,21 @@ def step_of(
         Files and folders that it read.
     files : mapping of str to str or bytes
         What it writes, by names relative to results/.
+    hashes : mapping of str to str
+        SHA-256 of the files of the campaign, these sources among them.
     uses : mapping of str to str, optional
         SHA-256 of results of earlier steps that it used.
     choices : mapping of str to object, optional
         Of the command line.
-    hashes : mapping of str to str, optional
-        SHA-256 of all files of the campaign, where they are known.
     """
-    known = list(sources)
-    if hashes is None:
-        hashes = input_hashes(campaign.folder, known)
-    names = [relative(path, campaign.folder) for path in known]
+    names = [relative(path, campaign.folder) for path in sources]
     return Step(
         sources=tuple(names),
-        inputs={file: one for file, one in hashes.items() if _below(file, names)},
+        inputs=below(hashes, names),
         uses=uses or {},
         outputs={name: digest_of(content) for name, content in files.items()},
         choices=choices or {},
     )
-
-
-def _below(file: str, sources: Iterable[str]) -> bool:
-    """Whether a file is one of the sources or lies in one."""
-    return any(name in {".", file} or file.startswith(f"{name}/") for name in sources)
 
 
 def write_system(campaign: Campaign, system: System, solved: SolvedSystem) -> tuple[Finding, ...]:
@@ -216,28 +243,33 @@ def write_system(campaign: Campaign, system: System, solved: SolvedSystem) -> tu
     GtvalError
         If the files cannot be written; the old ones are then untouched.
     """
-    files = system_files(solved.result)
     record = earlier_record(campaign)
     steps = earlier_steps(record)
+    sources = inputs_of(system, campaign)
+    hashes = input_hashes(campaign.folder, [*sources, *sources_of(campaign, steps.values())])
     uses = validation_poses(campaign, system.name)
-    steps[system.name] = step_of(campaign, inputs_of(system, campaign), files, uses, solved.choices)
-    digests = steps[system.name].outputs
-    old = out_of_date(campaign, steps, digests)
+    step = step_of(campaign, sources, solved.files, hashes, uses, solved.choices)
+    steps[system.name] = step
+    old = out_of_date(campaign, steps, step.outputs, hashes)
     record |= made_with()
-    record["systems"] = {**record.get("systems", {}), system.name: solved.result.facts}
+    record["systems"] = {**_part(record, "systems"), system.name: solved.result.facts}
     record["steps"] = steps
     record["out_of_date"] = old
-    record["outputs"] = sorted({*record.get("outputs", ()), *files, RECORD})
-    contents = {f"{campaign.results.name}/{name}": content for name, content in files.items()}
+    record["outputs"] = sorted({*earlier_outputs(campaign), *solved.files, RECORD})
+    contents = {f"{campaign.results.name}/{name}": one for name, one in solved.files.items()}
     contents[f"{campaign.results.name}/{RECORD}"] = json_text(record)
-    contents |= marked_report(campaign, f"'{system.name}' was solved again after it was made")
-    report = [name for name in contents if name.startswith(campaign.report.name)]
+    contents |= marked_report(campaign, next((one for one in old if one.file == REPORT_FILE), None))
     write_files(campaign.folder, contents)
-    late = [*(one.file for one in old), *report]
-    if not late:
+    if not old:
         return ()
-    text = f"Out of date now: {', '.join(late)}. `gtval run` makes them anew."
+    text = f"Out of date now: {', '.join(one.file for one in old)}. `gtval run` makes them anew."
     return (Finding("warning", text, system.name, "out_of_date"),)
+
+
+def _part(record: Mapping[str, object], name: str) -> Mapping[str, object]:
+    """A mapping of a record that an older version or a person may have written otherwise."""
+    found = record.get(name)
+    return found if isinstance(found, dict) else {}
 
 
 def system_output(
@@ -279,13 +311,18 @@ def system_output(
     """
     campaign = load_campaign(folder)
     system = installed_system(name)
-    if getattr(system, "starts_from_survey", False):
+    if starts_from_survey(system):
         campaign = solve_validation(campaign, installed_systems())
     solved = solve_system(campaign, system, progress, choices)
     findings = tuple(solved.result.findings)
     if not write:
         return solved, findings, None
     return solved, findings + write_system(campaign, system, solved), campaign.results
+
+
+def starts_from_survey(system: System) -> bool:
+    """Whether a system says that it needs the surveyed stops."""
+    return bool(getattr(system, "starts_from_survey", False))
 
 
 def validation_poses(campaign: Campaign, system: str) -> dict[str, str]:

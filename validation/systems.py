@@ -6,6 +6,7 @@ sequence of click commands. The entry point of a system is called as the system,
 table of campaign.toml. Neither may import anything heavy when it is loaded.
 """
 
+import contextlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -57,9 +58,16 @@ class System(Protocol):
 
 
 def inputs_of(system: System, campaign: "Campaign") -> list[Path]:
-    """Files and folders that a system reads: its own word for it, or the whole campaign."""
+    """Files and folders that a system reads: its own word for it, or the whole campaign.
+
+    The whole campaign also where a plug-in fails to say it: its results are then rather taken
+    for out of date than for up to date.
+    """
     own: Callable[[Campaign], Iterable[Path]] | None = getattr(system, "inputs", None)
-    return [campaign.folder] if own is None else [campaign.toml, *own(campaign)]
+    if own is not None:
+        with contextlib.suppress(Exception):
+            return [campaign.toml, *own(campaign)]
+    return [campaign.folder]
 
 
 def installed_systems() -> list[System]:

@@ -3,32 +3,41 @@
 import html
 
 from validation.campaign.folder import Campaign
+from validation.campaign.provenance import REPORT_FILE, OutOfDate
 
-PLACE = "<!-- out of date -->"
-"""Where the report's template has room for it."""
+START, END = "<!-- out of date -->", "<!-- /out of date -->"
+"""Between them the report's template has room for it."""
 
 
-def marked_report(campaign: Campaign, reason: str) -> dict[str, str]:
-    """The report of an earlier run with a warning at its top; nothing where there is none.
+def marked_report(campaign: Campaign, late: OutOfDate | None) -> dict[str, str]:
+    """The report of an earlier run with a warning at its top, or without the one it had.
 
     Parameters
     ----------
     campaign : Campaign
         The folder.
-    reason : str
-        What has happened since.
+    late : OutOfDate or None
+        What has happened since; None where the report belongs to the results.
+
+    Returns
+    -------
+    dict of str to str
+        The page by its path in the folder; empty where there is nothing to change.
     """
-    path = campaign.report / "report.html"
     try:
-        page = path.read_text(encoding="utf-8")
+        page = (campaign.folder / REPORT_FILE).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         return {}
-    said = html.escape(f"This report is out of date: {reason}. `gtval run` makes it anew.")
-    start = page.find(PLACE)
-    if start < 0:
+    before, place, after = page.partition(START)
+    _, end, after = after.partition(END)
+    if not (place and end):
         return {}
-    rest = page[start + len(PLACE) :]
-    if rest.startswith('<p class="alarm" role="alert">'):
-        rest = rest[rest.index("</p>") + len("</p>") :]
-    marked = f'{page[:start]}{PLACE}<p class="alarm" role="alert">{said}</p>{rest}'
-    return {f"{campaign.report.name}/{path.name}": marked}
+    mark = ""
+    if late is not None:
+        strong = "<strong>This report is out of date.</strong>"
+        said = html.escape(
+            f"{late.reason[0].upper()}{late.reason[1:]}. Run `gtval run` to make it anew."
+        )
+        mark = f'<p class="alarm" role="alert">{strong} {said}</p>'
+    marked = f"{before}{START}{mark}{END}{after}"
+    return {REPORT_FILE: marked} if marked != page else {}

@@ -21,6 +21,9 @@ COMPUTED = frozenset({"results", "report"})
 
 RECORD = "run.json"
 
+REPORT, REPORT_FILE = "report", "report/report.html"
+"""The step that makes the report, and its file. It uses all results."""
+
 
 @dataclass(frozen=True)
 class Step:
@@ -133,21 +136,56 @@ def earlier_record(campaign: Campaign) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
+def earlier_outputs(campaign: Campaign) -> set[str]:
+    """Names that an earlier run.json says were written; only such as stay inside results/."""
+    listed = earlier_record(campaign).get("outputs")
+    root = campaign.results.resolve()
+    return {
+        name
+        for name in (listed if isinstance(listed, list) else ())
+        if isinstance(name, str) and "\0" not in name and root in (root / name).resolve().parents
+    }
+
+
 def earlier_steps(record: Mapping[str, Any]) -> dict[str, Step]:
     """The steps of a run.json; those that are no longer to be read are left out."""
     steps = record.get("steps")
     found = {}
     for name, one in steps.items() if isinstance(steps, dict) else ():
-        sources, *parts = (one.get(f.name) for f in fields(Step))
+        if not isinstance(one, dict):
+            continue
+        sources = one.get("sources")
+        parts: list[Any] = [one.get(f.name) for f in fields(Step)[1:]]
         if isinstance(sources, list) and all(isinstance(part, dict) for part in parts):
             found[name] = Step(tuple(map(str, sources)), *parts)
     return found
 
 
+def sources_of(campaign: Campaign, steps: Iterable[Step]) -> list[Path]:
+    """Files and folders that steps read; folders only inside the campaign's, or it itself."""
+    root = campaign.folder.resolve()
+    paths = {campaign.folder / name for step in steps for name in step.sources if "\0" not in name}
+    return sorted(path for path in paths if path.is_file() or path.resolve().is_relative_to(root))
+
+
+def below(hashes: Mapping[str, str], sources: Iterable[str]) -> dict[str, str]:
+    """Those of the files that are one of the sources or lie in one."""
+    folders = tuple(f"{name}/" for name in sources)
+    exact = {name.removesuffix("/") for name in folders}
+    return {
+        file: digest
+        for file, digest in hashes.items()
+        if "." in exact or file in exact or file.startswith(folders)
+    }
+
+
 def out_of_date(
-    campaign: Campaign, steps: Mapping[str, Step], written: Mapping[str, str] | None = None
+    campaign: Campaign,
+    steps: Mapping[str, Step],
+    written: Mapping[str, str] | None = None,
+    hashes: Mapping[str, str] | None = None,
 ) -> list[OutOfDate]:
-    """Files under results/ that no longer belong to the inputs or to each other.
+    """Files under results/, and the report, that no longer belong to the inputs or each other.
 
     Parameters
     ----------
@@ -157,6 +195,8 @@ def out_of_date(
         Who made what.
     written : mapping of str to str, optional
         SHA-256 of results that are about to be written.
+    hashes : mapping of str to str, optional
+        SHA-256 of the sources of all steps, where they are known.
 
     Raises
     ------
@@ -164,24 +204,26 @@ def out_of_date(
         If a file cannot be read.
     """
     now = dict(written or {})
-    inputs: dict[tuple[str, ...], dict[str, str]] = {}
+    if hashes is None:
+        hashes = input_hashes(campaign.folder, sources_of(campaign, steps.values()))
     found = []
     for step, made in steps.items():
-        sources = tuple(made.sources)
-        if sources not in inputs:
-            inputs[sources] = input_hashes(campaign.folder, map(campaign.folder.joinpath, sources))
         for name in (*made.uses, *made.outputs):
             if name not in now and (campaign.results / name).is_file():
                 now[name] = digest_of(campaign.results / name)
-        changed = _different(made.inputs, inputs[sources])
+        changed = _different(made.inputs, below(hashes, made.sources))
         changed += [f"results/{name}" for name in _different(made.uses, now, only=made.uses)]
-        for name, was in made.outputs.items():
-            if changed and name in now:
-                reason = f"{', '.join(changed[:3])} changed after the step '{step}' had made it"
-                found.append(OutOfDate(f"results/{name}", reason))
-            elif now.get(name, was) != was:
-                reason = f"it was changed after the step '{step}' had made it"
-                found.append(OutOfDate(f"results/{name}", reason))
+        reason = f"it is not as the step '{step}' left it"
+        if changed:
+            more = f" and {len(changed) - 3} more files" if len(changed) > 3 else ""
+            reason = f"changed after the step '{step}': {', '.join(changed[:3])}{more}"
+        found += [
+            OutOfDate(f"results/{name}", reason)
+            for name, was in made.outputs.items()
+            if name in now and (changed or now[name] != was)
+        ]
+        if step == REPORT and changed and (campaign.folder / REPORT_FILE).is_file():
+            found.append(OutOfDate(REPORT_FILE, reason))
     return found
 
 

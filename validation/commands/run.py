@@ -206,7 +206,7 @@ def _run_and_write(
             from validation.report.files import report_files
 
             progress("writing the report", RUN_BEFORE_REPORT)
-            files = report_files(done, pdf=pdf)
+            done, files = report_files(done, pdf=pdf)
     write_results(done, files)
     return done
 

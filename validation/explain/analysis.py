@@ -330,12 +330,16 @@ def _agreements(
 
 
 def _with_mount(one: SystemExplanation, pairs: Pairs, result: Arbitration) -> Settled | None:
-    """A settled fit with a mount: the chosen one, or frame and mount where it has none."""
+    """A settled fit with a mount: the chosen one, or frame and mount where it has none.
+
+    None where the cells that are not flagged do not determine it.
+    """
     if one.selection is None or one.settled is None:
         return None
-    if "mount" in one.settled.fit.model.parts:
-        return one.settled
-    candidate = one.selection.candidate("frame_mount")
-    if not candidate.observability.complete:
-        return None
-    return settle(pairs, candidate.fit, _cells(pairs, result))
+    found = one.settled
+    if "mount" not in found.fit.model.parts:
+        candidate = one.selection.candidate("frame_mount")
+        if not candidate.observability.complete:
+            return None
+        found = settle(pairs, candidate.fit, _cells(pairs, result))
+    return found if np.isfinite(found.fit.covariance).all() else None

@@ -6,6 +6,7 @@ from functools import partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
+from validation.report.checked import checked_sections, section_or_sentence
 from validation.report.evaluation_tables import (
     coverage_table,
     magnitude_table,
@@ -14,7 +15,15 @@ from validation.report.evaluation_tables import (
     statistics_table,
 )
 from validation.report.terminal import most_severe_first
-from validation.results import VALIDATION_SYSTEM, Figure, Finding, Section, Table, Text
+from validation.results import (
+    VALIDATION_SYSTEM,
+    Figure,
+    Finding,
+    Section,
+    SystemResult,
+    Table,
+    Text,
+)
 from validation.run import RunResult
 from validation.statistics.evaluation import Evaluation
 
@@ -47,6 +56,8 @@ class Document:
         In reading order.
     overview : Section, optional
         That of the sections which sums up all systems: it is read before the findings.
+    failures : sequence of SystemResult
+        What stands in for parts that could not be made.
     """
 
     title: str
@@ -56,6 +67,7 @@ class Document:
     findings: Sequence[Finding]
     sections: Sequence[Section]
     overview: Section | None = None
+    failures: Sequence[SystemResult] = ()
 
     @property
     def tables(self) -> list[Table]:
@@ -64,23 +76,34 @@ class Document:
 
 
 def build_document(run: RunResult) -> Document:
-    """The report of a run."""
+    """The report of a run, its figures drawn; of a part that fails it says so."""
     settings = run.campaign.settings
-    overview = _overview_section(run.evaluations) if run.evaluations else None
+    failures: list[SystemResult] = []
+    overview = None
+    if run.evaluations:
+        make = partial(_overview_section, run.evaluations)
+        overview = section_or_sentence("All systems", make, failures)
+    sections = [
+        *([overview] if overview is not None else []),
+        *checked_sections(run.sections, failures),
+        *(
+            section_or_sentence(
+                f"System {one.system}", partial(_evaluation_section, run, one), failures
+            )
+            for one in run.evaluations
+        ),
+        *checked_sections(run.explained.sections if run.explained else (), failures),
+        _inputs_section(run),
+    ]
     return Document(
         title=settings.name,
         description=settings.description,
         alarm=FAULTY if run.validation_is_faulty else "",
         facts=_facts(run),
-        findings=most_severe_first(run.findings),
-        sections=[
-            *([overview] if overview is not None else []),
-            *run.sections,
-            *(_evaluation_section(run, evaluation) for evaluation in run.evaluations),
-            *(run.explained.sections if run.explained is not None else ()),
-            _inputs_section(run),
-        ],
+        findings=most_severe_first(run.with_failures(failures).findings),
+        sections=sections,
         overview=overview,
+        failures=failures,
     )
 
 

@@ -10,8 +10,22 @@ from validation.run import RunResult
 REPORT = "report.html"
 
 
-def report_files(run: RunResult, *, pdf: bool = False) -> dict[str, str | bytes]:
+def report_files(run: RunResult, *, pdf: bool = False) -> tuple[RunResult, dict[str, str | bytes]]:
     """report.html, tables.md, tables.tex and report.pdf if wanted, relative to report/.
+
+    Parameters
+    ----------
+    run : RunResult
+        What is reported.
+    pdf : bool
+        Whether to make a PDF too.
+
+    Returns
+    -------
+    run : RunResult
+        The run with what stands in for parts of the report that could not be made.
+    files : dict of str to str or bytes
+        By their names.
 
     Raises
     ------
@@ -27,4 +41,4 @@ def report_files(run: RunResult, *, pdf: bool = False) -> dict[str, str | bytes]
     }
     if pdf:
         files["report.pdf"] = pdf_report(page)
-    return files
+    return run.with_failures(document.failures), files

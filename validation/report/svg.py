@@ -2,6 +2,7 @@
 
 import io
 import re
+from dataclasses import dataclass
 
 import matplotlib as mpl
 
@@ -11,28 +12,48 @@ _PROLOGUE = re.compile(r"^.*?(?=<svg)", re.DOTALL)
 _IDENTIFIER = re.compile(r'\bid="([^"]+)"')
 
 
-def inline_svg(figure: Figure, prefix: str) -> str:
-    """The figure as an <svg> element with title and description for those who cannot see it.
+@dataclass(frozen=True)
+class DrawnFigure(Figure):
+    """A figure that has been drawn.
 
     Parameters
     ----------
-    figure : Figure
-        Drawn here.
-    prefix : str
-        Put before every id, so that figures on one page do not use each other's parts.
-
-    Returns
-    -------
-    str
-        Without size: the page decides. No date and no random ids: same figure, same bytes.
+    name, caption, alternative, draw
+        As of `Figure`.
+    svg : str
+        As `drawn_svg` gives it.
     """
+
+    svg: str = ""
+
+
+def drawn_svg(figure: Figure) -> str:
+    """The figure as an <svg> element. No date and no random ids: same figure, same bytes."""
     stream = io.StringIO()
     # Text stays text: it can be searched, copied, and read out.
     with mpl.rc_context({"svg.hashsalt": figure.name, "svg.fonttype": "none"}):
         figure.draw().savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
     svg = _PROLOGUE.sub("", stream.getvalue(), count=1)
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r"<!--.*?-->\s*", "", svg, flags=re.DOTALL)
+    return re.sub(r"<!--.*?-->\s*", "", svg, flags=re.DOTALL)
+
+
+def inline_svg(figure: Figure, prefix: str) -> str:
+    """The figure as an <svg> element with title and description for those who cannot see it.
+
+    Parameters
+    ----------
+    figure : Figure
+        Drawn here, unless it has been.
+    prefix : str
+        Put before every id, so that figures on one page do not use each other's parts.
+
+    Returns
+    -------
+    str
+        Without size: the page decides.
+    """
+    svg = figure.svg if isinstance(figure, DrawnFigure) else drawn_svg(figure)
     svg = _unique_ids(svg, prefix)
     return _labelled(svg, figure, prefix)
 

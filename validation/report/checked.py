@@ -1,0 +1,56 @@
+"""Parts of the report that may fail, tried one by one: a broken part leaves a sentence behind."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
+
+from validation.report.cells import rows_of_text
+from validation.report.svg import DrawnFigure, drawn_svg
+from validation.results import Figure, Section, SystemResult, Table, Text
+from validation.solving import unexpected
+
+Failures = list[SystemResult]
+
+
+def section_or_sentence(title: str, make: Callable[[], Section], failures: Failures) -> Section:
+    """A section with all its parts made, figures drawn; what fails is said in its place.
+
+    Parameters
+    ----------
+    title : str
+        Of the section, also where it cannot be made.
+    make : callable
+        Returns the section.
+    failures : list of SystemResult
+        What stands in for each failure is added.
+    """
+    try:
+        section = make()
+        blocks = [_checked(section.title, block, failures) for block in section.blocks]
+        return replace(section, blocks=blocks)
+    except Exception as error:  # noqa: BLE001  (one section must not take the report)
+        return Section(title, [_failed(f"report: {title}", error, failures)])
+
+
+def checked_sections(sections: Iterable[Section], failures: Failures) -> list[Section]:
+    """Sections of systems, each with what fails said in its place."""
+    return [section_or_sentence(one.title, partial(replace, one), failures) for one in sections]
+
+
+def _checked(title: str, block: Table | Figure | Text, failures: Failures) -> Table | Figure | Text:
+    """The block, drawn if it is a figure, or the sentence that it failed."""
+    name = getattr(block, "name", None) or getattr(block, "title", "text")
+    try:
+        if isinstance(block, Figure):
+            return DrawnFigure(**vars(block), svg=drawn_svg(block))
+        if not isinstance(block, Text):
+            rows_of_text(block)
+    except Exception as error:  # noqa: BLE001  (one figure must not take the report)
+        return _failed(f"report: {title}: {name}", error, failures)
+    return block
+
+
+def _failed(part: str, error: Exception, failures: Failures) -> Text:
+    """The sentence that stands in for a part."""
+    failures.append(unexpected(part, error))
+    return Text(f"This part of the report could not be made: {failures[-1].findings[0].text}")
