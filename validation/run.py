@@ -240,7 +240,14 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
         solved.append(solved_system(table.system, result))
     if not solved:
         raise InputError(
-            [Problem(campaign.folder, "the campaign holds no data for any installed system")]
+            [
+                Problem(
+                    campaign.folder,
+                    "the campaign holds no data for any installed system; put readings into "
+                    "survey/readings.csv, scans, images or fixes where campaign.toml says, or "
+                    "name a table of poses under [[published]]",
+                )
+            ]
         )
     return solved
 

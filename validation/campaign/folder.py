@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -204,7 +204,7 @@ class Campaign(Shown):
         try:
             return model.model_validate(self.extra.get(name, {}))
         except ValidationError as error:
-            raise _input_error(self.toml, error, (name,)) from None
+            raise _input_error(self.toml, model, error, (name,)) from None
 
 
 def load_campaign(folder: Path, known_tables: frozenset[str] | None = None) -> Campaign:
@@ -232,7 +232,7 @@ def load_campaign(folder: Path, known_tables: frozenset[str] | None = None) -> C
     try:
         settings = CampaignSettings.model_validate(data)
     except ValidationError as error:
-        raise _input_error(path, error) from None
+        raise _input_error(path, CampaignSettings, error) from None
     known = known_tables | _OWN_TABLES
     problems = [
         Problem(path, f"unknown table or key{_closest(key, known)}", _line_of(path, (key,)), key)
@@ -281,16 +281,30 @@ def _parse(path: Path) -> dict[str, Any]:
         raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
 
 
-def _input_error(path: Path, error: ValidationError, prefix: tuple[str, ...] = ()) -> InputError:
-    """The same faults with file, line and dotted key."""
+def _input_error(
+    path: Path, model: type[BaseModel], error: ValidationError, prefix: tuple[str, ...] = ()
+) -> InputError:
+    """The same faults with file, line and dotted key, and the keys that there are."""
     problems = []
     for fault in error.errors():
         keys = prefix + tuple(str(part) for part in fault["loc"])
         value = fault["input"]
         shown = None if fault["type"] == "missing" or isinstance(value, dict) else str(value)
         what = fault["msg"].removeprefix("Value error, ")
+        if fault["type"] == "extra_forbidden":
+            known = _keys_of(model, fault["loc"][:-1])
+            what = f"unknown key{_closest(keys[-1], known)}; there are {', '.join(sorted(known))}"
         problems.append(Problem(path, what, _line_of(path, keys), ".".join(keys) or None, shown))
     return InputError(problems)
+
+
+def _keys_of(model: type[BaseModel], loc: tuple[int | str, ...]) -> set[str]:
+    """The keys of a table, by where it stands below the table of a model."""
+    for name in (part for part in loc if isinstance(part, str) and part in model.model_fields):
+        stated = model.model_fields[name].annotation
+        inner = [one for one in (stated, *get_args(stated)) if isinstance(one, type)]
+        model = next((one for one in inner if issubclass(one, BaseModel)), model)
+    return set(model.model_fields)
 
 
 def _line_of(path: Path, keys: tuple[str, ...]) -> int | None:

@@ -71,12 +71,15 @@ class SystemExplanation(Shown):
         The chosen one without the flagged cells.
     reference : ReferenceEvidence, optional
         Where the reference is not stated and the errors look as if there were one.
+    degrees_hint : str
+        That the angles look like degrees, in words; empty where they do not.
     """
 
     table: PoseTable
     selection: Selection | None
     settled: Settled | None
     reference: ReferenceEvidence | None
+    degrees_hint: str = ""
 
     @property
     def system(self) -> str:
@@ -192,8 +195,9 @@ def explain(
                 noise,
                 certain=question.references.get(table.system) == UNKNOWN_STOP,
             ),
+            one.degrees_hint,
         )
-        for table, chosen, done in zip(systems, selections, settled, strict=True)
+        for table, one, chosen, done in zip(systems, pairs, selections, settled, strict=True)
     )
     agreements = _agreements(explained, pairs, result, question)
     return Explanation(validation, explained, result, agreements, question)

@@ -173,6 +173,8 @@ def header_of(path: Path, *, max_bytes: int = MAX_BYTES) -> list[str]:
 def _decode(path: Path, max_bytes: int) -> str:
     """Text of a file, undecodable bytes kept as lone surrogates."""
     data = file_bytes(path, max_bytes, "a table")
+    if data.startswith(b"PK\x03\x04"):
+        raise InputError([Problem(path, "this is a spreadsheet or an archive; save it as CSV", 1)])
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise InputError([Problem(path, "saved as UTF-16; save the file as UTF-8", 1)])
     return data.decode("utf-8-sig", errors="surrogateescape")

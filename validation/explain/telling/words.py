@@ -28,13 +28,17 @@ def findings(explanation: Explanation) -> list[Finding]:
 
 def system_findings(one: SystemExplanation, confidence: float) -> list[Finding]:
     """What was found out about one system."""
+    told = []
+    if one.degrees_hint:
+        text = f"Perhaps {one.degrees_hint}. Check the unit; angles are taken as radians."
+        told.append(Finding("warning", text, one.system, "perhaps_degrees"))
     if one.selection is None or one.settled is None:
         text = (
             "There are too few poses in common with the validation to explain the errors; "
             "survey at least four stops at different headings, better twenty."
         )
-        return [Finding("warning", text, one.system, "too_few_poses")]
-    told = [_cause(one, one.selection, one.settled, confidence)]
+        return [*told, Finding("warning", text, one.system, "too_few_poses")]
+    told.append(_cause(one, one.selection, one.settled, confidence))
     if one.settled.fit.model.parts:
         evidence = f"{_sureness(one.selection)} {_taken_away(one.settled)}"
         told.append(Finding("note", evidence, one.system, "evidence"))
