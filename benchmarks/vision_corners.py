@@ -22,10 +22,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "vision_gt"))
 
-from vision_scenes import APRIL, SIDE, close_up, exact_network, random_marker
+from vision_scenes import APRIL, SIDE, close_up, exact_network, opencv_markers, random_marker
 
 from validation.poses.angles import Array
-from vision_gt.images.markers import Image, Refinement, detect_markers
+from vision_gt.images.markers import Image, detect_markers
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.planar_pose import planar_solutions
 from vision_gt.optics.transforms import angle_between
@@ -33,7 +33,7 @@ from vision_gt.robot.marker_poses import Layout
 from vision_gt.robot.robot_pose import Sighting, robot_pose
 
 SQUARE = SIDE / 2 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)
-OURS: tuple[Refinement, ...] = ("none", "subpix", "apriltag", "edges")
+OPENCV = ("none", "subpix", "apriltag")
 
 
 def peer() -> Any:
@@ -50,9 +50,11 @@ def found_corners(
 ) -> Array | None:
     """Corners (4, 2) in the order of the truth; None if the marker was not found."""
     camera, image, true = photograph
-    if name != "pupil":
-        views = detect_markers(image, APRIL, camera, [number], name).views
+    if name == "edges":
+        views = detect_markers(image, APRIL, camera, [number]).views
         return views[0].corners if views else None
+    if name in OPENCV:
+        return opencv_markers(image, APRIL, name).get(number)
     tags = [tag.corners - 0.5 for tag in detector.detect(image) if tag.tag_id == number]
     if not tags:
         return None
@@ -78,7 +80,7 @@ def judged(photograph: tuple[Camera, Image, Array], number: int, T: RigidTransfo
 def main(count: int, distances: list[int]) -> None:
     cv2.setNumThreads(1)
     detector = peer()
-    names = [*OURS, *(["pupil"] if detector else [])]
+    names = [*OPENCV, "edges", *(["pupil"] if detector else [])]
     print(f"{count} renders a distance")
     print("distance  detector   rms [px]  side bias [px]  flips  missed  ms")
     for distance in distances:

@@ -21,7 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "vision_gt"))
 
-from vision_scenes import CameraRow, camera, camera_at, exact_network, random_robot
+from vision_scenes import CameraRow, camera, camera_at, exact_network, opencv_markers, random_robot
 
 from data_samples.rendering.image import Image, Optics, Scene, render
 from data_samples.rendering.objects import robot_sheets
@@ -63,7 +63,7 @@ def detected(image: Image) -> int:
 
 def stock(image: Image) -> int:
     cv2.setNumThreads(1)
-    return len(detect_markers(image, MARKER_FAMILY, None, None, "subpix").views)
+    return len(opencv_markers(image, MARKER_FAMILY, "subpix"))
 
 
 def milliseconds(

@@ -1,5 +1,6 @@
 """Cameras, boards and robots with known truth, for the tests of the vision system."""
 
+import cv2
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
@@ -218,3 +219,15 @@ def camera_at(distance: float) -> RigidTransform:
     """45 degrees above the floor, at a distance from the robot."""
     h = distance * np.sin(np.pi / 4)
     return looking(np.array([0.0, -h, h]), np.array([0.0, 0.0, 0.2]))
+
+
+def opencv_markers(image, family: Family, refinement: str) -> dict[int, np.ndarray]:
+    """Corners (4, 2) by id as OpenCV refines them: "none", "subpix" or "apriltag"."""
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = getattr(cv2.aruco, f"CORNER_REFINE_{refinement.upper()}")
+    parameters.markerBorderBits = family.border
+    found, ids, _ = cv2.aruco.ArucoDetector(family.dictionary, parameters).detectMarkers(image)
+    # OpenCV's AprilTag refinement counts pixels from the corner of the top-left one.
+    offset = 0.5 if refinement == "apriltag" else 0.0
+    numbers = [] if ids is None else np.ravel(ids).tolist()
+    return {n: c.reshape(4, 2) - offset for n, c in zip(numbers, found, strict=True)}

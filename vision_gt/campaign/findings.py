@@ -8,13 +8,7 @@ from validation.results import Finding, Severity
 from vision_gt.campaign.inputs import placed
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.optics.transforms import change_between
-from vision_gt.settings import (
-    BarSettings,
-    FloorSettings,
-    MarkerSettings,
-    ReferenceSettings,
-    VisionSettings,
-)
+from vision_gt.settings import VisionSettings
 
 SUBJECT = "vision"
 _POOR_FIT, _POOR_FLOOR = 1e-4, 1e-3
@@ -79,20 +73,14 @@ def _coverage(outcome: VisionOutcome, surveyed: Sequence[str]) -> Iterator[Findi
 
 def _assumed(settings: VisionSettings) -> Iterator[Finding]:
     """Standard deviations that campaign.toml does not state."""
-    parts: list[tuple[str, BarSettings | ReferenceSettings | MarkerSettings | FloorSettings, str]]
-    parts = [
-        ("reference", settings.reference, "sigmas"),
-        ("markers", settings.markers, "dima_sigmas"),
-        ("floor", settings.floor, "height"),
-        ("floor", settings.floor, "tilt"),
-    ]
+    keys = ["reference.sigmas", "markers.dima_sigmas", "floor.height", "floor.tilt"]
     if settings.bar.second_on_first is not None:
-        parts.append(("bar", settings.bar, "sigmas"))
-    assumed = [
-        f"vision.{table}.{key} = {getattr(part, key)}"
-        for table, part, key in parts
-        if key not in part.model_fields_set
-    ]
+        keys.append("bar.sigmas")
+    assumed = []
+    for table, key in (name.split(".") for name in keys):
+        stated = getattr(settings, table)
+        if key not in stated.model_fields_set:
+            assumed.append(f"vision.{table}.{key} = {getattr(stated, key)}")
     if assumed:
         yield Finding(
             "note",

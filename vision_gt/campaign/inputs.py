@@ -13,7 +13,7 @@ from validation.errors import InputError, Problem
 from validation.systems import Progress, no_progress
 from vision_gt.images.files import CampaignImages, campaign_images, images_below
 from vision_gt.images.jobs import BoardJob, Found, Job, MarkerJob, detect_all
-from vision_gt.images.markers import Detection, Refinement
+from vision_gt.images.markers import Detection
 from vision_gt.network.adjustment import KnownBody
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.camera_files import read_cameras
@@ -262,7 +262,9 @@ class VisionInputs:
     def published_views(self, cameras: Mapping[str, Camera]) -> dict[tuple[str, str], Detection]:
         """Markers in the images of the stops with corners as OpenCV finds them."""
         stops = self.stop_images()
-        jobs = [self._marker_job(path, cameras[name], "none") for (name, _), path in stops.items()]
+        jobs = [
+            self._marker_job(path, cameras[name], fitted=False) for (name, _), path in stops.items()
+        ]
         found = detect_all(jobs, self.workers)
         return dict(zip(stops, (one.markers for one in found), strict=True))
 
@@ -271,10 +273,10 @@ class VisionInputs:
         poses = self.images.poses
         return {(n, pose): path for n in self.names for pose, path in poses.get(n, {}).items()}
 
-    def _marker_job(self, path: Path, camera: Camera, refinement: Refinement = "edges") -> Job:
+    def _marker_job(self, path: Path, camera: Camera, *, fitted: bool = True) -> Job:
         markers = self.settings.markers
         family = Family(markers.family, markers.border)
-        return MarkerJob(path, family, tuple(sides_of(self.settings)), camera, refinement)
+        return MarkerJob(path, family, tuple(sides_of(self.settings)), camera, fitted)
 
     def _note(self, found: Found, what: str) -> None:
         """Remember what is odd about an image."""

@@ -12,7 +12,7 @@ from validation.errors import InputError
 from validation.processes import in_processes
 from vision_gt.images.boards import Detector, FoundBoard, find_board
 from vision_gt.images.files import Image, is_blank, read_image
-from vision_gt.images.markers import Detection, Refinement, detect_markers
+from vision_gt.images.markers import Detection, detect_markers
 from vision_gt.optics.camera import Camera
 from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.boards import Board
@@ -60,15 +60,15 @@ class MarkerJob:
         Ids that the campaign has.
     camera : Camera or None
         Whose distortion bends the edges.
-    refinement : {"edges", "none", "subpix", "apriltag"}
-        Of the corners.
+    fitted : bool
+        Whether corners are fitted to the grey levels.
     """
 
     path: Path
     family: Family
     wanted: tuple[int, ...]
     camera: Camera | None = None
-    refinement: Refinement = "edges"
+    fitted: bool = True
 
 
 @dataclass(frozen=True)
@@ -160,11 +160,11 @@ def _markers(image: Image, size: tuple[int, int], job: MarkerJob) -> Found:
             f"calibrated with {job.camera.size[0]} x {job.camera.size[1]}"
         )
         return Found(job.path, size, fault=expected)
-    detection = detect_markers(image, job.family, job.camera, job.wanted, job.refinement)
+    detection = detect_markers(image, job.family, job.camera, job.wanted, fitted=job.fitted)
     note = ""
     if not detection.views and not detection.duplicates:
         flipped = detect_markers(
-            np.ascontiguousarray(image[:, ::-1]), job.family, None, job.wanted, "none"
+            np.ascontiguousarray(image[:, ::-1]), job.family, None, job.wanted, fitted=False
         )
         note = "mirrored" if flipped.views else ""
     return Found(job.path, size, markers=detection, note=note)

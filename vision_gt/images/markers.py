@@ -2,7 +2,6 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -15,7 +14,6 @@ from vision_gt.optics.camera import Camera
 from vision_gt.patterns.dictionaries import Family
 
 Image = npt.NDArray[np.uint8]
-Refinement = Literal["edges", "none", "subpix", "apriltag"]
 
 STOCK_SIGMA = 0.5
 """Pixels; what is assumed of corners that were not fitted here: OpenCV's are off by 0.3 to 0.8 on
@@ -25,8 +23,6 @@ _WINDOW = 11
 three. Where it finds nothing, all are tried."""
 _LEAST_CELL = 1.6
 """Pixels of a cell's side below which no code can be read, on rendered images with usual blur."""
-_APRILTAG_OFFSET = 0.5
-"""OpenCV's AprilTag refinement counts pixels from the corner of the top-left one."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +73,8 @@ def detect_markers(
     family: Family,
     camera: Camera | None = None,
     wanted: Collection[int] | None = None,
-    refinement: Refinement = "edges",
+    *,
+    fitted: bool = True,
 ) -> Detection:
     """The markers of a family in an image.
 
@@ -91,8 +88,8 @@ def detect_markers(
         Its distortion bends the edges that are fitted.
     wanted : collection of int, optional
         Ids that the campaign has; others are named as strangers.
-    refinement : {"edges", "none", "subpix", "apriltag"}
-        'edges' is this package's own; the others are OpenCV's.
+    fitted : bool
+        Whether corners are fitted to the grey levels; otherwise they are OpenCV's, unrefined.
 
     Raises
     ------
@@ -104,13 +101,13 @@ def detect_markers(
             f"camera {camera.name}: the image has {image.shape[1]} x {image.shape[0]} pixels, "
             f"the camera was calibrated with {camera.size[0]} x {camera.size[1]}"
         )
-    found, numbers = _candidates(image, family, refinement)
+    found, numbers = _candidates(image, family, fitted=fitted)
     counts = {number: numbers.count(number) for number in numbers}
     known = {number for number in counts if wanted is None or number in wanted}
     use = [i for i, number in enumerate(numbers) if number in known and counts[number] == 1]
     corners = found[use]
     covariances = np.broadcast_to(STOCK_SIGMA**2 * np.eye(2), (len(use), 4, 2, 2))
-    if refinement == "edges":
+    if fitted:
         parameters = None if camera is None else camera.parameters
         bits = np.array([family.bits(numbers[i]) for i in use]).reshape(
             len(use), *2 * (family.cells,)
@@ -130,23 +127,16 @@ def _with_stock(covariances: Array, good: npt.NDArray[np.bool_]) -> Array:
     return np.where(good[..., None, None], covariances, (4 * STOCK_SIGMA) ** 2 * np.eye(2))
 
 
-def _candidates(image: Image, family: Family, refinement: Refinement) -> tuple[Array, list[int]]:
+def _candidates(image: Image, family: Family, *, fitted: bool) -> tuple[Array, list[int]]:
     """Corners (n, 4, 2) and ids as OpenCV finds them."""
-    if refinement == "edges":
-        careful = _careful(family, max(image.shape))
-        careful.adaptiveThreshWinSizeMin = careful.adaptiveThreshWinSizeMax = _WINDOW
-        found, numbers = _found(image, family, careful)
-        if numbers:
-            return found, numbers
-        return _found(image, family, _careful(family, max(image.shape)))
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.cornerRefinementMethod = {
-        "none": cv2.aruco.CORNER_REFINE_NONE,
-        "subpix": cv2.aruco.CORNER_REFINE_SUBPIX,
-        "apriltag": cv2.aruco.CORNER_REFINE_APRILTAG,
-    }[refinement]
-    found, numbers = _found(image, family, parameters)
-    return found - (_APRILTAG_OFFSET if refinement == "apriltag" else 0.0), numbers
+    if not fitted:
+        return _found(image, family, cv2.aruco.DetectorParameters())
+    careful = _careful(family, max(image.shape))
+    careful.adaptiveThreshWinSizeMin = careful.adaptiveThreshWinSizeMax = _WINDOW
+    found, numbers = _found(image, family, careful)
+    if numbers:
+        return found, numbers
+    return _found(image, family, _careful(family, max(image.shape)))
 
 
 def _careful(family: Family, size: int) -> cv2.aruco.DetectorParameters:

@@ -96,8 +96,6 @@ class Adjustment:
         Half the sum of squares, of robust losses and of the prior.
     freedom : int
         Degrees of freedom.
-    converged : bool
-        Whether the last step was negligible.
     """
 
     setup: Setup
@@ -107,7 +105,6 @@ class Adjustment:
     weights: Array
     cost: float
     freedom: int
-    converged: bool
 
     @property
     def m0(self) -> float:
@@ -154,28 +151,22 @@ def adjust(
     state = problem.evaluate(at)
     if not np.isfinite(state.cost):
         raise NotDeterminedError("the start puts seen points behind their camera")
-    damping, converged = 1e-4, False
+    damping = 1e-4
     for _ in range(MAX_STEPS):
         step = _step(problem, state, damping)
-        if step is None:
-            damping *= 10
-            if damping > MOST_DAMPING:
-                break
-            continue
-        trial = at.moved(*step)
-        candidate = problem.evaluate(trial)
-        if candidate.cost <= state.cost * (1 + 1e-14):
-            gain = state.cost - candidate.cost
-            at, state, damping = trial, candidate, max(damping / 10, 1e-12)
-            converged = gain <= max(SMALL_GAIN, _SMALL_SHARE * state.cost) or _tiny(step)
-            if converged:
-                break
-        else:
-            damping *= 10
-            if damping > MOST_DAMPING:
-                converged = _tiny(step)
-                break
-    return _result(problem, at, state, converged, describe)
+        if step is not None:
+            trial = at.moved(*step)
+            candidate = problem.evaluate(trial)
+            if candidate.cost <= state.cost * (1 + 1e-14):
+                gain = state.cost - candidate.cost
+                at, state, damping = trial, candidate, max(damping / 10, 1e-12)
+                if gain <= max(SMALL_GAIN, _SMALL_SHARE * state.cost) or _tiny(step):
+                    break
+                continue
+        damping *= 10
+        if damping > MOST_DAMPING:
+            break
+    return _result(problem, at, state, describe)
 
 
 def _tiny(step: tuple[Array, Array]) -> bool:
@@ -314,7 +305,6 @@ def _result(
     problem: _Problem,
     at: Setup,
     state: _State,
-    converged: bool,
     describe: Callable[[int], str] | None,
 ) -> Adjustment:
     """Covariances at the solution."""
@@ -342,7 +332,6 @@ def _result(
         state.weights[problem.place],
         state.cost,
         2 * len(problem.views) + known - unknowns,
-        converged,
     )
 
 

@@ -69,8 +69,6 @@ class Calibration:
         Images left out: their residuals are too large, or they show too few corners.
     coverage : Coverage
         Of the images used.
-    T_camera_board : RigidTransform
-        Stack: the board in each image.
     """
 
     camera: Camera
@@ -79,7 +77,6 @@ class Calibration:
     residuals: tuple[Array, ...]
     outliers: tuple[str, ...]
     coverage: Coverage
-    T_camera_board: RigidTransform
 
     @property
     def image_rms(self) -> Array:
@@ -187,7 +184,6 @@ def _fitted(start: Camera, views: Sequence[BoardView]) -> Calibration:
         residuals,
         (),
         _coverage(start.size, views, done),
-        done.setup.T_world_body,
     )
 
 

@@ -5,10 +5,12 @@ from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.spatial.transform import RigidTransform
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, camera_slots
 from vision_gt.network.adjustment import Bar, KnownBody, Network, adjust_network
 from vision_gt.network.chain import (
     Chain,
@@ -271,8 +273,7 @@ def _averaged(
     bar's own error adds is common to all of them and enters in full.
     """
     names = [camera.name for camera in given.cameras]
-    c = len(names)
-    covariance = np.zeros((15 * c, 15 * c))
+    covariance = np.zeros((CAMERA_UNKNOWNS * len(names),) * 2)
     own = {chain.path(names[0])[-1]: given.known_reference.covariance}
     by_pair = {(link.first, link.second): link for link in links}
     for name in sorted(names, key=lambda n: len(chain.path(n))):
@@ -286,8 +287,8 @@ def _averaged(
         spread = spread + np.square(given.bar.sigmas) + 1e-10
         own[name] = by_parent @ own[parent] @ by_parent.T + by_step @ np.diag(spread) @ by_step.T
     for i, camera in enumerate(given.cameras):
-        covariance[15 * i : 15 * i + 6, 15 * i : 15 * i + 6] = own[camera.name]
-        covariance[15 * i + 6 : 15 * i + 15, 15 * i + 6 : 15 * i + 15] = camera.covariance
+        slots = camera_slots(i)
+        covariance[slots, slots] = block_diag(own[camera.name], camera.covariance)
     return Network(
         tuple(given.cameras),
         RigidTransform.concatenate([T_gtv_camera[name] for name in names]),

@@ -89,8 +89,6 @@ class RobotPose:
     sensitivity : (6, t) array
         Change of the pose by the cameras' (15 each) and the markers' (6 each) unknowns, in the
         order of the network and the layout: poses that share them err together.
-    own_covariance : (6, 6) array
-        The part of the covariance that no other pose shares.
     cameras : tuple of str
         Whose images were used.
     numbers : tuple of int
@@ -99,32 +97,23 @@ class RobotPose:
         The second solution, if there is one.
     excess : float
         By how much chi^2 of the second solution is larger; infinite without one.
-    unbound : BodyPose
-        The pose by the corners alone.
-    floor : Floor
-        What it is tested against.
+    floor_p : float
+        How likely a robot on the floor looks so high or tilted by chance, by the corners alone.
     """
 
     best: BodyPose = field(repr=False)
     covariance: Array
     sensitivity: Array = field(repr=False)
-    own_covariance: Array = field(repr=False)
     cameras: tuple[str, ...]
     numbers: tuple[int, ...]
     second: BodyPose | None = field(repr=False)
     excess: float
-    unbound: BodyPose = field(repr=False)
-    floor: Floor
+    floor_p: float
 
     @cached_property
     def T_gtv_robot(self) -> RigidTransform:
         """The pose in space."""
         return stacked(self.best.R, self.best.t)
-
-    @cached_property
-    def floor_p(self) -> float:
-        """How likely a robot on the floor looks so high or tilted by chance."""
-        return _floor_p(self.unbound, self.floor)
 
     @property
     def ambiguous(self) -> bool:
@@ -197,13 +186,11 @@ def robot_pose(
         best,
         0.5 * (covariance + covariance.T),
         sensitivity,
-        own,
         tuple(s.camera for s in problem.sightings),
         tuple(sorted({v.number for s in problem.sightings for v in s.views})),
         second,
         float(excess),
-        unbound,
-        floor or Floor(),
+        _floor_p(unbound, floor or Floor()),
     )
 
 
