@@ -30,7 +30,7 @@ from vision_gt.optics.camera import Camera
 from vision_gt.optics.planar_pose import planar_solutions
 from vision_gt.optics.transforms import angle_between
 from vision_gt.robot.marker_poses import Layout
-from vision_gt.robot.robot_pose import Sighting, robot_pose
+from vision_gt.robot.robot_pose import Floor, Sighting, robot_pose
 
 SQUARE = SIDE / 2 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)
 OPENCV = ("none", "subpix", "apriltag")
@@ -68,7 +68,9 @@ def judged(photograph: tuple[Camera, Image, Array], number: int, T: RigidTransfo
     views = detect_markers(image, APRIL, camera, [number]).views
     layout = Layout((number,), np.array([SIDE]), RigidTransform.identity(1), np.zeros((6, 6)))
     network = replace(exact_network(RigidTransform.identity()), cameras=(camera,))
-    pose = robot_pose([Sighting("1", views)], network, layout) if views else None
+    pose = (
+        robot_pose([Sighting("1", views)], network, layout, Floor(0.003, 0.005)) if views else None
+    )
     if pose is None:
         return np.array([0, 0])
     # The print's frame in the scenes has y down, the marker's has y up.

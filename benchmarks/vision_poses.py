@@ -17,7 +17,7 @@ from vision_scenes import camera_at, exact_network, random_robot, seen_robot
 
 from data_samples.rooms.cameras import robot_layout
 from vision_gt.optics.transforms import change_between
-from vision_gt.robot.robot_pose import robot_pose
+from vision_gt.robot.robot_pose import Floor, robot_pose
 
 CASES = ((2.0, 0.3, 4.0), (5.0, 0.3, 13.0), (2.0, 0.1, 1.4), (5.0, 0.1, 4.0))
 FIRST_SEED = 1000
@@ -31,7 +31,9 @@ def main(count: int) -> None:
         for seed in range(FIRST_SEED, FIRST_SEED + count):
             rng = np.random.default_rng(seed)
             true = random_robot(rng)
-            pose = robot_pose([seen_robot(T_camera, true, noise, rng)], network, layout)
+            pose = robot_pose(
+                [seen_robot(T_camera, true, noise, rng)], network, layout, Floor(0.003, 0.005)
+            )
             assert pose is not None
             off = change_between(pose.T_gtv_robot, true)
             errors.append(1e3 * np.linalg.norm(off[:3]))

@@ -29,7 +29,7 @@ from data_samples.rooms.cameras import MARKER_FAMILY, robot_layout
 from vision_gt.images.markers import detect_markers
 from vision_gt.network.adjustment import Bar, KnownBody
 from vision_gt.network.solution import NetworkInput, solve_network
-from vision_gt.robot.robot_pose import Sighting, robot_pose
+from vision_gt.robot.robot_pose import Floor, Sighting, robot_pose
 
 T_CAMERA = camera_at(3.0)
 CAMERA_SIGMAS = [1e-3] * 3 + [5e-4] * 3 + [0.3, 0.3, 0.4, 0.4, 1e-3, 2e-3, 1e-4, 1e-4, 1e-3]
@@ -50,7 +50,7 @@ def photographs(count: int) -> list[Image]:
 def ours(image: Image) -> int:
     cv2.setNumThreads(1)
     views = detect_markers(image, MARKER_FAMILY, NETWORK.cameras[0], KNOWN_IDS).views
-    pose = robot_pose([Sighting("1", views)], NETWORK, LAYOUT)
+    pose = robot_pose([Sighting("1", views)], NETWORK, LAYOUT, Floor(0.003, 0.005))
     assert pose is not None
     assert np.isfinite(pose.planar[1]).all()
     return len(views)

@@ -170,9 +170,8 @@ def _stops(
     layout: Layout,
 ) -> tuple[StopPose, ...]:
     """Poses of all stops."""
-    floor = given.settings.floor
-    stated = Floor(floor.height, floor.tilt)
-    bound = stated if given.settings.on_floor else None
+    stated = Floor(given.settings.floor.height, given.settings.floor.tilt)
+    on_floor = given.settings.on_floor
     names = dict.fromkeys(pose for images in given.images.poses.values() for pose in images)
     stops = []
     for pose in sorted(names, key=counting):
@@ -181,11 +180,13 @@ def _stops(
             for (camera, stop), detection in detections.items()
             if stop == pose and detection.views
         ]
-        single = {s.camera: robot_pose([s], network, layout, bound) for s in sightings}
+        single = {
+            s.camera: robot_pose([s], network, layout, stated, on_floor=on_floor) for s in sightings
+        }
         by_camera = {name: found for name, found in single.items() if found is not None}
         chosen: RobotPose | None
         if given.settings.merge_cameras and len(by_camera) > 1:
-            merged = robot_pose(sightings, network, layout, bound)
+            merged = robot_pose(sightings, network, layout, stated, on_floor=on_floor)
             chosen = None if merged is None or merged.ambiguous else merged
         else:
             best = best_of(by_camera)

@@ -72,8 +72,8 @@ class Floor:
         floor is, and how well the reference pattern lay on it.
     """
 
-    height: float = 0.003
-    tilt: float = 0.005
+    height: float
+    tilt: float
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,9 @@ def robot_pose(
     sightings: Sequence[Sighting],
     network: Network,
     layout: Layout,
-    floor: Floor | None = None,
+    floor: Floor,
+    *,
+    on_floor: bool = False,
 ) -> RobotPose | None:
     """The pose that fits all corners; None if the views give no pose at all.
 
@@ -148,8 +150,10 @@ def robot_pose(
         Cameras with their covariance.
     layout : Layout
         Markers with their covariance.
-    floor : Floor, optional
-        Take the robot as standing on the floor. The floor is tested either way.
+    floor : Floor
+        How even it is. Whether the robot stands on it is tested.
+    on_floor : bool
+        Take the robot as standing on it.
 
     Raises
     ------
@@ -165,7 +169,7 @@ def robot_pose(
     problem = _Problem(sightings, network, layout)
     if not problem.sightings:
         return None
-    solutions = problem.solutions(floor)
+    solutions = problem.solutions(floor if on_floor else None)
     if not solutions:
         return None
     best = solutions[0]
@@ -175,7 +179,7 @@ def robot_pose(
         second = solutions[1]
         # Where corners are worse than stated, so is their power to tell the two apart.
         excess = 2 * (second.cost - best.cost) / max(best.chi_square / freedom, 1.0)
-    unbound = best if floor is None else problem.solved(best.R, best.t, None)
+    unbound = problem.solved(best.R, best.t, None) if on_floor else best
     own = best.own_covariance
     if chdtrc(freedom, best.chi_square) < _POOR_FIT:
         own = own * best.chi_square / freedom
@@ -190,7 +194,7 @@ def robot_pose(
         tuple(sorted({v.number for s in problem.sightings for v in s.views})),
         second,
         float(excess),
-        _floor_p(unbound, floor or Floor()),
+        _floor_p(unbound, floor),
     )
 
 

@@ -26,7 +26,7 @@ from vision_gt.optics.camera import Camera
 from vision_gt.optics.transforms import angle_between
 from vision_gt.patterns.dictionaries import ARTOOLKITPLUS, Family, artoolkitplus_bits
 from vision_gt.robot.marker_poses import Layout
-from vision_gt.robot.robot_pose import Sighting, robot_pose
+from vision_gt.robot.robot_pose import Floor, Sighting, robot_pose
 
 
 def corner_errors(distance: float, count: int, seed: int = 5):
@@ -59,7 +59,7 @@ def is_silent_flip(view, T_camera_marker, part) -> bool:
         np.zeros((6, 6)),
     )
     network = replace(exact_network(RigidTransform.identity()), cameras=(part,))
-    pose = robot_pose([Sighting("1", (view,))], network, layout)
+    pose = robot_pose([Sighting("1", (view,))], network, layout, Floor(0.003, 0.005))
     own = RigidTransform.from_rotation(Rotation.from_rotvec([np.pi, 0, 0]))
     off = np.rad2deg(angle_between(pose.T_gtv_robot, T_camera_marker * own))
     return bool(off > 10 and not pose.ambiguous)

@@ -31,6 +31,8 @@ from vision_gt.robot.robot_pose import (
     robot_pose,
 )
 
+EVEN = Floor(0.003, 0.005)
+
 
 def six_marker_errors(distance: float, noise: float, count: int):
     """Changes (n, 6) between estimate and truth, and normalised squares (n,)."""
@@ -40,7 +42,7 @@ def six_marker_errors(distance: float, noise: float, count: int):
     for seed in range(count):
         rng = np.random.default_rng(seed)
         true = random_robot(rng)
-        pose = robot_pose([seen_robot(T_camera, true, noise, rng)], network, layout)
+        pose = robot_pose([seen_robot(T_camera, true, noise, rng)], network, layout, EVEN)
         off = change_between(pose.T_gtv_robot, true)
         errors.append(off)
         nees.append(off @ np.linalg.solve(pose.covariance, off))
@@ -81,10 +83,10 @@ def test_a_single_frontal_marker_is_declared_ambiguous_and_the_floor_decides():
     for _ in range(8):
         T_camera, true, sighting, layout = frontal_marker(0.15, rng)
         network = exact_network(T_camera)
-        pose = robot_pose([sighting], network, layout)
+        pose = robot_pose([sighting], network, layout, EVEN)
         assert pose.ambiguous or angle_between(pose.T_gtv_robot, true) < np.deg2rad(10)
         ambiguous += pose.ambiguous
-        on_floor = robot_pose([sighting], network, layout, Floor())
+        on_floor = robot_pose([sighting], network, layout, EVEN, on_floor=True)
         assert not on_floor.ambiguous
         decided += bool(angle_between(on_floor.T_gtv_robot, true) < np.deg2rad(2))
     assert ambiguous >= 4
@@ -94,7 +96,7 @@ def test_a_single_frontal_marker_is_declared_ambiguous_and_the_floor_decides():
 def test_an_ambiguous_pose_keeps_both_solutions():
     rng = np.random.default_rng(1)
     T_camera, true, sighting, layout = frontal_marker(0.05, rng, back=2.5)
-    pose = robot_pose([sighting], exact_network(T_camera), layout)
+    pose = robot_pose([sighting], exact_network(T_camera), layout, EVEN)
     assert pose.second is not None
     other = stacked(pose.second.R, pose.second.t)
     assert angle_between(pose.T_gtv_robot, other) > np.deg2rad(20)
@@ -109,11 +111,13 @@ def test_a_robot_off_the_floor_is_found_out_and_one_on_it_is_not():
     for seed in range(6):
         rng = np.random.default_rng(seed)
         true = random_robot(rng)
-        low.append(robot_pose([seen_robot(T_camera, true, 0.1, rng)], network, layout).floor_p)
+        low.append(
+            robot_pose([seen_robot(T_camera, true, 0.1, rng)], network, layout, EVEN).floor_p
+        )
         lifted = perturbed(true, np.array([0, 0, 0.03, 0.03, 0, 0]))
         sighting = seen_robot(T_camera, lifted, 0.1, rng)
-        assert robot_pose([sighting], network, layout).floor_p < 1e-3
-        assert robot_pose([sighting], network, layout, Floor()).floor_p < 1e-3
+        assert robot_pose([sighting], network, layout, EVEN).floor_p < 1e-3
+        assert robot_pose([sighting], network, layout, EVEN, on_floor=True).floor_p < 1e-3
     assert min(low) > 1e-3
 
 
@@ -122,8 +126,10 @@ def test_the_floor_makes_poses_better_and_the_covariance_says_so():
     rng = np.random.default_rng(2)
     true = random_robot(rng)
     sighting = seen_robot(T_camera, true, 0.3, rng)
-    free = robot_pose([sighting], exact_network(T_camera), layout)
-    bound = robot_pose([sighting], exact_network(T_camera), layout, Floor(0.002, 0.003))
+    free = robot_pose([sighting], exact_network(T_camera), layout, EVEN)
+    bound = robot_pose(
+        [sighting], exact_network(T_camera), layout, Floor(0.002, 0.003), on_floor=True
+    )
     assert np.trace(bound.planar[1]) < np.trace(free.planar[1])
 
 
@@ -134,14 +140,16 @@ def test_what_the_cameras_and_the_layout_do_not_know_the_poses_do_not_know():
     sighting = seen_robot(T_camera, true, 0.05, rng)
     cameras = np.zeros((15, 15))
     cameras[0, 0] = 0.01**2  # the camera's x is known to 1 cm, and so is the robot's
-    exact = robot_pose([sighting], exact_network(T_camera), robot_layout())
-    unsure = robot_pose([sighting], exact_network(T_camera, cameras), robot_layout())
+    exact = robot_pose([sighting], exact_network(T_camera), robot_layout(), EVEN)
+    unsure = robot_pose([sighting], exact_network(T_camera, cameras), robot_layout(), EVEN)
     gained = unsure.planar[1] - exact.planar[1]
     assert gained[0, 0] == pytest.approx(0.01**2, rel=0.02)
     assert abs(gained[1, 1]) < 1e-7
     layout = robot_layout()
     shared = np.kron(np.ones((6, 6)), np.diag([0.004, 0, 0, 0, 0, 0]) ** 2)
-    moved = robot_pose([sighting], exact_network(T_camera), replace(layout, covariance=shared))
+    moved = robot_pose(
+        [sighting], exact_network(T_camera), replace(layout, covariance=shared), EVEN
+    )
     # All markers 4 mm further along the robot's x: the robot is 4 mm further back.
     added = moved.planar[1] - exact.planar[1]
     heading = true.rotation.as_rotvec()[2]
@@ -156,7 +164,7 @@ def test_poses_from_one_camera_err_together():
     network = exact_network(T_camera, cameras)
     rng = np.random.default_rng(4)
     poses = [
-        robot_pose([seen_robot(T_camera, random_robot(rng), 0.05, rng)], network, layout)
+        robot_pose([seen_robot(T_camera, random_robot(rng), 0.05, rng)], network, layout, EVEN)
         for _ in range(2)
     ]
     joint = joint_covariance(poses, network, layout)
@@ -176,7 +184,9 @@ def test_covariances_that_include_the_layout_hold():
         off = rng.standard_normal((6, 6)) * np.sqrt(np.diagonal(covariance)).reshape(6, 6)
         real = replace(nominal, T_robot_marker=perturbed(nominal.T_robot_marker, off))
         true = random_robot(rng)
-        pose = robot_pose([seen_robot(T_camera, true, 0.05, rng, layout=real)], network, stated)
+        pose = robot_pose(
+            [seen_robot(T_camera, true, 0.05, rng, layout=real)], network, stated, EVEN
+        )
         error = change_between(pose.T_gtv_robot, true)
         total += float(error @ np.linalg.solve(pose.covariance, error))
     low, high = chi2.ppf([1e-4, 1 - 1e-4], 120)
@@ -196,7 +206,7 @@ def test_a_pose_is_what_an_adjustment_of_all_unknowns_gives(spoiled, floor):
     true = random_robot(rng)
     sighting = seen_robot(T_camera, true, 0.1, rng)
     sighting.views[0].corners[1] += spoiled
-    pose = robot_pose([sighting], network, layout, Floor() if floor else None)
+    pose = robot_pose([sighting], network, layout, EVEN, on_floor=floor)
     numbers = [view.number for view in sighting.views]
     sides = {number: float(layout.sides[layout.index(number)]) for number in numbers}
     views = marker_views([(0, 0, sighting.views)], numbers, sides)
@@ -242,7 +252,7 @@ def test_a_misplaced_corner_is_held_back():
     spoiled = Sighting(
         "1", (MarkerView(first.number, corners, first.covariances), *sighting.views[1:])
     )
-    pose = robot_pose([spoiled], exact_network(T_camera), layout)
+    pose = robot_pose([spoiled], exact_network(T_camera), layout, EVEN)
     assert np.linalg.norm(pose.T_gtv_robot.translation - true.translation) < 0.005
     assert pose.p_value < 1e-4
 
@@ -256,7 +266,7 @@ def test_the_documents_way_is_worse():
         true = random_robot(rng)
         sighting = seen_robot(T_camera, true, 0.5, rng)
         published = published_pose(sighting, network.cameras[0], T_camera, layout)
-        pose = robot_pose([sighting], network, layout)
+        pose = robot_pose([sighting], network, layout, EVEN)
         ours.append(np.linalg.norm(pose.T_gtv_robot.translation - true.translation))
         theirs.append(np.linalg.norm(published.translation - true.translation))
     assert np.median(theirs) > 3 * np.median(ours)
@@ -267,12 +277,12 @@ def test_a_marker_that_the_layout_does_not_have_is_refused_and_named():
     network = exact_network(T_camera)
     stranger = MarkerView(777, np.zeros((4, 2)), np.zeros((4, 2, 2)))
     with pytest.raises(GtvalError, match="the layout has no marker 777"):
-        robot_pose([Sighting("1", (stranger,))], network, layout)
+        robot_pose([Sighting("1", (stranger,))], network, layout, EVEN)
 
 
 def test_no_marker_is_no_pose():
     network, layout = exact_network(camera_at(2.0)), robot_layout()
-    assert robot_pose([Sighting("1", ())], network, layout) is None
+    assert robot_pose([Sighting("1", ())], network, layout, EVEN) is None
     assert best_of({}) is None
 
 
