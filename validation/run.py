@@ -230,14 +230,14 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
         except GtvalError as error:
             faults.append(error)
     try:
-        published = published_tables(campaign)
+        for table in published_tables(campaign):
+            result = SystemResult([table], findings=assumed_sigmas(table))
+            solved.append(solved_system(table.system, result))
     except GtvalError as error:
         faults.append(error)
-        published = []
+    except Exception as error:  # noqa: BLE001  (the systems' poses are there)
+        solved.append(failed_system("published", error))
     _raise_together(faults)
-    for table in published:
-        result = SystemResult([table], findings=assumed_sigmas(table))
-        solved.append(solved_system(table.system, result))
     if not solved:
         raise InputError(
             [Problem(campaign.folder, "the campaign holds no data for any installed system")]
