@@ -52,3 +52,12 @@ def ad23_poses() -> dict[str, PoseTable]:
         "laser_scanmatch": "laser/published_scanmatch.csv",
     }
     return {system: from_csv(AD23 / file, system=system) for system, file in files.items()}
+
+
+@pytest.fixture(scope="session")
+def room_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
+    """A simulated room, whose surveyed poses have a joint covariance, after `gtval run --json`."""
+    folder = tmp_path_factory.mktemp("simulated") / "room"
+    made = CliRunner().invoke(main, ["simulate", str(folder), "--seed", "77", "--stops", "8"])
+    assert made.exit_code == 0, made.output
+    return folder, CliRunner().invoke(main, ["run", str(folder), "--json"])
