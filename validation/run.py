@@ -209,14 +209,7 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
     """Every system with data, then the published tables."""
     faults: list[GtvalError] = []
     solved: list[SolvedSystem] = []
-    wanted: list[System] = []
-    for system in installed_systems():
-        try:
-            wanted += [system] if system.has_data(campaign) else []
-        except GtvalError as error:
-            faults.append(error)
-        except Exception as error:  # noqa: BLE001  (one system must not take the others)
-            solved.append(failed_system(system.name, error))
+    wanted = _with_data(campaign, solved, faults)
     for number, system in enumerate(wanted):
         known = replace(campaign, solved={before.name: before.result for before in solved})
         start, width = 0.9 * number / len(wanted), 0.9 / len(wanted)
@@ -230,14 +223,14 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
         except GtvalError as error:
             faults.append(error)
     try:
-        published = published_tables(campaign)
+        for table in published_tables(campaign):
+            result = SystemResult([table], findings=assumed_sigmas(table))
+            solved.append(solved_system(table.system, result))
     except GtvalError as error:
         faults.append(error)
-        published = []
+    except Exception as error:  # noqa: BLE001  (the systems' poses are there)
+        solved.append(failed_system("published", error))
     _raise_together(faults)
-    for table in published:
-        result = SystemResult([table], findings=assumed_sigmas(table))
-        solved.append(solved_system(table.system, result))
     if not solved:
         raise InputError(
             [
@@ -250,6 +243,21 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
             ]
         )
     return solved
+
+
+def _with_data(
+    campaign: Campaign, solved: list[SolvedSystem], faults: list[GtvalError]
+) -> list[System]:
+    """The installed systems that have data; what goes wrong is added to what is solved and bad."""
+    wanted: list[System] = []
+    for system in installed_systems():
+        try:
+            wanted += [system] if system.has_data(campaign) else []
+        except GtvalError as error:
+            faults.append(error)
+        except Exception as error:  # noqa: BLE001  (one system must not take the others)
+            solved.append(failed_system(system.name, error))
+    return wanted
 
 
 def _raise_together(faults: list[GtvalError]) -> None:
@@ -365,10 +373,13 @@ def _steps(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> di
     }
     surveyed = {name: one for name, one in poses.items() if name == "poses_survey.csv"}
     steps = {}
+    published = {one.system: campaign.folder / one.file for one in campaign.settings.published}
     for step, contents in files.items():
         sources, uses = [campaign.folder], poses if step in {COMPARISON, EXPLANATION} else {}
         system = installed.get(step)
-        if system is not None:
+        if step in published:
+            sources = [campaign.toml, published[step]]
+        elif system is not None:
             sources = inputs_of(system, campaign)
             uses = surveyed if starts_from_survey(system) else {}
         steps[step] = step_of(campaign, sources, contents, run.inputs, uses, choices.get(step))

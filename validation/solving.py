@@ -9,7 +9,7 @@ import contextlib
 import platform
 import re
 import traceback
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -232,11 +232,43 @@ def step_of(
 
 
 def write_system(campaign: Campaign, system: System, solved: SolvedSystem) -> tuple[Finding, ...]:
-    """Write what one system made, and mark what no longer belongs to it.
+    """Write what one system made; see `write_step`."""
+    return write_step(
+        campaign,
+        system.name,
+        inputs_of(system, campaign),
+        solved.files,
+        validation_poses(campaign, system.name),
+        solved.choices,
+        {system.name: solved.result.facts},
+    )
 
-    results/run.json keeps what the last whole run recorded; the step of this system is new.
-    Errors, statistics and the report of an earlier run stay where they are, and run.json, the
-    report itself and the findings returned say that they are out of date.
+
+def write_step(
+    campaign: Campaign,
+    name: str,
+    sources: Sequence[Path],
+    files: Mapping[str, str | bytes],
+    uses: Mapping[str, str],
+    choices: Mapping[str, object] | None = None,
+    facts: Mapping[str, object] | None = None,
+) -> tuple[Finding, ...]:
+    """Write what one step made, and mark what no longer belongs to it.
+
+    results/run.json keeps what the last whole run recorded; this step is new. Errors,
+    statistics and the report of an earlier run stay where they are, and run.json, the report
+    itself and the findings returned say that they are out of date.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The folder.
+    name : str
+        Of the step: a system or an analysis.
+    sources, files, uses, choices
+        As of `step_of`.
+    facts : mapping of str to object, optional
+        What ``systems`` of run.json says anew.
 
     Raises
     ------
@@ -245,31 +277,24 @@ def write_system(campaign: Campaign, system: System, solved: SolvedSystem) -> tu
     """
     record = earlier_record(campaign)
     steps = earlier_steps(record)
-    sources = inputs_of(system, campaign)
-    hashes = input_hashes(campaign.folder, [*sources, *sources_of(campaign, steps.values())])
-    uses = validation_poses(campaign, system.name)
-    step = step_of(campaign, sources, solved.files, hashes, uses, solved.choices)
-    steps[system.name] = step
-    old = out_of_date(campaign, steps, step.outputs, hashes)
+    known = [*sources, *sources_of(campaign, steps.values())]
+    hashes = input_hashes(campaign.folder, known)
+    steps[name] = step_of(campaign, sources, files, hashes, uses, choices)
+    old = out_of_date(campaign, steps, steps[name].outputs, hashes)
+    before = record.get("systems")
     record |= made_with()
-    record["systems"] = {**_part(record, "systems"), system.name: solved.result.facts}
+    record["systems"] = {**(before if isinstance(before, dict) else {}), **(facts or {})}
     record["steps"] = steps
     record["out_of_date"] = old
-    record["outputs"] = sorted({*earlier_outputs(campaign), *solved.files, RECORD})
-    contents = {f"{campaign.results.name}/{name}": one for name, one in solved.files.items()}
+    record["outputs"] = sorted({*earlier_outputs(campaign), *files, RECORD})
+    contents = {f"{campaign.results.name}/{file}": one for file, one in files.items()}
     contents[f"{campaign.results.name}/{RECORD}"] = json_text(record)
     contents |= marked_report(campaign, next((one for one in old if one.file == REPORT_FILE), None))
     write_files(campaign.folder, contents)
     if not old:
         return ()
     text = f"Out of date now: {', '.join(one.file for one in old)}. `gtval run` makes them anew."
-    return (Finding("warning", text, system.name, "out_of_date"),)
-
-
-def _part(record: Mapping[str, object], name: str) -> Mapping[str, object]:
-    """A mapping of a record that an older version or a person may have written otherwise."""
-    found = record.get(name)
-    return found if isinstance(found, dict) else {}
+    return (Finding("warning", text, name, "out_of_date"),)
 
 
 def system_output(

@@ -9,6 +9,7 @@ from click.testing import CliRunner, Result
 from small_campaigns import AD23, MINIMAL_TOML, FixedSystem
 
 import validation.run
+import validation.solving
 import validation.systems
 from validation.cli import main
 from validation.poses.pose_table import PoseTable, from_csv
@@ -19,7 +20,7 @@ def with_systems(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Puts systems in the place of the installed ones."""
 
     def replace(*systems: FixedSystem) -> None:
-        for module in (validation.run, validation.systems):
+        for module in (validation.run, validation.solving, validation.systems):
             monkeypatch.setattr(module, "installed_systems", lambda: list(systems))
 
     return replace
@@ -51,3 +52,12 @@ def ad23_poses() -> dict[str, PoseTable]:
         "laser_scanmatch": "laser/published_scanmatch.csv",
     }
     return {system: from_csv(AD23 / file, system=system) for system, file in files.items()}
+
+
+@pytest.fixture(scope="session")
+def room_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
+    """A simulated room, whose surveyed poses have a joint covariance, after `gtval run --json`."""
+    folder = tmp_path_factory.mktemp("simulated") / "room"
+    made = CliRunner().invoke(main, ["simulate", str(folder), "--seed", "77", "--stops", "8"])
+    assert made.exit_code == 0, made.output
+    return folder, CliRunner().invoke(main, ["run", str(folder), "--json"])

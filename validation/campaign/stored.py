@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from validation.campaign.folder import Campaign
-from validation.campaign.provenance import earlier_record, earlier_steps, out_of_date
+from validation.campaign.provenance import RECORD, earlier_record, earlier_steps, out_of_date
 from validation.errors import InputError, Problem
 from validation.poses.joint import with_stored_joint
 from validation.poses.pose_table import PLANAR, SPATIAL, Component, PoseTable, from_csv
@@ -28,7 +28,7 @@ class StoredTables:
     tables : tuple of PoseTable
         With the joint covariances that lie beside their files.
     findings : tuple of Finding
-        Results that are out of date.
+        Results that are out of date, or of which nobody knows from what they were made.
     """
 
     tables: tuple[PoseTable, ...]
@@ -67,25 +67,32 @@ def read_tables(paths: Sequence[Path], names: Sequence[str] = ()) -> StoredTable
 def stored_tables(campaign: Campaign) -> StoredTables:
     """Tables under results/, as a run has written them; none where there was no run.
 
+    In the order of the run, so that sums over them are the same to the last digit; those that
+    no run has made come last.
+
     Raises
     ------
     GtvalError
         If one is bad.
     """
-    found = read_tables(sorted(campaign.results.glob("poses_*.csv")))
-    names = {f"results/poses_{table.system}.csv" for table in found.tables}
-    old = out_of_date(campaign, earlier_steps(earlier_record(campaign)))
-    late = tuple(
-        Finding(
-            "warning",
-            f"{one.file} is out of date: {one.reason}. `gtval run` makes it anew.",
-            one.file.removeprefix("results/poses_").removesuffix(".csv"),
-            "out_of_date",
-        )
-        for one in old
-        if one.file in names
-    )
-    return StoredTables(found.tables, late)
+    steps = earlier_steps(earlier_record(campaign))
+    made = {name: at for at, name in enumerate(one for s in steps.values() for one in s.outputs)}
+    paths = sorted(campaign.results.glob("poses_*.csv"))
+    found = read_tables(sorted(paths, key=lambda path: made.get(path.name, len(made))))
+    reasons = {one.file: one.reason for one in out_of_date(campaign, steps)}
+    late = []
+    for table in found.tables:
+        name = f"poses_{table.system}.csv"
+        if name not in made:
+            text = f"results/{name}: results/{RECORD} does not say from what it was made"
+            late.append(Finding("warning", f"{text}. {ANEW}", table.system, "no_provenance"))
+        elif f"results/{name}" in reasons:
+            text = f"results/{name} is out of date: {reasons[f'results/{name}']}"
+            late.append(Finding("warning", f"{text}. {ANEW}", table.system, "out_of_date"))
+    return StoredTables(found.tables, tuple(late))
+
+
+ANEW = "`gtval run` makes it anew."
 
 
 def system_of(path: Path) -> str:

@@ -71,7 +71,7 @@ def explain(
     """
     from validation.commands.output import end_of_command
 
-    folder: Path | None
+    folder, campaign = output, None
     with progress_bar("explaining") as progress:
         if validation.is_dir() or validation.name == "campaign.toml":
             if gt or references or sensors or witnesses:
@@ -79,24 +79,24 @@ def explain(
                     "with a campaign folder, references, sensors and witnesses are stated in the "
                     "table [explain] of its campaign.toml"
                 )
-            explanation, found, sections, results = _of_campaign(validation, progress)
-            folder = output or results
+            campaign, explanation, found, sections = _of_campaign(validation, progress)
+            folder = output or campaign.results
         elif gt:
             explanation, found, sections = _of_files(validation, gt, references, sensors, witnesses)
-            folder = output
         else:
             raise click.UsageError(
                 "give at least one GT table to explain with the validation table"
             )
         if folder is not None:
-            _write(folder, explanation, sections if figures else ())
+            files = _files(explanation, sections if figures else ())
+            found = (*found, *_write(folder, None if output else campaign, files))
         elif figures:
             raise click.UsageError("--figures needs --output")
     if as_json:
         from validation.explain.telling.output import explanation_json
         from validation.report.terminal import print_json
 
-        print_json(explanation_json(explanation))
+        print_json({**explanation_json(explanation), "findings": found})
     else:
         _print(explanation, found, sections, folder, everything=everything)
     end_of_command(found, failed=False, strict=strict)
@@ -143,42 +143,44 @@ def _assignments(pairs: Sequence[str]) -> list[tuple[str, str]]:
 
 def _of_campaign(
     folder: Path, progress: "Progress"
-) -> "tuple[Explanation, Sequence[Finding], Sequence[Section], Path]":
+) -> "tuple[Campaign, Explanation, Sequence[Finding], Sequence[Section]]":
     """The explanation of a campaign's results, run first where they are missing."""
     from validation.campaign.folder import load_campaign
     from validation.errors import GtvalError
     from validation.explain.telling.section import explain_campaign
 
     campaign = load_campaign(folder)
-    parts = explain_campaign(campaign, _tables(campaign, progress))
+    tables, late = _tables(campaign, progress)
+    parts = explain_campaign(campaign, tables)
     if parts.explanation is None:
         raise GtvalError(
             "there is nothing to explain: no planar system has a stop in common with the survey"
         )
-    return parts.explanation, parts.findings, parts.sections, campaign.results
+    return campaign, parts.explanation, (*parts.findings, *late), parts.sections
 
 
-def _tables(campaign: "Campaign", progress: "Progress") -> "Sequence[PoseTable]":
-    """Tables under results/, or of a fresh run where the validation's is missing."""
+def _tables(
+    campaign: "Campaign", progress: "Progress"
+) -> "tuple[Sequence[PoseTable], Sequence[Finding]]":
+    """Tables under results/, or of a fresh run where some are missing, and what is out of date."""
     from validation.campaign.stored import stored_tables
     from validation.results import VALIDATION_SYSTEM
 
-    tables = stored_tables(campaign).tables
-    named = {table.system for table in tables}
+    found = stored_tables(campaign)
+    named = {table.system for table in found.tables}
     if VALIDATION_SYSTEM in named and len(named) > 1:
-        return tables
+        return found.tables, found.findings
     from validation.run import run_campaign, write_results
 
     done = run_campaign(campaign, progress)
     write_results(done)
-    return done.tables
+    return done.tables, ()
 
 
-def _write(folder: Path, explanation: "Explanation", sections: "Sequence[Section]") -> None:
-    """Corrected poses, flags, numbers and figures, all or nothing."""
+def _files(explanation: "Explanation", sections: "Sequence[Section]") -> "dict[str, str | bytes]":
+    """Corrected poses, flags, numbers, and figures of the sections."""
     from validation.explain.telling.output import FOLDER, explanation_files
     from validation.results import Figure
-    from validation.text_files.writing import write_files
 
     files = explanation_files(explanation)
     for section in sections:
@@ -187,7 +189,24 @@ def _write(folder: Path, explanation: "Explanation", sections: "Sequence[Section
                 from validation.report.svg import inline_svg
 
                 files[f"{FOLDER}/{block.name}.svg"] = inline_svg(block, block.name)
-    write_files(folder, files)
+    return files
+
+
+def _write(
+    folder: Path, campaign: "Campaign | None", files: "dict[str, str | bytes]"
+) -> "Sequence[Finding]":
+    """All files or none; in a campaign with what they were made from, and what is out of date."""
+    from validation.solving import write_step
+    from validation.text_files.writing import write_files
+
+    if campaign is None:
+        write_files(folder, files)
+        return ()
+    from validation.campaign.provenance import digest_of
+    from validation.run import EXPLANATION
+
+    poses = {path.name: digest_of(path) for path in sorted(folder.glob("poses_*.csv"))}
+    return write_step(campaign, EXPLANATION, [campaign.folder], files, poses)
 
 
 def _print(

@@ -15,7 +15,7 @@ from validation.explain.loading import campaign_question
 from validation.explain.settings import ExplainSettings
 from validation.explain.telling.words import findings
 
-PAGE = Path(__file__).parents[3] / "docs" / "ad23.md"
+PAGE = Path(__file__).parents[4] / "docs" / "ad23.md"
 NAMES = {
     "survey": "survey",
     "genetic laser": "laser_genetic",

@@ -1,0 +1,293 @@
+"""What no longer belongs together under results/ is marked everywhere, and nothing else is."""
+
+import hashlib
+import json
+import shutil
+from dataclasses import dataclass
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from small_campaigns import FixedSystem, three_stops
+
+from validation.campaign.banner import marked_report
+from validation.campaign.folder import load_campaign
+from validation.campaign.provenance import earlier_record, earlier_steps, out_of_date, sources_of
+from validation.campaign.stored import stored_tables
+from validation.cli import main
+from validation.results import SystemResult
+from validation.solving import system_output
+from validation.systems import no_progress
+
+
+@dataclass
+class FileSystem(FixedSystem):
+    """A system whose poses lie as far off as a number in a file says."""
+
+    file: str = ""
+    starts_from_survey: bool = False
+
+    def inputs(self, campaign):
+        return [campaign.folder / self.file]
+
+    def solve(self, campaign, progress):
+        shift = float((campaign.folder / self.file).read_text())
+        if self.starts_from_survey:
+            shift += campaign.solved["survey"].tables[0].poses[0, 0]
+        progress(self.name, 1.0)
+        turn = np.array([[0.01], [0.02], [0.04]])
+        return SystemResult([three_stops(self.name, shift + (self.name != "survey") * turn)])
+
+
+@pytest.fixture
+def folder(campaign_folder: Path, with_systems) -> Path:
+    """A campaign of three systems, run; 'rig' starts from the survey and 'other' does not."""
+    for name in ("survey", "rig", "other"):
+        (campaign_folder / f"{name}.txt").write_text("0.0")
+    with_systems(
+        FileSystem("survey", file="survey.txt"),
+        FileSystem("rig", file="rig.txt", starts_from_survey=True),
+        FileSystem("other", file="other.txt"),
+    )
+    run(campaign_folder)
+    return campaign_folder
+
+
+def run(folder: Path) -> None:
+    done = CliRunner().invoke(main, ["run", str(folder)])
+    assert done.exit_code == 0, done.output
+
+
+def solve(folder: Path, name: str) -> list[str]:
+    """Solve one system by itself, as its command does; the codes of its findings."""
+    _, findings, _ = system_output(folder, name, no_progress, {}, write=True)
+    return [finding.text for finding in findings if finding.code == "out_of_date"]
+
+
+def marked(folder: Path) -> list[str]:
+    """The files that are out of date now, without what each system writes beside its poses."""
+    campaign = load_campaign(folder)
+    found = out_of_date(campaign, earlier_steps(earlier_record(campaign)))
+    return [one.file for one in found if not one.file.endswith((".tum", ".json", "flagged.csv"))]
+
+
+def page(folder: Path) -> str:
+    return (folder / "report/report.html").read_text()
+
+
+EVERYTHING_AFTER_THE_SURVEY = [
+    "results/poses_rig.csv",
+    "results/errors.csv",
+    "results/statistics.csv",
+    "results/explain/explanation.json",
+    "report/report.html",
+]
+
+
+def test_after_a_run_nothing_is_marked(folder):
+    assert marked(folder) == []
+    assert json.loads((folder / "results/run.json").read_text())["out_of_date"] == []
+    assert "out of date." not in page(folder)
+    assert stored_tables(load_campaign(folder)).findings == ()
+
+
+def test_a_survey_solved_again_marks_what_was_made_from_the_old_one(folder):
+    (folder / "survey.txt").write_text("0.5")
+    (said,) = solve(folder, "survey")
+    record = json.loads((folder / "results/run.json").read_text())
+    noted = [one["file"] for one in record["out_of_date"]]
+    for file in EVERYTHING_AFTER_THE_SURVEY:
+        assert file in said
+        assert file in noted
+    assert not [file for file in noted if "other" in file or "poses_survey" in file]
+    assert "This report is out of date" in page(folder)
+    run(folder)
+    assert marked(folder) == []
+    assert "This report is out of date" not in page(folder)
+
+
+def test_a_system_solved_again_to_the_same_numbers_marks_nothing(folder):
+    assert solve(folder, "survey") == []
+    assert marked(folder) == []
+    assert "This report is out of date" not in page(folder)
+
+
+def test_a_mark_goes_when_the_results_are_again_what_the_report_was_made_from(folder):
+    before = page(folder)
+    (folder / "survey.txt").write_text("0.5")
+    solve(folder, "survey")
+    assert page(folder) != before
+    (folder / "survey.txt").write_text("0.0")
+    assert solve(folder, "survey") == []
+    assert page(folder) == before
+
+
+def test_a_changed_input_marks_its_system_and_what_follows_before_anything_is_solved(folder):
+    (folder / "other.txt").write_text("0.5")
+    files = marked(folder)
+    assert "results/poses_other.csv" in files
+    assert "results/errors.csv" in files
+    assert "results/poses_survey.csv" not in files
+    assert "results/poses_rig.csv" not in files
+
+
+def test_added_and_removed_inputs_are_noticed(folder):
+    (folder / "notes.txt").write_text("new")  # read by no system, but perhaps by a comparison
+    assert "report/report.html" in marked(folder)
+    (folder / "notes.txt").unlink()
+    assert marked(folder) == []
+    (folder / "rig.txt").unlink()
+    assert "results/poses_rig.csv" in marked(folder)
+
+
+def test_results_that_were_edited_by_hand_are_noticed(folder):
+    poses = folder / "results/poses_rig.csv"
+    poses.write_text(poses.read_text().replace("2,", "2,1", 1))
+    campaign = load_campaign(folder)
+    found = {
+        one.file: one.reason
+        for one in out_of_date(campaign, earlier_steps(earlier_record(campaign)))
+    }
+    assert found["results/poses_rig.csv"] == "it is not as the step 'rig' left it"
+    assert "results/poses_rig.csv" in found["results/errors.csv"]
+    assert "results/poses_survey.csv" not in found
+
+
+@pytest.mark.parametrize("command", ["compare", "explain"])
+def test_compare_and_explain_tell_what_is_out_of_date(folder, command):
+    (folder / "other.txt").write_text("0.5")
+    done = CliRunner().invoke(main, [command, str(folder), "--json"])
+    findings = json.loads(done.stdout)["findings"]
+    late = [one for one in findings if one["code"] == "out_of_date"]
+    assert late[0]["subject"] == "other"
+    assert "changed after the step 'other': other.txt" in late[0]["text"]
+    assert "`gtval run`" in late[0]["text"]
+
+
+@pytest.mark.parametrize("command", ["compare", "explain"])
+@pytest.mark.parametrize("record", [None, "{", "[]", '{"steps": {"rig": 3}}', '{"steps": []}'])
+def test_results_of_which_nobody_knows_the_origin_are_not_trusted_silently(folder, command, record):
+    file = folder / "results/run.json"
+    file.unlink()
+    if record is not None:
+        file.write_text(record)
+    done = CliRunner().invoke(main, [command, str(folder), "--json"])
+    assert done.exit_code == 0, done.output
+    findings = json.loads(done.stdout)["findings"]
+    late = [one["subject"] for one in findings if one["code"] == "no_provenance"]
+    assert late == ["other", "rig", "survey"]
+
+
+def test_a_table_that_somebody_put_there_is_named(folder):
+    text = (folder / "results/poses_rig.csv").read_text()
+    (folder / "results/poses_stranger.csv").write_text(text)
+    (finding,) = stored_tables(load_campaign(folder)).findings
+    assert (finding.severity, finding.code) == ("warning", "no_provenance")
+    assert "results/poses_stranger.csv: results/run.json does not say" in finding.text
+
+
+def test_explaining_again_keeps_the_record_true(folder):
+    before = (folder / "results/run.json").read_bytes()
+    done = CliRunner().invoke(main, ["explain", str(folder)])
+    assert done.exit_code == 0, done.output
+    # Nothing has changed, so neither have the numbers nor what is said of them.
+    after = json.loads((folder / "results/run.json").read_bytes())
+    assert after["steps"] == json.loads(before)["steps"]
+    assert marked(folder) == []
+
+
+def test_a_record_of_an_older_version_is_written_anew_by_the_next_step(folder):
+    (folder / "results/run.json").write_text('{"outputs": ["errors.csv"], "systems": []}')
+    solve(folder, "survey")
+    record = json.loads((folder / "results/run.json").read_text())
+    assert list(record["steps"]) == ["survey"]
+    assert list(record["systems"]) == ["survey"]
+    assert "errors.csv" in record["outputs"]
+
+
+def test_a_forged_record_reads_nothing_outside_of_the_campaign(folder):
+    record = json.loads((folder / "results/run.json").read_text())
+    record["steps"]["rig"]["sources"] = ["/", "../..", "a\0b", ".", "rig.txt"]
+    steps = earlier_steps(record)
+    found = sources_of(load_campaign(folder), [steps["rig"]])
+    assert found == [folder, folder / "rig.txt"]
+
+
+def test_every_input_is_hashed_once(folder, monkeypatch):
+    read = []
+    digest = hashlib.file_digest
+
+    def counted(stream, name):
+        read.append(Path(stream.name).relative_to(folder).as_posix())
+        return digest(stream, name)
+
+    monkeypatch.setattr(hashlib, "file_digest", counted)
+    run(folder)
+    assert sorted(read) == ["campaign.toml", "other.txt", "rig.txt", "survey.txt"]
+    read.clear()
+    solve(folder, "rig")
+    assert len(read) == len(set(read))
+
+
+class Tags(HTMLParser):
+    """Reads a page and keeps which elements are still open."""
+
+    EMPTY = frozenset({"meta", "link", "br", "use", "path", "image"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.alarms = 0
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.alarms += ("role", "alert") in attrs
+        if tag not in self.EMPTY:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if tag not in self.EMPTY:
+            assert self.open.pop() == tag
+
+
+def test_the_marked_report_is_well_formed_and_marked_once(folder):
+    toml = folder / "campaign.toml"
+    toml.write_text(toml.read_text().replace("three stops", "<b>three & more</b>"))
+    for number in (0.5, 0.7):
+        (folder / "survey.txt").write_text(str(number))
+        solve(folder, "survey")
+        tags = Tags(page(folder))
+        assert tags.open == []
+        assert tags.alarms == 1
+
+
+@pytest.mark.parametrize("content", [None, b"\xff\xfe", b"<p>another page</p>"])
+def test_a_page_that_is_no_report_of_ours_is_left_alone(folder, content):
+    report = folder / "report/report.html"
+    report.unlink()
+    if content is not None:
+        report.write_bytes(content)
+    assert marked_report(load_campaign(folder), None) == {}
+    (folder / "survey.txt").write_text("0.5")
+    solve(folder, "survey")
+    assert report.exists() == (content is not None)
+    assert content is None or report.read_bytes() == content
+
+
+def test_a_real_survey_solved_again_after_a_change_is_told(room_run, tmp_path):
+    folder = tmp_path / "room"
+    shutil.copytree(room_run[0], folder)
+    readings = folder / "survey/readings.csv"
+    lines = readings.read_text().splitlines()
+    column = lines[0].split(",").index("distance")
+    cells = lines[5].split(",")
+    cells[column] = f"{float(cells[column]) + 0.001:.3f}"
+    lines[5] = ",".join(cells)
+    readings.write_text("\n".join(lines) + "\n")
+    done = CliRunner().invoke(main, ["survey", str(folder)])
+    assert done.exit_code == 0, done.output
+    assert "Out of date now:" in done.output
+    assert "example_gt.csv" not in done.output.split("Out of date now:")[1].split("errors")[0]
+    assert "This report is out of date" in page(folder)
