@@ -71,15 +71,15 @@ class SystemExplanation(Shown):
         The chosen one without the flagged cells.
     reference : ReferenceEvidence, optional
         Where the reference is not stated and the errors look as if there were one.
-    degrees_hint : str
-        That the angles look like degrees, in words; empty where they do not.
+    unit_doubt : str
+        Why headings are perhaps in degrees, in words; empty if nothing says so.
     """
 
     table: PoseTable
     selection: Selection | None
     settled: Settled | None
     reference: ReferenceEvidence | None
-    degrees_hint: str = ""
+    unit_doubt: str = ""
 
     @property
     def system(self) -> str:
@@ -143,7 +143,7 @@ def explain(
     Raises
     ------
     GtvalError
-        If the tables are not planar or share no stop, angles look like degrees, or a named
+        If the tables are not planar or share no stop, angles are certainly degrees, or a named
         reference or system does not exist.
 
     Notes
@@ -195,7 +195,7 @@ def explain(
                 noise,
                 certain=question.references.get(table.system) == UNKNOWN_STOP,
             ),
-            one.degrees_hint,
+            one.unit_doubt,
         )
         for table, one, chosen, done in zip(systems, pairs, selections, settled, strict=True)
     )

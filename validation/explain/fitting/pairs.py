@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import comb
 
 import numpy as np
 import numpy.typing as npt
 
 from validation.errors import GtvalError
-from validation.poses.angles import Array, wrap
+from validation.explain.fitting.angle_unit import angle_unit_doubt
+from validation.poses.angles import Array
 from validation.poses.pose_table import PLANAR, PoseTable, in_common, pose_difference
 
 CONSTRUCTED = np.array([2e-4, 2e-4, 2e-4])
@@ -44,8 +44,8 @@ class Pairs:
         Of the GT poses, in m/s and rad/s, where times are known.
     between : (n, 3, n, 3) array, optional
         Covariance between the errors of different stops, where the tables state one.
-    degrees_hint : str
-        That the angles of a table look like degrees, in words; empty where they do not.
+    unit_doubt : str
+        Why the headings of one table are perhaps in degrees, in words; empty if nothing says so.
     """
 
     system: str
@@ -61,7 +61,7 @@ class Pairs:
     constructed: tuple[str, ...] = ()
     velocities: Array | None = None
     between: Array | None = None
-    degrees_hint: str = ""
+    unit_doubt: str = ""
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -107,7 +107,7 @@ def make_pairs(
     ------
     GtvalError
         If the poses are not planar, no stop is in common, the reference has no validation pose,
-        or the angles are certainly degrees.
+        or the angles are certainly in degrees.
     """
     for table in (validation, gt):
         if table.components != PLANAR:
@@ -116,7 +116,6 @@ def make_pairs(
             )
     ids = in_common([validation, gt])
     ours, theirs = validation.select(ids), gt.select(ids)
-    hint = degrees_hint(ours, theirs)
     stated = bool(ours.has_covariance.all() and theirs.has_covariance.all())
     unit, nothing = np.broadcast_to(np.eye(3), (len(ids), 3, 3)), np.zeros((len(ids), 3, 3))
     pairs = Pairs(
@@ -129,7 +128,7 @@ def make_pairs(
         stated=stated,
         velocities=None if times is None else _velocities(ids, theirs.poses, times),
         between=shared_part([ours, theirs]) if stated else None,
-        degrees_hint=hint,
+        unit_doubt=angle_unit_doubt(ours, theirs),
     )
     return _with_reference(pairs, validation, reference) if reference else pairs
 
@@ -153,61 +152,6 @@ def _with_reference(pairs: Pairs, validation: PoseTable, reference: str) -> Pair
         reference_covariance=covariance,
         constructed=left_out,
     )
-
-
-CERTAIN = 1e-6
-"""Angles that agree when read as degrees are refused where chance does so less often than this:
-of a million tables of unrelated headings one would be refused wrongly."""
-
-
-def degrees_hint(validation: PoseTable, gt: PoseTable) -> str:
-    """The sentence that says so if one table's angles fit the other's far better as degrees.
-
-    Parameters
-    ----------
-    validation, gt : PoseTable
-        Planar poses of the same stops. The hint is empty where the angles fit as they are.
-
-    Raises
-    ------
-    GtvalError
-        Where it is certain: chance would make them agree so well less often than `CERTAIN`.
-    """
-    n, a, b = len(validation), validation.poses[:, 2], gt.poses[:, 2]
-
-    def spread(difference: Array) -> float:
-        # About the direction most have in common, so that a frame's rotation does not count.
-        turned = np.exp(1j * difference)
-        return float(np.median(np.abs(wrap(np.angle(turned / np.median(turned))))))
-
-    if n < 3:
-        return ""
-    as_is = spread(a - b)
-    converted = {
-        gt.system: spread(a - np.radians(b)),
-        validation.system: spread(np.radians(a) - b),
-    }
-    system = min(converted, key=lambda name: converted[name])
-    if as_is <= 0.2 or converted[system] >= as_is / 5:
-        return ""
-    hint = (
-        f"the angles of '{system}' look like degrees: read so, they agree with the other "
-        f"table's to {converted[system]:.3f} rad instead of {as_is:.2f} rad"
-    )
-    if _by_chance(n, converted[system]) < CERTAIN:
-        raise GtvalError(f"{hint}. Angles are in radians; convert them")
-    return hint
-
-
-def _by_chance(n: int, spread: float) -> float:
-    """Upper bound on the chance that n unrelated headings agree so well, one table or the other.
-
-    Half of them, m, must lie within ``spread`` of one direction, so that m - 1 lie within twice
-    that of one of them, each with the chance 2 spread / pi; there are n to choose that one from,
-    the ways to choose the m - 1, and two tables.
-    """
-    others = (n + 1) // 2 - 1
-    return float(2 * n * comb(n - 1, others) * min(1.0, 2 * spread / np.pi) ** others)
 
 
 def _velocities(ids: list[str], poses: Array, times: Mapping[str, float]) -> Array:

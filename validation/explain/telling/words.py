@@ -20,6 +20,9 @@ def findings(explanation: Explanation) -> list[Finding]:
     """All that a reader should take from the explanation."""
     told: list[Finding] = []
     for one in explanation.systems:
+        if one.unit_doubt:
+            text = one.unit_doubt[0].upper() + one.unit_doubt[1:]
+            told.append(Finding("warning", text, one.system, "perhaps_degrees"))
         told += system_findings(one, explanation.question.confidence)
     told += [_agreement(one, explanation.question.confidence) for one in explanation.agreements]
     told += arbitration_findings(explanation.arbitration)
@@ -28,17 +31,13 @@ def findings(explanation: Explanation) -> list[Finding]:
 
 def system_findings(one: SystemExplanation, confidence: float) -> list[Finding]:
     """What was found out about one system."""
-    told = []
-    if one.degrees_hint:
-        text = f"Perhaps {one.degrees_hint}. Check the unit; angles are taken as radians."
-        told.append(Finding("warning", text, one.system, "perhaps_degrees"))
     if one.selection is None or one.settled is None:
         text = (
             "There are too few poses in common with the validation to explain the errors; "
             "survey at least four stops at different headings, better twenty."
         )
-        return [*told, Finding("warning", text, one.system, "too_few_poses")]
-    told.append(_cause(one, one.selection, one.settled, confidence))
+        return [Finding("warning", text, one.system, "too_few_poses")]
+    told = [_cause(one, one.selection, one.settled, confidence)]
     if one.settled.fit.model.parts:
         evidence = f"{_sureness(one.selection)} {_taken_away(one.settled)}"
         told.append(Finding("note", evidence, one.system, "evidence"))
