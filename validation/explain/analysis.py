@@ -71,12 +71,15 @@ class SystemExplanation(Shown):
         The chosen one without the flagged cells.
     reference : ReferenceEvidence, optional
         Where the reference is not stated and the errors look as if there were one.
+    unit_doubt : str
+        Why headings are perhaps in degrees, in words; empty if nothing says so.
     """
 
     table: PoseTable
     selection: Selection | None
     settled: Settled | None
     reference: ReferenceEvidence | None
+    unit_doubt: str = ""
 
     @property
     def system(self) -> str:
@@ -140,7 +143,7 @@ def explain(
     Raises
     ------
     GtvalError
-        If the tables are not planar or share no stop, angles look like degrees, or a named
+        If the tables are not planar or share no stop, angles are certainly degrees, or a named
         reference or system does not exist.
 
     Notes
@@ -192,8 +195,9 @@ def explain(
                 noise,
                 certain=question.references.get(table.system) == UNKNOWN_STOP,
             ),
+            one.unit_doubt,
         )
-        for table, chosen, done in zip(systems, selections, settled, strict=True)
+        for table, one, chosen, done in zip(systems, pairs, selections, settled, strict=True)
     )
     agreements = _agreements(explained, pairs, result, question)
     return Explanation(validation, explained, result, agreements, question)

@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.errors import GtvalError
-from validation.poses.angles import Array, wrap
+from validation.explain.fitting.angle_unit import angle_unit_doubt
+from validation.poses.angles import Array
 from validation.poses.pose_table import PLANAR, PoseTable, in_common, pose_difference
 
 CONSTRUCTED = np.array([2e-4, 2e-4, 2e-4])
@@ -43,6 +44,8 @@ class Pairs:
         Of the GT poses, in m/s and rad/s, where times are known.
     between : (n, 3, n, 3) array, optional
         Covariance between the errors of different stops, where the tables state one.
+    unit_doubt : str
+        Why the headings of one table are perhaps in degrees, in words; empty if nothing says so.
     """
 
     system: str
@@ -58,6 +61,7 @@ class Pairs:
     constructed: tuple[str, ...] = ()
     velocities: Array | None = None
     between: Array | None = None
+    unit_doubt: str = ""
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -103,7 +107,7 @@ def make_pairs(
     ------
     GtvalError
         If the poses are not planar, no stop is in common, the reference has no validation pose,
-        or the angles look like degrees.
+        or the angles are certainly in degrees.
     """
     for table in (validation, gt):
         if table.components != PLANAR:
@@ -112,7 +116,6 @@ def make_pairs(
             )
     ids = in_common([validation, gt])
     ours, theirs = validation.select(ids), gt.select(ids)
-    _check_angle_unit(ours, theirs)
     stated = bool(ours.has_covariance.all() and theirs.has_covariance.all())
     unit, nothing = np.broadcast_to(np.eye(3), (len(ids), 3, 3)), np.zeros((len(ids), 3, 3))
     pairs = Pairs(
@@ -125,6 +128,7 @@ def make_pairs(
         stated=stated,
         velocities=None if times is None else _velocities(ids, theirs.poses, times),
         between=shared_part([ours, theirs]) if stated else None,
+        unit_doubt=angle_unit_doubt(ours, theirs),
     )
     return _with_reference(pairs, validation, reference) if reference else pairs
 
@@ -148,31 +152,6 @@ def _with_reference(pairs: Pairs, validation: PoseTable, reference: str) -> Pair
         reference_covariance=covariance,
         constructed=left_out,
     )
-
-
-def _check_angle_unit(validation: PoseTable, gt: PoseTable) -> None:
-    """Raise if one table's angles fit the other's far better when read as degrees."""
-    a, b = validation.poses[:, 2], gt.poses[:, 2]
-
-    def spread(difference: Array) -> float:
-        # About the direction most have in common, so that a frame's rotation does not count.
-        turned = np.exp(1j * difference)
-        return float(np.median(np.abs(wrap(np.angle(turned / np.median(turned))))))
-
-    if len(a) < 3:
-        return
-    as_is = spread(a - b)
-    converted = {
-        gt.system: spread(a - np.radians(b)),
-        validation.system: spread(np.radians(a) - b),
-    }
-    system = min(converted, key=lambda name: converted[name])
-    if as_is > 0.2 and converted[system] < as_is / 5:
-        raise GtvalError(
-            f"the angles of '{system}' look like degrees: read so, they agree with the other "
-            f"table's to {converted[system]:.3f} rad instead of {as_is:.2f} rad. "
-            "Angles are in radians"
-        )
 
 
 def _velocities(ids: list[str], poses: Array, times: Mapping[str, float]) -> Array:

@@ -20,6 +20,9 @@ def findings(explanation: Explanation) -> list[Finding]:
     """All that a reader should take from the explanation."""
     told: list[Finding] = []
     for one in explanation.systems:
+        if one.unit_doubt:
+            text = one.unit_doubt[0].upper() + one.unit_doubt[1:]
+            told.append(Finding("warning", text, one.system, "perhaps_degrees"))
         told += system_findings(one, explanation.question.confidence)
     told += [_agreement(one, explanation.question.confidence) for one in explanation.agreements]
     told += arbitration_findings(explanation.arbitration)
