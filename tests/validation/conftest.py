@@ -35,6 +35,12 @@ def campaign_folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
+def ad23_folder() -> Path:
+    """The published campaign as it is installed: not to be written to."""
+    return AD23
+
+
+@pytest.fixture(scope="session")
 def ad23_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
     """A copy of the published campaign after `gtval run`, and what that printed as JSON."""
     folder = tmp_path_factory.mktemp("published") / "ad23"

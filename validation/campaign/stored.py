@@ -16,7 +16,7 @@ from validation.results import Finding
 from validation.text_files.csv_tables import Column, read_csv
 
 _MOST_RADIANS, _MOST_DEGREES = 4 * np.pi, 720.0
-"""Two turns: `from_csv` takes larger angles for no radians, and no file counts more degrees."""
+"""Two turns: `from_csv` refuses larger angles in radians, and here it is said why."""
 
 
 @dataclass(frozen=True)
@@ -113,5 +113,7 @@ def _refuse_degrees(path: Path) -> None:
     large = np.flatnonzero((angles > _MOST_RADIANS) & (angles <= _MOST_DEGREES))
     if len(large) > 2 or (len(large) and len(large) == len(angles)):
         for row in large:
-            cells.flag(int(row), "theta", "looks like degrees; angles are in radians")
+            cells.flag(
+                int(row), "theta", "looks like degrees; write radians: degrees times 0.0174533"
+            )
         cells.raise_problems()

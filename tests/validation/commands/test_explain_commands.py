@@ -118,7 +118,7 @@ def test_a_time_column_lets_a_time_offset_show(tmp_path):
         ),
         (
             lambda _: "pose,x,y,theta\n1,0,0,90\n2,1,1,180\n3,1,2,-45\n",
-            "looks like degrees; angles are in radians",
+            "looks like degrees; write radians: degrees times 0.0174533",
         ),
     ],
 )

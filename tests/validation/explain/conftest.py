@@ -1,17 +1,9 @@
 """The published campaign, explained."""
 
-from importlib.resources import files
-from pathlib import Path
-
 import pytest
 
 from validation.campaign.stored import read_tables
 from validation.explain.analysis import Question, explain
-
-
-@pytest.fixture(scope="session")
-def ad23_folder():
-    return Path(str(files("data_samples") / "ad23"))
 
 
 @pytest.fixture(scope="session")
