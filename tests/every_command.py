@@ -6,14 +6,15 @@ import click
 
 from validation.cli import main
 
+BOARD = "--columns 10 --rows 6 --square 0.1"
 USES = {
-    "accuracy": "{ad23} --start 18 --end 18' --dx 0.01 --dy 0.01 --dtheta 0.02",
+    "accuracy": "{room} --start 1 --end 2 --dx 0.01 --dy 0.01 --dtheta 0.02",
     "compare": "{ad23}",
-    "convergence": "{room} --starts 20 --passes 3",
+    "convergence": "{room} --starts 20",
     "demo": "{out}",
     "enter": "{room} --status",
     "explain": "{ad23}",
-    "instrument-check": "{files}/lengths.csv",
+    "instrument-check": "{files}/lengths.csv --tolerance 0.0015",
     "laser check-mount": "{room}",
     "laser decide": "{decided} 1 2 reject",
     "laser inspect": "{decided}",
@@ -27,20 +28,21 @@ USES = {
     "rtk imu": "{drive} {drive}/sensors/imu.csv",
     "rtk reference-covariance": "{drive} --samples 1000",
     "rtk run": "{drive} --dry-run",
-    "rtk scanner": "{drive} left_scanner {drive}/scans/left_scanner.csv",
-    "rtk sensor-path": "{drive} left_camera {files}/times.csv",
+    "rtk scanner": "{drive} left_scanner {drive}/scans/left_scanner.csv --ground -2.2",
+    "rtk sensor-path": "{drive} left_camera {files}/times.csv --output {out}.csv",
+    "rtk solve": "{drive} --dry-run",
     "run": "{room} --no-report",
     "simulate": "{out} --stops 3 --world-points 6",
     "simulate-drive": "{out} --loops 1",
     "survey": "{room} --dry-run",
-    "vision calibrate": "{vision}/vision/calibration/1 --workers 1",
+    "vision calibrate": "{vision}/vision/calibration/1 --workers 1 {board}",
     "vision check-displacement": "{vision}/truth/camera_1.yaml "
-    "{vision}/vision/calibration/1/01.png {vision}/vision/calibration/1/02.png 0.1",
+    "{vision}/vision/calibration/1/01.png {vision}/vision/calibration/1/02.png 0.1 {board}",
     "vision check-table": "{vision} --workers 1",
     "vision convert-camera": "{vision}/truth/camera_1.yaml {out}.yaml --format ros",
     "vision print-patterns": "{out} --campaign {vision} --svg",
     "vision solve": "{vision} --workers 1 --dry-run",
-    "walls-check": "{files}/walls.csv",
+    "walls-check": "{files}/walls.csv --tolerance 0.0015",
 }
 """Arguments of each command; the samples are made by the fixture of their name."""
 

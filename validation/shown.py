@@ -1,6 +1,6 @@
 """How results look at a prompt and in a notebook."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import fields
 from functools import singledispatch
 from typing import Any
@@ -49,7 +49,11 @@ def _brief(value: Any) -> str:
     if hasattr(value, "shape"):
         return f"{value.shape} array"
     if isinstance(value, Collection):
-        if len(value) <= MOST_ITEMS and all(isinstance(item, str | int) for item in value):
+        if (
+            not isinstance(value, Mapping)
+            and len(value) <= MOST_ITEMS
+            and all(isinstance(item, str | int) for item in value)
+        ):
             return repr(value)
         return f"{len(value)} items"
     return type(value).__name__

@@ -5,8 +5,8 @@ from typing import Literal
 
 import click
 
-from data_samples.commands.rooms import FORCE, SEED, refuse_to_overwrite
-from validation.commands.options import AS_JSON, PATH, progress_bar
+from data_samples.commands.rooms import FORCE, refuse_to_overwrite
+from validation.commands.options import AS_JSON, PATH, SEED, progress_bar
 
 
 @click.command("simulate-drive")

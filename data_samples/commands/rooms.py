@@ -10,6 +10,7 @@ from validation.commands.options import (
     EVERYTHING,
     NORMAL,
     PATH,
+    SEED,
     STRICT,
     WORKERS,
     progress_bar,
@@ -17,13 +18,6 @@ from validation.commands.options import (
 from validation.errors import GtvalError
 
 FORCE = click.option("--force", is_flag=True, help="Write into a folder that is not empty.")
-SEED = click.option(
-    "--seed",
-    type=click.IntRange(0),
-    default=1,
-    show_default=True,
-    help="Of all that is drawn at random.",
-)
 
 
 @click.command()
@@ -44,7 +38,8 @@ def demo(ctx: click.Context, /, folder: Path, *, as_json: bool, **choices: bool)
     copy_demo(folder)
     if not as_json:
         click.echo(f"The AD2.3 campaign is in {folder}.\n")
-    ctx.invoke(run, campaign=folder, as_json=as_json, **choices)
+    assert run.callback is not None
+    ctx.invoke(run.callback, campaign=folder, as_json=as_json, no_report=False, **choices)
 
 
 @click.command()

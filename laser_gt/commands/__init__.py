@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from validation.commands.options import AS_JSON, AS_PUBLISHED, CAMPAIGN, progress_bar
+from validation.commands.options import AS_JSON, AS_PUBLISHED, CAMPAIGN, STRICT, progress_bar
 from validation.commands.solve import CampaignGroup, solve_command
 
 if TYPE_CHECKING:
@@ -143,7 +143,8 @@ def decide(
 @laser.command("check-mount")
 @CAMPAIGN
 @AS_JSON
-def check_mount(campaign: Path, as_json: bool) -> None:
+@STRICT
+def check_mount(campaign: Path, as_json: bool, strict: bool) -> None:
     """Compare the stated place of the laser on the robot with the one the data show.
 
     Writes CAMPAIGN/report/laser_mount_overlay.png: two scans laid over each other through the
@@ -152,21 +153,23 @@ def check_mount(campaign: Path, as_json: bool) -> None:
     from laser_gt.campaign.facts import laser_facts
     from laser_gt.campaign.findings import laser_findings
     from laser_gt.campaign.sections import mount_table, overlay_figure
+    from validation.commands.output import tell_check
     from validation.errors import GtvalError
     from validation.figures.writing import write_figure
-    from validation.report.terminal import print_findings, print_json, print_table
 
     loaded, outcome = _solved(campaign, ("scanmatch",), need_poses=True)
     if outcome.mount_check is None:
         raise GtvalError(f"the mount cannot be checked: {outcome.mount_note}")
     path = loaded.report / "laser_mount_overlay.png"
     write_figure(path, overlay_figure(outcome, outcome.mount_check).draw())
-    if as_json:
-        print_json({"mount": laser_facts(outcome)["mount"], "overlay": path})
-        return
-    print_table(mount_table(outcome.mount_check))
-    print_findings([one for one in laser_findings(outcome) if one.code.startswith("mount")])
-    click.echo(f"\nOverlay: {path}")
+    tell_check(
+        {"mount": laser_facts(outcome)["mount"], "overlay": path},
+        [mount_table(outcome.mount_check)],
+        [one for one in laser_findings(outcome) if one.code.startswith("mount")],
+        as_json=as_json,
+        strict=strict,
+        more=f"Overlay: {path}",
+    )
 
 
 COMMANDS: list[click.Command] = [laser]

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from rtk_gt.commands.drive import along_path, sensor_named, solved
-from validation.commands.options import AS_JSON, CAMPAIGN, PATH
+from validation.commands.options import AS_JSON, CAMPAIGN, PATH, SEED
 
 VEHICLE = "vehicle"
 """What sensor-path calls the vehicle itself."""
@@ -43,7 +43,7 @@ def coverage(campaign: Path, as_json: bool) -> None:
     show_default=True,
     help="Simulated measurements; 10^7 take ten seconds.",
 )
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
+@SEED
 @AS_JSON
 def reference_covariance(campaign: Path, samples: int, seed: int, as_json: bool) -> None:
     """Covariance W* of a pose at the origin, to first order and by simulation.

@@ -13,7 +13,7 @@ from rtk_gt.commands.drive import (
     sensor_named,
     solved,
 )
-from validation.commands.options import AS_JSON, CAMPAIGN, PATH
+from validation.commands.options import AS_JSON, CAMPAIGN, FIGURE, PATH
 
 if TYPE_CHECKING:
     from rtk_gt.sensors.pass_matching import ScannerCalibration
@@ -260,7 +260,7 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
 @click.command()
 @CAMPAIGN
 @click.argument("angles", type=PATH)
-@click.option("--figure", type=PATH, help="Draw the rates and their errors (.png, .svg).")
+@FIGURE
 @AS_JSON
 def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> None:
     """Compare the rates of an IMU (CSV time,yaw,pitch,roll in radians) with the ground truth."""
@@ -326,7 +326,7 @@ def _poses(title: str, start: "Array", pose: "Array", spread: "Array", note: str
 def _say_how_to_keep(sensor: str, pose: "Array", spread: "Array") -> None:
     """The lines of campaign.toml, where angles are in radians."""
     for line in (
-        f"To use it, in campaign.toml under the [[rtk.sensors]] named {sensor} (metres, radians):",
+        f"To use it, write under the [[rtk.sensors]] named {sensor} (metres, radians):",
         *(
             f"{name} = [{', '.join(f'{value:.6f}' for value in values)}]"
             for name, values in (("pose", pose), ("sigmas", spread))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from validation.commands.options import AS_JSON, CAMPAIGN
+from validation.commands.options import AS_JSON, CAMPAIGN, STRICT
 
 if TYPE_CHECKING:
     from survey.settings import Motion
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 @click.command()
 @CAMPAIGN
 @AS_JSON
+@STRICT
 @click.option("--start", help="Pose before the motion.")
 @click.option("--end", help="Pose after it.")
 @click.option("--dx", type=float, help="Real motion along x, metres.")
@@ -35,6 +36,7 @@ def accuracy(
     *,
     campaign: Path,
     as_json: bool,
+    strict: bool,
     start: str | None,
     end: str | None,
     dx: float | None,
@@ -50,8 +52,8 @@ def accuracy(
     from survey.campaign.solve import solve_campaign
     from survey.settings import SurveySettings
     from validation.campaign.folder import load_campaign
+    from validation.commands.output import tell_check
     from validation.errors import GtvalError
-    from validation.report.terminal import print_findings, print_json, print_table
 
     loaded = load_campaign(campaign)
     given = (start, end, dx, dy, dtheta)
@@ -68,20 +70,13 @@ def accuracy(
         raise GtvalError(f"{campaign}: the survey gives no poses")
     checks = [check_poses(poses, motion) for motion in motions]
     findings = [f for m, c in zip(motions, checks, strict=True) for f in motion_findings(m, c)]
-    if as_json:
-        print_json(
-            {
-                "motions": [
-                    {"motion": motion, "check": check, "detectable": _detectable(check)}
-                    for motion, check in zip(motions, checks, strict=True)
-                ],
-                "findings": findings,
-            }
-        )
-        return
-    for motion, check in zip(motions, checks, strict=True):
-        print_table(motion_table(motion, check))
-    print_findings(findings)
+    pairs = list(zip(motions, checks, strict=True))
+    facts = [
+        {"motion": motion, "check": check, "detectable": _detectable(check)}
+        for motion, check in pairs
+    ]
+    tables = [motion_table(motion, check) for motion, check in pairs]
+    tell_check({"motions": facts}, tables, findings, as_json=as_json, strict=strict)
 
 
 def _motion(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from validation.commands.options import AS_JSON, CAMPAIGN, progress_bar
+from validation.commands.options import AS_JSON, CAMPAIGN, PATH, SEED, STRICT, progress_bar
 
 if TYPE_CHECKING:
     from survey.studies.convergence import Convergence, Region
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 @click.command()
 @CAMPAIGN
 @AS_JSON
+@STRICT
 @click.option(
     "--starts", default=10_000, show_default=True, type=click.IntRange(1), help="For each unknown."
 )
@@ -27,19 +28,20 @@ if TYPE_CHECKING:
 @click.option(
     "--passes", default=20, show_default=True, type=click.IntRange(1), help="Passes of the filter."
 )
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of the starts.")
-@click.option(
-    "--figures", type=click.Path(path_type=Path), help="Write a map for each unknown here."
-)
+@SEED
+@click.option("--maps", type=PATH, help="Write a map for each unknown to this folder.")
+@click.option("--figures", "maps_too", type=PATH, hidden=True)  # the name before --maps
 def convergence(
     *,
     campaign: Path,
     as_json: bool,
+    strict: bool,
     starts: int,
     radius: float,
     passes: int,
     seed: int,
-    figures: Path | None,
+    maps: Path | None,
+    maps_too: Path | None,
 ) -> None:
     """How far off a first guess may be: where thousands of random ones lead.
 
@@ -49,8 +51,8 @@ def convergence(
     """
     from survey.campaign.solve import solve_campaign
     from validation.campaign.folder import load_campaign
+    from validation.commands.output import tell_check
     from validation.errors import GtvalError
-    from validation.report.terminal import print_findings, print_json, print_table
 
     if not (isfinite(radius) and radius > 0):
         raise click.BadParameter("the radius must be a positive number of metres")
@@ -68,17 +70,15 @@ def convergence(
             outcome.solution, outcome.inputs.file.used, loaded.settings.robot_frame
         )
         found = _explore(unknowns, starts, radius, passes, seed, report)
-    if figures is not None:
-        _write_maps(figures, found)
+    for folder in filter(None, (maps, maps_too)):
+        _write_maps(folder, found)
     findings = convergence_findings(found)
-    if as_json:
-        print_json({"unknowns": [_facts(*one) for one in found], "findings": findings})
-        return
-    for kind in ("world point", "pose"):
-        chosen = [one for one in found if one[0].kind == kind]
-        if chosen:
-            print_table(_table(kind, chosen))
-    print_findings(findings)
+    kinds = {
+        kind: [one for one in found if one[0].kind == kind] for kind in ("world point", "pose")
+    }
+    facts = {"unknowns": [_facts(*one) for one in found]}
+    tables = [_table(kind, chosen) for kind, chosen in kinds.items() if chosen]
+    tell_check(facts, tables, findings, as_json=as_json, strict=strict)
 
 
 def _explore(
@@ -93,15 +93,20 @@ def _explore(
     import numpy as np
 
     from survey.studies.convergence import explore_convergence
+    from validation.errors import GtvalError
 
     streams = np.random.SeedSequence(seed).spawn(len(unknowns))
     found = []
     for number, (unknown, stream) in enumerate(zip(unknowns, streams, strict=True)):
         report(f"{unknown.kind} {unknown.name}", number / len(unknowns))
         rng = np.random.default_rng(stream)
-        result = explore_convergence(
-            unknown.problem, unknown.solution, rng, starts=starts, radius=radius, passes=passes
-        )
+        try:
+            result = explore_convergence(
+                unknown.problem, unknown.solution, rng, starts=starts, radius=radius, passes=passes
+            )
+        except ValueError as error:
+            said = f"{unknown.kind} {unknown.name}: {error}; give it more --passes than {passes}"
+            raise GtvalError(said) from error
         found.append((unknown, result))
     return found
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from validation.commands.options import AS_JSON, PATH
+from validation.commands.options import AS_JSON, FIGURE, PATH, STRICT
 
 if TYPE_CHECKING:
     from survey.studies.instrument_check import InstrumentCheck
@@ -31,8 +31,9 @@ _TOLERANCE = click.option(
 @_SPECIFICATION
 @_TOLERANCE
 @click.option("--resolution", type=click.FloatRange(min=0), help="Last digit shown, metres.")
-@click.option("--figure", type=PATH, help="Write a figure to this .png or .svg file.")
+@FIGURE
 @AS_JSON
+@STRICT
 def instrument_check(
     *,
     readings: Path,
@@ -41,6 +42,7 @@ def instrument_check(
     resolution: float | None,
     figure: Path | None,
     as_json: bool,
+    strict: bool,
 ) -> None:
     """Offset, scale and noise of a hand laser over known lengths.
 
@@ -50,7 +52,7 @@ def instrument_check(
     """
     from survey.studies.instrument_check import check_instrument
     from survey.studies.instrument_verdict import settings_snippet, verdict
-    from validation.report.terminal import print_findings, print_json, print_table
+    from validation.commands.output import tell_check
 
     instrument = _specification(campaign, tolerance, resolution)
     length, reading, sigma = _read_lengths(readings, instrument)
@@ -62,12 +64,14 @@ def instrument_check(
         from validation.figures.writing import write_figure
 
         write_figure(figure, instrument_figure(length, reading, check, instrument))
-    if as_json:
-        print_json({"check": check, "findings": findings, "settings": snippet})
-        return
-    print_table(_instrument_table(check))
-    print_findings(findings)
-    click.echo(f"\nFor campaign.toml:\n\n{snippet}", nl=False)
+    tell_check(
+        {"check": check, "settings": snippet},
+        [_instrument_table(check)],
+        findings,
+        as_json=as_json,
+        strict=strict,
+        more=f"For campaign.toml:\n\n{snippet}".rstrip(),
+    )
 
 
 def _specification(
@@ -188,8 +192,9 @@ def _instrument_table(check: "InstrumentCheck") -> "Table":
 @_SPECIFICATION
 @_TOLERANCE
 @AS_JSON
+@STRICT
 def walls_check(
-    distances: Path, campaign: Path | None, tolerance: float | None, as_json: bool
+    distances: Path, campaign: Path | None, tolerance: float | None, as_json: bool, strict: bool
 ) -> None:
     """Whether walls are parallel, from distances between them.
 
@@ -197,15 +202,12 @@ def walls_check(
     distance from wall a to wall b, at right angles to wall a, at a position along wall a.
     """
     from survey.studies.walls import wall_findings
-    from validation.report.terminal import print_findings, print_json, print_table
+    from validation.commands.output import tell_check
 
     pairs = _read_walls(distances, _specification(campaign, tolerance))
     findings = [finding for pair in pairs for finding in wall_findings(pair)]
-    if as_json:
-        print_json({"walls": pairs, "findings": findings})
-        return
-    print_table(_walls_table(pairs))
-    print_findings(findings)
+    tables = [_walls_table(pairs)]
+    tell_check({"walls": pairs}, tables, findings, as_json=as_json, strict=strict)
 
 
 def _read_walls(path: Path, instrument: "Instrument") -> "list[WallPair]":

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from validation.commands.options import AS_JSON, CAMPAIGN, progress_bar
+from validation.commands.options import AS_JSON, CAMPAIGN, FIGURE, STRICT, progress_bar
 
 if TYPE_CHECKING:
     from survey.estimation.adjustment import Adjustment
@@ -58,8 +58,11 @@ class Prediction:
     help="How many further readings to suggest.",
 )
 @click.option("--planned", is_flag=True, help="Use the plan even where there are readings.")
-@click.option("--figure", type=click.Path(path_type=Path), help="Write a map, .png or .svg.")
-def plan(*, campaign: Path, as_json: bool, extra: int, planned: bool, figure: Path | None) -> None:
+@FIGURE
+@STRICT
+def plan(
+    *, campaign: Path, as_json: bool, extra: int, planned: bool, figure: Path | None, strict: bool
+) -> None:
     """Predict how good a survey will be, and which further readings help most.
 
     Before the survey: from planned world points and stops (see [plan] in campaign.toml), every
@@ -67,7 +70,7 @@ def plan(*, campaign: Path, as_json: bool, extra: int, planned: bool, figure: Pa
     """
     from survey.settings import PlanSettings
     from validation.campaign.folder import load_campaign
-    from validation.report.terminal import print_findings, print_json, print_table
+    from validation.commands.output import tell_check
 
     loaded = load_campaign(campaign)
     settings = loaded.section("plan", PlanSettings)
@@ -75,15 +78,13 @@ def plan(*, campaign: Path, as_json: bool, extra: int, planned: bool, figure: Pa
     if figure is not None:
         _write_map(figure, loaded, prediction)
     findings = plan_findings(prediction)
-    if as_json:
-        print_json({**_facts(prediction, settings), "findings": findings})
-        return
-    print_table(_points_table(prediction))
+    tables = [_points_table(prediction)]
     if prediction.motions:
-        print_table(_poses_table(prediction, settings))
+        tables.append(_poses_table(prediction, settings))
     if prediction.extra:
-        print_table(_extra_table(prediction))
-    print_findings(findings)
+        tables.append(_extra_table(prediction))
+    facts = _facts(prediction, settings)
+    tell_check(facts, tables, findings, as_json=as_json, strict=strict)
 
 
 def predict(

@@ -9,8 +9,9 @@ from small_campaigns import FixedSystem, three_stops
 
 from validation.campaign.folder import load_campaign
 from validation.errors import GtvalError, InputError, Problem
+from validation.recording import result_files, write_results
 from validation.results import Finding, SystemResult
-from validation.run import result_files, run_campaign, write_results
+from validation.run import run_campaign
 
 
 def survey(**changes) -> FixedSystem:

@@ -99,7 +99,7 @@ def explain(
         print_json({**explanation_json(explanation), "findings": found})
     else:
         _print(explanation, found, sections, folder, everything=everything)
-    end_of_command(found, failed=False, strict=strict)
+    end_of_command(found, strict=strict)
 
 
 def _of_files(
@@ -170,7 +170,8 @@ def _tables(
     named = {table.system for table in found.tables}
     if VALIDATION_SYSTEM in named and len(named) > 1:
         return found.tables, found.findings
-    from validation.run import run_campaign, write_results
+    from validation.recording import write_results
+    from validation.run import run_campaign
 
     done = run_campaign(campaign, progress)
     write_results(done)

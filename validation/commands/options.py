@@ -29,6 +29,14 @@ DRY_RUN = click.option("--dry-run", is_flag=True, help="Print only; write nothin
 WORKERS = click.option(
     "--workers", type=click.IntRange(1), help="Processes; one for each processor by default."
 )
+SEED = click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=1,
+    show_default=True,
+    help="Of all that is drawn at random.",
+)
+FIGURE = click.option("--figure", type=PATH, help="Write a figure to this .png or .svg file.")
 AS_PUBLISHED = click.option(
     "--as-published/--not-as-published",
     default=None,

@@ -1,12 +1,12 @@
 """What commands print, and the status they end with."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import click
 
-from validation.results import Finding, SystemResult
+from validation.results import Finding, SystemResult, Table
 
 DONE, UNEXPECTED, BAD_INPUT, STRICT_ERROR, INTERRUPTED = 0, 1, 2, 3, 130
 """Exit statuses of all commands; 130 is what shells give a command that Ctrl-C has ended."""
@@ -25,6 +25,43 @@ def print_result(
     print_first_findings(findings, everything=everything)
     if results is not None:
         click.echo(f"\nResults: {results}")
+
+
+def tell_check(
+    facts: Mapping[str, object],
+    tables: Iterable[Table],
+    findings: Sequence[Finding],
+    *,
+    as_json: bool,
+    strict: bool,
+    more: str = "",
+) -> None:
+    """Print what a check found, all of it, and end as the findings call for.
+
+    Parameters
+    ----------
+    facts : mapping
+        For scripts.
+    tables : iterable of Table
+        For people.
+    findings : sequence of Finding
+        For both.
+    as_json, strict : bool
+        As the options say.
+    more : str
+        For people, after all else.
+    """
+    from validation.report.terminal import print_findings, print_json, print_table
+
+    if as_json:
+        print_json({**facts, "findings": findings})
+    else:
+        for table in tables:
+            print_table(table)
+        print_findings(findings)
+        if more:
+            click.echo(f"\n{more}")
+    end_of_command(findings, strict=strict)
 
 
 def print_first_findings(findings: Sequence[Finding], *, everything: bool) -> None:
@@ -54,7 +91,7 @@ def first_findings(findings: Sequence[Finding]) -> list[Finding]:
     return [asking[place] for place in sorted(rank[-1] for rank in sorted(ranks)[:MOST_FINDINGS])]
 
 
-def end_of_command(findings: Sequence[Finding], *, failed: bool, strict: bool) -> None:
+def end_of_command(findings: Sequence[Finding], *, strict: bool, failed: bool = False) -> None:
     """Exit with the status that the findings call for; go on where that is 0."""
     context = click.get_current_context()
     if failed:

@@ -26,6 +26,7 @@ ON_FLOOR = click.option(
     "--on-floor/--anywhere", default=None, help="The robot stands on the floor."
 )
 FORMATS = click.Choice(["opencv", "ros", "kalibr", "bouguet"])
+FORMAT_HELP = "Of the camera file to write."
 
 
 def board_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -81,7 +82,14 @@ vision.add_command(
 @click.argument("images", type=PATH)
 @board_options
 @click.option("--write", "target", type=PATH, help="Camera file to write.")
-@click.option("--format", "file_format", type=FORMATS, default="opencv", show_default=True)
+@click.option(
+    "--format",
+    "file_format",
+    type=FORMATS,
+    default="opencv",
+    show_default=True,
+    help=FORMAT_HELP,
+)
 @WORKERS
 @AS_JSON
 def calibrate(
@@ -121,7 +129,7 @@ def calibrate(
 @vision.command("convert-camera")
 @click.argument("source", type=PATH)
 @click.argument("target", type=PATH)
-@click.option("--format", "file_format", type=FORMATS, required=True)
+@click.option("--format", "file_format", type=FORMATS, required=True, help=FORMAT_HELP)
 @click.option("--camera", help="Name of the camera, in a file that has several.")
 @AS_JSON
 def convert_camera(
@@ -195,7 +203,7 @@ def check_displacement(
         return
     click.echo(
         f"measured {measured:.4f} m, expected {distance:.4f} m: off by "
-        f"{1e3 * (measured - distance):+.1f} mm; the board turned by {angle:.4f} rad"
+        f"{1e3 * (measured - distance):+.1f} mm\nThe board turned by {angle:.4f} rad."
     )
 
 

@@ -14,7 +14,7 @@ from validation.campaign.folder import load_campaign
 from validation.campaign.published import published_tables
 from validation.poses.pose_table import from_csv
 
-REPOSITORY = Path(__file__).parents[2]
+REPOSITORY = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
