@@ -11,8 +11,9 @@ from validation.report.files import report_files
 from validation.report.html import html_blocks
 from validation.report.terminal import most_severe_first
 from validation.results import Table
-from validation.run import RunResult, write_results
+from validation.run import RunResult
 from validation.run import run_campaign as run
+from validation.run_files import write_results
 from validation.shown import html_of
 from validation.systems import Progress, no_progress
 

@@ -1,17 +1,10 @@
 """A whole run: solve what the campaign has data for, compare, and write the results."""
 
-import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 from validation.campaign.folder import Campaign
 from validation.campaign.provenance import (
-    RECORD,
-    REPORT,
-    Step,
-    digest_of,
-    earlier_outputs,
     input_hashes,
 )
 from validation.campaign.published import assumed_sigmas, published_tables
@@ -21,24 +14,17 @@ from validation.poses.pose_table import SPATIAL, PoseTable
 from validation.results import VALIDATION_SYSTEM, Finding, Section, SystemResult
 from validation.shown import Shown
 from validation.solving import (
-    TRACEBACKS,
     SolvedSystem,
     failed_system,
-    made_with,
-    merged,
     solve_system,
     solved_system,
-    starts_from_survey,
-    step_of,
     unexpected,
 )
 from validation.statistics.conclusions import conclusions
 from validation.statistics.error_statistics import IntervalMethod
 from validation.statistics.evaluation import Evaluation, evaluate
 from validation.statistics.result_files import errors_csv, statistics_csv
-from validation.systems import Progress, System, inputs_of, installed_systems, no_progress
-from validation.text_files.json_text import json_text
-from validation.text_files.writing import write_files
+from validation.systems import Progress, System, installed_systems, no_progress
 
 
 @dataclass(frozen=True, repr=False)
@@ -338,117 +324,3 @@ def _comparison_files(
         "errors.csv": errors_csv(evaluations),
         "statistics.csv": statistics_csv(evaluations, confidence),
     }
-
-
-def result_files(run: RunResult) -> dict[str, Mapping[str, str | bytes]]:
-    """Every file of results/ but run.json: by the step that made it, and by its name.
-
-    Raises
-    ------
-    GtvalError
-        If two steps write the same file, or one outside of results/.
-    """
-    steps = {system.name: system.files for system in run.systems}
-    if run.comparison_files:
-        steps[COMPARISON] = run.comparison_files
-    if run.explained is not None:
-        steps[EXPLANATION] = run.explained.files
-    failures = {name: one for failure in run.failures for name, one in failure.files.items()}
-    if failures:
-        steps[TRACEBACKS] = failures
-    merged(steps.items())
-    return steps
-
-
-def _steps(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> dict[str, Step]:
-    """Which inputs and which results each step started from."""
-    campaign = run.campaign
-    installed = {system.name: system for system in installed_systems()}
-    choices = {system.name: system.choices for system in run.systems}
-    written = {name: digest_of(one) for step in files.values() for name, one in step.items()}
-    poses = {
-        name: one
-        for name, one in written.items()
-        if name.startswith("poses_") and name.endswith(".csv")
-    }
-    surveyed = {name: one for name, one in poses.items() if name == "poses_survey.csv"}
-    steps = {}
-    published = {one.system: campaign.folder / one.file for one in campaign.settings.published}
-    for step, contents in files.items():
-        sources, uses = [campaign.folder], poses if step in {COMPARISON, EXPLANATION} else {}
-        system = installed.get(step)
-        if step in published:
-            sources = [campaign.toml, published[step]]
-        elif system is not None:
-            sources = inputs_of(system, campaign)
-            uses = surveyed if starts_from_survey(system) else {}
-        steps[step] = step_of(campaign, sources, contents, run.inputs, uses, choices.get(step))
-    steps[REPORT] = step_of(campaign, [campaign.folder], {}, run.inputs, written)
-    return steps
-
-
-def run_record(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> dict[str, object]:
-    """What run.json holds: everything needed to tell where the numbers came from.
-
-    It holds no time of day: the same inputs give the same bytes.
-    """
-    return {
-        **made_with(),
-        "settings": {**run.campaign.settings.model_dump(), **run.campaign.extra},
-        "interval_method": run.method,
-        "inputs": run.inputs,
-        "systems": {system.name: system.result.facts for system in run.systems},
-        "provenance": {table.system: table.provenance for table in run.tables},
-        "comparisons": {
-            evaluation.system: {
-                "poses": evaluation.comparison.ids,
-                "missing_in_gt": evaluation.comparison.missing_in_gt,
-                "missing_in_validation": evaluation.comparison.missing_in_validation,
-                "nees_test": evaluation.comparison.test,
-                "nees_not_available": evaluation.comparison.unavailable,
-            }
-            for evaluation in run.evaluations
-        },
-        "findings": run.findings,
-        "steps": _steps(run, files),
-        "out_of_date": [],
-        "outputs": sorted([RECORD, *(name for step in files.values() for name in step)]),
-    }
-
-
-def write_results(run: RunResult, report: Mapping[str, str | bytes] | None = None) -> list[Path]:
-    """Write all results, and the report if there is one, or nothing at all.
-
-    Files that the run before this one made and this one did not are removed, as far as its
-    run.json lists them; nothing else is touched.
-
-    Parameters
-    ----------
-    run : RunResult
-        What to write.
-    report : mapping of str to str or bytes, optional
-        Files of the report by their names relative to report/.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-
-    Raises
-    ------
-    GtvalError
-        If they cannot be written; the old files are then untouched.
-    """
-    folder, results = run.campaign.folder, run.campaign.results
-    steps = result_files(run)
-    before = earlier_outputs(run.campaign)
-    files = {name: content for step in steps.values() for name, content in step.items()}
-    files[RECORD] = json_text(run_record(run, steps))
-    contents = {f"{results.name}/{name}": content for name, content in files.items()}
-    for name, content in (report or {}).items():
-        contents[f"{run.campaign.report.name}/{name}"] = content
-    written = write_files(folder, contents)
-    for name in before - set(files):
-        with contextlib.suppress(OSError):
-            (results / name).unlink()
-    return written

@@ -9,6 +9,7 @@ from click.testing import CliRunner, Result
 from small_campaigns import AD23, MINIMAL_TOML, FixedSystem
 
 import validation.run
+import validation.run_files
 import validation.solving
 import validation.systems
 from validation.cli import main
@@ -20,7 +21,12 @@ def with_systems(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Puts systems in the place of the installed ones."""
 
     def replace(*systems: FixedSystem) -> None:
-        for module in (validation.run, validation.solving, validation.systems):
+        for module in (
+            validation.run,
+            validation.run_files,
+            validation.solving,
+            validation.systems,
+        ):
             monkeypatch.setattr(module, "installed_systems", lambda: list(systems))
 
     return replace

@@ -10,7 +10,8 @@ from small_campaigns import FixedSystem, three_stops
 from validation.campaign.folder import load_campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.results import Finding, SystemResult
-from validation.run import result_files, run_campaign, write_results
+from validation.run import run_campaign
+from validation.run_files import result_files, write_results
 
 
 def survey(**changes) -> FixedSystem:

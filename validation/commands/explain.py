@@ -170,7 +170,8 @@ def _tables(
     named = {table.system for table in found.tables}
     if VALIDATION_SYSTEM in named and len(named) > 1:
         return found.tables, found.findings
-    from validation.run import run_campaign, write_results
+    from validation.run import run_campaign
+    from validation.run_files import write_results
 
     done = run_campaign(campaign, progress)
     write_results(done)

@@ -193,7 +193,8 @@ def _run_and_write(
 ) -> "RunResult":
     """Run the campaign and write its results, with the report if wanted."""
     from validation.campaign.folder import load_campaign
-    from validation.run import run_campaign, write_results
+    from validation.run import run_campaign
+    from validation.run_files import write_results
 
     loaded = load_campaign(campaign)
     with progress_bar("reading") as progress:
