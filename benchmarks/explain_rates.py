@@ -16,13 +16,14 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "validation" / "explain"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/validation/explain"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/validation/explain/fitting"))
 
 from four_sources import NAMES, WRONG_ANGLE, WRONG_LENGTH, Case, campaign
 from test_explain_selection import TRUE, chosen_and_nees
 
 from validation.explain.analysis import SystemExplanation, explain
-from validation.explain.sources.reading_of_sources import CELLS, Verdict
+from validation.explain.sources.verdicts import CELLS, Verdict
 
 CASES = (
     Case("noise estimated"),

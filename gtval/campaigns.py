@@ -6,7 +6,6 @@ from pathlib import Path
 from gtval.judging import findings_table
 from validation.campaign.folder import Campaign
 from validation.campaign.folder import load_campaign as load
-from validation.recording import write_results
 from validation.report.evaluation_tables import overview_table
 from validation.report.files import report_files
 from validation.report.html import html_blocks
@@ -14,6 +13,7 @@ from validation.report.terminal import most_severe_first
 from validation.results import Table
 from validation.run import RunResult
 from validation.run import run_campaign as run
+from validation.run_files import write_results
 from validation.shown import html_of
 from validation.systems import Progress, no_progress
 

@@ -10,7 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 MAX_SHOWN_PROBLEMS = 20
+"""As many lines as stay on one screen of a terminal; the others are counted."""
+
 _MAX_SHOWN_VALUE = 60
+"""Characters of a bad value, so that file, line and what was expected stay on its line."""
 
 
 class GtvalError(Exception):

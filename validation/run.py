@@ -1,4 +1,4 @@
-"""A whole run: solve what the campaign has data for, compare, and explain."""
+"""A whole run: solve what the campaign has data for, compare, and write the results."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

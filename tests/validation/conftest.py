@@ -8,8 +8,8 @@ import pytest
 from click.testing import CliRunner, Result
 from small_campaigns import AD23, MINIMAL_TOML, FixedSystem
 
-import validation.recording
 import validation.run
+import validation.run_files
 import validation.solving
 import validation.systems
 from validation.cli import main
@@ -23,7 +23,7 @@ def with_systems(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     def replace(*systems: FixedSystem) -> None:
         for module in (
             validation.run,
-            validation.recording,
+            validation.run_files,
             validation.solving,
             validation.systems,
         ):

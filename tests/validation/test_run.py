@@ -9,9 +9,9 @@ from small_campaigns import FixedSystem, three_stops
 
 from validation.campaign.folder import load_campaign
 from validation.errors import GtvalError, InputError, Problem
-from validation.recording import result_files, write_results
 from validation.results import Finding, SystemResult
 from validation.run import run_campaign
+from validation.run_files import result_files, write_results
 
 
 def survey(**changes) -> FixedSystem:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from validation.results import SystemResult
 
 MAX_TOML_BYTES = 1_000_000
+"""A thousand times what people write: a larger file is something else under a wrong name."""
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]

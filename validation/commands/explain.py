@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from validation.results import Finding, Section
     from validation.systems import Progress
 
-GOOD_ENOUGH = (0.05, 0.05, 0.05)
-"""Metres and radians asked of x, y, theta of single tables, as a campaign's [comparison] does."""
-
 
 @click.command()
 @click.argument("validation", type=PATH, metavar="CAMPAIGN | VALIDATION.csv")
@@ -99,7 +96,7 @@ def explain(
         print_json({**explanation_json(explanation), "findings": found})
     else:
         _print(explanation, found, sections, folder, everything=everything)
-    end_of_command(found, strict=strict)
+    end_of_command(found, failed=False, strict=strict)
 
 
 def _of_files(
@@ -110,11 +107,12 @@ def _of_files(
     witnesses: tuple[Path, ...],
 ) -> "tuple[Explanation, Sequence[Finding], Sequence[Section]]":
     """The explanation of single tables."""
+    from validation.campaign.folder import Comparison
     from validation.campaign.stored import read_tables
     from validation.explain.analysis import Question
     from validation.explain.analysis import explain as explained
     from validation.explain.loading import read_times
-    from validation.explain.telling.section import explain_sections, repeatability
+    from validation.explain.telling.section import asked_limits, explain_sections, repeatability
     from validation.explain.telling.words import findings
 
     truth, *systems = read_tables([validation, *gt]).tables
@@ -126,7 +124,7 @@ def _of_files(
         witnesses=read_tables(witnesses, [path.stem for path in witnesses]).tables,
     )
     explanation = explained(truth, systems, question)
-    sections = explain_sections(explanation, GOOD_ENOUGH, repeatability(explanation))
+    sections = explain_sections(explanation, asked_limits(Comparison()), repeatability(explanation))
     return explanation, findings(explanation), sections
 
 
@@ -170,8 +168,8 @@ def _tables(
     named = {table.system for table in found.tables}
     if VALIDATION_SYSTEM in named and len(named) > 1:
         return found.tables, found.findings
-    from validation.recording import write_results
     from validation.run import run_campaign
+    from validation.run_files import write_results
 
     done = run_campaign(campaign, progress)
     write_results(done)

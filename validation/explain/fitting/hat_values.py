@@ -12,19 +12,21 @@ from itertools import combinations
 import numpy as np
 from scipy import special
 
-from validation.explain.fitting.noise import Mask
+from validation.explain.fitting.noise import DIMENSIONS, MEDIANS, Mask
 from validation.poses.angles import Array, wrap
 
 _MINIMUM = 3
-"""Common poses that a pair must have to count."""
+"""Common poses that a pair must have to count: with two, one of which may be wrong, a mean square
+says nothing."""
 
 _LEAST = 0.1
+"""Least part that a source has in the variance of its best difference, where that is bounded. A
+judgement: a source taken for ten times better is believed nearly alone, and so few stops never
+show more."""
 
-DIMENSIONS = np.array([2.0, 1.0])
-"""Numbers in a cell: position, heading."""
-
-MEDIANS = np.array([2 * np.log(2), 0.4549364231195724])
-"""Medians of chi-squared with 2 and 1 degrees of freedom."""
+_EFFICIENCY = 0.4
+"""Degrees of freedom of a median of squares, as a part of those of their mean: 0.48 for two
+numbers a square and 0.37 for one, from the density of chi-squared at its median."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +171,7 @@ def _one_kind(
         squares = (part**2).sum(1)
         if robust:
             value = float(np.median(squares)) / MEDIANS[kind]
-            dof = 0.4 * dof  # efficiency of the median about that of 40 % of the data
+            dof = _EFFICIENCY * dof
         else:
             value = float(squares.sum()) / count
         kept.append((a, b, *shares))

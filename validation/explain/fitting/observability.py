@@ -9,7 +9,12 @@ from validation.poses.angles import Array
 
 LOST = 5.0
 """A combination of parameters is undetermined if it is known this many times worse than a
-single pose: pooling the poses has then gained nothing."""
+single pose: pooling the poses has then gained nothing. A judgement: between 1, the knowledge of
+one pose, and the tens to thousands of directions that the poses do not show at all."""
+
+TAKES_PART = 0.2
+"""Share of a combination from which on a parameter is named as part of it. A judgement: it decides
+the words only."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,7 @@ def observability(found: Fit) -> Observability:
     lost = vectors[:, values < 1 / LOST**2].T
     sizes = lost * unit[:k]
     sizes = sizes / np.maximum(np.abs(sizes).max(axis=1, keepdims=True), 1e-300)
-    takes_part = ((np.abs(lost) > 0.2) | (np.abs(sizes) > 0.2)).any(0)
+    takes_part = ((np.abs(lost) > TAKES_PART) | (np.abs(sizes) > TAKES_PART)).any(0)
     names = tuple(
         name for name, part in zip(found.model.parameters, takes_part, strict=True) if part
     )

@@ -12,7 +12,9 @@ from validation.poses.angles import Array
 from validation.poses.pose_table import PLANAR, PoseTable, in_common, pose_difference
 
 CONSTRUCTED = np.array([2e-4, 2e-4, 2e-4])
-"""An error below this (metres, radians) at the reference pose is one of rounding in print."""
+"""An error below this (metres, radians) at the reference pose is one of rounding in print:
+tables are printed to 0.1 mm and 0.1 mrad, and the difference of two rounded numbers is off by up
+to 0.1; twice that allows for a frame that was rounded too."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array
 
 MOST = 2000
-"""Poses beyond which a plan is no plan."""
+"""Poses beyond which a plan is no plan. A judgement: a stop takes minutes, 2000 take a month."""
 
 
 def poses_for_bias(

@@ -7,12 +7,13 @@ from scipy import special
 
 from validation.explain.fitting.fit import LEAST_P, Fit, covariance_of, fit, known_part
 from validation.explain.fitting.models import UNITS, correct
-from validation.explain.fitting.noise import Mask, masked_precision, precision, regular
+from validation.explain.fitting.noise import DIMENSIONS, Mask, masked_precision, precision, regular
 from validation.explain.fitting.pairs import Pairs
 from validation.explain.fitting.shared import shared_covariance
 from validation.poses.angles import Array, wrap
 
 _KIND = np.array([0, 0, 1])
+"""The cell, position or heading, of x, y and theta."""
 
 
 @dataclass(frozen=True)
@@ -237,7 +238,7 @@ def settle(pairs: Pairs, robust: Fit, cells: Mask) -> Settled:
         pairs, robust.model, cells=cells, start=robust, iterations=20, estimate_scale=estimated
     )
     taken = _freedom(plain, cells)
-    count = cells.sum(0) * np.array([2.0, 1.0])
+    count = cells.sum(0) * DIMENSIONS
     dof = np.maximum(count - taken, 0.0)
     if estimated:
         factor = np.sqrt(np.where(dof > 0, count / np.maximum(dof, 1e-9), 1.0))

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from validation.explain.fitting.hat_values import DIMENSIONS
-from validation.explain.fitting.noise import ROUNDING, Mask, regular
-from validation.explain.sources.reading_of_sources import (
+from validation.explain.fitting.noise import DIMENSIONS, ROUNDING, Mask, regular
+from validation.explain.sources.verdicts import (
     CELLS,
     Sources,
     Verdict,
@@ -24,11 +23,12 @@ from validation.explain.sources.reading_of_sources import (
 from validation.poses.angles import Array
 
 MARGIN = 6.0
-"""Two culprits are told apart if one's removal leaves a chi-squared this much smaller (odds of
-20 to 1)."""
+"""Two culprits are told apart if one's removal leaves a chi-squared this much smaller: odds of 20
+to 1, as 2 log 20 = 5.99. The level of one in twenty is that of all intervals."""
 
 _FEW = 4.0
-"""Degrees of freedom of a noise level that the suspect's own other stops do not show."""
+"""Degrees of freedom of a noise level that the suspect's own other stops do not show. A judgement:
+as little as two stops would show, so that only a gross error is taken for one."""
 
 
 @dataclass(frozen=True)

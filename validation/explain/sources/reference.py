@@ -18,6 +18,11 @@ from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import PoseTable
 
 _STEP = 1e-6
+"""Of numerical slopes, in metres and radians: errors of a central difference are of the order of
+its square, 1e-12, and of rounding over it, 1e-10."""
+
+RULED_OUT = 0.05
+"""A stop whose slip is less likely than this is not the reference: the level of all intervals."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +64,9 @@ class ReferenceEvidence:
 
     @property
     def possible(self) -> tuple[str, ...]:
-        """Stops that are not ruled out (p >= 0.05), the most likely first."""
+        """Stops that are not ruled out, the most likely first."""
         order = np.argsort(-self.shares, kind="stable")
-        return tuple(self.ids[row] for row in order if self.p_values[row] >= 0.05)
+        return tuple(self.ids[row] for row in order if self.p_values[row] >= RULED_OUT)
 
     @property
     def accepted(self) -> bool:

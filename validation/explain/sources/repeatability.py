@@ -10,6 +10,10 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array, circular_mean, wrap
 from validation.poses.pose_table import Component, PoseTable, in_common, pose_difference
 
+REVISIT_RADIUS = 0.25
+"""Stops closer than this (metres) are the same place, where nothing else is stated. A judgement:
+well below the distance of stops that are meant to differ, and above how well one drives back."""
+
 
 @dataclass(frozen=True)
 class Repeatability:

@@ -16,7 +16,7 @@ from validation.explain.analysis import Explanation, SystemExplanation
 from validation.explain.fitting.models import correct
 from validation.explain.fitting.noise import Mask
 from validation.explain.fitting.settled import Settled
-from validation.explain.sources.reading_of_sources import CELLS, Arbitration
+from validation.explain.sources.verdicts import CELLS, Arbitration
 from validation.figures.errors import COLOURS, GREY, arrow_scale
 from validation.poses.angles import Array, wrap
 
@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 _NAMES = ("x [mm]", "y [mm]", "theta [mrad]")
 _SCORES = LinearSegmentedColormap.from_list("scores", ["#FFFFFF", "#F6D9A8", "#D55E00"])
 _FULL_SCORE = 8.0
+"""Standard deviations at which the colour ends: beyond them all are gross."""
 _NAME_WIDTH = 45.0
-"""Degrees of heading that the name of a flagged pose takes up at most."""
+"""Degrees of heading that the name of a flagged pose takes up at most: an eighth of the width."""
 
 
 def error_with_curve(one: SystemExplanation) -> Figure:

@@ -7,7 +7,7 @@ from importlib.metadata import version
 import numpy as np
 
 from validation.explain.analysis import Explanation, SystemExplanation
-from validation.explain.sources.reading_of_sources import CELLS
+from validation.explain.sources.verdicts import CELLS
 from validation.explain.telling.words import findings
 from validation.poses.pose_table import to_csv
 from validation.text_files.json_text import json_text

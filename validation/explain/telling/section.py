@@ -10,7 +10,12 @@ from validation.errors import GtvalError
 from validation.explain.analysis import Explanation, SystemExplanation, explain
 from validation.explain.loading import campaign_question, split_validation
 from validation.explain.sources.equivalence import paired_comparison
-from validation.explain.sources.repeatability import Repeatability, repeated_runs, revisits
+from validation.explain.sources.repeatability import (
+    REVISIT_RADIUS,
+    Repeatability,
+    repeated_runs,
+    revisits,
+)
 from validation.explain.telling.output import explanation_files
 from validation.explain.telling.tables import (
     before_after_table,
@@ -30,10 +35,7 @@ from validation.results import Figure, Finding, Section, Table, Text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from validation.campaign.folder import Campaign
-
-REVISIT_RADIUS = 0.25
-"""Stops closer than this (metres) are the same place, where nothing else is stated."""
+    from validation.campaign.folder import Campaign, Comparison
 
 
 @dataclass(frozen=True)
@@ -96,14 +98,14 @@ def explain_campaign(campaign: "Campaign", tables: Sequence[PoseTable]) -> Expla
     found = repeatability(explanation, settings.runs, settings.revisit_radius)
     return ExplainParts(
         explanation,
-        explain_sections(explanation, _limits(campaign), found),
+        explain_sections(explanation, asked_limits(campaign.settings.comparison), found),
         (*findings(explanation), *left_out),
         explanation_files(explanation),
     )
 
 
-def _limits(campaign: "Campaign") -> tuple[float, ...]:
-    asked = campaign.settings.comparison
+def asked_limits(asked: "Comparison") -> tuple[float, ...]:
+    """What is asked of x, y and theta, in metres and radians."""
     return (asked.acceptable_bias_length,) * 2 + (asked.acceptable_bias_angle,)
 
 

@@ -8,8 +8,8 @@ from validation.errors import GtvalError
 from validation.explain.analysis import Explanation, SystemExplanation
 from validation.explain.fitting.planning import poses_for_bias, poses_for_deviation
 from validation.explain.sources.equivalence import PairedComparison, good_enough
-from validation.explain.sources.reading_of_sources import CELLS, Verdict
 from validation.explain.sources.repeatability import Repeatability
+from validation.explain.sources.verdicts import CELLS, Verdict
 from validation.results import Table
 
 Rows = list[list[str | int | float | None]]

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from validation.explain.sources.reading_of_sources import Arbitration, Verdict, listed
+from validation.explain.sources.verdicts import Arbitration, Verdict, listed
 from validation.results import Finding, Severity
 
 

@@ -7,13 +7,18 @@ from validation.explain.fitting.models import ErrorModel
 from validation.explain.fitting.selection import Candidate, Selection, smallest_shown
 from validation.explain.fitting.settled import Parameter, Settled
 from validation.explain.sources.agreement import MOUNT, Agreement
-from validation.explain.sources.reading_of_sources import listed
-from validation.explain.sources.reference import ReferenceEvidence
+from validation.explain.sources.reference import RULED_OUT, ReferenceEvidence
+from validation.explain.sources.verdicts import listed
 from validation.explain.telling.verdict_words import arbitration_findings
 from validation.results import Finding
 
 ALL_ODDS = 1e6
-"""Odds beyond this are not told in figures."""
+"""Odds beyond this are not told in figures: they rest on the tails of the noise model, which no
+table shows."""
+
+SLIP = 0.01
+"""A slip of the reference pose is told below this p-value. A judgement: it is a note, and one of
+three numbers for each system, so that one clean system in thirty has it."""
 
 
 def findings(explanation: Explanation) -> list[Finding]:
@@ -249,7 +254,9 @@ def _possible(evidence: ReferenceEvidence) -> str:
         for name in evidence.possible[:5]
     ]
     out = len(evidence.ids) - len(evidence.possible)
-    return f"It can be {' or '.join(said)}; the other {out} stops are ruled out (p < 0.05)."
+    return (
+        f"It can be {' or '.join(said)}; the other {out} stops are ruled out (p < {RULED_OUT:g})."
+    )
 
 
 def _slip(selection: Selection, settled: Settled, confidence: float) -> list[Finding]:
@@ -257,7 +264,7 @@ def _slip(selection: Selection, settled: Settled, confidence: float) -> list[Fin
     if not settled.fit.model.slip:
         return []
     slip = [p for p in settled.parameters(confidence) if p.name.startswith("slip")]
-    if min(p.p_value for p in slip) > 0.01:
+    if min(p.p_value for p in slip) > SLIP:
         return []
     text = (
         f"The other stops say that the validation pose of the reference {selection.pairs.reference}"

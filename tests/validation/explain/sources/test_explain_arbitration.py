@@ -6,7 +6,7 @@ from scipy import stats
 
 from validation.explain.fitting.hat_values import source_variances
 from validation.explain.sources.arbitration import arbitrate
-from validation.explain.sources.reading_of_sources import CELLS, Sources
+from validation.explain.sources.verdicts import CELLS, Sources
 
 NAMES = ("survey", "vision", "genetic", "scanmatch")
 SIGMA = np.array([[0.005, 0.005], [0.006, 0.005], [0.006, 0.005], [0.006, 0.005]])

@@ -1,24 +1,12 @@
-"""What a run leaves under results/: files by their step, and where each came from."""
+"""What a run writes: its files, and run.json, which says where the numbers came from."""
 
 import contextlib
 from collections.abc import Mapping
 from pathlib import Path
 
-from validation.campaign.provenance import (
-    RECORD,
-    REPORT,
-    Step,
-    digest_of,
-    earlier_outputs,
-)
+from validation.campaign.provenance import RECORD, REPORT, Step, digest_of, earlier_outputs
 from validation.run import COMPARISON, EXPLANATION, RunResult
-from validation.solving import (
-    TRACEBACKS,
-    made_with,
-    merged,
-    starts_from_survey,
-    step_of,
-)
+from validation.solving import TRACEBACKS, made_with, merged, starts_from_survey, step_of
 from validation.systems import inputs_of, installed_systems
 from validation.text_files.json_text import json_text
 from validation.text_files.writing import write_files
