@@ -2,8 +2,8 @@
 
 The sources are the validation poses and every GT system with its systematic part taken out. Each
 stop has two cells, its position and its heading. In each cell every source is asked how much
-better the rest would agree without it; the error is laid at the door of the one whose removal
-heals the cell, if that is clearly so, and the chance of blaming anyone in a clean table is kept
+better the rest would agree without it. The one whose removal makes the rest agree is held
+responsible, if that is clear, and the chance of blaming anyone in a clean table is kept
 at a stated level over the whole table. Cells that come short of it are listed apart as suspects,
 as many as one is to be expected in a clean table: a careful survey looks at them again.
 """

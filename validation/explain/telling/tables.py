@@ -154,8 +154,8 @@ def suspect_table(explanation: Explanation) -> Table | None:
     if not explanation.arbitration.suspects:
         return None
     note = (
-        "Held against nobody, and not left out of anything. In a table of good poses one such "
-        "entry is to be expected. The p says how many good tables have one that stands out as much."
+        "No source is held responsible for these, and nothing is left out. In a table of good "
+        "poses one such entry is expected. The p says how many good tables have one as large."
     )
     # How sure it would be of the culprit says nothing about whether there is one.
     suspects = explanation.arbitration.suspects
@@ -197,7 +197,7 @@ def noise_table(explanation: Explanation) -> Table:
         rows,
         ["", "", ".4f", ".4f", ".4f"],
         note="From the differences between sources that share no sensor, flagged cells left out. "
-        "Zero: cannot be told from a perfect source.",
+        "Zero: the source may be perfect.",
     )
 
 

@@ -32,8 +32,8 @@ def _suspects(result: Arbitration) -> list[Finding]:
         for one in result.suspects
     )
     text = (
-        f"Worth a second look, but held against nobody: {said}. One such entry is to be expected "
-        "in a table of good poses."
+        f"Look again at {said}. No source is held responsible, and nothing is left out. In a "
+        "table of good poses one such entry is expected."
     )
     return [Finding("note", text, "all sources", "suspects")]
 
@@ -54,14 +54,14 @@ def _verdict(one: Verdict, validation: str) -> Finding:
 
 
 def _pairs_only(result: Arbitration) -> list[Finding]:
-    """Stops with two sources, at which a disagreement cannot be laid at anyone's door."""
+    """Stops with two sources, at which a disagreement does not show who is wrong."""
     two = [name for name, n in zip(result.ids, result.present.sum(0), strict=True) if n == 2]
     if not two:
         return []
     where = "all stops" if len(two) == len(result.ids) else f"pose {', '.join(two)}"
     text = (
-        f"At {where} there are only two sources: they can be seen to disagree, but not which of "
-        "them is wrong."
+        f"At {where} there are only two sources. They show that they disagree, but not which of "
+        "them is wrong. A third source would, even a rough one."
     )
     return [Finding("note", text, "all sources", "two_sources")]
 
@@ -70,8 +70,8 @@ def _hat(result: Arbitration) -> Finding:
     """Noise of each source alone."""
     if not result.variances.determined:
         text = (
-            "The noise of each source alone cannot be told: that takes three sources that share "
-            "no sensor, each with at least three stops in common with the others."
+            "The noise of each source alone is not known. That takes three sources that share no "
+            "sensor, each with at least three stops in common with the others."
         )
         return Finding("note", text, "all sources", "no_three_cornered_hat")
     intervals = result.variances.intervals()

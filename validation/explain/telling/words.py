@@ -231,7 +231,7 @@ def _reference(one: SystemExplanation) -> list[Finding]:
         f"{evidence.heading:+.2f} rad (standard deviation {evidence.heading_sigma:.2f})"
     )
     if not evidence.possible:
-        text = f"{heading}, and none of the stops fits: the frame is wrong in its own right."
+        text = f"{heading}, and none of the stops fits. So no reference explains the frame error."
         return [Finding("note", text, one.system, "no_reference")]
     text = f"{heading}. {_possible(evidence)} "
     if evidence.certain:
@@ -359,7 +359,7 @@ def _noise(selection: Selection, settled: Settled) -> list[Finding]:
 
 
 def _misfit(settled: Settled) -> list[Finding]:
-    """Whether the stated covariances are borne out by what is left."""
+    """Whether what is left agrees with the stated covariances."""
     told = []
     for name, (factor, low, high) in zip(("positions", "headings"), settled.misfit, strict=True):
         if low > 1:
@@ -367,9 +367,8 @@ def _misfit(settled: Settled) -> list[Finding]:
                 f"What is left of the {name} is {factor:.2g} times what the stated covariances "
                 f"say (99 % interval {low:.2g} to {high:.2g}). Either they are too small, or poses "
                 "share errors (cameras, a frame), or the errors have a cause that is not among the "
-                "explanations. Intervals and p-values "
-                "are too sure by as much; leave the covariances out of the tables to have the "
-                "noise estimated."
+                "explanations. Intervals are too narrow by this factor, and p-values too small. "
+                "Leave the covariances out of the tables to have the noise estimated."
             )
             told.append(Finding("warning", text, settled.pairs.system, "covariance_too_small"))
         elif high < 1:
