@@ -1,12 +1,18 @@
 """What a run writes: its files, and run.json, which says where the numbers came from."""
 
-import contextlib
 from collections.abc import Mapping
 from pathlib import Path
 
 from validation.campaign.provenance import RECORD, REPORT, Step, digest_of, earlier_outputs
 from validation.run import COMPARISON, EXPLANATION, RunResult
-from validation.solving import TRACEBACKS, made_with, merged, starts_from_survey, step_of
+from validation.solving import (
+    TRACEBACKS,
+    made_with,
+    merged,
+    remove_results,
+    starts_from_survey,
+    step_of,
+)
 from validation.systems import inputs_of, installed_systems
 from validation.text_files.json_text import json_text
 from validation.text_files.writing import write_files
@@ -120,7 +126,5 @@ def write_results(run: RunResult, report: Mapping[str, str | bytes] | None = Non
     for name, content in (report or {}).items():
         contents[f"{run.campaign.report.name}/{name}"] = content
     written = write_files(folder, contents)
-    for name in before - set(files):
-        with contextlib.suppress(OSError):
-            (results / name).unlink()
+    remove_results(run.campaign, before - set(files))
     return written

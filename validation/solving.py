@@ -277,6 +277,7 @@ def write_step(
     """
     record = earlier_record(campaign)
     steps = earlier_steps(record)
+    gone = set(steps[name].outputs) - set(files) if name in steps else set()
     known = [*sources, *sources_of(campaign, steps.values())]
     hashes = input_hashes(campaign.folder, known)
     steps[name] = step_of(campaign, sources, files, hashes, uses, choices)
@@ -286,15 +287,24 @@ def write_step(
     record["systems"] = {**(before if isinstance(before, dict) else {}), **(facts or {})}
     record["steps"] = steps
     record["out_of_date"] = old
-    record["outputs"] = sorted({*earlier_outputs(campaign), *files, RECORD})
+    listed = earlier_outputs(campaign)
+    record["outputs"] = sorted({*listed - gone, *files, RECORD})
     contents = {f"{campaign.results.name}/{file}": one for file, one in files.items()}
     contents[f"{campaign.results.name}/{RECORD}"] = json_text(record)
     contents |= marked_report(campaign, next((one for one in old if one.file == REPORT_FILE), None))
     write_files(campaign.folder, contents)
+    remove_results(campaign, gone & listed)
     if not old:
         return ()
     text = f"Out of date now: {', '.join(one.file for one in old)}. `gtval run` makes them anew."
     return (Finding("warning", text, name, "out_of_date"),)
+
+
+def remove_results(campaign: Campaign, names: Iterable[str]) -> None:
+    """Remove files that a step wrote before and writes no longer; what is gone is passed over."""
+    for name in names:
+        with contextlib.suppress(OSError):
+            (campaign.results / name).unlink()
 
 
 def system_output(

@@ -291,3 +291,17 @@ def test_a_real_survey_solved_again_after_a_change_is_told(room_run, tmp_path):
     assert "Out of date now:" in done.output
     assert "example_gt.csv" not in done.output.split("Out of date now:")[1].split("errors")[0]
     assert "This report is out of date" in page(folder)
+
+
+def test_a_system_solved_again_leaves_no_file_that_it_writes_no_longer(folder, with_systems):
+    results = folder / "results"
+    solo = FixedSystem("rig", SystemResult([three_stops("rig")], files={"rig_old.csv": "a\n"}))
+    with_systems(solo)
+    system_output(folder, "rig", no_progress, {}, write=True)
+    assert (results / "rig_old.csv").exists()
+    (results / "by_hand.csv").write_text("mine\n")
+    with_systems(FixedSystem("rig", SystemResult([three_stops("rig")])))
+    system_output(folder, "rig", no_progress, {}, write=True)
+    assert not (results / "rig_old.csv").exists()
+    assert (results / "by_hand.csv").exists()
+    assert "rig_old.csv" not in json.loads((results / "run.json").read_text())["outputs"]
