@@ -61,7 +61,7 @@ class RunResult(Shown):
     method: IntervalMethod
     explained: ExplainParts | None = None
     failures: tuple[SystemResult, ...] = ()
-    comparison_files: Mapping[str, str | bytes] = field(default_factory=dict)
+    comparison_files: Mapping[str, str | bytes] = field(default_factory=dict, repr=False)
 
     def with_failures(self, failures: Iterable[SystemResult]) -> "RunResult":
         """The run with what stands in for parts of its report that could not be made."""
