@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -31,12 +31,21 @@ class Finding:
         What it is about: 'pose 7', 'vframe', 'vision'.
     code : str
         Stable short name for scripts: 'blunder', 'mirror', ...
+
+    Raises
+    ------
+    ValueError
+        For another severity.
     """
 
     severity: Severity
     text: str
     subject: str = ""
     code: str = ""
+
+    def __post_init__(self) -> None:
+        if self.severity not in get_args(Severity):
+            raise ValueError(f"a finding is {', '.join(get_args(Severity))}, not '{self.severity}'")
 
 
 @dataclass(frozen=True)

@@ -102,20 +102,20 @@ def solved_system(
     return SolvedSystem(name, result, files, choices or {})
 
 
-def failed_system(name: str, error: Exception) -> SolvedSystem:
+def failed_system(name: str, error: BaseException) -> SolvedSystem:
     """What stands in for a system that failed unexpectedly; called while that is handled."""
     result = unexpected(name, error)
     return SolvedSystem(name, result, result.files, failed=True)
 
 
-def unexpected(part: str, error: Exception) -> SystemResult:
+def unexpected(part: str, error: BaseException) -> SystemResult:
     """What an exception that nobody expected in one part becomes: a finding and a traceback.
 
     Parameters
     ----------
     part : str
         A system, an analysis or a part of the report, as people call it: 'laser', 'explain'.
-    error : Exception
+    error : BaseException
         What was raised; being handled.
     """
     name = f"{TRACEBACKS}/{re.sub('[^A-Za-z0-9_-]+', '_', part)}.txt"
@@ -146,7 +146,7 @@ def solve_system(
         return solved_system(system.name, system.solve(campaign, progress, **chosen), chosen)
     except GtvalError:
         raise
-    except Exception as error:  # noqa: BLE001  (one system must not take the others)
+    except (Exception, SystemExit) as error:  # noqa: BLE001  (one must not take the others)
         return failed_system(system.name, error)
 
 

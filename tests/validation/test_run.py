@@ -105,6 +105,18 @@ def test_a_bug_in_one_system_does_not_take_the_others(campaign_folder, with_syst
     assert trace.endswith("ZeroDivisionError: a bug\n")
 
 
+def test_a_system_that_exits_does_not_end_the_run(campaign_folder, with_systems):
+    with_systems(survey(), rig(), FixedSystem("other", fails_with=SystemExit(7)))
+    done = run(campaign_folder)
+    assert done.failed
+    assert [one.system for one in done.evaluations] == ["rig"]
+
+
+def test_a_finding_has_one_of_four_severities():
+    with pytest.raises(ValueError, match="good, note, warning, error, not 'catastrophe'"):
+        Finding("catastrophe", "text")
+
+
 def test_a_campaign_without_data_is_an_error(campaign_folder, with_systems):
     with_systems()
     with pytest.raises(InputError, match="holds no data for any installed system"):

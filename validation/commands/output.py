@@ -72,7 +72,8 @@ def print_first_findings(findings: Sequence[Finding], *, everything: bool) -> No
     print_findings(shown, brief=not everything)
     left = len(findings) - len(shown)
     if left:
-        click.echo(f"\n{left} more findings, and what to do about each, with --all.")
+        plural = "s" if left > 1 else ""
+        click.echo(f"\n{left} more finding{plural}, and what to do about each, with --all.")
 
 
 def first_findings(findings: Sequence[Finding]) -> list[Finding]:
