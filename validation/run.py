@@ -133,6 +133,7 @@ def run_campaign(
     _check_names(campaign, systems)
     progress("comparing", 0.9)
     findings = [finding for system in systems for finding in system.result.findings]
+    findings += _without_data(campaign, systems)
     evaluations, more, failures = _evaluate_all(campaign, systems, method)
     findings += more
     comparison_files: dict[str, str | bytes] = {}
@@ -229,6 +230,21 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
             ]
         )
     return solved
+
+
+def _without_data(campaign: Campaign, systems: Iterable[SolvedSystem]) -> list[Finding]:
+    """A warning for each system that campaign.toml has a table of, and that has no data."""
+    missing = campaign.extra.keys() & {system.name for system in installed_systems()}
+    return [
+        Finding(
+            "warning",
+            f"{campaign.toml.name} has a table [{name}], but the files that this system starts "
+            "from are not there: it gives no poses. Put the files back, or take the table out.",
+            name,
+            "no_data",
+        )
+        for name in sorted(missing - {system.name for system in systems})
+    ]
 
 
 def _with_data(

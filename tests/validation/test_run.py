@@ -112,6 +112,19 @@ def test_a_system_that_exits_does_not_end_the_run(campaign_folder, with_systems)
     assert [one.system for one in done.evaluations] == ["rig"]
 
 
+def test_a_stated_system_without_files_is_told(campaign_folder, with_systems):
+    class Absent(FixedSystem):
+        def has_data(self, _campaign):
+            return False
+
+    with_systems(survey(), rig(), Absent("laser"))
+    with (campaign_folder / "campaign.toml").open("a") as file:
+        file.write("\n[laser]\nseed = 1\n")
+    (told,) = [one for one in run(campaign_folder).findings if one.code == "no_data"]
+    assert (told.severity, told.subject) == ("warning", "laser")
+    assert "[laser]" in told.text
+
+
 def test_a_finding_has_one_of_four_severities():
     with pytest.raises(ValueError, match="good, note, warning, error, not 'catastrophe'"):
         Finding("catastrophe", "text")
