@@ -1,0 +1,1 @@
+"""Poses in time: what a ground truth that moves consists of."""
