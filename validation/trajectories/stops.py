@@ -29,6 +29,9 @@ breaks a standstill of a minute (600 differences, of which 60 are independent) o
 SLOWEST = 0.005
 """Metres, and radians, that a standing robot may move within a window: what a floor and
 a mount give way. A robot that creeps at 5 mm/s is taken as standing."""
+DRIVES = 0.05
+"""Metres that a robot may move within a stop; beyond, it has no pose there. A judgement: rigs that
+settle and arms that swing move by less, and who errs by a second at walking speed by more."""
 LONE_POSES = 5
 """Poses of the running median: two wrong ones in a row do not end a standstill."""
 MARGIN = 0.3
@@ -253,6 +256,11 @@ def poses_at_stops(trajectory: Trajectory, stops: Sequence[Stop]) -> StopPoses:
             missing[stop.name] = _why_missing(stop, seconds, len(rows))
             continue
         deviations = _deviations(trajectory, rows)
+        if (path := _movement(deviations)) > DRIVES:
+            missing[stop.name] = f"the robot moves by {path:.2f} m in it"
+            continue
+        if path:
+            moved[stop.name] = path
         spread = 1.4826 * np.median(np.abs(deviations), axis=0)
         usual = (np.abs(deviations) <= OUTLIER_SIGMAS * np.maximum(spread, 1e-9)).all(1)
         if usual.sum() < FEWEST:
@@ -260,13 +268,11 @@ def poses_at_stops(trajectory: Trajectory, stops: Sequence[Stop]) -> StopPoses:
             continue
         kept[stop.name], left_out[stop.name] = rows[usual], int((~usual).sum())
         inside[stop.name] = deviations[usual]
-        if (path := _movement(trajectory.times[rows[usual]], deviations[usual])) > SLOWEST:
-            moved[stop.name] = path
     if not kept:
         first = f"; {next(iter(missing))}: {next(iter(missing.values()))}" if missing else ""
         raise GtvalError(f"'{trajectory.system}' saw none of the {len(stops)} stops{first}")
     inflation = _inflation(list(inside.values()))
-    table = _table(trajectory, kept, inside, inflation)
+    table = _table(trajectory, kept, inside, inflation, moved)
     counts = {name: len(rows) for name, rows in kept.items()}
     return StopPoses(
         table, counts, {k: v for k, v in left_out.items() if v}, missing, inflation, moved
@@ -301,16 +307,18 @@ def _central_heading(headings: Array) -> float:
     return float(centre + np.median(wrap(headings - centre)))
 
 
-def _movement(times: Array, deviations: Array) -> float:
-    """How far a straight line through the positions of a stop goes, beyond what noise makes."""
-    share = (times - times.mean()) / max(float(np.ptp(times)), 1e-9)
-    weight = share / max(float(share @ share), 1e-12)
-    slopes = weight @ deviations[:, :2]
-    rest = deviations[:, :2] - share[:, None] * slopes
-    # The errors of neighbours are correlated: the line's own error is taken five times as large.
-    noise = 5.0 * np.sqrt(float(weight @ weight)) * rest.std(0).max()
-    length = float(np.linalg.norm(slopes))
-    return length if length > STILL_SIGMAS * noise else 0.0
+def _movement(deviations: Array) -> float:
+    """Metres between the medians of the first and the last quarter, where noise cannot make it."""
+    quarter = max(len(deviations) // 4, 1)
+    first, last = deviations[:quarter, :2], deviations[-quarter:, :2]
+    apart = float(np.linalg.norm(np.median(first, axis=0) - np.median(last, axis=0)))
+    spread = max(
+        float((1.4826 * np.median(np.abs(q - np.median(q, axis=0)), axis=0)).max())
+        for q in (first, last)
+    )
+    # Neighbours are correlated: the error of a median is taken five times that of independent ones.
+    noise = 5.0 * 1.25 * spread * np.sqrt(2 / quarter)
+    return apart if apart > max(noise, SLOWEST) else 0.0
 
 
 def _inflation(groups: Sequence[Array]) -> Array:
@@ -347,8 +355,12 @@ def _table(
     kept: dict[str, npt.NDArray[np.intp]],
     inside: dict[str, Array],
     inflation: Array,
+    moved: dict[str, float],
 ) -> PoseTable:
-    """The means of the stops, with their covariances."""
+    """The means of the stops, with their covariances.
+
+    A robot that moves a little within a stop was anywhere along that way when it was surveyed.
+    """
     poses, covariances = [], []
     grown = np.sqrt(np.where(np.isfinite(inflation), inflation, 1.0))
     # A system that repeats its numbers to the last digit has no scatter: one nanometre.
@@ -363,6 +375,7 @@ def _table(
         stated = chosen.covariances[chosen.has_covariance]
         if len(stated) == len(rows):
             covariance = covariance + _positive_part(stated.mean(0) - scatter)
+        covariance[:2, :2] += np.eye(2) * moved.get(name, 0.0) ** 2 / 12
         pose, jacobian = _mean_pose(chosen)
         poses.append(pose)
         covariances.append(jacobian @ covariance @ jacobian.T)
