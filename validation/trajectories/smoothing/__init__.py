@@ -1,0 +1,1 @@
+"""Several sources of poses with delays into one trajectory with covariances."""

@@ -1,0 +1,83 @@
+"""The smoothed trajectory at times asked for, with covariances."""
+
+import numpy as np
+
+from validation.poses.angles import Array, wrap
+from validation.trajectories.smoothing.equations import Solved
+from validation.trajectories.smoothing.geometry import advance, difference
+from validation.trajectories.smoothing.prior import in_between
+from validation.trajectories.smoothing.problem import Problem, State, Rows
+
+
+def at_times(
+    problem: Problem, state: State, solved: Solved, strengths: Array, times: Array
+) -> tuple[Array, Array, Array]:
+    """Poses (q, k), rates (q, m) and covariances of poses (q, m, m) at sorted times (q,).
+
+    Parameters
+    ----------
+    problem, state
+        The knots.
+    solved : Solved
+        At the state.
+    strengths : (m,) array
+        Of the prior.
+
+    Notes
+    -----
+    Between two knots the prior's own mean, a cubic through poses and rates, with what the prior
+    leaves open there; outside of them a straight line.
+    """
+    m, kind, n = problem.m, problem.kind, len(problem.times)
+    left = np.clip(np.searchsorted(problem.times, times, side="right") - 1, 0, max(n - 2, 0))
+    poses = np.empty((len(times), state.poses.shape[1]))
+    rates = np.empty((len(times), m))
+    covariances = np.empty((len(times), m, m))
+    for start, inverse, beside in solved.factor.covariances():
+        stop = start + len(beside)
+        rows = np.flatnonzero((left >= start) & (left < stop))
+        if not len(rows):
+            continue
+        if stop < n:
+            inverse = inverse.copy()
+        some = left[rows]
+        joint = _joint(solved, some, inverse, beside, some - start)
+        first, second, free = _weights(problem.times, some, times[rows])
+        moved = difference(kind, state.poses[some + 1], state.poses[some])
+        v0, v1 = state.rates[some], state.rates[some + 1]
+        motion = first[:, 0, 1, None] * v0
+        motion += second[:, 0, 0, None] * moved + second[:, 0, 1, None] * v1
+        poses[rows] = advance(kind, state.poses[some], motion)
+        rates[rows] = first[:, 1, 1, None] * v0
+        rates[rows] += second[:, 1, 0, None] * moved + second[:, 1, 1, None] * v1
+        weights = np.concatenate([first[:, 0], second[:, 0]], axis=1)
+        spread = np.einsum("qa,qaibj,qb->qij", weights, joint, weights)
+        covariances[rows] = spread + free[:, None, None] * np.diag(strengths)
+    if kind == "plane":
+        poses[:, 2] = wrap(poses[:, 2])
+    return poses, rates, (covariances + np.swapaxes(covariances, 1, 2)) / 2
+
+
+def _joint(solved: Solved, knots: Rows, inverse: Array, beside: Array, place: Rows) -> Array:
+    """(q, 4, m, 4, m) covariances of pose, rate, next pose and next rate."""
+    b = beside.shape[1]
+    joint = np.empty((len(knots), 2 * b, 2 * b))
+    joint[:, :b, :b], joint[:, b:, b:] = inverse[place], inverse[place + 1]
+    joint[:, :b, b:] = beside[place]
+    joint[:, b:, :b] = np.swapaxes(beside[place], 1, 2)
+    if solved.slopes.shape[2]:
+        both = np.concatenate([solved.slopes[knots], solved.slopes[knots + 1]], axis=1)
+        joint += both @ solved.shared_covariance @ np.swapaxes(both, 1, 2)
+    return joint.reshape(len(knots), 4, b // 2, 4, b // 2)
+
+
+def _weights(knots: Array, left: Rows, times: Array) -> tuple[Array, Array, Array]:
+    """Weights as `in_between` gives them, and straight lines outside of the knots."""
+    width = knots[left + 1] - knots[left]
+    share = (times - knots[left]) / width
+    first, second, free = in_between(width, np.clip(share, 0.0, 1.0))
+    before, after = np.minimum(share, 0.0) * width, np.maximum(share - 1.0, 0.0) * width
+    # At a knot its pose has weight one and its rate none; outside the rate counts the time.
+    first[:, 0, 1] += before
+    second[:, 0, 1] += after
+    return first, second, free + (np.abs(before) ** 3 + after**3) / 3
