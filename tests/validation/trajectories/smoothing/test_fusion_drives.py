@@ -1,0 +1,110 @@
+"""Fusion of cameras and odometry over simulated drives, whose truth it never sees."""
+
+import numpy as np
+import pytest
+from fusion_drives import drive, score
+
+from validation.errors import GtvalError
+from validation.trajectories.smoothing.fusion import fuse
+from validation.trajectories.smoothing.source import Source
+from validation.trajectories.trajectory import Trajectory
+
+WITH, WITHOUT = (1.5, 4.0, 8.0, 18.0), (3.5, 8.0, 15.0, 32.0)
+
+
+@pytest.mark.parametrize("level", [0, 3])
+def test_drives_are_as_good_as_asked(level):
+    made = drive(20 + level, level, seconds=120.0)
+    rms, nees, share = score(made, fuse(made.sources, odometry=made.odometry))
+    assert rms < WITH[level]
+    # One drive of 120 s holds a few hundred independent errors; delays make them depend.
+    assert 1.5 < nees < 5.0
+    assert share > 0.6
+    rms, nees, _ = score(made, fuse(made.sources))
+    assert rms < WITHOUT[level]
+    assert 1.5 < nees < 5.0
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("level", range(4))
+@pytest.mark.parametrize("with_odometry", [True, False])
+def test_mean_of_squared_errors_is_that_of_the_covariances(level, with_odometry):
+    found = []
+    for seed in range(20):
+        made = drive(100 + seed, level)
+        found.append(score(made, fuse(made.sources, odometry=made.odometry if with_odometry else None)))
+    rms, nees, _ = np.mean(found, axis=0)
+    assert rms < (WITH if with_odometry else WITHOUT)[level]
+    assert 2.4 < nees < 3.9
+
+
+def still(rng, n=600, sigma=0.01):
+    times = 0.1 * np.arange(n)
+    truth = np.column_stack([np.sin(times / 5), np.cos(times / 5), -times / 5])
+    return times, truth, truth + rng.normal(0, sigma, (n, 3))
+
+
+def test_outliers_and_half_turns_are_found():
+    rng = np.random.default_rng(1)
+    times, truth, seen = still(rng)
+    wild = rng.choice(len(times), 30, replace=False)
+    turned, moved = wild[:10], wild[10:]
+    seen[turned, 2] += np.pi
+    seen[moved, :2] += rng.choice([-1, 1], (20, 2)) * rng.uniform(0.2, 2.0, (20, 2))
+    fused = fuse([Source(Trajectory("camera", times, seen))])
+    assert set(np.flatnonzero(fused.weights[0] < 0.5)) == set(moved)
+    assert set(np.flatnonzero(fused.flips[0])) == set(turned)
+    assert np.abs(fused.trajectory.poses[:, :2] - truth[:, :2]).max() < 0.04
+    assert any("half a turn" in words for words in fused.findings)
+
+
+def test_a_gap_has_no_support_and_grows_uncertain():
+    rng = np.random.default_rng(2)
+    times, truth, seen = still(rng)
+    kept = (times < 25) | (times > 35)
+    source = Source(Trajectory("camera", times[kept], seen[kept]))
+    fused = fuse([source], times=times)
+    inside = (times > 25) & (times < 35)
+    assert not fused.supported[inside].any()
+    assert fused.supported[~inside].all()
+    spread = fused.trajectory.covariances[:, 0, 0]
+    middle = np.argmin(np.abs(times - 30.0))
+    assert np.argmax(spread) == pytest.approx(middle, abs=10)
+    growing = spread[inside][: middle - np.flatnonzero(inside)[0]]
+    assert (np.diff(growing) > 0).all()
+
+
+def test_a_delay_counts_along_the_motion_only():
+    times = 0.05 * np.arange(1200)
+    rng = np.random.default_rng(3)
+    truth = np.column_stack([0.5 * times, 0 * times, 0 * times])
+    seen = truth + rng.normal(0, 0.001, truth.shape)
+    fused = fuse([Source(Trajectory("camera", times, seen), delay_sigma_s=0.02)])
+    sigma = np.sqrt(np.diagonal(fused.trajectory.covariances, axis1=1, axis2=2)).mean(0)
+    # 20 ms at 0.5 m/s are 10 mm, common to all frames; across there is the smoothed noise only.
+    assert sigma[0] == pytest.approx(0.010, rel=0.02)
+    assert sigma[1] < 0.001
+
+
+def test_frames_that_come_irregularly_keep_their_stamps():
+    rng = np.random.default_rng(4)
+    times = 0.1 * np.arange(1500) + rng.uniform(-0.02, 0.02, 1500)
+    truth = np.column_stack([np.sin(times / 2), np.cos(times / 3), np.sin(times / 2)])
+    seen = truth + rng.normal(0, 0.001, truth.shape)
+    fused = fuse([Source(Trajectory("camera", times, seen))])
+    assert fused.noise[0].smoothed_stamps == 0.0
+    assert np.sqrt(((fused.trajectory.poses - truth)[:, :2] ** 2).mean()) < 0.001
+
+
+def test_what_cannot_be_fused_is_told():
+    times = np.arange(5.0)
+    plane = Source(Trajectory("a", times, np.zeros((5, 3))))
+    points = Source(Trajectory("b", times, np.zeros((5, 2)), "points_plane"))
+    with pytest.raises(GtvalError, match="at least one source"):
+        fuse([])
+    with pytest.raises(GtvalError, match="positions in the plane"):
+        fuse([plane, points])
+    with pytest.raises(GtvalError, match="at least three"):
+        fuse([Source(plane.trajectory.select([0, 1]))])
+    with pytest.raises(GtvalError, match="no time in common"):
+        fuse([plane], odometry=Trajectory("o", times + 100, np.zeros((5, 3))))

@@ -1,0 +1,172 @@
+"""The command that fuses several sources of poses into one trajectory."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from validation.commands.options import AS_JSON, PATH
+
+if TYPE_CHECKING:
+    from validation.trajectories.smoothing.source import Fused, Source
+    from validation.trajectories.trajectory import Trajectory
+
+
+@click.command()
+@click.argument("sources", nargs=-1, required=True, type=PATH)
+@click.option("--output", required=True, type=PATH, help="Write the fused poses to this .csv file.")
+@click.option("--odometry", type=PATH, help="Odometry, in a frame of its own; it may drift.")
+@click.option("--delays", type=PATH, help="What `gtval sync --json` printed for these sources.")
+@click.option(
+    "--rate",
+    type=click.FloatRange(0, min_open=True),
+    help="Fused poses a second; by default at the times of the frames.",
+)
+@AS_JSON
+def fuse(
+    sources: tuple[Path, ...],
+    *,
+    output: Path,
+    odometry: Path | None,
+    delays: Path | None,
+    rate: float | None,
+    as_json: bool,
+) -> None:
+    """Fuse the poses of several SOURCES in one frame into one trajectory; smooth that of one.
+
+    Noise, outliers and headings off by half a turn are found from the data. The file has
+    covariances and the column 'supported': 1 where data stand on both sides.
+    """
+    from validation.text_files.writing import write_files
+    from validation.trajectories.formats.reading import read_trajectory
+    from validation.trajectories.smoothing.fusion import fuse as fuse_sources
+
+    clocks = _clocks(delays)
+    read = [_source(read_trajectory(path), path, clocks) for path in sources]
+    wheels = None if odometry is None else read_trajectory(odometry)
+    times = None if rate is None else _regular(read, rate)
+    fused = fuse_sources(read, odometry=wheels, times=times)
+    write_files({output: _text(fused)})
+    _tell(fused, output, as_json)
+
+
+def _clocks(path: Path | None) -> dict[str, dict[str, float]]:
+    """Delays by name of the source.
+
+    Raises
+    ------
+    InputError
+        If the file is not what `gtval sync --json` prints.
+    """
+    import json
+    import math
+
+    from validation.errors import InputError, Problem
+
+    if path is None:
+        return {}
+    expected = "expected what `gtval sync REFERENCE SOURCE... --json` prints"
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError([Problem(path, f"{expected} ({error})")]) from error
+    sources = found.get("sources") if isinstance(found, dict) else None
+    if not isinstance(sources, dict) or not all(isinstance(s, dict) for s in sources.values()):
+        raise InputError([Problem(path, expected, field="sources")])
+    problems = []
+    for name, clock in sources.items():
+        for key in ("delay_s", "low_s", "high_s"):
+            value = clock.get(key)
+            if not isinstance(value, int | float) or not math.isfinite(value):
+                words = f"no delay is known for '{name}'; see its verdict, or leave it out"
+                problems.append(Problem(path, words, field=f"sources.{name}.{key}"))
+    if problems:
+        raise InputError(problems)
+    return sources
+
+
+def _source(
+    trajectory: "Trajectory", path: Path, clocks: dict[str, dict[str, float]]
+) -> "Source":
+    """A source with its delay; a half width of the 95 % interval is 1.96 standard deviations."""
+    from validation.trajectories.smoothing.source import Source
+
+    name = path.name.split(".")[0]
+    clock = clocks.get(name) or clocks.get(path.stem)
+    if clock is None:
+        return Source(trajectory)
+    at = clock.get("at_s")
+    low, high = clock.get("drift_low_ppm"), clock.get("drift_high_ppm")
+    known = low is not None and high is not None
+    return Source(
+        trajectory,
+        clock["delay_s"],
+        max(clock["high_s"] - clock["low_s"], 0.0) / 3.92,
+        clock.get("drift_ppm") or 0.0,
+        max(high - low, 0.0) / 3.92 if low is not None and high is not None and known else 0.0,
+        None if at is None else at - trajectory.epoch,
+    )
+
+
+def _regular(sources: "list[Source]", rate: float) -> list[float]:
+    """Times of all sources together, at a rate."""
+    import numpy as np
+
+    from validation.errors import GtvalError
+
+    epoch = sources[0].trajectory.epoch
+    ends = [s.trajectory.times_since(epoch)[[0, -1]] + s.delay_s for s in sources]
+    first, last = min(e[0] for e in ends), max(e[1] for e in ends)
+    if (last - first) * rate > 1e7:
+        raise GtvalError(
+            f"{rate:g} poses a second over {last - first:.0f} s are more than ten million; "
+            "give a lower --rate, and check that all sources have one epoch"
+        )
+    found: list[float] = np.arange(np.ceil(first * rate), np.floor(last * rate) + 1) / rate
+    return found
+
+
+def _text(fused: "Fused") -> str:
+    """The trajectory's table with the column 'supported' at its end."""
+    from validation.trajectories.formats.writing import trajectory_text
+
+    lines = trajectory_text(fused.trajectory).splitlines()
+    head = next(place for place, line in enumerate(lines) if not line.startswith("#"))
+    lines[head] += ",supported"
+    for place, inside in enumerate(fused.supported.tolist(), head + 1):
+        lines[place] += ",1" if inside else ",0"
+    return "\n".join(lines) + "\n"
+
+
+def _tell(fused: "Fused", output: Path, as_json: bool) -> None:
+    """What was found, as JSON or in words."""
+    from dataclasses import asdict
+
+    from validation.report.terminal import print_json
+
+    share = float(fused.supported.mean())
+    if as_json:
+        told = {
+            "command": "fuse",
+            "output": str(output),
+            "poses": len(fused.trajectory),
+            "supported_share": share,
+            "sources": {one.system: asdict(one) for one in fused.noise},
+            "strengths": dict(fused.strengths),
+            "odometry": dict(fused.odometry),
+            "findings": list(fused.findings),
+        }
+        print_json(told)
+        return
+    click.echo(f"{len(fused.trajectory)} poses in {output}, {share:.0%} with data on both sides.")
+    for one in fused.noise:
+        click.echo(
+            f"  {one.system}: position {one.position:.3g}, angle {one.angle:.3g}, "
+            f"jitter {1e3 * one.jitter_s:.2g} ms, {one.outliers:.1%} outliers, "
+            f"delay {1e3 * one.delay_s:+.1f} ms (sigma {1e3 * one.delay_sigma_s:.1f} ms)"
+        )
+    for finding in fused.findings:
+        click.echo(f"  {finding}")
+
+
+COMMANDS: list[click.Command] = [fuse]
