@@ -85,9 +85,7 @@ def _clocks(path: Path | None) -> dict[str, dict[str, float]]:
     return sources
 
 
-def _source(
-    trajectory: "Trajectory", path: Path, clocks: dict[str, dict[str, float]]
-) -> "Source":
+def _source(trajectory: "Trajectory", path: Path, clocks: dict[str, dict[str, float]]) -> "Source":
     """A source with its delay; a half width of the 95 % interval is 1.96 standard deviations."""
     from validation.trajectories.smoothing.source import Source
 

@@ -6,7 +6,7 @@ from validation.poses.angles import Array, wrap
 from validation.trajectories.smoothing.equations import Solved
 from validation.trajectories.smoothing.geometry import advance, difference
 from validation.trajectories.smoothing.prior import in_between
-from validation.trajectories.smoothing.problem import Problem, State, Rows
+from validation.trajectories.smoothing.problem import Problem, Rows, State
 
 
 def at_times(
@@ -38,8 +38,6 @@ def at_times(
         rows = np.flatnonzero((left >= start) & (left < stop))
         if not len(rows):
             continue
-        if stop < n:
-            inverse = inverse.copy()
         some = left[rows]
         joint = _joint(solved, some, inverse, beside, some - start)
         first, second, free = _weights(problem.times, some, times[rows])
@@ -51,7 +49,7 @@ def at_times(
         rates[rows] = first[:, 1, 1, None] * v0
         rates[rows] += second[:, 1, 0, None] * moved + second[:, 1, 1, None] * v1
         weights = np.concatenate([first[:, 0], second[:, 0]], axis=1)
-        spread = np.einsum("qa,qaibj,qb->qij", weights, joint, weights)
+        spread = np.einsum("qa,qaij->qij", weights, np.einsum("qaibj,qb->qaij", joint, weights))
         covariances[rows] = spread + free[:, None, None] * np.diag(strengths)
     if kind == "plane":
         poses[:, 2] = wrap(poses[:, 2])

@@ -15,8 +15,8 @@ from scipy.linalg.lapack import dpbtrs
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
-CHUNK = 8192
-"""Blocks that are handled at once: 12 by 12 numbers of so many are 9 MB, whatever the length."""
+CHUNK = 2048
+"""Blocks that are handled at once: 12 by 12 numbers of so many are 2 MB, whatever the length."""
 
 
 class Band:

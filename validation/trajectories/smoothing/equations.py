@@ -15,8 +15,8 @@ from validation.trajectories.smoothing.problem import (
 )
 
 FAR, FAST = 1e4, 1e2
-"""Standard deviations of a pose, m and rad, and of rates, m/s and rad/s, before anything is seen:
-so wide that they tell nothing, and keep a knot that nothing else holds from being without bound."""
+"""Standard deviations of the first pose, m and rad, and of its rates, m/s and rad/s, before anything
+is seen: so wide that they tell nothing, and keep a single pose from having rates without bound."""
 
 
 @dataclass(frozen=True)
@@ -120,8 +120,9 @@ def _fill(
     diagonal = np.zeros((b - a, 2 * m, 2 * m))
     below = np.zeros((b - a, 2 * m, 2 * m))
     k = np.arange(m)
-    diagonal[:, k, k] += FAR**-2
-    diagonal[:, m + k, m + k] += FAST**-2
+    first_of_all = np.append(True, ~problem.linked)[a:b]
+    diagonal[:, k, k] += FAR**-2 * first_of_all[:, None]
+    diagonal[:, m + k, m + k] += FAST**-2 * first_of_all[:, None]
     _add_frames(problem, found, weights, diagonal, right, corner, knots, s)
     # The end of the step before a comes from that step, computed anew rather than kept.
     first, last = max(a - 1, 0), min(b, n - 1)

@@ -40,13 +40,13 @@ from validation.trajectories.smoothing.trust import outlier_shares, trust, unfli
 from validation.trajectories.trajectory import Clock, Trajectory
 
 STRETCHES, STRETCH = 5, 300
-"""Parts of the record, and knots of each, from which noise and strength are estimated: 2,400 knots
+"""Parts of the record, and knots of each, from which noise and strength are estimated: 1,500 knots
 tell a standard deviation to 2 % or so, and take a tenth of a second a solution."""
 STEP = 1e-3
 """Seconds of jitter of stamps that the first pass assumes."""
 GRID_WRONG = 0.5
 """Share of the jitter taken off that the poses ask back: 0 where stamps are late and frames regular,
-1 where the frames themselves come irregularly and are stamped rightly."""
+1 where the frames come irregularly and are stamped rightly."""
 CAUTION = 1.2
 """Factor on the standard deviations of odometry. From step to step the likelihood does not tell
 its noise from motion; over simulated drives whose slip depends on turning otherwise than assumed,
@@ -118,7 +118,8 @@ def fuse(
         work, stamps = _started(sources, odometry, epoch, smooth)
         _learn(work, names)
         _pass(work, marginals=False, hold=True)
-    _pass(work, marginals=False)
+    if work.problem.shared_of:
+        _pass(work, marginals=False)
     _learn(work, names, rounds=1)
     work.noise = replace(work.noise, odometry=work.noise.odometry * CAUTION)
     _pass(work, marginals=True)
@@ -243,7 +244,7 @@ def _judge(work: _Work, solved: Solved | None) -> None:
         work.flips = work.flips ^ again
     found = residuals(problem, work.state)
     spread = frame_covariances(problem, work.noise, found.along)
-    if solved is not None:
+    if solved is not None and (work.trusted < 0.5).any():
         # A frame that does not count is judged by a trajectory that does not know it.
         blank = 1 - work.trusted
         knot = problem.frames.knot

@@ -21,7 +21,8 @@ from validation.trajectories.trajectory import Trajectory
 
 ODOMETRY_ERRORS = (("length", 0.05), ("turn", 0.05), ("bias", 0.01))
 """Standard deviations of the errors of scale of odometry, and of a constant turn, rad/s, before
-anything is seen: a wheel is measured to a few percent, a gyroscope turns by half a degree a second."""
+anything is seen: a wheel is measured to a few percent, a gyroscope turns by half a degree
+a second."""
 LEAST_JITTER = 0.002
 """Share of the period; stamps of less jitter are used as they are."""
 
@@ -185,9 +186,7 @@ def _stated(sources: Sequence[Source], stamps: Sequence[Stamped], order: Array) 
 def states_all(trajectory: Trajectory) -> bool:
     """Whether all poses have a covariance that can be inverted."""
     known = trajectory.has_covariance
-    return bool(
-        known.all() and (np.linalg.eigvalsh(trajectory.covariances)[:, 0] > 0).all()
-    )
+    return bool(known.all() and (np.linalg.eigvalsh(trajectory.covariances)[:, 0] > 0).all())
 
 
 def unflipped(problem: Problem, flips: Mask) -> Problem:

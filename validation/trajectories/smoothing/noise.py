@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize
 
+from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.trajectories.smoothing.equations import Solved, Weights, solve
 from validation.trajectories.smoothing.geometry import lengths, strength_groups
@@ -22,6 +23,9 @@ HIGH = {"strength": 1e4, "position": 10.0, "angle": 3.0, "jitter": 0.3, "odometr
 nothing from running to minus infinity in its logarithm."""
 ITERATIONS = 15
 """Steps of the search; from the second round on it starts a few percent from its end."""
+
+STIFFEST = 1e8
+"""Ratio of the prior's information to a frame's; of 16 digits 8 remain for the frames."""
 
 Name = tuple[str, int]
 
@@ -89,7 +93,7 @@ def frame_covariances(problem: Problem, noise: Noise, along: Array) -> Array:
 
 def odometry_variances(problem: Problem, noise: Noise) -> Array:
     """(n - 1, m) variances of the odometry over each step, in the moving frame."""
-    assert problem.steps is not None  # noqa: S101
+    assert problem.steps is not None
     dt, moved = np.diff(problem.times), problem.steps.moved
     pairs = noise.odometry.reshape(3, 2) ** 2
     return (pairs[:, 0] * dt[:, None] + pairs[:, 1] * moved[:, None])[:, _parts(problem)]
@@ -127,10 +131,15 @@ def estimate_noise(problem: Problem, state: State, noise: Noise, names: list[Nam
     """
     found = residuals(problem, state)
     low = np.log([LOW[field] for field, _ in names])
+    low[[field == "strength" for field, _ in names]] = np.log(_least_strength(problem, noise))
     high = np.log([HIGH[field] for field, _ in names])
 
     def cost(logs: Array) -> tuple[float, Array]:
-        value, slope = _likelihood(problem, found, state, noise.put(names, np.exp(logs)), names)
+        try:
+            value, slope = _likelihood(problem, found, state, noise.put(names, np.exp(logs)), names)
+        except GtvalError:
+            # Beyond the precision of numbers: the search turns back.
+            return 1e15, np.zeros(len(logs))
         return -value, -slope
 
     start = np.clip(np.log(noise.get(names)), low, high)
@@ -145,6 +154,30 @@ def estimate_noise(problem: Problem, state: State, noise: Noise, names: list[Nam
     return noise.put(names, np.exp(best.x))
 
 
+def all_covariances(solved: Solved) -> tuple[Array, Array]:
+    """Covariances of all knots (n, 2m, 2m), and of each with the next (n, 2m, 2m)."""
+    chunks = list(solved.factor.covariances())[::-1]
+    own = np.concatenate([inverse[:-1] for _, inverse, _ in chunks])
+    return own, np.concatenate([beside for *_, beside in chunks])
+
+
+def _least_strength(problem: Problem, noise: Noise) -> float:
+    """The strength below which the equations lose their last digits.
+
+    The prior's information of a step, 12 / (q T^3), is then `STIFFEST` times that of a frame.
+    """
+    step = float(np.median(np.diff(problem.times)))
+    variance = float(np.median(frame_variances(problem, noise)))
+    return float(np.clip(12 * variance / (step**3 * STIFFEST), LOW["strength"], 1e-2))
+
+
+def frame_variances(problem: Problem, noise: Noise) -> Array:
+    """(f,) variance of a position in each axis."""
+    d = lengths(problem.kind)
+    scaled = _scaled(problem, noise)
+    return np.einsum("fii->f", scaled[:, :d, :d]) / d
+
+
 def _likelihood(
     problem: Problem, found: Residuals, state: State, noise: Noise, names: list[Name]
 ) -> tuple[float, Array]:
@@ -153,7 +186,7 @@ def _likelihood(
     solved = solve(problem, found, weights, state.shared, hold=True)
     slopes = {}
     total = -solved.factor.log_determinant
-    _, inverse, beside = next(solved.factor.covariances())
+    inverse, beside = all_covariances(solved)
     for part in (_of_frames, _of_prior, _of_odometry):
         value, some = part(problem, found, noise, weights, solved, (inverse, beside))
         total += value
@@ -210,7 +243,7 @@ def seen_covariances(blocks: Array, tau: Array) -> Array:
 def _of_prior(
     problem: Problem,
     found: Residuals,
-    noise: Noise,
+    _: Noise,
     weights: Weights,
     solved: Solved,
     covariances: tuple[Array, Array],
@@ -257,7 +290,7 @@ def _of_odometry(
     problem: Problem,
     found: Residuals,
     noise: Noise,
-    weights: Weights,
+    _: Weights,
     solved: Solved,
     covariances: tuple[Array, Array],
 ) -> Slopes:

@@ -237,9 +237,7 @@ def residuals(problem: Problem, state: State) -> Residuals:
     world[:, -1] += bias * dt
     odometry = np.where(steps.known[:, None], world - moved, 0.0)
     leads = turning(kind, world) - starts
-    return Residuals(
-        seen, offset, along, prior, ends, starts, odometry, turned, leads, world
-    )
+    return Residuals(seen, offset, along, prior, ends, starts, odometry, turned, leads, world)
 
 
 def shifts(problem: Problem, shared: Array) -> Array:
@@ -265,7 +263,9 @@ def scales(problem: Problem, shared: Array) -> Array:
 
 
 def _named(problem: Problem, shared: Array, name: str) -> float:
-    found = [value for value, (what, _) in zip(shared, problem.shared_of, strict=True) if what == name]
+    found = [
+        value for value, (what, _) in zip(shared, problem.shared_of, strict=True) if what == name
+    ]
     return float(found[0]) if found else 0.0
 
 

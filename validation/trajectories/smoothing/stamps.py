@@ -12,8 +12,8 @@ SHARPEST = 4.0
 """A rate is one if the mean of the phases is longer than so many times that of random phases,
 1/sqrt(n); of the 20 or so frequencies tried a step, random ones pass this in 20 exp(-16)."""
 FIRST = 256
-"""Frames from which the search starts. With a latency that is spread over a third of the period the
-phases agree to 0.36 only; the best of some hundred wrong frequencies reaches 2.5/sqrt(256), 0.16."""
+"""Frames from which the search starts. With a latency that is spread over a third of the period
+the phases agree to 0.36 only; the best of some hundred wrong frequencies reaches 2.5/sqrt(256), 0.16."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def regular(times: Array, rate: float | None = None) -> Regular | None:
 
 
 def _line(times: Array, period: float, phase: float) -> Regular:
-    """The straight line of stamps over frame numbers, by least squares: it holds the mean latency."""
+    """The line of stamps over frame numbers, by least squares: it holds the mean latency."""
     since = times - times[0]
     line = np.array([period, phase * period])
     order = np.arange(len(times))

@@ -202,5 +202,7 @@ def both_sides(times: Array, good: list[Array], gaps: list[float]) -> Mask:
         left, after = own[right - 1], own[right]
         slack = 1e-9 * np.maximum(np.abs(times), 1.0)
         inside = (times >= left - slack) & (times <= after + slack)
-        found |= inside & ((after - left <= gap) | (np.minimum(times - left, after - times) <= slack))
+        found |= inside & (
+            (after - left <= gap) | (np.minimum(times - left, after - times) <= slack)
+        )
     return found

@@ -133,7 +133,6 @@ def _odometry(rng: np.random.Generator, t: Array, truth: Array, seconds: float) 
 
 def figures(made: Drive, with_odometry: bool) -> tuple[float, float, float]:
     """Rms of the position error in mm, NEES, and the share with support, of one fusion."""
-    from validation.poses.angles import wrap
     from validation.trajectories.smoothing.fusion import fuse
 
     fused = fuse(made.sources, odometry=made.odometry if with_odometry else None)
@@ -147,7 +146,9 @@ def score(made, fused):
     error = fused.trajectory.poses[keep] - made.at(fused.trajectory.times[keep])
     error[:, 2] = wrap(error[:, 2])
     nees = np.einsum(
-        "ni,ni->n", error, np.linalg.solve(fused.trajectory.covariances[keep], error[..., None])[..., 0]
+        "ni,ni->n",
+        error,
+        np.linalg.solve(fused.trajectory.covariances[keep], error[..., None])[..., 0],
     )
     rms = np.sqrt((error[:, :2] ** 2).sum(1).mean())
     return 1e3 * float(rms), float(nees.mean()), float(keep.mean())
