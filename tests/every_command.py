@@ -14,6 +14,7 @@ USES = {
     "demo": "{out}",
     "enter": "{room} --status",
     "explain": "{ad23}",
+    "fuse": "{files}/camera.csv --output {out}.csv",
     "instrument-check": "{files}/lengths.csv --tolerance 0.0015",
     "laser check-mount": "{room}",
     "laser decide": "{decided} 1 2 reject",

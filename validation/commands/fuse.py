@@ -8,6 +8,7 @@ import click
 from validation.commands.options import AS_JSON, PATH
 
 if TYPE_CHECKING:
+    from validation.poses.angles import Array
     from validation.trajectories.smoothing.source import Fused, Source
     from validation.trajectories.trajectory import Trajectory
 
@@ -46,7 +47,7 @@ def fuse(
     wheels = None if odometry is None else read_trajectory(odometry)
     times = None if rate is None else _regular(read, rate)
     fused = fuse_sources(read, odometry=wheels, times=times)
-    write_files({output: _text(fused)})
+    write_files(output.parent, {output.name: _text(fused)})
     _tell(fused, output, as_json)
 
 
@@ -106,7 +107,7 @@ def _source(trajectory: "Trajectory", path: Path, clocks: dict[str, dict[str, fl
     )
 
 
-def _regular(sources: "list[Source]", rate: float) -> list[float]:
+def _regular(sources: "list[Source]", rate: float) -> "Array":
     """Times of all sources together, at a rate."""
     import numpy as np
 
@@ -120,8 +121,7 @@ def _regular(sources: "list[Source]", rate: float) -> list[float]:
             f"{rate:g} poses a second over {last - first:.0f} s are more than ten million; "
             "give a lower --rate, and check that all sources have one epoch"
         )
-    found: list[float] = np.arange(np.ceil(first * rate), np.floor(last * rate) + 1) / rate
-    return found
+    return np.arange(np.ceil(first * rate), np.floor(last * rate) + 1) / rate
 
 
 def _text(fused: "Fused") -> str:

@@ -15,8 +15,8 @@ from validation.trajectories.smoothing.problem import (
 )
 
 FAR, FAST = 1e4, 1e2
-"""Standard deviations of the first pose, m and rad, and of its rates, m/s and rad/s, before anything
-is seen: so wide that they tell nothing, and keep a single pose from having rates without bound."""
+"""Standard deviations of the first pose, m and rad, and of its rates, m/s and rad/s, before
+anything is seen: so wide that they tell nothing, and keep a single pose from having rates without bound."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def solve(
         return Solved(changes, np.zeros(len(shared)), factor, slopes, np.zeros((0, 0)))
     columns = right[..., 1:].reshape(n * 2 * m, s)
     schur = corner[:, 1:] + columns.T @ slopes.reshape(n * 2 * m, s)
-    covariance = np.linalg.inv((schur + schur.T) / 2)
+    covariance = np.asarray(np.linalg.inv((schur + schur.T) / 2))
     step = covariance @ (corner[:, 0] - columns.T @ changes.ravel())
     return Solved(changes + slopes @ step, step, factor, slopes, covariance)
 
@@ -190,10 +190,11 @@ def _steps(
     dt = np.diff(problem.times)[a:b]
     W = information(dt, weights.strengths) * problem.linked[a:b, None, None]
     eye = np.eye(m)
+    ends, starts = found.jacobians(slice(a, b))
     E = np.zeros((b - a, 2 * m, 2 * m))
     S = np.zeros((b - a, 2 * m, 2 * m))
-    E[:, :m, :m], E[:, m:, m:] = found.ends[a:b], eye
-    S[:, :m, :m], S[:, m:, m:] = found.starts[a:b], -eye
+    E[:, :m, :m], E[:, m:, m:] = ends, eye
+    S[:, :m, :m], S[:, m:, m:] = starts, -eye
     S[:, :m, m:] = -dt[:, None, None] * eye
     WS, WE = W @ S, W @ E
     turned = np.swapaxes(E, 1, 2)
@@ -207,9 +208,9 @@ def _steps(
     if weights.odometry is not None:
         V, o = weights.odometry[a:b], found.odometry[a:b]
         # The odometry's residual changes by -ends with the end, by leads with the start.
-        VE, VL = V @ -found.ends[a:b], V @ found.leads[a:b]
-        ahead[:, :m, :m] += np.swapaxes(-found.ends[a:b], 1, 2) @ VL
-        at_end[:, :m, :m] += np.swapaxes(-found.ends[a:b], 1, 2) @ VE
+        VE, VL = V @ -ends, V @ found.leads[a:b]
+        ahead[:, :m, :m] += np.swapaxes(-ends, 1, 2) @ VL
+        at_end[:, :m, :m] += np.swapaxes(-ends, 1, 2) @ VE
         at_start[:, :m, :m] += np.swapaxes(found.leads[a:b], 1, 2) @ VL
         columns = o[..., None]
         if s:

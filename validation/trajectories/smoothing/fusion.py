@@ -27,7 +27,13 @@ from validation.trajectories.smoothing.noise import (
     strengths,
     weights_of,
 )
-from validation.trajectories.smoothing.problem import Mask, Problem, State, residuals
+from validation.trajectories.smoothing.problem import (
+    Mask,
+    Problem,
+    State,
+    frame_residuals,
+    residuals,
+)
 from validation.trajectories.smoothing.source import Fused, Source, SourceNoise
 from validation.trajectories.smoothing.start import (
     both_sides,
@@ -40,8 +46,8 @@ from validation.trajectories.smoothing.trust import outlier_shares, trust, unfli
 from validation.trajectories.trajectory import Clock, Trajectory
 
 STRETCHES, STRETCH = 5, 300
-"""Parts of the record, and knots of each, from which noise and strength are estimated: 1,500 knots
-tell a standard deviation to 2 % or so, and take a tenth of a second a solution."""
+"""Parts of the record, and knots of each, from which noise and strength are estimated: 1,500
+knots tell a standard deviation to 2 % or so, and take a tenth of a second a solution."""
 STEP = 1e-3
 """Seconds of jitter of stamps that the first pass assumes."""
 GRID_WRONG = 0.5
@@ -229,6 +235,7 @@ def _pass(
     found = residuals(problem, work.state)
     weights = weights_of(problem, found, work.noise, work.trusted)
     solved = solve(problem, found, weights, work.state.shared, hold)
+    del found, weights  # as large as what follows
     work.state = work.state.moved(problem.kind, solved.changes, solved.shared)
     if retrust and not keep:
         _judge(work, solved if marginals else None)
@@ -242,19 +249,17 @@ def _judge(work: _Work, solved: Solved | None) -> None:
     if again.any():
         work.problem = problem = unflipped(problem, again)
         work.flips = work.flips ^ again
-    found = residuals(problem, work.state)
-    spread = frame_covariances(problem, work.noise, found.along)
+    seen, offset, along = frame_residuals(problem, work.state)
+    spread = frame_covariances(problem, work.noise, along)
     if solved is not None and (work.trusted < 0.5).any():
         # A frame that does not count is judged by a trajectory that does not know it.
         blank = 1 - work.trusted
         knot = problem.frames.knot
         for start, inverse, beside in solved.factor.covariances():
             rows = slice(*np.searchsorted(knot, [start, start + len(beside)]))
-            own = seen_covariances(inverse[knot[rows] - start], found.offset[rows, None, None])
+            own = seen_covariances(inverse[knot[rows] - start], offset[rows, None, None])
             spread[rows] += blank[rows, None, None] * own
-    squares = np.einsum(
-        "fi,fi->f", found.frames, np.linalg.solve(spread, found.frames[..., None])[..., 0]
-    )
+    squares = np.einsum("fi,fi->f", seen, np.linalg.solve(spread, seen[..., None])[..., 0])
     source = problem.frames.source
     for _ in range(3):
         work.trusted = trust(squares, source, work.shares, problem.m)
@@ -273,11 +278,11 @@ def _taken(work: _Work, stamps: Sequence[Stamped]) -> Array:
 def _grid_wrong(work: _Work, stamps: Sequence[Stamped]) -> list[bool]:
     """For each source whether the poses ask for the jitter that was taken off its stamps."""
     problem, taken = work.problem, _taken(work, stamps)
-    found = residuals(problem, work.state)
-    inverse = np.linalg.inv(frame_covariances(problem, work.noise, found.along))
+    seen, _, along = frame_residuals(problem, work.state)
+    inverse = np.linalg.inv(frame_covariances(problem, work.noise, along))
     inverse *= work.trusted[:, None, None]
-    late = found.along * taken[:, None]
-    top = np.einsum("fi,fij,fj->f", late, inverse, found.frames)
+    late = along * taken[:, None]
+    top = np.einsum("fi,fij,fj->f", late, inverse, seen)
     bottom = np.einsum("fi,fij,fj->f", late, inverse, late)
     source, count = problem.frames.source, problem.count
     asked = np.bincount(source, top, count)

@@ -8,7 +8,7 @@ import numpy as np
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.trajectories.smoothing.geometry import half_turn
-from validation.trajectories.smoothing.problem import Frames, Mask, Problem
+from validation.trajectories.smoothing.problem import Frames, Mask, Problem, Rows
 from validation.trajectories.smoothing.source import Source
 from validation.trajectories.smoothing.stamps import regular
 from validation.trajectories.smoothing.start import (
@@ -46,7 +46,7 @@ class Stamped:
     """
 
     times: Array
-    rows: Array
+    rows: Rows
     since: Array
     taken: Array
     gap: float
@@ -168,7 +168,7 @@ def gathered(
     )
 
 
-def _stated(sources: Sequence[Source], stamps: Sequence[Stamped], order: Array) -> Array | None:
+def _stated(sources: Sequence[Source], stamps: Sequence[Stamped], order: Rows) -> Array | None:
     """Covariances as stated, unit matrices where a source states none for all of its poses."""
     if not any(source.trajectory.has_covariance.any() for source in sources):
         return None
@@ -180,7 +180,7 @@ def _stated(sources: Sequence[Source], stamps: Sequence[Stamped], order: Array) 
             parts.append(own.covariances[one.rows])
         else:
             parts.append(np.broadcast_to(np.eye(m), (len(own), m, m)))
-    return np.concatenate(parts)[order]
+    return np.asarray(np.concatenate(parts)[order])
 
 
 def states_all(trajectory: Trajectory) -> bool:

@@ -81,8 +81,8 @@ def _scaled(problem: Problem, noise: Noise) -> Array:
     factor = np.empty((len(source), m))
     factor[:, :d], factor[:, d:] = noise.position[source, None], noise.angle[source, None]
     if problem.frames.stated is None:
-        return np.einsum("fi,ij->fij", factor**2, np.eye(m))
-    return factor[:, :, None] * problem.frames.stated * factor[:, None, :]
+        return np.asarray(np.einsum("fi,ij->fij", factor**2, np.eye(m)))
+    return np.asarray(factor[:, :, None] * problem.frames.stated * factor[:, None, :])
 
 
 def frame_covariances(problem: Problem, noise: Noise, along: Array) -> Array:
@@ -175,7 +175,7 @@ def frame_variances(problem: Problem, noise: Noise) -> Array:
     """(f,) variance of a position in each axis."""
     d = lengths(problem.kind)
     scaled = _scaled(problem, noise)
-    return np.einsum("fii->f", scaled[:, :d, :d]) / d
+    return np.asarray(np.einsum("fii->f", scaled[:, :d, :d]) / d)
 
 
 def _likelihood(
@@ -254,8 +254,8 @@ def _of_prior(
     inverse, beside = covariances
     E = np.zeros((len(dt), 2 * m, 2 * m))
     S = np.zeros_like(E)
-    E[:, :m, :m], E[:, m:, m:] = found.ends[linked], np.eye(m)
-    S[:, :m, :m], S[:, m:, m:] = found.starts[linked], -np.eye(m)
+    E[:, :m, :m], S[:, :m, :m] = found.jacobians(linked)
+    E[:, m:, m:], S[:, m:, m:] = np.eye(m), -np.eye(m)
     S[:, :m, m:] = -dt[:, None, None] * np.eye(m)
     x = solved.changes
     e = (
@@ -299,7 +299,7 @@ def _of_odometry(
         return 0.0, {}
     m, known = problem.m, problem.steps.known
     back = np.swapaxes(found.turned[known], 1, 2)
-    E, S = back @ -found.ends[known], back @ found.leads[known]
+    E, S = back @ -found.jacobians(known)[0], back @ found.leads[known]
     x, (inverse, beside) = solved.changes, covariances
     n = len(x)
     e = (

@@ -190,8 +190,10 @@ class Residuals:
         Rates at the frames: what a second of delay counts.
     prior : (n - 1, 2m) array
         Noise of the prior over the steps.
-    ends, starts : (n - 1, m, m) arrays
-        How the prior's pose part changes with the poses.
+    moved : (n - 1, m) array
+        Small motion over each step.
+    kind : Kind
+        Of the poses.
     odometry : (n - 1, m) array
         Odometry less expected, in the fixed frame; zero where there is none.
     turned : (n - 1, m, m) array
@@ -206,29 +208,29 @@ class Residuals:
     offset: Array
     along: Array
     prior: Array
-    ends: Array
-    starts: Array
+    moved: Array
+    kind: Kind
     odometry: Array = field(default_factory=lambda: np.empty(0))
     turned: Array = field(default_factory=lambda: np.empty(0))
     leads: Array = field(default_factory=lambda: np.empty(0))
     world: Array = field(default_factory=lambda: np.empty(0))
 
+    def jacobians(self, which: slice | Mask) -> tuple[Array, Array]:
+        """How motions over some steps change with the poses at end and start, two (c, m, m)."""
+        return step_jacobians(self.kind, self.moved[which])
+
 
 def residuals(problem: Problem, state: State) -> Residuals:
     """Residuals of frames, prior and odometry at a state."""
-    kind, frames = problem.kind, problem.frames
-    offset = frames.offset + shifts(problem, state.shared)
-    along = state.rates[frames.knot]
-    expected = advance(kind, state.poses[frames.knot], along * offset[:, None])
-    seen = difference(kind, frames.poses, expected)
+    kind = problem.kind
+    seen, offset, along = frame_residuals(problem, state)
     dt = np.diff(problem.times)
     moved = difference(kind, state.poses[1:], state.poses[:-1])
     prior = np.concatenate(
         [moved - dt[:, None] * state.rates[:-1], np.diff(state.rates, axis=0)], axis=1
     )
-    ends, starts = step_jacobians(kind, moved)
     if problem.steps is None:
-        return Residuals(seen, offset, along, prior, ends, starts)
+        return Residuals(seen, offset, along, prior, moved, kind)
     steps = problem.steps
     turned = axes(kind, state.poses[:-1])
     scaled = steps.motions * scales(problem, state.shared)
@@ -236,8 +238,17 @@ def residuals(problem: Problem, state: State) -> Residuals:
     bias = _named(problem, state.shared, "bias")
     world[:, -1] += bias * dt
     odometry = np.where(steps.known[:, None], world - moved, 0.0)
-    leads = turning(kind, world) - starts
-    return Residuals(seen, offset, along, prior, ends, starts, odometry, turned, leads, world)
+    leads = turning(kind, world) - step_jacobians(kind, moved)[1]
+    return Residuals(seen, offset, along, prior, moved, kind, odometry, turned, leads, world)
+
+
+def frame_residuals(problem: Problem, state: State) -> tuple[Array, Array, Array]:
+    """Residuals (f, m), seconds from the knots (f,) and rates (f, m) of the frames at a state."""
+    frames = problem.frames
+    offset = frames.offset + shifts(problem, state.shared)
+    along = state.rates[frames.knot]
+    expected = advance(problem.kind, state.poses[frames.knot], along * offset[:, None])
+    return difference(problem.kind, frames.poses, expected), offset, along
 
 
 def shifts(problem: Problem, shared: Array) -> Array:

@@ -5,6 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from validation.poses.angles import Array
 from validation.trajectories.interpolation import interpolate
+from validation.trajectories.smoothing.chain import CHUNK
 from validation.trajectories.smoothing.geometry import axes, difference, lengths
 from validation.trajectories.smoothing.problem import Mask, Problem, Rows, Steps
 from validation.trajectories.trajectory import Kind, Trajectory
@@ -95,14 +96,25 @@ def _windows(count: int) -> Rows:
 
 def running_medians(kind: Kind, poses: Array) -> Array:
     """(f, k) medians of positions, and the orientation among neighbours that agrees best."""
-    d, rows = lengths(kind), _windows(len(poses))
-    found = poses.copy()
+    rows, found = _windows(len(poses)), poses.copy()
+    for start in range(0, len(poses), CHUNK):
+        some = slice(start, start + CHUNK)
+        found[some] = _medians(kind, poses, rows[some])
+    if kind == "plane":
+        found[:, 2] = np.unwrap(found[:, 2])
+    return found
+
+
+def _medians(kind: Kind, poses: Array, rows: Rows) -> Array:
+    """(c, k) for windows (c, w) of rows."""
+    d = lengths(kind)
+    found = np.empty((len(rows), poses.shape[1]))
     for place in range(d):
         found[:, place] = np.median(poses[rows, place], axis=1)
     if kind == "plane":
         around = poses[rows, 2]
         agreed = np.cos(around[:, :, None] - around[:, None, :]).sum(2)
-        found[:, 2] = np.unwrap(around[np.arange(len(rows)), agreed.argmax(1)])
+        found[:, 2] = around[np.arange(len(rows)), agreed.argmax(1)]
     elif kind == "space":
         around = poses[rows, 3:]
         agreed = (np.einsum("fik,fjk->fij", around, around) ** 2).sum(2)

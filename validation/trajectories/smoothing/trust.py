@@ -4,7 +4,7 @@ import numpy as np
 
 from validation.poses.angles import Array
 from validation.trajectories.smoothing.geometry import difference, half_turn, lengths
-from validation.trajectories.smoothing.problem import Frames, Mask
+from validation.trajectories.smoothing.problem import Frames, Mask, Rows
 from validation.trajectories.trajectory import Kind
 
 WIDE = 10.0
@@ -15,7 +15,7 @@ RANGE = (0.002, 0.3)
 """Shares of outliers that are assumed at least and at most: none seen so far is no proof."""
 
 
-def trust(squares: Array, source: Array, shares: Array, m: int) -> Array:
+def trust(squares: Array, source: Rows, shares: Array, m: int) -> Array:
     """(f,) probability of each frame to be no outlier.
 
     Parameters
@@ -34,7 +34,7 @@ def trust(squares: Array, source: Array, shares: Array, m: int) -> Array:
     return np.asarray(1 / (1 + np.exp(np.minimum(odds, 700.0))))
 
 
-def outlier_shares(trusted: Array, source: Array, count: int) -> Array:
+def outlier_shares(trusted: Array, source: Rows, count: int) -> Array:
     """(q,) share of outliers in each source."""
     frames = np.maximum(np.bincount(source, minlength=count), 1)
     return np.clip(np.bincount(source, 1 - trusted, count) / frames, *RANGE)
