@@ -1,5 +1,6 @@
 """Settings that all tests share, and small samples of all kinds of campaigns."""
 
+import math
 import shutil
 from pathlib import Path
 
@@ -40,10 +41,10 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     times = (root / "drive/sensors/imu.csv").read_text().splitlines()[1:200:20]
     (files / "times.csv").write_text("time\n" + "".join(f"{t.split(',')[0]}\n" for t in times))
     (files / "walls.csv").write_text("wall_a,wall_b,position,distance\ns,n,0,6\ns,n,3,6.021\n")
-    rows = [f"{length}.000,{length}.003\n" for length in range(1, 13)]
     turn = [0.1 * k for k in range(60)]
     rows = [f"{t:.1f},{math.sin(t):.4f},{math.cos(t):.4f},{-t:.4f}\n" for t in turn]
     (files / "camera.csv").write_text("time,x,y,theta\n" + "".join(rows))
+    rows = [f"{length}.000,{length}.003\n" for length in range(1, 13)]
     (files / "lengths.csv").write_text("true,reading\n" + "".join(rows))
     lens = (root / "drive/sensors/left_camera_lens.txt").read_text().strip()
     names = {name: str(root / name) for name in ("ad23", "room", "decided", "drive", "files")}

@@ -16,7 +16,8 @@ from validation.trajectories.smoothing.problem import (
 
 FAR, FAST = 1e4, 1e2
 """Standard deviations of the first pose, m and rad, and of its rates, m/s and rad/s, before
-anything is seen: so wide that they tell nothing, and keep a single pose from having rates without bound."""
+anything is seen: so wide that they tell nothing, and keep a single pose from having rates without
+bound."""
 
 
 @dataclass(frozen=True)

@@ -46,13 +46,13 @@ from validation.trajectories.smoothing.trust import outlier_shares, trust, unfli
 from validation.trajectories.trajectory import Clock, Trajectory
 
 STRETCHES, STRETCH = 5, 300
-"""Parts of the record, and knots of each, from which noise and strength are estimated: 1,500
-knots tell a standard deviation to 2 % or so, and take a tenth of a second a solution."""
+"""Parts of the record, and knots of each, from which noise and strength are estimated: 1,500 knots
+tell a standard deviation to 2 % or so, and a solution takes a few hundredths of a second."""
 STEP = 1e-3
 """Seconds of jitter of stamps that the first pass assumes."""
 GRID_WRONG = 0.5
-"""Share of the jitter taken off that the poses ask back: 0 where stamps are late and frames regular,
-1 where the frames come irregularly and are stamped rightly."""
+"""Share of the jitter taken off that the poses ask back: 0 where stamps are late and frames
+regular, 1 where the frames come irregularly and are stamped rightly."""
 CAUTION = 1.2
 """Factor on the standard deviations of odometry. From step to step the likelihood does not tell
 its noise from motion; over simulated drives whose slip depends on turning otherwise than assumed,
@@ -278,6 +278,8 @@ def _taken(work: _Work, stamps: Sequence[Stamped]) -> Array:
 def _grid_wrong(work: _Work, stamps: Sequence[Stamped]) -> list[bool]:
     """For each source whether the poses ask for the jitter that was taken off its stamps."""
     problem, taken = work.problem, _taken(work, stamps)
+    if not taken.any():
+        return [False] * problem.count
     seen, _, along = frame_residuals(problem, work.state)
     inverse = np.linalg.inv(frame_covariances(problem, work.noise, along))
     inverse *= work.trusted[:, None, None]

@@ -13,7 +13,8 @@ SHARPEST = 4.0
 1/sqrt(n); of the 20 or so frequencies tried a step, random ones pass this in 20 exp(-16)."""
 FIRST = 256
 """Frames from which the search starts. With a latency that is spread over a third of the period
-the phases agree to 0.36 only; the best of some hundred wrong frequencies reaches 2.5/sqrt(256), 0.16."""
+the phases agree to 0.36 only; the best of some hundred wrong frequencies reaches 2.5/sqrt(256),
+0.16."""
 
 
 @dataclass(frozen=True)

@@ -51,5 +51,8 @@ def flipped(kind: Kind, seen: Array) -> Mask:
 def unflip(kind: Kind, frames: Frames, poses: Array) -> Mask:
     """(f,) whether half a turn about the moving Z axis brings a frame nearer to poses (f, k)."""
     off = flipped(kind, difference(kind, frames.poses, poses))
-    turned = half_turn(kind, frames.poses)
-    return np.asarray(off & ~flipped(kind, difference(kind, turned, poses)))
+    rows = np.flatnonzero(off)
+    if len(rows):
+        turned = half_turn(kind, frames.poses[rows])
+        off[rows] = ~flipped(kind, difference(kind, turned, poses[rows]))
+    return off
