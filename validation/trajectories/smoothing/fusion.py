@@ -56,7 +56,7 @@ regular, 1 where the frames come irregularly and are stamped rightly."""
 CAUTION = 1.2
 """Factor on the standard deviations of odometry. From step to step the likelihood does not tell
 its noise from motion; over simulated drives whose slip depends on turning otherwise than assumed,
-squared errors of the fused poses were 1.15 to 1.3 times as large as their covariances without it."""
+squared errors of the fused poses were 1.15 to 1.3 times their covariances without it."""
 MANY_OUTLIERS = 0.1
 """Share of a source's frames that is worth a word: twice the worst that was simulated."""
 
