@@ -81,11 +81,18 @@ def installed_systems() -> list[System]:
     systems: list[System] = []
     for entry in entry_points(group="gtval.systems"):
         try:
-            systems.append(entry.load())
+            system: System = entry.load()
+            systems.append(system)
+            name = system.name
         except Exception as error:
             raise GtvalError(
                 f"the plug-in '{entry.name}' ({entry.value}) cannot be loaded: {error}"
             ) from error
+        if name != entry.name:
+            raise GtvalError(
+                f"the plug-in '{entry.name}' ({entry.value}) calls its system '{name}'; in its "
+                "pyproject.toml call the entry point so too, or change the system's name"
+            )
     return sorted(systems, key=lambda system: (system.name != VALIDATION_SYSTEM, system.name))
 
 

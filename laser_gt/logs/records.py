@@ -10,6 +10,7 @@ import numpy as np
 from laser_gt.scans.scan import Scan
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
+from validation.text_files.reading import is_utf16
 
 P = TypeVar("P")
 R = TypeVar("R")
@@ -173,6 +174,8 @@ def read_lines(path: Path) -> list[str]:
         data = path.read_bytes()
         if data[:2] == b"\x1f\x8b":
             data = gzip.decompress(data)
+        if is_utf16(data):
+            raise InputError([Problem(path, "saved as UTF-16; save the file as UTF-8", 1)])
     except FileNotFoundError:
         raise InputError([Problem(path, "there is no such file")]) from None
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:

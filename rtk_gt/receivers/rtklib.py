@@ -46,7 +46,7 @@ def read_pos(path: Path, receiver: str) -> Fixes:
         Naming line, field and value of every bad place; for heights above the geoid, degrees
         with minutes, or baselines, which this reader does not take.
     """
-    lines = file_bytes(path, MAX_BYTES).decode("latin-1").splitlines()
+    lines = file_bytes(path, MAX_BYTES, text=True).decode("latin-1").splitlines()
     geodetic, utc = _header(path, lines)
     problems: list[Problem] = []
     rows: list[Array] = []

@@ -15,10 +15,11 @@ from survey.readings.hardware import assumed_sigmas
 from survey.readings.readings import Readings
 from validation.results import Finding
 from validation.statistics.consistency import unit_weight_interval
+from validation.statistics.units import unit_of_points
 
 SUSPECT_FRAME = 0.05
 """Chance that a frame of the stated quality is called off its shape by any of its tests. A
-judgement: the poles are measured again in vain in one campaign of twenty."""
+judgement: in one campaign of twenty the poles are measured again for nothing."""
 WEAK_REDUNDANCY = 0.1
 """Readings that the others check by less than this are listed: the smallest blunder found in them,
 4.13 / sqrt(0.1) = 13 sigma, is 3 cm with the 2.2 mm of a usual reading."""
@@ -30,6 +31,7 @@ def survey_findings(outcome: SurveyOutcome) -> list[Finding]:
         return [_sentence(_only_published(outcome))]
     solution = outcome.solution
     found = [
+        *_units(outcome, solution),
         *_labelling(solution.labelling),
         *_frame(solution),
         *_world_points(solution),
@@ -90,6 +92,19 @@ def _labelling(verdict: LabellingVerdict) -> Iterator[Finding]:
             "vframe",
             "mirror",
         )
+
+
+def _units(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[Finding]:
+    evidence, settings = outcome.inputs.evidence, outcome.inputs.settings
+    for file, rough, found in (
+        (settings.hand_points, evidence.hand, {p.name: p.position for p in solution.world.points}),
+        (settings.initial_guesses, evidence.guesses, {f.pose: f.state for f in solution.frames}),
+    ):
+        both = [name for name in rough if name in found]
+        unit = unit_of_points([rough[n][:2] for n in both], [found[n][:2] for n in both])
+        if unit:
+            text = f"write metres in {file}: its coordinates are in {unit}, by the readings"
+            yield Finding("warning", text, "survey", "unit")
 
 
 def _exchange(labelling: Labelling) -> str:
@@ -260,7 +275,7 @@ def _unit_weight(solution: SurveySolution) -> Iterator[Finding]:
         without = ""
         if 0 < k < dof:
             rest = adjustment.chi_squared - sum(float(s.w[0] ** 2) for s in solution.suspicions)
-            without = f"; without the {k} suspected reading(s) it would be "
+            without = "; if the suspected reading(s) are left out, m0 is "
             without += f"{np.sqrt(max(rest, 0.0) / (dof - k)):.3f}"
         yield Finding(
             "warning",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from validation.campaign.faults import NAME, SYSTEM, in_words
 from validation.errors import GtvalError, InputError, Problem
 from validation.plugins import entry_points
 from validation.shown import Shown
@@ -23,7 +24,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Point = tuple[Finite, Finite]
-Name = Annotated[str, Field(min_length=1, pattern=r"^[^\s/,;\"]+$")]
+Name = Annotated[str, Field(min_length=1, pattern=NAME)]
 M = TypeVar("M", bound=BaseModel)
 
 
@@ -109,14 +110,16 @@ class Published(Settings):
     (x, y, z, yaw, pitch, roll); without them errors have no normalised form.
     """
 
-    system: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    system: Annotated[str, Field(pattern=SYSTEM)]
     file: str
     source: str = ""
-    sigmas: (
-        tuple[Positive, Positive, Positive]
-        | tuple[Positive, Positive, Positive, Positive, Positive, Positive]
-        | None
-    ) = None
+    sigmas: tuple[Positive, ...] | None = None
+
+    @model_validator(mode="after")
+    def _planar_or_spatial(self) -> "Published":
+        if self.sigmas is not None and len(self.sigmas) not in {3, 6}:
+            raise ValueError(f"sigmas are 3 or 6 numbers, not {len(self.sigmas)}")
+        return self
 
 
 class Room(Settings):
@@ -288,10 +291,10 @@ def _input_error(
     """The same faults with file, line and dotted key, and the keys that there are."""
     problems = []
     for fault in error.errors():
-        keys = prefix + tuple(str(part) for part in fault["loc"])
+        keys = prefix + tuple(str(part) for part in fault["loc"] if part != "[key]")
         value = fault["input"]
         shown = None if fault["type"] == "missing" or isinstance(value, dict) else str(value)
-        what = fault["msg"].removeprefix("Value error, ")
+        what = in_words(fault)
         if fault["type"] == "extra_forbidden":
             known = _keys_of(model, fault["loc"][:-1])
             what = f"unknown key{_closest(keys[-1], known)}; there are {', '.join(sorted(known))}"

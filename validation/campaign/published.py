@@ -45,7 +45,7 @@ def published_table(folder: Path, entry: Published) -> PoseTable:
         Campaign folder; the file's path is relative to it.
     entry : Published
         The entry. The file's columns are those of `validation.poses.pose_table.from_csv`; a column
-        ``camera`` stands in for blank sources.
+        ``camera`` is used for blank sources.
 
     Raises
     ------
@@ -76,5 +76,5 @@ def assumed_sigmas(table: PoseTable) -> list[Finding]:
         f"{component.name} {1000 * sigma:g} m{component.unit}"
         for component, sigma in zip(table.components, sigmas, strict=True)
     )
-    text = f"Where its file states no covariance, campaign.toml's sigmas stand in: {listed}."
+    text = f"Where its file states no covariance, those of campaign.toml are used: {listed}."
     return [Finding("note", text, table.system, "assumed_sigmas")]

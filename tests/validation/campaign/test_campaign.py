@@ -42,7 +42,7 @@ def test_a_byte_order_mark_is_no_fault(tmp_path):
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("", "field 'name': Field required"),
+        ("", "field 'name': the key is missing; add it"),
         ('name = "x"\nfoo = 1\n', "line 2, field 'foo': unknown table or key"),
         ('name = "x"\n[instrumnt]\n', "did you mean 'instrument'?"),
         ('name = "x"\n[vframe]\nsigma = 0\n', "line 3, field 'vframe.sigma': '0'"),

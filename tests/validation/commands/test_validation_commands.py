@@ -82,7 +82,7 @@ def test_a_bad_campaign_ends_in_plain_words_and_writes_nothing(campaign):
     for command in ("run", "report", "compare"):
         result = gtval(command, campaign)
         assert result.exit_code == 2
-        assert "field 'name': Field required" in result.stderr
+        assert "field 'name': the key is missing; add it" in result.stderr
         assert "Traceback" not in result.stderr
     assert not (campaign / "results").exists()
 

@@ -178,8 +178,8 @@ def _overview(
         Figure(
             "explain_sources",
             "Every source at every pose after the systematic parts are taken out: how far it is "
-            "from the others. X: held responsible; ?: one of those marked "
-            "is; s: worth a second look.",
+            "from the others. X: wrong; ?: one of those marked is "
+            "wrong; s: look again.",
             "Matrix of sources and poses. The flagged cells are in the table below.",
             partial(_draw, "source_matrix", explanation),
         ),

@@ -41,7 +41,7 @@ def candidate_table(one: SystemExplanation) -> Table:
             ]
         )
     return Table(
-        f"{one.system}: explanations weighed against each other",
+        f"{one.system}: explanations compared",
         [
             "explanation",
             "parameters",
@@ -92,8 +92,8 @@ def cause_table(systems: Sequence[SystemExplanation]) -> Table:
         ["system", "explained by", "positions before [m]", "positions after [m]", "headings [rad]"],
         rows,
         ["", "", ".4f", ".4f", ".4f"],
-        note="Standard deviations of the poses that fit, before and after what is explained is "
-        "taken out.",
+        note="Standard deviations around the mean, of the poses that fit, before and after what is "
+        "explained is taken out. They do not contain the mean error itself.",
     )
 
 
@@ -132,12 +132,13 @@ def before_after_table(systems: Sequence[SystemExplanation]) -> Table:
             "mean after",
             "std before",
             "std after",
-            "rms after, freedom counted",
+            "rms after, per degree of freedom",
         ],
         rows,
         ["", "", ".4f", ".4f", "d", ".4f", ".4f", ".4f", ".4f", ".4f"],
-        note="The last five columns are of the cells not flagged. The last divides by the degrees "
-        "of freedom that the fit has left. Poses known by construction are not counted.",
+        note="std: standard deviation around the mean; the mean is not in it. All columns after "
+        "'cells not flagged' are of these cells only. The last one divides by the degrees of "
+        "freedom that the fit has left. Poses known by construction are not counted.",
     )
 
 
@@ -145,21 +146,21 @@ def verdict_table(explanation: Explanation) -> Table:
     """All cells that do not fit."""
     result = explanation.arbitration
     note = f"Chance of any entry in a table of good poses: {100 * result.false_alarm:.3g} %."
-    title = "Poses that do not fit, and the source held responsible"
+    title = "Poses that do not fit, and the source that is wrong"
     return _verdict_table(title, result.verdicts, note)
 
 
 def suspect_table(explanation: Explanation) -> Table | None:
-    """Cells worth a second look; None if there are none."""
+    """Cells to look at again; None if there are none."""
     if not explanation.arbitration.suspects:
         return None
     note = (
-        "No source is held responsible for these, and nothing is left out. In a table of good "
-        "poses one such entry is expected. The p says how many good tables have one as large."
+        "No source is called wrong for these, and nothing is left out. One such entry is normal, "
+        "even if all poses are good. p: the share of good tables that have one as large."
     )
     # How sure it would be of the culprit says nothing about whether there is one.
     suspects = explanation.arbitration.suspects
-    return _verdict_table("Worth a second look", suspects, note, certainty=False)
+    return _verdict_table("To be looked at again", suspects, note, certainty=False)
 
 
 def _verdict_table(
@@ -197,7 +198,7 @@ def noise_table(explanation: Explanation) -> Table:
         rows,
         ["", "", ".4f", ".4f", ".4f"],
         note="From the differences between sources that share no sensor, flagged cells left out. "
-        "Zero: the source may be perfect.",
+        "Zero: the data allow that the source has no noise.",
     )
 
 

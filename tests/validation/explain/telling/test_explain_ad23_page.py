@@ -65,7 +65,7 @@ def test_the_flagged_poses(page, explained):
 
 
 def test_the_suspects(page, explained):
-    text = page[page.index("worth a second look") :][:400]
+    text = page[page.index("to be looked at again") :][:400]
     for one in explained.arbitration.suspects:
         assert f"{one.cell} of pose {one.stop}" in text
         assert f"{one.size:.3f}" in text
