@@ -63,33 +63,30 @@ def pose_table(
     >>> gtval.pose_table("rig", [[0.0, 0.0, 0.1], [1.0, 0.5, 1.5]], sigmas=[0.002, 0.002, 0.001])
     PoseTable(system='rig', ids=('1', '2'), poses=(2, 3) array, ...)
     """
-    if not isinstance(system, str):
-        raise GtvalError(f"system: expected a name in quotes, such as 'rig', not {system!r}")
-    places = _numbers("poses", poses, "one row a pose: x, y, theta, or x, y, z, yaw, pitch, roll")
+    if not isinstance(system, str) or isinstance(ids, str) or not isinstance(ids, Iterable):
+        raise GtvalError(f"expected a name and a list of ids, not {system!r} and {ids!r}")
+    places = _numbers("poses", poses)
     if places.ndim != 2:
-        raise GtvalError(f"poses: expected one row a pose, not an array of shape {places.shape}")
+        raise GtvalError(f"poses: expected one row of numbers a pose, got {poses!r}")
     components = SPATIAL if places.shape[1] == len(SPATIAL) else PLANAR
-    k = len(components)
-    spread = _numbers("covariances", () if covariances is None else covariances, f"(n, {k}, {k})")
+    spread = _numbers("covariances", () if covariances is None else covariances)
     if sigmas is not None:
-        sizes = _numbers("sigmas", sigmas, f"{k} numbers")
-        if sizes.shape != (k,) or not (sizes > 0).all():
-            raise GtvalError(f"sigmas: expected {k} numbers above zero, not {sigmas!r}")
+        sizes = _numbers("sigmas", sigmas)
+        if sizes.shape != places.shape[1:] or not (sizes > 0).all():
+            raise GtvalError(f"sigmas: expected a number above 0 a component, got {sigmas!r}")
         spread = np.tile(np.diag(np.square(sizes)), (len(places), 1, 1))
     for array in (places, spread):
         array.setflags(write=False)
-    if isinstance(ids, str) or not isinstance(ids, Iterable):
-        raise GtvalError(f"ids: expected a list of names, one a pose, not {ids!r}")
     names = tuple(ids) or tuple(str(number) for number in range(1, len(places) + 1))
     return PoseTable(system, names, places, spread, components)
 
 
-def _numbers(name: str, given: npt.ArrayLike, expected: str) -> Array:
+def _numbers(name: str, given: npt.ArrayLike) -> Array:
     """An array of floats; a GtvalError where it is none."""
     try:
         return np.array(given, dtype=float)
     except (TypeError, ValueError) as error:
-        raise GtvalError(f"{name}: expected numbers, {expected}; {error}") from error
+        raise GtvalError(f"{name}: expected numbers in rows of equal length: {error}") from error
 
 
 def read_poses(path: str | PathLike[str], system: str = "") -> PoseTable:

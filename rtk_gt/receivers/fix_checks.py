@@ -69,7 +69,8 @@ def _in_place(record: Fixes) -> list[Problem]:
     places = ecef_from_geodetic(fixed.geodetic)
     lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)
     times = np.maximum(np.diff(fixed.times), 1e-3)
-    # False fixes of metres are for the estimators to weigh; this is for damaged numbers.
+    # False fixes of metres are for the estimators to weigh; this is for damaged numbers. 1 km: a
+    # judgement, a hundred times the largest false fix and a digit of a degree of latitude less.
     impossible = np.flatnonzero((lengths > FASTEST * times) & (lengths > 1000.0))
     return [
         Problem(

@@ -161,7 +161,7 @@ def _world_points(solution: SurveySolution) -> Iterator[Finding]:
         )
     for point in solution.world.points:
         p = float(chdtrc(point.redundancy, point.cost)) if point.redundancy else 1.0
-        if p < 1e-3:
+        if p < 1e-3:  # a judgement: of 20 points one is told in fifty good surveys
             yield Finding(
                 "warning",
                 f"the {point.redundancy + 2} readings of world point {point.name} do not meet in "
@@ -185,7 +185,7 @@ def _published(outcome: SurveyOutcome) -> Iterator[Finding]:
             f"are off by {dx:+.1f} mm in x and {dy:+.1f} mm in y. No change of a single reading by "
             f"up to 5 cm brings them together: the best, {1e3 * remedy.change:+.0f} mm on the "
             f"distance to {remedy.label}, leaves {1e3 * remedy.remains:.1f} mm"
-            if remedy.remains > 1e-3
+            if remedy.remains > 1e-3  # a judgement: a millimetre is the last digit printed
             else f"the published coordinates are off by {dx:+.1f} mm in x and "
             f"{dy:+.1f} mm in y; a change of {1e3 * remedy.change:+.0f} mm in the distance to "
             f"{remedy.label} would explain it",
@@ -223,7 +223,7 @@ def _poses(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[Finding
         )
     for frame in solution.frames:
         p = float(chdtrc(frame.redundancy, frame.cost)) if frame.redundancy else 1.0
-        if p < 1e-4:
+        if p < 1e-4:  # a judgement: of 20 stops one is told in five hundred good surveys
             yield Finding(
                 "warning",
                 f"the readings of pose {frame.pose} do not agree with one place of the robot frame "

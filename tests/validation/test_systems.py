@@ -30,3 +30,10 @@ def test_a_plug_in_that_cannot_be_loaded_is_named(monkeypatch):
 
 def test_no_progress_takes_what_progress_takes():
     assert systems.no_progress("anything", 0.5) is None
+
+
+def test_a_system_with_another_name_than_its_entry_point_says_which_two_differ(monkeypatch):
+    monkeypatch.setattr(EntryPoint, "load", lambda _: FixedSystem("mocap"))
+    monkeypatch.setattr(systems, "entry_points", lambda **_: [entry("rig")])
+    with pytest.raises(GtvalError, match=r"plug-in 'rig' .* calls its system 'mocap'; in its"):
+        installed_systems()

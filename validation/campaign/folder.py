@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from validation.campaign.faults import NAME, SYSTEM, in_words
-from validation.errors import GtvalError, InputError, Problem
+from validation.errors import InputError, Problem
 from validation.plugins import entry_points
 from validation.shown import Shown
+from validation.text_files.reading import file_bytes
 
 if TYPE_CHECKING:
     from validation.results import SystemResult
@@ -259,19 +260,11 @@ def _closest(key: str, known: set[str] | frozenset[str]) -> str:
 def _parse(path: Path) -> dict[str, Any]:
     """Contents of a TOML file."""
     try:
-        if path.stat().st_size > MAX_TOML_BYTES:
-            raise InputError([Problem(path, "larger than 1 MB; this cannot be a campaign.toml")])
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except FileNotFoundError:
-        raise InputError(
-            [
-                Problem(
-                    path,
-                    "there is no such file; a campaign folder needs one. "
-                    "`gtval simulate DIR` writes an example",
-                )
-            ]
-        ) from None
+        if not path.exists():
+            what = "there is no such file; a campaign folder needs one"
+            raise InputError([Problem(path, f"{what}. `gtval simulate DIR` writes an example")])
+        data = file_bytes(path, MAX_TOML_BYTES, "a campaign.toml", text=True)
+        return tomllib.loads(data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         line = path.read_bytes()[: error.start].count(b"\n") + 1
         raise InputError([Problem(path, "not UTF-8; save the file as UTF-8", line)]) from None
@@ -281,8 +274,6 @@ def _parse(path: Path) -> dict[str, Any]:
         raise InputError([Problem(path, "not valid TOML: nested too deeply")]) from None
     except ValueError as error:  # a NUL byte in the name, or a number of thousands of digits
         raise InputError([Problem(path, f"cannot be read: {error}")]) from None
-    except OSError as error:
-        raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
 
 
 def _input_error(

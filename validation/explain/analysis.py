@@ -244,7 +244,7 @@ def _robust(selections: Sequence[Selection | None]) -> list[Settled | None]:
         else Settled(
             one.pairs,
             one.chosen.fit,
-            one.chosen.fit.weights[0] > 0.5,
+            one.chosen.fit.weights[0] > 0.5,  # more good than bad
             np.zeros(2),
             np.zeros(2),
         )

@@ -35,14 +35,12 @@ def _units(comparison: Comparison) -> list[Finding]:
     """Whether one of the two tables is in another unit than metres."""
     lengths = [component.kind == "length" for component in comparison.components]
     gt, validation = (one.poses[:, lengths] for one in (comparison.gt, comparison.validation))
-    for whose, unit in (
-        ("this system", unit_of_points(gt, validation)),
-        ("the validation", unit_of_points(validation, gt)),
-    ):
-        if unit:
-            text = f"Write the positions of {whose} in metres: they are in {unit}."
-            return [Finding("error", text, comparison.system, "unit")]
-    return []
+    own, other = unit_of_points(gt, validation), unit_of_points(validation, gt)
+    if not (own or other):
+        return []
+    whose = "this system" if own else "the validation"
+    text = f"Write the positions of {whose} in metres: they are in {own or other}."
+    return [Finding("error", text, comparison.system, "unit")]
 
 
 def interval_name(statistics: ComponentStatistics) -> str:

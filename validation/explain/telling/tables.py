@@ -30,27 +30,16 @@ def candidate_table(one: SystemExplanation) -> Table:
         p = max(item.p_values.values(), default=None)
         rows.append(
             [
-                item.name,
-                len(item.model.parameters),
-                item.criterion - lowest,
-                item.loo.score - best,
-                1000 * item.loo.typical_length,
-                1000 * item.loo.typical_angle,
-                p,
-                mark,
+                *(item.name, len(item.model.parameters), item.criterion - lowest),
+                *(item.loo.score - best, 1000 * item.loo.typical_length),
+                *(1000 * item.loo.typical_angle, p, mark),
             ]
         )
     return Table(
         f"{one.system}: explanations compared",
         [
-            "explanation",
-            "parameters",
-            "BIC above the least",
-            "log score below the best",
-            "left-out position [mm]",
-            "left-out heading [mrad]",
-            "largest p of a part",
-            "",
+            *("explanation", "parameters", "BIC above the least", "log score below the best"),
+            *("left-out position [mm]", "left-out heading [mrad]", "largest p of a part", ""),
         ],
         rows,
         ["", "d", ".1f", ".1f", ".1f", ".1f", ".1g", ""],
@@ -104,34 +93,24 @@ def before_after_table(systems: Sequence[SystemExplanation]) -> Table:
         settled = one.settled
         if settled is None:
             continue
+        both = settled.before, settled.after
         for column, name in enumerate(COMPONENTS):
             used = int(settled.cells[:, 0 if column < 2 else 1].sum())
             rows.append(
                 [
-                    one.system,
-                    name,
-                    settled.spread(settled.before, everything=True)[column],
-                    settled.spread(settled.after, everything=True)[column],
+                    *(one.system, name),
+                    *(settled.spread(e, everything=True)[column] for e in both),
                     used,
-                    settled.mean(settled.before)[column],
-                    settled.mean(settled.after)[column],
-                    settled.spread(settled.before)[column],
-                    settled.spread(settled.after)[column],
+                    *(settled.mean(e)[column] for e in both),
+                    *(settled.spread(e)[column] for e in both),
                     settled.noise[column],
                 ]
             )
     return Table(
         "Errors before and after the systematic part is taken out [m, rad]",
         [
-            "system",
-            "component",
-            "std before (all)",
-            "std after (all)",
-            "cells not flagged",
-            "mean before",
-            "mean after",
-            "std before",
-            "std after",
+            *("system", "component", "std before (all)", "std after (all)", "cells not flagged"),
+            *("mean before", "mean after", "std before", "std after"),
             "rms after, per degree of freedom",
         ],
         rows,
@@ -227,12 +206,8 @@ def good_enough_table(
             mean, spread = float(errors.mean()), float(errors.std(ddof=1))
             rows.append(
                 [
-                    one.system,
-                    name,
-                    len(errors),
-                    limit,
-                    shown.bias.smallest_limit,
-                    shown.deviation_below,
+                    *(one.system, name, len(errors), limit),
+                    *(shown.bias.smallest_limit, shown.deviation_below),
                     "yes" if shown.holds else "not shown",
                     _poses_needed(mean, spread, limit, confidence),
                     _poses_needed(0.0, float(settled.noise[column]), limit, confidence),
@@ -241,15 +216,8 @@ def good_enough_table(
     return Table(
         "Good enough for d, and the poses needed to show it",
         [
-            "system",
-            "component",
-            "n",
-            "d [m, rad]",
-            "bias shown below",
-            "std shown below",
-            "both below d",
-            "poses needed",
-            "poses needed, corrected",
+            *("system", "component", "n", "d [m, rad]", "bias shown below", "std shown below"),
+            *("both below d", "poses needed", "poses needed, corrected"),
         ],
         rows,
         ["", "", "d", ".3g", ".4f", ".4f", "", "d", "d"],
@@ -274,37 +242,18 @@ def paired_table(pairs: Sequence[PairedComparison]) -> Table:
     """Pairs of systems on their common stops."""
     rows: Rows = [
         [
-            f"{one.systems[0]} - {one.systems[1]}",
-            one.component.name,
-            one.n,
-            one.bias_difference,
-            one.bias_low,
-            one.bias_high,
-            one.size_difference,
-            one.size_low,
-            one.size_high,
-            one.ratio,
-            one.ratio_low,
-            one.ratio_high,
-            one.equivalence.smallest_limit,
+            *(f"{one.systems[0]} - {one.systems[1]}", one.component.name, one.n),
+            *(one.bias_difference, one.bias_low, one.bias_high),
+            *(one.size_difference, one.size_low, one.size_high),
+            *(one.ratio, one.ratio_low, one.ratio_high, one.equivalence.smallest_limit),
         ]
         for one in pairs
     ]
     return Table(
         "Pairs of systems on their common stops [m, rad], as they came",
         [
-            "systems",
-            "component",
-            "n",
-            "difference of errors",
-            "low",
-            "high",
-            "difference of |errors|",
-            "low",
-            "high",
-            "ratio of std",
-            "low",
-            "high",
+            *("systems", "component", "n", "difference of errors", "low", "high"),
+            *("difference of |errors|", "low", "high", "ratio of std", "low", "high"),
             "equivalent within",
         ],
         rows,
