@@ -275,7 +275,7 @@ def _unit_weight(solution: SurveySolution) -> Iterator[Finding]:
         without = ""
         if 0 < k < dof:
             rest = adjustment.chi_squared - sum(float(s.w[0] ** 2) for s in solution.suspicions)
-            without = "; if the suspected reading(s) are left out, m0 is "
+            without = "; if the suspected readings are left out, m0 is "
             without += f"{np.sqrt(max(rest, 0.0) / (dof - k)):.3f}"
         yield Finding(
             "warning",

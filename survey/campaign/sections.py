@@ -103,19 +103,9 @@ def world_table(solution: SurveySolution) -> Table:
     return Table(
         "World points",
         (
-            "world point",
-            "x [m]",
-            "y [m]",
-            "sigma x [mm]",
-            "sigma y [mm]",
-            "chi²",
-            "redundancy",
-            "joint dx [mm]",
-            "joint dy [mm]",
-            "joint sigma x [mm]",
-            "joint sigma y [mm]",
-            "rejected solution [m]",
-            "its chi²",
+            *("world point", "x [m]", "y [m]", "sigma x [mm]", "sigma y [mm]", "chi²"),
+            *("redundancy", "joint dx [mm]", "joint dy [mm]", "joint sigma x [mm]"),
+            *("joint sigma y [mm]", "rejected solution [m]", "its chi²"),
         ),
         rows,
         ("", ".6f", ".6f", ".1f", ".1f", ".1f", "", "+.1f", "+.1f", ".1f", ".1f", "", ".3g"),
@@ -246,13 +236,8 @@ def _reading_tables(solution: SurveySolution) -> Iterator[Table]:
     yield Table(
         "Readings with the largest test values",
         (
-            "reading",
-            "line",
-            "distance [m]",
-            "residual [mm]",
-            "redundancy",
-            "w",
-            "smallest blunder found [mm]",
+            *("reading", "line", "distance [m]", "residual [mm]", "redundancy"),
+            *("w", "smallest blunder found [mm]"),
         ),
         [
             (
@@ -304,14 +289,8 @@ def listing_tables(outcome: SurveyOutcome) -> list[Table]:
             "Robot frames by the document's listing",
             (
                 *("pose", "x [m]", "y [m]", "theta [rad]"),
-                *(
-                    "dx [mm]",
-                    "dy [mm]",
-                    "dtheta [mrad]",
-                    "its sigma x [mm]",
-                    "its sigma y [mm]",
-                    "its sigma theta [mrad]",
-                ),
+                *("dx [mm]", "dy [mm]", "dtheta [mrad]"),
+                *("its sigma x [mm]", "its sigma y [mm]", "its sigma theta [mrad]"),
             ),
             frames,
             ("", ".4f", ".4f", ".4f", "+.2f", "+.2f", "+.2f", ".1f", ".1f", ".1f"),

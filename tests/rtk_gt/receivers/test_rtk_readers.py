@@ -303,3 +303,15 @@ def test_a_rawlog_cut_anywhere_is_an_error(tmp_path):
         # A cut between two observations leaves a shorter log that is whole.
         assert data[size - 1] == 0x88
         assert sum(len(one) for one in found.fixes.values()) < 691
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize(("name", "read"), [("rear.nmea", read_nmea), ("rear.pos", read_pos)])
+def test_a_log_saved_as_utf_16_is_told_in_one_line(tmp_path, name, read, encoding):
+    path = tmp_path / name
+    path.write_bytes("\n".join([gga()] * 50).encode(encoding))
+    with pytest.raises(InputError) as caught:
+        read(path, "rear")
+    assert [one.expected for one in caught.value.problems] == [
+        "saved as UTF-16; save the file as UTF-8"
+    ]

@@ -267,7 +267,7 @@ def test_an_image_name_that_says_nothing_is_an_error(campaign):
 
 @pytest.mark.parametrize(
     ("content", "said"),
-    [(b"", "has 0 bytes"), (b"no picture", "not an image"), (None, "the same camera as")],
+    [(b"", "truncated or damaged"), (b"no picture", "not an image"), (None, "the same camera as")],
     ids=["empty", "text", "twice"],
 )
 def test_bad_reference_files_are_errors_that_name_them(campaign, content, said):

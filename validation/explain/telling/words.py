@@ -156,12 +156,13 @@ def _times(odds: float) -> str:
 
 
 def _change(settled: Settled) -> str:
-    """The spread before and after in short."""
-    before, after = settled.spread(settled.before), settled.spread(settled.after)
+    """Mean and spread before and after in short."""
+    both = settled.before, settled.after
+    mean = " to ".join("({:+.1f}, {:+.1f})".format(*1000 * settled.mean(e)[:2]) for e in both)
+    spread = " to ".join("({:.1f}, {:.1f})".format(*1000 * settled.spread(e)[:2]) for e in both)
     return (
-        "Taking it out changes the standard deviation of the poses that are not flagged from "
-        f"{1000 * before[0]:.1f} to {1000 * after[0]:.1f} mm in x and from "
-        f"{1000 * before[1]:.1f} to {1000 * after[1]:.1f} mm in y."
+        "Taking it out changes, in mm in x and y where nothing is flagged, the mean from "
+        f"{mean} and the standard deviation around it from {spread}."
     )
 
 
