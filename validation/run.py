@@ -4,11 +4,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from validation.campaign.folder import Campaign
-from validation.campaign.provenance import (
-    input_hashes,
-)
+from validation.campaign.provenance import earlier_record, earlier_steps, input_hashes, relative
 from validation.campaign.published import assumed_sigmas, published_tables
-from validation.errors import GtvalError, InputError, Problem
+from validation.errors import FaultyResultError, GtvalError, InputError, Problem
 from validation.explain.telling.section import ExplainParts, explain_campaign
 from validation.poses.pose_table import SPATIAL, PoseTable
 from validation.results import VALIDATION_SYSTEM, Finding, Section, SystemResult
@@ -24,7 +22,7 @@ from validation.statistics.conclusions import conclusions
 from validation.statistics.error_statistics import IntervalMethod
 from validation.statistics.evaluation import Evaluation, evaluate
 from validation.statistics.result_files import errors_csv, statistics_csv
-from validation.systems import Progress, System, installed_systems, no_progress
+from validation.systems import Progress, System, inputs_of, installed_systems, no_progress
 
 
 @dataclass(frozen=True, repr=False)
@@ -127,13 +125,12 @@ def run_campaign(
     ------
     GtvalError
         If any data are bad, with the faults of all systems at once; if there is nothing to
-        run; if two systems give poses of the same name.
+        run; if published poses have the name of a system.
     """
     systems = _solve_all(campaign, progress)
-    _check_names(campaign, systems)
     progress("comparing", 0.9)
     findings = [finding for system in systems for finding in system.result.findings]
-    findings += _without_data(campaign, systems)
+    findings += _no_data(campaign, systems)
     evaluations, more, failures = _evaluate_all(campaign, systems, method)
     findings += more
     comparison_files: dict[str, str | bytes] = {}
@@ -206,44 +203,69 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
 
         report(system.name, 0.0)
         try:
-            solved.append(solve_system(known, system, report))
+            solved.append(_apart(solve_system(known, system, report), solved))
         except GtvalError as error:
             faults.append(error)
     try:
         for table in published_tables(campaign):
             result = SystemResult([table], findings=assumed_sigmas(table))
-            solved.append(solved_system(table.system, result))
+            published = solved_system(table.system, result)
+            if _apart(published, solved) is not published:
+                said = "poses of this system come twice; rename one"
+                twice = Problem(campaign.toml, said, None, "published", table.system)
+                faults.append(InputError([twice]))
+            solved.append(published)
     except GtvalError as error:
         faults.append(error)
     except Exception as error:  # noqa: BLE001  (the systems' poses are there)
         solved.append(failed_system("published", error))
     _raise_together(faults)
     if not solved:
-        raise InputError(
-            [
-                Problem(
-                    campaign.folder,
-                    "the campaign holds no data for any installed system; put readings into "
-                    "survey/readings.csv, scans, images or fixes where campaign.toml says, or "
-                    "name a table of poses under [[published]]",
-                )
-            ]
+        places = {
+            relative(path, campaign.folder)
+            for system in installed_systems()
+            for path in inputs_of(system, campaign)
+            if not path.exists()
+        }
+        said = (
+            "the campaign holds no data for any installed system; looked for "
+            f"{', '.join(sorted(places)) or 'what they read'}. Put what you have there, or name a "
+            f"table of poses under [[published]] in {campaign.toml.name}"
         )
+        raise InputError([Problem(campaign.folder, said)])
     return solved
 
 
-def _without_data(campaign: Campaign, systems: Iterable[SolvedSystem]) -> list[Finding]:
-    """A warning for each system that campaign.toml has a table of, and that has no data."""
+def _apart(system: SolvedSystem, others: Iterable[SolvedSystem]) -> SolvedSystem:
+    """The system, or that it failed where it writes a file of another: its poses, say."""
+    owners = {file: other.name for other in others for file in other.files}
+    twice = next((file for file in system.files if file in owners), None)
+    if twice is None:
+        return system
+    said = f"'{system.name}' and '{owners[twice]}' both write results/{twice}"
+    return failed_system(system.name, FaultyResultError(said))
+
+
+def without_data(campaign: Campaign, systems: Iterable[SolvedSystem]) -> list[str]:
+    """Systems that campaign.toml has a table of, and that have no data."""
     missing = campaign.extra.keys() & {system.name for system in installed_systems()}
+    return sorted(missing - {system.name for system in systems})
+
+
+def _no_data(campaign: Campaign, systems: Iterable[SolvedSystem]) -> list[Finding]:
+    """A warning for each system that campaign.toml has a table of, and that has no data."""
+    earlier = earlier_steps(earlier_record(campaign))
     return [
         Finding(
             "warning",
             f"{campaign.toml.name} has a table [{name}], but the files that this system starts "
-            "from are not there: it gives no poses. Put the files back, or take the table out.",
+            "from are not there: it gives no poses"
+            f"{', and those of an earlier run stay, out of date' if name in earlier else ''}. "
+            "Put the files back, or take the table out.",
             name,
             "no_data",
         )
-        for name in sorted(missing - {system.name for system in systems})
+        for name in without_data(campaign, systems)
     ]
 
 
@@ -276,17 +298,6 @@ def _raise_together(faults: list[GtvalError]) -> None:
         }
         raise InputError(problems)
     raise GtvalError("\n".join(str(fault) for fault in faults))
-
-
-def _check_names(campaign: Campaign, systems: Iterable[SolvedSystem]) -> None:
-    """Raise if two tables have one name: their results would overwrite each other."""
-    names = [table.system for system in systems for table in system.result.tables]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise InputError(
-            Problem(campaign.toml, "poses of this system come twice; rename one", value=name)
-            for name in twice
-        )
 
 
 def _evaluate_all(

@@ -1,14 +1,25 @@
 """What a run writes: its files, and run.json, which says where the numbers came from."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from validation.campaign.provenance import RECORD, REPORT, Step, digest_of, earlier_outputs
-from validation.run import COMPARISON, EXPLANATION, RunResult
+from validation.campaign.banner import marked_report
+from validation.campaign.provenance import (
+    RECORD,
+    REPORT,
+    REPORT_FILE,
+    OutOfDate,
+    Step,
+    digest_of,
+    earlier_outputs,
+    earlier_record,
+    earlier_steps,
+    out_of_date,
+)
+from validation.run import COMPARISON, EXPLANATION, RunResult, without_data
 from validation.solving import (
     TRACEBACKS,
     made_with,
-    merged,
     remove_results,
     starts_from_survey,
     step_of,
@@ -19,13 +30,7 @@ from validation.text_files.writing import write_files
 
 
 def result_files(run: RunResult) -> dict[str, Mapping[str, str | bytes]]:
-    """Every file of results/ but run.json: by the step that made it, and by its name.
-
-    Raises
-    ------
-    GtvalError
-        If two steps write the same file, or one outside of results/.
-    """
+    """Every file of results/ but run.json: by the step that made it, and by its name."""
     steps = {system.name: system.files for system in run.systems}
     if run.comparison_files:
         steps[COMPARISON] = run.comparison_files
@@ -34,8 +39,20 @@ def result_files(run: RunResult) -> dict[str, Mapping[str, str | bytes]]:
     failures = {name: one for failure in run.failures for name, one in failure.files.items()}
     if failures:
         steps[TRACEBACKS] = failures
-    merged(steps.items())
     return steps
+
+
+def left_over(run: RunResult, *, report: bool) -> tuple[dict[str, Step], list[OutOfDate]]:
+    """What earlier runs made and this one leaves as it is, and what of it is out of date now.
+
+    That is what systems made whose files are missing now, and the report unless there is a new
+    one.
+    """
+    earlier = earlier_steps(earlier_record(run.campaign))
+    names = [*without_data(run.campaign, run.systems), *([] if report else [REPORT])]
+    kept = {name: earlier[name] for name in names if name in earlier}
+    now = {n: digest_of(one) for step in result_files(run).values() for n, one in step.items()}
+    return kept, out_of_date(run.campaign, kept, now, run.inputs)
 
 
 def _steps(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> dict[str, Step]:
@@ -65,11 +82,18 @@ def _steps(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> di
     return steps
 
 
-def run_record(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> dict[str, object]:
+def run_record(
+    run: RunResult,
+    files: Mapping[str, Mapping[str, str | bytes]],
+    kept: Mapping[str, Step],
+    old: Sequence[OutOfDate],
+) -> dict[str, object]:
     """What run.json holds: everything needed to tell where the numbers came from.
 
     It holds no time of day: the same inputs give the same bytes.
     """
+    written = {name for step in files.values() for name in step}
+    listed = {name for step in kept.values() for name in step.outputs}
     return {
         **made_with(),
         "settings": {**run.campaign.settings.model_dump(), **run.campaign.extra},
@@ -88,9 +112,9 @@ def run_record(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -
             for evaluation in run.evaluations
         },
         "findings": run.findings,
-        "steps": _steps(run, files),
-        "out_of_date": [],
-        "outputs": sorted([RECORD, *(name for step in files.values() for name in step)]),
+        "steps": {**_steps(run, files), **kept},
+        "out_of_date": old,
+        "outputs": sorted({RECORD, *written, *listed}),
     }
 
 
@@ -119,12 +143,17 @@ def write_results(run: RunResult, report: Mapping[str, str | bytes] | None = Non
     """
     folder, results = run.campaign.folder, run.campaign.results
     steps = result_files(run)
-    before = earlier_outputs(run.campaign)
+    kept, old = left_over(run, report=bool(report))
+    stay = {name for step in kept.values() for name in step.outputs}
+    gone = earlier_outputs(run.campaign) - stay
     files = {name: content for step in steps.values() for name, content in step.items()}
-    files[RECORD] = json_text(run_record(run, steps))
+    files[RECORD] = json_text(run_record(run, steps, kept, old))
     contents = {f"{results.name}/{name}": content for name, content in files.items()}
+    if not report:
+        late = next((one for one in old if one.file == REPORT_FILE), None)
+        contents |= marked_report(run.campaign, late)
     for name, content in (report or {}).items():
         contents[f"{run.campaign.report.name}/{name}"] = content
     written = write_files(folder, contents)
-    remove_results(run.campaign, before - set(files))
+    remove_results(run.campaign, gone - set(files))
     return written

@@ -5,10 +5,12 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import combinations
+from math import dist
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from validation.campaign.faults import NAME, SYSTEM, in_words
 from validation.errors import InputError, Problem
@@ -21,9 +23,14 @@ if TYPE_CHECKING:
 
 MAX_TOML_BYTES = 1_000_000
 """A thousand times what people write: a larger file is something else under a wrong name."""
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+LONGEST = 300.0
+"""Metres that no hand-held laser distance meter measures; a longer pole is in other units."""
+ROUNDED = 0.001
+"""Metres between a side and the same side from coordinates rounded to the millimetre: 0.0007."""
+# Strict: neither true nor "2.5" is a number.
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Point = tuple[Finite, Finite]
 Name = Annotated[str, Field(min_length=1, pattern=NAME)]
 M = TypeVar("M", bound=BaseModel)
@@ -60,6 +67,20 @@ class Instrument(Settings):
     range_max: Positive = 50.0
 
 
+def _in_metres(length: float) -> float:
+    """The length, if a hand-held laser can have measured it."""
+    if length > LONGEST:
+        raise ValueError(f"longer than {LONGEST:g} m, which no hand laser measures; write metres")
+    return length
+
+
+def _check_places(points: Mapping[str, Point], what: str) -> None:
+    """Raise where two points are the same place."""
+    for (a, at), (b, there) in combinations(points.items(), 2):
+        if at == there:
+            raise ValueError(f"the {what} points {a} and {b} are the same place; correct one")
+
+
 class Vframe(Settings):
     """The frame on the floor: nominal points, and how well they were marked.
 
@@ -67,7 +88,7 @@ class Vframe(Settings):
     ``sigma`` is the standard deviation of each coordinate of a marked point.
     """
 
-    pole_length: Positive = 2.5
+    pole_length: Annotated[Positive, AfterValidator(_in_metres)] = 2.5
     sigma: Positive = 0.002
     points: dict[Name, Point] = {}
 
@@ -79,7 +100,26 @@ class Vframe(Settings):
             object.__setattr__(self, "points", square)
         if len(self.points) < 2:
             raise ValueError("at least two Vframe points are needed")
+        _check_places(self.points, "Vframe")
+        sides = [dist(a, b) for a, b in combinations(self.points.values(), 2)]
+        pole = self.pole_length
+        if "pole_length" in self.model_fields_set and min(abs(pole - a) for a in sides) > ROUNDED:
+            raise ValueError(
+                f"no two points are pole_length = {pole:g} m apart; take out one of both"
+            )
+        if len(self.points) > 2 and self._on_a_line():
+            raise ValueError(
+                "the Vframe points lie on one line, and nothing tells on which side of it a place "
+                "is; state one that lies off the line"
+            )
         return self
+
+    def _on_a_line(self) -> bool:
+        """Whether no point is further than sigma off the line of the two furthest apart."""
+        places = list(self.points.values())
+        a, b = max(combinations(places, 2), key=lambda pair: dist(*pair))
+        doubled = [(b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) for c in places]
+        return max(map(abs, doubled)) <= self.sigma * dist(a, b)
 
 
 class RobotFrame(Settings):
@@ -101,6 +141,7 @@ class RobotFrame(Settings):
     def _heading_is_determined(self) -> "RobotFrame":
         if len(set(self.points.values())) < 2:
             raise ValueError("at least two different rig points are needed to find a heading")
+        _check_places(self.points, "rig")
         return self
 
 
@@ -240,7 +281,7 @@ def load_campaign(folder: Path, known_tables: frozenset[str] | None = None) -> C
         raise _input_error(path, CampaignSettings, error) from None
     known = known_tables | _OWN_TABLES
     problems = [
-        Problem(path, f"unknown table or key{_closest(key, known)}", _line_of(path, (key,)), key)
+        Problem(path, f"unknown table or key{_closest(key, known)}", line_of(path, (key,)), key)
         for key in data
         if key not in known
     ]
@@ -289,7 +330,7 @@ def _input_error(
         if fault["type"] == "extra_forbidden":
             known = _keys_of(model, fault["loc"][:-1])
             what = f"unknown key{_closest(keys[-1], known)}; there are {', '.join(sorted(known))}"
-        problems.append(Problem(path, what, _line_of(path, keys), ".".join(keys) or None, shown))
+        problems.append(Problem(path, what, line_of(path, keys), ".".join(keys) or None, shown))
     return InputError(problems)
 
 
@@ -302,7 +343,7 @@ def _keys_of(model: type[BaseModel], loc: tuple[int | str, ...]) -> set[str]:
     return set(model.model_fields)
 
 
-def _line_of(path: Path, keys: tuple[str, ...]) -> int | None:
+def line_of(path: Path, keys: tuple[str, ...]) -> int | None:
     """Line on which a dotted key is set, as far as the text tells; None if it is not found."""
     names = [key for key in keys if not key.isdigit()]
     if not names:

@@ -1,6 +1,7 @@
 """The commands ``gtval run``, ``gtval compare`` and ``gtval report``."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -193,8 +194,10 @@ def _run_and_write(
 ) -> "RunResult":
     """Run the campaign and write its results, with the report if wanted."""
     from validation.campaign.folder import load_campaign
+    from validation.campaign.provenance import REPORT_FILES
     from validation.run import run_campaign
-    from validation.run_files import write_results
+    from validation.run_files import left_over, write_results
+    from validation.solving import late_finding
 
     loaded = load_campaign(campaign)
     with progress_bar("reading") as progress:
@@ -208,8 +211,10 @@ def _run_and_write(
 
             progress("writing the report", RUN_BEFORE_REPORT)
             done, files = report_files(done, pdf=pdf)
+    _, old = left_over(done, report=report)
+    old = [one for one in old if one.file in REPORT_FILES]  # the others are told as no_data
     write_results(done, files)
-    return done
+    return replace(done, findings=(*done.findings, *late_finding("results", old)))
 
 
 def _compared(
@@ -219,7 +224,9 @@ def _compared(
     from validation.campaign.folder import load_campaign
     from validation.campaign.stored import read_tables, stored_tables
     from validation.errors import InputError, Problem
+    from validation.poses.pose_table import refuse_twice
     from validation.results import VALIDATION_SYSTEM
+    from validation.solving import late_finding
     from validation.statistics.conclusions import conclusions
     from validation.statistics.evaluation import evaluate
 
@@ -239,8 +246,10 @@ def _compared(
     elif gt:
         found = read_tables([validation, *gt])
         truth, *systems = found.tables
+        refuse_twice([table.system for table in systems])
     else:
         raise click.UsageError("give at least one GT table to compare with the validation table")
     evaluations = [evaluate(truth, table, settings, method) for table in systems]
     concluded = [finding for one in evaluations for finding in conclusions(one)]
-    return evaluations, [*found.findings, *concluded]
+    late = late_finding("results", found.others)
+    return evaluations, [*found.findings, *late, *concluded]

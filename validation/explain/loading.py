@@ -1,16 +1,17 @@
 """Pose tables for the explanation, from single files or from a campaign's results."""
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from validation.campaign.stored import read_tables
-from validation.errors import GtvalError
+from validation.errors import GtvalError, Problem
 from validation.explain.analysis import Question
 from validation.poses.pose_table import PoseTable
-from validation.results import VALIDATION_SYSTEM
+from validation.results import VALIDATION_SYSTEM, Finding
 from validation.text_files.csv_tables import Column, read_csv
 
 if TYPE_CHECKING:  # single tables do without the libraries that campaign.toml needs
@@ -56,6 +57,35 @@ def split_validation(
     if not others:
         raise GtvalError("there is no GT system to explain")
     return validation[0], others
+
+
+def unknown_systems(
+    campaign: "Campaign", settings: "ExplainSettings", present: Sequence[str]
+) -> list[Finding]:
+    """A warning for each reference and shared sensor of a system that gives no poses."""
+    from validation.campaign.folder import line_of  # noqa: PLC0415  (pydantic is slow)
+
+    stated = {"references": settings.references, "sensors": chain(*settings.sensors.values())}
+    text = f"no system of this name gives poses; correct it to one of {', '.join(present)}, or "
+    return [
+        Finding(
+            "warning",
+            str(
+                Problem(
+                    campaign.toml,
+                    f"{text}take it out",
+                    line_of(campaign.toml, ("explain", key, name)),
+                    f"explain.{key}",
+                    name,
+                )
+            ),
+            "explain",
+            "unknown_system",
+        )
+        for key, names in stated.items()
+        for name in names
+        if name not in present
+    ]
 
 
 def campaign_question(

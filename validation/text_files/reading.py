@@ -26,7 +26,13 @@ def file_bytes(path: Path, max_bytes: int, kind: str = "a file", *, text: bool =
     """
     try:
         if path.exists() and not path.is_file():
-            raise InputError([Problem(path, "this is no file, but a folder or a device")])
+            raise InputError(
+                [
+                    Problem(
+                        path, "this is no file, but a folder or a device; put the file itself there"
+                    )
+                ]
+            )
         size = path.stat().st_size
         if size > max_bytes:
             said = f"the file has {size / 1e6:.0f} MB; more than {max_bytes / 1e6:.0f} MB"

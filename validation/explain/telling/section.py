@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from validation.errors import GtvalError
 from validation.explain.analysis import Explanation, SystemExplanation, explain
-from validation.explain.loading import campaign_question, split_validation
+from validation.explain.loading import campaign_question, split_validation, unknown_systems
 from validation.explain.sources.equivalence import paired_comparison
 from validation.explain.sources.repeatability import (
     REVISIT_RADIUS,
@@ -91,6 +91,7 @@ def explain_campaign(campaign: "Campaign", tables: Sequence[PoseTable]) -> Expla
         for one in others
         if one not in fit
     ]
+    left_out += unknown_systems(campaign, settings, [one.system for one in others])
     if validation.components != PLANAR or not fit:
         return ExplainParts(None, (), tuple(left_out), {})
     question = campaign_question(campaign, settings, [one.system for one in fit])
