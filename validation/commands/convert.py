@@ -10,20 +10,8 @@ from validation.commands.options import AS_JSON, PATH
 if TYPE_CHECKING:
     from validation.trajectories.trajectory import Trajectory
 
-FROM = [
-    "csv",
-    "tum",
-    "tum_covariance",
-    "kitti",
-    "euroc",
-    "rawseeds",
-    "motive",
-    "vicon",
-    "qualisys",
-    "gsi",
-    "landxml",
-    "bag",
-]
+FROM = ["csv", "tum", "tum_covariance", "kitti", "euroc", "rawseeds"]
+FROM += ["motive", "vicon", "qualisys", "gsi", "landxml", "bag"]
 TO = ["csv", "tum", "tum_covariance", "kitti", "euroc", "mcap"]
 
 

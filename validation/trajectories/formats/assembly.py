@@ -356,7 +356,6 @@ def checked_covariances(covariances: Array, records: Records) -> Array:
     matrices = (matrices + matrices.transpose(0, 2, 1)) / 2
     hidden = matrices[:, diagonal, diagonal] == 0
     if digit and hidden.any():
-        matrices[hidden[:, :, None] | hidden[:, None, :]] = 0.0
         matrices[:, diagonal, diagonal] += np.where(hidden, digit / 2, 0.0)
         records.notes.append(
             f"{int(hidden.any(1).sum())} covariances had a variance printed as zero: half of the "

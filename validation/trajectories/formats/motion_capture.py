@@ -91,8 +91,8 @@ def read_motive(source: Source, asked: Asked) -> Records:
         raise source.error(f"'{body}' has no column {', '.join(missing)}", titles + 1)
     rows = read_rows(source, titles + 1, ",", head[titles], comments=False)
     rows, notes = _tracked(rows, [found[one] for one in wanted[:3]])
-    values = rows.numbers([found[one] for one in wanted])
-    positions, quaternions = values[:, :3] * scale, values[:, 3:]
+    values = rows.numbers([1, *(found[one] for one in wanted)])
+    positions, quaternions = values[:, 1:4] * scale, values[:, 4:]
     up = asked.up or _vertical(source, positions)
     if up == "y":
         positions, quaternions = _z_up(positions, quaternions)

@@ -31,8 +31,8 @@ CODES = {"plane": "xyt", "space": "xyzuvw", "points_plane": "xy", "points_space"
 _LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "meters": 1.0, "metres": 1.0, "meter": 1.0}
 _ANGLES = {"deg": True, "degree": True, "degrees": True, "°": True, "rad": False, "radians": False}
 _BRACKET = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$")
-_PREFIXES = {"field", "header", "pose", "transform", "msg", "data", "gt", "position", "pos", "p"}
-_PREFIXES |= {"translation", "location", "rs", "r", "rb"}
+_OUTER = {"field", "header", "pose", "transform", "msg", "data", "gt"}
+_PREFIXES = {"position", "pos", "p", "translation", "location", "rs", "r", "rb"}
 _TURNED = {"q", "quat", "quaternion", "orientation", "rotation", "rot"}
 _TIME = {"t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "epoch", "unixtime"}
 _YAW = {"yaw", "theta", "heading", "psi", "th"}
@@ -62,13 +62,15 @@ def heading_of(name: str, column: int) -> Heading:
 
 def _role(words: list[str], name: str) -> str:  # noqa: PLR0911  (one rule a line)
     """Role of a column by the words of its name."""
+    if words[-1:] == ["stamp"] and words[:1] in (["header"], ["field"]):
+        return "header_stamp"
+    while len(words) > 1 and words[0] in _OUTER:
+        words = words[1:]
     joined = "".join(words)
     if joined in UNIT_NAMES and len(joined) > 2:
         return "sec" if UNIT_NAMES[joined] == "s" else "nsec" if joined.startswith("n") else ""
     if joined in _TIME or joined in {"rosbagtimestamp", "unixtimestamp", "timestampunix"}:
         return "time"
-    if words[-1:] == ["stamp"] and words[:1] in (["header"], ["field"]):
-        return "header_stamp"
     if joined in _YAW | {"pitch", "roll"}:
         return "yaw" if joined in _YAW else joined
     if joined in {"pose", "stop"} and len(words) == 1:

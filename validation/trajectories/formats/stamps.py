@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from decimal import Decimal
+from decimal import Context, Decimal, localcontext
 from itertools import pairwise
 from typing import Any
 
@@ -38,6 +38,8 @@ MOST_DISORDER = 0.03
 """Share of rows with a stamp that repeats or goes back. A logger that writes from several threads
 exchanges some in a thousand; at one in thirty the column is no time, or two recordings were put
 together."""
+_DIGITS = Context(prec=60)
+"""Of a stamp: ten before the point, and all that a double of a femtosecond has behind it."""
 
 
 class UncertainUnitError(GtvalError):
@@ -130,9 +132,10 @@ def exact_times(
     start = epoch * scale
     if isinstance(numbers[0], int):
         return epoch, np.array([number - start for number in numbers], dtype=float) / scale
-    if scale == 1:
-        return epoch, np.array([float(number - start) for number in numbers])
-    return epoch, np.array([float((number - start) / scale) for number in numbers])
+    with localcontext(_DIGITS):
+        if scale == 1:
+            return epoch, np.array([float(number - start) for number in numbers])
+        return epoch, np.array([float((number - start) / scale) for number in numbers])
 
 
 @dataclass(frozen=True)
@@ -182,7 +185,8 @@ def texts_of(times: Array, epoch: int, unit: str = "s") -> list[str]:
         nanoseconds = np.rint((times - whole) * 1e9).astype(np.int64)
         total = (whole.astype(np.int64) + epoch) * 1_000_000_000 + nanoseconds
         return [str(one) for one in total.tolist()]
-    return [format(Decimal(repr(one)) + epoch, "f") for one in times.tolist()]
+    with localcontext(_DIGITS):
+        return [format(Decimal(repr(one)) + epoch, "f") for one in times.tolist()]
 
 
 def lines_shown(lines: Sequence[int]) -> str:
