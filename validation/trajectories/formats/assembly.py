@@ -26,7 +26,8 @@ each is 1 +- 0.1. What lies outside is no rotation."""
 MOST_TURN = 4 * np.pi
 """Radians. Headings beyond it are of a robot that turns on and on, or in degrees."""
 MAX_LOOKED_AT = 1000
-"""Rows that show how many decimals a column has; programs print all alike."""
+"""Rows that show how many decimals a column has, and how often poses come: programs print all
+alike."""
 FARTHEST = 1e9
 """Metres: coordinates of the whole Earth stay within 7e6; what is larger is another column."""
 
@@ -156,7 +157,8 @@ def _unit(records: Records, asked: Asked) -> str:
         return asked.unit
     if records.unit is not None and not records.assumed:
         return records.unit
-    values = np.array(list(map(float, records.stamps)))
+    # The first rows tell the rate and the size as well as all of them.
+    values = np.array(list(map(float, records.stamps[:MAX_LOOKED_AT])))
     try:
         unit = unit_of(values)
     except UncertainUnitError as error:

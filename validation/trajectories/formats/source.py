@@ -198,6 +198,8 @@ class Rows:
         What the columns are called in messages.
     decimal : {".", ","}
         The decimal sign.
+    plain : bool
+        Whether all is ASCII without '_': what `float` takes is a number then.
     """
 
     source: Source
@@ -205,6 +207,7 @@ class Rows:
     columns: Sequence[Sequence[str]]
     names: Sequence[str]
     decimal: str = "."
+    plain: bool = False
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -235,11 +238,12 @@ class Rows:
             cells = self.columns[column]
             if self.decimal == ",":
                 cells = self.text(column)
+            if blank:
+                cells = [cell or "nan" for cell in cells]
             try:
                 values = np.array(list(map(float, cells)))
                 # float() takes what is no number in a file: 1_000, infinity, digits of all scripts.
-                odd = blank or not np.isfinite(values).all()
-                odd = odd or not (whole := "".join(cells)).isascii() or "_" in whole
+                odd = not self.plain or not (np.isfinite(values) | (blank & np.isnan(values))).all()
             except ValueError:
                 odd = True
             if odd:
@@ -268,7 +272,7 @@ class Rows:
         """Some of the rows."""
         columns = [[column[row] for row in rows] for column in self.columns]
         lines = [self.lines[row] for row in rows]
-        return Rows(self.source, lines, columns, self.names, self.decimal)
+        return Rows(self.source, lines, columns, self.names, self.decimal, self.plain)
 
 
 def read_rows(
@@ -297,40 +301,61 @@ def read_rows(
     lines = source.lines
     if len(source.data) > HEAD_BYTES and b"\0" in source.data:
         raise source.error("this is a binary file, not text")
-    plain = [
-        number
-        for number in range(after, len(lines))
-        if (line := lines[number]).strip() and not (comments and line.lstrip()[0] in "#%")
-    ]
-    if b'"' in source.data:
-        rows = [cells_of(lines[number], separator) for number in plain]
-    elif separator == " ":
-        rows = [lines[number].split() for number in plain]
-    else:
-        rows = [lines[number].split(separator) for number in plain]
-    width = len(names)
-    if set(map(len, rows)) - {width}:
-        rows = [_without_end(row, width) for row in rows]
-        wrong = [(plain[k], row) for k, row in enumerate(rows) if len(row) != width]
-        if wrong:
-            last = plain[-1]
-            raise InputError(
-                source.problem(
-                    f"{len(row)} cells, not {width}"
-                    + (" (is the file cut off?)" if number == last and len(row) < width else ""),
-                    number + 1,
-                    None,
-                    lines[number].strip(),
-                )
-                for number, row in wrong[:MAX_PROBLEMS]
-            )
+    rows = lines[after:]
+    while rows and not rows[-1].strip():
+        rows.pop()
+    text = "\n".join(rows)
+    plain: Sequence[int] = range(after, after + len(rows))
+    if not all(rows) or (comments and ("#" in text or "%" in text)):
+        plain = [k for k in plain if not _is_silent(lines[k], comments=comments)]
+        rows = [lines[number] for number in plain]
+        text = "\n".join(rows)
     if not rows:
         raise source.error("the file has no row of numbers")
+    width = len(names)
+    # One list of all cells, not one a row: a hundred thousand lists are slow to keep.
+    flat = text.split() if separator == " " else text.replace("\n", separator).split(separator)
+    # A row with that many separators has no more cells; as many in all means as many in each.
+    even = '"' not in text and {row.count(separator) for row in rows} == {width - 1}
+    if not even or len(flat) != width * len(rows):
+        flat = _cells_of_rows(source, plain, separator, width)
     decimal = "."
-    if separator in {";", "\t"} and any("," in cell for cell in chain.from_iterable(rows[:50])):
+    if separator in {";", "\t"} and any("," in cell for cell in flat[: 50 * width]):
         decimal = ","
-    columns = list(zip(*rows, strict=True))
-    return Rows(source, [number + 1 for number in plain], columns, list(names), decimal)
+    columns = [flat[place::width] for place in range(width)]
+    plainly = text.isascii() and "_" not in text
+    return Rows(source, [number + 1 for number in plain], columns, list(names), decimal, plainly)
+
+
+def _is_silent(line: str, *, comments: bool) -> bool:
+    """Whether a line is blank or a comment."""
+    stripped = line.lstrip()
+    return not stripped or (comments and stripped[0] in "#%")
+
+
+def _cells_of_rows(source: Source, plain: Sequence[int], separator: str, width: int) -> list[str]:
+    """All cells of rows that have quotes, or separators at their ends.
+
+    Raises
+    ------
+    InputError
+        With every row of another length.
+    """
+    rows = [_without_end(cells_of(source.lines[number], separator), width) for number in plain]
+    wrong = [(number, len(row)) for number, row in zip(plain, rows, strict=True)]
+    wrong = [one for one in wrong if one[1] != width][:MAX_PROBLEMS]
+    if wrong:
+        raise InputError(
+            source.problem(
+                f"{count} cells, not {width}"
+                + (" (is the file cut off?)" if number == plain[-1] and count < width else ""),
+                number + 1,
+                None,
+                source.lines[number].strip(),
+            )
+            for number, count in wrong
+        )
+    return list(chain.from_iterable(rows))
 
 
 def _without_end(row: list[str], width: int) -> list[str]:

@@ -32,8 +32,8 @@ HERE = {
     "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z\n0,0.0,0,0,0,1,1,2,3\n1,0.01,0,0,0,1,2,2,4\n",
     "vicon": "Objects\n100\n,,a,,,,,\nFrame,Sub Frame,RX,RY,RZ,TX,TY,TZ\n,,rad,rad,rad,mm,mm,mm\n"
     "1,0,0,0,0.1,1,2,3\n2,0,0,0,0.2,1,2,4\n",
-    "qualisys": "NO_OF_FRAMES\t1\nFREQUENCY\t100\nBODY_NAMES\ta\nFrame\tTime\ta X\tY\tZ\tRoll\tPitch"
-    "\tYaw\tResidual\n1\t0.0\t1\t2\t3\t0\t0\t9\t1\n2\t0.01\t1\t2\t3\t0\t0\t9\t1\n",
+    "qualisys": "NO_OF_FRAMES\t1\nFREQUENCY\t100\nBODY_NAMES\ta\nFrame\tTime\ta X\tY\tZ\tRoll"
+    "\tPitch\tYaw\tResidual\n1\t0.0\t1\t2\t3\t0\t0\t9\t1\n2\t0.01\t1\t2\t3\t0\t0\t9\t1\n",
     "gsi": "110001+00000001 18....+23201500 19....+11142213 81..10+00001000 82..10+00002000\n",
     "landxml": '<LandXML><CgPoints><CgPoint timeStamp="2023-11-14T22:13:20">1 2 3</CgPoint>'
     "</CgPoints></LandXML>",
@@ -126,8 +126,7 @@ def known(path, **options):
     told = is_trajectory(path)
     try:
         found = read_trajectory(path, **options)
-    except GtvalError as error:
-        assert str(error)
+    except GtvalError:
         return
     assert told or options
     assert np.isfinite(found.poses).all()
@@ -156,7 +155,7 @@ cells = st.one_of(
 )
 
 
-@settings(max_examples=40, **FIXTURES)
+@settings(max_examples=25, **FIXTURES)
 @pytest.mark.parametrize("form", HERE)
 @given(data=st.data())
 def test_a_good_file_with_a_few_cells_changed(written, form, data):
@@ -187,11 +186,12 @@ def test_any_cells_under_good_names(written, rows):
 
 def many(n, kind="space") -> Trajectory:
     rng = np.random.default_rng(1)
-    turned = rng.normal(0, 1, (n, 4)) if kind == "space" else rng.uniform(-3, 3, (n, 1))
-    covariances = np.tile(np.diag([1e-4] * (6 if kind == "space" else 3)), (n, 1, 1))
+    turned = rng.uniform(1, 2, (n, 4)) if kind == "space" else rng.uniform(-3, 3, (n, 1))
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True) if kind == "space" else 1
     places = rng.normal(0, 10, (n, 3 if kind == "space" else 2))
     poses = np.column_stack([places, turned])
     times = np.arange(n) * 0.01 + 0.123456789
+    covariances = np.tile(np.diag([1e-4] * (6 if kind == "space" else 3)), (n, 1, 1))
     return Trajectory("a", times, poses, kind, covariances, epoch=1_400_000_000)
 
 
