@@ -1,15 +1,16 @@
 """From the columns of a file to a trajectory: checks that all formats share."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from validation.errors import GtvalError, InputError, Problem
+from validation.errors import GtvalError, InputError
 from validation.poses.angles import Array
-from validation.trajectories.formats.source import MAX_PROBLEMS, Asked, Source, system_name
+from validation.trajectories.formats.covariances import checked_covariances
+from validation.trajectories.formats.records import MAX_LOOKED_AT, Records
+from validation.trajectories.formats.source import MAX_PROBLEMS, Asked, system_name
 from validation.trajectories.formats.stamps import (
     MOST_DISORDER,
     UncertainUnitError,
@@ -18,81 +19,15 @@ from validation.trajectories.formats.stamps import (
     order_of,
     unit_of,
 )
-from validation.trajectories.trajectory import FREEDOMS, Clock, Kind, Trajectory
+from validation.trajectories.trajectory import FREEDOMS, Kind, Trajectory
 
 SHORTEST_QUATERNION, LONGEST_QUATERNION = 0.9, 1.1
 """Lengths that rounding to one digit still gives: 0.5, 0.5, 0.5, 0.5 printed with an error of 0.05
 each is 1 +- 0.1. What lies outside is no rotation."""
 MOST_TURN = 4 * np.pi
 """Radians. Headings beyond it are of a robot that turns on and on, or in degrees."""
-MAX_LOOKED_AT = 1000
-"""Rows that show how many decimals a column has, and how often poses come: programs print all
-alike."""
 FARTHEST = 1e9
 """Metres: coordinates of the whole Earth stay within 7e6; what is larger is another column."""
-
-
-@dataclass
-class Records:
-    """What a reader found in a file; one row a pose.
-
-    Parameters
-    ----------
-    source : Source
-        The file.
-    format : str
-        Name of the format.
-    lines : sequence of int
-        Line, or number of the message, of each row.
-    stamps : sequence of str, or array of int
-        As written; integers are in ``unit``.
-    positions : (n, 2 or 3) array
-        Metres.
-    unit : str, optional
-        Of the stamps, where the file or its format says it.
-    quaternions : (n, 4) array, optional
-        x, y, z, w.
-    angles : (n,) array, optional
-        Headings of poses in the plane, in radians, or degrees if ``degrees`` says so.
-    degrees : bool, optional
-        Whether the file says that angles are in degrees.
-    covariances : (n, m, m) array, optional
-        NaN where not stated.
-    digit : float, optional
-        The last digit of printed covariances, such as 1e-6.
-    clock, frame, child_frame, epoch, longest_interval
-        As of a trajectory, where the file states them.
-    facts : dict
-        More for the provenance.
-    notes : list of str
-        What was left out or taken for granted.
-    assumed : bool
-        Whether the unit is what the format usually has, and the size of the stamps may overrule it.
-    row : str
-        What ``lines`` counts.
-    """
-
-    source: Source
-    format: str
-    lines: Sequence[int]
-    stamps: Sequence[str] | npt.NDArray[np.int64]
-    positions: Array
-    unit: str | None = None
-    quaternions: Array | None = None
-    angles: Array | None = None
-    degrees: bool | None = None
-    covariances: Array | None = None
-    digit: float | None = None
-    clock: Clock = field(default_factory=Clock)
-    frame: str = ""
-    child_frame: str = ""
-    system: str = ""
-    epoch: int | None = None
-    longest_interval: float | None = None
-    facts: dict[str, object] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    assumed: bool = False
-    row: str = "line"
 
 
 def assembled(records: Records, asked: Asked, system: str | None = None) -> Trajectory:
@@ -223,7 +158,7 @@ def _radians(angles: Array, records: Records, asked: Asked) -> Array:
                 "angle",
                 f"{angles[worst][np.abs(angles[worst]).argmax()]:g}",
             )
-        if records.format != "gtval":
+        if not records.own:
             records.notes.append("angles are taken as radians")
     return np.radians(angles) if degrees else angles
 
@@ -313,7 +248,7 @@ def _is_flat(records: Records) -> bool:
     """Whether all poses of a format in space lie in the plane."""
     return (
         records.quaternions is not None
-        and records.format != "gtval"
+        and not records.own
         and not records.positions[:, 2:].any()
         and not records.quaternions[:, :2].any()
     )
@@ -325,113 +260,6 @@ def _kind_of(records: Records) -> Kind:
     if records.quaternions is None and records.angles is None:
         return "points_plane" if plane else "points_space"
     return "plane" if plane else "space"
-
-
-def checked_covariances(covariances: Array, records: Records) -> Array:
-    """(n, m, m) symmetric, positive definite covariances, or NaN where nothing is stated.
-
-    Notes
-    -----
-    A number printed with the last digit q is off by up to q/2, a matrix of m rows by a matrix of
-    norm up to m q/2. Where all variances of a row are zero, nothing is stated: that is what
-    software writes that knows none. Where one is zero, q/2 stands for it, the most that printing
-    hides. Where a matrix is not positive definite but would be with m q/2 on its diagonal, this is
-    added: an uncertainty that the true matrix does not exceed. What remains is wrong.
-    """
-    size = covariances.shape[1]
-    diagonal = np.arange(size)
-    digit = records.digit or 0.0
-    variances = covariances[:, diagonal, diagonal]
-    covariances[(variances == 0).all(1)] = np.nan
-    stated = np.isfinite(covariances).all((1, 2))
-    bad: list[tuple[int, str]] = [
-        (int(row), "has numbers that are missing")
-        for row in np.flatnonzero(~stated & np.isfinite(covariances).any((1, 2)))
-    ]
-    rows = np.flatnonzero(stated)
-    matrices = covariances[rows]
-    skew = np.abs(matrices - matrices.transpose(0, 2, 1)).max((1, 2), initial=0.0)
-    scale = np.abs(matrices).max((1, 2), initial=0.0)
-    bad += [
-        (int(row), "is not symmetric") for row in rows[skew > np.maximum(2 * digit, 1e-6 * scale)]
-    ]
-    matrices = (matrices + matrices.transpose(0, 2, 1)) / 2
-    hidden = matrices[:, diagonal, diagonal] == 0
-    if digit and hidden.any():
-        matrices[:, diagonal, diagonal] += np.where(hidden, digit / 2, 0.0)
-        records.notes.append(
-            f"{int(hidden.any(1).sum())} covariances had a variance printed as zero: half of the "
-            f"last digit, {digit / 2:g}, stands for it"
-        )
-    matrices, wrong, mended = _positive_definite(matrices, digit * size / 2)
-    if mended:
-        records.notes.append(
-            f"{mended} covariances lost positive definiteness in printing: {digit * size / 2:g} "
-            "was added to their variances"
-        )
-    bad += [(int(row), "is not positive definite") for row in rows[wrong]]
-    if bad:
-        problems = [
-            Problem(records.source.path, f"the covariance {what}", records.lines[row], "covariance")
-            for row, what in sorted(bad)[:MAX_PROBLEMS]
-        ]
-        raise InputError(problems)
-    covariances[rows] = matrices
-    return covariances
-
-
-def _positive_definite(matrices: Array, allowed: float) -> tuple[Array, npt.NDArray[np.bool_], int]:
-    """The matrices, which are wrong, and how many got the allowed sum on their diagonal."""
-    wrong = np.zeros(len(matrices), dtype=bool)
-    try:
-        np.linalg.cholesky(matrices)
-    except np.linalg.LinAlgError:
-        diagonal = np.arange(matrices.shape[1])
-        variances = matrices[:, diagonal, diagonal]
-        scale = np.sqrt(np.where(variances > 0, variances, 1.0))
-        lowest = np.linalg.eigvalsh(matrices / scale[:, :, None] / scale[:, None, :])[:, 0]
-        weak = (lowest <= 1e-12) | (variances <= 0).any(1)
-        if not weak.any():
-            return matrices, wrong, 0
-        mended = matrices[weak] + allowed * np.eye(matrices.shape[1])
-        # 1e-9: what is exactly singular is rounded to either side.
-        still = np.linalg.eigvalsh(mended)[:, 0] <= -1e-9 * np.abs(mended).max((1, 2))
-        wrong[weak] = still | (allowed == 0)
-        matrices[weak] = mended
-        return matrices, wrong, int(weak.sum())
-    return matrices, wrong, 0
-
-
-def last_digit(texts: Sequence[Sequence[str]]) -> float | None:
-    """The last digit of numbers printed with a fixed number of decimals, such as 1e-6.
-
-    None for numbers with an exponent, or without decimals: these are as exact as they are.
-    """
-    most = 0
-    for column in texts:
-        for text in column[:MAX_LOOKED_AT]:
-            if "e" in text or "E" in text:
-                return None
-            most = max(most, len(text.rpartition(".")[2]) if "." in text else 0)
-    return 10.0**-most if most else None
-
-
-def symmetric(upper: Array, size: int) -> Array:
-    """(n, m, m) matrices of the upper triangles (n, m (m + 1) / 2), row by row."""
-    matrices = np.empty((len(upper), size, size))
-    rows, columns = np.triu_indices(size)
-    matrices[:, rows, columns] = upper
-    matrices[:, columns, rows] = upper
-    return matrices
-
-
-def without_rows(keep: npt.NDArray[np.bool_], lines: Sequence[int], what: str) -> list[str]:
-    """A note on rows that were left out; nothing if there are none."""
-    left = np.flatnonzero(~keep)
-    if not len(left):
-        return []
-    where = lines_shown([lines[row] for row in left.tolist()])
-    return [f"{len(left)} of {len(keep)} rows were left out, {what}: line {where}"]
 
 
 def facts_of(trajectory: Trajectory) -> Mapping[str, object]:

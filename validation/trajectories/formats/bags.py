@@ -11,7 +11,7 @@ import numpy as np
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.earth_frames import LocalFrame
-from validation.trajectories.formats.assembly import Records
+from validation.trajectories.formats.records import Records
 from validation.trajectories.formats.source import Asked, Source, missing_extra
 from validation.trajectories.trajectory import Clock, Trajectory
 

@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from validation.errors import InputError
 from validation.poses.angles import Array
-from validation.trajectories.formats.assembly import Records, last_digit, symmetric
+from validation.trajectories.formats.covariances import last_digit, symmetric
+from validation.trajectories.formats.records import Records
 from validation.trajectories.formats.source import (
     MAX_PROBLEMS,
     Asked,

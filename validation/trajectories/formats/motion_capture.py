@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from validation.poses.angles import Array
-from validation.trajectories.formats.assembly import Records, without_rows
 from validation.trajectories.formats.bare_columns import quaternions_of
+from validation.trajectories.formats.records import Records, without_rows
 from validation.trajectories.formats.source import (
     Asked,
     Rows,
@@ -77,6 +77,8 @@ def read_motive(source: Source, asked: Asked) -> Records:
         raise source.error(
             f"rotations are exported as {turned}; export as Quaternion", 1, "Rotation Type", turned
         )
+    if (space := facts.get("Coordinate Space", "Global")) != "Global":
+        raise source.error("export in Global coordinates", 1, "Coordinate Space", space)
     scale = _LENGTHS.get(facts.get("Length Units", "Meters").lower())
     if scale is None:
         raise source.error("not a length", 1, "Length Units", facts["Length Units"])

@@ -11,7 +11,8 @@ import numpy as np
 
 from validation.errors import GtvalError, InputError
 from validation.poses.angles import Array
-from validation.trajectories.formats.assembly import Records, last_digit, symmetric, without_rows
+from validation.trajectories.formats.covariances import last_digit, symmetric
+from validation.trajectories.formats.records import Records, without_rows
 from validation.trajectories.formats.source import (
     Rows,
     Source,
@@ -397,7 +398,7 @@ def _own_facts(source: Source, records: Records) -> None:
     stamps = told.get("stamps", "unknown")
     if stamps not in {"capture", "receipt", "unknown"}:
         raise source.error("expected capture, receipt or unknown", None, "stamps", str(stamps))
-    records.format = "gtval"
+    records.own = True
     records.unit, records.assumed, records.degrees = "s", False, False
     records.digit = None
     records.clock = Clock(stamps, told.get("rate"), told.get("exposure"))

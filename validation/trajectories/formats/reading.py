@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from validation.errors import GtvalError, InputError, Problem
-from validation.trajectories.formats.assembly import Records, assembled
+from validation.trajectories.formats.assembly import assembled
 from validation.trajectories.formats.bags import MAGIC, bag_fault, read_bag
 from validation.trajectories.formats.bare_columns import (
     EUROC,
@@ -29,6 +29,7 @@ from validation.trajectories.formats.motion_capture import (
     read_vicon,
 )
 from validation.trajectories.formats.named_columns import Header, find_header, read_named
+from validation.trajectories.formats.records import Records
 from validation.trajectories.formats.source import (
     HEAD_BYTES,
     Asked,

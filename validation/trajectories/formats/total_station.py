@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from validation.errors import InputError
-from validation.trajectories.formats.assembly import Records
+from validation.trajectories.formats.records import Records
 from validation.trajectories.formats.source import MAX_PROBLEMS, Asked, Source, read_times_file
 
 NO_TIMES = (

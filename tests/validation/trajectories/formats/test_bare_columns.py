@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from validation.errors import GtvalError, InputError
 from validation.trajectories.formats import read_trajectory, trajectory_text, write_trajectory
-from validation.trajectories.formats.assembly import Records, checked_covariances
+from validation.trajectories.formats.covariances import checked_covariances
 from validation.trajectories.formats.reading import format_of
+from validation.trajectories.formats.records import Records
 from validation.trajectories.formats.source import Source
 from validation.trajectories.trajectory import Trajectory
 

@@ -99,6 +99,7 @@ def test_of_several_bodies_one_is_chosen(written):
     ("old", "new", "said"),
     [
         ("Rotation Type,Quaternion", "Rotation Type,XYZ", "export as Quaternion"),
+        ("Space,Global", "Space,Local", "export in Global coordinates"),
         ("Units,Meters", "Units,Parsecs", "'Parsecs' — not a length"),
         ("Rigid Body,", "Marker,", "no rigid body"),
         ("Frame,Time", "Image,Time", "no line 'Frame, Time"),

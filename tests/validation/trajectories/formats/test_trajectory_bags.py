@@ -208,6 +208,20 @@ def test_a_robot_that_states_the_plane_only_is_in_the_plane(tmp_path, drive):
     assert found.has_covariance.all()
 
 
+@pytest.mark.parametrize(
+    "spoilt", [np.diag([1e-4, 1e-4, 0, 1e-6, 1e-6, 1e-6]), COVARIANCE + np.eye(6)[::-1]]
+)
+def test_covariances_of_a_bag_that_are_none_are_not_used(
+    tmp_path, drive, same, monkeypatch, spoilt
+):
+    before = drive(covariance=False)
+    monkeypatch.setattr(__name__ + ".COVARIANCE", spoilt)
+    found = read_trajectory(bag(tmp_path / "a", before, {"/pose": POSE_COVARIANCE}))
+    same(found, before)
+    assert not found.has_covariance.any()
+    assert "60 covariances" in found.provenance["notes"][0]
+
+
 def test_damaged_and_other_bags_are_refused(tmp_path, written, drive):
     (path,) = write_trajectory(drive(), tmp_path / "a.mcap")
     data = path.read_bytes()
