@@ -41,6 +41,8 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     (files / "times.csv").write_text("time\n" + "".join(f"{t.split(',')[0]}\n" for t in times))
     (files / "walls.csv").write_text("wall_a,wall_b,position,distance\ns,n,0,6\ns,n,3,6.021\n")
     rows = [f"{length}.000,{length}.003\n" for length in range(1, 13)]
+    moves = [f"{1e9 + k / 10} {k / 50} 0 0.1 0 0 0 1\n" for k in range(20)]
+    (files / "motion.tum").write_text("".join(moves))
     (files / "lengths.csv").write_text("true,reading\n" + "".join(rows))
     lens = (root / "drive/sensors/left_camera_lens.txt").read_text().strip()
     names = {name: str(root / name) for name in ("ad23", "room", "decided", "drive", "files")}

@@ -11,6 +11,7 @@ USES = {
     "accuracy": "{room} --start 1 --end 2 --dx 0.01 --dy 0.01 --dtheta 0.02",
     "compare": "{ad23}",
     "convergence": "{room} --starts 20",
+    "convert": "{files}/motion.tum {out}.csv",
     "demo": "{out}",
     "enter": "{room} --status",
     "explain": "{ad23}",

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from rtk_gt.receivers.fixes import Fixes
-from rtk_gt.receivers.frames import LocalFrame, ecef_from_geodetic
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
+from validation.poses.earth_frames import LocalFrame, ecef_from_geodetic
 
 FAR = 100_000.0
 """Metres from the other receivers or the frame's origin: farther is another drive. A judgement; RTK

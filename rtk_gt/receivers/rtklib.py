@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from rtk_gt.receivers.fixes import AUTONOMOUS, DGPS, ESTIMATED, RTK_FIXED, RTK_FLOAT, SBAS, Fixes
-from rtk_gt.receivers.frames import LocalFrame, geodetic_from_ecef
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
+from validation.poses.earth_frames import LocalFrame, geodetic_from_ecef
 from validation.text_files.reading import file_bytes
 
 MAX_BYTES = 2_000_000_000
