@@ -21,9 +21,7 @@ TIMES = (0.1, 1.0, 5.0, 30.0)
 KINDS = ("ar1", "ar1+white", "oscillating", "skewed")
 
 
-def errors(
-    kind: str, n: int, time: float, seeds: int, rng: np.random.Generator
-) -> np.ndarray:
+def errors(kind: str, n: int, time: float, seeds: int, rng: np.random.Generator) -> np.ndarray:
     """(seeds, n) errors of mean zero with a correlation time in seconds."""
     memory = np.exp(-STEP / time)
     before = int(10 * time / STEP) + 50

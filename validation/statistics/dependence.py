@@ -117,8 +117,8 @@ class Spread(NamedTuple):
 
     @property
     def variance(self) -> float:
-        """Of the mean, over the models."""
-        return float(self.weights @ self.scales**2)
+        """Of the mean: the geometric mean over the models, which is neither wide nor narrow."""
+        return float(np.exp(self.weights @ np.log(self.scales**2)))
 
 
 def mean_of_series(values: npt.ArrayLike, confidence: float = 0.95) -> SeriesMean:
@@ -280,9 +280,7 @@ def mean_of_stops(values: npt.ArrayLike, confidence: float = 0.95) -> SeriesMean
     low, high = (float(end) for end in mean_interval(mean, std, n, confidence))
     spread = Spread(np.ones(1), np.array([std / np.sqrt(n)]), n - 1)
     short = bool(p_value < INDEPENDENCE_LEVEL)
-    return SeriesMean(
-        n, mean, std, low, high, confidence, float(n), "student", short, "", spread
-    )
+    return SeriesMean(n, mean, std, low, high, confidence, float(n), "student", short, "", spread)
 
 
 def bias_of_series(mean: SeriesMean, limit: float, confidence: float = 0.95) -> BiasTest:
