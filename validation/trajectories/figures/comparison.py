@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 4000
 """Points drawn: a page of print shows no more beside each other, and an SVG stays below 1 MB."""
+FEW_POINTS = 500
+"""So many are drawn larger: a small mark shows no colour. A judgement."""
 PARTS = 5
 """Of the record, that each have a mean with an interval drawn."""
 SCALES = {"length": (1000.0, "mm"), "angle": (1000.0, "mrad")}
@@ -100,7 +102,8 @@ def trajectories_on_map(comparison: TimeComparison) -> Figure:
     shown = shown[np.argsort(comparison.distances[shown], kind="stable")]
     errors = 1000 * comparison.distances[shown]
     x, y = theirs[shown, 0], theirs[shown, 1]
-    marks = axes.scatter(x, y, 9, errors, cmap="cividis_r", vmin=0, zorder=2, linewidths=0)
+    size = 9 if len(shown) > FEW_POINTS else 25
+    marks = axes.scatter(x, y, size, errors, cmap="cividis_r", vmin=0, zorder=2, linewidths=0)
     figure.colorbar(marks, ax=axes, label="position error [mm]", shrink=0.7)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x [m]")
