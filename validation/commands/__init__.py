@@ -2,6 +2,7 @@
 
 import click
 
-from validation.commands.run import compare, report, run
+from validation.commands.compare import compare
+from validation.commands.run import report, run
 
 COMMANDS: list[click.Command] = [run, compare, report]
