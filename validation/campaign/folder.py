@@ -8,7 +8,7 @@ from functools import cached_property
 from itertools import combinations
 from math import dist
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -149,13 +149,23 @@ class Published(Settings):
     """Poses taken over from elsewhere, as a system of its own.
 
     ``sigmas`` are the standard deviations to assume where the file states none, (x, y, theta) or
-    (x, y, z, yaw, pitch, roll); without them errors have no normalised form.
+    (x, y, z, yaw, pitch, roll); without them errors have no normalised form. A file may hold a
+    trajectory instead of a table: ``stops`` is then the file that says when the robot stood where
+    (pose, from, to); without it the standstills are found. ``frame`` is 'own' where the
+    coordinates are not those of the GTV frame; ``format``, ``unit``, ``body`` and ``topic`` say
+    what a file does not say itself.
     """
 
     system: Annotated[str, Field(pattern=SYSTEM)]
     file: str
     source: str = ""
     sigmas: tuple[Positive, ...] | None = None
+    stops: str = ""
+    frame: Literal["gtv", "own"] = "gtv"
+    format: str = ""
+    unit: Literal["s", "ms", "us", "ns"] | None = None
+    body: str = ""
+    topic: str = ""
 
     @model_validator(mode="after")
     def _planar_or_spatial(self) -> "Published":
