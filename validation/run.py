@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 
 from validation.campaign.folder import Campaign
 from validation.campaign.provenance import earlier_record, earlier_steps, input_hashes, relative
-from validation.campaign.published import assumed_sigmas, published_tables
 from validation.errors import FaultyResultError, GtvalError, InputError, Problem
 from validation.explain.telling.section import ExplainParts, explain_campaign
 from validation.poses.pose_table import SPATIAL, PoseTable
@@ -207,13 +206,13 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
         except GtvalError as error:
             faults.append(error)
     try:
-        for table in published_tables(campaign):
-            result = SystemResult([table], findings=assumed_sigmas(table))
-            published = solved_system(table.system, result)
+        tables = (table for system in solved for table in system.result.tables)
+        validation = next((one for one in tables if one.system == VALIDATION_SYSTEM), None)
+        for name, result in published_systems(campaign, validation).items():
+            published = solved_system(name, result)
             if _apart(published, solved) is not published:
                 said = "poses of this system come twice; rename one"
-                twice = Problem(campaign.toml, said, None, "published", table.system)
-                faults.append(InputError([twice]))
+                faults.append(InputError([Problem(campaign.toml, said, None, "published", name)]))
             solved.append(published)
     except GtvalError as error:
         faults.append(error)

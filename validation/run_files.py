@@ -68,12 +68,15 @@ def _steps(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> di
     }
     surveyed = {name: one for name, one in poses.items() if name == "poses_survey.csv"}
     steps = {}
-    published = {one.system: campaign.folder / one.file for one in campaign.settings.published}
+    published = {
+        one.system: [campaign.folder / file for file in (one.file, one.stops) if file]
+        for one in campaign.settings.published
+    }
     for step, contents in files.items():
         sources, uses = [campaign.folder], poses if step in {COMPARISON, EXPLANATION} else {}
         system = installed.get(step)
         if step in published:
-            sources = [campaign.toml, published[step]]
+            sources = [campaign.toml, *published[step]]
         elif system is not None:
             sources = inputs_of(system, campaign)
             uses = surveyed if starts_from_survey(system) else {}

@@ -167,7 +167,7 @@ def test_bad_published_poses_stop_the_run_and_a_bug_in_reading_them_does_not(
     campaign_folder, with_systems, monkeypatch
 ):
     with_systems(FixedSystem("survey", SystemResult([three_stops("survey")])), broken("rig"))
-    monkeypatch.setattr("validation.run.published_tables", fails)
+    monkeypatch.setattr("validation.run.published_systems", fails)
     done, record, _ = run(campaign_folder)
     assert done.exit_code == 1
     assert the_failure(record)["subject"] == "published"

@@ -120,9 +120,9 @@ def _stops(
     """Those of the file of stops, or standstills with the names of the surveyed stops."""
     if entry.stops:
         path = campaign.folder / entry.stops
-        named = read_stops(path)
-        check_stops(named, path)
-        return _Stops(named, file=path)
+        stated = read_stops(path)
+        check_stops(stated, path)
+        return _Stops(stated, file=path)
     found = find_standstills(trajectory)
     if validation is None or not len(found):
         return _Stops((), len(found))

@@ -4,15 +4,26 @@ from dataclasses import replace
 from pathlib import Path
 
 from validation.campaign.folder import Campaign, Published
+from validation.campaign.moving import moving_result
 from validation.campaign.stored import components_of
 from validation.errors import InputError, Problem
 from validation.poses.pose_table import PoseTable, from_csv
-from validation.results import Finding
+from validation.results import VALIDATION_SYSTEM, Finding, SystemResult
 from validation.text_files.csv_tables import Column, read_csv
+from validation.trajectories.formats import is_trajectory
 
 
-def published_tables(campaign: Campaign) -> list[PoseTable]:
-    """One table for each [[published]] entry, in the order of campaign.toml.
+def published_systems(
+    campaign: Campaign, validation: PoseTable | None = None
+) -> dict[str, SystemResult]:
+    """What each [[published]] entry gives, by its name, the validation poses first.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The folder and its settings.
+    validation : PoseTable, optional
+        Surveyed stops, whose names the standstills of a trajectory get.
 
     Raises
     ------
@@ -25,15 +36,42 @@ def published_tables(campaign: Campaign) -> list[PoseTable]:
         Problem(campaign.toml, "this system is published twice", field="published", value=name)
         for name in sorted({name for name in names if names.count(name) > 1})
     ]
-    tables = []
-    for entry in entries:
+    found: dict[str, SystemResult] = {}
+    for entry in sorted(entries, key=lambda entry: entry.system != VALIDATION_SYSTEM):
         try:
-            tables.append(published_table(campaign.folder, entry))
+            found[entry.system] = _published(campaign, entry, validation)
         except InputError as error:
             problems.extend(error.problems)
+            continue
+        if entry.system == VALIDATION_SYSTEM and found[entry.system].tables:
+            validation = found[entry.system].tables[0]
     if problems:
         raise InputError(problems)
-    return tables
+    return {name: found[name] for name in names}
+
+
+def published_tables(campaign: Campaign) -> list[PoseTable]:
+    """The tables of all [[published]] entries, in the order of campaign.toml.
+
+    Raises
+    ------
+    InputError
+        As for `published_systems`.
+    """
+    return [table for result in published_systems(campaign).values() for table in result.tables]
+
+
+def _published(campaign: Campaign, entry: Published, validation: PoseTable | None) -> SystemResult:
+    """A table of stops, or a trajectory at the stops."""
+    if (
+        entry.stops
+        or entry.format
+        or not entry.judged
+        or is_trajectory(campaign.folder / entry.file)
+    ):
+        return moving_result(campaign, entry, validation)
+    table = published_table(campaign.folder, entry)
+    return SystemResult([table], findings=assumed_sigmas(table))
 
 
 def published_table(folder: Path, entry: Published) -> PoseTable:

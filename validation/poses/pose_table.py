@@ -194,6 +194,22 @@ class PoseTable(Shown):
             factor=None if self.factor is None else self.factor[flat],
         )
 
+    def only(self, components: Sequence[Component]) -> Self:
+        """The table with some of its components, in their order."""
+        if tuple(components) == self.components:
+            return self
+        at = [self.components.index(one) for one in components]
+        n, k = self.poses.shape
+        flat = (np.arange(n)[:, None] * k + at).ravel()
+        return replace(
+            self,
+            poses=self.poses[:, at],
+            covariances=self.covariances[:, at][:, :, at],
+            components=tuple(components),
+            joint=None if self.joint is None else self.joint[np.ix_(flat, flat)],
+            factor=None if self.factor is None else self.factor[flat],
+        )
+
 
 def refuse_twice(systems: Sequence[str]) -> None:
     """Raise a GtvalError where a system is named twice."""
