@@ -4,7 +4,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from validation.campaign.folder import Campaign
+from validation.campaign.in_time import TimeParts, time_parts
 from validation.campaign.provenance import earlier_record, earlier_steps, input_hashes, relative
+from validation.campaign.published import published_systems
 from validation.errors import FaultyResultError, GtvalError, InputError, Problem
 from validation.explain.telling.section import ExplainParts, explain_campaign
 from validation.poses.pose_table import SPATIAL, PoseTable
@@ -44,6 +46,8 @@ class RunResult(Shown):
         Of the intervals of the mean.
     explained : ExplainParts, optional
         Where the errors come from; None where there is nothing to explain.
+    in_time : TimeParts, optional
+        The trajectories compared in time; None where there are not two.
     failures : tuple of SystemResult
         What stands in for analyses that failed unexpectedly; of systems, see ``systems``.
     comparison_files : mapping of str to str or bytes
@@ -57,6 +61,7 @@ class RunResult(Shown):
     inputs: Mapping[str, str]
     method: IntervalMethod
     explained: ExplainParts | None = None
+    in_time: TimeParts | None = None
     failures: tuple[SystemResult, ...] = ()
     comparison_files: Mapping[str, str | bytes] = field(default_factory=dict, repr=False)
 
@@ -146,6 +151,16 @@ def run_campaign(
     except Exception as error:  # noqa: BLE001  (what is compared stands without its explanation)
         failures.append(unexpected(EXPLANATION, error))
     findings += more
+    progress("comparing in time", 0.94)
+    in_time = None
+    try:
+        moving = [one for system in systems for one in system.result.trajectories]
+        in_time = time_parts(campaign, moving)
+    except GtvalError:
+        raise
+    except Exception as error:  # noqa: BLE001  (what is compared at stops stands without it)
+        failures.append(unexpected(IN_TIME, error))
+    findings += in_time.findings if in_time is not None else ()
     findings += [finding for failure in failures for finding in failure.findings]
     progress("hashing the inputs", 0.95)
     inputs = input_hashes(campaign.folder)
@@ -158,6 +173,7 @@ def run_campaign(
         inputs=inputs,
         method=method,
         explained=explained,
+        in_time=in_time,
         failures=tuple(failures),
         comparison_files=comparison_files,
     )
@@ -335,7 +351,7 @@ def _no_validation(tables: Iterable[PoseTable]) -> Finding:
     return Finding("warning", text + " Survey the stops.", VALIDATION_SYSTEM, "no_validation")
 
 
-COMPARISON, EXPLANATION = "comparison", "explain"
+COMPARISON, EXPLANATION, IN_TIME = "comparison", "explain", "time"
 """Steps of a run besides the systems."""
 
 

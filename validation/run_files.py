@@ -16,7 +16,7 @@ from validation.campaign.provenance import (
     earlier_steps,
     out_of_date,
 )
-from validation.run import COMPARISON, EXPLANATION, RunResult, without_data
+from validation.run import COMPARISON, EXPLANATION, IN_TIME, RunResult, without_data
 from validation.solving import (
     TRACEBACKS,
     made_with,
@@ -36,6 +36,8 @@ def result_files(run: RunResult) -> dict[str, Mapping[str, str | bytes]]:
         steps[COMPARISON] = run.comparison_files
     if run.explained is not None:
         steps[EXPLANATION] = run.explained.files
+    if run.in_time is not None and run.in_time.files:
+        steps[IN_TIME] = run.in_time.files
     failures = {name: one for failure in run.failures for name, one in failure.files.items()}
     if failures:
         steps[TRACEBACKS] = failures

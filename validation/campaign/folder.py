@@ -152,7 +152,8 @@ class Published(Settings):
     (x, y, z, yaw, pitch, roll); without them errors have no normalised form. A file may hold a
     trajectory instead of a table: ``stops`` is then the file that says when the robot stood where
     (pose, from, to); without it the standstills are found. ``frame`` is 'own' where the
-    coordinates are not those of the GTV frame; ``format``, ``unit``, ``body`` and ``topic`` say
+    coordinates are not those of the GTV frame; ``judged = false`` keeps odometry and the like out
+    of the comparison at stops; ``format``, ``unit``, ``body`` and ``topic`` say
     what a file does not say itself.
     """
 
@@ -162,6 +163,7 @@ class Published(Settings):
     sigmas: tuple[Positive, ...] | None = None
     stops: str = ""
     frame: Literal["gtv", "own"] = "gtv"
+    judged: bool = True
     format: str = ""
     unit: Literal["s", "ms", "us", "ns"] | None = None
     body: str = ""
@@ -300,7 +302,7 @@ def load_campaign(folder: Path, known_tables: frozenset[str] | None = None) -> C
     return Campaign(folder, settings)
 
 
-_OWN_TABLES = frozenset(CampaignSettings.model_fields) | {"plan", "explain"}
+_OWN_TABLES = frozenset(CampaignSettings.model_fields) | {"plan", "explain", "time"}
 
 
 def _closest(key: str, known: set[str] | frozenset[str]) -> str:

@@ -63,6 +63,9 @@ def moving_result(
         topic=entry.topic or None,
     ).planar()
     trajectory = _with_sigmas(trajectory, entry, path)
+    if not entry.judged:
+        facts = {"trajectory": _facts(trajectory)}
+        return SystemResult(facts=facts, trajectories=(trajectory,))
     stops = _stops(campaign, entry, trajectory, validation)
     findings = _of_standstills(entry.system, stops)
     if not stops.named:

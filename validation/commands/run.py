@@ -67,6 +67,7 @@ def _print_run_json(done: "RunResult", page: Path | None) -> None:
             "results": done.campaign.results,
             "report": page,
             "systems": {system.name: system.result.facts for system in done.systems},
+            "time": done.in_time.facts if done.in_time else {},
             "comparisons": [evaluation_json(one) for one in done.evaluations],
             "findings": done.findings,
         }

@@ -85,3 +85,30 @@ def test_positions_alone_cannot_hide_the_missing_heading(tmp_path):
     write_trajectory(points, folder / "gt" / "mocap.csv", "csv")
     (evaluation,) = run_campaign(load_campaign(folder)).evaluations
     assert [statistics.component.name for statistics in evaluation.statistics] == ["x", "y"]
+
+
+def test_trajectories_are_compared_in_time_with_the_one_that_is_named(tmp_path):
+    folder = moving_campaign(tmp_path / "c")
+    seen, _, _ = robot_between_stops(5, rate=25, memory=0.5)
+    # A second source: 5 mm of noise of its own, every other frame.
+    noise = np.random.default_rng(0).normal(size=(len(seen), 3)) * 0.005
+    other = Trajectory("b", seen.times[::2], (seen.poses + noise)[::2])
+    write_trajectory(other, folder / "gt" / "b.csv", "csv")
+    with (folder / "campaign.toml").open("a") as toml:
+        toml.write('[[published]]\nsystem = "b"\nfile = "gt/b.csv"\njudged = false\n')
+    assert "no_time_reference" in {f.code for f in run_campaign(load_campaign(folder)).findings}
+    with (folder / "campaign.toml").open("a") as toml:
+        toml.write('[time]\nreference = "mocap"\n')
+    campaign = load_campaign(folder)
+    run = run_campaign(campaign)
+    (compared,) = run.in_time.comparisons
+    # Same poses at the same times: only the 5 mm in x and y are left.
+    assert compared.rms_position.rms == pytest.approx(0.005 * np.sqrt(2), rel=0.1)
+    write_results(run)
+    lines = (campaign.results / "errors_in_time_b.csv").read_text().splitlines()
+    assert len(lines) == len(compared) + 1
+    (folder / "campaign.toml").write_text(
+        (folder / "campaign.toml").read_text().replace('reference = "mocap"', 'reference = "mokap"')
+    )
+    with pytest.raises(InputError, match="there are: mocap, b"):
+        run_campaign(load_campaign(folder))
