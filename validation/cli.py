@@ -71,8 +71,7 @@ class DiscoveredGroup(click.Group):
                 sys.stdout.flush()
         except OSError as error:
             if not isinstance(error, BrokenPipeError):
-                said = error.strerror or error
-                click.echo(f"Error: the output cannot be written: {said}", err=True)
+                click.echo(f"Error: the output cannot be written: {error.strerror}", err=True)
             # What is still to be written goes nowhere.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             sys.exit(UNEXPECTED)

@@ -1,13 +1,13 @@
 """What a run writes: its files, and run.json, which says where the numbers came from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from validation.campaign.banner import marked_report
 from validation.campaign.provenance import (
     RECORD,
     REPORT,
-    REPORT_FILE,
     OutOfDate,
     Step,
     digest_of,
@@ -44,7 +44,10 @@ def result_files(run: RunResult) -> dict[str, Mapping[str, str | bytes]]:
     return steps
 
 
-def left_over(run: RunResult, *, report: bool) -> tuple[dict[str, Step], list[OutOfDate]]:
+LeftOver = tuple[dict[str, Step], list[OutOfDate]]
+
+
+def left_over(run: RunResult, *, report: bool) -> LeftOver:
     """What earlier runs made and this one leaves as it is, and what of it is out of date now.
 
     That is what systems made whose files are missing now, and the report unless there is a new
@@ -88,17 +91,14 @@ def _steps(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> di
 
 
 def run_record(
-    run: RunResult,
-    files: Mapping[str, Mapping[str, str | bytes]],
-    kept: Mapping[str, Step],
-    old: Sequence[OutOfDate],
-) -> dict[str, object]:
+    run: RunResult, files: Mapping[str, Mapping[str, str | bytes]], left: LeftOver
+) -> dict[str, Any]:
     """What run.json holds: everything needed to tell where the numbers came from.
 
     It holds no time of day: the same inputs give the same bytes.
     """
-    written = {name for step in files.values() for name in step}
-    listed = {name for step in kept.values() for name in step.outputs}
+    kept, old = left
+    names = [n for step in (*files.values(), *(one.outputs for one in kept.values())) for n in step]
     return {
         **made_with(),
         "settings": {**run.campaign.settings.model_dump(), **run.campaign.extra},
@@ -119,7 +119,7 @@ def run_record(
         "findings": run.findings,
         "steps": {**_steps(run, files), **kept},
         "out_of_date": old,
-        "outputs": sorted({RECORD, *written, *listed}),
+        "outputs": sorted({RECORD, *names}),
     }
 
 
@@ -148,17 +148,14 @@ def write_results(run: RunResult, report: Mapping[str, str | bytes] | None = Non
     """
     folder, results = run.campaign.folder, run.campaign.results
     steps = result_files(run)
-    kept, old = left_over(run, report=bool(report))
-    stay = {name for step in kept.values() for name in step.outputs}
-    gone = earlier_outputs(run.campaign) - stay
+    left = left_over(run, report=bool(report))
+    before = earlier_outputs(run.campaign)
     files = {name: content for step in steps.values() for name, content in step.items()}
-    files[RECORD] = json_text(run_record(run, steps, kept, old))
+    files[RECORD] = json_text(record := run_record(run, steps, left))
     contents = {f"{results.name}/{name}": content for name, content in files.items()}
-    if not report:
-        late = next((one for one in old if one.file == REPORT_FILE), None)
-        contents |= marked_report(run.campaign, late)
+    contents |= marked_report(run.campaign, left[1])
     for name, content in (report or {}).items():
         contents[f"{run.campaign.report.name}/{name}"] = content
     written = write_files(folder, contents)
-    remove_results(run.campaign, gone - set(files))
+    remove_results(run.campaign, before.difference(record["outputs"]))
     return written

@@ -18,7 +18,6 @@ from validation.campaign.banner import marked_report
 from validation.campaign.folder import Campaign, load_campaign
 from validation.campaign.provenance import (
     RECORD,
-    REPORT_FILE,
     OutOfDate,
     Step,
     below,
@@ -291,7 +290,7 @@ def write_step(
     record["outputs"] = sorted({*listed - gone, *files, RECORD})
     contents = {f"{campaign.results.name}/{file}": one for file, one in files.items()}
     contents[f"{campaign.results.name}/{RECORD}"] = json_text(record)
-    contents |= marked_report(campaign, next((one for one in old if one.file == REPORT_FILE), None))
+    contents |= marked_report(campaign, old)
     write_files(campaign.folder, contents)
     remove_results(campaign, gone & listed)
     return late_finding(name, old)

@@ -76,9 +76,9 @@ def _in_metres(length: float) -> float:
 
 def _check_places(points: Mapping[str, Point], what: str) -> None:
     """Raise where two points are the same place."""
-    for (a, at), (b, there) in combinations(points.items(), 2):
-        if at == there:
-            raise ValueError(f"the {what} points {a} and {b} are the same place; correct one")
+    same = [f"{a} and {b}" for a, b in combinations(points, 2) if points[a] == points[b]]
+    if same:
+        raise ValueError(f"the {what} points {same[0]} are the same place; correct one")
 
 
 class Vframe(Settings):

@@ -99,9 +99,8 @@ def stored_tables(campaign: Campaign) -> StoredTables:
             text = f"results/{name} is out of date: {reasons[f'results/{name}']}"
             late.append(Finding("warning", f"{text}; {ANEW}", table.system, "out_of_date"))
     told = {f"results/{path.name}" for path in paths}
-    return StoredTables(
-        found.tables, tuple(late), tuple(one for one in old if one.file not in told)
-    )
+    others = tuple(one for one in old if one.file not in told)
+    return StoredTables(found.tables, tuple(late), others)
 
 
 ANEW = "`gtval run` makes it anew."

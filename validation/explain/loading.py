@@ -1,7 +1,6 @@
 """Pose tables for the explanation, from single files or from a campaign's results."""
 
 from collections.abc import Mapping, Sequence
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,27 +64,16 @@ def unknown_systems(
     """A warning for each reference and shared sensor of a system that gives no poses."""
     from validation.campaign.folder import line_of  # noqa: PLC0415  (pydantic is slow)
 
-    stated = {"references": settings.references, "sensors": chain(*settings.sensors.values())}
-    text = f"no system of this name gives poses; correct it to one of {', '.join(present)}, or "
-    return [
-        Finding(
-            "warning",
-            str(
-                Problem(
-                    campaign.toml,
-                    f"{text}take it out",
-                    line_of(campaign.toml, ("explain", key, name)),
-                    f"explain.{key}",
-                    name,
-                )
-            ),
-            "explain",
-            "unknown_system",
-        )
-        for key, names in stated.items()
-        for name in names
+    stated = [("references", name) for name in settings.references]
+    stated += [("sensors", name) for names in settings.sensors.values() for name in names]
+    said = f"no system of this name gives poses; correct it to one of {', '.join(present)}, or "
+    bad = [
+        Problem(campaign.toml, f"{said}take it out", line, f"explain.{key}", name)
+        for key, name in stated
+        for line in (line_of(campaign.toml, ("explain", key, name)),)
         if name not in present
     ]
+    return [Finding("warning", str(one), "explain", "unknown_system") for one in bad]
 
 
 def campaign_question(

@@ -26,13 +26,8 @@ def file_bytes(path: Path, max_bytes: int, kind: str = "a file", *, text: bool =
     """
     try:
         if path.exists() and not path.is_file():
-            raise InputError(
-                [
-                    Problem(
-                        path, "this is no file, but a folder or a device; put the file itself there"
-                    )
-                ]
-            )
+            said = "this is no file, but a folder or a device; put the file there"
+            raise InputError([Problem(path, said)])
         size = path.stat().st_size
         if size > max_bytes:
             said = f"the file has {size / 1e6:.0f} MB; more than {max_bytes / 1e6:.0f} MB"

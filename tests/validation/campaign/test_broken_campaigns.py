@@ -142,7 +142,7 @@ CASES = {
     ),
     "a folder named as the readings": (
         lambda folder: (removed(READINGS)(folder), (folder / READINGS).mkdir()),
-        [READINGS, "a folder", "put the file itself there"],
+        [READINGS, "a folder", "put the file there"],
     ),
     "a frame on one line": (
         edited("campaign.toml", FRAME, r"\1[0, 0], X = [2.5, 0], Y = [5, 0], XY = [7.5, 0] }"),

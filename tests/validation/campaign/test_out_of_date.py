@@ -271,7 +271,7 @@ def test_a_page_that_is_no_report_of_ours_is_left_alone(folder, content):
     report.unlink()
     if content is not None:
         report.write_bytes(content)
-    assert marked_report(load_campaign(folder), None) == {}
+    assert marked_report(load_campaign(folder)) == {}
     (folder / "survey.txt").write_text("0.5")
     solve(folder, "survey")
     assert report.exists() == (content is not None)
