@@ -16,7 +16,6 @@ import numpy as np
 
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
-from validation.text_files.reading import file_bytes
 from vision_gt.optics.camera import Camera
 
 MAX_BYTES = 20_000_000
@@ -43,7 +42,7 @@ def read_cameras(path: Path) -> list[Camera]:
     InputError
         If the file is missing, cannot be parsed, or lacks something.
     """
-    data = file_bytes(path, MAX_BYTES, "a camera file")
+    data = _bytes_of(path)
     if path.suffix.lower() == ".mat":
         return [_read_bouguet(path, data)]
     text = data.decode("utf-8-sig", errors="replace")
@@ -87,6 +86,17 @@ def _bad(
     path: Path, expected: str, field: str | None = None, value: str | None = None
 ) -> InputError:
     return InputError([Problem(path, expected, None, field, value)])
+
+
+def _bytes_of(path: Path) -> bytes:
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise _bad(path, "larger than 20 MB; this cannot be a camera file")
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise _bad(path, "there is no such camera file") from None
+    except OSError as error:
+        raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
 
 
 def _parsed(path: Path, text: str) -> dict[str, Any]:

@@ -86,7 +86,7 @@ def test_bad_files_are_errors_that_name_them(tmp_path, text, said):
 
 
 def test_a_missing_file_and_a_broken_mat(tmp_path):
-    with pytest.raises(InputError, match="there is no such file"):
+    with pytest.raises(InputError, match="no such camera file"):
         read_cameras(tmp_path / "none.yaml")
     path = tmp_path / "Calib_Results.mat"
     path.write_bytes(b"nonsense")
