@@ -12,7 +12,7 @@ from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.earth_frames import LocalFrame
 from validation.trajectories.formats.records import Records
-from validation.trajectories.formats.source import Asked, Source, missing_extra
+from validation.trajectories.formats.source import LARGEST, Asked, Source, missing_extra
 from validation.trajectories.trajectory import Clock, Trajectory
 
 POSE, POSE_COVARIANCE, ODOMETRY, TRANSFORM, TF, POINT, FIX = (
@@ -142,7 +142,8 @@ def _records(
         covariances = np.array([m.pose.covariance for _, m in messages], dtype=float)
         covariances = covariances.reshape(-1, 6, 6)
         # By convention -1 in the first place says that nothing is known.
-        covariances[covariances[:, 0, 0] < 0] = np.nan
+        unknown = (covariances[:, 0, 0] < 0) | ~(np.abs(covariances) < LARGEST).all((1, 2))
+        covariances[unknown] = np.nan
         records.covariances = covariances
     return records
 
@@ -158,7 +159,7 @@ def _pose(kind: str, message: Any) -> tuple[Any, Any]:
 def _checked(records: Records, rows: Sequence[tuple[float, ...]]) -> Array:
     """Rows of numbers, all of them finite."""
     values = np.array(rows, dtype=float)
-    bad = np.flatnonzero(~np.isfinite(values).all(1))
+    bad = np.flatnonzero(~(np.abs(values) < LARGEST).all(1))
     if len(bad):
         raise InputError(
             Problem(records.source.path, f"message {row + 1} has a number that is not finite")
@@ -216,7 +217,8 @@ def _of_fixes(records: Records, messages: Sequence[tuple[int, Any]]) -> Records:
     stated = [messages[row][1].position_covariance for row in kept]
     covariances: Array = np.array(stated, dtype=float).reshape(-1, 3, 3)
     kinds = np.array([messages[row][1].position_covariance_type for row in kept])
-    covariances[(kinds == 0) | (covariances[:, 0, 0] < 0)] = np.nan
+    unknown = (covariances[:, 0, 0] < 0) | ~(np.abs(covariances) < LARGEST).all((1, 2))
+    covariances[(kinds == 0) | unknown] = np.nan
     records.covariances = covariances
     records.lines = [records.lines[row] for row in kept]
     records.stamps = np.asarray(records.stamps)[kept]
