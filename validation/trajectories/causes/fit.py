@@ -33,6 +33,8 @@ pose would tell it. As for stops."""
 LEAST_SPEED = 0.02
 """Metres a second below which a robot stands as far as a delay is concerned: 0.1 s of delay are then
 no more than the noise of a good source."""
+CLEARLY = 0.95
+"""A rough delay is begun from only where it leaves less than this share of what zero leaves."""
 ITERATIONS = 12
 SETTLED = 0.01
 """Largest change of a parameter, in its standard deviations, at which a fit has converged."""
@@ -107,7 +109,7 @@ class Fit:
         Residuals in units of their noise, squared.
     information, products : (12, 12) array
         Of the parameters: by the mean of the motions that reference and source see, and by the one
-        times the other, which holds motion and no noise.
+        times the other, which holds motion, less what noise could have made of it.
     gradient : (12,) array
         Of half the squares.
     residuals : (n, 3) array
@@ -160,8 +162,7 @@ def fit(matched: Matched, weights: Weights, free: tuple[int, ...], begin: Array)
     now = _look(matched, weights, free, parameters)
     for _ in range(ITERATIONS if columns else 0):
         at = np.ix_(columns, columns)
-        values, vectors = np.linalg.eigh(now.products[at] * np.outer(unit, unit))
-        seen = unit[:, None] * vectors[:, values >= 1 / LOST**2]
+        seen = _seen(now.products[at], unit)
         known = now.information[at] + np.diag(hold)
         pull = now.gradient[columns] + hold * (parameters - begin)[columns]
         step = -seen @ np.linalg.solve(seen.T @ known @ seen, seen.T @ pull)
@@ -181,6 +182,12 @@ def fit(matched: Matched, weights: Weights, free: tuple[int, ...], begin: Array)
     return now
 
 
+def _seen(products: Array, unit: Array) -> Array:
+    """(k, r) combinations of parameters that the drive shows; see `weighing.lost_parameters`."""
+    values, vectors = np.linalg.eigh(products * np.outer(unit, unit))
+    return np.asarray(unit[:, None] * vectors[:, values >= 1 / LOST**2])
+
+
 def _look(matched: Matched, weights: Weights, free: tuple[int, ...], parameters: Array) -> Fit:
     """Squares and derivatives at given parameters."""
     residuals, seen = matched.residuals(parameters)
@@ -192,11 +199,11 @@ def _look(matched: Matched, weights: Weights, free: tuple[int, ...], parameters:
     n = len(residuals) * 3
     # With a, b the two slopes: (a'Wb + b'Wa) / 2 = m'Wm - d'Wd, m their mean, d half the difference.
     # Noise without motion makes a product with a standard deviation of at most 2 d'Wd / sqrt(n):
-    # three of these are taken off as well.
+    # three of these are taken off, and 2 d'Wd, so that what counts as shown is motion by two thirds.
     half = (theirs - ours) / 2
     information = middle.reshape(n, 12).T @ weighed.reshape(n, 12)
     noise = half.reshape(n, 12).T @ weights(half).reshape(n, 12)
-    products = information - (1 + 6 / np.sqrt(weights.effective.min())) * noise
+    products = information - (3 + 6 / np.sqrt(weights.effective.min())) * noise
     return Fit(
         free,
         parameters,
@@ -232,29 +239,42 @@ def fit_all(matched: Matched, delay: float) -> tuple[Fit, Weights]:
             ]
             # Nothing is known of the memory yet: so short a one is none.
             white = [Noise(size, 1e-3 * size, 1e-3) for size in sizes]
-            found = fit(matched, make_weights(stamps, cells, *white), everything, parameters)
+            weights = make_weights(stamps, cells, *white)
+            found = fit(matched, weights, everything, parameters)
             parameters = found.parameters
         size = float(np.median(np.hypot(found.residuals[:, 0], found.residuals[:, 1])))
         size += float(np.median(np.abs(found.residuals[:, 2])))
-        tried.append((size, abs(guess), found))
-    found = min(tried, key=lambda one: (one[0], one[1]))[2]
+        tried.append((size * (1.0 if guess else CLEARLY), found, weights))
+    found, weights = min(tried, key=lambda one: one[0])[1:]
     for _ in range(2):
         cells = good_cells(found.residuals)
-        weights = make_weights(stamps, cells, *noises(matched, found, cells))
+        weights = make_weights(stamps, cells, *noises(matched, found, weights, cells))
         found = fit(matched, weights, everything, found.parameters)
     wrapped = found.parameters.copy()
     wrapped[[2, 5]] = wrap(wrapped[[2, 5]])
     return fit(matched, weights, everything, wrapped), weights
 
 
-def noises(matched: Matched, found: Fit, cells: Mask) -> tuple[Noise, Noise]:
-    """Noise of positions and of headings in what a fit leaves."""
+def noises(matched: Matched, found: Fit, weights: Weights, cells: Mask) -> tuple[Noise, Noise]:
+    """Noise of positions and of headings in what a fit leaves.
+
+    Only combinations that the drive shows have taken noise away. Of the others, a scale for
+    example, the slopes of a robot that stands are noise themselves.
+    """
     own = matched.own_motion(found.parameters, cells.all(1))
-    by = slopes(found.parameters, own, matched.since)[:, :, list(found.columns)]
-    return (
-        estimate_noise(matched.stamps, cells[:, 0], found.residuals[:, :2], by[:, :2]),
-        estimate_noise(matched.stamps, cells[:, 1], found.residuals[:, 2:], by[:, 2:]),
-    )
+    _, seen = matched.residuals(found.parameters)
+    unit = single_pose_sizes(matched, found.parameters, weights)
+    theirs, ours = (slopes(found.parameters, one, matched.since) for one in (seen, own))
+    told = []
+    for kind, rows in enumerate((slice(0, 2), slice(2, 3))):
+        middle, half = ((theirs + ours)[:, rows] / 2, (theirs - ours)[:, rows] / 2)
+        used = cells[:, kind]
+        flat, noise = (one[used].reshape(-1, len(unit)) for one in (middle, half))
+        sigma = (weights.position, weights.heading)[kind].sigma
+        products = (flat.T @ flat - 4 * noise.T @ noise) / sigma**2
+        by = middle @ _seen(products, unit)
+        told.append(estimate_noise(matched.stamps, used, found.residuals[:, rows], by))
+    return told[0], told[1]
 
 
 def good_cells(residuals: Array) -> npt.NDArray[np.bool_]:

@@ -20,6 +20,12 @@ FEWEST_POSES = 30
 HALF_STEP = 0.2
 """Seconds before and after a pose between which its velocity is taken. The noise of 3 mm makes
 10 mm/s of it; a robot's own motion below 1 Hz loses at most a quarter."""
+SMOOTHED = 0.1
+"""Seconds before and after a reference pose over which it is smoothed. A delay moves the curve along
+itself, and what is rough in the curve would decide which delay fits: of 50 Hz with 1 mm, unsmoothed,
+a delay of 2 ms gained 13 in squares where there was none."""
+QUADRATIC = np.array([-2.0, 3.0, 6.0, 7.0, 6.0, 3.0, -2.0]) / 21
+"""Weights of seven equal steps that leave a cubic as it is (Savitzky and Golay 1964, table I)."""
 LONGEST_DELAY = 2.0
 """Seconds, either way, in which the rough guess looks for a delay."""
 LAG_STEP = 0.05
@@ -40,7 +46,10 @@ class Reference:
     def __init__(self, trajectory: Trajectory, epoch: int) -> None:
         self.times = trajectory.times_since(epoch)
         turned = np.column_stack([trajectory.poses[:, :2], np.unwrap(trajectory.poses[:, 2])])
-        self._curve = CubicSpline(self.times, turned)
+        through = CubicSpline(self.times, turned)
+        around = np.linspace(-SMOOTHED, SMOOTHED, len(QUADRATIC))
+        at = np.clip(self.times[:, None] + around, self.times[0], self.times[-1])
+        self._curve = CubicSpline(self.times, np.einsum("k,nkj->nj", QUADRATIC, through(at)))
         self._gap = trajectory.gap
 
     def supported(self, times: Array, margin: float) -> npt.NDArray[np.bool_]:
@@ -178,7 +187,7 @@ def rough_delay(reference: Reference, source: Trajectory) -> float:
             size = float(np.mean(np.abs(theirs - theirs.mean()))) + 1e-6
             cost += float(np.mean(np.minimum(np.abs(mine[good] - theirs) / size, 4.0)))
         # Zero is tried first, and is left only for what is clearly better.
-        if cost < 0.98 * best:
+        if cost < 0.9 * best:
             best, delay = cost, float(lag)
     return delay
 

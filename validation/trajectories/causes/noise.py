@@ -139,6 +139,8 @@ def _basis(slopes: Array, used: Mask) -> Array:
     flat = np.where(used[:, None, None], slopes, 0.0).reshape(-1, slopes.shape[2])
     size = np.linalg.norm(flat, axis=0)
     flat = flat[:, size > 0] / size[size > 0]
+    if not flat.shape[1]:
+        return np.zeros((*slopes.shape[:2], 0))
     vectors, values, _ = np.linalg.svd(flat, full_matrices=False)
     kept = vectors[:, values > 1e-7 * values[0]]
     return np.asarray(kept.reshape(*slopes.shape[:2], -1))
