@@ -65,9 +65,17 @@ def explain(
     theta (metres, radians) and, if known, the covariance xx, xy, xt, yy, yt, tt; a column time
     (seconds) lets a time offset show. Files are named after their system. For a campaign,
     corrected poses and all numbers go to CAMPAIGN/results/explain; for tables, to --output.
+
+    Takes trajectories as well, a reference and one or more sources: then frame, mount, scale,
+    delay, drift of the clock and drift of the poses are told apart.
     """
     from validation.commands.output import end_of_command
 
+    if gt and _are_trajectories([validation, *gt]):
+        if references or sensors or witnesses or figures or output:
+            raise click.UsageError("trajectories take no options but --json, --all and --strict")
+        _in_time(validation, gt, as_json=as_json, strict=strict, everything=everything)
+        return
     folder, campaign = output, None
     with progress_bar("explaining") as progress:
         if validation.is_dir() or validation.name == "campaign.toml":
@@ -97,6 +105,42 @@ def explain(
     else:
         _print(explanation, found, sections, folder, everything=everything)
     end_of_command(found, failed=False, strict=strict)
+
+
+def _are_trajectories(paths: Sequence[Path]) -> bool:
+    """Whether all files hold poses at times; a table of named stops is none."""
+    from validation.trajectories.formats.reading import is_trajectory
+
+    return all(is_trajectory(path) for path in paths)
+
+
+def _in_time(
+    reference: Path, sources: Sequence[Path], *, as_json: bool, strict: bool, everything: bool
+) -> None:
+    """The causes of errors of moving sources, told and printed."""
+    from validation.commands.output import end_of_command, print_first_findings
+    from validation.explain.telling.in_time import (
+        time_cause_table,
+        time_findings,
+        time_json,
+        time_parameter_table,
+    )
+    from validation.report.terminal import print_json, print_table
+    from validation.trajectories.causes.explanation import time_causes
+    from validation.trajectories.formats.reading import read_trajectory
+
+    truth = read_trajectory(reference)
+    explained = [time_causes(truth, read_trajectory(path)) for path in sources]
+    found = [finding for one in explained for finding in time_findings(one)]
+    if as_json:
+        print_json(time_json(explained))
+    else:
+        print_table(time_cause_table(explained))
+        for one in explained:
+            if one.parameters:
+                print_table(time_parameter_table(one))
+        print_first_findings(found, everything=everything)
+    end_of_command(found, strict=strict)
 
 
 def _of_files(

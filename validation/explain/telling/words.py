@@ -59,6 +59,10 @@ def _number(value: float, unit: str) -> str:
     """A value as people read it: mm and mrad below a metre or radian, per mille for scale."""
     if unit in {"m", "rad"}:
         return f"{1000 * value:+.1f} m{unit}"
+    if unit in {"m/s", "rad/s"}:
+        return f"{1000 * value:+.3f} m{unit}"
+    if unit == "s/s":
+        return f"{1e6 * value:+.0f} ppm"
     return f"{1000 * value:+.2f} per mille" if not unit else f"{value:+.4f} {unit}"
 
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from validation.campaign.folder import Campaign, Published
-from validation.campaign.moving import moving_result
 from validation.campaign.stored import components_of
 from validation.errors import InputError, Problem
 from validation.poses.pose_table import PoseTable, from_csv
+from validation.published.moving import moving_result
 from validation.results import VALIDATION_SYSTEM, Finding, SystemResult
 from validation.text_files.csv_tables import Column, read_csv
 from validation.trajectories.formats import is_trajectory
