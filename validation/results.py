@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
     from validation.poses.pose_table import PoseTable
-    from validation.trajectories.trajectory import Trajectory
+    from validation.poses.trajectory import Trajectory
 
 VALIDATION_SYSTEM = "survey"
 """The system whose poses the others are compared with."""

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from validation.poses.angles import Array, wrap
-from validation.trajectories.trajectory import Trajectory
+from validation.poses.trajectory import Trajectory
 
 Way = Literal["ordinary", "straight", "circle", "still", "one_heading"]
 STEP = 0.002

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from validation.trajectories.trajectory import Trajectory
+from validation.poses.trajectory import Trajectory
 
 STEP = 0.01
 

@@ -8,7 +8,7 @@ import click
 from validation.commands.options import AS_JSON, PATH
 
 if TYPE_CHECKING:
-    from validation.trajectories.trajectory import Trajectory
+    from validation.poses.trajectory import Trajectory
 
 FROM = ["csv", "tum", "tum_covariance", "kitti", "euroc", "rawseeds"]
 FROM += ["motive", "vicon", "qualisys", "gsi", "landxml", "bag"]

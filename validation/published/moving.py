@@ -10,6 +10,7 @@ from validation.campaign.folder import Campaign, Published
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import PLANAR, PoseTable
+from validation.poses.trajectory import Trajectory
 from validation.results import Finding, Section, SystemResult, Table
 from validation.text_files.csv_text import csv_text
 from validation.trajectories.formats import read_trajectory
@@ -22,7 +23,6 @@ from validation.trajectories.stops import (
     poses_at_stops,
     read_stops,
 )
-from validation.trajectories.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

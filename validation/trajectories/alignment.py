@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array, mean_angle, wrap
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.association import At, Pairs, associate
-from validation.trajectories.trajectory import Trajectory
 
 PARTS = ("frame", "scale", "mount", "time")
 """What can be fitted, in the order in which it is told."""

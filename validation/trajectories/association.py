@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.poses.trajectory import Kind, Trajectory
 from validation.trajectories.interpolation import interpolate
-from validation.trajectories.trajectory import Kind, Trajectory
 
 At = Literal["sparser", "reference", "source"]
 """Whose times are kept: those of the source with the longer intervals, or of one of the two."""

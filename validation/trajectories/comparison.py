@@ -9,6 +9,7 @@ import numpy as np
 
 from validation.poses.angles import Array, mean_angle, wrap
 from validation.poses.pose_table import PLANAR, SPATIAL, Component
+from validation.poses.trajectory import Kind, Trajectory
 from validation.shown import Shown
 from validation.statistics.consistency import ConsistencyTest, nees
 from validation.statistics.dependence import (
@@ -23,7 +24,6 @@ from validation.statistics.error_statistics import BiasTest
 from validation.trajectories.alignment import Alignment, DelayOf, align_in_time
 from validation.trajectories.association import At, Coverage, Pairs
 from validation.trajectories.motion import Motion, along_and_across, motion_at
-from validation.trajectories.trajectory import Kind, Trajectory
 
 ROTATIONS = tuple(Component(f"r{axis}", "angle", axis) for axis in "xyz")
 """A small rotation about the fixed axes, as the covariances of a trajectory in space have it."""

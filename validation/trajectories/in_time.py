@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
+from validation.poses.trajectory import Trajectory
 from validation.results import Finding, Section
 from validation.systems import Progress, no_progress
 from validation.text_files.csv_text import csv_text
@@ -13,7 +14,6 @@ from validation.trajectories.comparison import TimeComparison, compare_in_time
 from validation.trajectories.findings import findings_in_time
 from validation.trajectories.settings import TimeSettings
 from validation.trajectories.telling import comparison_json, section_in_time
-from validation.trajectories.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

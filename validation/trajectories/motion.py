@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from validation.poses.angles import Array
-from validation.trajectories.trajectory import Trajectory
+from validation.poses.trajectory import Trajectory
 
 LEAST_REACH_S = 0.25
 """Seconds either side of a time over which the motion is taken: positions good to 10 mm then give a

@@ -8,7 +8,7 @@ import numpy as np
 
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
-from validation.trajectories.trajectory import FREEDOMS, Kind, Trajectory
+from validation.poses.trajectory import FREEDOMS, Kind, Trajectory
 
 TIMES = ("time", "t", "timestamp", "stamp")
 FORMS: tuple[tuple[Kind, tuple[str, ...]], ...] = (

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.poses.trajectory import Trajectory
 from validation.statistics.dependence import SeriesRms, rms_of_series
 from validation.trajectories.association import Pairs
-from validation.trajectories.trajectory import Trajectory
 
 Unit = Literal["m", "s", "poses"]
 Rows = npt.NDArray[np.intp]

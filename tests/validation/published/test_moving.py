@@ -8,10 +8,10 @@ from validation.campaign.folder import load_campaign
 from validation.errors import InputError
 from validation.poses.angles import wrap
 from validation.poses.pose_table import PoseTable, to_csv
+from validation.poses.trajectory import Trajectory
 from validation.run import run_campaign
 from validation.run_files import write_results
 from validation.trajectories.formats import write_trajectory
-from validation.trajectories.trajectory import Trajectory
 
 SURVEY = np.array([0.0015, 0.0015, 0.002])
 

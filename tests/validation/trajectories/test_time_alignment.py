@@ -8,9 +8,9 @@ from moving_robot import drive, in_space, seen
 from scipy.spatial.transform import Rotation
 
 from validation.errors import GtvalError
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.alignment import align, align_in_time, moved, parts_of, umeyama
 from validation.trajectories.association import associate
-from validation.trajectories.trajectory import Trajectory
 
 
 def transformed(one, turn, shift, scale=1.0, mount=(0.0, 0.0), mount_turn=0.0):

@@ -10,6 +10,7 @@ from evo.core import filters, geometry, metrics, trajectory
 from moving_robot import drive, in_space, seen
 
 from validation.errors import GtvalError
+from validation.poses.trajectory import Trajectory
 from validation.results import Figure
 from validation.trajectories.breakdown import breakdown
 from validation.trajectories.comparison import compare_in_time
@@ -17,7 +18,6 @@ from validation.trajectories.findings import findings_in_time
 from validation.trajectories.reading import read_trajectory
 from validation.trajectories.relative import errors_of_motions, motions, relative_errors
 from validation.trajectories.telling import comparison_json, section_in_time, tables_in_time
-from validation.trajectories.trajectory import Trajectory
 
 REAL = Path(
     os.environ.get("GTVAL_REAL_DATA", Path(__file__).resolve().parents[4] / "shared" / "real")

@@ -6,6 +6,7 @@ import numpy as np
 from scipy import special
 
 from validation.poses.angles import Array, wrap
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.causes.chain import (
     CAUSES,
     PARAMETERS,
@@ -25,7 +26,6 @@ from validation.trajectories.causes.weighing import (
     choose,
     prices,
 )
-from validation.trajectories.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

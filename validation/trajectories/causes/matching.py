@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array, circular_mean, wrap
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.causes.chain import Moving, corrected, reference_times
-from validation.trajectories.trajectory import Trajectory
 
 MOST_POSES = 20_000
 """Poses of a source that are looked at; of more, every second or third, and so on. Noise that

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from validation.errors import GtvalError, InputError
 from validation.poses.angles import Array
+from validation.poses.trajectory import FREEDOMS, Kind, Trajectory
 from validation.trajectories.formats.covariances import checked_covariances
 from validation.trajectories.formats.records import MAX_LOOKED_AT, Records
 from validation.trajectories.formats.source import MAX_PROBLEMS, Asked, system_name
@@ -19,7 +20,6 @@ from validation.trajectories.formats.stamps import (
     order_of,
     unit_of,
 )
-from validation.trajectories.trajectory import FREEDOMS, Kind, Trajectory
 
 SHORTEST_QUATERNION, LONGEST_QUATERNION = 0.9, 1.1
 """Lengths that rounding to one digit still gives: 0.5, 0.5, 0.5, 0.5 printed with an error of 0.05

@@ -11,9 +11,9 @@ import numpy as np
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.earth_frames import LocalFrame
+from validation.poses.trajectory import Clock, Trajectory
 from validation.trajectories.formats.records import Records
 from validation.trajectories.formats.source import LARGEST, Asked, Source, missing_extra
-from validation.trajectories.trajectory import Clock, Trajectory
 
 POSE, POSE_COVARIANCE, ODOMETRY, TRANSFORM, TF, POINT, FIX = (
     "geometry_msgs/msg/PoseStamped",

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from validation.poses.angles import Array
+from validation.poses.trajectory import Clock
 from validation.trajectories.formats.bare_columns import quaternions_of
 from validation.trajectories.formats.records import Records, without_rows
 from validation.trajectories.formats.source import (
@@ -16,7 +17,6 @@ from validation.trajectories.formats.source import (
     is_number,
     read_rows,
 )
-from validation.trajectories.trajectory import Clock
 
 _LENGTHS = {"meters": 1.0, "centimeters": 1e-2, "millimeters": 1e-3, "feet": 0.3048}
 _LENGTHS |= {"inches": 0.0254, "m": 1.0, "mm": 1e-3, "cm": 1e-2}

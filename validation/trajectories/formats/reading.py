@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from validation.errors import GtvalError, InputError, Problem
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.formats.assembly import assembled
 from validation.trajectories.formats.bags import MAGIC, bag_fault, read_bag
 from validation.trajectories.formats.bare_columns import (
@@ -45,7 +46,6 @@ from validation.trajectories.formats.total_station import (
     read_gsi,
     read_landxml,
 )
-from validation.trajectories.trajectory import Trajectory
 
 
 def _read_euroc(source: Source, asked: Asked) -> Records:

@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
+from validation.poses.trajectory import Clock
 from validation.trajectories.formats.source import Source
 from validation.trajectories.formats.stamps import lines_shown
-from validation.trajectories.trajectory import Clock
 
 MAX_LOOKED_AT = 1000
 """Rows that show how many decimals a column has, and how often poses come: programs print all

@@ -10,12 +10,12 @@ import numpy as np
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.poses.trajectory import Trajectory
 from validation.text_files.writing import write_files
 from validation.trajectories.formats.bags import mcap_bytes
 from validation.trajectories.formats.bare_columns import TUM, TUM_COVARIANCE
 from validation.trajectories.formats.named_columns import CODES, MARK, upper_triangle
 from validation.trajectories.formats.stamps import texts_of
-from validation.trajectories.trajectory import Trajectory
 
 ENDINGS = {".csv": "csv", ".tum": "tum", ".kitti": "kitti", ".mcap": "mcap"}
 """Formats that the ending of a name tells."""

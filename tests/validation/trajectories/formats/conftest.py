@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from validation.trajectories.trajectory import Trajectory
+from validation.poses.trajectory import Trajectory
 
 
 def driven(kind="space", n=60, *, epoch=1_403_636_579, seed=1, covariance=True) -> Trajectory:

@@ -8,12 +8,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from validation.errors import GtvalError, InputError
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.formats import read_trajectory, trajectory_text, write_trajectory
 from validation.trajectories.formats.covariances import checked_covariances
 from validation.trajectories.formats.reading import format_of
 from validation.trajectories.formats.records import Records
 from validation.trajectories.formats.source import Source
-from validation.trajectories.trajectory import Trajectory
 
 REAL = Path(os.environ.get("GTVAL_REAL_DATA", Path(__file__).parents[5] / "shared" / "real"))
 BICOCCA = REAL / "trajectories" / "bicocca_25a"

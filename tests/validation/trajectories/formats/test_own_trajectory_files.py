@@ -8,13 +8,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from validation.errors import InputError
+from validation.poses.trajectory import NUMBERS, Clock, Trajectory
 from validation.trajectories.formats import (
     is_trajectory,
     read_trajectory,
     trajectory_text,
     write_trajectory,
 )
-from validation.trajectories.trajectory import NUMBERS, Clock, Trajectory
 
 KINDS = ["plane", "space", "points_plane", "points_space"]
 

@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from validation.errors import GtvalError, InputError
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.formats import (
     is_trajectory,
     read_trajectory,
@@ -16,7 +17,6 @@ from validation.trajectories.formats import (
     write_trajectory,
 )
 from validation.trajectories.formats.reading import READERS, format_of
-from validation.trajectories.trajectory import Trajectory
 
 HERE = {
     "csv": "time,x,y,theta\n0.0,1,2,0.1\n0.1,1,2,0.2\n0.2,1,3,0.2\n",
