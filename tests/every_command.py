@@ -35,6 +35,7 @@ USES = {
     "run": "{room} --no-report",
     "simulate": "{out} --stops 3 --world-points 6",
     "simulate-drive": "{out} --loops 1",
+    "simulate-motion": "{out} --minutes 0.5",
     "survey": "{room} --dry-run",
     "vision calibrate": "{vision}/vision/calibration/1 --workers 1 {board}",
     "vision check-displacement": "{vision}/truth/camera_1.yaml "
