@@ -14,7 +14,10 @@ from validation.trajectories.causes.explanation import Cause, TimeExplanation
 
 def time_findings(one: TimeExplanation) -> list[Finding]:
     """One sentence for each cause, and what this drive does not tell."""
-    told = [Finding("warning", _cause(one, cause), one.system, "systematic_error") for cause in one.causes]
+    told = [
+        Finding("warning", _cause(one, cause), one.system, "systematic_error")
+        for cause in one.causes
+    ]
     if not one.causes:
         told.append(Finding("good", _nothing(one), one.system, "no_systematic_error"))
     if one.rivals:

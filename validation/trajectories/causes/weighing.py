@@ -22,6 +22,8 @@ TAKES_PART = 0.2
 CHANCE = 40.0
 """The same where the drive does not show both sets together. The squares of a frame and of a delay
 on a straight line, 3,000 poses, a reference of 50 Hz and 1 mm, differed by 11 to 15 by chance."""
+FEWEST_FREE = 3.0
+"""Degrees of freedom at least: with fewer, Student's t has no variance and no interval means much."""
 REFITTED = 8
 """Sets that are fitted again without a straight line put for the chain. The order of the sets by
 the line is right wherever two are close: what they differ by is then near the noise."""
@@ -91,9 +93,9 @@ def all_sets() -> list[Set]:
 
 
 def freedom(weights: Weights) -> float:
-    """Degrees of freedom of two components of effective positions and one of headings."""
-    total = 2 * float(weights.effective[0]) + float(weights.effective[1])
-    return max(total - len(PARAMETERS), 4.0)
+    """Degrees of freedom by which the noise is known: those of the kind of cells that has fewer."""
+    places, headings = 2 * float(weights.effective[0]), float(weights.effective[1])
+    return max(min(places, headings) - 1, FEWEST_FREE)
 
 
 def prices(dof: float, false_alarm: float) -> dict[str, float]:
