@@ -23,7 +23,7 @@ CHANCE = 40.0
 """The same where the drive does not show both sets together. The squares of a frame and of a delay
 on a straight line, 3,000 poses, a reference of 50 Hz and 1 mm, differed by 11 to 15 by chance."""
 FEWEST_FREE = 3.0
-"""Degrees of freedom at least: with fewer, Student's t has no variance and no interval means much."""
+"""Degrees of freedom at least: with fewer, Student's t has no variance."""
 REFITTED = 8
 """Sets that are fitted again without a straight line put for the chain. The order of the sets by
 the line is right wherever two are close: what they differ by is then near the noise."""
