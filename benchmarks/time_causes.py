@@ -2,7 +2,8 @@
 
 False alarms where there is no cause, for noise with correlation times of 0.1 to 10 s; how often
 each cause is found, alone and with the right name; how often 95 % intervals hold the truth; what
-is said where two causes cannot be told apart. Numbers on the command line: first seed, drives a condition.
+is said where two causes cannot be told apart. Numbers on the command line: first seed, drives a
+condition.
 """
 
 import sys

@@ -22,8 +22,8 @@ HALF_STEP = 0.2
 10 mm/s of it; a robot's own motion below 1 Hz loses at most a quarter."""
 SMOOTHED = 0.1
 """Seconds before and after a reference pose over which it is smoothed. A delay moves the curve
-along itself, and what is rough in the curve would decide which delay fits: of 50 Hz with 1 mm, unsmoothed,
-a delay of 2 ms gained 13 in squares where there was none."""
+along itself, and what is rough in the curve would decide which delay fits: of 50 Hz with 1 mm,
+unsmoothed, a delay of 2 ms gained 13 in squares where there was none."""
 QUADRATIC = np.array([-2.0, 3.0, 6.0, 7.0, 6.0, 3.0, -2.0]) / 21
 """Weights of seven equal steps that leave a cubic as it is (Savitzky and Golay 1964, table I)."""
 LONGEST_DELAY = 2.0
