@@ -19,9 +19,10 @@ RIVAL = 6.0
 as 2 log 20 = 5.99. As for stops."""
 TAKES_PART = 0.2
 """Share of such a combination from which on a parameter is named. It decides the words only."""
-CHANCE = 40.0
+CHANCE = 100.0
 """The same where the drive does not show both sets together. The squares of a frame and of a delay
-on a straight line, 3,000 poses, a reference of 50 Hz and 1 mm, differed by 11 to 15 by chance."""
+on a straight line, 1,000 to 3,000 poses, a reference of 50 Hz and 1 mm, differed by 11 to 51 by
+chance; those of causes that are none differ by thousands."""
 FEWEST_FREE = 3.0
 """Degrees of freedom at least: with fewer, Student's t has no variance."""
 REFITTED = 8
