@@ -1,8 +1,9 @@
 """Causes of errors in time on simulated drives, against their truth.
 
-False alarms where there is no cause, for noise with correlation times of 0.1 to 10 s; how often each
-cause is found, alone and with the right name; how often 95 % intervals hold the truth; what is said
-where two causes cannot be told apart. Numbers on the command line: first seed, drives a condition.
+False alarms where there is no cause, for noise with correlation times of 0.1 to 10 s; how often
+each cause is found, alone and with the right name; how often 95 % intervals hold the truth; what
+is said where two causes cannot be told apart. Numbers on the command line: first seed, drives a
+condition.
 """
 
 import sys
@@ -120,7 +121,7 @@ def not_told(first: int, drives: int) -> None:
 
 
 if __name__ == "__main__":
-    FIRST, DRIVES = (int(one) for one in (sys.argv[1:] + ["1", "40"])[:2])
+    FIRST, DRIVES = (int(one) for one in [*sys.argv[1:], "1", "40"][:2])
     not_told(FIRST, max(DRIVES // 8, 1))
     false_alarms(FIRST, DRIVES)
     coverage(FIRST, DRIVES)

@@ -116,7 +116,7 @@ def simulate(
         Truth, by the names of the parameters: what takes the causes away.
     """
     rng = np.random.default_rng(seed)
-    p = {name: 0.0 for name in _NAMES} | dict(causes or {})
+    p = dict.fromkeys(_NAMES, 0.0) | dict(causes or {})
     times, poses = path(drive, rng)
 
     def at(moments: Array) -> Array:

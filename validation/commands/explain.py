@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from validation.poses.pose_table import PoseTable
     from validation.results import Finding, Section
     from validation.systems import Progress
+    from validation.trajectories.trajectory import Trajectory
 
 
 @click.command()
@@ -107,11 +108,35 @@ def explain(
     end_of_command(found, failed=False, strict=strict)
 
 
+_MOTION = ("time", "x", "y", "theta")
+"""Columns of a table of poses at times."""
+
+
 def _are_trajectories(paths: Sequence[Path]) -> bool:
     """Whether all files hold poses at times; a table of named stops is none."""
-    from validation.trajectories.formats.reading import is_trajectory
+
+    def is_trajectory(path: Path) -> bool:
+        if not path.is_file():
+            return False
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            names = [one.strip() for one in file.readline(1000).split(",")]
+        return set(_MOTION) <= set(names) and "pose" not in names
 
     return all(is_trajectory(path) for path in paths)
+
+
+def _read_trajectory(path: Path) -> "Trajectory":
+    """Poses at times from a table with the columns time, x, y, theta (seconds, metres, radians)."""
+    import numpy as np
+
+    from validation.text_files.csv_tables import Column, read_csv
+    from validation.trajectories.trajectory import Trajectory
+
+    table = read_csv(path, [Column(name, "number") for name in _MOTION])
+    table.raise_problems()
+    numbers = [np.asarray(table.numbers[name]) for name in _MOTION]
+    epoch = int(numbers[0][0]) if len(numbers[0]) else 0
+    return Trajectory(path.stem, numbers[0] - epoch, np.column_stack(numbers[1:]), epoch=epoch)
 
 
 def _in_time(
@@ -127,10 +152,9 @@ def _in_time(
     )
     from validation.report.terminal import print_json, print_table
     from validation.trajectories.causes.explanation import time_causes
-    from validation.trajectories.formats.reading import read_trajectory
 
-    truth = read_trajectory(reference)
-    explained = [time_causes(truth, read_trajectory(path)) for path in sources]
+    truth = _read_trajectory(reference)
+    explained = [time_causes(truth, _read_trajectory(path)) for path in sources]
     found = [finding for one in explained for finding in time_findings(one)]
     if as_json:
         print_json(time_json(explained))

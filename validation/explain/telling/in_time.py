@@ -97,12 +97,10 @@ def _advice(names: set[str]) -> str:
 def _blind(one: TimeExplanation) -> list[Finding]:
     """What no size of error would show on this drive."""
     found = []
-    named = {cause.name for cause in one.causes}
-    pairs = [pair for pair in one.alike if not (one.rivals and named & set(pair))]
-    said = [f"{_short([a])} or {_short([b])}: cannot be told apart" for a, b in pairs]
+    said = [f"{_short([a])} or {_short([b])}: cannot be told apart" for a, b in one.alike]
     said += [f"{_short([name])}: cannot be seen" for name in one.unseen]
     if said:
-        asked = {name for pair in pairs for name in pair} | set(one.unseen)
+        asked = {name for pair in one.alike for name in pair} | set(one.unseen)
         text = f"This drive cannot show everything. {'; '.join(said)}. {_advice(asked)}"
         found.append(Finding("warning", text, one.system, "not_observable"))
     return found

@@ -178,7 +178,7 @@ def time_causes(
         weights.heading,
         weights.effective,
         len(matched.stamps),
-        int((~weights.cells.all(1)).sum()),
+        int((~weights.both).sum()),
         float(np.sqrt(np.mean(np.abs(seen.velocities) ** 2))),
         _sizes(at_none, weights),
         _sizes(chosen.fit.residuals, weights),

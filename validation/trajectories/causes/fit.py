@@ -31,8 +31,8 @@ LOST = 5.0
 """A combination of parameters is undetermined if it is known this many times worse than a single
 pose would tell it. As for stops."""
 LEAST_SPEED = 0.02
-"""Metres a second below which a robot stands as far as a delay is concerned: 0.1 s of delay are then
-no more than the noise of a good source."""
+"""Metres a second below which a robot stands as far as a delay is concerned: 0.1 s of delay are
+then no more than the noise of a good source."""
 CLEARLY = 0.95
 """A rough delay is begun from only where it leaves less than this share of what zero leaves."""
 ITERATIONS = 12
@@ -63,6 +63,11 @@ class Weights:
     turn: Whitener
     effective: Array
 
+    @property
+    def both(self) -> Mask:
+        """(n,) poses of which position and heading are used."""
+        return np.asarray(self.cells.all(1))
+
     def __call__(self, values: Array) -> Array:
         """(n, 3, ...) inverse covariance times values."""
         return np.concatenate([self.place(values[:, :2]), self.turn(values[:, 2:])], axis=1)
@@ -86,13 +91,12 @@ def single_pose_sizes(matched: Matched, parameters: Array, weights: Weights) -> 
     places = matched.poses[weights.cells[:, 0], :2]
     extent = max(float(np.sqrt(places.var(0).sum())), 1e-3)
     span = max(float(matched.since.std()), 1e-3)
-    own = matched.own_motion(parameters, weights.cells.all(1))
+    own = matched.own_motion(parameters, weights.both)
     speed = max(float(np.sqrt(np.mean(np.abs(own.velocities) ** 2))), LEAST_SPEED)
     turn = min(angle, length / extent)
-    return np.array(
-        [length, length, turn, length, length, angle, length / extent]
-        + [length / speed, length / speed / span, length / span, length / span, angle / span]
-    )
+    places_and_turns = [length, length, turn, length, length, angle]
+    drifts = [length / speed / span, length / span, length / span, angle / span]
+    return np.array([*places_and_turns, length / extent, length / speed, *drifts])
 
 
 @dataclass(frozen=True)
@@ -191,15 +195,16 @@ def _seen(products: Array, unit: Array) -> Array:
 def _look(matched: Matched, weights: Weights, free: tuple[int, ...], parameters: Array) -> Fit:
     """Squares and derivatives at given parameters."""
     residuals, seen = matched.residuals(parameters)
-    good = weights.cells.all(1)
+    good = weights.both
     own = matched.own_motion(parameters, good)
     theirs, ours = (slopes(parameters, one, matched.since) for one in (seen, own))
     middle = (theirs + ours) / 2
     weighed = weights(middle)
     n = len(residuals) * 3
-    # With a, b the two slopes: (a'Wb + b'Wa) / 2 = m'Wm - d'Wd, m their mean, d half the difference.
-    # Noise without motion makes a product with a standard deviation of at most 2 d'Wd / sqrt(n):
-    # three of these are taken off, and 2 d'Wd, so that what counts as shown is motion by two thirds.
+    # With a, b the two slopes, m their mean and d half their difference, (a'Wb + b'Wa) / 2 is
+    # m'Wm - d'Wd. Noise without motion makes of it a standard deviation of at most
+    # 2 d'Wd / sqrt(n): three of these are taken off, and another 2 d'Wd, so that what counts as
+    # shown is motion by two thirds.
     half = (theirs - ours) / 2
     information = middle.reshape(n, 12).T @ weighed.reshape(n, 12)
     noise = half.reshape(n, 12).T @ weights(half).reshape(n, 12)
@@ -261,7 +266,7 @@ def noises(matched: Matched, found: Fit, weights: Weights, cells: Mask) -> tuple
     Only combinations that the drive shows have taken noise away. Of the others, a scale for
     example, the slopes of a robot that stands are noise themselves.
     """
-    own = matched.own_motion(found.parameters, cells.all(1))
+    own = matched.own_motion(found.parameters, np.asarray(cells.all(1)))
     _, seen = matched.residuals(found.parameters)
     unit = single_pose_sizes(matched, found.parameters, weights)
     theirs, ours = (slopes(found.parameters, one, matched.since) for one in (seen, own))

@@ -1,4 +1,4 @@
-"""Poses of a source beside the reference's motion, and a rough guess of how they belong together."""
+"""Poses of a source beside the motion of the reference, and a rough guess of how they match."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -21,9 +21,9 @@ HALF_STEP = 0.2
 """Seconds before and after a pose between which its velocity is taken. The noise of 3 mm makes
 10 mm/s of it; a robot's own motion below 1 Hz loses at most a quarter."""
 SMOOTHED = 0.1
-"""Seconds before and after a reference pose over which it is smoothed. A delay moves the curve along
-itself, and what is rough in the curve would decide which delay fits: of 50 Hz with 1 mm, unsmoothed,
-a delay of 2 ms gained 13 in squares where there was none."""
+"""Seconds before and after a reference pose over which it is smoothed. A delay moves the curve
+along itself, and what is rough in the curve would decide which delay fits: of 50 Hz with 1 mm,
+unsmoothed, a delay of 2 ms gained 13 in squares where there was none."""
 QUADRATIC = np.array([-2.0, 3.0, 6.0, 7.0, 6.0, 3.0, -2.0]) / 21
 """Weights of seven equal steps that leave a cubic as it is (Savitzky and Golay 1964, table I)."""
 LONGEST_DELAY = 2.0

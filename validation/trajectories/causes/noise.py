@@ -122,7 +122,7 @@ def estimate_noise(times: Array, used: Mask, residuals: Array, slopes: Array) ->
 
     def cost(point: Array) -> float:
         beyond = max(low - point[0], point[0] - high, abs(point[1]) - edge, 0.0)
-        return _restricted(times, used, residuals, basis, shape(point))[0] + 10 * beyond**2
+        return _restricted(times, used, residuals, basis, shape(point))[0] + 10 * float(beyond) ** 2
 
     starts = [np.array([np.clip(np.log(tau), low, high), 0.0]) for tau in START_TIMES]
     best = min(starts, key=cost)
@@ -160,7 +160,7 @@ def _restricted(
     factor = max(squares, 1e-300) / freedom
     log_determinant = residuals.shape[1] * whiten.log_determinant
     log_determinant += float(np.linalg.slogdet(information)[1])
-    return freedom * np.log(factor) + log_determinant, factor
+    return float(freedom * np.log(factor) + log_determinant), factor
 
 
 def effective_number(times: Array, used: Mask, noise: Noise) -> float:

@@ -19,9 +19,12 @@ RIVAL = 6.0
 as 2 log 20 = 5.99. As for stops."""
 TAKES_PART = 0.2
 """Share of such a combination from which on a parameter is named. It decides the words only."""
-CHANCE = 40.0
+CHANCE = 100.0
 """The same where the drive does not show both sets together. The squares of a frame and of a delay
-on a straight line, 3,000 poses, a reference of 50 Hz and 1 mm, differed by 11 to 15 by chance."""
+on a straight line, 1,000 to 3,000 poses, a reference of 50 Hz and 1 mm, differed by 11 to 51 by
+chance; those of causes that are none differ by thousands."""
+FEWEST_FREE = 3.0
+"""Degrees of freedom at least: with fewer, Student's t has no variance."""
 REFITTED = 8
 """Sets that are fitted again without a straight line put for the chain. The order of the sets by
 the line is right wherever two are close: what they differ by is then near the noise."""
@@ -91,9 +94,9 @@ def all_sets() -> list[Set]:
 
 
 def freedom(weights: Weights) -> float:
-    """Degrees of freedom of two components of effective positions and one of headings."""
-    total = 2 * float(weights.effective[0]) + float(weights.effective[1])
-    return max(total - len(PARAMETERS), 4.0)
+    """Degrees of freedom by which the noise is known: those of the kind of cells that has fewer."""
+    places, headings = 2 * float(weights.effective[0]), float(weights.effective[1])
+    return max(min(places, headings) - 1, FEWEST_FREE)
 
 
 def prices(dof: float, false_alarm: float) -> dict[str, float]:
