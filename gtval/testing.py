@@ -31,7 +31,6 @@ from laser_gt.scans.planar import between
 from validation.poses.angles import Array
 from validation.shown import Shown
 
-
 SampleMotion = MotionDrive
 
 

@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from validation.campaign.folder import Campaign
     from validation.explain.analysis import Explanation
     from validation.poses.pose_table import PoseTable
+    from validation.poses.trajectory import Trajectory
     from validation.results import Finding, Section
     from validation.systems import Progress
-    from validation.trajectories.trajectory import Trajectory
 
 
 @click.command()
@@ -129,8 +129,8 @@ def _read_trajectory(path: Path) -> "Trajectory":
     """Poses at times from a table with the columns time, x, y, theta (seconds, metres, radians)."""
     import numpy as np
 
+    from validation.poses.trajectory import Trajectory
     from validation.text_files.csv_tables import Column, read_csv
-    from validation.trajectories.trajectory import Trajectory
 
     table = read_csv(path, [Column(name, "number") for name in _MOTION])
     table.raise_problems()

@@ -10,6 +10,7 @@ from trials.drives_in_time import Drive, simulate
 from validation.errors import GtvalError
 from validation.explain.telling.in_time import time_findings, time_json, time_parameter_table
 from validation.poses.angles import wrap
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.causes.chain import CAUSES, PARAMETERS, Moving, corrected, slopes
 from validation.trajectories.causes.explanation import time_causes
 from validation.trajectories.causes.noise import (
@@ -19,7 +20,6 @@ from validation.trajectories.causes.noise import (
     estimate_noise,
 )
 from validation.trajectories.causes.weighing import all_sets
-from validation.trajectories.trajectory import Trajectory
 
 SHORT = Drive(seconds=100.0, outliers=0.02, flips=0.02, lost=0.05)
 TRUTH = {"mount_x": 0.03, "mount_y": -0.02, "mount_theta": 0.02, "delay": -0.1}
