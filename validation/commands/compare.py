@@ -1,6 +1,7 @@
 """The command ``gtval compare``: tables of stops, or poses in time."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -8,6 +9,7 @@ import click
 
 from validation.commands.options import AS_JSON, EVERYTHING, NORMAL, PATH, STRICT
 from validation.commands.run import method_of, print_evaluations
+from validation.commands.trajectory_files import moves, refuse_tables
 
 if TYPE_CHECKING:
     from validation.results import Finding
@@ -28,6 +30,12 @@ LIMIT_M = 0.05
     help="Of trajectories: what is fitted first, of frame, scale, mount, time. By default nothing.",
 )
 @click.option(
+    "--stops",
+    type=PATH,
+    help="When the robot stood where (pose, from, to), to compare a trajectory with a table; "
+    "without it the standstills are found.",
+)
+@click.option(
     "--at",
     type=click.Choice(["sparser", "reference", "source"]),
     help="Of trajectories: at whose times; by default at those of the one with fewer poses a "
@@ -46,6 +54,7 @@ def compare(
     validation: Path,
     gt: tuple[Path, ...],
     align: str | None,
+    stops: Path | None,
     at: Literal["sparser", "reference", "source"] | None,
     limit: float | None,
     as_json: bool,
@@ -58,22 +67,24 @@ def compare(
     Tables of stops are compared stop by stop: they have the columns pose, x, y, theta (metres,
     radians) and, if known, the covariance xx, xy, xt, yy, yt, tt; poses in space have x, y, z,
     yaw, pitch, roll. Trajectories are compared at common times; their intervals allow for errors
-    that neighbours share. With a campaign folder as the only argument the tables under its
+    that neighbours share. A table as REFERENCE and a trajectory as SOURCE are compared at the
+    stops. With a campaign folder as the only argument the tables under its
     results/ are compared. Nothing is written.
     """
     from validation.commands.output import end_of_command, print_first_findings
     from validation.report.terminal import print_json
 
     findings: Sequence[Finding]
-    if gt and _are_trajectories([validation, *gt]):
-        if normal:
-            raise click.UsageError("--normal-interval is for tables of stops")
+    if gt and moves(validation):
+        if normal or stops:
+            raise click.UsageError("--normal-interval and --stops are for tables of stops")
         found = _compared_in_time(validation, gt, align or "none", at or "sparser")
         findings = _told_in_time(found, limit or LIMIT_M, as_json=as_json, everything=everything)
     else:
-        if align or at or limit:
-            raise click.UsageError("--align, --at and --limit are for trajectories")
-        evaluations, findings = _compared(validation, gt, method_of(normal))
+        if at or limit or align not in {None, "none", "frame"}:
+            raise click.UsageError("--at, --limit and more than --align frame are for trajectories")
+        own_frame = align == "frame"
+        evaluations, findings = _compared(validation, gt, method_of(normal), stops, own_frame)
         if as_json:
             from validation.report.evaluation_json import evaluation_json, position_json
 
@@ -91,19 +102,6 @@ def compare(
     end_of_command(findings, failed=False, strict=strict)
 
 
-def _are_trajectories(paths: Sequence[Path]) -> bool:
-    """Whether all files are trajectories; some of each kind are an error."""
-    from validation.errors import InputError, Problem
-    from validation.trajectories.reading import is_trajectory
-
-    moving = [path.is_file() and is_trajectory(path) for path in paths]
-    if any(moving) and not all(moving):
-        others = [path for path, moves in zip(paths, moving, strict=True) if not moves]
-        text = "not poses at times, as the other files are; compare stops with stops"
-        raise InputError([Problem(path, text) for path in others])
-    return all(moving)
-
-
 def _compared_in_time(
     reference: Path,
     sources: Sequence[Path],
@@ -111,16 +109,18 @@ def _compared_in_time(
     at: Literal["sparser", "reference", "source"],
 ) -> "list[TimeComparison]":
     """The sources, each against the reference."""
+    from validation.campaign.stored import system_of
     from validation.errors import GtvalError
     from validation.trajectories.alignment import parts_of
     from validation.trajectories.comparison import compare_in_time
-    from validation.trajectories.reading import read_trajectory, system_of
+    from validation.trajectories.formats import read_trajectory
 
     parts = parts_of(align)
     names = [system_of(path) for path in sources]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise GtvalError(f"two sources are named {', '.join(twice)}; rename a file")
+    refuse_tables(sources)
     truth = read_trajectory(reference)
     return [compare_in_time(truth, read_trajectory(path), parts, at) for path in sources]
 
@@ -146,13 +146,18 @@ def _told_in_time(
 
 
 def _compared(
-    validation: Path, gt: tuple[Path, ...], method: "IntervalMethod"
+    validation: Path,
+    gt: tuple[Path, ...],
+    method: "IntervalMethod",
+    stops: Path | None,
+    own_frame: bool,
 ) -> "tuple[list[Evaluation], list[Finding]]":
     """The comparisons asked for, and what follows in words."""
     from validation.campaign.folder import load_campaign
     from validation.campaign.stored import read_tables, stored_tables
     from validation.errors import InputError, Problem
     from validation.poses.pose_table import refuse_twice
+    from validation.published.moving import at_stops
     from validation.results import VALIDATION_SYSTEM
     from validation.solving import late_finding
     from validation.statistics.conclusions import conclusions
@@ -172,8 +177,12 @@ def _compared(
             raise InputError([Problem(campaign.results, text)])
         systems = list(by_name.values())
     elif gt:
-        found = read_tables([validation, *gt])
+        found = read_tables([validation, *(path for path in gt if not moves(path))])
         truth, *systems = found.tables
+        moving = [at_stops(path, truth, stops, own_frame=own_frame) for path in gt if moves(path)]
+        systems += [table for one in moving for table in one.tables]
+        moved = [finding for one in moving for finding in one.findings]
+        found = replace(found, findings=(*found.findings, *moved))
         refuse_twice([table.system for table in systems])
     else:
         raise click.UsageError("give at least one GT table to compare with the validation table")

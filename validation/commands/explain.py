@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import click
 
 from validation.commands.options import AS_JSON, EVERYTHING, PATH, STRICT, progress_bar
+from validation.commands.trajectory_files import moves, refuse_tables
 
 if TYPE_CHECKING:
     from validation.campaign.folder import Campaign
     from validation.explain.analysis import Explanation
     from validation.poses.pose_table import PoseTable
-    from validation.poses.trajectory import Trajectory
     from validation.results import Finding, Section
     from validation.systems import Progress
 
@@ -72,7 +72,7 @@ def explain(
     """
     from validation.commands.output import end_of_command
 
-    if gt and _are_trajectories([validation, *gt]):
+    if gt and moves(validation):
         if references or sensors or witnesses or figures or output:
             raise click.UsageError("trajectories take no options but --json, --all and --strict")
         _in_time(validation, gt, as_json=as_json, strict=strict, everything=everything)
@@ -108,37 +108,6 @@ def explain(
     end_of_command(found, failed=False, strict=strict)
 
 
-_MOTION = ("time", "x", "y", "theta")
-"""Columns of a table of poses at times."""
-
-
-def _are_trajectories(paths: Sequence[Path]) -> bool:
-    """Whether all files hold poses at times; a table of named stops is none."""
-
-    def is_trajectory(path: Path) -> bool:
-        if not path.is_file():
-            return False
-        with path.open(encoding="utf-8-sig", errors="replace") as file:
-            names = [one.strip() for one in file.readline(1000).split(",")]
-        return set(_MOTION) <= set(names) and "pose" not in names
-
-    return all(is_trajectory(path) for path in paths)
-
-
-def _read_trajectory(path: Path) -> "Trajectory":
-    """Poses at times from a table with the columns time, x, y, theta (seconds, metres, radians)."""
-    import numpy as np
-
-    from validation.poses.trajectory import Trajectory
-    from validation.text_files.csv_tables import Column, read_csv
-
-    table = read_csv(path, [Column(name, "number") for name in _MOTION])
-    table.raise_problems()
-    numbers = [np.asarray(table.numbers[name]) for name in _MOTION]
-    epoch = int(numbers[0][0]) if len(numbers[0]) else 0
-    return Trajectory(path.stem, numbers[0] - epoch, np.column_stack(numbers[1:]), epoch=epoch)
-
-
 def _in_time(
     reference: Path, sources: Sequence[Path], *, as_json: bool, strict: bool, everything: bool
 ) -> None:
@@ -152,9 +121,11 @@ def _in_time(
     )
     from validation.report.terminal import print_json, print_table
     from validation.trajectories.causes.explanation import time_causes
+    from validation.trajectories.formats import read_trajectory
 
-    truth = _read_trajectory(reference)
-    explained = [time_causes(truth, _read_trajectory(path)) for path in sources]
+    refuse_tables(sources)
+    truth = read_trajectory(reference)
+    explained = [time_causes(truth, read_trajectory(path)) for path in sources]
     found = [finding for one in explained for finding in time_findings(one)]
     if as_json:
         print_json(time_json(explained))
@@ -182,18 +153,23 @@ def _of_files(
     from validation.explain.loading import read_times
     from validation.explain.telling.section import asked_limits, explain_sections, repeatability
     from validation.explain.telling.words import findings
+    from validation.published.moving import at_stops
 
-    truth, *systems = read_tables([validation, *gt]).tables
+    still = [path for path in gt if not moves(path)]
+    truth, *systems = read_tables([validation, *still]).tables
+    moving = [at_stops(path, truth) for path in gt if moves(path)]
+    systems += [table for one in moving for table in one.tables]
     groups = {name: tuple(value.split(",")) for name, value in _assignments(sensors)}
     question = Question(
         references=dict(_assignments(references)),
         sensors=groups,
-        times=read_times(gt),
+        times=read_times(still),
         witnesses=read_tables(witnesses, [path.stem for path in witnesses]).tables,
     )
     explanation = explained(truth, systems, question)
     sections = explain_sections(explanation, asked_limits(Comparison()), repeatability(explanation))
-    return explanation, findings(explanation), sections
+    found = [finding for one in moving for finding in one.findings]
+    return explanation, [*findings(explanation), *found], sections
 
 
 def _assignments(pairs: Sequence[str]) -> list[tuple[str, str]]:

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.campaign.folder import Campaign, Published
+from validation.campaign.folder import Published
+from validation.campaign.stored import system_of
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import PLANAR, PoseTable
@@ -34,15 +35,13 @@ class _Stops:
     file: Path | None = None
 
 
-def moving_result(
-    campaign: Campaign, entry: Published, validation: PoseTable | None
-) -> SystemResult:
+def moving_result(folder: Path, entry: Published, validation: PoseTable | None) -> SystemResult:
     """The poses at stops of a published trajectory, and the trajectory itself.
 
     Parameters
     ----------
-    campaign : Campaign
-        For its folder.
+    folder : Path
+        Of the campaign; the entry's files are named relative to it.
     entry : Published
         Names the trajectory's file, and that of its stops if there is one.
     validation : PoseTable, optional
@@ -53,7 +52,7 @@ def moving_result(
     InputError
         If a file is bad, or saw none of the stops.
     """
-    path = campaign.folder / entry.file
+    path = folder / entry.file
     trajectory = read_trajectory(
         path,
         system=entry.system,
@@ -66,7 +65,7 @@ def moving_result(
     if not entry.judged:
         facts = {"trajectory": _facts(trajectory)}
         return SystemResult(facts=facts, trajectories=(trajectory,))
-    stops = _stops(campaign, entry, trajectory, validation)
+    stops = _stops(folder, entry, trajectory, validation)
     findings = _of_standstills(entry.system, stops)
     if not stops.named:
         facts = {"trajectory": _facts(trajectory)}
@@ -104,6 +103,36 @@ def moving_result(
     )
 
 
+def at_stops(
+    path: Path, validation: PoseTable, stops: Path | None = None, *, own_frame: bool = False
+) -> SystemResult:
+    """The poses of a single trajectory at the stops of a table.
+
+    Parameters
+    ----------
+    path : Path
+        The trajectory.
+    validation : PoseTable
+        Surveyed stops.
+    stops : Path, optional
+        When the robot stood where; without it the standstills are found.
+    own_frame : bool
+        Whether its frame is first laid onto the survey.
+
+    Raises
+    ------
+    InputError
+        As for `moving_result`.
+    """
+    said = Published.model_construct(
+        system=system_of(path),
+        file=str(path.absolute()),
+        stops="" if stops is None else str(stops.absolute()),
+        frame="own" if own_frame else "gtv",
+    )
+    return moving_result(Path(), said, validation)
+
+
 def _with_sigmas(trajectory: Trajectory, entry: Published, path: Path) -> Trajectory:
     """The trajectory with the entry's standard deviations where it states none."""
     if entry.sigmas is None:
@@ -118,11 +147,11 @@ def _with_sigmas(trajectory: Trajectory, entry: Published, path: Path) -> Trajec
 
 
 def _stops(
-    campaign: Campaign, entry: Published, trajectory: Trajectory, validation: PoseTable | None
+    folder: Path, entry: Published, trajectory: Trajectory, validation: PoseTable | None
 ) -> _Stops:
     """Those of the file of stops, or standstills with the names of the surveyed stops."""
     if entry.stops:
-        path = campaign.folder / entry.stops
+        path = folder / entry.stops
         stated = read_stops(path)
         check_stops(stated, path)
         return _Stops(stated, file=path)

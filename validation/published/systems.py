@@ -69,7 +69,7 @@ def _published(campaign: Campaign, entry: Published, validation: PoseTable | Non
         or not entry.judged
         or is_trajectory(campaign.folder / entry.file)
     ):
-        return moving_result(campaign, entry, validation)
+        return moving_result(campaign.folder, entry, validation)
     table = published_table(campaign.folder, entry)
     return SystemResult([table], findings=assumed_sigmas(table))
 

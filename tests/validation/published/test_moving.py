@@ -2,9 +2,11 @@ import json
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from moving_robots import robot_between_stops
 
 from validation.campaign.folder import load_campaign
+from validation.cli import main
 from validation.errors import InputError
 from validation.poses.angles import wrap
 from validation.poses.pose_table import PoseTable, to_csv
@@ -112,3 +114,15 @@ def test_trajectories_are_compared_in_time_with_the_one_that_is_named(tmp_path):
     )
     with pytest.raises(InputError, match="there are: mocap, b"):
         run_campaign(load_campaign(folder))
+
+
+def test_compare_takes_a_table_and_a_trajectory(tmp_path):
+    folder = moving_campaign(tmp_path / "c", turn=0.7)
+    command = ["compare", str(folder / "gt" / "survey.csv"), str(folder / "gt" / "mocap.csv")]
+    stops = ["--stops", str(folder / "stops.csv"), "--align", "frame", "--json"]
+    told = json.loads(CliRunner().invoke(main, [*command, *stops]).stdout)
+    assert told["systems"]["mocap"]["rms_position_m"] < 0.005
+    assert "frame_fitted" in {finding["code"] for finding in told["findings"]}
+    wrong = CliRunner().invoke(main, ["compare", *command[:0:-1]])
+    assert wrong.exit_code == 2
+    assert "give the table of stops first" in wrong.output

@@ -15,7 +15,7 @@ from validation.results import Figure
 from validation.trajectories.breakdown import breakdown
 from validation.trajectories.comparison import compare_in_time
 from validation.trajectories.findings import findings_in_time
-from validation.trajectories.reading import read_trajectory
+from validation.trajectories.formats import read_trajectory
 from validation.trajectories.relative import errors_of_motions, motions, relative_errors
 from validation.trajectories.telling import comparison_json, section_in_time, tables_in_time
 
