@@ -23,7 +23,7 @@ from validation.statistics.error_statistics import IntervalMethod
 from validation.statistics.evaluation import Evaluation, evaluate
 from validation.statistics.result_files import errors_csv, statistics_csv
 from validation.systems import Progress, System, inputs_of, installed_systems, no_progress
-from validation.trajectories.in_time import TimeParts, time_parts
+from validation.in_time import TimeParts, time_parts
 
 
 @dataclass(frozen=True, repr=False)
