@@ -20,9 +20,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests/validation/trajectorie
 import numpy as np
 from fusion_drives import drive, score
 
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.smoothing.fusion import fuse
 from validation.trajectories.smoothing.source import Source
-from validation.trajectories.trajectory import Trajectory
 
 ASKED = {True: (1.5, 4.0, 8.0, 18.0), False: (3.5, 8.0, 15.0, 32.0)}
 

@@ -21,8 +21,8 @@ from rtk_gt.offsets.estimate import estimate_offsets
 from rtk_gt.offsets.noise import PUBLISHED_NOISE
 from rtk_gt.path.antennas import antenna_positions
 from rtk_gt.path.covariance import reference_covariance, simulated_covariance
-from rtk_gt.receivers.frames import LocalFrame
 from rtk_gt.receivers.steps import Steps
+from validation.poses.earth_frames import LocalFrame
 
 TAPE = np.array([1.79, 1.79, 1.15])
 FRAME = LocalFrame.from_degrees(36.714459075, -4.47895882833333, 38.8887)

@@ -4,7 +4,6 @@ from pathlib import Path
 
 from survey.settings import SurveySettings
 from validation.campaign.folder import load_campaign
-from validation.campaign.published import published_tables
 from validation.explain.analysis import explain
 from validation.explain.loading import campaign_question
 from validation.explain.settings import ExplainSettings
@@ -15,6 +14,7 @@ from validation.explain.telling.figures import (
     source_matrix,
 )
 from validation.poses.pose_table import from_csv
+from validation.published.systems import published_tables
 
 DOCS = Path(__file__).parent
 CAMPAIGN = DOCS.parent / "data_samples" / "ad23"

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from survey.settings import SurveySettings
 from validation.campaign.folder import load_campaign
-from validation.campaign.published import published_tables
 from validation.figures.errors import error_map
 from validation.poses.pose_table import from_csv
+from validation.published.systems import published_tables
 from validation.statistics.comparison import compare
 from validation.text_files.csv_tables import Column, read_csv
 

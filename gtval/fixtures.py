@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from gtval.testing import SampleDrive, SampleImages, SampleRoom, SampleScans
+    from gtval.testing import SampleDrive, SampleImages, SampleMotion, SampleRoom, SampleScans
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -69,3 +69,11 @@ def gtval_drive(request: pytest.FixtureRequest, tmp_path: Path) -> "SampleDrive"
     from gtval.testing import make_drive
 
     return make_drive(tmp_path / "gtval_drive", **_options(request))
+
+
+@pytest.fixture(scope="session")
+def gtval_motion(request: pytest.FixtureRequest) -> "SampleMotion":
+    """Trajectories of a driving robot on several clocks; the true path and clocks beside them."""
+    from gtval.testing import make_motion
+
+    return make_motion(**_options(request))

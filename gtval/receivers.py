@@ -13,11 +13,11 @@ from rtk_gt.path.antennas import antenna_positions
 from rtk_gt.path.vehicle_path import VehiclePath, vehicle_path
 from rtk_gt.receivers.fix_csv import read_fix_csv
 from rtk_gt.receivers.fixes import RTK_FIXED, Fixes
-from rtk_gt.receivers.frames import LocalFrame
 from rtk_gt.receivers.nmea import read_nmea
 from rtk_gt.receivers.rtklib import read_pos
 from rtk_gt.receivers.steps import Steps, common_steps
 from validation.errors import GtvalError
+from validation.poses.earth_frames import LocalFrame
 from validation.poses.pose_table import PoseTable
 
 __all__ = ["Fixes", "Offsets", "VehiclePath"]

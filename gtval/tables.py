@@ -1,6 +1,6 @@
 """Pose tables from arrays and files, and how a notebook shows them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from os import PathLike
 from pathlib import Path
 
@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.campaign.stored import read_tables
+from validation.errors import GtvalError
+from validation.poses.angles import Array
 from validation.poses.pose_table import PLANAR, SPATIAL, PoseTable, to_csv
 from validation.report.cells import Value
 from validation.report.html import html_blocks
@@ -18,7 +20,7 @@ from validation.text_files.writing import write_files
 __all__ = ["PoseTable", "pose_table", "read_poses", "write_poses"]
 
 MOST_ROWS = 100
-"""A judgement: more rows of poses nobody reads in a notebook; their number is told."""
+"""A judgement: a reader of a notebook looks at no more rows; how many are left is told."""
 
 
 def pose_table(
@@ -61,15 +63,30 @@ def pose_table(
     >>> gtval.pose_table("rig", [[0.0, 0.0, 0.1], [1.0, 0.5, 1.5]], sigmas=[0.002, 0.002, 0.001])
     PoseTable(system='rig', ids=('1', '2'), poses=(2, 3) array, ...)
     """
-    places = np.array(poses, dtype=float)
-    components = SPATIAL if places.shape[-1:] == (len(SPATIAL),) else PLANAR
-    spread = np.array([] if covariances is None else covariances, dtype=float)
+    if not isinstance(system, str) or isinstance(ids, str) or not isinstance(ids, Iterable):
+        raise GtvalError(f"expected a name and a list of ids, not {system!r} and {ids!r}")
+    places = _numbers("poses", poses)
+    if places.ndim != 2:
+        raise GtvalError(f"poses: expected one row of numbers a pose, got {poses!r}")
+    components = SPATIAL if places.shape[1] == len(SPATIAL) else PLANAR
+    spread = _numbers("covariances", () if covariances is None else covariances)
     if sigmas is not None:
-        spread = np.tile(np.diag(np.square(np.asarray(sigmas, dtype=float))), (len(places), 1, 1))
+        sizes = _numbers("sigmas", sigmas)
+        if sizes.shape != places.shape[1:] or not (sizes > 0).all():
+            raise GtvalError(f"sigmas: expected a number above 0 a component, got {sigmas!r}")
+        spread = np.tile(np.diag(np.square(sizes)), (len(places), 1, 1))
     for array in (places, spread):
         array.setflags(write=False)
     names = tuple(ids) or tuple(str(number) for number in range(1, len(places) + 1))
     return PoseTable(system, names, places, spread, components)
+
+
+def _numbers(name: str, given: npt.ArrayLike) -> Array:
+    """An array of floats; a GtvalError where it is none."""
+    try:
+        return np.array(given, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise GtvalError(f"{name}: expected numbers in rows of equal length: {error}") from error
 
 
 def read_poses(path: str | PathLike[str], system: str = "") -> PoseTable:

@@ -15,6 +15,7 @@ from scipy.spatial.transform import RigidTransform
 
 from data_samples.drives.drive import DriveSettings, simulate_drive
 from data_samples.drives.files import true_poses, write_drive
+from data_samples.motion.drive import MotionDrive, motion_drive
 from data_samples.rendering.campaign import movie_photographs
 from data_samples.rendering.files import make_room_with_cameras
 from data_samples.rendering.image import Scene, render
@@ -29,6 +30,8 @@ from gtval import Camera, Fixes, PoseTable, Scan
 from laser_gt.scans.planar import between
 from validation.poses.angles import Array
 from validation.shown import Shown
+
+SampleMotion = MotionDrive
 
 
 @dataclass(frozen=True, repr=False)
@@ -284,3 +287,25 @@ def make_drive(
     write_drive(folder, drive)
     heights = tuple(drive.antennas[:, 2].tolist())
     return SampleDrive(drive.records, heights, drive.distances, true_poses(drive), folder)
+
+
+def make_motion(*, seed: int = 1, level: int = 1, minutes: float = 5.0) -> SampleMotion:
+    """A robot that drives through a room, seen by four cameras with clocks of their own.
+
+    Parameters
+    ----------
+    seed : int
+        Of all that is drawn.
+    level : {1, 2, 3, 4}
+        How bad the cameras are: noise of 3, 8, 15 or 30 mm; latencies that scatter by 0, 2, 10
+        or 30 ms; 0.5 to 5 % of wrong poses; clocks that run away by 0, 0, 100 or 200 ppm.
+    minutes : float
+        How long it drives.
+
+    Examples
+    --------
+    >>> drive = gtval.testing.make_motion(seed=1, minutes=2)
+    >>> sorted(drive.cameras)
+    ['camera_1', 'camera_2', 'camera_3', 'camera_4']
+    """
+    return motion_drive(seed, level=level, minutes=minutes)

@@ -45,6 +45,9 @@ class LaserSettings(Settings):
     'local' at the guess, 'gpm' and 'kiss' where another matcher ends. ``genetic`` says whether
     the genetic aligner runs too, with ``population`` individuals over ``generations``; ``seed``
     starts its chance.
+
+    The defaults of distances, shares and counts are those of `PairSettings`, `MatchSettings` and
+    `GeneticSettings`. ``max_delay``: a judgement, between two scans of a scanner at 10 Hz.
     """
 
     scans: str = "laser/scans.csv"

@@ -29,6 +29,13 @@ class LaserSystem:
         files = [*settings.scan_files, settings.stops, settings.odometry, settings.decisions]
         return [campaign.folder / file for file in files]
 
+    def optional_inputs(self, campaign: "Campaign") -> list[Path]:
+        """Those of them that need not be there: what a log holds itself, and decisions."""
+        settings = campaign.section("laser", LaserSettings)
+        of_log = settings.odometry_format == "csv" and settings.format != "csv"
+        own = settings.odometry if of_log else settings.stops
+        return [campaign.folder / file for file in (settings.decisions, own)]
+
     def solve(self, campaign: "Campaign", progress: "Progress", **choices: Any) -> "SystemResult":
         """Poses by scan matching and by the genetic aligner, findings and report sections.
 

@@ -30,6 +30,9 @@ class SurveySystem:
 
         return input_files(campaign)
 
+    optional_inputs = inputs
+    """Readings or published poses suffice, and each other file adds something only where it is."""
+
     def solve(
         self,
         campaign: "Campaign",

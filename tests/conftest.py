@@ -45,6 +45,8 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     rows = [f"{t:.1f},{math.sin(t):.4f},{math.cos(t):.4f},{-t:.4f}\n" for t in turn]
     (files / "camera.csv").write_text("time,x,y,theta\n" + "".join(rows))
     rows = [f"{length}.000,{length}.003\n" for length in range(1, 13)]
+    moves = [f"{1e9 + k / 10} {k / 50} 0 0.1 0 0 0 1\n" for k in range(20)]
+    (files / "motion.tum").write_text("".join(moves))
     (files / "lengths.csv").write_text("true,reading\n" + "".join(rows))
     lens = (root / "drive/sensors/left_camera_lens.txt").read_text().strip()
     names = {name: str(root / name) for name in ("ad23", "room", "decided", "drive", "files")}

@@ -11,6 +11,7 @@ USES = {
     "accuracy": "{room} --start 1 --end 2 --dx 0.01 --dy 0.01 --dtheta 0.02",
     "compare": "{ad23}",
     "convergence": "{room} --starts 20",
+    "convert": "{files}/motion.tum {out}.csv",
     "demo": "{out}",
     "enter": "{room} --status",
     "explain": "{ad23}",
@@ -35,6 +36,7 @@ USES = {
     "run": "{room} --no-report",
     "simulate": "{out} --stops 3 --world-points 6",
     "simulate-drive": "{out} --loops 1",
+    "simulate-motion": "{out} --minutes 0.5",
     "survey": "{room} --dry-run",
     "vision calibrate": "{vision}/vision/calibration/1 --workers 1 {board}",
     "vision check-displacement": "{vision}/truth/camera_1.yaml "

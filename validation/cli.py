@@ -4,6 +4,7 @@ Nothing heavy is imported here or when the commands are loaded; a command import
 when it is called.
 """
 
+import os
 import sys
 from collections.abc import Iterable
 from typing import Any
@@ -35,12 +36,10 @@ class DiscoveredGroup(click.Group):
     def _load(self, entries: Iterable[EntryPoint]) -> None:
         for entry in entries:
             try:
-                commands = entry.load()
-            except Exception as error:  # noqa: BLE001  (one broken plug-in must not take the rest)
+                for command in entry.load():
+                    self.add_command(command)
+            except (Exception, SystemExit) as error:  # noqa: BLE001  (it must not take the rest)
                 click.echo(f"Warning: plug-in '{entry.name}' cannot be loaded: {error}", err=True)
-                continue
-            for command in commands:
-                self.add_command(command)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of all commands."""
@@ -56,9 +55,26 @@ class DiscoveredGroup(click.Group):
         return super().get_command(ctx, cmd_name)
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
-        """Run the program; no character that the terminal lacks is an error."""
+        """Run the program; no character that the terminal lacks is an error.
+
+        Output that cannot be written is one, told in a line; a pipe that its reader has closed
+        is an end like any other.
+        """
         never_fail()
-        return super().main(*arguments, **settings)
+        if sys.stdout is None:
+            click.echo("Error: the standard output is closed", err=True)
+            sys.exit(UNEXPECTED)
+        try:
+            try:
+                return super().main(*arguments, **settings)
+            finally:
+                sys.stdout.flush()
+        except OSError as error:
+            if not isinstance(error, BrokenPipeError):
+                click.echo(f"Error: the output cannot be written: {error.strerror}", err=True)
+            # What is still to be written goes nowhere.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            sys.exit(UNEXPECTED)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """The arguments; whether JSON is asked for is known before any of them is wrong."""
@@ -83,13 +99,25 @@ class DiscoveredGroup(click.Group):
             raise
         except (click.exceptions.Exit, BrokenPipeError):
             raise
-        except Exception as error:  # noqa: BLE001  (a traceback helps those who report it)
+        except Exception as error:
+            if isinstance(error, OSError) and _stdout_fails():
+                raise
             import traceback  # noqa: PLC0415
 
             said = f"Error: unexpected: {type(error).__name__}: {error}. Please report it"
             click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
             _tell(ctx, said)
             ctx.exit(UNEXPECTED)
+
+
+def _stdout_fails() -> bool:
+    """Whether what is printed cannot be written; an empty line, where it can, harms nobody."""
+    try:
+        sys.stdout.write("\n")
+        sys.stdout.flush()
+    except OSError:
+        return True
+    return False
 
 
 def _tell(ctx: click.Context, message: str, problems: Iterable[object] = ()) -> None:
@@ -106,7 +134,8 @@ def _tell_json(ctx: click.Context, message: str, problems: Iterable[object] = ()
         print_json({"command": ctx.invoked_subcommand or "", "error": error})
 
 
-STATUSES = """Exit status of every command: 0 done; 1 a part failed unexpectedly; 2 bad input or
+STATUSES = """Exit status of every command: 0 done; 1 a part failed unexpectedly, or
+the output cannot be written; 2 bad input or
 usage; 3 with --strict, a finding is an error; 130 interrupted."""
 
 

@@ -20,6 +20,10 @@ class GtvalError(Exception):
     """A known error, told in plain words."""
 
 
+class FaultyResultError(GtvalError):
+    """What a system hands over is not what it promises: a fault of its program, not of the data."""
+
+
 @dataclass(frozen=True)
 class Problem:
     """One bad place in an input file.

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
     from validation.poses.pose_table import PoseTable
+    from validation.poses.trajectory import Trajectory
 
 VALIDATION_SYSTEM = "survey"
 """The system whose poses the others are compared with."""
@@ -154,6 +155,8 @@ class SystemResult:
         Named points of the room map, in the GTV frame.
     overview : sequence of Table
         What a terminal shows after this system has been solved by itself.
+    trajectories : sequence of Trajectory
+        Poses on the move, in the GTV frame unless said otherwise; compared in time.
     """
 
     tables: "Sequence[PoseTable]" = ()
@@ -163,3 +166,4 @@ class SystemResult:
     facts: Mapping[str, object] = field(default_factory=dict)
     landmarks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     overview: Sequence[Table] = ()
+    trajectories: "Sequence[Trajectory]" = ()

@@ -4,13 +4,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from validation.campaign.folder import Campaign
-from validation.campaign.provenance import (
-    input_hashes,
-)
-from validation.campaign.published import assumed_sigmas, published_tables
-from validation.errors import GtvalError, InputError, Problem
+from validation.campaign.provenance import earlier_record, earlier_steps, input_hashes, relative
+from validation.errors import FaultyResultError, GtvalError, InputError, Problem
 from validation.explain.telling.section import ExplainParts, explain_campaign
 from validation.poses.pose_table import SPATIAL, PoseTable
+from validation.published.systems import published_systems
 from validation.results import VALIDATION_SYSTEM, Finding, Section, SystemResult
 from validation.shown import Shown
 from validation.solving import (
@@ -24,7 +22,8 @@ from validation.statistics.conclusions import conclusions
 from validation.statistics.error_statistics import IntervalMethod
 from validation.statistics.evaluation import Evaluation, evaluate
 from validation.statistics.result_files import errors_csv, statistics_csv
-from validation.systems import Progress, System, installed_systems, no_progress
+from validation.systems import Progress, System, inputs_of, installed_systems, no_progress
+from validation.in_time import TimeParts, time_parts
 
 
 @dataclass(frozen=True, repr=False)
@@ -47,6 +46,8 @@ class RunResult(Shown):
         Of the intervals of the mean.
     explained : ExplainParts, optional
         Where the errors come from; None where there is nothing to explain.
+    in_time : TimeParts, optional
+        The trajectories compared in time; None where there are not two.
     failures : tuple of SystemResult
         What stands in for analyses that failed unexpectedly; of systems, see ``systems``.
     comparison_files : mapping of str to str or bytes
@@ -60,6 +61,7 @@ class RunResult(Shown):
     inputs: Mapping[str, str]
     method: IntervalMethod
     explained: ExplainParts | None = None
+    in_time: TimeParts | None = None
     failures: tuple[SystemResult, ...] = ()
     comparison_files: Mapping[str, str | bytes] = field(default_factory=dict, repr=False)
 
@@ -127,13 +129,12 @@ def run_campaign(
     ------
     GtvalError
         If any data are bad, with the faults of all systems at once; if there is nothing to
-        run; if two systems give poses of the same name.
+        run; if published poses have the name of a system.
     """
     systems = _solve_all(campaign, progress)
-    _check_names(campaign, systems)
     progress("comparing", 0.9)
     findings = [finding for system in systems for finding in system.result.findings]
-    findings += _without_data(campaign, systems)
+    findings += _no_data(campaign, systems)
     evaluations, more, failures = _evaluate_all(campaign, systems, method)
     findings += more
     comparison_files: dict[str, str | bytes] = {}
@@ -150,6 +151,16 @@ def run_campaign(
     except Exception as error:  # noqa: BLE001  (what is compared stands without its explanation)
         failures.append(unexpected(EXPLANATION, error))
     findings += more
+    progress("comparing in time", 0.94)
+    in_time = None
+    try:
+        moving = [one for system in systems for one in system.result.trajectories]
+        in_time = time_parts(campaign, moving)
+    except GtvalError:
+        raise
+    except Exception as error:  # noqa: BLE001  (what is compared at stops stands without it)
+        failures.append(unexpected(IN_TIME, error))
+    findings += in_time.findings if in_time is not None else ()
     findings += [finding for failure in failures for finding in failure.findings]
     progress("hashing the inputs", 0.95)
     inputs = input_hashes(campaign.folder)
@@ -162,6 +173,7 @@ def run_campaign(
         inputs=inputs,
         method=method,
         explained=explained,
+        in_time=in_time,
         failures=tuple(failures),
         comparison_files=comparison_files,
     )
@@ -206,44 +218,69 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
 
         report(system.name, 0.0)
         try:
-            solved.append(solve_system(known, system, report))
+            solved.append(_apart(solve_system(known, system, report), solved))
         except GtvalError as error:
             faults.append(error)
     try:
-        for table in published_tables(campaign):
-            result = SystemResult([table], findings=assumed_sigmas(table))
-            solved.append(solved_system(table.system, result))
+        tables = (table for system in solved for table in system.result.tables)
+        validation = next((one for one in tables if one.system == VALIDATION_SYSTEM), None)
+        for name, result in published_systems(campaign, validation).items():
+            published = solved_system(name, result)
+            if _apart(published, solved) is not published:
+                said = "poses of this system come twice; rename one"
+                faults.append(InputError([Problem(campaign.toml, said, None, "published", name)]))
+            solved.append(published)
     except GtvalError as error:
         faults.append(error)
     except Exception as error:  # noqa: BLE001  (the systems' poses are there)
         solved.append(failed_system("published", error))
     _raise_together(faults)
     if not solved:
-        raise InputError(
-            [
-                Problem(
-                    campaign.folder,
-                    "the campaign holds no data for any installed system; put readings into "
-                    "survey/readings.csv, scans, images or fixes where campaign.toml says, or "
-                    "name a table of poses under [[published]]",
-                )
-            ]
+        places = {
+            relative(path, campaign.folder)
+            for system in installed_systems()
+            for path in inputs_of(system, campaign)
+            if not path.exists()
+        }
+        said = (
+            "the campaign holds no data for any installed system; looked for "
+            f"{', '.join(sorted(places)) or 'what they read'}. Put what you have there, or name a "
+            f"table of poses under [[published]] in {campaign.toml.name}"
         )
+        raise InputError([Problem(campaign.folder, said)])
     return solved
 
 
-def _without_data(campaign: Campaign, systems: Iterable[SolvedSystem]) -> list[Finding]:
-    """A warning for each system that campaign.toml has a table of, and that has no data."""
+def _apart(system: SolvedSystem, others: Iterable[SolvedSystem]) -> SolvedSystem:
+    """The system, or that it failed where it writes a file of another: its poses, say."""
+    owners = {file: other.name for other in others for file in other.files}
+    twice = next((file for file in system.files if file in owners), None)
+    if twice is None:
+        return system
+    said = f"'{system.name}' and '{owners[twice]}' both write results/{twice}"
+    return failed_system(system.name, FaultyResultError(said))
+
+
+def without_data(campaign: Campaign, systems: Iterable[SolvedSystem]) -> list[str]:
+    """Systems that campaign.toml has a table of, and that have no data."""
     missing = campaign.extra.keys() & {system.name for system in installed_systems()}
+    return sorted(missing - {system.name for system in systems})
+
+
+def _no_data(campaign: Campaign, systems: Iterable[SolvedSystem]) -> list[Finding]:
+    """A warning for each system that campaign.toml has a table of, and that has no data."""
+    earlier = earlier_steps(earlier_record(campaign))
     return [
         Finding(
             "warning",
             f"{campaign.toml.name} has a table [{name}], but the files that this system starts "
-            "from are not there: it gives no poses. Put the files back, or take the table out.",
+            "from are not there: it gives no poses"
+            f"{', and those of an earlier run stay, out of date' if name in earlier else ''}. "
+            "Put the files back, or take the table out.",
             name,
             "no_data",
         )
-        for name in sorted(missing - {system.name for system in systems})
+        for name in without_data(campaign, systems)
     ]
 
 
@@ -276,17 +313,6 @@ def _raise_together(faults: list[GtvalError]) -> None:
         }
         raise InputError(problems)
     raise GtvalError("\n".join(str(fault) for fault in faults))
-
-
-def _check_names(campaign: Campaign, systems: Iterable[SolvedSystem]) -> None:
-    """Raise if two tables have one name: their results would overwrite each other."""
-    names = [table.system for system in systems for table in system.result.tables]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise InputError(
-            Problem(campaign.toml, "poses of this system come twice; rename one", value=name)
-            for name in twice
-        )
 
 
 def _evaluate_all(
@@ -325,7 +351,7 @@ def _no_validation(tables: Iterable[PoseTable]) -> Finding:
     return Finding("warning", text + " Survey the stops.", VALIDATION_SYSTEM, "no_validation")
 
 
-COMPARISON, EXPLANATION = "comparison", "explain"
+COMPARISON, EXPLANATION, IN_TIME = "comparison", "explain", "time"
 """Steps of a run besides the systems."""
 
 

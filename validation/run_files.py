@@ -2,13 +2,24 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from validation.campaign.provenance import RECORD, REPORT, Step, digest_of, earlier_outputs
-from validation.run import COMPARISON, EXPLANATION, RunResult
+from validation.campaign.banner import marked_report
+from validation.campaign.provenance import (
+    RECORD,
+    REPORT,
+    OutOfDate,
+    Step,
+    digest_of,
+    earlier_outputs,
+    earlier_record,
+    earlier_steps,
+    out_of_date,
+)
+from validation.run import COMPARISON, EXPLANATION, IN_TIME, RunResult, without_data
 from validation.solving import (
     TRACEBACKS,
     made_with,
-    merged,
     remove_results,
     starts_from_survey,
     step_of,
@@ -19,23 +30,34 @@ from validation.text_files.writing import write_files
 
 
 def result_files(run: RunResult) -> dict[str, Mapping[str, str | bytes]]:
-    """Every file of results/ but run.json: by the step that made it, and by its name.
-
-    Raises
-    ------
-    GtvalError
-        If two steps write the same file, or one outside of results/.
-    """
+    """Every file of results/ but run.json: by the step that made it, and by its name."""
     steps = {system.name: system.files for system in run.systems}
     if run.comparison_files:
         steps[COMPARISON] = run.comparison_files
     if run.explained is not None:
         steps[EXPLANATION] = run.explained.files
+    if run.in_time is not None and run.in_time.files:
+        steps[IN_TIME] = run.in_time.files
     failures = {name: one for failure in run.failures for name, one in failure.files.items()}
     if failures:
         steps[TRACEBACKS] = failures
-    merged(steps.items())
     return steps
+
+
+LeftOver = tuple[dict[str, Step], list[OutOfDate]]
+
+
+def left_over(run: RunResult, *, report: bool) -> LeftOver:
+    """What earlier runs made and this one leaves as it is, and what of it is out of date now.
+
+    That is what systems made whose files are missing now, and the report unless there is a new
+    one.
+    """
+    earlier = earlier_steps(earlier_record(run.campaign))
+    names = [*without_data(run.campaign, run.systems), *([] if report else [REPORT])]
+    kept = {name: earlier[name] for name in names if name in earlier}
+    now = {n: digest_of(one) for step in result_files(run).values() for n, one in step.items()}
+    return kept, out_of_date(run.campaign, kept, now, run.inputs)
 
 
 def _steps(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> dict[str, Step]:
@@ -51,12 +73,15 @@ def _steps(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> di
     }
     surveyed = {name: one for name, one in poses.items() if name == "poses_survey.csv"}
     steps = {}
-    published = {one.system: campaign.folder / one.file for one in campaign.settings.published}
+    published = {
+        one.system: [campaign.folder / file for file in (one.file, one.stops) if file]
+        for one in campaign.settings.published
+    }
     for step, contents in files.items():
         sources, uses = [campaign.folder], poses if step in {COMPARISON, EXPLANATION} else {}
         system = installed.get(step)
         if step in published:
-            sources = [campaign.toml, published[step]]
+            sources = [campaign.toml, *published[step]]
         elif system is not None:
             sources = inputs_of(system, campaign)
             uses = surveyed if starts_from_survey(system) else {}
@@ -65,11 +90,15 @@ def _steps(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> di
     return steps
 
 
-def run_record(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> dict[str, object]:
+def run_record(
+    run: RunResult, files: Mapping[str, Mapping[str, str | bytes]], left: LeftOver
+) -> dict[str, Any]:
     """What run.json holds: everything needed to tell where the numbers came from.
 
     It holds no time of day: the same inputs give the same bytes.
     """
+    kept, old = left
+    names = [n for step in (*files.values(), *(one.outputs for one in kept.values())) for n in step]
     return {
         **made_with(),
         "settings": {**run.campaign.settings.model_dump(), **run.campaign.extra},
@@ -88,9 +117,9 @@ def run_record(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -
             for evaluation in run.evaluations
         },
         "findings": run.findings,
-        "steps": _steps(run, files),
-        "out_of_date": [],
-        "outputs": sorted([RECORD, *(name for step in files.values() for name in step)]),
+        "steps": {**_steps(run, files), **kept},
+        "out_of_date": old,
+        "outputs": sorted({RECORD, *names}),
     }
 
 
@@ -119,12 +148,14 @@ def write_results(run: RunResult, report: Mapping[str, str | bytes] | None = Non
     """
     folder, results = run.campaign.folder, run.campaign.results
     steps = result_files(run)
+    left = left_over(run, report=bool(report))
     before = earlier_outputs(run.campaign)
     files = {name: content for step in steps.values() for name, content in step.items()}
-    files[RECORD] = json_text(run_record(run, steps))
+    files[RECORD] = json_text(record := run_record(run, steps, left))
     contents = {f"{results.name}/{name}": content for name, content in files.items()}
+    contents |= marked_report(run.campaign, left[1])
     for name, content in (report or {}).items():
         contents[f"{run.campaign.report.name}/{name}"] = content
     written = write_files(folder, contents)
-    remove_results(run.campaign, before - set(files))
+    remove_results(run.campaign, before.difference(record["outputs"]))
     return written

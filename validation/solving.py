@@ -18,7 +18,7 @@ from validation.campaign.banner import marked_report
 from validation.campaign.folder import Campaign, load_campaign
 from validation.campaign.provenance import (
     RECORD,
-    REPORT_FILE,
+    OutOfDate,
     Step,
     below,
     digest_of,
@@ -30,7 +30,7 @@ from validation.campaign.provenance import (
     relative,
     sources_of,
 )
-from validation.errors import GtvalError
+from validation.errors import FaultyResultError, GtvalError, shown
 from validation.poses.pose_files import pose_files
 from validation.poses.pose_table import PoseTable
 from validation.results import VALIDATION_SYSTEM, Finding, Section, SystemResult, Table
@@ -41,12 +41,19 @@ from validation.systems import (
     installed_system,
     installed_systems,
     no_progress,
+    untold_inputs,
 )
 from validation.text_files.json_text import json_text
 from validation.text_files.writing import write_files
 
 LIBRARIES = ("numpy", "scipy", "opencv-contrib-python-headless", "filterpy", "kiss-icp")
 TRACEBACKS = "tracebacks"
+
+_RESERVED = re.compile(rf"({RECORD}|errors\.csv|statistics\.csv)$|(explain|{TRACEBACKS})(/|$)")
+"""Files of the run itself under results/."""
+
+MOST_BYTES = 200
+"""Of a file's name: of the 255 that file systems take, its temporary neighbours need 25."""
 
 
 @dataclass(frozen=True)
@@ -81,10 +88,10 @@ def solved_system(
 
     Raises
     ------
-    GtvalError
-        If two files have one name, or one leads out of results/.
-    TypeError
-        If a plug-in gives something else than it promises.
+    FaultyResultError
+        If two files have one name, or one that no file under results/ can have.
+    Exception
+        If a plug-in gives something else than it promises, or facts that JSON cannot hold.
     """
     promised: list[tuple[Iterable[object], tuple[type, ...]]] = [
         (result.tables, (PoseTable,)),
@@ -92,13 +99,27 @@ def solved_system(
         (result.sections, (Section,)),
         (result.overview, (Table,)),
         (result.files.values(), (str, bytes)),
+        ((finding.text for finding in result.findings), (str,)),
+        ((result.facts, result.landmarks), (Mapping,)),
     ]
     for parts, kinds in promised:
         for part in parts:
             if not isinstance(part, kinds):
                 names = " or ".join(kind.__name__ for kind in kinds)
                 raise TypeError(f"'{name}' gives {part!r} where {names} is expected")
-    files = merged([("poses", dict(pose_files(result.tables))), (name, result.files)])
+    json_text([result.facts, *(table.provenance for table in result.tables)])
+    files: dict[str, str | bytes] = dict(pose_files(result.tables))
+    for file, content in result.files.items():
+        parts = file.split("/")
+        if {"", ".", ".."} & {*parts} or "\\" in file or not file.isprintable():
+            raise FaultyResultError(f"'{name}' wants to write outside results/: {shown(file)}")
+        if max(len(part.encode()) for part in parts) > MOST_BYTES:
+            raise FaultyResultError(
+                f"'{name}' wants to write a file of too long a name: {shown(file)}"
+            )
+        if file in files or _RESERVED.match(file):
+            raise FaultyResultError(f"'{name}' writes results/{file}, which is written already")
+        files[file] = content
     return SolvedSystem(name, result, files, choices or {})
 
 
@@ -143,11 +164,14 @@ def solve_system(
     """
     chosen = {name: value for name, value in (choices or {}).items() if value is not None}
     try:
-        return solved_system(system.name, system.solve(campaign, progress, **chosen), chosen)
-    except GtvalError:
-        raise
-    except (Exception, SystemExit) as error:  # noqa: BLE001  (one must not take the others)
-        return failed_system(system.name, error)
+        solved = solved_system(system.name, system.solve(campaign, progress, **chosen), chosen)
+    except (Exception, SystemExit) as error:
+        if isinstance(error, GtvalError) and not isinstance(error, FaultyResultError):
+            raise
+        return failed_system(system.name, error)  # one must not take the others
+    told = untold_inputs(system, campaign)
+    findings = [*solved.result.findings, *told]
+    return replace(solved, result=replace(solved.result, findings=findings)) if told else solved
 
 
 def solve_validation(campaign: Campaign, systems: Iterable[System]) -> Campaign:
@@ -169,31 +193,6 @@ def solve_validation(campaign: Campaign, systems: Iterable[System]) -> Campaign:
         said = solved.result.findings[0].text
         raise GtvalError(f"{said} `gtval {first.name} CAMPAIGN` alone writes it")
     return replace(campaign, solved={first.name: solved.result})
-
-
-def merged(parts: Iterable[tuple[str, Mapping[str, str | bytes]]]) -> dict[str, str | bytes]:
-    """All files of several owners together.
-
-    Parameters
-    ----------
-    parts : iterable of (str, mapping)
-        Owner, and its files by their names relative to results/.
-
-    Raises
-    ------
-    GtvalError
-        If two owners write the same file, or a name leads out of the folder.
-    """
-    files: dict[str, str | bytes] = {}
-    owners: dict[str, str] = {}
-    for owner, contents in parts:
-        for name, content in contents.items():
-            if name.startswith("/") or "\\" in name or ".." in name.split("/"):
-                raise GtvalError(f"'{owner}' wants to write outside results/: {name}")
-            if name in files:
-                raise GtvalError(f"'{owner}' and '{owners[name]}' both write results/{name}")
-            files[name], owners[name] = content, owner
-    return files
 
 
 def step_of(
@@ -291,13 +290,18 @@ def write_step(
     record["outputs"] = sorted({*listed - gone, *files, RECORD})
     contents = {f"{campaign.results.name}/{file}": one for file, one in files.items()}
     contents[f"{campaign.results.name}/{RECORD}"] = json_text(record)
-    contents |= marked_report(campaign, next((one for one in old if one.file == REPORT_FILE), None))
+    contents |= marked_report(campaign, old)
     write_files(campaign.folder, contents)
     remove_results(campaign, gone & listed)
+    return late_finding(name, old)
+
+
+def late_finding(subject: str, old: Sequence[OutOfDate]) -> tuple[Finding, ...]:
+    """A warning that names the files that are out of date; nothing where there are none."""
     if not old:
         return ()
-    text = f"Out of date now: {', '.join(one.file for one in old)}. `gtval run` makes them anew."
-    return (Finding("warning", text, name, "out_of_date"),)
+    text = f"Out of date now: {', '.join(one.file for one in old)}; `gtval run` makes them anew."
+    return (Finding("warning", text, subject, "out_of_date"),)
 
 
 def remove_results(campaign: Campaign, names: Iterable[str]) -> None:

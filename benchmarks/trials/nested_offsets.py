@@ -10,9 +10,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from rtk_gt.offsets.noise import pair_incidence
-from rtk_gt.receivers.frames import FrameVectors
 from rtk_gt.receivers.steps import Steps, pair_differences
 from validation.poses.angles import Array
+from validation.poses.earth_frames import FrameVectors
 
 
 class NestedSolution(NamedTuple):

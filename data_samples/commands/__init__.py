@@ -1,7 +1,7 @@
-"""The commands ``gtval demo``, ``gtval simulate`` and ``gtval simulate-drive``."""
+"""The commands ``gtval demo``, ``gtval simulate`` and the like."""
 
 import click
 
-from data_samples.commands import drives, rooms
+from data_samples.commands import drives, motion, rooms
 
-COMMANDS: list[click.Command] = [*rooms.COMMANDS, *drives.COMMANDS]
+COMMANDS: list[click.Command] = [*rooms.COMMANDS, *drives.COMMANDS, *motion.COMMANDS]

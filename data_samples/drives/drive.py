@@ -16,10 +16,10 @@ from data_samples.drives.campus import Campus, make_campus
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.path.orientation import pose_of, transform_of
 from rtk_gt.receivers.fixes import RTK_FIXED, RTK_FLOAT, Fixes
-from rtk_gt.receivers.frames import FrameVectors, LocalFrame
 from rtk_gt.receivers.steps import pair_differences
 from rtk_gt.sensors.scans import LineScans
 from validation.poses.angles import Array
+from validation.poses.earth_frames import FrameVectors, LocalFrame
 
 START = datetime(2024, 4, 10, 9, 0, 0, tzinfo=UTC).timestamp()
 RECEIVERS = ("rear", "front_left", "front_right")

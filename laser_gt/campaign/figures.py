@@ -157,7 +157,7 @@ def quality_figure(matching: Matching) -> Figure:
     top = max(left.get_ylim()[1], 0.02)
     left.set_ylim(-0.03 * top, top)
     spread = [m.sigma_length for m in matching.matches]
-    if spread and max(spread) > 30 * min(spread):
+    if spread and max(spread) > 30 * min(spread):  # a judgement: else the small are one dot
         right.set_xscale("log")
     for axes in (left, right):
         axes.grid(visible=True, linewidth=0.4, alpha=0.5)

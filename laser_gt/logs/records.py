@@ -10,6 +10,7 @@ import numpy as np
 from laser_gt.scans.scan import Scan
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
+from validation.text_files.reading import file_bytes, is_utf16
 
 P = TypeVar("P")
 R = TypeVar("R")
@@ -168,17 +169,13 @@ def read_lines(path: Path) -> list[str]:
     import zlib  # noqa: PLC0415
 
     try:
-        if path.stat().st_size > MAX_LOG_BYTES:
-            raise InputError([Problem(path, "larger than 500 MB; cut the log into parts")])
-        data = path.read_bytes()
+        data = file_bytes(path, MAX_LOG_BYTES, "a log")
         if data[:2] == b"\x1f\x8b":
             data = gzip.decompress(data)
-    except FileNotFoundError:
-        raise InputError([Problem(path, "there is no such file")]) from None
+        if is_utf16(data):
+            raise InputError([Problem(path, "saved as UTF-16; save the file as UTF-8", 1)])
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise InputError([Problem(path, f"the compressed log is damaged: {error}")]) from error
-    except OSError as error:
-        raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
     return data.decode("utf-8", errors="replace").splitlines()
 
 

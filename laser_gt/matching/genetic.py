@@ -46,6 +46,12 @@ class GeneticSettings:
         Share of each generation drawn anew from the window, which keeps the search global.
     as_published : bool
         The document's fitness, all points, no polish.
+
+    Notes
+    -----
+    Population, generations and drop are the document's. The others are judgements: a quarter of
+    the points may see what the other scan does not; the window is that of pairs; seeds scatter as
+    a search's cells do; a few survivors keep the best, a sixth of newcomers keeps it looking.
     """
 
     population: int = 100
@@ -259,5 +265,5 @@ def _children(
     away = wrapped(father - mother)
     share = rng.uniform(-0.3, 1.3, (count, 3))
     width = window * 0.1 * (0.01**progress)
-    mutated = rng.random((count, 3)) < 0.4
+    mutated = rng.random((count, 3)) < 0.4  # a judgement: of three numbers about one
     return np.asarray(mother + share * away + mutated * rng.normal(0, 1, (count, 3)) * width)

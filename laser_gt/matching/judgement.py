@@ -31,10 +31,12 @@ class MatchSettings:
     Parameters
     ----------
     guess_length, guess_angle : float
-        Standard deviation of the guess, metres and radians. Beyond ``local_length`` and
+        Standard deviation of the guess, metres and radians. A judgement: that of odometry over
+        the few metres between two stops. Beyond ``local_length`` and
         ``local_angle`` a global search over three standard deviations is added.
     local_length, local_angle : float
-        How far off a guess the local matcher alone is trusted with.
+        How far off a guess the local matcher alone is trusted with. A judgement: three of these
+        standard deviations are 0.18 m and 10 degrees, less than walls and furniture are apart.
     search : SearchSettings
         Lattice of the global search.
     judgement : JudgementSettings
@@ -92,15 +94,19 @@ def judged(
         starts = found.pose[best] + _disturbances(limits)
         again = _again(reference, moving, starts)
         again_seen = evidence(reference, moving, again.pose, stride=2)
+        # A judgement: a score higher by a tenth of all points is another pose, not noise.
         if again_seen.score.max() < seen.score[best] + 0.1:
             break
         candidates = np.concatenate([found.pose, again.pose[[again_seen.score.argmax()]]])
     poses = np.concatenate([np.delete(found.pose, best, 0), again.pose])
     scores = np.concatenate([np.delete(seen.score, best), again_seen.score])
     loose = 3 * np.sqrt(np.diagonal(found.covariance[best]))
+    # Floors of "the same": a judgement, a little more than what an accepted match may be off.
     same = _same(again.pose, found.pose[best], max(0.008, loose[:2].max()), max(0.004, loose[2]))
+    # A judgement: 10 cm and 3 degrees are beyond the noise of any match and within any guess.
     rivals = ~_same(poses, found.pose[best], 0.1, 0.05)
     rival = float(scores[rivals].max()) if rivals.any() else -np.inf
+    # A judgement: scores this near differ by a few points, as noise makes them.
     equal = again_seen.score > seen.score[best] - 0.03
     spread = _spread(again.pose[equal], found.pose[best])
     pose, covariance = both_ways(
@@ -136,6 +142,7 @@ def _candidates(
     reference: Prepared, moving: Prepared, guess: Array, settings: MatchSettings
 ) -> Array:
     """(k, 3) poses worth a judgement: from the guess, and from a search if it is uncertain."""
+    # Two standard deviations of the guess; at least 0.3 m, a judgement: half of a doorway.
     reach = max(0.3, 2 * settings.guess_length)
     local = align(reference.surface, moving.surface, guess, reach=reach).pose
     sure = settings.guess_length <= settings.local_length

@@ -19,6 +19,9 @@ VERDICTS: tuple[Verdict, ...] = ("accept", "look", "reject")
 class JudgementSettings:
     """Limits between accept, look and reject; each pair is (accept up to, reject beyond).
 
+    All are judgements where nothing else is said. How many wrong matches pass them together is
+    measured: tests count them in simulated rooms.
+
     Parameters
     ----------
     explained : (float, float)

@@ -171,6 +171,8 @@ def _run_of(sweep: Sweep, points: Array, ranges: Array, sigmas: Array) -> Indice
         steps.append(np.full(len(angles), view.scan.step))
     step = np.concatenate(steps)
     chord = np.sqrt((np.diff(points, axis=0, prepend=points[:1]) ** 2).sum(-1))
+    # Judgements: a run ends at a jump (ten times the arc is a wall within 6 degrees of the beam,
+    # 0.1 m the depth of a door frame) and where three beams are missing.
     allowed = np.maximum(10 * ranges * step, 0.1) + 5 * sigmas
     broken = (chord > allowed) | (np.concatenate(gaps) > 3.5 * step)
     return np.cumsum(broken)

@@ -58,6 +58,7 @@ def direction_words(direction: Array, receivers: tuple[str, ...]) -> str:
     parts = direction.reshape(-1, 3)
     parts = parts * np.sign(parts.ravel()[np.abs(parts).argmax()])
     said = []
+    # A judgement: parts below a fifth of the largest are left out of the words.
     for name, part in zip(receivers[1:], parts, strict=True):
         shown = [f"{v:+.2f} {axis}" for v, axis in zip(part, AXES, strict=True) if abs(v) > 0.2]
         if shown:
@@ -79,6 +80,7 @@ def _coverage(outcome: RtkOutcome) -> Iterator[Finding]:
             f"{gap.start - found.start:.1f} on. Gaps hold no ground truth; nothing is "
             "interpolated across them."
         )
+    # A judgement: with less than half of the drive, results may not be of the whole of it.
     yield Finding("note" if share > 0.5 else "warning", text, SUBJECT, "coverage")
 
 

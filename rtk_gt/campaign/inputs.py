@@ -10,7 +10,6 @@ from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.receivers.fix_checks import check_fixes
 from rtk_gt.receivers.fix_csv import read_fix_csv
 from rtk_gt.receivers.fixes import Fixes
-from rtk_gt.receivers.frames import FrameVectors, LocalFrame
 from rtk_gt.receivers.nmea import read_nmea
 from rtk_gt.receivers.rawlog import Rawlog, read_rawlog
 from rtk_gt.receivers.rtklib import read_pos
@@ -18,6 +17,7 @@ from rtk_gt.receivers.steps import Steps, common_steps
 from rtk_gt.settings import Receiver, RtkSettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
+from validation.poses.earth_frames import FrameVectors, LocalFrame
 
 ENDINGS = {
     ".nmea": "nmea",

@@ -21,10 +21,10 @@ from rtk_gt.offsets.robust import (
     redescending_weights,
 )
 from rtk_gt.receivers.assumptions import ETA, FEWEST_STEPS
-from rtk_gt.receivers.frames import FrameVectors
 from rtk_gt.receivers.steps import Steps, pair_differences, receiver_pairs
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.poses.earth_frames import FrameVectors
 from validation.shown import Shown
 
 SIGNIFICANT = 4.0

@@ -93,7 +93,7 @@ def antenna_positions(
     start = np.array([begin[0] + ahead[0], half, begin[0] + ahead[1], *rough.ravel()])
     found = least_squares(residuals, start, jacobian, xtol=1e-15, ftol=1e-15, gtol=1e-15)
     misfit = np.asarray(found.fun)
-    if receivers == 3 and np.abs(misfit).max() > 1e-6:
+    if receivers == 3 and np.abs(misfit).max() > 1e-6:  # no root; far above rounding, below noise
         said = ", ".join(f"{d:.4f}" for d in distances)
         raise GtvalError(
             f"the distances {said} m make no triangle with antennas at the heights "
@@ -111,7 +111,7 @@ def check_antennas(positions: Array) -> None:
         If the triangle is narrower than a thousandth of its length.
     """
     widths = np.linalg.svd(positions - positions.mean(0), compute_uv=False)
-    if widths[1] < 1e-3 * widths[0]:
+    if widths[1] < 1e-3 * widths[0]:  # a judgement: 2 mm on a car, as much as a fix is off
         raise GtvalError(
             "the antennas are in one line: the rotation about that line cannot be found"
         )

@@ -7,9 +7,9 @@ import numpy as np
 
 from rtk_gt.path.interpolation import segments
 from rtk_gt.receivers.fixes import FIX_NAMES, RTK_FIXED, RTK_FLOAT, Fixes
-from rtk_gt.receivers.frames import LocalFrame
 from rtk_gt.receivers.steps import Steps
 from validation.poses.angles import Array
+from validation.poses.earth_frames import LocalFrame
 
 NOT_RECORDED = "no record"
 

@@ -11,10 +11,10 @@ from rtk_gt.path.alignment import align
 from rtk_gt.path.antennas import Antennas, check_antennas
 from rtk_gt.path.covariance import noise_covariance, systematic_jacobian
 from rtk_gt.path.orientation import angles_of, matrix_of
-from rtk_gt.receivers.frames import LocalFrame
 from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.poses.earth_frames import LocalFrame
 from validation.shown import Shown
 
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from rtk_gt.receivers.fixes import Fixes
-from rtk_gt.receivers.frames import LocalFrame, ecef_from_geodetic
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
+from validation.poses.earth_frames import LocalFrame, ecef_from_geodetic
 
 FAR = 100_000.0
 """Metres from the other receivers or the frame's origin: farther is another drive. A judgement; RTK
@@ -69,7 +69,8 @@ def _in_place(record: Fixes) -> list[Problem]:
     places = ecef_from_geodetic(fixed.geodetic)
     lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)
     times = np.maximum(np.diff(fixed.times), 1e-3)
-    # False fixes of metres are for the estimators to weigh; this is for damaged numbers.
+    # False fixes of metres are for the estimators to weigh; this is for damaged numbers. 1 km: a
+    # judgement, a hundred times the largest false fix and a digit of a degree of latitude less.
     impossible = np.flatnonzero((lengths > FASTEST * times) & (lengths > 1000.0))
     return [
         Problem(

@@ -85,7 +85,7 @@ def read_nmea(
     InputError
         Naming line, field and value of every bad place.
     """
-    text = file_bytes(path, MAX_BYTES).decode("latin-1")
+    text = file_bytes(path, MAX_BYTES, text=True).decode("latin-1")
     start = None if day is None else datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()
     log = _Log(path, skip_damaged, start)
     log.day, log.last_clock = (start, None) if start is not None else _first_date(text)

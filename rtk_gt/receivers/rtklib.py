@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from rtk_gt.receivers.fixes import AUTONOMOUS, DGPS, ESTIMATED, RTK_FIXED, RTK_FLOAT, SBAS, Fixes
-from rtk_gt.receivers.frames import LocalFrame, geodetic_from_ecef
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
+from validation.poses.earth_frames import LocalFrame, geodetic_from_ecef
 from validation.text_files.reading import file_bytes
 
 MAX_BYTES = 2_000_000_000
@@ -46,7 +46,7 @@ def read_pos(path: Path, receiver: str) -> Fixes:
         Naming line, field and value of every bad place; for heights above the geoid, degrees
         with minutes, or baselines, which this reader does not take.
     """
-    lines = file_bytes(path, MAX_BYTES).decode("latin-1").splitlines()
+    lines = file_bytes(path, MAX_BYTES, text=True).decode("latin-1").splitlines()
     geodetic, utc = _header(path, lines)
     problems: list[Problem] = []
     rows: list[Array] = []

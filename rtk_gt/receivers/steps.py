@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from rtk_gt.receivers.assumptions import SIMULTANEOUS
 from rtk_gt.receivers.fixes import RTK_FIXED, Bools, Fixes, Ints
-from rtk_gt.receivers.frames import FrameVectors, LocalFrame
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.poses.earth_frames import FrameVectors, LocalFrame
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,7 @@ def _not_together(
         f"not move together: the difference of their positions changes by {apart:.0f} m, and "
         f"antennas on one vehicle are less than {VEHICLE_SIZE:.0f} m apart. "
     )
-    if left < 0.3 * apart:
+    if left < 0.3 * apart:  # a judgement: the shift explains most of it
         late = second if shift > 0 else first
         text += (
             f"With the clock of {late.receiver} set back by about {abs(shift):.0f} s they do. "

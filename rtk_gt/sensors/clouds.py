@@ -63,6 +63,7 @@ def colour_points(
         x, y = pixels[rows].astype(np.int64).T
         nearest = np.full((height // 4 + 1, width // 4 + 1), np.inf)
         np.minimum.at(nearest, (y // 4, x // 4), distance[rows])
+        # A judgement: within 5 % of the nearest of its 4 x 4 pixels a point is not hidden.
         front = distance[rows] < 1.05 * nearest[y // 4, x // 4]
         better = front & (distance[rows] < best[rows])
         rows, x, y = rows[better], x[better], y[better]

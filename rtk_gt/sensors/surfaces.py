@@ -103,6 +103,8 @@ def _seeds(world: Array, size: float, gate: float) -> tuple[Array, Array, Ints]:
         for j in range(3):
             second[:, i, j] = np.bincount(inverse, away[:, i] * away[:, j])
     values, vectors = np.linalg.eigh(second / counts[:, None, None])
+    # Judgements: an even square of that size has a variance of (0.29 size)^2 along each edge, less
+    # than half of that is a strip; across, a sixth of it in variance is no longer flat.
     flat = (values[:, 0] < gate**2) & (values[:, 1] > (0.12 * size) ** 2) & (counts >= _FEWEST)
     flat &= values[:, 0] < 0.15 * values[:, 1]
     return centres[flat], vectors[flat, :, 0], counts[flat]
@@ -146,6 +148,7 @@ def _piece(
             return None
         centre, axes, values = _plane(world[rows])
         normal = axes[2]
+    # A little less strict and more strict than for the seeds: a judgement.
     if values[1] < (0.1 * size) ** 2 or values[0] > 0.1 * values[1]:
         return None
     side = np.einsum("ni,i->n", origins[rows] - world[rows], normal) > 0

@@ -15,10 +15,11 @@ from survey.readings.hardware import assumed_sigmas
 from survey.readings.readings import Readings
 from validation.results import Finding
 from validation.statistics.consistency import unit_weight_interval
+from validation.statistics.units import unit_of_points
 
 SUSPECT_FRAME = 0.05
 """Chance that a frame of the stated quality is called off its shape by any of its tests. A
-judgement: the poles are measured again in vain in one campaign of twenty."""
+judgement: in one campaign of twenty the poles are measured again for nothing."""
 WEAK_REDUNDANCY = 0.1
 """Readings that the others check by less than this are listed: the smallest blunder found in them,
 4.13 / sqrt(0.1) = 13 sigma, is 3 cm with the 2.2 mm of a usual reading."""
@@ -30,6 +31,7 @@ def survey_findings(outcome: SurveyOutcome) -> list[Finding]:
         return [_sentence(_only_published(outcome))]
     solution = outcome.solution
     found = [
+        *_units(outcome, solution),
         *_labelling(solution.labelling),
         *_frame(solution),
         *_world_points(solution),
@@ -92,6 +94,19 @@ def _labelling(verdict: LabellingVerdict) -> Iterator[Finding]:
         )
 
 
+def _units(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[Finding]:
+    evidence, settings = outcome.inputs.evidence, outcome.inputs.settings
+    for file, rough, found in (
+        (settings.hand_points, evidence.hand, {p.name: p.position for p in solution.world.points}),
+        (settings.initial_guesses, evidence.guesses, {f.pose: f.state for f in solution.frames}),
+    ):
+        both = [name for name in rough if name in found]
+        unit = unit_of_points([rough[n][:2] for n in both], [found[n][:2] for n in both])
+        if unit:
+            text = f"write metres in {file}: its coordinates are in {unit}, by the readings"
+            yield Finding("warning", text, "survey", "unit")
+
+
 def _exchange(labelling: Labelling) -> str:
     """The exchanged labels in words."""
     pairs = {frozenset((a, b)) for a, b in labelling.meaning.items()}
@@ -146,7 +161,7 @@ def _world_points(solution: SurveySolution) -> Iterator[Finding]:
         )
     for point in solution.world.points:
         p = float(chdtrc(point.redundancy, point.cost)) if point.redundancy else 1.0
-        if p < 1e-3:
+        if p < 1e-3:  # a judgement: of 20 points one is told in fifty good surveys
             yield Finding(
                 "warning",
                 f"the {point.redundancy + 2} readings of world point {point.name} do not meet in "
@@ -170,7 +185,7 @@ def _published(outcome: SurveyOutcome) -> Iterator[Finding]:
             f"are off by {dx:+.1f} mm in x and {dy:+.1f} mm in y. No change of a single reading by "
             f"up to 5 cm brings them together: the best, {1e3 * remedy.change:+.0f} mm on the "
             f"distance to {remedy.label}, leaves {1e3 * remedy.remains:.1f} mm"
-            if remedy.remains > 1e-3
+            if remedy.remains > 1e-3  # a judgement: a millimetre is the last digit printed
             else f"the published coordinates are off by {dx:+.1f} mm in x and "
             f"{dy:+.1f} mm in y; a change of {1e3 * remedy.change:+.0f} mm in the distance to "
             f"{remedy.label} would explain it",
@@ -208,7 +223,7 @@ def _poses(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[Finding
         )
     for frame in solution.frames:
         p = float(chdtrc(frame.redundancy, frame.cost)) if frame.redundancy else 1.0
-        if p < 1e-4:
+        if p < 1e-4:  # a judgement: of 20 stops one is told in five hundred good surveys
             yield Finding(
                 "warning",
                 f"the readings of pose {frame.pose} do not agree with one place of the robot frame "
@@ -260,7 +275,7 @@ def _unit_weight(solution: SurveySolution) -> Iterator[Finding]:
         without = ""
         if 0 < k < dof:
             rest = adjustment.chi_squared - sum(float(s.w[0] ** 2) for s in solution.suspicions)
-            without = f"; without the {k} suspected reading(s) it would be "
+            without = "; if the suspected readings are left out, m0 is "
             without += f"{np.sqrt(max(rest, 0.0) / (dof - k)):.3f}"
         yield Finding(
             "warning",

@@ -13,7 +13,8 @@ from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable, from_csv
-from validation.text_files.csv_tables import Column, read_csv
+from validation.text_files.csv_tables import MAX_BYTES, Column, read_csv
+from validation.text_files.reading import file_bytes
 
 HAND_SIGMA = 0.2
 """Standard deviation, in metres, of hand-measured points that state none. A judgement: a tape laid
@@ -62,7 +63,7 @@ def load_inputs(campaign: Campaign) -> SurveyInputs:
     problems = _settings_problems(campaign, settings)
     if readings.exists():
         # Names of marks hold a '/'; the rest of the file is read when the settings are good.
-        marks = b"/" in readings.read_bytes()
+        marks = b"/" in file_bytes(readings, MAX_BYTES, "a table")
         tolerance = settings.reading_sigma is None
         problems += missing_hardware(campaign, tolerance=tolerance, rig=marks)
     if problems:

@@ -103,19 +103,9 @@ def world_table(solution: SurveySolution) -> Table:
     return Table(
         "World points",
         (
-            "world point",
-            "x [m]",
-            "y [m]",
-            "sigma x [mm]",
-            "sigma y [mm]",
-            "chi²",
-            "redundancy",
-            "joint dx [mm]",
-            "joint dy [mm]",
-            "joint sigma x [mm]",
-            "joint sigma y [mm]",
-            "rejected solution [m]",
-            "its chi²",
+            *("world point", "x [m]", "y [m]", "sigma x [mm]", "sigma y [mm]", "chi²"),
+            *("redundancy", "joint dx [mm]", "joint dy [mm]", "joint sigma x [mm]"),
+            *("joint sigma y [mm]", "rejected solution [m]", "its chi²"),
         ),
         rows,
         ("", ".6f", ".6f", ".1f", ".1f", ".1f", "", "+.1f", "+.1f", ".1f", ".1f", "", ".3g"),
@@ -171,7 +161,7 @@ def _world_tables(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[
                 )
             ],
             ("", ".6f", ".6f", "+.3f", "+.3f", ""),
-            note="x, y as published; dx, dy published less computed from the readings.",
+            note="x, y as published; dx, dy published minus computed from the readings.",
         )
 
 
@@ -189,24 +179,15 @@ def pose_table(solution: SurveySolution) -> Table:
     return Table(
         "Validation poses",
         (
-            "pose",
-            "x [m]",
-            "y [m]",
-            "theta [rad]",
-            "sigma x [mm]",
-            "sigma y [mm]",
-            "sigma theta [mrad]",
-            "alone dx [mm]",
-            "alone dy [mm]",
-            "alone dtheta [mrad]",
-            "chi²",
-            "redundancy",
+            *("pose", "x [m]", "y [m]", "theta [rad]"),
+            *("sigma x [mm]", "sigma y [mm]", "sigma theta [mrad]"),
+            *("alone dx [mm]", "alone dy [mm]", "alone dtheta [mrad]", "chi²", "redundancy"),
         ),
         rows,
         ("", ".4f", ".4f", ".4f", ".1f", ".1f", ".1f", "+.1f", "+.1f", "+.1f", ".1f", ""),
         note=(
             "Joint adjustment; 'alone' is the pose from its own readings and fixed world points "
-            "less the joint one."
+            "minus the joint one."
         ),
     )
 
@@ -225,20 +206,12 @@ def hand_table(outcome: SurveyOutcome) -> Table:
     return Table(
         "Hand-measured and validation robot frames",
         (
-            "pose",
-            "hand x [m]",
-            "hand y [m]",
-            "hand theta [rad]",
-            "x [m]",
-            "y [m]",
-            "theta [rad]",
-            "dx [m]",
-            "dy [m]",
-            "dtheta [rad]",
+            *("pose", "hand x [m]", "hand y [m]", "hand theta [rad]"),
+            *("x [m]", "y [m]", "theta [rad]", "dx [m]", "dy [m]", "dtheta [rad]"),
         ),
         rows,
         ("", *(".4f",) * 6, *("+.4f",) * 3),
-        note="d: validation less hand.",
+        note="d: validation minus hand.",
     )
 
 
@@ -263,13 +236,8 @@ def _reading_tables(solution: SurveySolution) -> Iterator[Table]:
     yield Table(
         "Readings with the largest test values",
         (
-            "reading",
-            "line",
-            "distance [m]",
-            "residual [mm]",
-            "redundancy",
-            "w",
-            "smallest blunder found [mm]",
+            *("reading", "line", "distance [m]", "residual [mm]", "redundancy"),
+            *("w", "smallest blunder found [mm]"),
         ),
         [
             (
@@ -310,37 +278,25 @@ def listing_tables(outcome: SurveyOutcome) -> list[Table]:
         Table(
             "World points by the document's listing",
             (
-                "world point",
-                "x [m]",
-                "y [m]",
-                "dx [mm]",
-                "dy [mm]",
-                "its sigma x [mm]",
-                "its sigma y [mm]",
+                *("world point", "x [m]", "y [m]"),
+                *("dx [mm]", "dy [mm]", "its sigma x [mm]", "its sigma y [mm]"),
             ),
             points,
             ("", ".6f", ".6f", "+.3f", "+.3f", ".1f", ".1f"),
-            note="d: listing less this program's world point, before the joint adjustment.",
+            note="d: listing minus this program's world point, before the joint adjustment.",
         ),
         Table(
             "Robot frames by the document's listing",
             (
-                "pose",
-                "x [m]",
-                "y [m]",
-                "theta [rad]",
-                "dx [mm]",
-                "dy [mm]",
-                "dtheta [mrad]",
-                "its sigma x [mm]",
-                "its sigma y [mm]",
-                "its sigma theta [mrad]",
+                *("pose", "x [m]", "y [m]", "theta [rad]"),
+                *("dx [mm]", "dy [mm]", "dtheta [mrad]"),
+                *("its sigma x [mm]", "its sigma y [mm]", "its sigma theta [mrad]"),
             ),
             frames,
             ("", ".4f", ".4f", ".4f", "+.2f", "+.2f", "+.2f", ".1f", ".1f", ".1f"),
             note=(
                 "R as printed: not squared, so its standard deviations are far too large. "
-                "d: listing less this program's single-pose filter."
+                "d: listing minus this program's single-pose filter."
             ),
         ),
     ][: 2 if frames else 1]

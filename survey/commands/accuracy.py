@@ -163,7 +163,7 @@ def motion_findings(motion: "Motion", check: "MotionCheck") -> "list[Finding]":
     if detectable is None or isnan(check.p_value):
         text = "The poses have no stated uncertainty, so the error cannot be judged."
         return [Finding("note", text, subject, "no_uncertainty")]
-    agrees = check.p_value >= 0.05
+    agrees = check.p_value >= 0.05  # usual: one right survey in twenty is said to disagree
     verdict = (
         f"The survey {'agrees' if agrees else 'disagrees'} with the motion: error "
         f"{1e3 * check.error[0]:+.1f} mm, {1e3 * check.error[1]:+.1f} mm, "

@@ -172,14 +172,8 @@ def _table(kind: str, found: "list[Explored]") -> "Table":
     return Table(
         f"Where {len(first.starts)} starts up to {first.radius:g} m away lead, {kind} by {kind}",
         [
-            kind,
-            "to the solution",
-            "elsewhere",
-            "nowhere",
-            *headings,
-            "share below",
-            "cost",
-            "cost elsewhere",
+            *(kind, "to the solution", "elsewhere", "nowhere", *headings),
+            *("share below", "cost", "cost elsewhere"),
         ],
         rows,
         ["", "", "", "", *(".2f" for _ in limits), ".2g", ".1f", ".1f"],

@@ -43,7 +43,7 @@ def enter(
     Every reading is safe in survey/journal.jsonl before it is acknowledged; survey/readings.csv
     follows from it. Also takes a list from a pipe. --status and --json only look.
     """
-    _show_what_the_screen_can()
+    _read_what_is_no_text()
     with _nothing_collected():
         from survey.entry.dialogue.entry_session import EntrySession
         from survey.entry.record.entries import Person
@@ -73,14 +73,13 @@ def enter(
         raise click.exceptions.Exit(exit_status)
 
 
-def _show_what_the_screen_can() -> None:
-    """A sign that the terminal does not have, or a byte that is no text, ends nothing."""
+def _read_what_is_no_text() -> None:
+    """A byte that is no text ends nothing."""
     import io
     import sys
 
-    for stream in (sys.stdin, sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
+    if isinstance(sys.stdin, io.TextIOWrapper):
+        sys.stdin.reconfigure(errors="replace")
 
 
 @contextmanager

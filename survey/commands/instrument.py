@@ -125,6 +125,7 @@ def _read_lengths(path: Path, instrument: "Instrument") -> tuple["Array", "Array
         ],
     )
     true, read = np.array(table.numbers["true"]), np.array(table.numbers["reading"])
+    # A judgement: fifty times the tolerance of such meters is another edge, unit or row.
     for row in np.flatnonzero(np.abs(read - true) > 0.1 + 0.01 * true):
         table.flag(int(row), "reading", f"more than 1 % and 10 cm from the true {true[row]:g} m")
     _flag_empty(table, "reading")
@@ -153,18 +154,12 @@ def _instrument_table(check: "InstrumentCheck") -> "Table":
     low, high = check.noise_interval
     rows: list[list[str | float | None]] = [
         [
-            "offset [mm]",
-            check.offset * 1e3,
-            sqrt(check.covariance[0, 0]) * 1e3,
-            check.p_offset,
-            "readings too long by this",
+            *("offset [mm]", check.offset * 1e3, sqrt(check.covariance[0, 0]) * 1e3),
+            *(check.p_offset, "readings too long by this"),
         ],
         [
-            "scale error [ppm]",
-            check.scale_error * 1e6,
-            sqrt(check.covariance[1, 1]) * 1e6,
-            check.p_scale,
-            "and by this times the length",
+            *("scale error [ppm]", check.scale_error * 1e6, sqrt(check.covariance[1, 1]) * 1e6),
+            *(check.p_scale, "and by this times the length"),
         ],
         ["both", None, None, check.p_joint, "joint test"],
         [
@@ -267,13 +262,8 @@ def _walls_table(pairs: "list[WallPair]") -> "Table":
         ["wall a", "wall b", "readings", "span [m]", "angle [°]", "sigma [°]", "p-value"],
         [
             [
-                pair.wall_a,
-                pair.wall_b,
-                pair.readings,
-                pair.span,
-                degrees(pair.angle),
-                degrees(pair.sigma),
-                pair.p_value,
+                *(pair.wall_a, pair.wall_b, pair.readings, pair.span),
+                *(degrees(pair.angle), degrees(pair.sigma), pair.p_value),
             ]
             for pair in pairs
         ],

@@ -167,7 +167,7 @@ def plan_findings(prediction: Prediction) -> "list[Finding]":
     if prediction.extra:
         last = prediction.extra[-1]
         gain = 1 - last.after / now
-        small = "very little: " if gain < 0.01 else ""
+        small = "very little: " if gain < 0.01 else ""  # a judgement
         findings.append(
             Finding(
                 "note",

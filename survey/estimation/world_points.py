@@ -23,6 +23,9 @@ from validation.poses.angles import Array
 
 TIE = 13.8
 """Costs nearer than this (chi-squared, 2 degrees of freedom, 0.1 %) do not tell solutions apart."""
+FLAT = 1e-6
+"""Metres off one line, together, below which Vframe points seen from a place leave its second
+coordinate open: a thousandth of what any reading resolves."""
 GOOD_REST = 11.0
 """Chi-squared for each degree of freedom up to which readings agree: 0.1 % with one, more rarely
 with more."""
@@ -195,6 +198,13 @@ def _locate(name: str, own: Readings, vframe: VframeEstimate) -> WorldPoint | No
         if len(minima) > 1
         else _mirrored(estimate.state, starts, fit)
     )
+    if np.linalg.matrix_rank(fit.known - estimate.state, tol=FLAT) < 2:
+        return NotLocated(
+            name,
+            "it lies on the line of its Vframe points, or its readings contradict each other; "
+            "measure it from a point off that line",
+            minima[:1],
+        )
     located = place_at(name, estimate.state, own, vframe)
     return replace(located, rejected=rejected, passes=estimate.passes)
 

@@ -1,6 +1,7 @@
 """Hand-laser readings: the file, the names of the points, the distances they stand for."""
 
 import difflib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,6 +16,7 @@ from survey.readings.point_names import robot_point
 from survey.settings import SurveySettings
 from validation.campaign.folder import Campaign
 from validation.poses.angles import Array
+from validation.statistics.units import unit_of_ratio
 from validation.text_files.csv_tables import Column, CsvTable, read_csv
 
 Mask = npt.NDArray[np.bool_]
@@ -158,6 +160,7 @@ def load_readings(campaign: Campaign, settings: SurveySettings) -> ReadingsFile 
     )
     _check_names(table, campaign, settings)
     _check_rows(table)
+    _check_unit(table, campaign, settings)
     if len(table) == 0 and not table.problems:
         table.lines.append(1)
         table.raw["from"].append("")
@@ -205,6 +208,20 @@ def _check_names(table: CsvTable, campaign: Campaign, settings: SurveySettings) 
                 table.flag(
                     row, column, f"expected POSE/POINT with a point of {', '.join(sorted(rig))}"
                 )
+
+
+def _check_unit(table: CsvTable, campaign: Campaign, settings: SurveySettings) -> None:
+    """Flag distances of a frame whose sides are as many times the stated ones as feet a metre."""
+    frame = campaign.settings.vframe.points
+    ratios = {}
+    for row, ends in enumerate(zip(table.text["from"], table.text["to"], strict=True)):
+        a, b = (frame.get(settings.labels.get(name, name)) for name in ends)
+        if a and b and a != b:
+            ratios[row] = table.numbers["distance"][row] / math.dist(a, b)
+    unit = unit_of_ratio(float(np.median(list(ratios.values())))) if len(ratios) > 1 else ""
+    if unit:
+        what = f"the lengths between Vframe points are in {unit}, by [vframe]; write metres"
+        table.flag(next(iter(ratios)), "distance", what)
 
 
 def _unknown_point(name: str, known: set[str]) -> str:

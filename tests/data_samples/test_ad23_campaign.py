@@ -12,8 +12,8 @@ from survey.readings.instrument import reading_sigma
 from survey.readings.readings import load_readings
 from survey.settings import SurveySettings
 from validation.campaign.folder import load_campaign
-from validation.campaign.published import published_tables
 from validation.poses.pose_table import from_csv, in_common, pose_difference
+from validation.published.systems import published_tables
 
 FOLDER = Path(__file__).parents[2] / "data_samples" / "ad23"
 

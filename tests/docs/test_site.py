@@ -37,8 +37,22 @@ class Links(HTMLParser):
 
 @pytest.fixture(scope="session")
 def site(tmp_path_factory):
-    """The built site; one for all tests."""
-    place = tmp_path_factory.mktemp("site")
+    """The built site; one for all tests, and for all processes that share a run of them."""
+    fcntl = pytest.importorskip("fcntl")
+    shared = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared = shared.parent
+    place = shared / "site"
+    with (shared / "site.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # whoever comes second waits here
+        if not (place / "built").exists():
+            build(place)
+            (place / "built").touch()
+    return place / "html"
+
+
+def build(place):
+    """The site in a folder."""
     command = [sys.executable, "-m", "sphinx", "-W", "-n", "--keep-going", "-q", "-b", "html"]
     environment = {
         **os.environ,
@@ -53,7 +67,6 @@ def site(tmp_path_factory):
         env=environment,
     )
     assert built.returncode == 0, built.stderr[-5000:]
-    return place / "html"
 
 
 @pytest.fixture(scope="session")
@@ -61,7 +74,7 @@ def pages(site):
     return {page.resolve(): Links(page) for page in site.rglob("*.html")}
 
 
-# One process builds the site once: these tests stay together.
+# With --dist loadgroup these tests stay together in one process.
 pytestmark = pytest.mark.xdist_group("site")
 
 

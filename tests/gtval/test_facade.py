@@ -106,3 +106,29 @@ def test_the_path_is_where_the_vehicle_was(tmp_path):
     true = np.array([known[name] for name in gtval.path_table(path).ids])
     true_steps = np.linalg.norm(np.diff(true[:, :3], axis=0), axis=1)
     assert np.median(np.abs(steps - true_steps)) < 5 * 0.0064
+
+
+@pytest.mark.parametrize(
+    ("system", "poses", "more", "expected"),
+    [
+        ("rig", [[0, 0, "a"]], {}, "poses: expected numbers in rows of equal length"),
+        ("rig", [[0, 0, 1], [0, 0]], {}, "poses: expected numbers in rows of equal length"),
+        ("rig", None, {}, "poses: expected one row of numbers a pose, got None"),
+        ("rig", [0, 0, 1], {}, "poses: expected one row of numbers a pose"),
+        ("rig", {"a": 1}, {}, "poses: expected numbers in rows of equal length"),
+        ("rig", [[0, 0, float("nan")]], {}, "pose 1 is not finite"),
+        ("rig", [[0, 0, 1]], {"sigmas": 0.1}, "sigmas: expected a number above 0 a component"),
+        ("rig", [[0, 0, 1]], {"sigmas": [0.1, 0.1]}, "sigmas: expected a number above 0"),
+        ("rig", [[0, 0, 1]], {"sigmas": [0.1, 0.1, -1]}, "sigmas: expected a number above 0"),
+        ("rig", [[0, 0, 1]], {"sigmas": ["a", 0, 0]}, "sigmas: expected numbers"),
+        ("rig", [[0, 0, 1]], {"covariances": "x"}, "covariances: expected numbers"),
+        ("rig", [[0, 0, 1]], {"covariances": np.eye(3)}, r"covariances \(3, 3\), not \(1, 3, 3\)"),
+        ("rig", [[0, 0, 1]], {"ids": 5}, "a list of ids, not 'rig' and 5"),
+        ("rig", [[0, 0, 1]], {"ids": "1"}, "a list of ids, not 'rig' and '1'"),
+        ("rig", [[0, 0, 1]], {"ids": ["a", "b"]}, r"expected \(2, 3\) numbers, got \(1, 3\)"),
+        (None, [[0, 0, 1]], {}, "a name and a list of ids, not None"),
+    ],
+)
+def test_a_pose_table_of_bad_numbers_says_what_was_expected(system, poses, more, expected):
+    with pytest.raises(gtval.GtvalError, match=expected):
+        gtval.pose_table(system, poses, **more)

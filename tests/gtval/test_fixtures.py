@@ -9,7 +9,7 @@ import pytest
 import gtval
 
 pytest_plugins = ["pytester"]
-NAMES = ("gtval_drive", "gtval_images", "gtval_room", "gtval_scans", "gtval_survey")
+NAMES = ("gtval_drive", "gtval_images", "gtval_motion", "gtval_room", "gtval_scans", "gtval_survey")
 
 
 def test_pytest_lists_them_with_what_they_are(tmp_path):
@@ -87,3 +87,10 @@ def test_another_seed_gives_another_room(pytester):
     ]
     lines = [next(x for x in one.outlines if "distance" in x) for one in told]
     assert lines[0] == lines[1] != lines[2]
+
+
+@pytest.mark.parametrize("gtval_motion", [{"minutes": 1.0, "level": 2}], indirect=True)
+def test_a_motion_is_trajectories_and_their_true_clocks(gtval_motion):
+    assert set(gtval_motion.clocks) == set(gtval_motion.cameras)
+    assert gtval_motion.level.length == 0.008
+    assert gtval_motion.truth.frame == gtval_motion.reference.frame

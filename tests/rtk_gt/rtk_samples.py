@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from data_samples.drives.drive import ANTENNAS, OFFSETS
 from rtk_gt.offsets.noise import GpsNoise
-from rtk_gt.receivers.frames import LocalFrame
 from rtk_gt.receivers.steps import Steps
+from validation.poses.earth_frames import LocalFrame
 
 REPOSITORY = Path(__file__).parents[2]
 REAL = Path(os.environ.get("GTVAL_REAL_DATA", REPOSITORY.parent / "shared" / "real"))

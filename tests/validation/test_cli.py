@@ -2,13 +2,16 @@
 
 import os
 import resource
+import shlex
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
+from pathlib import Path
 
 import click
 import pytest
 from click.testing import CliRunner
+from small_campaigns import AD23
 
 from validation import cli
 from validation.cli import DiscoveredGroup, main
@@ -135,12 +138,34 @@ def test_an_unknown_command_is_a_usage_error():
     assert "No such command" in result.stderr
 
 
-@pytest.mark.skipif(os.name != "posix", reason="pipes are closed so on POSIX only")
-def test_a_closed_pipe_is_no_traceback():
-    code = f"{sys.executable} -m validation --help | head -1"
-    assert (
-        "Traceback"
-        not in subprocess.run(
-            code, shell=True, capture_output=True, text=True, check=False, timeout=60
-        ).stderr
+def failing_output(redirection: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """The program with its stdout led somewhere by the shell."""
+    line = f"set -o pipefail; {sys.executable} -m validation {shlex.join(arguments)} {redirection}"
+    return subprocess.run(
+        ["bash", "-c", line], capture_output=True, text=True, check=False, timeout=60
     )
+
+
+LONG = ("compare", *[str(AD23 / name) for name in ("survey/published_poses.csv",)])
+LONG = (*LONG, str(AD23 / "vision/published_poses.csv"), "--all")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize(
+    "arguments", [("--help",), LONG, (*LONG, "--json"), ("compare", "no_such_folder", "--json")]
+)
+@pytest.mark.parametrize("redirection", [">/dev/full", ">&-"])
+def test_output_that_cannot_be_written_is_told_in_a_line(redirection, arguments):
+    done = failing_output(redirection, *arguments)
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("Error: the ")
+    assert "output" in last
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.splitlines()) <= (2 if "no_such_folder" in arguments else 1)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes are closed so on POSIX only")
+@pytest.mark.parametrize("arguments", [("--help",), LONG, (*LONG, "--json")])
+def test_a_closed_pipe_is_quiet(arguments):
+    assert failing_output("| true", *arguments).stderr == ""

@@ -2,6 +2,9 @@
 
 import csv
 import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pytest
@@ -125,20 +128,78 @@ def test_a_stated_system_without_files_is_told(campaign_folder, with_systems):
     assert "[laser]" in told.text
 
 
+@dataclass
+class OfFiles(FixedSystem):
+    """A system that starts from one file and also reads another."""
+
+    file: str = ""
+    also: str = ""
+
+    def has_data(self, campaign):
+        return (campaign.folder / self.file).exists()
+
+    def inputs(self, campaign):
+        return [campaign.folder / self.file, *([campaign.folder / self.also] if self.also else [])]
+
+
+def test_results_of_a_stated_system_whose_files_are_gone_stay_out_of_date(
+    campaign_folder, with_systems
+):
+    with_systems(survey(), rig(), OfFiles("laser", rig("laser").result, file="scans.csv"))
+    with (campaign_folder / "campaign.toml").open("a") as file:
+        file.write("\n[laser]\nseed = 1\n")
+    (campaign_folder / "scans.csv").write_text("1")
+    write_results(run(campaign_folder))
+    poses = campaign_folder / "results/poses_laser.csv"
+    before = poses.read_bytes()
+    (campaign_folder / "scans.csv").unlink()
+    done = run(campaign_folder)
+    (told,) = [one for one in done.findings if one.code == "no_data"]
+    assert "those of an earlier run stay, out of date" in told.text
+    write_results(done)
+    assert poses.read_bytes() == before
+    record = json.loads((campaign_folder / "results/run.json").read_text())
+    late = {one["file"]: one["reason"] for one in record["out_of_date"]}
+    assert late["results/poses_laser.csv"] == "changed after the step 'laser': scans.csv"
+    assert "results/poses_rig.csv" not in late
+    (campaign_folder / "campaign.toml").write_text('name = "x"\n')  # no longer stated
+    write_results(run(campaign_folder))
+    assert not poses.exists()
+
+
+def test_a_file_that_is_read_and_missing_is_told_unless_it_is_optional(
+    campaign_folder, with_systems
+):
+    (campaign_folder / "scans.csv").write_text("1")
+    laser = OfFiles("laser", rig("laser").result, file="scans.csv", also="odometry.csv")
+    with_systems(survey(), laser)
+    (told,) = [one for one in run(campaign_folder).findings if one.code == "input_missing"]
+    assert (told.severity, told.subject) == ("warning", "laser")
+    assert "odometry.csv" in told.text
+    assert "scans.csv" not in told.text
+    laser.optional_inputs = lambda campaign: [campaign.folder / "odometry.csv"]
+    assert not [one for one in run(campaign_folder).findings if one.code == "input_missing"]
+
+
 def test_a_finding_has_one_of_four_severities():
     with pytest.raises(ValueError, match="good, note, warning, error, not 'catastrophe'"):
         Finding("catastrophe", "text")
 
 
 def test_a_campaign_without_data_is_an_error(campaign_folder, with_systems):
-    with_systems()
-    with pytest.raises(InputError, match="holds no data for any installed system"):
+    with_systems(OfFiles("laser", file="laser/scans.csv"), OfFiles("rig", file="rig.csv"))
+    said = "holds no data for any installed system; looked for laser/scans.csv, rig.csv. "
+    with pytest.raises(InputError, match=said):
         run(campaign_folder)
 
 
-def test_two_systems_of_one_name_are_an_error(campaign_folder, with_systems):
-    with_systems(survey(), rig(), rig())
-    with pytest.raises(InputError, match="'rig' — poses of this system come twice"):
+def test_published_poses_of_the_name_of_a_system_are_bad_input(campaign_folder, with_systems):
+    with_systems(survey(), rig("book"))
+    (campaign_folder / "campaign.toml").write_text(
+        'name = "x"\n[[published]]\nsystem = "book"\nfile = "b.csv"\n'
+    )
+    (campaign_folder / "b.csv").write_text("pose,x,y,theta\n1,0,0,0.1\n")
+    with pytest.raises(InputError, match="'book' — poses of this system come twice"):
         run(campaign_folder)
 
 
@@ -255,24 +316,89 @@ def test_a_forged_record_removes_nothing_outside(campaign_folder, with_systems, 
     assert (campaign_folder / "campaign.toml").exists()
 
 
-@pytest.mark.parametrize("name", ["../evil", "/evil", "a/../../evil", "a\\b"])
-def test_no_system_writes_outside_of_results(campaign_folder, with_systems, name):
-    with_systems(survey(), rig(files={name: "x"}))
-    with pytest.raises(GtvalError, match="'rig' wants to write outside results/"):
-        write_results(run(campaign_folder))
-    assert not (campaign_folder / "results").exists()
+FAULTY = {
+    "outside": ({"../evil": "x"}, "wants to write outside results/: '../evil'"),
+    "from the root": ({"/evil": "x"}, "outside results/"),
+    "a way round": ({"a/../../evil": "x"}, "outside results/"),
+    "a backslash": ({"a\\b": "x"}, "outside results/"),
+    "nothing": ({"": "x"}, "outside results/"),
+    "300 letters": ({"a" * 300: "x"}, "too long a name"),
+    "a file of the survey": ({"poses_survey.csv": "x"}, "both write results/poses_survey.csv"),
+    "the record": ({"run.json": "{}"}, "results/run.json, which is written already"),
+    "the comparison's": ({"errors.csv": "x"}, "written already"),
+    "its own poses": ({"poses_rig.csv": "x"}, "written already"),
+}
 
 
-def test_no_two_systems_write_the_same_file(campaign_folder, with_systems):
-    with_systems(survey(files={"a.csv": "1"}), rig(files={"a.csv": "2"}))
-    with pytest.raises(GtvalError, match=r"both write results/a\.csv"):
-        write_results(run(campaign_folder))
+def not_finite(system):
+    return three_stops(system, poses=np.full((3, 3), np.nan))
 
 
-def test_a_system_name_that_is_no_file_name_is_an_error(campaign_folder, with_systems):
-    with_systems(survey(), rig("../rig"))
-    with pytest.raises(GtvalError, match="cannot be part of a file name"):
-        write_results(run(campaign_folder))
+def of_itself():
+    facts = {}
+    facts["more"] = facts
+    return facts
+
+
+@dataclass
+class Making(FixedSystem):
+    """A system that makes its result only when it is asked."""
+
+    make: Callable[[], SystemResult] = SystemResult
+
+    def solve(self, _campaign, _progress):
+        return self.make()
+
+
+BAD = {
+    "poses that are not finite": (lambda: SystemResult([not_finite("rig")]), "is not finite"),
+    "the poses of the survey": (
+        lambda: SystemResult([three_stops("survey")]),
+        "both write results/poses_survey.csv",
+    ),
+    "two tables of one name": (
+        lambda: SystemResult([three_stops("rig")] * 2),
+        "two tables are called 'rig'",
+    ),
+    "a name that leads out": (
+        lambda: SystemResult([three_stops("../rig")]),
+        "cannot be part of a file name",
+    ),
+    "a name of 300 letters": (
+        lambda: SystemResult([three_stops("a" * 300)]),
+        "cannot be part of a file name",
+    ),
+    "facts that hold themselves": (lambda: SystemResult(facts=of_itself()), "RecursionError"),
+    "facts that cannot be sorted": (lambda: SystemResult(facts={"a": {1, "b"}}), "TypeError"),
+    "facts that are none": (lambda: SystemResult(facts=None), "TypeError"),
+    "a finding without words": (lambda: SystemResult(findings=[Finding("note", 3)]), "TypeError"),
+}
+BAD |= {
+    name: (partial(SystemResult, files=files), said)
+    for name, (files, said) in FAULTY.items()
+    if name != "its own poses"
+}
+BAD["its own poses"] = (
+    lambda: SystemResult([three_stops("rig")], files=FAULTY["its own poses"][0]),
+    FAULTY["its own poses"][1],
+)
+
+
+@pytest.mark.parametrize("fault", BAD)
+def test_what_a_plug_in_gives_wrongly_is_told_of_it_and_takes_nothing_along(
+    campaign_folder, with_systems, fault
+):
+    make, said = BAD[fault]
+    with_systems(survey(), Making("rig", make=make), rig("tower"))
+    done = run(campaign_folder)
+    assert done.failed
+    assert [one.system for one in done.evaluations] == ["tower"]
+    (finding,) = [one for one in done.findings if one.severity == "error"]
+    assert (finding.subject, finding.code) == ("rig", "unexpected")
+    assert said in finding.text
+    write_results(done)
+    assert {"errors.csv", "tracebacks/rig.txt"} <= set(all_files(campaign_folder / "results"))
+    assert not list(campaign_folder.parent.rglob("*evil*"))
 
 
 def test_a_failed_write_leaves_the_old_results(campaign_folder, with_systems):
@@ -282,6 +408,21 @@ def test_a_failed_write_leaves_the_old_results(campaign_folder, with_systems):
     with_systems(survey(), rig("new_rig"))
     # A folder stands where a file should go.
     (campaign_folder / "results/poses_new_rig.csv").mkdir()
-    with pytest.raises(GtvalError, match="cannot write to"):
+    with pytest.raises(GtvalError, match=r"cannot write to .*/results/poses_new_rig.csv: .*; move"):
         write_results(run(campaign_folder))
     assert all_files(campaign_folder) == before
+
+
+@pytest.mark.parametrize("name", ["results", "report"])
+def test_a_file_in_the_place_of_a_folder_is_named_and_nothing_is_left(
+    campaign_folder, with_systems, name
+):
+    with_systems(survey(), rig())
+    (campaign_folder / name).write_text("mine")
+    before = all_files(campaign_folder)
+    with pytest.raises(GtvalError, match=rf"cannot write to .*/{name}: File exists; move away"):
+        write_results(run(campaign_folder), {"report.html": "x"})
+    assert all_files(campaign_folder) == before
+    assert sorted(path.name for path in campaign_folder.iterdir()) == sorted(
+        ["campaign.toml", name]
+    )

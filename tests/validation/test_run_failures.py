@@ -1,6 +1,7 @@
 """A part of a run that fails takes nothing else along, and is told everywhere."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -157,13 +158,16 @@ def test_a_system_that_cannot_say_what_it_reads_is_taken_to_read_everything(
     with_systems(survey, KnowsNoInputs("rig", broken("rig").result))
     _, record, _ = run(campaign_folder)
     assert record["steps"]["rig"]["sources"] == ["."]
+    (told,) = [one for one in record["findings"] if one["code"] == "inputs_unknown"]
+    assert (told["severity"], told["subject"]) == ("warning", "rig")
+    assert "RuntimeError: on purpose" in told["text"]
 
 
 def test_bad_published_poses_stop_the_run_and_a_bug_in_reading_them_does_not(
     campaign_folder, with_systems, monkeypatch
 ):
     with_systems(FixedSystem("survey", SystemResult([three_stops("survey")])), broken("rig"))
-    monkeypatch.setattr("validation.run.published_tables", fails)
+    monkeypatch.setattr("validation.run.published_systems", fails)
     done, record, _ = run(campaign_folder)
     assert done.exit_code == 1
     assert the_failure(record)["subject"] == "published"
@@ -193,3 +197,27 @@ def test_all_that_failed_is_known_to_the_run(campaign_folder, with_systems):
     done = run_campaign(load_campaign(campaign_folder))
     assert done.failed
     assert len(done.findings) == len(BROKEN) + 1  # and that there are no validation poses
+
+
+def test_a_plug_in_that_cannot_be_imported_is_told_and_all_else_is_done(
+    room_run, tmp_path, monkeypatch
+):
+    folder = tmp_path / "room"
+    shutil.copytree(room_run[0], folder)
+    lab = tmp_path / "lab_rig-1.0.dist-info"
+    lab.mkdir()
+    (lab / "entry_points.txt").write_text(
+        "[gtval.systems]\nrig = no_such_lab:X\n[gtval.commands]\nrig = no_such_lab:COMMANDS\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    done, record, page = run(folder)
+    assert done.exit_code == 1
+    finding = the_failure(record)
+    assert finding["subject"] == "rig"
+    assert "the plug-in 'rig' (no_such_lab:X) cannot be loaded" in finding["text"]
+    assert "results/tracebacks/rig.txt" in finding["text"]
+    assert "No module named 'no_such_lab'" in (folder / "results/tracebacks/rig.txt").read_text()
+    assert list(record["comparisons"]) == ["example_gt"]
+    assert "rig.txt" in page
+    told = CliRunner().invoke(main, ["survey", str(folder)])
+    assert told.exit_code == 0

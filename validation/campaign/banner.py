@@ -1,6 +1,7 @@
 """What a report says of itself once its numbers are no longer those of the results."""
 
 import html
+from collections.abc import Iterable
 
 from validation.campaign.folder import Campaign
 from validation.campaign.provenance import REPORT_FILE, OutOfDate
@@ -9,15 +10,15 @@ START, END = "<!-- out of date -->", "<!-- /out of date -->"
 """Between them the report's template has room for it."""
 
 
-def marked_report(campaign: Campaign, late: OutOfDate | None) -> dict[str, str]:
+def marked_report(campaign: Campaign, old: Iterable[OutOfDate] = ()) -> dict[str, str]:
     """The report of an earlier run with a warning at its top, or without the one it had.
 
     Parameters
     ----------
     campaign : Campaign
         The folder.
-    late : OutOfDate or None
-        What has happened since; None where the report belongs to the results.
+    old : iterable of OutOfDate
+        What is out of date, the report or not.
 
     Returns
     -------
@@ -33,7 +34,7 @@ def marked_report(campaign: Campaign, late: OutOfDate | None) -> dict[str, str]:
     if not (place and end):
         return {}
     mark = ""
-    if late is not None:
+    for late in (one for one in old if one.file == REPORT_FILE):
         strong = "<strong>This report is out of date.</strong>"
         said = html.escape(
             f"{late.reason[0].upper()}{late.reason[1:]}. Run `gtval run` to make it anew."

@@ -5,25 +5,34 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import combinations
+from math import dist
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from validation.errors import GtvalError, InputError, Problem
+from validation.campaign.faults import NAME, SYSTEM, in_words
+from validation.errors import InputError, Problem
 from validation.plugins import entry_points
 from validation.shown import Shown
+from validation.text_files.reading import file_bytes
 
 if TYPE_CHECKING:
     from validation.results import SystemResult
 
 MAX_TOML_BYTES = 1_000_000
 """A thousand times what people write: a larger file is something else under a wrong name."""
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+LONGEST = 300.0
+"""Metres that no hand-held laser distance meter measures; a longer pole is in other units."""
+ROUNDED = 0.001
+"""Metres between a side and the same side from coordinates rounded to the millimetre: 0.0007."""
+# Strict: neither true nor "2.5" is a number.
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Point = tuple[Finite, Finite]
-Name = Annotated[str, Field(min_length=1, pattern=r"^[^\s/,;\"]+$")]
+Name = Annotated[str, Field(min_length=1, pattern=NAME)]
 M = TypeVar("M", bound=BaseModel)
 
 
@@ -58,6 +67,20 @@ class Instrument(Settings):
     range_max: Positive = 50.0
 
 
+def _in_metres(length: float) -> float:
+    """The length, if a hand-held laser can have measured it."""
+    if length > LONGEST:
+        raise ValueError(f"longer than {LONGEST:g} m, which no hand laser measures; write metres")
+    return length
+
+
+def _check_places(points: Mapping[str, Point], what: str) -> None:
+    """Raise where two points are the same place."""
+    same = [f"{a} and {b}" for a, b in combinations(points, 2) if points[a] == points[b]]
+    if same:
+        raise ValueError(f"the {what} points {same[0]} are the same place; correct one")
+
+
 class Vframe(Settings):
     """The frame on the floor: nominal points, and how well they were marked.
 
@@ -65,7 +88,7 @@ class Vframe(Settings):
     ``sigma`` is the standard deviation of each coordinate of a marked point.
     """
 
-    pole_length: Positive = 2.5
+    pole_length: Annotated[Positive, AfterValidator(_in_metres)] = 2.5
     sigma: Positive = 0.002
     points: dict[Name, Point] = {}
 
@@ -77,7 +100,26 @@ class Vframe(Settings):
             object.__setattr__(self, "points", square)
         if len(self.points) < 2:
             raise ValueError("at least two Vframe points are needed")
+        _check_places(self.points, "Vframe")
+        sides = [dist(a, b) for a, b in combinations(self.points.values(), 2)]
+        pole = self.pole_length
+        if "pole_length" in self.model_fields_set and min(abs(pole - a) for a in sides) > ROUNDED:
+            raise ValueError(
+                f"no two points are pole_length = {pole:g} m apart; take out one of both"
+            )
+        if len(self.points) > 2 and self._on_a_line():
+            raise ValueError(
+                "the Vframe points lie on one line, and nothing tells on which side of it a place "
+                "is; state one that lies off the line"
+            )
         return self
+
+    def _on_a_line(self) -> bool:
+        """Whether no point is further than sigma off the line of the two furthest apart."""
+        places = list(self.points.values())
+        a, b = max(combinations(places, 2), key=lambda pair: dist(*pair))
+        doubled = [(b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) for c in places]
+        return max(map(abs, doubled)) <= self.sigma * dist(a, b)
 
 
 class RobotFrame(Settings):
@@ -99,6 +141,7 @@ class RobotFrame(Settings):
     def _heading_is_determined(self) -> "RobotFrame":
         if len(set(self.points.values())) < 2:
             raise ValueError("at least two different rig points are needed to find a heading")
+        _check_places(self.points, "rig")
         return self
 
 
@@ -106,17 +149,31 @@ class Published(Settings):
     """Poses taken over from elsewhere, as a system of its own.
 
     ``sigmas`` are the standard deviations to assume where the file states none, (x, y, theta) or
-    (x, y, z, yaw, pitch, roll); without them errors have no normalised form.
+    (x, y, z, yaw, pitch, roll); without them errors have no normalised form. A file may hold a
+    trajectory instead of a table: ``stops`` is then the file that says when the robot stood where
+    (pose, from, to); without it the standstills are found. ``frame`` is 'own' where the
+    coordinates are not those of the GTV frame; ``judged = false`` keeps odometry and the like out
+    of the comparison at stops; ``format``, ``unit``, ``body`` and ``topic`` say
+    what a file does not say itself.
     """
 
-    system: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    system: Annotated[str, Field(pattern=SYSTEM)]
     file: str
     source: str = ""
-    sigmas: (
-        tuple[Positive, Positive, Positive]
-        | tuple[Positive, Positive, Positive, Positive, Positive, Positive]
-        | None
-    ) = None
+    sigmas: tuple[Positive, ...] | None = None
+    stops: str = ""
+    frame: Literal["gtv", "own"] = "gtv"
+    judged: bool = True
+    format: str = ""
+    unit: Literal["s", "ms", "us", "ns"] | None = None
+    body: str = ""
+    topic: str = ""
+
+    @model_validator(mode="after")
+    def _planar_or_spatial(self) -> "Published":
+        if self.sigmas is not None and len(self.sigmas) not in {3, 6}:
+            raise ValueError(f"sigmas are 3 or 6 numbers, not {len(self.sigmas)}")
+        return self
 
 
 class Room(Settings):
@@ -236,7 +293,7 @@ def load_campaign(folder: Path, known_tables: frozenset[str] | None = None) -> C
         raise _input_error(path, CampaignSettings, error) from None
     known = known_tables | _OWN_TABLES
     problems = [
-        Problem(path, f"unknown table or key{_closest(key, known)}", _line_of(path, (key,)), key)
+        Problem(path, f"unknown table or key{_closest(key, known)}", line_of(path, (key,)), key)
         for key in data
         if key not in known
     ]
@@ -245,7 +302,7 @@ def load_campaign(folder: Path, known_tables: frozenset[str] | None = None) -> C
     return Campaign(folder, settings)
 
 
-_OWN_TABLES = frozenset(CampaignSettings.model_fields) | {"plan", "explain"}
+_OWN_TABLES = frozenset(CampaignSettings.model_fields) | {"plan", "explain", "time"}
 
 
 def _closest(key: str, known: set[str] | frozenset[str]) -> str:
@@ -256,19 +313,11 @@ def _closest(key: str, known: set[str] | frozenset[str]) -> str:
 def _parse(path: Path) -> dict[str, Any]:
     """Contents of a TOML file."""
     try:
-        if path.stat().st_size > MAX_TOML_BYTES:
-            raise InputError([Problem(path, "larger than 1 MB; this cannot be a campaign.toml")])
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except FileNotFoundError:
-        raise InputError(
-            [
-                Problem(
-                    path,
-                    "there is no such file; a campaign folder needs one. "
-                    "`gtval simulate DIR` writes an example",
-                )
-            ]
-        ) from None
+        if not path.exists():
+            what = "there is no such file; a campaign folder needs one"
+            raise InputError([Problem(path, f"{what}. `gtval simulate DIR` writes an example")])
+        data = file_bytes(path, MAX_TOML_BYTES, "a campaign.toml", text=True)
+        return tomllib.loads(data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         line = path.read_bytes()[: error.start].count(b"\n") + 1
         raise InputError([Problem(path, "not UTF-8; save the file as UTF-8", line)]) from None
@@ -278,8 +327,6 @@ def _parse(path: Path) -> dict[str, Any]:
         raise InputError([Problem(path, "not valid TOML: nested too deeply")]) from None
     except ValueError as error:  # a NUL byte in the name, or a number of thousands of digits
         raise InputError([Problem(path, f"cannot be read: {error}")]) from None
-    except OSError as error:
-        raise GtvalError(f"cannot read {path}: {error.strerror or error}") from error
 
 
 def _input_error(
@@ -288,14 +335,14 @@ def _input_error(
     """The same faults with file, line and dotted key, and the keys that there are."""
     problems = []
     for fault in error.errors():
-        keys = prefix + tuple(str(part) for part in fault["loc"])
+        keys = prefix + tuple(str(part) for part in fault["loc"] if part != "[key]")
         value = fault["input"]
         shown = None if fault["type"] == "missing" or isinstance(value, dict) else str(value)
-        what = fault["msg"].removeprefix("Value error, ")
+        what = in_words(fault)
         if fault["type"] == "extra_forbidden":
             known = _keys_of(model, fault["loc"][:-1])
             what = f"unknown key{_closest(keys[-1], known)}; there are {', '.join(sorted(known))}"
-        problems.append(Problem(path, what, _line_of(path, keys), ".".join(keys) or None, shown))
+        problems.append(Problem(path, what, line_of(path, keys), ".".join(keys) or None, shown))
     return InputError(problems)
 
 
@@ -308,7 +355,7 @@ def _keys_of(model: type[BaseModel], loc: tuple[int | str, ...]) -> set[str]:
     return set(model.model_fields)
 
 
-def _line_of(path: Path, keys: tuple[str, ...]) -> int | None:
+def line_of(path: Path, keys: tuple[str, ...]) -> int | None:
     """Line on which a dotted key is set, as far as the text tells; None if it is not found."""
     names = [key for key in keys if not key.isdigit()]
     if not names:

@@ -24,6 +24,9 @@ RECORD = "run.json"
 REPORT, REPORT_FILE = "report", "report/report.html"
 """The step that makes the report, and its file. It uses all results."""
 
+REPORT_FILES = (REPORT_FILE, "report/tables.md", "report/tables.tex", "report/report.pdf")
+"""All that this step may write."""
+
 
 @dataclass(frozen=True)
 class Step:
@@ -222,8 +225,9 @@ def out_of_date(
             for name, was in made.outputs.items()
             if name in now and (changed or now[name] != was)
         ]
-        if step == REPORT and changed and (campaign.folder / REPORT_FILE).is_file():
-            found.append(OutOfDate(REPORT_FILE, reason))
+        if step == REPORT and changed:
+            there = [name for name in REPORT_FILES if (campaign.folder / name).is_file()]
+            found += [OutOfDate(name, reason) for name in there]
     return found
 
 

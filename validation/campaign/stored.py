@@ -8,7 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from validation.campaign.folder import Campaign
-from validation.campaign.provenance import RECORD, earlier_record, earlier_steps, out_of_date
+from validation.campaign.provenance import (
+    RECORD,
+    OutOfDate,
+    earlier_record,
+    earlier_steps,
+    out_of_date,
+)
 from validation.errors import InputError, Problem
 from validation.poses.joint import with_stored_joint
 from validation.poses.pose_table import PLANAR, SPATIAL, Component, PoseTable, from_csv
@@ -33,6 +39,8 @@ class StoredTables:
 
     tables: tuple[PoseTable, ...]
     findings: tuple[Finding, ...] = ()
+    others: tuple[OutOfDate, ...] = ()
+    """Further results, and files of the report, that are out of date."""
 
 
 def read_tables(paths: Sequence[Path], names: Sequence[str] = ()) -> StoredTables:
@@ -79,17 +87,20 @@ def stored_tables(campaign: Campaign) -> StoredTables:
     made = {name: at for at, name in enumerate(one for s in steps.values() for one in s.outputs)}
     paths = sorted(campaign.results.glob("poses_*.csv"))
     found = read_tables(sorted(paths, key=lambda path: made.get(path.name, len(made))))
-    reasons = {one.file: one.reason for one in out_of_date(campaign, steps)}
+    old = out_of_date(campaign, steps)
+    reasons = {one.file: one.reason for one in old}
     late = []
     for table in found.tables:
         name = f"poses_{table.system}.csv"
         if name not in made:
             text = f"results/{name}: results/{RECORD} does not say from what it was made"
-            late.append(Finding("warning", f"{text}. {ANEW}", table.system, "no_provenance"))
+            late.append(Finding("warning", f"{text}; {ANEW}", table.system, "no_provenance"))
         elif f"results/{name}" in reasons:
             text = f"results/{name} is out of date: {reasons[f'results/{name}']}"
-            late.append(Finding("warning", f"{text}. {ANEW}", table.system, "out_of_date"))
-    return StoredTables(found.tables, tuple(late))
+            late.append(Finding("warning", f"{text}; {ANEW}", table.system, "out_of_date"))
+    told = {f"results/{path.name}" for path in paths}
+    others = tuple(one for one in old if one.file not in told)
+    return StoredTables(found.tables, tuple(late), others)
 
 
 ANEW = "`gtval run` makes it anew."

@@ -2,7 +2,8 @@
 
 import click
 
+from validation.commands.compare import compare
 from validation.commands.fuse import COMMANDS as FUSE
-from validation.commands.run import compare, report, run
+from validation.commands.run import report, run
 
 COMMANDS: list[click.Command] = [run, compare, report, *FUSE]

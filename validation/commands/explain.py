@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from validation.commands.options import AS_JSON, EVERYTHING, PATH, STRICT, progress_bar
+from validation.commands.trajectory_files import moves, refuse_tables
 
 if TYPE_CHECKING:
     from validation.campaign.folder import Campaign
@@ -65,9 +66,17 @@ def explain(
     theta (metres, radians) and, if known, the covariance xx, xy, xt, yy, yt, tt; a column time
     (seconds) lets a time offset show. Files are named after their system. For a campaign,
     corrected poses and all numbers go to CAMPAIGN/results/explain; for tables, to --output.
+
+    Takes trajectories as well, a reference and one or more sources: then frame, mount, scale,
+    delay, drift of the clock and drift of the poses are told apart.
     """
     from validation.commands.output import end_of_command
 
+    if gt and moves(validation):
+        if references or sensors or witnesses or figures or output:
+            raise click.UsageError("trajectories take no options but --json, --all and --strict")
+        _in_time(validation, gt, as_json=as_json, strict=strict, everything=everything)
+        return
     folder, campaign = output, None
     with progress_bar("explaining") as progress:
         if validation.is_dir() or validation.name == "campaign.toml":
@@ -99,6 +108,36 @@ def explain(
     end_of_command(found, failed=False, strict=strict)
 
 
+def _in_time(
+    reference: Path, sources: Sequence[Path], *, as_json: bool, strict: bool, everything: bool
+) -> None:
+    """The causes of errors of moving sources, told and printed."""
+    from validation.commands.output import end_of_command, print_first_findings
+    from validation.explain.telling.in_time import (
+        time_cause_table,
+        time_findings,
+        time_json,
+        time_parameter_table,
+    )
+    from validation.report.terminal import print_json, print_table
+    from validation.trajectories.causes.explanation import time_causes
+    from validation.trajectories.formats import read_trajectory
+
+    refuse_tables(sources)
+    truth = read_trajectory(reference)
+    explained = [time_causes(truth, read_trajectory(path)) for path in sources]
+    found = [finding for one in explained for finding in time_findings(one)]
+    if as_json:
+        print_json(time_json(explained))
+    else:
+        print_table(time_cause_table(explained))
+        for one in explained:
+            if one.parameters:
+                print_table(time_parameter_table(one))
+        print_first_findings(found, everything=everything)
+    end_of_command(found, strict=strict)
+
+
 def _of_files(
     validation: Path,
     gt: tuple[Path, ...],
@@ -114,18 +153,23 @@ def _of_files(
     from validation.explain.loading import read_times
     from validation.explain.telling.section import asked_limits, explain_sections, repeatability
     from validation.explain.telling.words import findings
+    from validation.published.moving import at_stops
 
-    truth, *systems = read_tables([validation, *gt]).tables
+    still = [path for path in gt if not moves(path)]
+    truth, *systems = read_tables([validation, *still]).tables
+    moving = [at_stops(path, truth) for path in gt if moves(path)]
+    systems += [table for one in moving for table in one.tables]
     groups = {name: tuple(value.split(",")) for name, value in _assignments(sensors)}
     question = Question(
         references=dict(_assignments(references)),
         sensors=groups,
-        times=read_times(gt),
+        times=read_times(still),
         witnesses=read_tables(witnesses, [path.stem for path in witnesses]).tables,
     )
     explanation = explained(truth, systems, question)
     sections = explain_sections(explanation, asked_limits(Comparison()), repeatability(explanation))
-    return explanation, findings(explanation), sections
+    found = [finding for one in moving for finding in one.findings]
+    return explanation, [*findings(explanation), *found], sections
 
 
 def _assignments(pairs: Sequence[str]) -> list[tuple[str, str]]:

@@ -9,8 +9,8 @@ from validation.commands.options import AS_JSON, PATH
 
 if TYPE_CHECKING:
     from validation.poses.angles import Array
+    from validation.poses.trajectory import Trajectory
     from validation.trajectories.smoothing.source import Fused, Source
-    from validation.trajectories.trajectory import Trajectory
 
 
 @click.command()
@@ -139,6 +139,7 @@ def _text(fused: "Fused") -> str:
 def _tell(fused: "Fused", output: Path, as_json: bool) -> None:
     """What was found, as JSON or in words."""
     from dataclasses import asdict
+    from textwrap import wrap
 
     from validation.report.terminal import print_json
 
@@ -156,15 +157,17 @@ def _tell(fused: "Fused", output: Path, as_json: bool) -> None:
         }
         print_json(told)
         return
-    click.echo(f"{len(fused.trajectory)} poses in {output}, {share:.0%} with data on both sides.")
+    click.echo(f"{len(fused.trajectory)} poses in {output},")
+    click.echo(f"  {share:.0%} of them with data on both sides.")
     for one in fused.noise:
+        click.echo(f"  {one.system}: {one.outliers:.1%} outliers, noise of")
         click.echo(
-            f"  {one.system}: position {one.position:.3g}, angle {one.angle:.3g}, "
-            f"jitter {1e3 * one.jitter_s:.2g} ms, {one.outliers:.1%} outliers, "
-            f"delay {1e3 * one.delay_s:+.1f} ms (sigma {1e3 * one.delay_sigma_s:.1f} ms)"
+            f"    position {one.position:.3g}, angle {one.angle:.3g}, "
+            f"stamps {1e3 * one.jitter_s:.2g} ms"
         )
+        click.echo(f"    delay {1e3 * one.delay_s:+.1f} +- {1e3 * one.delay_sigma_s:.1f} ms")
     for finding in fused.findings:
-        click.echo(f"  {finding}")
+        click.echo("\n".join(wrap(finding, 78, initial_indent="  ", subsequent_indent="    ")))
 
 
 COMMANDS: list[click.Command] = [fuse]

@@ -73,7 +73,7 @@ def print_first_findings(findings: Sequence[Finding], *, everything: bool) -> No
     left = len(findings) - len(shown)
     if left:
         plural = "s" if left > 1 else ""
-        click.echo(f"\n{left} more finding{plural}, and what to do about each, with --all.")
+        click.echo(f"{left} more finding{plural}, and what to do about each, with --all.")
 
 
 def first_findings(findings: Sequence[Finding]) -> list[Finding]:

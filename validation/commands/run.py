@@ -1,6 +1,7 @@
-"""The commands ``gtval run``, ``gtval compare`` and ``gtval report``."""
+"""The commands ``gtval run`` and ``gtval report``."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,13 +12,11 @@ from validation.commands.options import (
     CAMPAIGN,
     EVERYTHING,
     NORMAL,
-    PATH,
     STRICT,
     progress_bar,
 )
 
 if TYPE_CHECKING:
-    from validation.results import Finding
     from validation.run import RunResult
     from validation.statistics.error_statistics import IntervalMethod
     from validation.statistics.evaluation import Evaluation
@@ -44,7 +43,7 @@ def run(
     """
     from validation.commands.output import end_of_command
 
-    done = _run_and_write(campaign, _method(normal), report=not no_report)
+    done = _run_and_write(campaign, method_of(normal), report=not no_report)
     page = None if no_report else done.campaign.report / "report.html"
     if as_json:
         _print_run_json(done, page)
@@ -68,6 +67,7 @@ def _print_run_json(done: "RunResult", page: Path | None) -> None:
             "results": done.campaign.results,
             "report": page,
             "systems": {system.name: system.result.facts for system in done.systems},
+            "time": done.in_time.facts if done.in_time else {},
             "comparisons": [evaluation_json(one) for one in done.evaluations],
             "findings": done.findings,
         }
@@ -109,7 +109,7 @@ def report(
     """
     from validation.commands.output import end_of_command
 
-    done = _run_and_write(campaign, _method(normal), report=True, pdf=pdf)
+    done = _run_and_write(campaign, method_of(normal), report=True, pdf=pdf)
     folder = done.campaign.report
     names = ["report.html", "tables.md", "tables.tex", *(["report.pdf"] if pdf else [])]
     if as_json:
@@ -121,47 +121,6 @@ def report(
         for name in names:
             click.echo(f"Report: {folder / name}")
     end_of_command(done.findings, failed=done.failed, strict=strict)
-
-
-@click.command()
-@click.argument("validation", type=PATH, metavar="CAMPAIGN | VALIDATION.csv")
-@click.argument("gt", type=PATH, nargs=-1, metavar="[GT.csv]...")
-@AS_JSON
-@NORMAL
-@STRICT
-@EVERYTHING
-def compare(
-    validation: Path,
-    gt: tuple[Path, ...],
-    as_json: bool,
-    normal: bool,
-    strict: bool,
-    everything: bool,
-) -> None:
-    """Compare pose tables: VALIDATION.csv with one or more GT.csv, or a campaign's results.
-
-    A pose table has the columns pose, x, y, theta (metres, radians) and, if known, the
-    covariance xx, xy, xt, yy, yt, tt; poses in space have x, y, z, yaw, pitch, roll.
-    With a campaign folder as the only argument the tables under its results/ are compared.
-    Nothing is written.
-    """
-    from validation.commands.output import end_of_command, print_first_findings
-
-    evaluations, findings = _compared(validation, gt, _method(normal))
-    if as_json:
-        from validation.report.evaluation_json import evaluation_json
-        from validation.report.terminal import print_json
-
-        print_json(
-            {
-                "comparisons": [evaluation_json(one) for one in evaluations],
-                "findings": findings,
-            }
-        )
-    else:
-        print_evaluations(evaluations, everything=everything)
-        print_first_findings(findings, everything=everything)
-    end_of_command(findings, failed=False, strict=strict)
 
 
 def print_evaluations(evaluations: "Sequence[Evaluation]", *, everything: bool = False) -> None:
@@ -184,7 +143,8 @@ def print_evaluations(evaluations: "Sequence[Evaluation]", *, everything: bool =
             print_table(table)
 
 
-def _method(normal: bool) -> "IntervalMethod":
+def method_of(normal: bool) -> "IntervalMethod":
+    """How the interval of the mean is found."""
     return "normal" if normal else "student"
 
 
@@ -193,8 +153,10 @@ def _run_and_write(
 ) -> "RunResult":
     """Run the campaign and write its results, with the report if wanted."""
     from validation.campaign.folder import load_campaign
+    from validation.campaign.provenance import REPORT_FILES
     from validation.run import run_campaign
-    from validation.run_files import write_results
+    from validation.run_files import left_over, write_results
+    from validation.solving import late_finding
 
     loaded = load_campaign(campaign)
     with progress_bar("reading") as progress:
@@ -208,39 +170,7 @@ def _run_and_write(
 
             progress("writing the report", RUN_BEFORE_REPORT)
             done, files = report_files(done, pdf=pdf)
+    _, old = left_over(done, report=report)
+    old = [one for one in old if one.file in REPORT_FILES]  # the others are told as no_data
     write_results(done, files)
-    return done
-
-
-def _compared(
-    validation: Path, gt: tuple[Path, ...], method: "IntervalMethod"
-) -> "tuple[list[Evaluation], list[Finding]]":
-    """The comparisons asked for, and what follows in words."""
-    from validation.campaign.folder import load_campaign
-    from validation.campaign.stored import read_tables, stored_tables
-    from validation.errors import InputError, Problem
-    from validation.results import VALIDATION_SYSTEM
-    from validation.statistics.conclusions import conclusions
-    from validation.statistics.evaluation import evaluate
-
-    settings = None
-    if validation.is_dir() or validation.name == "campaign.toml":
-        if gt:
-            raise click.UsageError("give either a campaign folder alone, or pose tables")
-        campaign = load_campaign(validation)
-        found, settings = stored_tables(campaign), campaign.settings.comparison
-        by_name = {table.system: table for table in found.tables}
-        truth = by_name.pop(VALIDATION_SYSTEM, None)
-        if truth is None or not by_name:
-            what = "poses_survey.csv" if truth is None else "poses of another system"
-            text = f"there are no {what} yet; `gtval run` makes them"
-            raise InputError([Problem(campaign.results, text)])
-        systems = list(by_name.values())
-    elif gt:
-        found = read_tables([validation, *gt])
-        truth, *systems = found.tables
-    else:
-        raise click.UsageError("give at least one GT table to compare with the validation table")
-    evaluations = [evaluate(truth, table, settings, method) for table in systems]
-    concluded = [finding for one in evaluations for finding in conclusions(one)]
-    return evaluations, [*found.findings, *concluded]
+    return replace(done, findings=(*done.findings, *late_finding("results", old)))

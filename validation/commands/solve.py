@@ -24,13 +24,11 @@ class CampaignGroup(click.Group):
     ``gtval laser CAMPAIGN`` is short for ``gtval laser solve CAMPAIGN``.
     """
 
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """The command that is named, or `solve` where the first argument is none of their names."""
-        if args and args[0] not in self.commands and not args[0].startswith("-"):
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """The arguments, after `solve` where they name no command."""
+        if args and args[0] not in ctx.help_option_names and not self.commands.keys() & set(args):
             args = ["solve", *args]
-        return super().resolve_command(ctx, args)
+        return super().parse_args(ctx, args)
 
 
 def solve_command(

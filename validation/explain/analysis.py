@@ -16,7 +16,7 @@ from validation.explain.sources.arbitration import FALSE_ALARM, arbitrate
 from validation.explain.sources.reference import ReferenceEvidence, infer_reference
 from validation.explain.sources.verdicts import Arbitration, Sources
 from validation.poses.angles import Array
-from validation.poses.pose_table import PoseTable
+from validation.poses.pose_table import PoseTable, refuse_twice
 from validation.shown import Shown
 
 FEWEST = 4
@@ -212,9 +212,7 @@ def _check(validation: PoseTable, systems: Sequence[PoseTable], question: Questi
     if not names:
         raise GtvalError("there is no GT system to explain")
     every = [validation.system, *names, *(one.system for one in question.witnesses)]
-    twice = sorted({name for name in every if every.count(name) > 1})
-    if twice:
-        raise GtvalError(f"these systems are given twice: {', '.join(twice)}")
+    refuse_twice(every)
     for name in question.references:
         if name not in names:
             raise GtvalError(
@@ -244,7 +242,7 @@ def _robust(selections: Sequence[Selection | None]) -> list[Settled | None]:
         else Settled(
             one.pairs,
             one.chosen.fit,
-            one.chosen.fit.weights[0] > 0.5,
+            one.chosen.fit.weights[0] > 0.5,  # more good than bad
             np.zeros(2),
             np.zeros(2),
         )

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from validation.campaign.stored import read_tables
-from validation.errors import GtvalError
+from validation.errors import GtvalError, Problem
 from validation.explain.analysis import Question
 from validation.poses.pose_table import PoseTable
-from validation.results import VALIDATION_SYSTEM
+from validation.results import VALIDATION_SYSTEM, Finding
 from validation.text_files.csv_tables import Column, read_csv
 
 if TYPE_CHECKING:  # single tables do without the libraries that campaign.toml needs
@@ -56,6 +56,24 @@ def split_validation(
     if not others:
         raise GtvalError("there is no GT system to explain")
     return validation[0], others
+
+
+def unknown_systems(
+    campaign: "Campaign", settings: "ExplainSettings", present: Sequence[str]
+) -> list[Finding]:
+    """A warning for each reference and shared sensor of a system that gives no poses."""
+    from validation.campaign.folder import line_of  # noqa: PLC0415  (pydantic is slow)
+
+    stated = [("references", name) for name in settings.references]
+    stated += [("sensors", name) for names in settings.sensors.values() for name in names]
+    said = f"no system of this name gives poses; correct it to one of {', '.join(present)}, or "
+    bad = [
+        Problem(campaign.toml, f"{said}take it out", line, f"explain.{key}", name)
+        for key, name in stated
+        for line in (line_of(campaign.toml, ("explain", key, name)),)
+        if name not in present
+    ]
+    return [Finding("warning", str(one), "explain", "unknown_system") for one in bad]
 
 
 def campaign_question(

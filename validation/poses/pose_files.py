@@ -4,11 +4,12 @@ import contextlib
 import re
 from collections.abc import Iterable
 
-from validation.errors import GtvalError
+from validation.errors import FaultyResultError, GtvalError, shown
 from validation.poses.joint import joint_files
 from validation.poses.pose_table import PoseTable, to_csv, to_tum
 
-_SYSTEM = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+_SYSTEM = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
+"""File systems take names of 255 bytes, of which what stands around this one needs some 30."""
 
 
 def pose_files(tables: Iterable[PoseTable]) -> dict[str, str]:
@@ -16,16 +17,18 @@ def pose_files(tables: Iterable[PoseTable]) -> dict[str, str]:
 
     Raises
     ------
-    GtvalError
-        If a system's name cannot be part of a file name.
+    FaultyResultError
+        If a system's name cannot be part of a file name, or two tables have one name.
     """
     files = {}
     for table in tables:
         if not _SYSTEM.fullmatch(table.system):
-            raise GtvalError(
-                f"the system name '{table.system}' cannot be part of a file name; use letters, "
-                "digits, '_', '-' and '.'"
+            raise FaultyResultError(
+                f"the system name {shown(table.system)} cannot be part of a file name; use at most "
+                "100 letters, digits, '_', '-' and '.'"
             )
+        if f"poses_{table.system}.csv" in files:
+            raise FaultyResultError(f"two tables are called '{table.system}'")
         files[f"poses_{table.system}.csv"] = to_csv(table)
         files |= joint_files(table)
         # Stops without numbers have no time to stand in a trajectory.

@@ -11,7 +11,7 @@ from typing import Literal, Self
 import numpy as np
 import numpy.typing as npt
 
-from validation.errors import GtvalError, InputError, Problem, shown
+from validation.errors import FaultyResultError, GtvalError, InputError, Problem, shown
 from validation.poses.angles import Array, wrap
 from validation.shown import Shown
 from validation.text_files.csv_tables import Column, read_csv
@@ -85,7 +85,7 @@ class PoseTable(Shown):
 
     Raises
     ------
-    GtvalError
+    FaultyResultError
         For repeated ids, wrong shapes, numbers that are not finite, and covariances that are
         not symmetric and positive definite.
     """
@@ -120,34 +120,36 @@ class PoseTable(Shown):
         """Raise for anything that would make later numbers meaningless."""
         who = f"poses of system '{self.system}'"
         if self.poses.shape != (n, k):
-            raise GtvalError(f"{who}: expected {(n, k)} numbers, got {self.poses.shape}")
+            raise FaultyResultError(f"{who}: expected {(n, k)} numbers, got {self.poses.shape}")
         if self.covariances.shape != (n, k, k):
-            raise GtvalError(f"{who}: covariances {self.covariances.shape}, not {(n, k, k)}")
+            raise FaultyResultError(f"{who}: covariances {self.covariances.shape}, not {(n, k, k)}")
         self._check_joint(who, n * k)
         if len(self.sources) != n:
-            raise GtvalError(f"{who}: {len(self.sources)} sources for {n} poses")
+            raise FaultyResultError(f"{who}: {len(self.sources)} sources for {n} poses")
         bad = [name for name in self.ids if not name.isprintable() or name.strip() != name]
         if bad or "" in self.ids:
-            raise GtvalError(f"{who}: not a name for a stop: {shown(bad[0] if bad else '')}")
+            raise FaultyResultError(f"{who}: not a name for a stop: {shown(bad[0] if bad else '')}")
         if len(set(self.ids)) != n:
             twice = sorted({name for name in self.ids if self.ids.count(name) > 1})
-            raise GtvalError(f"{who}: these ids occur more than once: {', '.join(twice)}")
+            raise FaultyResultError(f"{who}: these ids occur more than once: {', '.join(twice)}")
         for name, pose, covariance in zip(self.ids, self.poses, self.covariances, strict=True):
             if not np.isfinite(pose).all():
-                raise GtvalError(f"{who}: pose {name} is not finite: {pose}")
+                raise FaultyResultError(f"{who}: pose {name} is not finite: {pose}")
             fault = covariance_fault(covariance)
             if fault:
-                raise GtvalError(f"{who}: the covariance of pose {name} {fault}")
+                raise FaultyResultError(f"{who}: the covariance of pose {name} {fault}")
 
     def _check_joint(self, who: str, size: int) -> None:
         """Raise for a joint covariance of another number of poses."""
         if self.joint is not None and self.joint.shape != (size, size):
-            raise GtvalError(f"{who}: joint covariance {self.joint.shape}, not {(size, size)}")
+            raise FaultyResultError(
+                f"{who}: joint covariance {self.joint.shape}, not {(size, size)}"
+            )
         if self.factor is not None:
             if self.joint is not None:
-                raise GtvalError(f"{who}: give the joint covariance or its factor, not both")
+                raise FaultyResultError(f"{who}: give the joint covariance or its factor, not both")
             if self.factor.ndim != 2 or len(self.factor) != size:
-                raise GtvalError(f"{who}: factor {self.factor.shape}, not {size} rows")
+                raise FaultyResultError(f"{who}: factor {self.factor.shape}, not {size} rows")
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -191,6 +193,29 @@ class PoseTable(Shown):
             joint=None if self.joint is None else self.joint[np.ix_(flat, flat)],
             factor=None if self.factor is None else self.factor[flat],
         )
+
+    def only(self, components: Sequence[Component]) -> Self:
+        """The table with some of its components, in their order."""
+        if tuple(components) == self.components:
+            return self
+        at = [self.components.index(one) for one in components]
+        n, k = self.poses.shape
+        flat = (np.arange(n)[:, None] * k + at).ravel()
+        return replace(
+            self,
+            poses=self.poses[:, at],
+            covariances=self.covariances[:, at][:, :, at],
+            components=tuple(components),
+            joint=None if self.joint is None else self.joint[np.ix_(flat, flat)],
+            factor=None if self.factor is None else self.factor[flat],
+        )
+
+
+def refuse_twice(systems: Sequence[str]) -> None:
+    """Raise a GtvalError where a system is named twice."""
+    twice = sorted({name for name in systems if systems.count(name) > 1})
+    if twice:
+        raise GtvalError(f"these systems are given twice: {', '.join(twice)}")
 
 
 def covariance_fault(covariance: Array) -> str | None:

@@ -92,6 +92,7 @@ def build_document(run: RunResult) -> Document:
             )
             for one in run.evaluations
         ),
+        *checked_sections(run.in_time.sections if run.in_time else (), failures),
         *checked_sections(run.explained.sections if run.explained else (), failures),
         _inputs_section(run),
     ]

@@ -1,5 +1,7 @@
 """Comparisons as nested dicts, for ``--json``."""
 
+import numpy as np
+
 from validation.statistics.evaluation import Evaluation
 
 
@@ -34,4 +36,14 @@ def evaluation_json(evaluation: Evaluation) -> dict[str, object]:
             }
             for one in evaluation.statistics
         },
+    }
+
+
+def position_json(evaluation: Evaluation) -> dict[str, object]:
+    """What of a system's errors at stops has the same name for poses in time."""
+    distances = evaluation.comparison.distances
+    return {
+        "rms_position_m": float(np.sqrt(np.square(distances).mean())),
+        "max_position_m": float(distances.max()),
+        "n": len(evaluation.comparison),
     }

@@ -40,8 +40,8 @@ def overview_table(evaluations: Sequence[Evaluation]) -> Table:
         columns,
         rows,
         ["", "d", *[".5f"] * (2 * len(components))],
-        "Mean and sample standard deviation (n - 1) over the n poses that system and survey have "
-        "in common; systems with different poses are not compared on equal terms.",
+        "Mean, and sample standard deviation around it (n - 1), over the n poses that system and "
+        "survey have in common. Compare systems only where they have the same poses.",
     )
 
 
@@ -76,9 +76,10 @@ def statistics_table(evaluation: Evaluation) -> Table:
         ],
         rows,
         ["", "d", *[NUMBER] * 9],
-        f"Interval of the mean: {interval_name(evaluation.statistics[0])}. 'bias below': the "
-        f"least bound on the bias that can be claimed with {confidence} confidence (two one-sided "
-        f"t-tests).{''.join(sorted(reasons))}",
+        f"std: around the mean, which is not in it. Interval of the mean: "
+        f"{interval_name(evaluation.statistics[0])}. 'bias below': the smallest bound on the bias "
+        f"that can be claimed with {confidence} confidence (two one-sided t-tests)."
+        f"{''.join(sorted(reasons))}",
     )
 
 

@@ -8,6 +8,7 @@ from markupsafe import Markup
 
 from validation.report.cells import is_number_column, rows_of_text
 from validation.report.document import Document
+from validation.report.layout import tied
 from validation.report.svg import inline_svg
 from validation.report.terminal import SEVERITIES
 from validation.results import Figure, Finding, Table, Text
@@ -47,13 +48,15 @@ def html_blocks(blocks: Sequence[Table | Figure | Text], name: str) -> str:
 
 def _environment() -> Environment:
     """Where the templates are, and that all text is escaped."""
-    return Environment(
+    environment = Environment(
         loader=PackageLoader("validation.report"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["tied"] = tied
+    return environment
 
 
 def _blocks(blocks: Sequence[Table | Figure | Text], name: str) -> list[dict[str, Any]]:

@@ -16,7 +16,10 @@ MOST_PARTS = 3
 """Parts that a table is cut into at most. A judgement: up to three are still compared by eye,
 line by line; beyond them a list, which keeps together what belongs together, is easier to read."""
 _TIED = "\N{NO-BREAK SPACE}"
-_BEFORE_UNIT = re.compile(r"(?<=[0-9]) (?=(?:%|[mk]?m|m?rad|m?s)(?![a-z]))")
+_BEFORE_UNIT = re.compile(
+    r"(?<=[0-9]) (?=(?:%|[cmk]?m|m?rad|m?s)(?![a-z]))"
+    r"|(?<=\b[np]) (?=[=<])|(?<=\b[np] [=<]) (?=[0-9])"
+)
 
 
 @dataclass(frozen=True)
@@ -87,12 +90,17 @@ def table_lines(table: Table, width: int | None, shown: Callable[[str], str] = s
     return lines + [Line("", one) for one in wrapped(shown(table.note), width)]
 
 
+def tied(text: str) -> str:
+    """The text with numbers and their units, and 'n = 20', held together on a line."""
+    return _BEFORE_UNIT.sub(_TIED, text)
+
+
 def wrapped(text: str, width: int | None, indent: int = 0) -> list[str]:
     """Text in lines, all but the first indented; words stay whole, and numbers have their units."""
     if width is None:
         return [text] if text else []
     lines = textwrap.wrap(
-        _BEFORE_UNIT.sub(_TIED, text),
+        tied(text),
         width,
         subsequent_indent=" " * indent,
         break_long_words=False,

@@ -104,26 +104,29 @@ def compare(validation: PoseTable, gt: PoseTable, confidence: float = 0.95) -> C
     validation : PoseTable
         What is taken as true.
     gt : PoseTable
-        The system under test, in the same frame and with the same components. It is taken as
-        independent of the validation: covariances are added.
+        The system under test, in the same frame and with the same components, or fewer:
+        positions without heading. It is taken as independent of the validation: covariances
+        are added.
     confidence : float
         Of the intervals.
 
     Raises
     ------
     GtvalError
-        If the components differ or no stop is in common.
+        If the system has components that the validation lacks, or no stop is in common.
 
     Notes
     -----
     AD2.3, tables "valid - GTvis" and "valid - SICK": error = validation minus GT.
     """
-    if validation.components != gt.components:
+    shared = [one for one in validation.components if one in gt.components]
+    if len(shared) < len(gt.components):
         raise GtvalError(
             f"the poses of '{validation.system}' have the components "
             f"{_named(validation)} and those of '{gt.system}' {_named(gt)}; "
             "only the same components can be compared"
         )
+    validation, gt = validation.only(shared), gt.only(shared)
     ids = in_common([validation, gt])
     ours, theirs = validation.select(ids), gt.select(ids)
     errors = pose_difference(ours.poses, theirs.poses, ours.components)

@@ -10,12 +10,14 @@ from validation.statistics.error_statistics import (
     two_sided_quantile,
 )
 from validation.statistics.evaluation import Evaluation
+from validation.statistics.units import unit_of_points
 
 
 def conclusions(evaluation: Evaluation) -> list[Finding]:
     """What a reader should take from a system's errors: bias, consistency, coverage, extremes."""
     comparison = evaluation.comparison
     return [
+        *_units(comparison),
         *(
             _bias(statistics, float(stated), evaluation.system)
             for statistics, stated in zip(
@@ -27,6 +29,18 @@ def conclusions(evaluation: Evaluation) -> list[Finding]:
         _largest(evaluation),
         *_zero_errors(comparison),
     ]
+
+
+def _units(comparison: Comparison) -> list[Finding]:
+    """Whether one of the two tables is in another unit than metres."""
+    lengths = [component.kind == "length" for component in comparison.components]
+    gt, validation = (one.poses[:, lengths] for one in (comparison.gt, comparison.validation))
+    own, other = unit_of_points(gt, validation), unit_of_points(validation, gt)
+    if not (own or other):
+        return []
+    whose = "this system" if own else "the validation"
+    text = f"Write the positions of {whose} in metres: they are in {own or other}."
+    return [Finding("error", text, comparison.system, "unit")]
 
 
 def interval_name(statistics: ComponentStatistics) -> str:
@@ -55,7 +69,7 @@ def _bias(statistics: ComponentStatistics, stated: float, system: str) -> Findin
     first = (
         f"There is a bias in {name}: {measured}."
         if significant
-        else f"No bias in {name} is shown: {measured} holds zero."
+        else f"No bias in {name} is shown: the interval of the mean contains zero, {measured}."
     )
     share = f"{100 * bias.confidence:.3g} % confidence"
     if bias.holds:
@@ -63,8 +77,8 @@ def _bias(statistics: ComponentStatistics, stated: float, system: str) -> Findin
         second = f"It is below {bias.limit:g} {unit} with {share} ({p_value})."
     else:
         second = (
-            f"That it is below {bias.limit:g} {unit} cannot be claimed with {share}; "
-            f"the least that can be is {bias.smallest_limit:.4f} {unit}."
+            f"It cannot be claimed with {share} that it is below {bias.limit:g} {unit}, only that "
+            f"it is below {bias.smallest_limit:.4f} {unit}."
         )
     severity: Severity = "note" if bias.holds or not significant else "warning"
     if bias.holds and not significant:
@@ -73,9 +87,9 @@ def _bias(statistics: ComponentStatistics, stated: float, system: str) -> Findin
     if significant and abs(statistics.mean) <= two_sided_quantile(statistics.confidence) * stated:
         severity, code = "note", "bias_within_stated"
         second += (
-            f" By the stated covariances a mean of this size is to be expected (standard "
-            f"deviation {stated:.4f} {unit}): it may be an error that all validation poses share, "
-            "as of the Vframe, and not one of the system."
+            f" The stated covariances allow a mean of this size (its standard deviation is "
+            f"{stated:.4f} {unit}): it may be an error that all validation poses share, such as "
+            "one of the Vframe, and not an error of the system."
         )
     return Finding(severity, f"{first} {second}", system, code)
 
@@ -123,11 +137,11 @@ def _coverage(comparison: Comparison) -> Finding:
         else ""
     )
     if not missing:
-        text = f"A pose was given for every one of the {total} validation poses.{also}"
+        text = f"There is a pose for each of the {total} validation poses.{also}"
         return Finding("good", text, comparison.system, "coverage")
     text = (
         f"Poses were given for {n} of the {total} validation poses; missing: "
-        f"{', '.join(missing)}.{also} The statistics speak only for those given."
+        f"{', '.join(missing)}.{also} The statistics hold only for those given."
     )
     return Finding("note", text, comparison.system, "coverage")
 
@@ -158,8 +172,8 @@ def _zero_errors(comparison: Comparison) -> list[Finding]:
         return []
     poses = ", ".join(comparison.ids[row] for row in rows)
     text = (
-        f"The errors of pose {poses} are zero, or next to it, in every component, as of a pose "
-        "taken over from the validation (the reference of a frame). It is counted in the "
-        "statistics, and makes them look better than they are."
+        f"The errors of pose {poses} are zero or almost zero in every component. Such a pose was "
+        "probably taken over from the validation, as the reference of a frame is. It is counted in "
+        "the statistics and makes them look better than they are."
     )
     return [Finding("note", text, comparison.system, "zero_error")]

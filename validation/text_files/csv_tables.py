@@ -10,7 +10,7 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from validation.errors import MAX_SHOWN_PROBLEMS, InputError, Problem, shown
@@ -24,6 +24,7 @@ MAX_PROBLEMS = 1000
 so many by hand."""
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+_WITH_UNIT = re.compile(rf"{_NUMBER.pattern}\s*([^\W\d_]{{1,6}}|['\"°])")
 
 
 @dataclass(frozen=True)
@@ -176,11 +177,9 @@ def header_of(path: Path, *, max_bytes: int = MAX_BYTES) -> list[str]:
 
 def _decode(path: Path, max_bytes: int) -> str:
     """Text of a file, undecodable bytes kept as lone surrogates."""
-    data = file_bytes(path, max_bytes, "a table")
+    data = file_bytes(path, max_bytes, "a table", text=True)
     if data.startswith(b"PK\x03\x04"):
         raise InputError([Problem(path, "this is a spreadsheet or an archive; save it as CSV", 1)])
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise InputError([Problem(path, "saved as UTF-16; save the file as UTF-8", 1)])
     return data.decode("utf-8-sig", errors="surrogateescape")
 
 
@@ -206,7 +205,7 @@ def _check_header(path: Path, line: int, header: Sequence[str], columns: Iterabl
     problems = [
         Problem(
             path,
-            f"the column is missing; the header has: {_shown_header(header)}",
+            f"the column is missing; {_renamed(column.name, header) or _shown_header(header)}",
             line,
             column.name,
         )
@@ -226,7 +225,12 @@ def _shown_header(header: Sequence[str]) -> str:
     """The headings as far as a person would read them."""
     named = [shown(name) for name in header[:MAX_SHOWN_PROBLEMS] if name]
     more = ", …" if len(header) > MAX_SHOWN_PROBLEMS else ""
-    return ", ".join(named) + more if named else "nothing"
+    return "the header has: " + (", ".join(named) + more if named else "nothing")
+
+
+def _renamed(name: str, header: Iterable[str]) -> str:
+    """What to do about a heading that differs in capital letters only."""
+    return next((f"write '{name}' instead of {shown(h)}" for h in header if h.lower() == name), "")
 
 
 def _add_row(table: CsvTable, line: int, cells: list[str], header: Sequence[str]) -> None:
@@ -253,6 +257,9 @@ def _add_row(table: CsvTable, line: int, cells: list[str], header: Sequence[str]
 
 def _read_column(table: CsvTable, column: Column) -> None:
     """Fill `text` or `numbers` from the raw cells."""
+    if _is_of_smaller_unit(table, column):
+        table.numbers[column.name] = [math.nan] * len(table)
+        return
     for row, raw in enumerate(table.raw[column.name]):
         cell = raw.strip()
         bad = _bad_text(cell, column)
@@ -271,6 +278,23 @@ def _read_column(table: CsvTable, column: Column) -> None:
         table.text.setdefault(column.name, [])
 
 
+def _is_of_smaller_unit(table: CsvTable, column: Column) -> bool:
+    """Whether most lengths are above the limit, as in millimetres: told once, not for each."""
+    numbers = [
+        _number(raw.strip(), replace(column, high=math.inf))[0] for raw in table.raw[column.name]
+    ]
+    large = [row for row, number in enumerate(numbers) if number > column.high]
+    if column.unit != "m" or len(large) < 3 or 2 * len(large) < len(numbers):
+        return False
+    table.flag(
+        large[0],
+        column.name,
+        f"out of range, like {len(large)} of {len(numbers)} cells; expected {_expected(column)}: "
+        "divide millimetres by 1000, centimetres by 100",
+    )
+    return True
+
+
 def _bad_text(cell: str, column: Column) -> str | None:
     """What is wrong with a cell as text, None if nothing is."""
     if any("\udc80" <= character <= "\udcff" for character in cell):
@@ -285,7 +309,8 @@ def _bad_text(cell: str, column: Column) -> str | None:
 def _number(cell: str, column: Column) -> tuple[float, str | None]:
     """A cell's number and what is wrong with it."""
     if _NUMBER.fullmatch(cell) is None:
-        return math.nan, f"not a number; expected {_expected(column)}"
+        alone = "; write it without the unit" if _WITH_UNIT.fullmatch(cell) else ""
+        return math.nan, f"not a number{alone}; expected {_expected(column)}"
     value = float(cell.replace(",", "."))
     if not column.low <= value <= column.high or not math.isfinite(value):
         return math.nan, f"out of range; expected {_expected(column)}"

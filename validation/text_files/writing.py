@@ -30,11 +30,13 @@ def write_files(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]
     GtvalError
         If the folder cannot be written; the old files are untouched.
     """
+    target, made = folder, list[Path]()
     staged: dict[Path, Path] = {}
     kept: dict[Path, Path | None] = {}
     try:
         for name, content in contents.items():
             target = folder / name
+            made += [path for path in target.parents if not path.exists()]
             target.parent.mkdir(parents=True, exist_ok=True)
             staged[target] = _stage(target, content)
         for target, temporary in staged.items():
@@ -42,9 +44,15 @@ def write_files(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]
             temporary.replace(target)
     except BaseException as error:
         _undo(kept, staged)
+        for path in sorted(made, reverse=True):  # the inner before the outer
+            with contextlib.suppress(OSError):
+                path.rmdir()
         if isinstance(error, OSError):
+            where = error.filename if isinstance(error, FileExistsError) else target
             reason = error.strerror or error
-            raise GtvalError(f"cannot write to {folder}: {reason}") from error
+            if isinstance(error, FileExistsError | IsADirectoryError | NotADirectoryError):
+                reason = f"{reason}; move away what stands there"
+            raise GtvalError(f"cannot write to {where}: {reason}") from error
         raise
     for copy in kept.values():
         if copy:

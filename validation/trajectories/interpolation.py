@@ -7,7 +7,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from validation.poses.angles import Array, wrap
-from validation.trajectories.trajectory import Trajectory
+from validation.poses.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import PoseTable
+from validation.poses.trajectory import Trajectory
 from validation.text_files.csv_tables import Column, read_csv
-from validation.trajectories.trajectory import Trajectory
 
 SHORTEST_STANDSTILL = 2.0
 """Seconds. A judgement: people leave a robot standing for longer while they measure; a robot that

@@ -160,6 +160,7 @@ def coverage_plot(calibrations: Mapping[str, Calibration]) -> Figure:
         counts = calibration.coverage.counts
         axes.imshow(np.sqrt(counts), cmap="Greys", aspect="equal", vmin=0)
         for (row, column), value in np.ndenumerate(counts):
+            # A judgement: on greys darker than this, white digits are read better.
             dark = np.sqrt(value) > 0.6 * np.sqrt(max(counts.max(), 1))
             colour = "white" if dark else "black"
             axes.text(column, row, f"{value}", ha="center", va="center", fontsize=5, color=colour)

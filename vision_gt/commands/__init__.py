@@ -11,6 +11,7 @@ from validation.commands.options import (
     AS_PUBLISHED,
     CAMPAIGN,
     PATH,
+    STRICT,
     WORKERS,
     progress_bar,
 )
@@ -152,25 +153,21 @@ def convert_camera(
 @CAMPAIGN
 @AS_JSON
 @WORKERS
-def check_table_command(campaign: Path, *, as_json: bool, workers: int | None) -> None:
+@STRICT
+def check_table_command(
+    campaign: Path, *, as_json: bool, workers: int | None, strict: bool
+) -> None:
     """Check the cameras with a board on a table, put over validated poses.
 
     Needs the results of `gtval run` and images CAMPAIGN/vision/table/CAMERA/poseX.png.
     """
     from validation.campaign.folder import load_campaign
-    from validation.report.terminal import print_json, print_table
-    from vision_gt.commands.table import (
-        reading_table,
-        statistics_table,
-        table_readings,
-    )
+    from validation.commands.output import tell_check
+    from vision_gt.commands.table import reading_table, statistics_table, table_readings
 
-    readings = table_readings(load_campaign(campaign), workers)
-    if as_json:
-        print_json({"readings": readings})
-        return
-    print_table(reading_table(readings))
-    print_table(statistics_table(readings))
+    readings, findings = table_readings(load_campaign(campaign), workers)
+    tables = [reading_table(readings), statistics_table(readings)]
+    tell_check({"readings": readings}, tables, findings, as_json=as_json, strict=strict)
 
 
 @vision.command("check-displacement")

@@ -7,9 +7,9 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from validation.campaign.folder import Campaign
+from validation.campaign.stored import stored_tables
 from validation.errors import GtvalError, InputError, Problem
-from validation.poses.pose_table import from_csv
-from validation.results import Table
+from validation.results import VALIDATION_SYSTEM, Finding, Table
 from validation.text_files.csv_tables import Column, read_csv
 from vision_gt.campaign.inputs import made_board, missing_facts
 from vision_gt.campaign.result_files import PLACED
@@ -23,8 +23,12 @@ from vision_gt.settings import VisionSettings, stated
 MM = 1e3
 
 
-def table_readings(campaign: Campaign, workers: int | None = None) -> list[TableReading]:
+def table_readings(
+    campaign: Campaign, workers: int | None = None
+) -> tuple[list[TableReading], list[Finding]]:
     """Boards on the table, found in the images of vision/table, beside the validation poses.
+
+    The findings say that results of an earlier run which this rests on are out of date.
 
     Raises
     ------
@@ -36,7 +40,11 @@ def table_readings(campaign: Campaign, workers: int | None = None) -> list[Table
     if problems := list(missing_facts(campaign.toml, settings, needed)):
         raise InputError(problems)
     network = read_network(campaign.results)
-    validation = from_csv(campaign.results / "poses_survey.csv", system="survey")
+    stored = stored_tables(campaign)
+    validation = {one.system: one for one in stored.tables}.get(VALIDATION_SYSTEM)
+    if validation is None:
+        raise GtvalError(f"{campaign.results}: no poses_survey.csv; `gtval run` makes it")
+    late = [one for one in stored.findings if one.subject in {VALIDATION_SYSTEM, "vision"}]
     folder = campaign.folder / settings.images / "table"
     images = images_of_poses(folder)
     board = made_board(settings.table.board)
@@ -61,7 +69,7 @@ def table_readings(campaign: Campaign, workers: int | None = None) -> list[Table
     views = [(pose, one.boards[0]) for (pose, _), one in zip(jobs, found, strict=True)]
     table = settings.table
     place = (*stated(table.corner), table.heading, stated(table.height))
-    return check_table(views, network, validation, place)
+    return check_table(views, network, validation, place), late
 
 
 def read_network(results: Path) -> Network:

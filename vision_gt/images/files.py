@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.errors import InputError, Problem
+from validation.text_files.reading import file_bytes
 
 Image = npt.NDArray[np.uint8]
 
@@ -217,16 +218,8 @@ def read_image(path: Path) -> Image:
     InputError
         If the file is missing, empty, truncated or no image.
     """
-    try:
-        size = path.stat().st_size
-        if not 0 < size <= MAX_BYTES:
-            raise InputError([Problem(path, f"the image file has {size} bytes")])
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError([Problem(path, "there is no such image")]) from None
-    except OSError as error:
-        raise InputError([Problem(path, f"cannot be read: {error.strerror or error}")]) from None
-    if _is_cut(data):
+    data = file_bytes(path, MAX_BYTES, "an image")
+    if not data or _is_cut(data):
         raise InputError([Problem(path, "the image is truncated or damaged; copy it again")])
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
     if image is None:

@@ -11,8 +11,8 @@ from data_samples.rooms.simulate import ExampleSystem, SimulationSettings, simul
 from survey.readings.readings import load_readings
 from survey.settings import SurveySettings
 from validation.campaign.folder import load_campaign
-from validation.campaign.published import published_tables
 from validation.poses.pose_table import from_csv
+from validation.published.systems import published_tables
 
 REPOSITORY = Path(__file__).parents[3]
 

@@ -156,3 +156,11 @@ def test_a_csv_scan_with_fewer_ranges_than_its_sensor_has_was_cut(tmp_path):
     path.write_text(head + "1,a,0,0.1,\n")
     with pytest.raises(InputError, match=r"line 2, field 'ranges'.*no beams"):
         read_scan_csv(path)
+
+
+def test_a_log_saved_as_utf_16_is_told_in_one_line(tmp_path):
+    path = tmp_path / "log.txt"
+    path.write_bytes(("FLASER 3 1.0 1.0 1.0 0 0 0 0 0 0 1.0 host 1.0\n" * 20).encode("utf-16-le"))
+    with pytest.raises(InputError, match=r"saved as UTF-16; save the file as UTF-8") as caught:
+        read_carmen(path)
+    assert len(caught.value.problems) == 1

@@ -18,8 +18,8 @@ from rtk_gt.offsets.robust import (
     redescending_weights,
 )
 from rtk_gt.path.alignment import align
-from rtk_gt.receivers.frames import LocalFrame
 from validation.errors import GtvalError
+from validation.poses.earth_frames import LocalFrame
 
 
 def errors_of(found):

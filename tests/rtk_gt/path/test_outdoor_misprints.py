@@ -18,8 +18,8 @@ from rtk_gt.offsets.noise import (
 from rtk_gt.path.composition import compose, published_composition, published_jacobian
 from rtk_gt.path.covariance import reference_covariance
 from rtk_gt.path.orientation import transform_of
-from rtk_gt.receivers.frames import LocalFrame
 from rtk_gt.sensors.camera_pose import Lens
+from validation.poses.earth_frames import LocalFrame
 
 PAGE = (Path(__file__).parents[3] / "docs" / "outdoor.md").read_text(encoding="utf-8")
 A, FLATTENING = 6378137.0, 1 / 298.257223563

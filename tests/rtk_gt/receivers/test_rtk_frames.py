@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from rtk_samples import MALAGA
 
 from data_samples.drives.drive import OFFSETS
-from rtk_gt.receivers.frames import (
+from validation.errors import GtvalError
+from validation.poses.earth_frames import (
     FrameVectors,
     LocalFrame,
     ecef_from_geodetic,
     geodetic_from_ecef,
     rotation_angle,
 )
-from validation.errors import GtvalError
 
 LATITUDES = st.floats(-90, 90)
 LONGITUDES = st.floats(-180, 180)

@@ -9,12 +9,12 @@ from rtk_samples import FRAGMENT, needs_fragment
 from rtk_gt.receivers.fix_checks import check_fixes
 from rtk_gt.receivers.fix_csv import read_fix_csv
 from rtk_gt.receivers.fixes import AUTONOMOUS, RTK_FIXED, RTK_FLOAT
-from rtk_gt.receivers.frames import LocalFrame
 from rtk_gt.receivers.nmea import read_nmea
 from rtk_gt.receivers.rawlog import read_rawlog
 from rtk_gt.receivers.rtklib import gps_minus_utc, read_pos
 from rtk_gt.receivers.steps import common_steps
 from validation.errors import InputError
+from validation.poses.earth_frames import LocalFrame
 
 
 def sentence(body):
@@ -303,3 +303,15 @@ def test_a_rawlog_cut_anywhere_is_an_error(tmp_path):
         # A cut between two observations leaves a shorter log that is whole.
         assert data[size - 1] == 0x88
         assert sum(len(one) for one in found.fixes.values()) < 691
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize(("name", "read"), [("rear.nmea", read_nmea), ("rear.pos", read_pos)])
+def test_a_log_saved_as_utf_16_is_told_in_one_line(tmp_path, name, read, encoding):
+    path = tmp_path / name
+    path.write_bytes("\n".join([gga()] * 50).encode(encoding))
+    with pytest.raises(InputError) as caught:
+        read(path, "rear")
+    assert [one.expected for one in caught.value.problems] == [
+        "saved as UTF-16; save the file as UTF-8"
+    ]

@@ -168,3 +168,28 @@ def test_robust_adjustment_is_an_option(room):
 
 def test_a_command_has_help():
     assert "readings" in CliRunner().invoke(survey, ["--help"]).output
+
+
+def units_told(folder):
+    found = json.loads(run(folder, "--json").stdout)["findings"]
+    return [one for one in found if one["code"] == "unit"]
+
+
+@pytest.mark.parametrize(("unit", "per_metre"), [("millimetres", 1000.0), ("feet", 1 / 0.3048)])
+@pytest.mark.parametrize(
+    ("file", "option"),
+    [("hand_points.csv", ["--hand-points", "4"]), ("initial_guesses.csv", ["--initial-guesses"])],
+)
+def test_rough_coordinates_in_another_unit_are_told(tmp_path, file, option, unit, per_metre):
+    folder = tmp_path / "room"
+    made = CliRunner().invoke(main, ["simulate", str(folder), "--stops", "5", *option])
+    assert made.exit_code == 0
+    assert units_told(folder) == []
+    path = folder / "survey" / file
+    head, *rows = (line.split(",") for line in path.read_text().splitlines())
+    for row in rows:
+        row[1:3] = [repr(float(cell) * per_metre) for cell in row[1:3]]
+    path.write_text("".join(",".join(row) + "\n" for row in (head, *rows)))
+    told = units_told(folder)
+    assert [one["severity"] for one in told] == ["warning"]
+    assert f"Write metres in survey/{file}: its coordinates are in {unit}" in told[0]["text"]

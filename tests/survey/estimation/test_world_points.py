@@ -77,8 +77,8 @@ def test_two_readings_leave_two_places():
 
 
 def test_vframe_points_on_a_line_leave_a_mirror_image():
-    vframe = Vframe(points={"A": (0, 0), "B": (1, 0), "C": (2, 0.0)})
-    world = locate(to_points(np.array([1.0, 3.0]), vframe), vframe)
+    vframe = Vframe(points={"A": (0, 0), "B": (1, 0), "C": (2, 0.0), "D": (0.0, 2.0)})
+    world = locate(to_points(np.array([1.0, 3.0]), vframe, ["A", "B", "C"]), vframe)
     assert not world.points
     assert "nearly on a line" in world.missing[0].reason
     assert sorted(world.missing[0].candidates[:, 1]) == pytest.approx([-3.0, 3.0], abs=1e-6)
@@ -119,3 +119,10 @@ def test_world_points_of_simulated_rooms_are_as_good_as_stated():
         count += 1
     low, high = chi2.ppf([0.0005, 0.9995], 2 * count)
     assert low < total < high
+
+
+def test_a_place_on_the_line_of_its_points_is_not_located_where_they_are_all_it_has():
+    frame = Vframe(points={"A": (0.0, 0.0), "B": (2.0, 0.0), "C": (4.0, 0.0), "D": (0.0, 2.0)})
+    world = locate(to_points(np.array([6.0, 0.0]), frame, ["A", "B", "C"]), frame)
+    assert not world.points
+    assert "measure it from a point off that line" in world.missing[0].reason

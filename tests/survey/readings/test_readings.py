@@ -174,3 +174,21 @@ def test_readings_touching_turn_to_start_where_asked():
     assert own.start == ("1", "1")
     assert own.end == ("O", "X")
     assert own.distance == pytest.approx([1.0, 2.0])
+
+
+@pytest.mark.parametrize(("unit", "per_metre"), [("feet", 1 / 0.3048), ("inches", 1 / 0.0254)])
+def test_a_frame_measured_in_another_unit_is_told_once(folder, unit, per_metre):
+    toml = folder / "campaign.toml"
+    toml.write_text(toml.read_text().replace("range_max = ", "range_max = 200.0  # "))
+    rows = "".join(f",{a},{b},{d * per_metre:.3f},A\n" for a, b, d in (
+        ("O", "1", 2.74), ("O", "X", 2.501), ("O", "Y", 2.498), ("X", "XY", 2.5)
+    ))  # fmt: skip
+    (only,) = problem(folder, f"{HEADER}\n{rows}")
+    assert (only.line, only.field) == (3, "distance")
+    assert unit in str(only)
+    assert "write metres" in str(only)
+
+
+def test_one_wrong_side_of_the_frame_is_no_unit(folder):
+    rows = ",O,X,8.2,A\n,O,Y,2.498,A\n,X,XY,2.5,A\n"
+    assert len(load(folder, f"{HEADER}\n{rows}").used) == 3

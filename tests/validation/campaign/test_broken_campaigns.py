@@ -63,6 +63,7 @@ def written(name, content):
 
 
 READINGS = "survey/readings.csv"
+FRAME = r"^(points = \{ \"?O\"? = )\[0.0, 0.0\], \"?X\"? = \[2.5.*"
 PUBLISHED = '[[published]]\nsystem = "{}"\nfile = "{}"\n'
 CASES = {
     "no campaign.toml": (removed("campaign.toml"), ["campaign.toml", "gtval simulate"]),
@@ -139,6 +140,35 @@ CASES = {
         ),
         ["gt.csv, line 2", "theta", "90", "rad"],
     ),
+    "a folder named as the readings": (
+        lambda folder: (removed(READINGS)(folder), (folder / READINGS).mkdir()),
+        [READINGS, "a folder", "put the file there"],
+    ),
+    "a frame on one line": (
+        edited("campaign.toml", FRAME, r"\1[0, 0], X = [2.5, 0], Y = [5, 0], XY = [7.5, 0] }"),
+        ["campaign.toml, line", "vframe", "on one line", "state one that lies off the line"],
+    ),
+    "two frame points in one place": (
+        edited("campaign.toml", FRAME, r"\1[0, 0], X = [0, 0], Y = [0, 2.5], XY = [2.5, 2.5] }"),
+        ["campaign.toml, line", "vframe", "O and X are the same place"],
+    ),
+    "two rig points in one place": (
+        edited("campaign.toml", r"^(points = .*\[)0.0, 0.4\]", r"\g<1>0.6, 0.0]"),
+        ["campaign.toml, line", "robot_frame", "X and Y are the same place"],
+    ),
+    **{
+        f"a pole_length of {value}": (
+            edited("campaign.toml", r"^pole_length = .*", f"pole_length = {value}"),
+            ["campaign.toml, line", word],
+        )
+        for value, word in {
+            "1e300": "vframe.pole_length': '1e+300' — longer than 300 m",
+            "2500": "write metres",
+            "true": "vframe.pole_length': 'True' — Input should be a valid number",
+            '"2.5"': "vframe.pole_length': '2.5' — Input should be a valid number",
+            "20.0": "no two points are pole_length = 20 m apart; take out one of both",
+        }.items()
+    },
     "no length of the frame's side": (
         edited("campaign.toml", r"^(pole_length|points) =.*$", "", count=0),
         ["campaign.toml", "pole_length ="],

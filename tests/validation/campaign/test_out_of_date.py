@@ -83,6 +83,8 @@ EVERYTHING_AFTER_THE_SURVEY = [
     "results/statistics.csv",
     "results/explain/explanation.json",
     "report/report.html",
+    "report/tables.md",
+    "report/tables.tex",
 ]
 
 
@@ -269,7 +271,7 @@ def test_a_page_that_is_no_report_of_ours_is_left_alone(folder, content):
     report.unlink()
     if content is not None:
         report.write_bytes(content)
-    assert marked_report(load_campaign(folder), None) == {}
+    assert marked_report(load_campaign(folder)) == {}
     (folder / "survey.txt").write_text("0.5")
     solve(folder, "survey")
     assert report.exists() == (content is not None)
@@ -305,3 +307,26 @@ def test_a_system_solved_again_leaves_no_file_that_it_writes_no_longer(folder, w
     assert not (results / "rig_old.csv").exists()
     assert (results / "by_hand.csv").exists()
     assert "rig_old.csv" not in json.loads((results / "run.json").read_text())["outputs"]
+
+
+def test_what_is_wrong_with_an_edited_result_is_told_with_the_next_step(folder):
+    errors = folder / "results/errors.csv"
+    errors.write_text(errors.read_text() + "\n")
+    done = CliRunner().invoke(main, ["compare", str(folder)])
+    assert "Out of date now: results/errors.csv, report/report.html" in done.stdout
+    assert done.stdout.count("`gtval run` makes them anew") == 1
+    poses = folder / "results/poses_rig.csv"
+    poses.write_text(poses.read_text().replace("2,", "2,1", 1))
+    done = CliRunner().invoke(main, ["compare", str(folder)])
+    assert "it is not as the step 'rig' left it; `gtval run` makes it anew" in done.stdout
+
+
+def test_a_run_without_report_tells_of_the_old_one_where_it_no_longer_belongs(folder):
+    same = CliRunner().invoke(main, ["run", str(folder), "--no-report"])
+    assert "Out of date" not in same.stdout
+    assert "report/report.html" not in marked(folder)
+    (folder / "survey.txt").write_text("0.5")
+    done = CliRunner().invoke(main, ["run", str(folder), "--no-report"])
+    assert "Out of date now: report/report.html, report/tables.md" in done.stdout
+    assert "This report is out of date" in page(folder)
+    assert marked(folder) == ["report/report.html", "report/tables.md", "report/tables.tex"]

@@ -1,6 +1,7 @@
 """gtval run, compare and report, as typed."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -82,7 +83,7 @@ def test_a_bad_campaign_ends_in_plain_words_and_writes_nothing(campaign):
     for command in ("run", "report", "compare"):
         result = gtval(command, campaign)
         assert result.exit_code == 2
-        assert "field 'name': Field required" in result.stderr
+        assert "field 'name': the key is missing; add it" in result.stderr
         assert "Traceback" not in result.stderr
     assert not (campaign / "results").exists()
 
@@ -172,3 +173,33 @@ def test_the_published_campaign_runs_from_end_to_end(ad23_run):
     assert means["vision"] == ["0.0804", "0.0362", "0.0137"]
     assert means["laser_scanmatch"] == ["0.0423", "0.0515", "0.0044"]
     assert means["laser_genetic"] == ["-0.0654", "0.0269", "0.0329"]
+
+
+@pytest.mark.parametrize("command", ["compare", "explain"])
+def test_a_system_that_is_given_twice_is_refused(command):
+    files = ["survey/published_poses.csv", *["laser/published_genetic.csv"] * 2]
+    done = gtval(command, *(AD23 / name for name in files))
+    assert done.exit_code == 2
+    assert done.stderr == "Error: these systems are given twice: published_genetic\n"
+
+
+@pytest.mark.parametrize("system", ["rtk", "vision", "laser"])
+def test_options_may_stand_before_the_campaign_of_a_group(system, ad23_folder):
+    first, last = gtval(system, "--json", ad23_folder), gtval(system, ad23_folder, "--json")
+    assert first.stdout == last.stdout
+    assert json.loads(first.stdout)["command"] == f"{system}"
+    assert "No such option" not in first.stderr
+    assert gtval(system, "--help").stdout.startswith(f"Usage: main {system} [OPTIONS] COMMAND")
+
+
+def test_a_reference_of_a_system_that_is_not_there_is_told_with_its_line(room_run, tmp_path):
+    folder = tmp_path / "room"
+    shutil.copytree(room_run[0], folder)
+    with (folder / "campaign.toml").open("a") as file:
+        file.write('\n[explain.references]\nexampel_gt = "1"\n')
+    line = len((folder / "campaign.toml").read_text().splitlines())
+    findings = json.loads(gtval("explain", folder, "--json").stdout)["findings"]
+    (told,) = [one for one in findings if one["code"] == "unknown_system"]
+    assert told["severity"] == "warning"
+    assert f"campaign.toml, line {line}, field 'explain.references': 'exampel_gt'" in told["text"]
+    assert "correct it to one of example_gt, or take it out" in told["text"]

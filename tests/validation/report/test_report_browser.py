@@ -92,3 +92,31 @@ def test_every_link_of_the_contents_leads_to_a_heading(browser, report):
     )
     assert len(targets) >= 5
     assert set(targets) == {"H2"}
+
+
+def test_on_a_phone_numbers_keep_their_units_and_titles_are_whole(browser, report):
+    page = opened(browser, report, 390)
+    text = page.execute_script("return document.querySelector('.findings').innerText")
+    assert "95\u00a0%" in text
+    assert not [word for word in ("95 %", " 20:", "0.05 m ") if word in text]
+    wide = page.execute_script(
+        "return [...document.querySelectorAll('caption')].filter(one => {"
+        "  const range = document.createRange(); range.selectNodeContents(one);"
+        "  return range.getBoundingClientRect().width > 390; }).map(one => one.innerText)"
+    )
+    assert wide == []
+
+
+def test_the_names_of_rows_stay_while_a_table_scrolls(browser, report):
+    page = opened(browser, report, 390)
+    places = page.execute_script(
+        """
+        const box = [...document.querySelectorAll('.scroll')]
+          .find(box => box.scrollWidth > box.clientWidth + 50);
+        const name = box.querySelector('tbody th');
+        const before = name.getBoundingClientRect().left;
+        box.scrollLeft = 50;
+        return [before, name.getBoundingClientRect().left];
+        """
+    )
+    assert places[0] == places[1]

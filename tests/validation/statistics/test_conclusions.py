@@ -35,8 +35,8 @@ def test_a_bias_is_told_with_its_interval_and_the_bound_that_holds(ad23_poses):
     assert first.subject == "vision"
     assert first.text == (
         "There is a bias in x: +0.0804 m (95 % interval, Student's t, n = 20: +0.0633 to "
-        "+0.0975 m). That it is below 0.05 m cannot be claimed with 95 % confidence; the least "
-        "that can be is 0.0945 m."
+        "+0.0975 m). It cannot be claimed with 95 % confidence that it is below 0.05 m, only that "
+        "it is below 0.0945 m."
     )
 
 
@@ -119,6 +119,6 @@ def test_a_bias_that_the_survey_alone_may_cause_is_not_put_on_the_system():
     found = conclusions(evaluate(surveyed, gt))[0]
     assert found.code == "bias_within_stated"
     assert found.severity == "note"
-    assert "(standard deviation 0.0050 m)" in found.text
+    assert "(its standard deviation is 0.0050 m)" in found.text
     # The same errors against a survey without such a common part are the system's own.
     assert conclusions(evaluate(validation, gt))[0].code == "bias"

@@ -81,7 +81,12 @@ def test_the_same_table_in_many_dresses(tmp_path, content):
         ("pose,x\n1,1,5\n", "a decimal comma needs quotes"),
         ("pose,x\n1,1.2.3\n", "not a number"),
         (b"pose,x\n\xe9,1\n", "not UTF-8"),
-        ("pose,x\n1,1\n".encode("utf-16"), "saved as UTF-16"),
+        ("pose,x\n1,1\n".encode("utf-16"), "saved as UTF-16; save the file as UTF-8"),
+        ("pose,x\n1,1\n".encode("utf-16-le"), "saved as UTF-16; save the file as UTF-8"),
+        ("pose,x\n1,1\n".encode("utf-16-be"), "saved as UTF-16; save the file as UTF-8"),
+        ("pose,x\n1,2.5 m\n", "'2.5 m' — not a number; write it without the unit"),
+        ("pose,x\n1,8'\n", "write it without the unit"),
+        ("Pose,X\n1,2.5\n", "write 'pose' instead of 'Pose'"),
         (b"pose,x\n1\x00,1\n", "control characters"),
         ('pose,x\n"1,1\n2,2\n', "not a CSV table"),
         ('pose,x\n"1"2,1\n', "not a CSV table"),
@@ -181,3 +186,21 @@ def test_whatever_the_bytes_only_plain_errors_come_out(tmp_path, content):
     # Any other exception, and any warning, fails the test.
     with contextlib.suppress(GtvalError):
         assert len(from_csv(path)) > 0
+
+
+def test_a_column_in_millimetres_is_told_once(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("pose,x\n" + "".join(f"{n},{2500 + n}\n" for n in range(40)) + "41,far\n")
+    with pytest.raises(InputError) as caught:
+        read_csv(path, COLUMNS).raise_problems()
+    (only,) = caught.value.problems
+    assert (only.line, only.field, only.value) == (2, "x", "2500")
+    assert "divide millimetres by 1000" in str(only)
+
+
+def test_few_lengths_out_of_range_are_told_one_by_one(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("pose,x\n" + "".join(f"{n},2.5\n" for n in range(40)) + "41,250\n42,2500\n")
+    with pytest.raises(InputError) as caught:
+        read_csv(path, COLUMNS).raise_problems()
+    assert [one.line for one in caught.value.problems] == [42, 43]

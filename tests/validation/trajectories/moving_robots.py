@@ -4,8 +4,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from validation.poses.angles import wrap
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.stops import Stop
-from validation.trajectories.trajectory import Trajectory
 
 
 def robot_between_stops(

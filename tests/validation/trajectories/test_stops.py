@@ -4,6 +4,7 @@ from moving_robots import robot_between_stops
 
 from validation.errors import GtvalError, InputError
 from validation.poses.pose_table import pose_difference
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.naming import name_standstills
 from validation.trajectories.stops import (
     Stop,
@@ -12,7 +13,6 @@ from validation.trajectories.stops import (
     poses_at_stops,
     read_stops,
 )
-from validation.trajectories.trajectory import Trajectory
 
 
 def nees_of_means(rate, memory, seeds):

@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from validation.errors import GtvalError
 from validation.poses.angles import wrap
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.interpolation import interpolate
-from validation.trajectories.trajectory import Trajectory
 
 TIMES = np.arange(0.0, 10.0, 0.1)
 

@@ -121,14 +121,14 @@ def candidates(*, reference: bool, moving: bool) -> tuple[ErrorModel, ...]:
         mount,
     ]
     if reference:
-        words = "a wrong mount that also went into the frame through the reference pose"
+        words = "a wrong mount that also shifted the frame through the reference pose"
         models.append(ErrorModel("reference_mount", words, ("mount",), True, True))
     models += [
         ErrorModel("frame_scale", "a wrong frame and scale", ("frame", "scale")),
         ErrorModel("frame_mount", "a wrong frame and a wrong mount", ("frame", "mount"), reference),
     ]
     if reference:
-        words = "a wrong mount that also went into the frame, and a wrong scale"
+        words = "a wrong mount that also shifted the frame, and a wrong scale"
         models.append(ErrorModel("reference_mount_scale", words, ("mount", "scale"), True, True))
     models.append(
         ErrorModel(

@@ -1,4 +1,4 @@
-"""Two systems compared on the stops they share, and a system held against what is asked of it."""
+"""Two systems compared on the stops they share, and a system compared with what is asked of it."""
 
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""The sources that are held against each other, and the verdicts on their cells."""
+"""The sources that are compared with each other, and the verdicts on their cells."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -160,11 +160,11 @@ def reason_for(blamed: Sequence[str], witnesses: Sequence[str], certainty: str, 
         return f"{listed(blamed)} disagree, and no other source tells which of them is wrong"
     agree = listed(witnesses)
     if certainty == "likely":
-        but = f"they share the sensor '{sensor}'" if sensor else "what outweighs it is one sensor"
+        but = f"share the sensor '{sensor}'" if sensor else "are a majority only by one sensor"
         return (
             f"{agree} agree with each other, but {but}: the robot may also have stood elsewhere "
-            "when that sensor looked"
+            "when that sensor measured"
         )
     if len(witnesses) == 1:
-        return f"only {agree} is left; the others of one sensor moved together"
+        return f"they are of one sensor and moved together, away from {agree}"
     return f"{agree} agree with each other without it"

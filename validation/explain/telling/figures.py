@@ -201,8 +201,7 @@ def source_matrix(explanation: Explanation) -> Figure:
     bar = figure.colorbar(picture, ax=list(panels), shrink=0.9, extend="max")
     bar.set_label("distance from the other sources [standard deviations]", fontsize=8)
     figure.suptitle(
-        "Sources against poses: X held responsible, ? may be responsible, s worth a second look, "
-        "grey: no pose",
+        "Sources against poses: X wrong, ? perhaps wrong, s look again, grey: no pose",
         fontsize=10,
     )
     return figure

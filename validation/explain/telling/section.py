@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from validation.errors import GtvalError
 from validation.explain.analysis import Explanation, SystemExplanation, explain
-from validation.explain.loading import campaign_question, split_validation
+from validation.explain.loading import campaign_question, split_validation, unknown_systems
 from validation.explain.sources.equivalence import paired_comparison
 from validation.explain.sources.repeatability import (
     REVISIT_RADIUS,
@@ -91,6 +91,7 @@ def explain_campaign(campaign: "Campaign", tables: Sequence[PoseTable]) -> Expla
         for one in others
         if one not in fit
     ]
+    left_out += unknown_systems(campaign, settings, [one.system for one in others])
     if validation.components != PLANAR or not fit:
         return ExplainParts(None, (), tuple(left_out), {})
     question = campaign_question(campaign, settings, [one.system for one in fit])
@@ -178,8 +179,8 @@ def _overview(
         Figure(
             "explain_sources",
             "Every source at every pose after the systematic parts are taken out: how far it is "
-            "from the others. X: held responsible; ?: one of those marked "
-            "is; s: worth a second look.",
+            "from the others. X: wrong; ?: one of those marked is "
+            "wrong; s: look again.",
             "Matrix of sources and poses. The flagged cells are in the table below.",
             partial(_draw, "source_matrix", explanation),
         ),

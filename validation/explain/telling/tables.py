@@ -30,27 +30,16 @@ def candidate_table(one: SystemExplanation) -> Table:
         p = max(item.p_values.values(), default=None)
         rows.append(
             [
-                item.name,
-                len(item.model.parameters),
-                item.criterion - lowest,
-                item.loo.score - best,
-                1000 * item.loo.typical_length,
-                1000 * item.loo.typical_angle,
-                p,
-                mark,
+                *(item.name, len(item.model.parameters), item.criterion - lowest),
+                *(item.loo.score - best, 1000 * item.loo.typical_length),
+                *(1000 * item.loo.typical_angle, p, mark),
             ]
         )
     return Table(
-        f"{one.system}: explanations weighed against each other",
+        f"{one.system}: explanations compared",
         [
-            "explanation",
-            "parameters",
-            "BIC above the least",
-            "log score below the best",
-            "left-out position [mm]",
-            "left-out heading [mrad]",
-            "largest p of a part",
-            "",
+            *("explanation", "parameters", "BIC above the least", "log score below the best"),
+            *("left-out position [mm]", "left-out heading [mrad]", "largest p of a part", ""),
         ],
         rows,
         ["", "d", ".1f", ".1f", ".1f", ".1f", ".1g", ""],
@@ -92,8 +81,8 @@ def cause_table(systems: Sequence[SystemExplanation]) -> Table:
         ["system", "explained by", "positions before [m]", "positions after [m]", "headings [rad]"],
         rows,
         ["", "", ".4f", ".4f", ".4f"],
-        note="Standard deviations of the poses that fit, before and after what is explained is "
-        "taken out.",
+        note="Standard deviations around the mean, of the poses that fit, before and after what is "
+        "explained is taken out. They do not contain the mean error itself.",
     )
 
 
@@ -104,40 +93,31 @@ def before_after_table(systems: Sequence[SystemExplanation]) -> Table:
         settled = one.settled
         if settled is None:
             continue
+        both = settled.before, settled.after
         for column, name in enumerate(COMPONENTS):
             used = int(settled.cells[:, 0 if column < 2 else 1].sum())
             rows.append(
                 [
-                    one.system,
-                    name,
-                    settled.spread(settled.before, everything=True)[column],
-                    settled.spread(settled.after, everything=True)[column],
+                    *(one.system, name),
+                    *(settled.spread(e, everything=True)[column] for e in both),
                     used,
-                    settled.mean(settled.before)[column],
-                    settled.mean(settled.after)[column],
-                    settled.spread(settled.before)[column],
-                    settled.spread(settled.after)[column],
+                    *(settled.mean(e)[column] for e in both),
+                    *(settled.spread(e)[column] for e in both),
                     settled.noise[column],
                 ]
             )
     return Table(
         "Errors before and after the systematic part is taken out [m, rad]",
         [
-            "system",
-            "component",
-            "std before (all)",
-            "std after (all)",
-            "cells not flagged",
-            "mean before",
-            "mean after",
-            "std before",
-            "std after",
-            "rms after, freedom counted",
+            *("system", "component", "std before (all)", "std after (all)", "cells not flagged"),
+            *("mean before", "mean after", "std before", "std after"),
+            "rms after, per degree of freedom",
         ],
         rows,
         ["", "", ".4f", ".4f", "d", ".4f", ".4f", ".4f", ".4f", ".4f"],
-        note="The last five columns are of the cells not flagged. The last divides by the degrees "
-        "of freedom that the fit has left. Poses known by construction are not counted.",
+        note="std: standard deviation around the mean; the mean is not in it. All columns after "
+        "'cells not flagged' are of these cells only. The last one divides by the degrees of "
+        "freedom that the fit has left. Poses known by construction are not counted.",
     )
 
 
@@ -145,21 +125,21 @@ def verdict_table(explanation: Explanation) -> Table:
     """All cells that do not fit."""
     result = explanation.arbitration
     note = f"Chance of any entry in a table of good poses: {100 * result.false_alarm:.3g} %."
-    title = "Poses that do not fit, and the source held responsible"
+    title = "Poses that do not fit, and the source that is wrong"
     return _verdict_table(title, result.verdicts, note)
 
 
 def suspect_table(explanation: Explanation) -> Table | None:
-    """Cells worth a second look; None if there are none."""
+    """Cells to look at again; None if there are none."""
     if not explanation.arbitration.suspects:
         return None
     note = (
-        "No source is held responsible for these, and nothing is left out. In a table of good "
-        "poses one such entry is expected. The p says how many good tables have one as large."
+        "No source is called wrong for these, and nothing is left out. One such entry is normal, "
+        "even if all poses are good. p: the share of good tables that have one as large."
     )
     # How sure it would be of the culprit says nothing about whether there is one.
     suspects = explanation.arbitration.suspects
-    return _verdict_table("Worth a second look", suspects, note, certainty=False)
+    return _verdict_table("To be looked at again", suspects, note, certainty=False)
 
 
 def _verdict_table(
@@ -197,7 +177,7 @@ def noise_table(explanation: Explanation) -> Table:
         rows,
         ["", "", ".4f", ".4f", ".4f"],
         note="From the differences between sources that share no sensor, flagged cells left out. "
-        "Zero: the source may be perfect.",
+        "Zero: the data allow that the source has no noise.",
     )
 
 
@@ -226,12 +206,8 @@ def good_enough_table(
             mean, spread = float(errors.mean()), float(errors.std(ddof=1))
             rows.append(
                 [
-                    one.system,
-                    name,
-                    len(errors),
-                    limit,
-                    shown.bias.smallest_limit,
-                    shown.deviation_below,
+                    *(one.system, name, len(errors), limit),
+                    *(shown.bias.smallest_limit, shown.deviation_below),
                     "yes" if shown.holds else "not shown",
                     _poses_needed(mean, spread, limit, confidence),
                     _poses_needed(0.0, float(settled.noise[column]), limit, confidence),
@@ -240,15 +216,8 @@ def good_enough_table(
     return Table(
         "Good enough for d, and the poses needed to show it",
         [
-            "system",
-            "component",
-            "n",
-            "d [m, rad]",
-            "bias shown below",
-            "std shown below",
-            "both below d",
-            "poses needed",
-            "poses needed, corrected",
+            *("system", "component", "n", "d [m, rad]", "bias shown below", "std shown below"),
+            *("both below d", "poses needed", "poses needed, corrected"),
         ],
         rows,
         ["", "", "d", ".3g", ".4f", ".4f", "", "d", "d"],
@@ -273,37 +242,18 @@ def paired_table(pairs: Sequence[PairedComparison]) -> Table:
     """Pairs of systems on their common stops."""
     rows: Rows = [
         [
-            f"{one.systems[0]} - {one.systems[1]}",
-            one.component.name,
-            one.n,
-            one.bias_difference,
-            one.bias_low,
-            one.bias_high,
-            one.size_difference,
-            one.size_low,
-            one.size_high,
-            one.ratio,
-            one.ratio_low,
-            one.ratio_high,
-            one.equivalence.smallest_limit,
+            *(f"{one.systems[0]} - {one.systems[1]}", one.component.name, one.n),
+            *(one.bias_difference, one.bias_low, one.bias_high),
+            *(one.size_difference, one.size_low, one.size_high),
+            *(one.ratio, one.ratio_low, one.ratio_high, one.equivalence.smallest_limit),
         ]
         for one in pairs
     ]
     return Table(
         "Pairs of systems on their common stops [m, rad], as they came",
         [
-            "systems",
-            "component",
-            "n",
-            "difference of errors",
-            "low",
-            "high",
-            "difference of |errors|",
-            "low",
-            "high",
-            "ratio of std",
-            "low",
-            "high",
+            *("systems", "component", "n", "difference of errors", "low", "high"),
+            *("difference of |errors|", "low", "high", "ratio of std", "low", "high"),
             "equivalent within",
         ],
         rows,

@@ -12,8 +12,8 @@ def arbitration_findings(result: Arbitration) -> list[Finding]:
     cells = int((result.present.sum(0) > 1).sum()) * 2
     text = (
         f"{len(result.verdicts)} of {cells} cells (position and heading of each stop) do not fit. "
-        f"In a table of good poses the chance of any such flag is {100 * result.false_alarm:.3g} % "
-        f"(shared over {result.questions} questions)."
+        f"In a table of good poses the chance of even one is {100 * result.false_alarm:.3g} % "
+        f"(over all {result.questions} tests together)."
     )
     told.append(Finding("note", text, "all sources", "arbitration"))
     told += _suspects(result)
@@ -23,7 +23,7 @@ def arbitration_findings(result: Arbitration) -> list[Finding]:
 
 
 def _suspects(result: Arbitration) -> list[Finding]:
-    """Cells worth a second look."""
+    """Cells to look at again."""
     if not result.suspects:
         return []
     said = "; ".join(
@@ -32,8 +32,8 @@ def _suspects(result: Arbitration) -> list[Finding]:
         for one in result.suspects
     )
     text = (
-        f"Look again at {said}. No source is held responsible, and nothing is left out. In a "
-        "table of good poses one such entry is expected."
+        f"Look again at {said}. No source is called wrong there, and nothing is left out. One "
+        "such entry is normal, even if all poses are good."
     )
     return [Finding("note", text, "all sources", "suspects")]
 
@@ -45,8 +45,9 @@ def _verdict(one: Verdict, validation: str) -> Finding:
     if one.certainty == "undecided":
         text = f"The {one.cell} is off by {size}: {one.reason}."
     else:
-        held = "held responsible" if one.certainty == "sure" else "most likely responsible"
-        text = f"{listed(one.blamed)} {held} for the {one.cell}, off by {size}: {one.reason}."
+        how = "is" if len(one.blamed) == 1 else "are"
+        how += "" if one.certainty == "sure" else " most likely"
+        text = f"{listed(one.blamed)} {how} wrong in the {one.cell}, by {size}: {one.reason}."
         if validation in one.blamed:
             text += " Survey this stop again."
     severity: Severity = "warning"
@@ -60,8 +61,8 @@ def _pairs_only(result: Arbitration) -> list[Finding]:
         return []
     where = "all stops" if len(two) == len(result.ids) else f"pose {', '.join(two)}"
     text = (
-        f"At {where} there are only two sources. They show that they disagree, but not which of "
-        "them is wrong. A third source would, even a rough one."
+        f"At {where} there are only two sources. Where they disagree, one is wrong, but nothing "
+        "tells which. A third source tells it, even a rough one."
     )
     return [Finding("note", text, "all sources", "two_sources")]
 
@@ -70,7 +71,7 @@ def _hat(result: Arbitration) -> Finding:
     """Noise of each source alone."""
     if not result.variances.determined:
         text = (
-            "The noise of each source alone is not known. That takes three sources that share no "
+            "The noise of each source alone cannot be found. It needs three sources that share no "
             "sensor, each with at least three stops in common with the others."
         )
         return Finding("note", text, "all sources", "no_three_cornered_hat")

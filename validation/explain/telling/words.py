@@ -59,6 +59,10 @@ def _number(value: float, unit: str) -> str:
     """A value as people read it: mm and mrad below a metre or radian, per mille for scale."""
     if unit in {"m", "rad"}:
         return f"{1000 * value:+.1f} m{unit}"
+    if unit in {"m/s", "rad/s"}:
+        return f"{1000 * value:+.3f} m{unit}"
+    if unit == "s/s":
+        return f"{1e6 * value:+.0f} ppm"
     return f"{1000 * value:+.2f} per mille" if not unit else f"{value:+.4f} {unit}"
 
 
@@ -77,9 +81,9 @@ def _cause(
         best = min(selection.candidates[1:], key=lambda item: item.criterion)
         p = best.p_values.get("none", 1.0)
         text = (
-            f"No systematic error is shown. The best of the others, {best.model.words}, would "
-            f"fit this well by chance with p = {p:.2g}; it counts below {selection.threshold:.2g}."
-            f"{_hidden(selection)}"
+            f"No systematic error is shown. Of the causes tried, {best.model.words} fits best, but "
+            f"errors without a cause fit as well with the chance p = {p:.2g}, and a cause is "
+            f"claimed only below {selection.threshold:.2g}.{_hidden(selection)}"
         )
         return Finding("good", text, one.system, "no_systematic_error")
     values = [p for p in settled.parameters(confidence) if p.name in model.parameters]
@@ -99,7 +103,7 @@ def _or(selection: Selection) -> str:
         return ""
     others = " or ".join(one.words for one in simplest)
     words = selection.chosen.model.words
-    return f", or as well by {others}; these poses do not tell which. Taken for {words}"
+    return f", or equally well by {others}; these poses cannot tell which. As {words}"
 
 
 def _hidden(selection: Selection) -> str:
@@ -109,10 +113,10 @@ def _hidden(selection: Selection) -> str:
         one = selection.candidate(name)
         if one.observability.complete:
             shift, turn = smallest_shown(one.fit, selection.threshold)
-            said.append(f"of the {name} by {1000 * shift:.1f} mm or {1000 * turn:.1f} mrad")
+            said.append(f"of the {name} from {1000 * shift:.1f} mm or {1000 * turn:.1f} mrad on")
     if not said:
         return ""
-    return f" These poses would not reliably show a smaller error than one {' or '.join(said)}."
+    return f" With these poses only errors {' and '.join(said)} are found reliably."
 
 
 def _named(one: SystemExplanation, model: ErrorModel) -> str:
@@ -122,7 +126,7 @@ def _named(one: SystemExplanation, model: ErrorModel) -> str:
         return f"{model.words} {one.selection.pairs.reference}"
     if one.reference is not None and one.reference.accepted:
         return (
-            "a wrong mount that also went into the frame through a reference pose (inferred: "
+            "a wrong mount that also shifted the frame through a reference pose (inferred: "
             f"{' or '.join(one.reference.possible)})"
         )
     return model.words
@@ -138,24 +142,31 @@ def _sureness(selection: Selection) -> str:
     ]
     best = min(others, key=lambda item: item.criterion)
     odds = float(np.exp(min((best.criterion - chosen.criterion) / 2, 700.0)))
-    told = f"{odds:.0f} to 1" if odds < ALL_ODDS else "more than a million to 1"
     gain = chosen.loo.score - best.loo.score
     p = max(chosen.p_values.values(), default=1.0)
     return (
-        f"How sure: odds over the next best that does not contain it ({best.model.words}) are "
-        f"{told} by BIC; "
-        f"left-out poses are predicted {'better' if gain > 0 else 'no better'} "
-        f"(log score {gain:+.1f}); every part is needed (largest p = {p:.1g})."
+        f"How sure: it is {_times(odds)} as likely (by BIC) as the next best explanation that does "
+        f"not include it, {best.model.words}. Poses that a fit did not use are predicted "
+        f"{'better' if gain > 0 else 'no better'} than by that one (log score {gain:+.1f}). Every "
+        f"part of it is needed (largest p = {p:.1g})."
     )
 
 
+def _times(odds: float) -> str:
+    """'21000 times', as far as figures mean something."""
+    if odds >= ALL_ODDS:
+        return "more than a million times"
+    return f"{odds:.{'0f' if odds > 3 else '1f'}} times"
+
+
 def _change(settled: Settled) -> str:
-    """The spread before and after in short."""
-    before, after = settled.spread(settled.before), settled.spread(settled.after)
+    """Mean and spread before and after in short."""
+    both = settled.before, settled.after
+    mean = " to ".join("({:+.1f}, {:+.1f})".format(*1000 * settled.mean(e)[:2]) for e in both)
+    spread = " to ".join("({:.1f}, {:.1f})".format(*1000 * settled.spread(e)[:2]) for e in both)
     return (
-        f"It takes the standard deviation of the poses not flagged from {1000 * before[0]:.1f} to "
-        f"{1000 * after[0]:.1f} mm in x and from {1000 * before[1]:.1f} to "
-        f"{1000 * after[1]:.1f} mm in y."
+        "Taking it out changes, in mm in x and y where nothing is flagged, the mean from "
+        f"{mean} and the standard deviation around it from {spread}."
     )
 
 
@@ -166,7 +177,7 @@ def _taken_away(settled: Settled) -> str:
     parts = []
     for column, name in enumerate(("x", "y", "theta")):
         unit = "mrad" if column == 2 else "mm"
-        change = f"{name} {1000 * before[column]:.1f} to {1000 * after[column]:.1f} {unit}"
+        change = f"{name} from {1000 * before[column]:.1f} to {1000 * after[column]:.1f} {unit}"
         if column < 2:
             # Noise of the noise estimate can make the share fall below zero.
             share = 100 * max(explained[column], 0.0)
@@ -175,12 +186,13 @@ def _taken_away(settled: Settled) -> str:
     used, n = settled.cells.sum(0), len(settled.cells)
     first, last = settled.mean(settled.before), settled.mean(settled.after)
     means = ", ".join(
-        f"{name} {1000 * first[column]:+.1f} to {1000 * last[column]:+.1f} mm"
+        f"{name} from {1000 * first[column]:+.1f} to {1000 * last[column]:+.1f} mm"
         for column, name in enumerate("xy")
     )
     return (
-        f"Standard deviation before and after, without flagged cells ({used[0]} of {n} positions, "
-        f"{used[1]} of {n} headings): {', '.join(parts)}; mean {means}."
+        "Taking it out changes, where nothing is flagged "
+        f"({used[0]} of {n} positions, {used[1]} of {n} headings), the standard deviation around "
+        f"the mean: {', '.join(parts)}; and the mean: {means}."
     )
 
 
@@ -198,9 +210,9 @@ def measure(one: SystemExplanation, settled: Settled) -> str:
         )
     if "turn" in parts:
         advice.append(
-            "compare a given heading with the robot's, as its mount is turned by "
-            f"{1000 * values['mount_theta']:+.1f} mrad; whether the shift is the frame's or the "
-            "mount's shows only at another heading"
+            "compare a heading that the system gives with the robot's own: its mount is turned by "
+            f"{1000 * values['mount_theta']:+.1f} mrad; only stops at another heading can tell "
+            "whether the shift is the frame's or the mount's"
         )
     through = settled.fit.model.through_reference or (
         one.reference is not None and one.reference.accepted
@@ -227,22 +239,23 @@ def _reference(one: SystemExplanation) -> list[Finding]:
     if evidence is None:
         return []
     heading = (
-        f"Were the frame tied through the mount by one stop, its heading would be "
+        f"If one reference stop tied the frame to the Vframe through the mount, its heading was "
         f"{evidence.heading:+.2f} rad (standard deviation {evidence.heading_sigma:.2f})"
     )
     if not evidence.possible:
-        text = f"{heading}, and none of the stops fits. So no reference explains the frame error."
+        text = f"{heading}. No stop has that heading, so no reference explains the frame error."
         return [Finding("note", text, one.system, "no_reference")]
     text = f"{heading}. {_possible(evidence)} "
     if evidence.certain:
-        text += "That one of the stops is the reference was stated, not found."
+        text += "That there is a reference was stated in campaign.toml; the errors do not show it."
     else:
         odds = evidence.odds
-        told = f"{odds:.0f} to 1 for" if odds >= 1 else f"{1 / odds:.0f} to 1 against"
+        two = ("a reference", "a wrong frame that looks like one by chance")
+        more, less = two if odds >= 1 else two[::-1]
+        larger = max(odds, 1 / max(odds, 1 / ALL_ODDS))
         text += (
-            f"The odds are {told} a reference rather than a wrong frame that only happens to "
-            "look like one"
-            + ("." if odds > 3 or odds < 1 / 3 else ": this table alone does not tell.")
+            f"{more.capitalize()} is {_times(larger)} as likely as {less}"
+            f"{'.' if larger > 3 else ': this table alone cannot tell.'}"
         )
     return [Finding("note", text, one.system, "inferred_reference")]
 
@@ -255,7 +268,7 @@ def _possible(evidence: ReferenceEvidence) -> str:
     ]
     out = len(evidence.ids) - len(evidence.possible)
     return (
-        f"It can be {' or '.join(said)}; the other {out} stops are ruled out (p < {RULED_OUT:g})."
+        f"It may be stop {' or '.join(said)}; the {out} others are ruled out (p < {RULED_OUT:g})."
     )
 
 
@@ -267,9 +280,9 @@ def _slip(selection: Selection, settled: Settled, confidence: float) -> list[Fin
     if min(p.p_value for p in slip) > SLIP:
         return []
     text = (
-        f"The other stops say that the validation pose of the reference {selection.pairs.reference}"
-        f" is itself off: {', '.join(parameter_text(p) for p in slip)}. It moved all poses of "
-        "this system, and is taken out with the explanation."
+        f"By all other stops, the validation pose of the reference {selection.pairs.reference} is "
+        f"wrong itself: {', '.join(parameter_text(p) for p in slip)}. This shifted all poses of "
+        "this system, and is taken out together with the explanation."
     )
     return [Finding("note", text, selection.pairs.system, "reference_slip")]
 
@@ -284,8 +297,9 @@ def _rivals(selection: Selection) -> list[Finding]:
     )
     spread = np.degrees(selection.chosen.observability.heading_spread)
     text = (
-        f"Not ruled out: {said}. The poses do not tell these apart (headings spread by "
-        f"{spread:.0f} degrees). {_why(selection)}Survey stops at other headings and farther apart."
+        f"Other explanations are not ruled out: {said}. These poses cannot tell them apart "
+        f"(headings spread by {spread:.0f} degrees). {_why(selection)}Survey stops at other "
+        "headings and farther apart."
     )
     return [Finding("warning", text, selection.pairs.system, "rivals")]
 
@@ -311,9 +325,9 @@ def _more(selection: Selection) -> list[Finding]:
     best = min(beyond, key=lambda one: one.criterion)
     p = best.p_values.get(chosen.name, 1.0)
     text = (
-        f"{best.model.words.capitalize()} would have a lower BIC "
-        f"({best.criterion - chosen.criterion:+.1f}), but the addition has p = {p:.2g} and is "
-        f"claimed only below {selection.threshold:.2g}: a hint, no finding."
+        f"{best.model.words.capitalize()} has a lower BIC "
+        f"({best.criterion - chosen.criterion:+.1f}), but what it adds has p = {p:.2g} and is "
+        f"claimed only below {selection.threshold:.2g}. Take it as a hint."
     )
     return [Finding("note", text, selection.pairs.system, "hint")]
 
@@ -324,13 +338,14 @@ def _blind(selection: Selection) -> list[Finding]:
     if not lost:
         return []
     said = "; ".join(
-        f"{one.name}: {_directions(one)}" for one in sorted(lost, key=lambda o: len(o.model.parts))
+        f"'{one.name}': {_directions(one)}"
+        for one in sorted(lost, key=lambda o: len(o.model.parts))
     )
     n = len(selection.pairs)
     spread = np.degrees(lost[0].observability.heading_spread)
     text = (
-        f"These {n} poses (headings spread by {spread:.0f} degrees) cannot show everything. Not "
-        f"determined in {said}."
+        f"These {n} poses (headings spread by {spread:.0f} degrees) cannot test every explanation. "
+        f"They do not determine, of {said}."
     )
     return [Finding("warning", text, selection.pairs.system, "not_observable")]
 
@@ -344,9 +359,9 @@ def _noise(selection: Selection, settled: Settled) -> list[Finding]:
     """Where the noise level came from, and what is left unexplained."""
     left = settled.noise
     told = (
-        f"What is left, for the degrees of freedom left: x {1000 * left[0]:.1f} mm, "
+        f"What remains, per degree of freedom: x {1000 * left[0]:.1f} mm, "
         f"y {1000 * left[1]:.1f} mm, theta {1000 * left[2]:.1f} mrad (root mean square of the "
-        "cells not flagged; validation noise included)."
+        "cells that are not flagged; it contains the noise of the validation)."
     )
     if selection.pairs.stated:
         found = [Finding("note", told, selection.pairs.system, "left")]
@@ -364,19 +379,20 @@ def _misfit(settled: Settled) -> list[Finding]:
     for name, (factor, low, high) in zip(("positions", "headings"), settled.misfit, strict=True):
         if low > 1:
             text = (
-                f"What is left of the {name} is {factor:.2g} times what the stated covariances "
-                f"say (99 % interval {low:.2g} to {high:.2g}). Either they are too small, or poses "
-                "share errors (cameras, a frame), or the errors have a cause that is not among the "
-                "explanations. Intervals are too narrow by this factor, and p-values too small. "
-                "Leave the covariances out of the tables to have the noise estimated."
+                f"What remains of the {name} is {factor:.2g} times as large as the stated "
+                f"covariances say (99 % interval {low:.2g} to {high:.2g}). Either they are too "
+                "small, or poses share errors (of cameras, of a frame), or the errors have a cause "
+                "that is not among the explanations. Intervals are too narrow by this factor, and "
+                "p-values too small. Leave the covariances out of the tables, and the noise is "
+                "estimated instead."
             )
             told.append(Finding("warning", text, settled.pairs.system, "covariance_too_small"))
         elif high < 1:
             text = (
-                f"What is left of the {name} is only {factor:.2g} times what the stated "
+                f"What remains of the {name} is only {factor:.2g} times as large as the stated "
                 f"covariances say (99 % interval {low:.2g} to {high:.2g}): they are too large, or "
-                "poses and survey share errors that cancel in the differences (as of a frame that "
-                "all surveyed stops place). Small causes of error stay hidden."
+                "poses and survey share errors that cancel in the differences (as with a frame "
+                "that is placed by all surveyed stops). Small causes of error stay hidden."
             )
             told.append(Finding("note", text, settled.pairs.system, "covariance_too_large"))
     return told
@@ -408,6 +424,6 @@ def _agreement(one: Agreement, confidence: float) -> Finding:
         return Finding("note", text, one.sensor, "same_mount")
     text = (
         f"{names} do not agree on one mount error (p = {one.p_value:.2g}; {apart}): the mount is "
-        "not the whole cause, or a pose that is not flagged spoils one of them."
+        "not the whole cause, or a wrong pose that is not flagged changes one of them."
     )
     return Finding("warning", text, one.sensor, "different_mounts")

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
+from validation.poses.trajectory import Clock, Trajectory
 from validation.trajectories.smoothing.asked import at_times
 from validation.trajectories.smoothing.equations import Solved, solve
 from validation.trajectories.smoothing.gathering import (
@@ -43,7 +44,6 @@ from validation.trajectories.smoothing.start import (
     running_medians,
 )
 from validation.trajectories.smoothing.trust import outlier_shares, trust, unflip
-from validation.trajectories.trajectory import Clock, Trajectory
 
 STRETCHES, STRETCH = 5, 300
 """Parts of the record, and knots of each, from which noise and strength are estimated: 1,500 knots

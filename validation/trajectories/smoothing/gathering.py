@@ -7,6 +7,7 @@ import numpy as np
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.smoothing.geometry import half_turn
 from validation.trajectories.smoothing.problem import Frames, Mask, Problem, Rows
 from validation.trajectories.smoothing.source import Source
@@ -17,7 +18,6 @@ from validation.trajectories.smoothing.start import (
     knots_with_odometry,
     odometry_steps,
 )
-from validation.trajectories.trajectory import Trajectory
 
 ODOMETRY_ERRORS = (("length", 0.05), ("turn", 0.05), ("bias", 0.01))
 """Standard deviations of the errors of scale of odometry, and of a constant turn, rad/s, before

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from validation.poses.angles import Array, wrap
-from validation.trajectories.trajectory import FREEDOMS, Kind
+from validation.poses.trajectory import FREEDOMS, Kind
 
 
 def lengths(kind: Kind) -> int:

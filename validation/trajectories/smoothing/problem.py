@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
+from validation.poses.trajectory import FREEDOMS, Kind
 from validation.trajectories.smoothing.geometry import (
     advance,
     axes,
@@ -18,7 +19,6 @@ from validation.trajectories.smoothing.geometry import (
     step_jacobians,
     turning,
 )
-from validation.trajectories.trajectory import FREEDOMS, Kind
 
 Rows = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
+from validation.poses.trajectory import Trajectory
 from validation.shown import Shown
-from validation.trajectories.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

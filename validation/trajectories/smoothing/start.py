@@ -4,11 +4,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from validation.poses.angles import Array
+from validation.poses.trajectory import Kind, Trajectory
 from validation.trajectories.interpolation import interpolate
 from validation.trajectories.smoothing.chain import CHUNK
 from validation.trajectories.smoothing.geometry import axes, difference, lengths
 from validation.trajectories.smoothing.problem import Mask, Problem, Rows, Steps
-from validation.trajectories.trajectory import Kind, Trajectory
 
 NEAR = 0.1
 """Share of the shortest usual interval of a source; frames that are nearer share a knot. The rates

@@ -3,9 +3,9 @@
 import numpy as np
 
 from validation.poses.angles import Array
+from validation.poses.trajectory import Kind
 from validation.trajectories.smoothing.geometry import difference, half_turn, lengths
 from validation.trajectories.smoothing.problem import Frames, Mask, Rows
-from validation.trajectories.trajectory import Kind
 
 WIDE = 10.0
 """Standard deviations of an outlier over those of other frames. With a share of 2 % of outliers a

@@ -255,6 +255,25 @@ def test_no_sign_ends_it_in_a_traceback(half):
     assert half.recorded()[-1].text == shown
 
 
+def test_a_terminal_without_arrows_and_dashes_shows_what_looks_like_them(half):
+    shown = half.shown[frozenset(("1/O", "1"))]
+    plain = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    for options, text, expected in (
+        (["--status"], "", b"next: 1/O -> 1"),
+        ([], f"{shown}\nl\n", b"ok 1/O-1 "),
+    ):
+        done = subprocess.run(
+            [GTVAL, "enter", str(half.folder), *options],
+            check=True,
+            input=text.encode(),
+            capture_output=True,
+            env=plain,
+            timeout=60,
+        )
+        assert expected in done.stdout
+        assert not re.search(rb"\w *\?\??[ \w]", done.stdout)
+
+
 def test_a_list_may_begin_with_a_mark_and_name_pairs_as_the_screen_does(half):
     shown = [half.shown[frozenset(("1/O", end))] for end in ("1", "9")]
     done = piped(half, f"\ufeff{shown[0]}\n1/O–9 {shown[1]}\n")

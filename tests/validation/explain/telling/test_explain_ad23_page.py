@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from validation.campaign.folder import load_campaign
-from validation.campaign.published import published_tables
 from validation.campaign.stored import read_tables
 from validation.explain.analysis import explain
 from validation.explain.loading import campaign_question
 from validation.explain.settings import ExplainSettings
 from validation.explain.telling.words import findings
+from validation.published.systems import published_tables
 
 PAGE = Path(__file__).parents[4] / "docs" / "ad23.md"
 NAMES = {
@@ -65,7 +65,7 @@ def test_the_flagged_poses(page, explained):
 
 
 def test_the_suspects(page, explained):
-    text = page[page.index("worth a second look") :][:400]
+    text = page[page.index("to be looked at again") :][:400]
     for one in explained.arbitration.suspects:
         assert f"{one.cell} of pose {one.stop}" in text
         assert f"{one.size:.3f}" in text

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from validation.poses.angles import Array
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.smoothing.source import Source
-from validation.trajectories.trajectory import Trajectory
 
 NOISE = ((0.003, 0.002), (0.008, 0.005), (0.015, 0.010), (0.030, 0.020))
 JITTER = (0.0, 0.002, 0.010, 0.030)

@@ -5,9 +5,9 @@ import pytest
 from fusion_drives import drive, score
 
 from validation.errors import GtvalError
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.smoothing.fusion import fuse
 from validation.trajectories.smoothing.source import Source
-from validation.trajectories.trajectory import Trajectory
 
 WITH, WITHOUT = (1.5, 4.0, 8.0, 18.0), (3.5, 8.0, 15.0, 32.0)
 

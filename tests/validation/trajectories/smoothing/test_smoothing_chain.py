@@ -8,6 +8,7 @@ from fusion_drives import drive, score
 from scipy.linalg import block_diag
 
 from validation.errors import GtvalError
+from validation.poses.trajectory import Trajectory
 from validation.trajectories.smoothing.asked import at_times
 from validation.trajectories.smoothing.chain import Band
 from validation.trajectories.smoothing.equations import Weights, solve
@@ -17,7 +18,6 @@ from validation.trajectories.smoothing.geometry import advance, difference, step
 from validation.trajectories.smoothing.problem import State, residuals
 from validation.trajectories.smoothing.source import Source
 from validation.trajectories.smoothing.stamps import regular
-from validation.trajectories.trajectory import Trajectory
 
 
 def brownian(times, strength):

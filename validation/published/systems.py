@@ -7,12 +7,23 @@ from validation.campaign.folder import Campaign, Published
 from validation.campaign.stored import components_of
 from validation.errors import InputError, Problem
 from validation.poses.pose_table import PoseTable, from_csv
-from validation.results import Finding
+from validation.published.moving import moving_result
+from validation.results import VALIDATION_SYSTEM, Finding, SystemResult
 from validation.text_files.csv_tables import Column, read_csv
+from validation.trajectories.formats import is_trajectory
 
 
-def published_tables(campaign: Campaign) -> list[PoseTable]:
-    """One table for each [[published]] entry, in the order of campaign.toml.
+def published_systems(
+    campaign: Campaign, validation: PoseTable | None = None
+) -> dict[str, SystemResult]:
+    """What each [[published]] entry gives, by its name, the validation poses first.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The folder and its settings.
+    validation : PoseTable, optional
+        Surveyed stops, whose names the standstills of a trajectory get.
 
     Raises
     ------
@@ -25,15 +36,42 @@ def published_tables(campaign: Campaign) -> list[PoseTable]:
         Problem(campaign.toml, "this system is published twice", field="published", value=name)
         for name in sorted({name for name in names if names.count(name) > 1})
     ]
-    tables = []
-    for entry in entries:
+    found: dict[str, SystemResult] = {}
+    for entry in sorted(entries, key=lambda entry: entry.system != VALIDATION_SYSTEM):
         try:
-            tables.append(published_table(campaign.folder, entry))
+            found[entry.system] = _published(campaign, entry, validation)
         except InputError as error:
             problems.extend(error.problems)
+            continue
+        if entry.system == VALIDATION_SYSTEM and found[entry.system].tables:
+            validation = found[entry.system].tables[0]
     if problems:
         raise InputError(problems)
-    return tables
+    return {name: found[name] for name in names}
+
+
+def published_tables(campaign: Campaign) -> list[PoseTable]:
+    """The tables of all [[published]] entries, in the order of campaign.toml.
+
+    Raises
+    ------
+    InputError
+        As for `published_systems`.
+    """
+    return [table for result in published_systems(campaign).values() for table in result.tables]
+
+
+def _published(campaign: Campaign, entry: Published, validation: PoseTable | None) -> SystemResult:
+    """A table of stops, or a trajectory at the stops."""
+    if (
+        entry.stops
+        or entry.format
+        or not entry.judged
+        or is_trajectory(campaign.folder / entry.file)
+    ):
+        return moving_result(campaign.folder, entry, validation)
+    table = published_table(campaign.folder, entry)
+    return SystemResult([table], findings=assumed_sigmas(table))
 
 
 def published_table(folder: Path, entry: Published) -> PoseTable:
@@ -45,7 +83,7 @@ def published_table(folder: Path, entry: Published) -> PoseTable:
         Campaign folder; the file's path is relative to it.
     entry : Published
         The entry. The file's columns are those of `validation.poses.pose_table.from_csv`; a column
-        ``camera`` stands in for blank sources.
+        ``camera`` is used for blank sources.
 
     Raises
     ------
@@ -76,5 +114,5 @@ def assumed_sigmas(table: PoseTable) -> list[Finding]:
         f"{component.name} {1000 * sigma:g} m{component.unit}"
         for component, sigma in zip(table.components, sigmas, strict=True)
     )
-    text = f"Where its file states no covariance, campaign.toml's sigmas stand in: {listed}."
+    text = f"Where its file states no covariance, those of campaign.toml are used: {listed}."
     return [Finding("note", text, table.system, "assumed_sigmas")]

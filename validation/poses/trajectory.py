@@ -122,7 +122,8 @@ class Trajectory(Shown):
             length = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
             if (length < 0.5).any():
                 raise GtvalError(f"{who}: a quaternion has no length")
-            poses[:, 3:] /= length
+            # What is of length 1 but for rounding stays as it is: files are read back exactly.
+            poses[:, 3:] /= np.where(np.abs(length - 1) < 1e-15, 1.0, length)
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "poses", poses)
         object.__setattr__(self, "covariances", covariances)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from validation.campaign.folder import Published, load_campaign
-from validation.campaign.published import published_table, published_tables
 from validation.errors import InputError
+from validation.published.systems import published_table, published_tables
 
 TOML = """name = "x"
 [[published]]

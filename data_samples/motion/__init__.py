@@ -1,0 +1,1 @@
+"""A robot that drives through a room, seen by cameras with clocks of their own."""

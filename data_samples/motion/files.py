@@ -1,0 +1,77 @@
+"""A drive as a campaign folder, with the truth beside it."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from data_samples.motion.drive import EPOCH, MotionDrive
+from validation.poses.pose_table import to_csv
+from validation.text_files.csv_text import csv_text
+from validation.text_files.writing import write_files
+from validation.trajectories.formats import trajectory_text
+
+CAMPAIGN = """name = "A robot that drives"
+description = "A synthetic drive through a room; what is true is in truth/."
+
+[facts]
+"motion capture" = "100 Hz, on the clock of the robot"
+"cameras" = "10 Hz, each on a clock of its own"
+
+[[published]]
+system = "survey"
+file = "gt/survey.csv"
+source = "hand-held laser"
+
+[[published]]
+system = "mocap"
+file = "gt/mocap.csv"
+stops = "stops.csv"
+{cameras}
+[[published]]
+system = "odometry"
+file = "gt/odometry.csv"
+frame = "own"
+judged = false
+
+[time]
+reference = "mocap"
+"""
+CAMERA = """
+[[published]]
+system = "{name}"
+file = "gt/{name}.csv"
+judged = false
+"""
+
+
+def write_motion(folder: Path, drive: MotionDrive) -> list[Path]:
+    """The paths of a campaign folder that `gtval run` takes.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if missing.
+    drive : MotionDrive
+        What is written.
+
+    Raises
+    ------
+    GtvalError
+        If the folder cannot be written.
+    """
+    sources = {"mocap": drive.reference, "odometry": drive.odometry, **drive.cameras}
+    cameras = "".join(CAMERA.format(name=name) for name in drive.cameras)
+    stops = [[stop.name, f"{stop.start:.3f}", f"{stop.end:.3f}"] for stop in drive.stops]
+    clocks = {name: asdict(c) | {"at_s": c.at_s + EPOCH} for name, c in drive.clocks.items()}
+    return write_files(
+        folder,
+        {
+            "campaign.toml": CAMPAIGN.format(cameras=cameras),
+            "stops.csv": csv_text(["pose", "from", "to"], stops),
+            "gt/survey.csv": to_csv(drive.survey),
+            **{f"gt/{name}.csv": trajectory_text(one, "csv") for name, one in sources.items()},
+            "truth/trajectory.csv": trajectory_text(drive.truth, "csv"),
+            "truth/stops.csv": to_csv(drive.true_stops),
+            "truth/clocks.json": json.dumps({"clocks": clocks}, indent=2) + "\n",
+        },
+    )

@@ -1,0 +1,1 @@
+"""Poses taken over from elsewhere: tables of stops, and trajectories."""

@@ -1,0 +1,1 @@
+"""Causes of the errors of a moving source: frame, mount, scale, delay, and what drifts."""
