@@ -7,6 +7,7 @@ from validation.campaign.folder import Campaign
 from validation.campaign.provenance import earlier_record, earlier_steps, input_hashes, relative
 from validation.errors import FaultyResultError, GtvalError, InputError, Problem
 from validation.explain.telling.section import ExplainParts, explain_campaign
+from validation.in_time import TimeParts, time_parts
 from validation.poses.pose_table import SPATIAL, PoseTable
 from validation.published.systems import published_systems
 from validation.results import VALIDATION_SYSTEM, Finding, Section, SystemResult
@@ -23,7 +24,6 @@ from validation.statistics.error_statistics import IntervalMethod
 from validation.statistics.evaluation import Evaluation, evaluate
 from validation.statistics.result_files import errors_csv, statistics_csv
 from validation.systems import Progress, System, inputs_of, installed_systems, no_progress
-from validation.in_time import TimeParts, time_parts
 
 
 @dataclass(frozen=True, repr=False)
