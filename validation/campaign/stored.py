@@ -107,8 +107,8 @@ ANEW = "`gtval run` makes it anew."
 
 
 def system_of(path: Path) -> str:
-    """'vision' for vision.csv and for poses_vision.csv."""
-    return re.sub(r"^poses_", "", path.stem)
+    """'vision' for vision.csv, for vision.csv.gz and for poses_vision.csv."""
+    return re.sub(r"^poses_", "", Path(path.name.removesuffix(".gz")).stem)
 
 
 def components_of(path: Path) -> tuple[Component, ...]:

@@ -1,0 +1,214 @@
+"""What is added to a source's stamps to get the reference's time, and how sure that is."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import LinAlgError
+
+from validation.errors import GtvalError
+from validation.poses.angles import Array
+from validation.poses.trajectory import Trajectory
+from validation.trajectories.clock.continuous import continuous_path
+from validation.trajectories.clock.fit import Fit
+from validation.trajectories.clock.judging import (
+    FAR_RISE,
+    FAR_SCORE,
+    LEAST_SHARE,
+    Best,
+    Prepared,
+    judged,
+)
+from validation.trajectories.clock.result import ClockEstimate
+from validation.trajectories.clock.rows import DELAY, DRIFT, Rows, Variances
+from validation.trajectories.clock.search import (
+    SEARCH_ROWS,
+    Candidate,
+    candidate,
+    gap,
+    refined,
+    settled,
+    thinned,
+)
+from validation.trajectories.clock.stamps import frame_line
+from validation.trajectories.clock.start import starting_peaks
+from validation.trajectories.clock.telling import (
+    no_overlap_in_words,
+)
+
+WINDOW = 60.0
+"""Seconds to both sides; the largest difference of two scales of time in use is 37 s."""
+DENSER = 0.7
+"""Ratio of median intervals below which the source is taken as the continuous one. A judgement:
+the reference stays it unless the source is clearly better sampled."""
+
+
+def estimate_clock(
+    reference: Trajectory,
+    source: Trajectory,
+    *,
+    window: float = WINDOW,
+    confidence: float = 0.95,
+) -> ClockEstimate:
+    """Delay and drift of a source's stamps against the reference's.
+
+    Parameters
+    ----------
+    reference, source : Trajectory
+        Of one robot, each in a frame and on a mount of its own; the reference may be odometry.
+    window : float
+        Seconds to both sides in which the delay is sought.
+    confidence : float
+        Of the intervals.
+
+    Raises
+    ------
+    GtvalError
+        If one of them has fewer than three poses.
+
+    Notes
+    -----
+    Maximum likelihood over mount, delay, drift, an odometer's scales and bias, and a frame that
+    wanders with the motion by a most likely strength: what the frame takes up tells nothing of the
+    delay. Intervals have at least the spread that blocks of the record show among themselves.
+    """
+    return sync(reference, [source], window=window, confidence=confidence)[source.system]
+
+
+def sync(
+    reference: Trajectory,
+    sources: Sequence[Trajectory],
+    *,
+    window: float = WINDOW,
+    confidence: float = 0.95,
+    progress: Callable[[str, float], None] = lambda _what, _share: None,
+) -> Mapping[str, ClockEstimate]:
+    """The clock of each source against one reference, by name; see `estimate_clock`."""
+    progress(reference.system, 0.0)
+    ready = _prepared(reference, reference.epoch)
+    found = {}
+    for number, source in enumerate(sources):
+        progress(f"clock of {source.system}", (number + 1) / (len(sources) + 1))
+        other = _prepared(source, reference.epoch)
+        found[source.system] = _estimated(ready, other, window, confidence, reference.epoch)
+    return found
+
+
+def _prepared(trajectory: Trajectory, epoch: int) -> Prepared:
+    if len(trajectory) < 3:
+        raise GtvalError(f"trajectory of '{trajectory.system}': three poses at least have a clock")
+    flat = trajectory.planar()
+    times = flat.times_since(epoch)
+    line = frame_line(times)
+    if line is not None:
+        times = line.times
+    headings = flat.headings if flat.has_orientation else None
+    path = continuous_path(times, flat.positions, headings, flat.gap)
+    return Prepared(trajectory.system, times, flat.positions, headings, line, path)
+
+
+def _estimated(
+    reference: Prepared, source: Prepared, window: float, confidence: float, epoch: int
+) -> ClockEstimate:
+    swapped = source.interval < DENSER * reference.interval
+    dense, sparse = (source, reference) if swapped else (reference, source)
+    nothing = ClockEstimate(source.name, epoch, "not_determinable", confidence=confidence)
+    nothing = replace(nothing, jitter_s=source.line.jitter if source.line else np.nan)
+    peaks = starting_peaks(dense.path, sparse.path, window)
+    if not len(peaks.delays):
+        reason = no_overlap_in_words(reference.times, source.times, window)
+        return replace(nothing, reason=reason)
+    middle = float(sparse.times[0] + sparse.times[-1]) / 2
+    rows = Rows.of(sparse.times, sparse.positions, sparse.headings)
+    fit = Fit(dense.path, rows, middle)
+    try:
+        best = _best(fit, peaks.delays, sparse.line is None)
+    except LinAlgError:
+        best = None
+    if best is None:
+        return replace(nothing, reason="the two have too few poses in common")
+    return judged(best, (dense, sparse, swapped), nothing)
+
+
+def _best(fit: Fit, delays: Array, with_jitter: bool) -> Best | None:
+    """The delay that fits best, with the others that fit no worse."""
+    few = thinned(fit, SEARCH_ROWS)
+    tried: list[tuple[float, Candidate, Variances]] = []
+    for delay in delays:
+        one = candidate(few, float(delay))
+        if one is None:
+            continue
+        try:
+            one, variances = refined(one, None)
+        except LinAlgError:
+            continue
+        tried.append((float(delay), one, variances))
+    if not tried:
+        return None
+    most = max(len(one.fit.rows) for _, one, _ in tried)
+    tried = [entry for entry in tried if len(entry[1].fit.rows) >= LEAST_SHARE * most]
+    yard = Variances(
+        min(entry[2].position for entry in tried),
+        min(entry[2].heading for entry in tried),
+        1e-4,
+        1e-4,
+    )
+
+    def cost(entry: tuple[float, Candidate, Variances]) -> float:
+        costs = entry[1].fit.row_costs(entry[1].state, yard)
+        return float(costs.mean()) - 0.5 * len(costs) / most
+
+    delay = min(tried, key=cost)[1].delay
+    for _ in range(3):
+        start = candidate(fit, delay)
+        if start is None:
+            return None
+        start, variances = refined(start, None)
+        # The middle of what both have, at which the delay and the drift are least dependent.
+        middle = float(start.fit.rows.times[0] + start.fit.rows.times[-1]) / 2
+        start = _about(start, middle)
+        best, variances = settled(start, variances, with_jitter)
+        rivals = _rivals(few, delays, best, variances)
+        better = [one for one in rivals if one[1] < 0]
+        if not better:
+            break
+        delay = min(better, key=lambda one: one[1])[0]
+    return Best(best, variances, tuple((d, s) for d, s, excluded in rivals if not excluded), few)
+
+
+def _about(one: Candidate, middle: float) -> Candidate:
+    """The same with the delay counted at another stamp."""
+    par = one.state.parameters.copy()
+    par[DELAY] += par[DRIFT] * (middle - one.fit.middle)
+    new = Fit(one.fit.path, one.fit.rows, middle)
+    return replace(one, fit=new, state=replace(one.state, parameters=par))
+
+
+def _rivals(
+    few: Fit, delays: Array, best: Candidate, variances: Variances
+) -> list[tuple[float, float, bool]]:
+    """Delay, score of how much worse it fits, and whether it is excluded, of each other start."""
+    found = []
+    for delay in delays:
+        start = candidate(few, float(delay))
+        if start is None or abs(delay - best.delay) < 0.3:
+            continue
+        try:
+            one, _ = refined(start, variances)
+        except LinAlgError:
+            continue
+        if abs(one.delay - best.delay) < 0.3:
+            continue
+        between = gap(best, one, variances)
+        # The other one's poses were thinned.
+        share = len(one.fit.rows) / len(few.rows) * len(few.rows) / max(len(best.fit.rows), 1)
+        share *= len(best.fit.rows) / len(best.fit.rows)
+        small = between.share * len(best.fit.rows) < LEAST_SHARE * _expected(few, best)
+        excluded = small or (between.rise > FAR_RISE and between.score > FAR_SCORE)
+        found.append((one.delay, between.score if not small else np.inf, excluded))
+    return found
+
+
+def _expected(few: Fit, best: Candidate) -> float:
+    """Number of the best one's poses that a thinned rival with all of them would share."""
+    return float(np.isin(best.fit.rows.times, few.rows.times).sum())

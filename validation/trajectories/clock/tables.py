@@ -1,0 +1,185 @@
+"""Clocks for people and for scripts: a table, sentences, JSON."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from validation.results import Finding, Severity, Table
+from validation.trajectories.clock.result import ClockEstimate
+from validation.trajectories.clock.telling import (
+    largest_errors,
+    named_offset,
+    stamps_in_words,
+    within,
+)
+
+WORDS = {
+    "determined": "determined",
+    "ambiguous": "ambiguous",
+    "not_determinable": "cannot be told",
+}
+UNSEEN = (
+    "A delay that the reference and all sources have in common cannot be seen. Of stamps that are "
+    "made at receipt, the delay holds the mean latency."
+)
+"""What no comparison of clocks can tell."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Errors that wrong stamps may cause: metres and radians."""
+
+    length: float
+    angle: float
+
+
+def clock_table(estimates: Sequence[ClockEstimate]) -> Table:
+    """One row a source."""
+    return Table.of_columns(
+        "Clocks of the sources",
+        [
+            ("source", "", [one.source for one in estimates]),
+            ("delay [ms]", ".2f", [_shown(1e3 * one.delay_s) for one in estimates]),
+            ("low [ms]", ".2f", [_shown(1e3 * one.low_s) for one in estimates]),
+            ("high [ms]", ".2f", [_shown(1e3 * one.high_s) for one in estimates]),
+            ("drift [ppm]", ".1f", [_shown(one.drift_ppm) for one in estimates]),
+            ("low [ppm]", ".1f", [_shown(one.drift_low_ppm) for one in estimates]),
+            ("high [ppm]", ".1f", [_shown(one.drift_high_ppm) for one in estimates]),
+            ("jitter [ms]", ".2f", [_shown(1e3 * one.jitter_s) for one in estimates]),
+            ("verdict", "", [WORDS[one.verdict] for one in estimates]),
+        ],
+        note="The delay is added to a source's stamps to get the reference's time, at the middle "
+        f"of the common time; the drift is its change. {UNSEEN}",
+    )
+
+
+def parts_table(one: ClockEstimate) -> Table:
+    """The delay by parts of the record."""
+    return Table.of_columns(
+        f"{one.source}: delay by parts of the record",
+        [
+            ("from [s]", ".1f", [part.first_s for part in one.parts]),
+            ("to [s]", ".1f", [part.last_s for part in one.parts]),
+            ("delay [ms]", ".2f", [1e3 * part.delay_s for part in one.parts]),
+            ("low [ms]", ".2f", [1e3 * part.low_s for part in one.parts]),
+            ("high [ms]", ".2f", [1e3 * part.high_s for part in one.parts]),
+        ],
+    )
+
+
+def _shown(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def clock_findings(one: ClockEstimate, tolerance: Tolerance) -> list[Finding]:
+    """What a reader should know of a source's clock, and what to do about it."""
+    if one.verdict == "not_determinable":
+        text = (
+            f"How late its stamps are cannot be told: {one.reason}. Drive again with changing "
+            "speeds and turns, with the start and the end in view."
+        )
+        return [Finding("warning", text, one.source, "clock_not_determinable")]
+    findings = [_delay(one, tolerance)]
+    if one.verdict == "ambiguous":
+        text = (
+            f"Its delay of {1e3 * one.delay_s:.1f} ms is one of several that fit: {one.reason}. "
+            "Give a smaller --window if you know better, or drive a way that does not repeat."
+        )
+        findings = [Finding("warning", text, one.source, "clock_ambiguous")]
+    if name := named_offset(one.delay_s):
+        text = f"Its delay of {one.delay_s:.3f} s is next to an offset that has a name: {name}."
+        findings.append(Finding("warning", text, one.source, "clock_named_offset"))
+    if one.drift_low_ppm > 0 or one.drift_high_ppm < 0:
+        text = (
+            f"Its clock runs away by {one.drift_ppm:.1f} ppm ({one.drift_low_ppm:.1f} to "
+            f"{one.drift_high_ppm:.1f}): the delay holds for {one.at_s + one.epoch:.1f} s, and "
+            f"changes by {60e-3 * abs(one.drift_ppm):.2g} ms a minute."
+        )
+        findings.append(Finding("note", text, one.source, "clock_drift"))
+    return findings
+
+
+def _delay(one: ClockEstimate, tolerance: Tolerance) -> Finding:
+    """The delay, what it spoils, and whether that is within the tolerance."""
+    errors = largest_errors(one)
+    answers = {
+        within(least, most, limit)
+        for (least, most), limit in zip(errors.tolist(), _limits(tolerance), strict=True)
+    }
+    answer = next(one for one in ("over", "open", "within") if one in answers)
+    percent = f"{100 * one.confidence:g} %"
+    text = (
+        f"{stamps_in_words(one.delay_s).capitalize()} (delay {1e3 * one.delay_s:+.2f} ms, "
+        f"{percent} interval {1e3 * one.low_s:+.2f} to {1e3 * one.high_s:+.2f} ms). At {one.speeds[1]:.2g} "
+        f"m/s and {one.turn_rates[1]:.2g} rad/s, which 95 % of the motion is below, that is up to "
+        f"{1e3 * errors[0, 1]:.2g} mm and {1e3 * errors[1, 1]:.2g} mrad"
+    )
+    asked = f"{1e3 * tolerance.length:g} mm and {1e3 * tolerance.angle:g} mrad"
+    severity: Severity = "good"
+    if answer == "within":
+        text += f": within {asked}."
+    elif answer == "over":
+        severity = "warning"
+        text += f": over {asked}. Add the delay to its stamps."
+    else:
+        severity = "note"
+        text += f": whether that keeps {asked} is open."
+    if np.isfinite(period := one.interval_s):
+        less = max(abs(one.low_s), abs(one.high_s)) < period
+        text += f" It is {'' if less else 'not '}below the interval of its frames, {period:.3g} s."
+    return Finding(severity, text, one.source, f"clock_{answer}")
+
+
+def _limits(tolerance: Tolerance) -> tuple[float, float]:
+    return tolerance.length, tolerance.angle
+
+
+def clock_json(one: ClockEstimate, tolerance: Tolerance) -> dict[str, object]:
+    """Everything known of a clock: seconds, parts in a million; ``at_s`` with its epoch."""
+    errors = largest_errors(one)
+    position, heading = (
+        within(least, most, limit)
+        for (least, most), limit in zip(errors.tolist(), _limits(tolerance), strict=True)
+    )
+    return {
+        "delay_s": one.delay_s,
+        "low_s": one.low_s,
+        "high_s": one.high_s,
+        "at_s": one.at_s + one.epoch,
+        "drift_ppm": one.drift_ppm,
+        "drift_low_ppm": one.drift_low_ppm,
+        "drift_high_ppm": one.drift_high_ppm,
+        "jitter_s": one.jitter_s,
+        "verdict": one.verdict,
+        "reason": one.reason,
+        "confidence": one.confidence,
+        "words": stamps_in_words(one.delay_s) if np.isfinite(one.delay_s) else "",
+        "named_offset": named_offset(one.delay_s) if np.isfinite(one.delay_s) else "",
+        "period_s": one.period_s,
+        "tolerance": {
+            "length_m": tolerance.length,
+            "angle_rad": tolerance.angle,
+            "largest_position_error_m": errors[0, 1],
+            "largest_heading_error_rad": errors[1, 1],
+            "position": position,
+            "heading": heading,
+            "below_frame_interval": bool(max(abs(one.low_s), abs(one.high_s)) < one.interval_s),
+        },
+        "rivals_s": [delay for delay, _ in one.rivals],
+        "parts": [
+            {
+                "first_s": part.first_s + one.epoch,
+                "last_s": part.last_s + one.epoch,
+                "delay_s": part.delay_s,
+                "low_s": part.low_s,
+                "high_s": part.high_s,
+            }
+            for part in one.parts
+        ],
+        "frame": one.frame,
+        "mount": one.mount,
+        "mount_covariance": one.mount_covariance,
+        "noise": one.noise,
+        "poses": one.poses,
+    }
