@@ -109,10 +109,12 @@ def _delay(one: ClockEstimate, tolerance: Tolerance) -> Finding:
     }
     answer = next(one for one in ("over", "open", "within") if one in answers)
     percent = f"{100 * one.confidence:g} %"
+    low, high = 1e3 * one.low_s, 1e3 * one.high_s
+    speed, turning = one.speeds[1], one.turn_rates[1]
     text = (
         f"{stamps_in_words(one.delay_s).capitalize()} (delay {1e3 * one.delay_s:+.2f} ms, "
-        f"{percent} interval {1e3 * one.low_s:+.2f} to {1e3 * one.high_s:+.2f} ms). At {one.speeds[1]:.2g} "
-        f"m/s and {one.turn_rates[1]:.2g} rad/s, which 95 % of the motion is below, that is up to "
+        f"{percent} interval {low:+.2f} to {high:+.2f} ms). At {speed:.2g} m/s and "
+        f"{turning:.2g} rad/s, which 95 % of the motion is below, that is up to "
         f"{1e3 * errors[0, 1]:.2g} mm and {1e3 * errors[1, 1]:.2g} mrad"
     )
     asked = f"{1e3 * tolerance.length:g} mm and {1e3 * tolerance.angle:g} mrad"

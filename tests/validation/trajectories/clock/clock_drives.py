@@ -90,7 +90,7 @@ def latency(rng, n, std):
     return std * np.sqrt(shape), rng.gamma(shape, std / np.sqrt(shape), n)
 
 
-def drive(
+def drive(  # noqa: PLR0915  (one drive, from its path to its stamps)
     rng,
     level=0,
     cameras=4,
