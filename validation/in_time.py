@@ -5,13 +5,29 @@ from dataclasses import dataclass, field
 
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
+from validation.explain.telling.in_time import (
+    cause_json,
+    time_cause_table,
+    time_findings,
+    time_parameter_table,
+)
 from validation.poses.trajectory import Trajectory
-from validation.results import Finding, Section
+from validation.results import Finding, Section, Table
 from validation.systems import Progress, no_progress
 from validation.text_files.csv_text import csv_text
 from validation.trajectories.alignment import parts_of
+from validation.trajectories.causes.explanation import time_causes
+from validation.trajectories.clock.estimate import sync
+from validation.trajectories.clock.result import ClockEstimate, on_reference_clock
+from validation.trajectories.clock.tables import (
+    Tolerance,
+    clock_findings,
+    clock_json,
+    clock_table,
+    parts_table,
+)
 from validation.trajectories.comparison import TimeComparison, compare_in_time
-from validation.trajectories.findings import findings_in_time
+from validation.trajectories.findings import findings_in_time, millimetres
 from validation.trajectories.settings import TimeSettings
 from validation.trajectories.telling import comparison_json, section_in_time
 
@@ -37,7 +53,7 @@ class TimeParts:
     comparisons: tuple[TimeComparison, ...] = ()
     findings: tuple[Finding, ...] = ()
     sections: tuple[Section, ...] = ()
-    facts: Mapping[str, object] = field(default_factory=dict)
+    facts: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -81,47 +97,131 @@ def time_parts(
         )
         return TimeParts(findings=(Finding("note", text, "time", "no_time_reference"),))
     reference = by_name.pop(settings.reference)
-    parts = TimeParts()
-    for number, source in enumerate(by_name.values()):
-        progress(f"comparing {source.system} in time", number / len(by_name))
-        parts = _joined(parts, _of_source(campaign, settings, reference, source))
-    return parts
+    sources = list(by_name.values())
+    parts, clocks = _clocks(campaign, settings, reference, sources, progress)
+    for number, source in enumerate(sources):
+        progress(f"comparing {source.system} in time", 0.5 + 0.5 * number / len(sources))
+        parts.append(_of_source(campaign, settings, reference, source, clocks[source.system]))
+    return _joined(parts)
 
 
-def _joined(a: TimeParts, b: TimeParts) -> TimeParts:
+def _joined(parts: Sequence[TimeParts]) -> TimeParts:
+    """All parts as one; what is known of a system stands together."""
+    facts: dict[str, dict[str, object]] = {}
+    for part in parts:
+        for name, known in part.facts.items():
+            facts.setdefault(name, {}).update(known)
     return TimeParts(
-        a.comparisons + b.comparisons,
-        a.findings + b.findings,
-        a.sections + b.sections,
-        {**a.facts, **b.facts},
-        {**a.files, **b.files},
+        tuple(one for part in parts for one in part.comparisons),
+        tuple(one for part in parts for one in part.findings),
+        tuple(one for part in parts for one in part.sections),
+        facts,
+        {name: text for part in parts for name, text in part.files.items()},
     )
 
 
+def _clocks(
+    campaign: Campaign,
+    settings: TimeSettings,
+    reference: Trajectory,
+    sources: Sequence[Trajectory],
+    progress: Progress,
+) -> tuple[list[TimeParts], Mapping[str, ClockEstimate]]:
+    """The clock of every source, and what is said of them."""
+    confidence = campaign.settings.comparison.confidence
+    tolerance = Tolerance(settings.limit, settings.limit_angle)
+    found = sync(
+        reference,
+        sources,
+        window=settings.window,
+        confidence=confidence,
+        progress=lambda what, share: progress(what, 0.5 * share),
+    )
+    estimates = list(found.values())
+    tables = [clock_table(estimates), *(parts_table(one) for one in estimates if one.parts)]
+    told = TimeParts(
+        findings=tuple(said for one in estimates for said in clock_findings(one, tolerance)),
+        sections=(Section("Clocks", tables),),
+        facts={one.source: {"clock": clock_json(one, tolerance)} for one in estimates},
+    )
+    return [told], found
+
+
 def _of_source(
-    campaign: Campaign, settings: TimeSettings, reference: Trajectory, source: Trajectory
+    campaign: Campaign,
+    settings: TimeSettings,
+    reference: Trajectory,
+    source: Trajectory,
+    clock: ClockEstimate,
 ) -> TimeParts:
-    """One trajectory against the reference."""
+    """One trajectory against the reference: its errors, and where they come from."""
     name = source.system
     try:
         parts = parts_of(settings.align)
     except GtvalError as error:
         problem = Problem(campaign.toml, str(error), field="time.align", value=settings.align)
         raise InputError([problem]) from None
+    if source.frame == OWN_FRAME:
+        parts = tuple({"frame": None, **dict.fromkeys(parts)})
+    confidence = campaign.settings.comparison.confidence
+    right = on_reference_clock(source, clock) if clock.verdict == "determined" else source
     try:
-        comparison = compare_in_time(
-            reference, source, parts, confidence=campaign.settings.comparison.confidence
-        )
+        comparison = compare_in_time(reference, source, parts, confidence=confidence)
+        corrected = compare_in_time(reference, right, parts, confidence=confidence)
     except GtvalError as error:
         text = f"Not compared with '{reference.system}' in time: {error}"
         return TimeParts(findings=(Finding("error", text, name, "not_comparable"),))
+    late = corrected.rms_position.rms < DELAY_SHARE * comparison.rms_position.rms
+    skipped = REPEATED | (FOLLOWING if late else frozenset())
+    said = [one for one in findings_in_time(comparison, settings.limit) if one.code not in skipped]
+    if late:
+        said.append(_without_delay(comparison, corrected))
+    section = section_in_time(comparison, settings.limit)
+    causes, blocks, facts = _causes(reference, right)
     return TimeParts(
         (comparison,),
-        tuple(findings_in_time(comparison, settings.limit)),
-        (section_in_time(comparison, settings.limit),),
-        {name: comparison_json(comparison, settings.limit)},
+        (*said, *causes),
+        (Section(section.title, [*section.blocks, *blocks]),),
+        {name: {**comparison_json(comparison, settings.limit), **facts}},
         {f"errors_in_time_{name}.csv": errors_in_time(comparison)},
     )
+
+
+def _without_delay(comparison: TimeComparison, corrected: TimeComparison) -> Finding:
+    """What is left once the stamps are right."""
+    text = (
+        f"With right stamps the rms of its position error would be "
+        f"{millimetres(corrected.rms_position.rms)} in place of "
+        f"{millimetres(comparison.rms_position.rms)}; what is said of its errors is mostly this."
+    )
+    return Finding("note", text, comparison.system, "without_delay")
+
+
+def _causes(
+    reference: Trajectory, source: Trajectory
+) -> tuple[list[Finding], list[Table], dict[str, object]]:
+    """Where the errors of a source with right stamps come from."""
+    try:
+        explained = time_causes(reference, source)
+    except GtvalError as error:
+        text = f"Not explained in time: {error}"
+        return [Finding("note", text, source.system, "not_explained")], [], {}
+    blocks = [time_cause_table([explained])]
+    blocks += [time_parameter_table(explained)] if explained.parameters else []
+    return time_findings(explained, CLOCK), blocks, {"causes": cause_json(explained)}
+
+
+OWN_FRAME = "own"
+"""What a trajectory's ``frame`` says where its coordinates are not those of the GTV frame."""
+CLOCK = ("delay", "clock_drift")
+"""Causes that the clocks tell."""
+REPEATED = frozenset({"delay_suspected", "other_frame"})
+"""Findings of a comparison that the clock and the causes tell with more certainty."""
+FOLLOWING = frozenset({"worst_stretches", "bias", "nees"})
+"""Findings that say no more than the delay where most of the errors are its."""
+DELAY_SHARE = 0.5
+"""Of the rms of the position error that must be left without the delay, for the delay not to be
+most of it."""
 
 
 def errors_in_time(comparison: TimeComparison) -> str:

@@ -14,6 +14,7 @@ from validation.campaign.folder import load_campaign
 from validation.cli import main
 from validation.errors import GtvalError
 from validation.explain.settings import ExplainSettings
+from validation.trajectories.settings import TimeSettings
 from vision_gt.settings import VisionSettings
 
 TABLES = {
@@ -23,6 +24,7 @@ TABLES = {
     "vision": VisionSettings,
     "rtk": RtkSettings,
     "explain": ExplainSettings,
+    "time": TimeSettings,
 }
 NAMES = [page.relative_to(REPOSITORY).as_posix() for page in PAGES]
 
@@ -94,10 +96,12 @@ def test_every_file_that_is_linked_exists(page):
 
 
 def test_the_options_of_simulate_that_are_shown_exist():
-    command, _ = command_of(["simulate"])
+    known = {"--seed"}
+    for name in ("simulate", "simulate-motion"):
+        known |= options_of(command_of([name])[0])
     shown = re.findall(r"`(--[a-z-]+)", (REPOSITORY / "docs" / "samples.md").read_text())
     assert shown
-    assert set(shown) <= options_of(command) | {"--seed"}
+    assert set(shown) <= known
 
 
 def test_files_of_the_sources_that_are_named_exist():

@@ -27,6 +27,7 @@ def results(tmp_path_factory):
     errors = gtval.compare(survey, rig)
     made = [
         *(survey, drive, scans, images, offsets, room, errors, done),
+        samples.make_motion(minutes=0.5),
         gtval.load_campaign(room.folder),
         gtval.explain(survey, rig),
         gtval.findings(errors)[0],
@@ -36,7 +37,8 @@ def results(tmp_path_factory):
         gtval.find_path(drive.records, offsets, drive.heights),
         *(scans.scans[0], images.camera, drive.records[0]),
     ]
-    return {type(one).__name__: one for one in made}
+    found = {type(one).__name__: one for one in made}
+    return {**found, "SampleMotion": found.pop("MotionDrive")}
 
 
 def test_there_is_a_result_of_every_type_of_the_facade(results):

@@ -61,7 +61,7 @@ def moving_result(folder: Path, entry: Published, validation: PoseTable | None) 
         body=entry.body or None,
         topic=entry.topic or None,
     ).planar()
-    trajectory = _with_sigmas(trajectory, entry, path)
+    trajectory = replace(_with_sigmas(trajectory, entry, path), frame=entry.frame)
     if not entry.judged:
         facts = {"trajectory": _facts(trajectory)}
         return SystemResult(facts=facts, trajectories=(trajectory,))

@@ -12,6 +12,8 @@ from validation.trajectories.comparison import Answer, ComponentInTime, TimeComp
 
 LITTLE_COVERAGE = 0.5
 """Share of the reference's time below which a comparison speaks of the lesser part of it."""
+LEAST_COVERAGE = 0.1
+"""Share below which that asks for action: one of four cameras sees a quarter of a room."""
 FRAME_SHARE = 0.5
 """Of the rms of the position error: if a frame would take away more than half of it, most of the
 error is that of the frame."""
@@ -99,7 +101,8 @@ def _coverage(comparison: TimeComparison) -> Iterator[Finding]:
         f"({covered.paired} of {covered.asked} poses of the {covered.at}{longest}). Nothing is "
         "interpolated across a gap, and of the rest nothing is known."
     )
-    yield Finding("warning", text, comparison.system, "little_coverage")
+    severity: Severity = "warning" if covered.share < LEAST_COVERAGE else "note"
+    yield Finding(severity, text, comparison.system, "little_coverage")
 
 
 def _frame(comparison: TimeComparison) -> Iterator[Finding]:

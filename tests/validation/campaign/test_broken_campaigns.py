@@ -164,8 +164,8 @@ CASES = {
         for value, word in {
             "1e300": "vframe.pole_length': '1e+300' — longer than 300 m",
             "2500": "write metres",
-            "true": "vframe.pole_length': 'True' — Input should be a valid number",
-            '"2.5"': "vframe.pole_length': '2.5' — Input should be a valid number",
+            "true": "vframe.pole_length': 'True' — write a number, without quotes",
+            '"2.5"': "vframe.pole_length': '2.5' — write a number, without quotes",
             "20.0": "no two points are pole_length = 20 m apart; take out one of both",
         }.items()
     },

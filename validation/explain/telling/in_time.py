@@ -1,6 +1,6 @@
 """What explains the errors of a source in time, as sentences, tables and JSON."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from importlib.metadata import version
 
 import numpy as np
@@ -12,11 +12,20 @@ from validation.trajectories.causes.chain import CAUSES, WORDS
 from validation.trajectories.causes.explanation import Cause, TimeExplanation
 
 
-def time_findings(one: TimeExplanation) -> list[Finding]:
-    """One sentence for each cause, and what this drive does not tell."""
+def time_findings(one: TimeExplanation, elsewhere: Collection[str] = ()) -> list[Finding]:
+    """One sentence for each cause, and what this drive does not tell.
+
+    Parameters
+    ----------
+    one : TimeExplanation
+        What is told.
+    elsewhere : collection of str
+        Names of causes that are told elsewhere.
+    """
     told = [
         Finding("warning", _cause(one, cause), one.system, "systematic_error")
         for cause in one.causes
+        if cause.name not in elsewhere
     ]
     if not one.causes:
         told.append(Finding("good", _nothing(one), one.system, "no_systematic_error"))
@@ -172,28 +181,29 @@ def time_json(explained: Sequence[TimeExplanation]) -> Mapping[str, object]:
         "confidence": explained[0].confidence,
         "false_alarm": explained[0].false_alarm,
         "reference": explained[0].reference,
-        "systems": {
-            one.system: {
-                "explanation": one.name,
-                "words": one.words,
-                "poses": one.poses,
-                "left_out": one.left_out,
-                "parameters": one.parameters,
-                "covariance": one.covariance,
-                "causes": {
-                    cause.name: {"spoils": cause.spoils, "turns": cause.turns}
-                    for cause in one.causes
-                },
-                "not_ruled_out": ["_".join(causes) for causes in one.rivals],
-                "alike": one.alike,
-                "unseen": one.unseen,
-                "smallest_shown": one.smallest,
-                "typical_speed": one.typical_speed,
-                "noise": {"position": one.position, "heading": one.heading},
-                "effective_poses": {"position": one.effective[0], "heading": one.effective[1]},
-                "rms": {"before": one.before, "after": one.after},
-            }
-            for one in explained
-        },
+        "systems": {one.system: cause_json(one) for one in explained},
         "findings": [finding for one in explained for finding in time_findings(one)],
+    }
+
+
+def cause_json(one: TimeExplanation) -> dict[str, object]:
+    """All numbers of one source."""
+    return {
+        "explanation": one.name,
+        "words": one.words,
+        "poses": one.poses,
+        "left_out": one.left_out,
+        "parameters": one.parameters,
+        "covariance": one.covariance,
+        "causes": {
+            cause.name: {"spoils": cause.spoils, "turns": cause.turns} for cause in one.causes
+        },
+        "not_ruled_out": ["_".join(causes) for causes in one.rivals],
+        "alike": one.alike,
+        "unseen": one.unseen,
+        "smallest_shown": one.smallest,
+        "typical_speed": one.typical_speed,
+        "noise": {"position": one.position, "heading": one.heading},
+        "effective_poses": {"position": one.effective[0], "heading": one.effective[1]},
+        "rms": {"before": one.before, "after": one.after},
     }

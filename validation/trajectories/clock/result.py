@@ -1,11 +1,12 @@
 """The clock of a source against a reference."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from validation.poses.angles import Array
+from validation.poses.trajectory import Trajectory
 from validation.shown import Shown
 
 Verdict = Literal["determined", "ambiguous", "not_determinable"]
@@ -104,3 +105,10 @@ class ClockEstimate(Shown):
     poses: int = 0
     inflation: float = 1.0
     confidence: float = 0.95
+
+
+def on_reference_clock(source: Trajectory, clock: ClockEstimate) -> Trajectory:
+    """The source with the reference's time as its stamps."""
+    since = source.times_since(clock.epoch) - clock.at_s
+    drift = 0.0 if np.isnan(clock.drift_ppm) else 1e-6 * clock.drift_ppm
+    return replace(source, times=source.times + clock.delay_s + drift * since)
