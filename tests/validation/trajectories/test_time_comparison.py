@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from evo.core import filters, geometry, metrics, trajectory
+from evo.core import geometry, metrics, trajectory
 from moving_robot import drive, in_space, seen
 
 from validation.errors import GtvalError
@@ -88,7 +88,7 @@ def test_relative_errors_are_those_of_evo(spatial, every):
         np.testing.assert_allclose(getattr(found, name), metric.error, rtol=0, atol=1e-9)
     # The pairs that evo takes for a length, where it takes those of the reference's path.
     rows = np.array(
-        filters.id_pairs_from_delta(
+        metrics.id_pairs_from_delta(
             of_evo(pairs.reference).poses_se3, 1.0, metrics.Unit.meters, all_pairs=every
         )
     )
