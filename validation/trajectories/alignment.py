@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import fft, optimize
+from scipy import fft
 from scipy.spatial.transform import Rotation
 
 from validation.errors import GtvalError
@@ -298,6 +298,8 @@ def delay_by_positions(reference: Trajectory, source: Trajectory) -> float:
             f"no delay within {WITHIN_S:g} s brings '{source.system}' and '{reference.system}' "
             "together"
         )
+    from scipy import optimize  # noqa: PLC0415  (a tenth of a second that most do without)
+
     around = (tried[best] - FIRST_STEP_S, tried[best] + FIRST_STEP_S)
     finest = optimize.minimize_scalar(misfit, bounds=around, method="bounded")
     return float(finest.x)

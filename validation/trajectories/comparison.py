@@ -330,7 +330,11 @@ def compare_in_time(
     """
     pairs, alignment = align_in_time(reference, source, parts, at, delay_of)
     ours, theirs = pairs.reference, pairs.source
-    covariances = np.asarray(ours.covariances) + np.asarray(theirs.covariances)
+    covariances = np.asarray(ours.covariances)
+    if ours.has_covariance.any() and theirs.has_covariance.any():
+        covariances = covariances + np.asarray(theirs.covariances)
+    else:
+        covariances = np.broadcast_to(np.nan, covariances.shape)
     errors = pose_errors(ours, theirs)
     scores, unavailable = _scores(errors, covariances, ours, theirs)
     whole = reference.planar() if ours.dimensions == 2 else reference

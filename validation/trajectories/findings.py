@@ -78,8 +78,12 @@ def findings_in_time(comparison: TimeComparison, limit: float) -> list[Finding]:
 def _limit(comparison: TimeComparison, limit: float) -> Iterator[Finding]:
     answer = comparison.answer(limit)
     severity: Severity = "good" if answer.verdict == "yes" else "note"
-    text = limit_sentence(comparison, answer)
-    yield Finding(severity, text, comparison.system, f"limit_{answer.verdict}")
+    yield Finding(
+        severity,
+        limit_sentence(comparison, answer),
+        comparison.system,
+        {"yes": "limit_held", "no": "limit_exceeded"}.get(answer.verdict, "limit_open"),
+    )
 
 
 def _shared(comparison: TimeComparison) -> Iterator[Finding]:
@@ -203,8 +207,11 @@ def _consistency(comparison: TimeComparison) -> Iterator[Finding]:
         f"{test.interval.high:.3g} for {test.poses} effective poses)"
     )
     if test.verdict == "inside":
-        yield Finding("good", f"{text}: errors and covariances agree.", comparison.system, "nees")
+        text = f"{text}: errors and covariances agree."
+        yield Finding("good", text, comparison.system, "nees_inside")
+    elif test.verdict == "above":
+        text = f"{text}: the errors are larger than the stated covariances allow."
+        yield Finding("warning", text, comparison.system, "nees_above")
     else:
-        why = "too small" if test.verdict == "above" else "too large"
-        text = f"{text}: the stated covariances are {why}."
-        yield Finding("warning", text, comparison.system, "nees")
+        text = f"{text}: the stated covariances are larger than the errors."
+        yield Finding("note", text, comparison.system, "nees_below")

@@ -53,6 +53,17 @@ def interpolate(trajectory: Trajectory, times: npt.ArrayLike) -> Interpolated:
     left, share, supported = _places(trajectory, times)
     left, share = left[supported], share[supported]
     right = np.minimum(left + 1, len(trajectory) - 1)
+    poses = _mixed_poses(trajectory, left, right, share)
+    if not trajectory.has_covariance.any():
+        # There is nothing to mix, and in a long trajectory that would take most of the time.
+        found = replace(
+            trajectory,
+            times=times[supported],
+            poses=poses,
+            covariances=np.empty(0),
+            longest_interval=trajectory.gap,
+        )
+        return Interpolated(found, supported)
     covariances = np.asarray(trajectory.covariances)
     mixed = (1 - share)[:, None, None] ** 2 * covariances[left]
     mixed = mixed + np.where(share > 0, share**2, 0.0)[:, None, None] * covariances[right]
@@ -65,7 +76,7 @@ def interpolate(trajectory: Trajectory, times: npt.ArrayLike) -> Interpolated:
     found = replace(
         trajectory,
         times=times[supported],
-        poses=_mixed_poses(trajectory, left, right, share),
+        poses=poses,
         covariances=mixed,
         longest_interval=trajectory.gap,
     )

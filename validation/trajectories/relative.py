@@ -13,6 +13,9 @@ from validation.poses.trajectory import Trajectory
 from validation.statistics.dependence import SeriesRms, rms_of_series
 from validation.trajectories.association import Pairs
 
+MOST_MOTIONS = 5000
+"""Of those that start at every pose; the errors of motions that overlap are nearly the same."""
+
 Unit = Literal["m", "s", "poses"]
 Rows = npt.NDArray[np.intp]
 
@@ -45,7 +48,12 @@ class RelativeErrors:
 
 
 def relative_errors(
-    pairs: Pairs, delta: float, unit: Unit = "m", *, every: bool = True
+    pairs: Pairs,
+    delta: float,
+    unit: Unit = "m",
+    *,
+    every: bool = True,
+    most: int | None = None,
 ) -> RelativeErrors:
     """Errors of the motions over a length, a time or a number of poses.
 
@@ -60,6 +68,8 @@ def relative_errors(
         Of delta.
     every : bool
         Whether a motion starts at every pose, or where the one before has ended.
+    most : int, optional
+        At most so many motions, evenly among those that there are.
 
     Raises
     ------
@@ -75,6 +85,9 @@ def relative_errors(
     if not delta > 0:
         raise GtvalError(f"a length or time of {delta:g} {unit} is not positive")
     start, end = motions(pairs, delta, unit, every=every)
+    if most is not None:
+        step = -(-len(start) // most) or 1
+        start, end = start[::step], end[::step]
     if not len(start):
         raise GtvalError(f"no motion without a gap is {delta:g} {unit} long")
     return errors_of_motions(pairs, start, end, delta, unit)
@@ -128,9 +141,14 @@ def motions(pairs: Pairs, delta: float, unit: Unit, *, every: bool = True) -> tu
 
 def _motion(one: Trajectory, start: Rows, end: Rows) -> tuple[Array, Rotation]:
     """(p, 3) displacements in the frame of the start, and the turns."""
-    positions = one.positions
+    moved = one.positions[end] - one.positions[start]
     if one.dimensions == 2:
-        positions = np.column_stack([positions, np.zeros(len(positions))])
-    rotations = one.rotations
-    back = rotations[start].inv()
-    return back.apply(positions[end] - positions[start]), back * rotations[end]
+        moved = np.column_stack([moved, np.zeros(len(moved))])
+    back = _rotations(one, start).inv()
+    return back.apply(moved), back * _rotations(one, end)
+
+
+def _rotations(one: Trajectory, rows: Rows) -> Rotation:
+    if one.kind == "space":
+        return Rotation.from_quat(one.poses[rows, 3:])
+    return Rotation.from_rotvec(one.poses[rows, 2:] * [0.0, 0.0, 1.0])

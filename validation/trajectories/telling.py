@@ -12,7 +12,7 @@ from validation.statistics.dependence import UNSEEN, SeriesMean, SeriesRms
 from validation.trajectories.breakdown import UNITS, By, Part, breakdown
 from validation.trajectories.comparison import ComponentInTime, TimeComparison
 from validation.trajectories.findings import limit_sentence
-from validation.trajectories.relative import RelativeErrors, Unit, relative_errors
+from validation.trajectories.relative import MOST_MOTIONS, RelativeErrors, Unit, relative_errors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -140,7 +140,7 @@ def drift_errors(comparison: TimeComparison) -> list[RelativeErrors]:
     wanted: list[tuple[float, Unit]] = [*((d, "m") for d in LENGTHS), *((d, "s") for d in TIMES)]
     for delta, unit in wanted:
         try:
-            found.append(relative_errors(comparison.pairs, delta, unit))
+            found.append(relative_errors(comparison.pairs, delta, unit, most=MOST_MOTIONS))
         except GtvalError:
             continue
     return found
