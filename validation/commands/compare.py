@@ -109,14 +109,14 @@ def _compared_in_time(
     at: Literal["sparser", "reference", "source"],
 ) -> "list[TimeComparison]":
     """The sources, each against the reference."""
-    from validation.campaign.stored import system_of
     from validation.errors import GtvalError
     from validation.trajectories.alignment import parts_of
     from validation.trajectories.comparison import compare_in_time
     from validation.trajectories.formats import read_trajectory
+    from validation.trajectories.formats.source import system_name
 
     parts = parts_of(align)
-    names = [system_of(path) for path in sources]
+    names = [system_name(path) for path in sources]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise GtvalError(f"two sources are named {', '.join(twice)}; rename a file")

@@ -90,17 +90,17 @@ def sync(
 
 def _read(reference: Path, sources: Sequence[Path]) -> "list[Trajectory]":
     """The trajectories, named after their files."""
-    from validation.campaign.stored import system_of
     from validation.errors import InputError, Problem
     from validation.poses.pose_table import refuse_twice
     from validation.trajectories.formats import read_trajectory
+    from validation.trajectories.formats.source import system_name
 
-    refuse_twice([system_of(path) for path in sources])
+    refuse_twice([system_name(path) for path in sources])
     read: list[Trajectory] = []
     problems: list[Problem] = []
     for path in (reference, *sources):
         try:
-            read.append(read_trajectory(path, system=system_of(path)))
+            read.append(read_trajectory(path, system=system_name(path)))
         except InputError as error:
             problems += error.problems
     if problems:

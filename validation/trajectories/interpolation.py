@@ -52,6 +52,9 @@ def interpolate(trajectory: Trajectory, times: npt.ArrayLike) -> Interpolated:
     times = np.asarray(times, dtype=float)
     left, share, supported = _places(trajectory, times)
     left, share = left[supported], share[supported]
+    if not share.any():  # every time is a pose's own
+        found = replace(trajectory.select(left), times=times[supported])
+        return Interpolated(found, supported)
     right = np.minimum(left + 1, len(trajectory) - 1)
     poses = _mixed_poses(trajectory, left, right, share)
     if not trajectory.has_covariance.any():

@@ -2,9 +2,10 @@
 
 import gzip
 import re
+import warnings
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -204,6 +205,8 @@ class Rows:
         The decimal sign.
     plain : bool
         Whether all is ASCII without '_': what `float` takes is a number then.
+    body : str
+        All cells with one separator, where they may be read at once; empty where not.
     """
 
     source: Source
@@ -212,6 +215,7 @@ class Rows:
     names: Sequence[str]
     decimal: str = "."
     plain: bool = False
+    body: str = field(default="", repr=False)
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -236,6 +240,8 @@ class Rows:
         InputError
             With every cell that is no finite number.
         """
+        if self._whole is not None and not blank:
+            return np.asarray(self._whole[:, list(columns)])
         found = np.empty((len(self), len(columns)))
         bad: list[Problem] = []
         for place, column in enumerate(columns):
@@ -257,6 +263,21 @@ class Rows:
         if bad:
             raise InputError(sorted(bad, key=lambda one: one.line or 0))
         return found
+
+    @cached_property
+    def _whole(self) -> Array | None:
+        """All cells as numbers, read at once; None where one is none or not finite."""
+        if not self.body:
+            return None
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # numpy warns where it stops before the end
+            try:
+                values = np.fromstring(self.body, sep="," if "," in self.body else " ")
+            except (DeprecationWarning, ValueError):
+                return None
+        if values.size != len(self) * len(self.names) or not (np.abs(values) < LARGEST).all():
+            return None
+        return np.asarray(values.reshape(len(self), len(self.names)))
 
     def _checked(
         self, cells: Sequence[str], column: int, bad: list[Problem], *, blank: bool
@@ -329,7 +350,11 @@ def read_rows(
         decimal = ","
     columns = [flat[place::width] for place in range(width)]
     plainly = text.isascii() and "_" not in text
-    return Rows(source, [number + 1 for number in plain], columns, list(names), decimal, plainly)
+    body = ""
+    if even and plainly and separator in {" ", ","}:
+        body = text if separator == " " else text.replace("\n", ",")
+    lines_of = [number + 1 for number in plain]
+    return Rows(source, lines_of, columns, list(names), decimal, plainly, body)
 
 
 def _is_silent(line: str, *, comments: bool) -> bool:
