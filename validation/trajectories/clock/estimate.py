@@ -11,14 +11,7 @@ from validation.poses.angles import Array
 from validation.poses.trajectory import Trajectory
 from validation.trajectories.clock.continuous import continuous_path
 from validation.trajectories.clock.fit import Fit
-from validation.trajectories.clock.judging import (
-    FAR_RISE,
-    FAR_SCORE,
-    LEAST_SHARE,
-    Best,
-    Prepared,
-    judged,
-)
+from validation.trajectories.clock.judging import LEAST_SHARE, Best, Prepared, excluded, judged
 from validation.trajectories.clock.result import ClockEstimate
 from validation.trajectories.clock.rows import DELAY, DRIFT, Rows, Variances
 from validation.trajectories.clock.search import (
@@ -200,12 +193,9 @@ def _rivals(
         if abs(one.delay - best.delay) < 0.3:
             continue
         between = gap(best, one, variances)
-        # The other one's poses were thinned.
-        share = len(one.fit.rows) / len(few.rows) * len(few.rows) / max(len(best.fit.rows), 1)
-        share *= len(best.fit.rows) / len(best.fit.rows)
         small = between.share * len(best.fit.rows) < LEAST_SHARE * _expected(few, best)
-        excluded = small or (between.rise > FAR_RISE and between.score > FAR_SCORE)
-        found.append((one.delay, between.score if not small else np.inf, excluded))
+        out = small or excluded(between, between.share * len(best.fit.rows))
+        found.append((one.delay, between.score if not small else np.inf, out))
     return found
 
 

@@ -11,7 +11,7 @@ from validation.trajectories.clock.continuous import ContinuousPath
 from validation.trajectories.clock.fit import PRIOR, Fit
 from validation.trajectories.clock.result import ClockEstimate, Part, Verdict
 from validation.trajectories.clock.rows import DELAY, DRIFT, Variances
-from validation.trajectories.clock.search import Candidate, gap, transferred
+from validation.trajectories.clock.search import Candidate, Gap, gap, transferred
 from validation.trajectories.clock.stamps import FrameLine
 from validation.trajectories.clock.telling import motion_in_words, rivals_in_words
 
@@ -24,10 +24,9 @@ LEAST_RISE = 9.0
 FAR_RISE, FAR_SCORE = 25.0, 5.0
 """Least rise, and least rise in its own standard deviations along the record, for a delay to be
 excluded. The lowest of a thousand chance values is at 3.3 to 4 standard deviations."""
-STEP_SCORE = 3.0
-"""The same for the few steps by which a delay is moved: of four chance values the lowest is at 1 to
-1.5, and drives of seven minutes with noise of 30 mm reach 4.5 to 5, because most of the rise comes
-from the few stretches in which the robot changes its speed."""
+ROW_RISE = 0.5
+"""Or least rise for each pose. Noise of n poses makes a rise of about sqrt(n), 0.04 a pose where n
+is 700; a robot that moves makes several a pose."""
 LEAST_SHARE = 0.2
 """Of the best one's poses, below which another delay's overlap is no rival: two records' ends
 look alike by chance."""
@@ -180,7 +179,8 @@ def _verdict(best: Best, own: float, half: float) -> tuple[Verdict, str]:
     from_noise += rows * fit.with_heading * noise[1] / variances.heading
     if from_noise * own > NOISE_SHARE:
         return "not_determinable", f"{words}: the noise of the rates is as large as the rates"
-    sigma = float(np.sqrt(own))
+    # As the blocks of the record show it: the model alone takes noise of the rates for motion.
+    sigma = half / 2
     near = [step * sigma for step in STEPS]
     far = [step for step in FAR_STEPS if step > near[0]]
     for step in [*near, *far]:
@@ -190,13 +190,19 @@ def _verdict(best: Best, own: float, half: float) -> tuple[Verdict, str]:
                 continue
             between = gap(one, other, variances)
             least = LEAST_RISE if step in near[:1] else FAR_RISE
-            flat = step in far and between.score < STEP_SCORE
+            flat = step in far and not excluded(between, rows)
             if between.share > LEAST_SHARE and (between.rise < least or flat):
                 text = f"{words}: moved by {abs(side):.2g} s it fits as well"
                 return "not_determinable", text
     if best.rivals:
         return "ambiguous", rivals_in_words(one.delay, [delay for delay, _ in best.rivals])
     return "determined", ""
+
+
+def excluded(between: Gap, poses: float) -> bool:
+    """Whether a delay fits so much worse that it is none."""
+    clear = between.score > FAR_SCORE or between.rise > ROW_RISE * poses
+    return between.rise > FAR_RISE and clear
 
 
 def _spread(
