@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform
 
 from data_samples.drives.drive import DriveSettings, simulate_drive
 from data_samples.drives.files import true_poses, write_drive
-from data_samples.motion.drive import MotionDrive, motion_drive
+from data_samples.motion import drive as motion
 from data_samples.rendering.campaign import movie_photographs
 from data_samples.rendering.files import make_room_with_cameras
 from data_samples.rendering.image import Scene, render
@@ -31,7 +31,7 @@ from laser_gt.scans.planar import between
 from validation.poses.angles import Array
 from validation.shown import Shown
 
-SampleMotion = MotionDrive
+SampleMotion = motion.SampleMotion
 
 
 @dataclass(frozen=True, repr=False)
@@ -308,4 +308,4 @@ def make_motion(*, seed: int = 1, level: int = 1, minutes: float = 5.0) -> Sampl
     >>> sorted(drive.cameras)
     ['camera_1', 'camera_2', 'camera_3', 'camera_4']
     """
-    return motion_drive(seed, level=level, minutes=minutes)
+    return motion.motion_drive(seed, level=level, minutes=minutes)

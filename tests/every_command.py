@@ -42,6 +42,7 @@ USES = {
     "vision check-displacement": "{vision}/truth/camera_1.yaml "
     "{vision}/vision/calibration/1/01.png {vision}/vision/calibration/1/02.png 0.1 {board}",
     "vision check-table": "{vision} --workers 1",
+    "sync": "{files}/camera.csv {files}/motion.tum",
     "vision convert-camera": "{vision}/truth/camera_1.yaml {out}.yaml --format ros",
     "vision print-patterns": "{out} --campaign {vision} --svg",
     "vision solve": "{vision} --workers 1 --dry-run",

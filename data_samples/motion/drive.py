@@ -33,7 +33,7 @@ CAMERAS = 4
 
 
 @dataclass(frozen=True, repr=False)
-class MotionDrive(Shown):
+class SampleMotion(Shown):
     """A drive and what was recorded of it.
 
     Parameters
@@ -69,7 +69,7 @@ class MotionDrive(Shown):
     clocks: Mapping[str, TrueClock]
 
 
-def motion_drive(seed: int, *, level: int = 1, minutes: float = 8.0) -> MotionDrive:
+def motion_drive(seed: int, *, level: int = 1, minutes: float = 8.0) -> SampleMotion:
     """A robot drives from stop to stop through a room of 8 m by 6 m.
 
     Parameters
@@ -96,7 +96,7 @@ def motion_drive(seed: int, *, level: int = 1, minutes: float = 8.0) -> MotionDr
     true_stops = _stop_table("truth", path, np.zeros((len(path.stops), 3)))
     noise = rng.normal(size=(len(path.stops), 3)) * SURVEY_SIGMA
     truth = Trajectory("truth", path.times, _wrapped(path), epoch=EPOCH, frame="room")
-    return MotionDrive(
+    return SampleMotion(
         level=quality,
         truth=truth,
         reference=reference,

@@ -4,7 +4,7 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from data_samples.motion.drive import EPOCH, MotionDrive
+from data_samples.motion.drive import EPOCH, SampleMotion
 from validation.poses.pose_table import to_csv
 from validation.text_files.csv_text import csv_text
 from validation.text_files.writing import write_files
@@ -44,14 +44,14 @@ judged = false
 """
 
 
-def write_motion(folder: Path, drive: MotionDrive) -> list[Path]:
+def write_motion(folder: Path, drive: SampleMotion) -> list[Path]:
     """The paths of a campaign folder that `gtval run` takes.
 
     Parameters
     ----------
     folder : Path
         Made if missing.
-    drive : MotionDrive
+    drive : SampleMotion
         What is written.
 
     Raises

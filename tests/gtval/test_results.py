@@ -37,8 +37,7 @@ def results(tmp_path_factory):
         gtval.find_path(drive.records, offsets, drive.heights),
         *(scans.scans[0], images.camera, drive.records[0]),
     ]
-    found = {type(one).__name__: one for one in made}
-    return {**found, "SampleMotion": found.pop("MotionDrive")}
+    return {type(one).__name__: one for one in made}
 
 
 def test_there_is_a_result_of_every_type_of_the_facade(results):

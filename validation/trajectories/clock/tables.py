@@ -130,7 +130,12 @@ def _delay(one: ClockEstimate, tolerance: Tolerance) -> Finding:
     if np.isfinite(period := one.interval_s):
         less = max(abs(one.low_s), abs(one.high_s)) < period
         text += f" It is {'' if less else 'not '}below the interval of its frames, {period:.3g} s."
-    return Finding(severity, text, one.source, f"clock_{answer}")
+    return Finding(
+        severity,
+        text,
+        one.source,
+        {"over": "clock_over", "open": "clock_open"}.get(answer, "clock_within"),
+    )
 
 
 def _limits(tolerance: Tolerance) -> tuple[float, float]:

@@ -34,7 +34,7 @@ def test_a_shift_over_five_poses_at_one_heading_has_no_one_name(seed):
     assert "a wrong mount" in cause
     assert "these poses cannot tell which" in cause
     assert "At a single heading, a wrong mount and a wrong frame" in told["rivals"]
-    assert "frame_mount: frame_x, frame_y, mount_x, mount_y" in told["not_observable"]
+    assert "'frame_mount': frame_x, frame_y, mount_x, mount_y" in told["not_observable"]
     assert "nothing tells which" in told["two_sources"]
     assert "three sources that share no sensor" in told["no_three_cornered_hat"]
 
