@@ -27,6 +27,7 @@ from validation.trajectories.clock.tables import (
     parts_table,
 )
 from validation.trajectories.comparison import TimeComparison, compare_in_time
+from validation.trajectories.correlation_telling import correlation_section
 from validation.trajectories.findings import findings_in_time, millimetres
 from validation.trajectories.settings import TimeSettings
 from validation.trajectories.telling import comparison_json, section_in_time
@@ -83,26 +84,37 @@ def time_parts(
     """
     settings = campaign.section("time", TimeSettings)
     by_name = {one.system: one for one in trajectories}
-    if settings.reference and settings.reference not in by_name:
-        there = ", ".join(by_name) or "none"
-        said = f"no system of that name has a trajectory; there are: {there}"
-        problem = Problem(campaign.toml, said, field="time.reference", value=settings.reference)
-        raise InputError([problem])
+    for key in ("reference", "odometry"):
+        if (value := getattr(settings, key)) and value not in by_name:
+            there = ", ".join(by_name) or "none"
+            said = f"no system of that name has a trajectory; there are: {there}"
+            raise InputError([Problem(campaign.toml, said, field=f"time.{key}", value=value)])
     if len(by_name) < 2:
         return None
+    correlated = TimeParts(sections=_correlated(settings, by_name))
     if not settings.reference:
         text = (
             f"The trajectories of {', '.join(by_name)} are not compared with each other: write "
             '[time] and reference = "NAME" in campaign.toml to say which is the reference.'
         )
-        return TimeParts(findings=(Finding("note", text, "time", "no_time_reference"),))
+        note = TimeParts(findings=(Finding("note", text, "time", "no_time_reference"),))
+        return _joined([correlated, note])
     reference = by_name.pop(settings.reference)
     sources = list(by_name.values())
     parts, clocks = _clocks(campaign, settings, reference, sources, progress)
     for number, source in enumerate(sources):
         progress(f"comparing {source.system} in time", 0.5 + 0.5 * number / len(sources))
         parts.append(_of_source(campaign, settings, reference, source, clocks[source.system]))
-    return _joined(parts)
+    return _joined([correlated, *parts])
+
+
+def _correlated(settings: TimeSettings, by_name: Mapping[str, Trajectory]) -> tuple[Section, ...]:
+    """Headings against those of the odometry; the reference's only where there is no other."""
+    if not settings.odometry:
+        return ()
+    others = [one for name, one in by_name.items() if name != settings.odometry]
+    judged = [one for one in others if one.system != settings.reference]
+    return (correlation_section(by_name[settings.odometry], judged or others),)
 
 
 def _joined(parts: Sequence[TimeParts]) -> TimeParts:

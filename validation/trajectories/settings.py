@@ -9,7 +9,8 @@ class TimeSettings(Settings):
     ``reference`` is the system whose trajectory the others are compared with, ``align`` what is
     fitted before that ('none', 'frame', 'frame+time', ...), ``limit`` and ``limit_angle`` (metres,
     radians) what is asked of the errors and of the clocks, ``window`` the largest delay that is
-    looked for, in seconds.
+    looked for, in seconds, ``odometry`` the system whose headings the others' are correlated with,
+    as AD2.3 did.
     """
 
     reference: str = ""
@@ -17,3 +18,4 @@ class TimeSettings(Settings):
     limit: Positive = 0.05
     limit_angle: Positive = 0.05
     window: Positive = 60.0
+    odometry: str = ""

@@ -1,12 +1,11 @@
 """Delays by cross-correlation of headings, as AD2.3 sought them, with its faults by name."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, minimum_filter
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array, circular_mean, wrap
@@ -15,8 +14,8 @@ from validation.shown import Shown
 
 Mask = npt.NDArray[np.bool_]
 Fault = Literal["edge", "flips", "drift", "repeats"]
-"""The maximum stands at the window's edge, or may as well; images that are turned by half a turn are
-in the signal; the odometry drifted; each image stands for the time until the next."""
+"""The maximum stands at the window's edge, or may as well; images turned by half a turn are in the
+signal; the odometry drifted; each image stands for the time until the next."""
 
 STEP = 0.02
 """Seconds between samples: AD2.3, page 58, whose odometry came at that rate."""
@@ -80,6 +79,10 @@ class Peak(Shown):
         return bool(max(-self.low_s, self.high_s) > WINDOW - STEP / 2)
 
 
+NOTHING = Peak(np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.empty(0))
+"""Of a signal that is not correlated yet."""
+
+
 @dataclass(frozen=True, repr=False)
 class HeadingCorrelation(Shown):
     """The heading of a camera against that of odometry.
@@ -132,7 +135,7 @@ class HeadingCorrelation(Shown):
 
     @property
     def held_s(self) -> float:
-        """Mean age of the image that stands at a sample; the maximum shows the camera so much later.
+        """Mean age of the image at a sample: the maximum shows the camera so much later.
 
         Of m samples the ages are 0, 1, ... m - 1 steps.
         """
@@ -198,23 +201,18 @@ def correlate_headings(odometry: Trajectory, camera: Trajectory) -> HeadingCorre
     times = camera.times_since(odometry.epoch)
     own = start + STEP * np.arange(len(samples))
     known = np.isfinite(samples)
-    inside = (times > own[known].min(initial=np.inf)) & (times < own[known].max(initial=-np.inf))
+    inside = np.interp(times, own, known, left=0.0, right=0.0) > 0
     if inside.sum() < FEWEST_IMAGES:
         said = f"'{camera.system}' has {inside.sum()} images while '{odometry.system}' was logged"
         raise GtvalError(f"headings are not correlated: {said}; {FEWEST_IMAGES} are needed")
     times, seen = times[inside], camera.headings[inside]
     there = np.interp(times, own[known], samples[known])
-    apart = wrap(seen - there)
-    apart = wrap(apart - circular_mean(apart))
-    apart = wrap(apart - np.median(apart))
-    off = wrap(apart - median_filter(apart, NEIGHBOURS, mode="nearest"))
-    limit = np.clip(SPREADS * 1.4826 * np.median(np.abs(off)), NEAREST, FARTHEST)
-    spurious = np.abs(off) > limit
     period = float(np.median(np.diff(times)))
-    rate = np.gradient(there, times)
-    parts = list(_parts(times, there, ~spurious))
-    medians = [np.median(apart[part]) for part in parts] or [0.0]
-    nothing = Peak(*[np.nan] * 6, np.empty(0))
+    apart, off = _apart(seen, there)
+    limit = _limit(off)
+    # No delay of the window makes an image spurious.
+    lowest, highest = (np.interp(times, own, f(samples, len(LAGS))) for f in (_least, _most))
+    beyond = np.maximum(off - (highest - there), (lowest - there) - off)
     found = HeadingCorrelation(
         camera=camera.system,
         odometry=odometry.system,
@@ -222,17 +220,54 @@ def correlate_headings(odometry: Trajectory, camera: Trajectory) -> HeadingCorre
         odometry_headings=samples,
         times=times,
         headings=there + apart,
-        spurious=spurious,
-        flips=int((spurious & (np.abs(off) > np.pi - limit)).sum()),
-        drift=float(np.ptp(medians)),
-        turn_rate=float(np.sqrt(np.mean(rate**2))),
+        spurious=beyond > limit,
+        flips=0,
+        drift=0.0,
+        turn_rate=float(np.sqrt(np.mean(np.gradient(there, times) ** 2))),
         period_s=period,
         repeats=max(1, round(period / STEP)),
-        before=nothing,
-        after=nothing,
+        before=NOTHING,
+        after=NOTHING,
         parts=(),
     )
-    return _with_peaks(found, parts)
+    first = _peak(found, ~found.spurious)
+    delay = 0.0 if first.at_edge or np.isnan(first.delay_s) else found.without_repeats(first)
+    if delay:
+        # With the delay out, turning robots show what is spurious as standing ones do.
+        apart, off = _apart(seen, np.interp(times + delay, own[known], samples[known]))
+        limit = _limit(off)
+        found = replace(found, spurious=np.abs(off) > limit)
+    parts = _parts(times, there, ~found.spurious)
+    medians = [float(np.median(apart[part])) for part in parts] or [0.0]
+    return replace(
+        found,
+        flips=int((found.spurious & (np.abs(off) > np.pi - limit)).sum()),
+        drift=float(np.ptp(medians)),
+        before=_peak(found, np.ones_like(found.spurious)),
+        after=_peak(found, ~found.spurious),
+        parts=tuple(_peak(found, np.isin(np.arange(len(times)), part)) for part in parts),
+    )
+
+
+def _apart(seen: Array, there: Array) -> tuple[Array, Array]:
+    """Differences of headings about their middle, and what of them is not that of neighbours."""
+    apart = wrap(seen - there)
+    apart = wrap(apart - circular_mean(apart))
+    apart = wrap(apart - np.median(apart))
+    return apart, wrap(apart - median_filter(apart, NEIGHBOURS, mode="nearest"))
+
+
+def _limit(off: Array) -> float:
+    """Radians from which a difference is spurious."""
+    return float(np.clip(SPREADS * 1.4826 * np.median(np.abs(off)), NEAREST, FARTHEST))
+
+
+def _least(samples: Array, width: int) -> Array:
+    return np.asarray(minimum_filter(np.where(np.isnan(samples), np.inf, samples), width))
+
+
+def _most(samples: Array, width: int) -> Array:
+    return -_least(-samples, width)
 
 
 def _sampled(odometry: Trajectory) -> tuple[float, Array]:
@@ -248,7 +283,7 @@ def _sampled(odometry: Trajectory) -> tuple[float, Array]:
     return float(first - edge * STEP), np.pad(values, edge, constant_values=np.nan)
 
 
-def _parts(times: Array, headings: Array, good: Mask) -> Iterator[npt.NDArray[np.intp]]:
+def _parts(times: Array, headings: Array, good: Mask) -> list[npt.NDArray[np.intp]]:
     """Rows of the longest stretches with images in which the robot turns, in their order."""
     rows = np.flatnonzero(good)
     stretches = np.split(rows, np.flatnonzero(np.diff(times[rows]) > PART_GAP) + 1)
@@ -260,17 +295,7 @@ def _parts(times: Array, headings: Array, good: Mask) -> Iterator[npt.NDArray[np
         and np.ptp(headings[part]) >= LEAST_TURN
     ]
     longest = sorted(usable, key=lambda part: -np.ptp(times[part]))[:MOST_PARTS]
-    yield from sorted(longest, key=lambda part: part[0])
-
-
-def _with_peaks(
-    found: HeadingCorrelation, parts: list[npt.NDArray[np.intp]]
-) -> HeadingCorrelation:
-    """The same with its peaks."""
-    masks = [np.ones(len(found.times), dtype=bool), ~found.spurious]
-    masks += [np.isin(np.arange(len(found.times)), part) for part in parts]
-    before, after, *rest = [_peak(found, mask) for mask in masks]
-    return replace(found, before=before, after=after, parts=tuple(rest))
+    return sorted(longest, key=lambda part: part[0])
 
 
 def _peak(found: HeadingCorrelation, images: Mask) -> Peak:
@@ -296,7 +321,7 @@ def _at(samples: Array, rows: npt.NDArray[np.intp]) -> Array:
 
 
 def _pearson(a: Array, b: Array) -> float:
-    """Correlation of the samples that both have; NaN where half of them are missing or none vary."""
+    """Correlation of the samples that both have; NaN where half are missing or none vary."""
     both = np.isfinite(b)
     if both.sum() < max(2, len(a) / 2):
         return np.nan
