@@ -3,10 +3,12 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from validation.results import Finding, SystemResult, Table
+if TYPE_CHECKING:  # listing the commands needs none of them
+    from validation.results import Finding, SystemResult, Table
 
 DONE, UNEXPECTED, BAD_INPUT, STRICT_ERROR, INTERRUPTED = 0, 1, 2, 3, 130
 """Exit statuses of all commands; 130 is what shells give a command that Ctrl-C has ended."""
@@ -15,7 +17,7 @@ MOST_FINDINGS = 10
 
 
 def print_result(
-    result: SystemResult, findings: Sequence[Finding], results: Path | None, *, everything: bool
+    result: "SystemResult", findings: "Sequence[Finding]", results: Path | None, *, everything: bool
 ) -> None:
     """Tables and findings of one system, and where its files are."""
     from validation.report.terminal import print_table
@@ -29,8 +31,8 @@ def print_result(
 
 def tell_check(
     facts: Mapping[str, object],
-    tables: Iterable[Table],
-    findings: Sequence[Finding],
+    tables: "Iterable[Table]",
+    findings: "Sequence[Finding]",
     *,
     as_json: bool,
     strict: bool,
@@ -64,7 +66,7 @@ def tell_check(
     end_of_command(findings, strict=strict)
 
 
-def print_first_findings(findings: Sequence[Finding], *, everything: bool) -> None:
+def print_first_findings(findings: "Sequence[Finding]", *, everything: bool) -> None:
     """The findings that ask for action, ten at most and in short; or all of them, whole."""
     from validation.report.terminal import print_findings
 
@@ -76,7 +78,7 @@ def print_first_findings(findings: Sequence[Finding], *, everything: bool) -> No
         click.echo(f"{left} more finding{plural}, and what to do about each, with --all.")
 
 
-def first_findings(findings: Sequence[Finding]) -> list[Finding]:
+def first_findings(findings: "Sequence[Finding]") -> "list[Finding]":
     """Errors and warnings, ten at most, in the order found.
 
     Where there are more, errors come before warnings, and the first of each kind about each
@@ -92,7 +94,7 @@ def first_findings(findings: Sequence[Finding]) -> list[Finding]:
     return [asking[place] for place in sorted(rank[-1] for rank in sorted(ranks)[:MOST_FINDINGS])]
 
 
-def end_of_command(findings: Sequence[Finding], *, strict: bool, failed: bool = False) -> None:
+def end_of_command(findings: "Sequence[Finding]", *, strict: bool, failed: bool = False) -> None:
     """Exit with the status that the findings call for; go on where that is 0."""
     context = click.get_current_context()
     if failed:

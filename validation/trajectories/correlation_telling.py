@@ -25,8 +25,8 @@ WORDS: dict[Fault, str] = {
     "edge": "at the window's edge",
     "flips": "half-turned images",
     "drift": "odometry drifts",
-    "repeats": "repeated images",
 }
+"""Of single peaks; that images are repeated is told once, with the column without it."""
 WAY = (
     f"The headings are sampled every {1000 * STEP:.0f} ms, each image repeated until the next, and "
     f"a camera is moved by up to {WINDOW:g} s to either side of {{odometry}}: the delay is where "
@@ -39,7 +39,7 @@ FAULTS = (
     "maximum may stand anywhere, also at the edge of the window, which says nothing. The "
     "odometry's heading drifts, so that a whole signal is not one shape. Markers that are taken "
     "for each other turn an image by half a turn. And the maximum has no interval: the columns "
-    "'fits from' and 'to' are only what the number of images cannot tell apart."
+    "'fits from' and 'fits to' are only what the number of images cannot tell apart."
 )
 
 
@@ -86,21 +86,21 @@ def correlation_table(found: Sequence[HeadingCorrelation]) -> Table:
                 [
                     one.camera,
                     name,
-                    _shown(peak.first_s - start),
-                    _shown(peak.last_s - start),
                     *(_shown(1000 * value) for value in seconds),
                     _shown(peak.height),
-                    ", ".join(WORDS[fault] for fault in one.faults(peak)),
+                    ", ".join(WORDS[fault] for fault in one.faults(peak) if fault in WORDS),
+                    _shown(peak.first_s - start),
+                    _shown(peak.last_s - start),
                 ]
             )
     return Table(
         "Delays by the maximum of the correlation of headings",
         [
-            "camera", "of", "from [s]", "to [s]", "delay [ms]", "without repeats [ms]",
-            "fits from [ms]", "to [ms]", "correlation", "known faults",
+            "camera", "of", "delay [ms]", "without repeats [ms]", "fits from [ms]", "fits to [ms]",
+            "correlation", "known faults", "from [s]", "to [s]",
         ],
         rows,
-        ["", "", ".1f", ".1f", ".0f", ".0f", ".0f", ".0f", ".4f", ""],
+        ["", "", ".0f", ".0f", ".0f", ".0f", ".4f", "", ".1f", ".1f"],
         f"Delays are whole steps of {1000 * STEP:.0f} ms. Without repeats: half of what an image "
         "stands for is added. Cleaned: without images far from the odometry's heading.",
     )  # fmt: skip
