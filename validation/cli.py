@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from validation.commands.later import Later
 from validation.commands.output import BAD_INPUT, INTERRUPTED, UNEXPECTED
 from validation.errors import GtvalError, InputError
 from validation.plugins import EntryPoint, entry_points
@@ -25,7 +26,7 @@ class DiscoveredGroup(click.Group):
 
     def __init__(self, **settings: object) -> None:
         super().__init__(**settings)  # type: ignore[arg-type]
-        self._found = False
+        self._found = self._listing = False
 
     def _discover(self) -> None:
         if self._found:
@@ -52,7 +53,16 @@ class DiscoveredGroup(click.Group):
             self._load(e for e in entry_points(group="gtval.commands") if e.name == cmd_name)
         if cmd_name not in self.commands:
             self._discover()
-        return super().get_command(ctx, cmd_name)
+        command = super().get_command(ctx, cmd_name)
+        return command.load() if isinstance(command, Later) and not self._listing else command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of commands, without importing what they need."""
+        self._listing = True
+        try:
+            super().format_commands(ctx, formatter)
+        finally:
+            self._listing = False
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
         """Run the program; no character that the terminal lacks is an error.

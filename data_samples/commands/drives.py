@@ -88,6 +88,3 @@ def simulate_drive_command(
         print_json({"folder": folder, "seed": seed, "loops": loops, "files": written})
         return
     click.echo(f"A drive of {loops} loops is in {folder}. Next: gtval run {folder}")
-
-
-COMMANDS: list[click.Command] = [simulate_drive_command]

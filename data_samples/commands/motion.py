@@ -44,6 +44,3 @@ def simulate_motion_command(
         f"A drive of {minutes:g} minutes with {len(drive.stops)} stops is in {folder}. "
         f"Next: gtval run {folder}"
     )
-
-
-COMMANDS: list[click.Command] = [simulate_motion_command]

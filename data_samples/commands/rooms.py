@@ -187,6 +187,3 @@ def refuse_to_overwrite(folder: Path, *, force: bool = False) -> None:
             f"{folder} is not empty; nothing was written. Give another folder, or --force to "
             "replace the files of an earlier simulation"
         )
-
-
-COMMANDS: list[click.Command] = [demo, simulate]

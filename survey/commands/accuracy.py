@@ -192,6 +192,3 @@ def _detectable(check: "MotionCheck") -> "DetectableMotion | None":
     if not np.isfinite(check.covariance).all():
         return None
     return detectable_motion(check.covariance)
-
-
-COMMANDS: list[click.Command] = [accuracy]

@@ -212,6 +212,3 @@ def _write_maps(folder: Path, found: "list[Explored]") -> None:
         figure = convergence_map(result, f"{unknown.kind} {unknown.name}")
         contents[name] = figure_bytes(figure, ".png", name)
     write_files(folder, contents)
-
-
-COMMANDS: list[click.Command] = [convergence]

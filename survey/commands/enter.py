@@ -142,6 +142,3 @@ def _print_status(entry_session: "EntrySession", *, as_json: bool) -> None:
     click.echo("all done" if target is None else f"next: {pair_text(target)}")
     if doubtful:
         click.echo(f"{len(doubtful)} doubtful: {readings_text(entry_session, doubtful)}")
-
-
-COMMANDS: list[click.Command] = [enter]

@@ -270,6 +270,3 @@ def _walls_table(pairs: "list[WallPair]") -> "Table":
         ["", "", "", ".2f", "+.3f", ".3f", ".2g"],
         "Positive where the walls move apart as the position grows.",
     )
-
-
-COMMANDS: list[click.Command] = [instrument_check, walls_check]

@@ -330,6 +330,3 @@ def _write_map(path: Path, campaign: "Campaign", prediction: Prediction) -> None
         for number, extra in enumerate(prediction.extra, 1)
     ]
     write_figure(path, planning_map(room, world, frames if network.poses else None, lines))
-
-
-COMMANDS: list[click.Command] = [plan]

@@ -18,5 +18,4 @@ _ROBUST = click.option(
 
 survey = solve_command("survey", _HELP, (_ROBUST, AS_PUBLISHED), name="survey")
 
-COMMANDS: list[click.Command] = [survey]
 """The survey of a campaign folder."""

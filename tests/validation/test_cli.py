@@ -15,6 +15,7 @@ from small_campaigns import AD23
 
 from validation import cli
 from validation.cli import DiscoveredGroup, main
+from validation.commands.later import Later
 from validation.errors import GtvalError
 
 HEAVY = (
@@ -169,3 +170,14 @@ def test_output_that_cannot_be_written_is_told_in_a_line(redirection, arguments)
 @pytest.mark.parametrize("arguments", [("--help",), LONG, (*LONG, "--json")])
 def test_a_closed_pipe_is_quiet(arguments):
     assert failing_output("| true", *arguments).stderr == ""
+
+
+def test_the_list_of_commands_says_what_their_own_help_says():
+    context = click.Context(main)
+    for name in main.list_commands(context):
+        listed, command = main.commands[name], main.get_command(context, name)
+        assert not isinstance(command, Later)
+        if isinstance(listed, Later):
+            assert command.name == name
+            first = " ".join(command.help.split("\n\n")[0].split())
+            assert listed.help == first

@@ -96,6 +96,3 @@ def _notes(trajectory: "Trajectory") -> list[str]:
     """What reading left out, sorted or took for granted."""
     notes = trajectory.provenance.get("notes", [])
     return [str(note) for note in notes] if isinstance(notes, list) else []
-
-
-COMMANDS: list[click.Command] = [convert]

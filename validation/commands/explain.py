@@ -275,6 +275,3 @@ def _print(
     print_first_findings(found, everything=everything)
     if folder is not None:
         click.echo(f"\nCorrected poses and numbers: {folder / FOLDER}")
-
-
-COMMANDS: list[click.Command] = [explain]

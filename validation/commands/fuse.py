@@ -168,6 +168,3 @@ def _tell(fused: "Fused", output: Path, as_json: bool) -> None:
         click.echo(f"    delay {1e3 * one.delay_s:+.1f} +- {1e3 * one.delay_sigma_s:.1f} ms")
     for finding in fused.findings:
         click.echo("\n".join(wrap(finding, 78, initial_indent="  ", subsequent_indent="    ")))
-
-
-COMMANDS: list[click.Command] = [fuse]

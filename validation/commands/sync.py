@@ -106,6 +106,3 @@ def _read(reference: Path, sources: Sequence[Path]) -> "list[Trajectory]":
     if problems:
         raise InputError(problems)
     return read
-
-
-COMMANDS: list[click.Command] = [sync]

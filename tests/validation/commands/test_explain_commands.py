@@ -162,7 +162,7 @@ def test_an_unknown_key_of_the_table_is_an_error(ad23_folder, tmp_path):
 
 def test_the_command_loads_nothing_heavy():
     code = (
-        "import sys; from validation.commands.explain import COMMANDS; "
+        "import sys; from validation.commands.explain import explain; "
         "heavy = {'numpy', 'scipy', 'matplotlib', 'pydantic', 'rich'} & set(sys.modules); "
         "sys.exit(f'loaded: {heavy}' if heavy else 0)"
     )

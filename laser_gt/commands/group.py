@@ -1,0 +1,175 @@
+"""The command ``gtval laser`` with its steps: solve, inspect, decide, check-mount."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from validation.commands.options import AS_JSON, AS_PUBLISHED, CAMPAIGN, STRICT, progress_bar
+from validation.commands.solve import CampaignGroup, solve_command
+
+if TYPE_CHECKING:
+    from laser_gt.campaign.outcome import LaserOutcome
+    from laser_gt.placing.engines import Engine
+    from validation.campaign.folder import Campaign
+
+ENGINES = click.option(
+    "--engine",
+    "engines",
+    type=click.Choice(["scanmatch", "genetic"]),
+    multiple=True,
+    callback=lambda _context, _option, chosen: chosen or None,
+    help="What matches the scans; may be given twice. Default: as campaign.toml says.",
+)
+
+
+@click.group(cls=CampaignGroup)
+def laser() -> None:
+    """Robot poses from laser scans: match, judge, inspect, place.
+
+    Never use laser poses as ground truth for a method that uses the same laser.
+    """
+
+
+laser.add_command(
+    solve_command(
+        "laser",
+        """Match all scans, judge every match, and compute the robot poses.
+
+        Writes poses_laser_scanmatch.csv, poses_laser_genetic.csv and laser_matches_*.csv to
+        CAMPAIGN/results: all of them, or none if anything fails.
+        """,
+        [ENGINES, AS_PUBLISHED],
+    )
+)
+
+
+def _solved(
+    folder: Path, engines: "tuple[Engine, ...]", *, need_poses: bool
+) -> "tuple[Campaign, LaserOutcome]":
+    """The campaign and what laser GT makes of it."""
+    from laser_gt.campaign.solve import solve_campaign
+    from validation.campaign.folder import load_campaign
+    from validation.solving import solve_validation
+    from validation.systems import installed_systems
+
+    campaign = solve_validation(load_campaign(folder), installed_systems())
+    with progress_bar("laser") as report:
+        return campaign, solve_campaign(campaign, report, engines=engines, need_poses=need_poses)
+
+
+@laser.command()
+@CAMPAIGN
+@AS_JSON
+@ENGINES
+@click.option(
+    "--most",
+    type=click.IntRange(1),
+    default=200,
+    show_default=True,
+    help="Pairs drawn; the doubtful ones come first.",
+)
+def inspect(campaign: Path, as_json: bool, engines: "tuple[Engine, ...] | None", most: int) -> None:
+    """Write a gallery of the matches to CAMPAIGN/report/laser_matches.html.
+
+    Each pair is shown before and after, with its verdict, the reasons, and the command that
+    records a decision about it.
+    """
+    from laser_gt.commands.gallery import gallery
+    from validation.report.terminal import print_json
+    from validation.text_files.writing import write_files
+
+    loaded, outcome = _solved(campaign, engines or ("scanmatch",), need_poses=False)
+    matches = [match for matching in outcome.matchings.values() for match in matching.matches]
+    page = gallery(matches, outcome.inputs.by_stop, str(campaign), most)
+    write_files(loaded.report, {"laser_matches.html": page})
+    path = loaded.report / "laser_matches.html"
+    to_see = [[m.reference, m.moving] for m in matches if m.verdict == "look"]
+    if as_json:
+        print_json({"page": path, "look": to_see, "matches": len(matches)})
+        return
+    click.echo(f"{len(to_see)} of {len(matches)} matches wait for your decision.\nGallery: {path}")
+
+
+@laser.command(context_settings={"ignore_unknown_options": True})
+@CAMPAIGN
+@click.argument("reference")
+@click.argument("moving")
+@click.argument("decision", type=click.Choice(["accept", "reject", "guess"]))
+@click.argument("pose", type=float, nargs=-1)
+@AS_JSON
+@click.option("--by", default="", help="Who or what decided.")
+@click.option("--note", default="", help="Why.")
+def decide(
+    campaign: Path,
+    reference: str,
+    moving: str,
+    decision: str,
+    pose: tuple[float, ...],
+    as_json: bool,
+    by: str,
+    note: str,
+) -> None:
+    """Record a decision about the pair REFERENCE MOVING: accept, reject, or guess X Y THETA.
+
+    It is added to the campaign's decisions file, where the last one about a pair counts, and the
+    next run obeys it. The guess is the moving laser frame in the reference laser frame.
+    """
+    from datetime import datetime
+
+    import numpy as np
+
+    from laser_gt.campaign.inputs import load_inputs
+    from laser_gt.logs.decision_file import append_decision
+    from laser_gt.logs.decisions import Decision
+    from laser_gt.settings import LaserSettings
+    from validation.campaign.folder import load_campaign
+    from validation.report.terminal import print_json
+
+    loaded = load_campaign(campaign)
+    settings = loaded.section("laser", LaserSettings)
+    stops = load_inputs(loaded, settings).stops
+    path = loaded.folder / settings.decisions
+    guess = np.array(pose) if pose else None
+    now = datetime.now().astimezone().isoformat(timespec="seconds")
+    made = Decision(reference, moving, decision, guess, by, note)
+    append_decision(path, made, stops, now)
+    if as_json:
+        print_json({"decisions": path, "pair": [reference, moving], "decision": decision})
+        return
+    click.echo(f"Recorded in {path}.")
+
+
+@laser.command("check-mount")
+@CAMPAIGN
+@AS_JSON
+@STRICT
+def check_mount(campaign: Path, as_json: bool, strict: bool) -> None:
+    """Compare the stated place of the laser on the robot with the one the data show.
+
+    Writes CAMPAIGN/report/laser_mount_overlay.png: two scans laid over each other through the
+    surveyed poses, with the stated mount and with the one found.
+    """
+    from laser_gt.campaign.facts import laser_facts
+    from laser_gt.campaign.findings import laser_findings
+    from laser_gt.campaign.sections import mount_table, overlay_figure
+    from validation.commands.output import tell_check
+    from validation.errors import GtvalError
+    from validation.figures.writing import write_figure
+
+    loaded, outcome = _solved(campaign, ("scanmatch",), need_poses=True)
+    if outcome.mount_check is None:
+        raise GtvalError(f"the mount cannot be checked: {outcome.mount_note}")
+    path = loaded.report / "laser_mount_overlay.png"
+    write_figure(path, overlay_figure(outcome, outcome.mount_check).draw())
+    tell_check(
+        {"mount": laser_facts(outcome)["mount"], "overlay": path},
+        [mount_table(outcome.mount_check)],
+        [one for one in laser_findings(outcome) if one.code.startswith("mount")],
+        as_json=as_json,
+        strict=strict,
+        more=f"Overlay: {path}",
+    )
+
+
+COMMANDS: list[click.Command] = [laser]

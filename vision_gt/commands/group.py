@@ -1,0 +1,243 @@
+"""The commands below ``gtval vision``."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from validation.commands.options import (
+    AS_JSON,
+    AS_PUBLISHED,
+    CAMPAIGN,
+    PATH,
+    STRICT,
+    WORKERS,
+    progress_bar,
+)
+from validation.commands.solve import CampaignGroup, solve_command
+
+if TYPE_CHECKING:
+    from vision_gt.patterns.boards import Board
+
+MERGE_CAMERAS = click.option(
+    "--merge-cameras/--each-camera", default=None, help="One pose from all cameras."
+)
+ON_FLOOR = click.option(
+    "--on-floor/--anywhere", default=None, help="The robot stands on the floor."
+)
+FORMATS = click.Choice(["opencv", "ros", "kalibr", "bouguet"])
+FORMAT_HELP = "Of the camera file to write."
+
+
+def board_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options that say which board images show."""
+    options = (
+        click.option("--columns", type=click.IntRange(3), help="Squares along the board."),
+        click.option("--rows", type=click.IntRange(3), help="Squares across it."),
+        click.option(
+            "--square", type=click.FloatRange(0, min_open=True), help="Side of a square, metres."
+        ),
+        click.option("--family", default="", help="Of a ChArUco board's markers, such as 4X4_100."),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def _board(columns: int | None, rows: int | None, square: float | None, family: str) -> "Board":
+    """The board that the options describe."""
+    if columns is None or rows is None or square is None:
+        raise click.UsageError(
+            "state the board that the images show, such as: --columns 10 --rows 6 --square 0.1"
+        )
+    from vision_gt.patterns.boards import Board
+    from vision_gt.patterns.dictionaries import Family
+
+    return Board(columns, rows, square, Family(family) if family else None)
+
+
+@click.group(cls=CampaignGroup)
+def vision() -> None:
+    """Robot poses from a camera network and markers.
+
+    `gtval vision CAMPAIGN` is short for `gtval vision solve CAMPAIGN`.
+    """
+
+
+vision.add_command(
+    solve_command(
+        "vision",
+        """Calibrate cameras, network and markers, and compute the robot's poses.
+
+        Writes poses_vision.csv, vision_camera_poses.csv, vision_detections.csv,
+        vision_cameras.csv, vision_layout.csv and a camera file for each camera to
+        CAMPAIGN/results: all or none.
+        """,
+        (WORKERS, AS_PUBLISHED, MERGE_CAMERAS, ON_FLOOR),
+    )
+)
+
+
+@vision.command()
+@click.argument("images", type=PATH)
+@board_options
+@click.option("--write", "target", type=PATH, help="Camera file to write.")
+@click.option(
+    "--format",
+    "file_format",
+    type=FORMATS,
+    default="opencv",
+    show_default=True,
+    help=FORMAT_HELP,
+)
+@WORKERS
+@AS_JSON
+def calibrate(
+    images: Path,
+    *,
+    target: Path | None,
+    file_format: str,
+    workers: int | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Calibrate one camera from a folder of images of a board."""
+    from validation.report.terminal import print_json, print_table
+    from vision_gt.commands.calibration import (
+        calibration_facts,
+        calibration_of_folder,
+        image_table,
+        parameters_table,
+    )
+
+    board = _board(**options)
+    with progress_bar("calibration") as report:
+        found = calibration_of_folder(images, board, workers, report)
+    if target is not None:
+        from validation.text_files.writing import write_files
+        from vision_gt.optics.camera_files import write_camera
+
+        content = write_camera(target.suffix, file_format, found.camera)
+        write_files(target.parent, {target.name: content})
+    if as_json:
+        print_json(calibration_facts(found))
+        return
+    print_table(parameters_table(found))
+    print_table(image_table(found))
+
+
+@vision.command("convert-camera")
+@click.argument("source", type=PATH)
+@click.argument("target", type=PATH)
+@click.option("--format", "file_format", type=FORMATS, required=True, help=FORMAT_HELP)
+@click.option("--camera", help="Name of the camera, in a file that has several.")
+@AS_JSON
+def convert_camera(
+    source: Path, target: Path, *, file_format: str, camera: str | None, as_json: bool
+) -> None:
+    """Turn a camera file of one program into that of another."""
+    from validation.errors import GtvalError
+    from vision_gt.optics.camera_files import read_cameras, write_camera
+
+    found = read_cameras(source)
+    chosen = [one for one in found if camera is None or one.name == camera]
+    if len(chosen) != 1:
+        names = ", ".join(one.name for one in found)
+        raise GtvalError(f"{source} has the cameras {names}; choose one with --camera")
+    content = write_camera(target.suffix, file_format, chosen[0])
+    _write(target.parent, {target.name: content}, as_json=as_json)
+
+
+@vision.command("check-table")
+@CAMPAIGN
+@AS_JSON
+@WORKERS
+@STRICT
+def check_table_command(
+    campaign: Path, *, as_json: bool, workers: int | None, strict: bool
+) -> None:
+    """Check the cameras with a board on a table, put over validated poses.
+
+    Needs the results of `gtval run` and images CAMPAIGN/vision/table/CAMERA/poseX.png.
+    """
+    from validation.campaign.folder import load_campaign
+    from validation.commands.output import tell_check
+    from vision_gt.commands.table import reading_table, statistics_table, table_readings
+
+    readings, findings = table_readings(load_campaign(campaign), workers)
+    tables = [reading_table(readings), statistics_table(readings)]
+    tell_check({"readings": readings}, tables, findings, as_json=as_json, strict=strict)
+
+
+@vision.command("check-displacement")
+@click.argument("camera_file", type=PATH)
+@click.argument("first", type=PATH)
+@click.argument("second", type=PATH)
+@click.argument("distance", type=click.FloatRange(0, min_open=True))
+@board_options
+@AS_JSON
+def check_displacement(
+    camera_file: Path,
+    first: Path,
+    second: Path,
+    distance: float,
+    *,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Check a camera with a board in two places at a known DISTANCE (metres)."""
+    from vision_gt.commands.calibration import displacement_of_images
+    from vision_gt.optics.camera_files import read_cameras
+
+    board = _board(**options)
+    camera = read_cameras(camera_file)[0]
+    measured, angle = displacement_of_images(first, second, board, camera)
+    if as_json:
+        from validation.report.terminal import print_json
+
+        print_json({"measured": measured, "expected": distance, "angle": angle})
+        return
+    click.echo(
+        f"measured {measured:.4f} m, expected {distance:.4f} m: off by "
+        f"{1e3 * (measured - distance):+.1f} mm\nThe board turned by {angle:.4f} rad."
+    )
+
+
+@vision.command("print-patterns")
+@click.argument("folder", type=PATH)
+@click.option("--campaign", type=PATH, help="Print this campaign's patterns.")
+@click.option("--pdf/--svg", default=True, show_default=True)
+@AS_JSON
+def print_patterns(folder: Path, *, campaign: Path | None, pdf: bool, as_json: bool) -> None:
+    """Write boards and markers to FOLDER, to be printed at 100 %.
+
+    Without a campaign they are an example, with the lines of campaign.toml that describe it.
+    """
+    from vision_gt.commands.patterns import EXAMPLE, example_settings, pattern_files
+    from vision_gt.settings import VisionSettings
+
+    settings = example_settings()
+    if campaign is not None:
+        from validation.campaign.folder import load_campaign
+
+        settings = load_campaign(campaign).section("vision", VisionSettings)
+    _write(folder, pattern_files(settings, ".pdf" if pdf else ".svg"), as_json=as_json)
+    if campaign is None and not as_json:
+        click.echo(f"\nThese lines of campaign.toml describe them:\n\n{EXAMPLE}")
+
+
+def _write(folder: Path, files: "dict[str, str | bytes]", *, as_json: bool) -> None:
+    """Write files and say so."""
+    from validation.report.terminal import print_json
+    from validation.text_files.writing import write_files
+
+    written = write_files(folder, files)
+    if as_json:
+        print_json({"written": [str(path) for path in written]})
+        return
+    for path in written:
+        click.echo(f"Written: {path}")
+
+
+COMMANDS: list[click.Command] = [vision]
