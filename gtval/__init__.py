@@ -33,6 +33,23 @@ if TYPE_CHECKING:
     from gtval.scans import Match, Scan, match_scans
     from gtval.surveys import SurveySolution, solve_survey
     from gtval.tables import PoseTable, pose_table, read_poses, write_poses
+    from gtval.trajectories import (
+        ClockEstimate,
+        Clocks,
+        Fused,
+        Stop,
+        TimeComparison,
+        TimeExplanation,
+        Trajectory,
+        compare_in_time,
+        explain_in_time,
+        find_standstills,
+        fuse,
+        poses_at_stops,
+        read_trajectory,
+        sync,
+        write_trajectory,
+    )
     from validation.errors import GtvalError, InputError
     from validation.results import Finding
 
@@ -44,6 +61,10 @@ __all__ += ["find_offsets", "find_path", "fixes", "path_table", "read_fixes"]
 __all__ += ["Match", "Scan", "match_scans"]
 __all__ += ["SurveySolution", "solve_survey"]
 __all__ += ["PoseTable", "pose_table", "read_poses", "write_poses"]
+__all__ += ["Trajectory", "read_trajectory", "write_trajectory"]
+__all__ += ["ClockEstimate", "Clocks", "sync", "Fused", "fuse"]
+__all__ += ["TimeComparison", "TimeExplanation", "compare_in_time", "explain_in_time"]
+__all__ += ["Stop", "find_standstills", "poses_at_stops"]
 __all__ += ["Finding", "GtvalError", "InputError"]
 
 __getattr__ = lazily(
@@ -57,6 +78,9 @@ __getattr__ = lazily(
         "gtval.scans": "Match Scan match_scans",
         "gtval.surveys": "SurveySolution solve_survey",
         "gtval.tables": "PoseTable pose_table read_poses write_poses",
+        "gtval.trajectories": "Trajectory read_trajectory write_trajectory ClockEstimate Clocks "
+        "sync Fused fuse TimeComparison TimeExplanation compare_in_time explain_in_time Stop "
+        "find_standstills poses_at_stops",
         "validation.errors": "GtvalError InputError",
         "validation.results": "Finding",
     },

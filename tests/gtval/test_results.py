@@ -37,6 +37,12 @@ def results(tmp_path_factory):
         gtval.find_path(drive.records, offsets, drive.heights),
         *(scans.scans[0], images.camera, drive.records[0]),
     ]
+    motion = samples.make_motion(minutes=2)
+    camera = motion.cameras["camera_2"]
+    clocks = gtval.sync(motion.mocap, camera)
+    made += [motion.mocap, clocks, clocks["camera_2"], gtval.fuse([camera])]
+    made += [gtval.compare_in_time(motion.mocap, camera), gtval.find_standstills(motion.mocap)[0]]
+    made.append(gtval.explain_in_time(motion.mocap, camera))
     return {type(one).__name__: one for one in made}
 
 
@@ -107,6 +113,10 @@ class Cells(HTMLParser):
         ("PoseTable", ["Poses of survey"]),
         ("Evaluation", ["Statistics of the errors of example_gt", "Poses of example_gt"]),
         ("RunResult", ["Errors of all systems (validation minus GT)"]),
+        ("TimeComparison", ["Errors in time (reference minus source)", "Statistics of the errors"]),
+        ("TimeExplanation", ["Findings", "Where the errors come from"]),
+        ("Clocks", ["Clocks of the sources"]),
+        ("ClockEstimate", ["Clocks of the sources"]),
         ("Explanation", ["Findings", "example_gt: parameters of 'frame'"]),
     ],
 )

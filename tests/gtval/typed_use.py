@@ -53,6 +53,21 @@ def measure(image: np.ndarray[tuple[int, int], np.dtype[np.uint8]]) -> gtval.Mar
     return places[0]
 
 
+def drive(folder: Path) -> str:
+    """Poses in time: clocks, errors, causes, fusion, stops."""
+    mocap = gtval.read_trajectory(folder / "mocap.csv", unit="s")
+    cameras: list[gtval.Trajectory] = [gtval.read_trajectory(folder / "camera.csv")]
+    clocks: gtval.Clocks = gtval.sync(mocap, cameras)
+    delay: float = clocks["camera"].delay_s
+    fused: gtval.Fused = gtval.fuse(cameras, odometry=mocap, clocks=clocks)
+    errors: gtval.TimeComparison = gtval.compare_in_time(mocap, fused.trajectory, align="frame")
+    reason: gtval.TimeExplanation = gtval.explain_in_time(mocap, cameras[0].shifted(delay))
+    stops: tuple[gtval.Stop, ...] = gtval.find_standstills(mocap)
+    table: gtval.PoseTable = gtval.poses_at_stops(mocap, stops)
+    written: tuple[Path, ...] = gtval.write_trajectory(mocap, folder / "copy.tum")
+    return f"{errors.answer(0.05).verdict} {reason.name} {table.ids} {written}"
+
+
 class Rig:
     """A system of one's own."""
 

@@ -7,6 +7,7 @@ from scipy import special
 
 from validation.poses.angles import Array, wrap
 from validation.poses.trajectory import Trajectory
+from validation.shown import Shown
 from validation.trajectories.causes.chain import (
     CAUSES,
     PARAMETERS,
@@ -64,8 +65,8 @@ class Cause:
     turns: float
 
 
-@dataclass(frozen=True)
-class TimeExplanation:
+@dataclass(frozen=True, repr=False)
+class TimeExplanation(Shown):
     """What explains the errors of one source in time.
 
     Parameters
