@@ -66,7 +66,7 @@ class Clocks(Shown):
 def read_trajectory(
     path: Path | str, *, system: str | None = None, **told: str | None
 ) -> Trajectory:
-    """The poses at times in a file, whatever its format.
+    r"""The poses at times in a file, whatever its format.
 
     Parameters
     ----------

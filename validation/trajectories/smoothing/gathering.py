@@ -8,10 +8,10 @@ import numpy as np
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.poses.trajectory import Trajectory
+from validation.trajectories.clock.stamps import frame_line
 from validation.trajectories.smoothing.geometry import half_turn
 from validation.trajectories.smoothing.problem import Frames, Mask, Problem, Rows
 from validation.trajectories.smoothing.source import Source
-from validation.trajectories.smoothing.stamps import regular
 from validation.trajectories.smoothing.start import (
     NEAR,
     knots_of,
@@ -64,7 +64,7 @@ def stamped(source: Source, epoch: int, smooth: bool) -> Stamped:
     stamps = own.times
     taken = np.zeros(len(stamps))
     if smooth and own.clock.stamps != "capture":
-        grid = regular(stamps, own.clock.rate)
+        grid = frame_line(stamps)
         if grid is not None and grid.jitter > LEAST_JITTER * grid.period:
             taken, stamps = stamps - grid.times, grid.times
     middle = float(own.times[0] + own.times[-1]) / 2 if source.at_s is None else source.at_s

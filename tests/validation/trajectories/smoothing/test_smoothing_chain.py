@@ -17,7 +17,6 @@ from validation.trajectories.smoothing.gathering import gathered, stamped
 from validation.trajectories.smoothing.geometry import advance, difference, step_jacobians
 from validation.trajectories.smoothing.problem import State, residuals
 from validation.trajectories.smoothing.source import Source
-from validation.trajectories.smoothing.stamps import regular
 
 
 def brownian(times, strength):
@@ -138,19 +137,6 @@ def test_jacobians_of_a_step_in_space_are_those_of_small_changes():
 def test_a_chain_without_enough_data_is_told():
     with pytest.raises(GtvalError, match="do not determine"):
         Band(3, 2).factor()
-
-
-def test_stamps_with_jitter_go_back_to_their_grid():
-    rng = np.random.default_rng(5)
-    capture = np.arange(0, 300, 0.1)
-    capture = capture[(np.sin(capture / 9) > -0.5) & (rng.random(len(capture)) > 0.05)]
-    latency = rng.gamma(2.0, 0.007, len(capture))
-    grid = regular(np.sort(capture + latency))
-    assert grid is not None
-    # The mean latency stays; its error is that of a mean of 2,000.
-    assert np.abs(grid.times - capture - latency.mean()).max() < 1e-3
-    assert grid.jitter == pytest.approx(latency.std(), rel=0.1)
-    assert regular(np.sort(rng.uniform(0, 300, 3000))) is None
 
 
 def test_positions_in_space_are_smoothed():
