@@ -16,7 +16,7 @@ IMAGES = Path(__file__).parent / "images"
 def draw_fused(drive: gtval.testing.SampleMotion) -> Figure:
     """The fused trajectory over the poses of each camera."""
     cameras = [drive.cameras[name] for name in ("camera_2", "camera_3", "camera_4")]
-    clocks = gtval.sync(drive.mocap, cameras)
+    clocks = gtval.sync(drive.reference, cameras)
     fused = gtval.fuse(cameras, odometry=drive.odometry, clocks=clocks)
     figure = Figure(figsize=(7, 5), layout="constrained")
     axes = figure.subplots()
@@ -36,7 +36,7 @@ def draw_fused(drive: gtval.testing.SampleMotion) -> Figure:
 def main() -> None:
     """Write docs/images/time_*.png."""
     drive = gtval.testing.make_motion(seed=1, minutes=3)
-    errors = gtval.compare_in_time(drive.mocap, drive.cameras["camera_2"])
+    errors = gtval.compare_in_time(drive.reference, drive.cameras["camera_2"])
     write_figure(IMAGES / "time_speed.png", error_against_speed(errors))
     write_figure(IMAGES / "time_fused.png", draw_fused(drive))
 

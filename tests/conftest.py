@@ -31,6 +31,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         "demo ad23",
         "simulate room --stops 6 --world-points 8 --laser",
         "simulate-drive drive --loops 1 --scans --sensors",
+        "simulate-motion motion --minutes 2",
     ):
         command, name, *options = line.split()
         done = CliRunner().invoke(main, [command, str(root / name), *options])
@@ -49,7 +50,9 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     (files / "motion.tum").write_text("".join(moves))
     (files / "lengths.csv").write_text("true,reading\n" + "".join(rows))
     lens = (root / "drive/sensors/left_camera_lens.txt").read_text().strip()
-    names = {name: str(root / name) for name in ("ad23", "room", "decided", "drive", "files")}
+    names = {
+        name: str(root / name) for name in ("ad23", "room", "decided", "drive", "motion", "files")
+    }
     return {**names, "lens": lens}
 
 

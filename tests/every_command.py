@@ -49,6 +49,15 @@ USES = {
     "walls-check": "{files}/walls.csv --tolerance 0.0015",
 }
 """Arguments of each command; the samples are made by the fixture of their name."""
+FORMS = {
+    "compare: trajectories": "{motion}/gt/mocap.csv {motion}/gt/camera_2.csv --align frame+time",
+    "compare: at stops": "{motion}/gt/survey.csv {motion}/gt/mocap.csv --stops {motion}/stops.csv",
+    "explain: trajectories": "{motion}/gt/mocap.csv {motion}/gt/camera_2.csv",
+    "fuse: with odometry": "{motion}/gt/mocap.csv --odometry {motion}/gt/odometry.csv "
+    "--output {out}.csv",
+    "sync: a drive": "{motion}/gt/odometry.csv {motion}/gt/mocap.csv",
+}
+"""Other forms of a command, by its name and what they are of."""
 
 
 def commands() -> Iterator[tuple[str, click.Command]]:

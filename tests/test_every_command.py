@@ -10,12 +10,12 @@ from pathlib import Path
 
 import jsonschema
 import pytest
-from every_command import BOARD, USES, commands
+from every_command import BOARD, FORMS, USES, commands
 
 from validation.cli import main
 
 COLUMNS = 80
-QUICK = sorted(set(USES) - {"rtk scanner", "vision check-table"})
+QUICK = [*sorted(set(USES) - {"rtk scanner", "vision check-table"}), *FORMS]
 """A scanner needs a drive of minutes, a table the results of a whole run: tests of their packages
 have these."""
 NUMBER = re.compile(r"[+-]?\d+\.\d+(?:e[+-]\d+)?")
@@ -46,14 +46,15 @@ def shown(request, monkeypatch, tmp_path, samples):
         nonlocal number
         number += 1
         values = dict(samples)
-        if "{vision}" in USES[name]:
+        use, command = (USES | FORMS)[name], name.partition(":")[0]
+        if "{vision}" in use:
             values["vision"] = str(request.getfixturevalue("vision_sample"))
         if name == "laser decide":
             values["decided"] = str(tmp_path / f"decided{number}")
             shutil.copytree(samples["decided"], values["decided"])
         values["board"] = BOARD
         values["out"] = str(tmp_path / f"out{number}")
-        arguments = [*name.split(), *USES[name].format(**values).split(), *options]
+        arguments = [*command.split(), *use.format(**values).split(), *options]
         out, err = Screen(encoding, terminal=terminal), Screen(encoding, terminal=False)
         with monkeypatch.context() as patch:
             patch.setattr(sys, "stdout", out)
@@ -97,7 +98,7 @@ def test_every_command_prints_one_object_of_the_schema(shown, name):
     status, text = shown(name, "--json", encoding="ascii")
     assert status == 0, text
     told = json.loads(text)
-    assert told["command"] == name
+    assert told["command"] == name.partition(":")[0]
     assert told["schema"] == "gtval/1"
     assert "error" not in told
     jsonschema.validate(told, SCHEMA)

@@ -39,10 +39,13 @@ def results(tmp_path_factory):
     ]
     motion = samples.make_motion(minutes=2)
     camera = motion.cameras["camera_2"]
-    clocks = gtval.sync(motion.mocap, camera)
-    made += [motion.mocap, clocks, clocks["camera_2"], gtval.fuse([camera])]
-    made += [gtval.compare_in_time(motion.mocap, camera), gtval.find_standstills(motion.mocap)[0]]
-    made.append(gtval.explain_in_time(motion.mocap, camera))
+    clocks = gtval.sync(motion.reference, camera)
+    made += [motion.reference, clocks, clocks["camera_2"], gtval.fuse([camera])]
+    made += [
+        gtval.compare_in_time(motion.reference, camera),
+        gtval.find_standstills(motion.reference)[0],
+    ]
+    made.append(gtval.explain_in_time(motion.reference, camera))
     return {type(one).__name__: one for one in made}
 
 
@@ -113,7 +116,13 @@ class Cells(HTMLParser):
         ("PoseTable", ["Poses of survey"]),
         ("Evaluation", ["Statistics of the errors of example_gt", "Poses of example_gt"]),
         ("RunResult", ["Errors of all systems (validation minus GT)"]),
-        ("TimeComparison", ["Errors in time (reference minus source)", "Statistics of the errors"]),
+        (
+            "TimeComparison",
+            [
+                "Errors in time (reference minus source)",
+                "Statistics of the errors of camera_2 in time",
+            ],
+        ),
         ("TimeExplanation", ["Findings", "Where the errors come from"]),
         ("Clocks", ["Clocks of the sources"]),
         ("ClockEstimate", ["Clocks of the sources"]),
