@@ -302,6 +302,11 @@ def make_motion(*, seed: int = 1, level: int = 1, minutes: float = 5.0) -> Sampl
     minutes : float
         How long it drives.
 
+    Raises
+    ------
+    GtvalError
+        If a camera never sees the robot, as may happen in less than two minutes.
+
     Examples
     --------
     >>> drive = gtval.testing.make_motion(seed=1, minutes=2)

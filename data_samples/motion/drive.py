@@ -19,6 +19,7 @@ from data_samples.motion.sensors import (
     motion_capture,
     odometry,
 )
+from validation.errors import GtvalError
 from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import PoseTable
 from validation.poses.trajectory import Clock, Trajectory
@@ -80,6 +81,11 @@ def motion_drive(seed: int, *, level: int = 1, minutes: float = 8.0) -> SampleMo
         How bad the cameras are, see `data_samples.motion.sensors.LEVELS`.
     minutes : float
         How long it drives.
+
+    Raises
+    ------
+    GtvalError
+        If a camera never sees the robot, as may happen in less than two minutes.
     """
     rng = np.random.default_rng([seed, level])
     quality, path = LEVELS[level], drive(60 * minutes, rng)
@@ -117,6 +123,10 @@ def _clock(path: TruePath, level: Level, rng: np.random.Generator) -> TrueClock:
 
 def _trajectory(name: str, seen: Seen, rate: float, stamps: str = "capture") -> Trajectory:
     """Poses as they are recorded, sorted by their stamps."""
+    if len(seen.stamps) == 0:
+        raise GtvalError(
+            f"'{name}' never sees the robot; let it drive longer, or take another seed"
+        )
     kept = np.concatenate([[True], np.diff(seen.stamps) > 0])
     clock = Clock("receipt" if stamps == "receipt" else "capture", rate)
     return Trajectory(name, seen.stamps[kept], seen.poses[kept], epoch=EPOCH, clock=clock)
