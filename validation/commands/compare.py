@@ -127,7 +127,7 @@ def _compared_in_time(
 
 
 def _delay_of(reference: "Trajectory", source: "Trajectory") -> "tuple[float, float | None]":
-    """The delay and its sigma by the motion of both, as `gtval sync` tells it; by positions where that is all.
+    """The delay and its sigma, as `gtval sync` has them; by positions where there is no heading.
 
     Raises
     ------
