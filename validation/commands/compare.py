@@ -12,6 +12,7 @@ from validation.commands.run import method_of, print_evaluations
 from validation.commands.trajectory_files import moves, refuse_tables
 
 if TYPE_CHECKING:
+    from validation.poses.trajectory import Trajectory
     from validation.results import Finding
     from validation.statistics.error_statistics import IntervalMethod
     from validation.statistics.evaluation import Evaluation
@@ -122,7 +123,34 @@ def _compared_in_time(
         raise GtvalError(f"two sources are named {', '.join(twice)}; rename a file")
     refuse_tables(sources)
     truth = read_trajectory(reference)
-    return [compare_in_time(truth, read_trajectory(path), parts, at) for path in sources]
+    return [compare_in_time(truth, read_trajectory(path), parts, at, _delay_of) for path in sources]
+
+
+def _delay_of(reference: "Trajectory", source: "Trajectory") -> "tuple[float, float | None]":
+    """The delay and its sigma, as `gtval sync` has them; by positions where there is no heading.
+
+    Raises
+    ------
+    GtvalError
+        If the motion does not tell it.
+    """
+    from validation.errors import GtvalError
+    from validation.statistics.error_statistics import two_sided_quantile
+    from validation.trajectories.alignment import delay_by_positions
+    from validation.trajectories.clock.estimate import estimate_clock
+
+    if not (reference.has_orientation and source.has_orientation):
+        return delay_by_positions(reference, source)
+    found = estimate_clock(reference, source)
+    if found.verdict != "determined":
+        what = "is ambiguous" if found.verdict == "ambiguous" else "cannot be told"
+        raise GtvalError(
+            f"the delay of '{source.system}' {what}: {found.reason}; leave 'time' out of --align, "
+            "and see `gtval sync`"
+        )
+    # That of the middle of the common time, which a drift changes to both sides of it.
+    half = (found.high_s - found.low_s) / 2
+    return found.delay_s, half / two_sided_quantile(found.confidence)
 
 
 def _told_in_time(

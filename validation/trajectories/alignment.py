@@ -28,8 +28,9 @@ FIRST_STEP_S = 0.05
 """Between the delays tried first. At 1 m/s it is 50 mm, within the reach of the search that
 follows; turns take seconds."""
 
-DelayOf = Callable[[Trajectory, Trajectory], float]
-"""Seconds to add to the stamps of the second, a source, to have the time of the first."""
+DelayOf = Callable[[Trajectory, Trajectory], tuple[float, float | None]]
+"""Seconds to add to the stamps of the second, a source, to have the time of the first, and their
+standard deviation; None where that of the positions is taken."""
 
 
 @dataclass(frozen=True)
@@ -215,12 +216,14 @@ def align_in_time(
         If no times are in common or a part cannot be told.
     """
     parts = tuple(parts)
-    delay = 0.0
+    delay, sigma = 0.0, None
     if "time" in parts:
-        delay = (delay_of or delay_by_positions)(reference, source)
+        delay, sigma = (delay_of or delay_by_positions)(reference, source)
         source = source.shifted(delay)
     pairs = associate(reference, source, at)
     found = replace(align(pairs, parts), delay_s=delay)
+    if sigma is not None:
+        found = replace(found, sigmas={**found.sigmas, "delay_s": sigma})
     return replace(pairs, source=moved(found, pairs.source)), found
 
 
@@ -270,7 +273,7 @@ def _moved_covariances(found: Alignment, source: Trajectory) -> Array:
     return np.asarray(each @ covariances @ np.swapaxes(each, 1, 2))
 
 
-def delay_by_positions(reference: Trajectory, source: Trajectory) -> float:
+def delay_by_positions(reference: Trajectory, source: Trajectory) -> tuple[float, float | None]:
     """The delay within `WITHIN_S` after which the positions fit best, the frame fitted each time.
 
     Raises
@@ -302,7 +305,7 @@ def delay_by_positions(reference: Trajectory, source: Trajectory) -> float:
 
     around = (tried[best] - FIRST_STEP_S, tried[best] + FIRST_STEP_S)
     finest = optimize.minimize_scalar(misfit, bounds=around, method="bounded")
-    return float(finest.x)
+    return float(finest.x), None
 
 
 def _matrices(source: Trajectory) -> Array:
@@ -419,13 +422,14 @@ def _sigmas(names: list[str], jacobian: Array, away: Array) -> dict[str, float]:
     n = len(away)
     if not names or n <= len(names):
         return dict.fromkeys(names, float("nan"))
-    scores = np.einsum("ndp,nd->np", jacobian, away)
+    scores = (away[:, None, :] @ jacobian)[:, 0]
     wide = jacobian.reshape(-1, len(names))
-    size = np.linalg.norm(wide, axis=0)
+    squares = wide.T @ wide
+    size = np.sqrt(np.diag(squares))
     if (size == 0).any():
         return dict.fromkeys(names, float("nan"))
-    inverse = np.linalg.pinv((wide / size).T @ (wide / size))
-    spread = inverse @ (n * _long_run(scores / size)) @ inverse
+    inverse = np.linalg.pinv(squares / np.outer(size, size))
+    spread = inverse @ (n * _long_run(scores) / np.outer(size, size)) @ inverse
     sigmas = np.sqrt(np.maximum(np.diag(spread), 0)) / size
     return dict(zip(names, sigmas.tolist(), strict=True))
 

@@ -103,7 +103,7 @@ def associate(reference: Trajectory, source: Trajectory, at: At = "sparser") -> 
         at = "source" if _interval(theirs) > _interval(ours) else "reference"
     asked, other = (ours, theirs) if at == "reference" else (theirs, ours)
     between = interpolate(other, asked.times)
-    kept = asked.select(between.supported)
+    kept = asked if between.supported.all() else asked.select(between.supported)
     if not len(kept):
         raise GtvalError(
             f"'{source.system}' and '{reference.system}' have no time in common: "

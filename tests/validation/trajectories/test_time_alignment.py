@@ -164,8 +164,8 @@ def test_a_delay_is_found_with_the_frame():
     assert found.freedoms == 4
     assert found.sigmas["delay_s"] < 0.001
     assert np.abs(pairs.source.positions - pairs.reference.positions).max() < 0.01
-    given, other = align_in_time(reference, source, ["time"], delay_of=lambda *_: 0.5)
-    assert other.delay_s == 0.5
+    given, other = align_in_time(reference, source, ["time"], delay_of=lambda *_: (0.5, 0.1))
+    assert (other.delay_s, other.sigmas["delay_s"]) == (0.5, 0.1)
     assert given.coverage.at == "source"
 
 
