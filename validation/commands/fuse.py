@@ -139,9 +139,10 @@ def _text(fused: "Fused") -> str:
 def _tell(fused: "Fused", output: Path, as_json: bool) -> None:
     """What was found, as JSON or in words."""
     from dataclasses import asdict
-    from textwrap import wrap
 
-    from validation.report.terminal import print_json
+    from validation.commands.output import print_first_findings
+    from validation.report.terminal import print_json, print_table
+    from validation.results import Table
 
     share = float(fused.supported.mean())
     if as_json:
@@ -157,14 +158,35 @@ def _tell(fused: "Fused", output: Path, as_json: bool) -> None:
         }
         print_json(told)
         return
-    click.echo(f"{len(fused.trajectory)} poses in {output},")
-    click.echo(f"  {share:.0%} of them with data on both sides.")
-    for one in fused.noise:
-        click.echo(f"  {one.system}: {one.outliers:.1%} outliers, noise of")
-        click.echo(
-            f"    position {one.position:.3g}, angle {one.angle:.3g}, "
-            f"stamps {1e3 * one.jitter_s:.2g} ms"
+    print_table(
+        Table(
+            "Sources of the fused poses",
+            [
+                "source",
+                "outliers [%]",
+                "position [mm]",
+                "angle [mrad]",
+                "jitter [ms]",
+                "delay [ms]",
+                "sigma [ms]",
+            ],
+            [
+                [
+                    one.system,
+                    100 * one.outliers,
+                    1e3 * one.position,
+                    1e3 * one.angle,
+                    1e3 * one.jitter_s,
+                    1e3 * one.delay_s,
+                    1e3 * one.delay_sigma_s,
+                ]
+                for one in fused.noise
+            ],
+            ["", ".1f", ".2f", ".2f", ".2f", ".2f", ".2f"],
+            note="Noise of single poses, as the fused ones show it.",
         )
-        click.echo(f"    delay {1e3 * one.delay_s:+.1f} +- {1e3 * one.delay_sigma_s:.1f} ms")
-    for finding in fused.findings:
-        click.echo("\n".join(wrap(finding, 78, initial_indent="  ", subsequent_indent="    ")))
+    )
+    print_first_findings(fused.findings, everything=True)
+    click.echo(
+        f"\n{len(fused.trajectory)} poses in {output}, {share:.0%} of them with data on both sides."
+    )

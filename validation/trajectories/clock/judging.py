@@ -172,7 +172,7 @@ def _verdict(best: Best, own: float, half: float) -> tuple[Verdict, str]:
     fit = one.fit
     words = motion_in_words(fit, one.state)
     if 2 * half > WIDEST:
-        return "not_determinable", f"{words}: the delay is open by {2 * half:.2g} s"
+        return "not_determinable", f"{words}: the delay is open by {2 * half:.1f} s"
     noise = fit.path.rate_variance
     rows = len(fit.rows)
     from_noise = rows * (2 * noise[0] / variances.position)

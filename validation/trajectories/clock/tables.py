@@ -115,7 +115,7 @@ def _delay(one: ClockEstimate, tolerance: Tolerance) -> Finding:
         f"{stamps_in_words(one.delay_s).capitalize()} (delay {1e3 * one.delay_s:+.2f} ms, "
         f"{percent} interval {low:+.2f} to {high:+.2f} ms). At {speed:.2g} m/s and "
         f"{turning:.2g} rad/s, which 95 % of the motion is below, that is up to "
-        f"{1e3 * errors[0, 1]:.2g} mm and {1e3 * errors[1, 1]:.2g} mrad"
+        f"{1e3 * errors[0, 1]:.1f} mm and {1e3 * errors[1, 1]:.1f} mrad"
     )
     asked = f"{1e3 * tolerance.length:g} mm and {1e3 * tolerance.angle:g} mrad"
     severity: Severity = "good"

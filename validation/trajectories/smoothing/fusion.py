@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from validation.poses.angles import Array
 from validation.poses.trajectory import Clock, Trajectory
+from validation.results import Finding
 from validation.trajectories.smoothing.asked import at_times
 from validation.trajectories.smoothing.equations import Solved, solve
 from validation.trajectories.smoothing.gathering import (
@@ -58,7 +59,7 @@ STEP = 1e-3
 GRID_WRONG = 0.5
 """Share of the jitter taken off that the poses ask back: 0 where stamps are late and frames
 regular, 1 where the frames come irregularly and are stamped rightly."""
-CAUTION = 1.7
+CAUTION = 1.5
 """Factor on the standard deviations of odometry. From step to step the likelihood does not tell
 its noise from motion, and finds half to nine tenths of it: on drives with white noise of the poses
 squared errors were 1.5 to 1.8 times their covariances with a factor of 1.2, and 1.05 to 1.2 times
@@ -379,23 +380,26 @@ def _odometry(work: _Work) -> dict[str, float]:
     return told
 
 
-def _findings(told: Sequence[SourceNoise], work: _Work, supported: Mask) -> tuple[str, ...]:
+def _findings(told: Sequence[SourceNoise], work: _Work, supported: Mask) -> tuple[Finding, ...]:
     """What a user should know, in words."""
     found = []
     for q, one in enumerate(told):
         own = work.problem.frames.source == q
         if one.outliers > MANY_OUTLIERS:
-            found.append(
-                f"{one.system}: {one.outliers:.0%} of its poses agree with nothing else and were "
-                "left out; look for a wrong frame, delay or mount"
+            text = (
+                f"{one.outliers:.0%} of its poses agree with nothing else and were left out. Look "
+                "for a wrong frame, delay or mount."
             )
+            found.append(Finding("warning", text, one.system, "many_outliers"))
         turned = int((work.flips[own] & (work.trusted[own] > 0.5)).sum())
         if turned:
-            found.append(f"{one.system}: {turned} headings were off by half a turn; turned back")
+            text = f"{turned} headings were off by half a turn, and were turned back."
+            found.append(Finding("note", text, one.system, "half_turns"))
     share = float(np.mean(supported)) if len(supported) else 0.0
     if share < 1:
-        found.append(
-            f"{1 - share:.0%} of the fused poses have no data on both sides; their covariance "
-            "tells how far they may be off"
+        text = (
+            f"{1 - share:.0%} of the fused poses have no data on both sides. Their covariance "
+            "tells how far they may be off."
         )
+        found.append(Finding("note", text, "fused", "not_supported"))
     return tuple(found)

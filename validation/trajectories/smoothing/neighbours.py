@@ -11,8 +11,11 @@ from validation.trajectories.smoothing.problem import Mask, Problem, State, fram
 
 MOST_LAGS = 20
 """Frames back that a correlation is followed: two seconds at 10 Hz."""
-SIGNIFICANT = 2.5
-"""Standard deviations of a correlation of white noise, 1/sqrt(n), at which following ends."""
+SIGNIFICANT, LEAST = 2.5, 0.08
+"""Standard deviations of a correlation of white noise, 1/sqrt(n), and the correlation at which
+following ends. Residuals of white noise are correlated by some hundredths, because the fused
+trajectory's own error is in them: on drives with white noise that alone grew variances by a
+fifth."""
 MOST_GROWTH = 25.0
 """Of a variance: a noise that lasts longer than a dozen frames is an error of the source, which no
 average of its frames makes smaller."""
@@ -61,7 +64,7 @@ def _growth(times: Array, values: Array) -> float:
             break
         products = (values[lag:] * values[:-lag])[near]
         correlation = float(products.mean()) / variance
-        if correlation < SIGNIFICANT / np.sqrt(products.size):
+        if correlation < max(SIGNIFICANT / np.sqrt(products.size), LEAST):
             break
         total += correlation
     return float(np.clip(1 + 2 * total, 1.0, MOST_GROWTH))

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from validation.poses.angles import Array
 from validation.poses.trajectory import Trajectory
+from validation.results import Finding
 from validation.shown import Shown
 
 
@@ -97,7 +98,7 @@ class Fused(Shown):
         For each source the probability, for each frame, that it is no outlier.
     flips : tuple of arrays of bool
         For each source whether a frame's heading is off by half a turn.
-    findings : tuple of str
+    findings : tuple of Finding
         What a user should know, in words.
     """
 
@@ -109,4 +110,4 @@ class Fused(Shown):
     odometry: Mapping[str, float]
     weights: tuple[Array, ...]
     flips: tuple[npt.NDArray[np.bool_], ...]
-    findings: tuple[str, ...]
+    findings: tuple[Finding, ...]
