@@ -48,6 +48,8 @@ long-run variance to a factor of about two."""
 CORRELATED_GAIN = 6.0
 """By which correlated noise must fit better than white noise, in twice the logarithm of the
 likelihood: two more numbers reach it in one of twenty campaigns with white noise."""
+MOST_HIDDEN = 0.8
+"""Of the variance of an error that lasts as long as a stop, which a stop's own scatter lacks."""
 POOLED_POSES = 8
 """Independent poses that the scatter of all stops counts for in that of one: a stop of eight
 correlation times has a scatter that is a third off by itself. A judgement."""
@@ -248,7 +250,7 @@ def poses_at_stops(trajectory: Trajectory, stops: Sequence[Stop]) -> StopPoses:
     share, and added: no mean makes it smaller.
     """
     inside: dict[str, Array] = {}
-    kept, missing, left_out, moved = {}, {}, {}, {}
+    kept, missing, left_out, ways = {}, {}, {}, {}
     seconds = trajectory.times + trajectory.epoch
     for stop in stops:
         rows = np.flatnonzero((seconds >= stop.start) & (seconds <= stop.end))
@@ -256,11 +258,12 @@ def poses_at_stops(trajectory: Trajectory, stops: Sequence[Stop]) -> StopPoses:
             missing[stop.name] = _why_missing(stop, seconds, len(rows))
             continue
         deviations = _deviations(trajectory, rows)
-        if (path := _movement(deviations)) > DRIVES:
+        path, noise = _movement(deviations)
+        # Neighbours are correlated: a robot that drives moves by many times the noise.
+        if path > max(DRIVES, 20.0 * noise):
             missing[stop.name] = f"the robot moves by {path:.2f} m in it"
             continue
-        if path:
-            moved[stop.name] = path
+        ways[stop.name] = path, noise
         spread = 1.4826 * np.median(np.abs(deviations), axis=0)
         usual = (np.abs(deviations) <= OUTLIER_SIGMAS * np.maximum(spread, 1e-9)).all(1)
         if usual.sum() < FEWEST:
@@ -271,7 +274,14 @@ def poses_at_stops(trajectory: Trajectory, stops: Sequence[Stop]) -> StopPoses:
     if not kept:
         first = f"; {next(iter(missing))}: {next(iter(missing.values()))}" if missing else ""
         raise GtvalError(f"'{trajectory.system}' saw none of the {len(stops)} stops{first}")
-    inflation = _inflation(list(inside.values()))
+    steady = [inside[name] for name in kept if ways[name][0] < max(5 * ways[name][1], SLOWEST)]
+    inflation = _inflation(steady or list(inside.values()))
+    slow = float(np.sqrt(np.nanmax([1.0, *inflation[:2]])))
+    moved = {
+        name: path
+        for name, (path, noise) in ways.items()
+        if name in kept and path > max(STILL_SIGMAS * slow * noise, SLOWEST)
+    }
     table = _table(trajectory, kept, inside, inflation, moved)
     counts = {name: len(rows) for name, rows in kept.items()}
     return StopPoses(
@@ -307,18 +317,19 @@ def _central_heading(headings: Array) -> float:
     return float(centre + np.median(wrap(headings - centre)))
 
 
-def _movement(deviations: Array) -> float:
-    """Metres between the medians of the first and the last quarter, where noise cannot make it."""
+def _movement(deviations: Array) -> tuple[float, float]:
+    """Metres between the medians of the first and last quarter, and the noise of independent poses.
+
+    The noise is the standard deviation of the difference in each axis.
+    """
     quarter = max(len(deviations) // 4, 1)
-    first, last = deviations[:quarter, :2], deviations[-quarter:, :2]
-    apart = float(np.linalg.norm(np.median(first, axis=0) - np.median(last, axis=0)))
+    parts = deviations[:quarter, :2], deviations[-quarter:, :2]
+    middles = [np.median(part, axis=0) for part in parts]
     spread = max(
-        float((1.4826 * np.median(np.abs(q - np.median(q, axis=0)), axis=0)).max())
-        for q in (first, last)
+        float((1.4826 * np.median(np.abs(part - middle), axis=0)).max())
+        for part, middle in zip(parts, middles, strict=True)
     )
-    # Neighbours are correlated: the error of a median is taken five times that of independent ones.
-    noise = 5.0 * 1.25 * spread * np.sqrt(2 / quarter)
-    return apart if apart > max(noise, SLOWEST) else 0.0
+    return float(np.linalg.norm(middles[0] - middles[1])), 1.25 * spread * np.sqrt(2 / quarter)
 
 
 def _inflation(groups: Sequence[Array]) -> Array:
@@ -371,7 +382,9 @@ def _table(
         chosen = trajectory.select(rows)
         own = len(rows) / max(grown) ** 2
         scatter = (own * scatters[name] + POOLED_POSES * usual) / (own + POOLED_POSES)
-        covariance = grown[:, None] * scatter * grown / len(rows)
+        # Errors that last as long as the stop do not scatter in it: the share that hides is added.
+        hidden = 1 / np.sqrt(1 - np.minimum(grown**2 / len(rows), MOST_HIDDEN))
+        covariance = (grown * hidden)[:, None] * scatter * (grown * hidden) / len(rows)
         stated = chosen.covariances[chosen.has_covariance]
         if len(stated) == len(rows):
             covariance = covariance + _positive_part(stated.mean(0) - scatter)

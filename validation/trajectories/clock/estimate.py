@@ -152,21 +152,36 @@ def _best(fit: Fit, delays: Array, with_jitter: bool) -> Best | None:
         return float(costs.mean()) - 0.5 * len(costs) / most
 
     delay = min(tried, key=cost)[1].delay
+    found: Best | None = None
     for _ in range(3):
-        start = candidate(fit, delay)
-        if start is None:
-            return None
-        start, variances = refined(start, None)
-        # The middle of what both have, at which the delay and the drift are least dependent.
-        middle = float(start.fit.rows.times[0] + start.fit.rows.times[-1]) / 2
-        start = _about(start, middle)
-        best, variances = settled(start, variances, with_jitter)
-        rivals = _rivals(few, delays, best, variances)
-        better = [one for one in rivals if one[1] < 0]
+        found, better = _at(fit, few, delay, delays, with_jitter)
         if not better:
             break
         delay = min(better, key=lambda one: one[1])[0]
-    return Best(best, variances, tuple((d, s) for d, s, excluded in rivals if not excluded), few)
+    if found is None or not found.rivals:
+        return found
+    # Of delays that fit alike the smallest is told: clocks are rarely off by a lap.
+    least = min((delay for delay, _ in found.rivals), key=abs)
+    if abs(least) < abs(found.candidate.delay):
+        return _at(fit, few, least, delays, with_jitter)[0] or found
+    return found
+
+
+def _at(
+    fit: Fit, few: Fit, delay: float, delays: Array, with_jitter: bool
+) -> tuple[Best | None, list[tuple[float, float]]]:
+    """The fit that starts at a delay, and other delays that fit better."""
+    start = candidate(fit, delay)
+    if start is None:
+        return None, []
+    start, variances = refined(start, None)
+    # The middle of what both have, at which the delay and the drift are least dependent.
+    middle = float(start.fit.rows.times[0] + start.fit.rows.times[-1]) / 2
+    best, variances = settled(_about(start, middle), variances, with_jitter)
+    rivals = _rivals(few, delays, best, variances)
+    left = tuple((other, score) for other, score, out in rivals if not out)
+    better = [(other, score) for other, score, _ in rivals if score < 0]
+    return Best(best, variances, left, few), better
 
 
 def _about(one: Candidate, middle: float) -> Candidate:

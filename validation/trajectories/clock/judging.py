@@ -13,7 +13,7 @@ from validation.trajectories.clock.result import ClockEstimate, Part, Verdict
 from validation.trajectories.clock.rows import DELAY, DRIFT, Variances
 from validation.trajectories.clock.search import Candidate, Gap, gap, transferred
 from validation.trajectories.clock.stamps import FrameLine
-from validation.trajectories.clock.telling import motion_in_words, rivals_in_words
+from validation.trajectories.clock.telling import UNCLEAR, motion_in_words, rivals_in_words
 
 STEPS = (5.0, 10.0, 20.0)
 """Standard deviations by which the delay is moved to see whether the fit gets worse as it must."""
@@ -194,6 +194,8 @@ def _verdict(best: Best, own: float, half: float) -> tuple[Verdict, str]:
             if between.share > LEAST_SHARE and (between.rise < least or flat):
                 text = f"{words}: moved by {abs(side):.2g} s it fits as well"
                 return "not_determinable", text
+    if best.rivals and words != UNCLEAR:
+        return "not_determinable", f"{words}: other delays fit as well"
     if best.rivals:
         return "ambiguous", rivals_in_words(one.delay, [delay for delay, _ in best.rivals])
     return "determined", ""

@@ -8,6 +8,7 @@ import numpy as np
 from validation.results import Finding, Severity, Table
 from validation.trajectories.clock.result import ClockEstimate
 from validation.trajectories.clock.telling import (
+    ambiguous_by,
     largest_errors,
     named_offset,
     stamps_in_words,
@@ -163,7 +164,8 @@ def clock_json(one: ClockEstimate, tolerance: Tolerance) -> dict[str, object]:
         "confidence": one.confidence,
         "words": stamps_in_words(one.delay_s) if np.isfinite(one.delay_s) else "",
         "named_offset": named_offset(one.delay_s) if np.isfinite(one.delay_s) else "",
-        "period_s": one.period_s,
+        "frame_period_s": one.period_s,
+        "ambiguous_by_s": ambiguous_by(one),
         "tolerance": {
             "length_m": tolerance.length,
             "angle_rad": tolerance.angle,

@@ -15,6 +15,8 @@ NAMED = {
     37.0: "TAI is 37 s ahead of UTC",
 }
 """Differences of the scales of time since 2017."""
+UNCLEAR = "the motion tells too little"
+"""What is said of motion that is neither rest nor even."""
 NEXT_TO = 0.5
 """Seconds around a named offset within which it is named; usual latencies stay below."""
 HOUR = 3600.0
@@ -48,7 +50,7 @@ def motion_in_words(fit: Fit, state: State) -> str:
         return "the robot drives straight at constant speed"
     if even and float(turn.std()) < max(0.05 * turned, 4 * noise[1]):
         return "the robot turns at a constant rate at constant speed"
-    return "the motion tells too little"
+    return UNCLEAR
 
 
 def no_overlap_in_words(reference: Array, source: Array, window: float) -> str:
@@ -71,6 +73,11 @@ def rivals_in_words(delay: float, others: Sequence[float]) -> str:
     apart = sorted({round(abs(other - delay), 2) for other in others})
     listed = ", ".join(f"{one:g} s" for one in apart[:3])
     return f"the motion repeats itself: other delays fit as well, {listed} away"
+
+
+def ambiguous_by(one: ClockEstimate) -> float | None:
+    """The smallest step to a delay that fits as well, seconds; None where there is none."""
+    return min((abs(delay - one.delay_s) for delay, _ in one.rivals), default=None)
 
 
 def stamps_in_words(delay: float) -> str:

@@ -16,6 +16,8 @@ SIGNIFICANT, LEAST = 2.5, 0.08
 following ends. Residuals of white noise are correlated by some hundredths, because the fused
 trajectory's own error is in them: on drives with white noise that alone grew variances by a
 fifth."""
+LEAST_GROWTH = 1.4
+"""Below, residuals are taken as those of white noise; cameras alone reach 1.2 with it."""
 MOST_GROWTH = 25.0
 """Of a variance: a noise that lasts longer than a dozen frames is an error of the source, which no
 average of its frames makes smaller."""
@@ -67,4 +69,5 @@ def _growth(times: Array, values: Array) -> float:
         if correlation < max(SIGNIFICANT / np.sqrt(products.size), LEAST):
             break
         total += correlation
-    return float(np.clip(1 + 2 * total, 1.0, MOST_GROWTH))
+    growth = 1 + 2 * total
+    return min(growth, MOST_GROWTH) if growth > LEAST_GROWTH else 1.0
