@@ -3,6 +3,7 @@
 from os import PathLike
 from pathlib import Path
 
+from gtval.arguments import said_plainly
 from gtval.judging import findings_table
 from validation.campaign.folder import Campaign
 from validation.campaign.folder import load_campaign as load
@@ -20,6 +21,7 @@ from validation.systems import Progress, no_progress
 __all__ = ["Campaign", "RunResult", "load_campaign", "run_campaign", "write_run"]
 
 
+@said_plainly
 def load_campaign(folder: str | PathLike[str]) -> Campaign:
     """The campaign in a folder.
 
@@ -42,6 +44,7 @@ def load_campaign(folder: str | PathLike[str]) -> Campaign:
     return load(Path(folder))
 
 
+@said_plainly
 def run_campaign(
     campaign: Campaign | str | PathLike[str], progress: Progress = no_progress
 ) -> RunResult:
@@ -71,6 +74,7 @@ def run_campaign(
     return run(campaign if isinstance(campaign, Campaign) else load_campaign(campaign), progress)
 
 
+@said_plainly
 def write_run(done: RunResult) -> list[Path]:
     """Write results/ and report/ of a run into its campaign folder, all files or none.
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from gtval.arguments import said_plainly
 from gtval.tables import PoseTable
 from validation.campaign.folder import Comparison as ComparisonSettings
 from validation.explain.analysis import Explanation, Question
@@ -23,6 +24,7 @@ from validation.statistics.evaluation import Evaluation, evaluate
 __all__ = ["Evaluation", "Explanation", "compare", "explain", "findings"]
 
 
+@said_plainly
 def compare(
     validation: PoseTable,
     gt: PoseTable,
@@ -72,6 +74,7 @@ def compare(
     return evaluate(validation, gt, settings)
 
 
+@said_plainly
 def explain(
     validation: PoseTable,
     systems: PoseTable | Sequence[PoseTable],
@@ -119,6 +122,7 @@ def explain(
     return explain_tables(validation, tables, question)
 
 
+@said_plainly
 def findings(result: Evaluation | Explanation) -> tuple[Finding, ...]:
     """What a person should take from errors or from their explanation, in sentences.
 

@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
+from gtval.arguments import said_plainly
+from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.shown import Shown
 from vision_gt.images.files import read_image
@@ -48,6 +50,7 @@ class MarkerPlace(Shown):
     errors: Array
 
 
+@said_plainly
 def locate_markers(
     image: npt.NDArray[np.uint8] | str | PathLike[str],
     camera: Camera,
@@ -94,6 +97,9 @@ def locate_markers(
     >>> bool(abs(off.translation).max() < 0.02)
     True
     """
+    for number, side in sides.items():
+        if not side > 0:
+            raise GtvalError(f"marker {number}: a side of {side} m; give metres above zero")
     grey = image if isinstance(image, np.ndarray) else read_image(Path(image))
     found = detect_markers(grey, Family(family, border), camera, sides)
     places = []

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from gtval.arguments import said_plainly
 from rtk_gt.campaign.pose_tables import vehicle_table
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.path.antennas import antenna_positions
@@ -26,6 +27,7 @@ __all__ += ["find_offsets", "find_path", "fixes", "path_table", "read_fixes"]
 _READERS = {".csv": read_fix_csv, ".pos": read_pos, ".nmea": read_nmea, ".txt": read_nmea}
 
 
+@said_plainly
 def fixes(
     receiver: str,
     times: npt.ArrayLike,
@@ -71,6 +73,7 @@ def fixes(
     )
 
 
+@said_plainly
 def read_fixes(path: str | PathLike[str], receiver: str = "") -> Fixes:
     """The record of one receiver from a file: NMEA (.nmea, .txt), RTKLIB (.pos) or .csv.
 
@@ -101,6 +104,7 @@ def read_fixes(path: str | PathLike[str], receiver: str = "") -> Fixes:
     return reader(file, receiver or file.stem)
 
 
+@said_plainly
 def find_offsets(records: Sequence[Fixes], *, eta: float = 1.75) -> Offsets:
     """Offsets between receivers on different base stations, and the distances of their antennas.
 
@@ -136,6 +140,7 @@ def find_offsets(records: Sequence[Fixes], *, eta: float = 1.75) -> Offsets:
     return estimate_offsets(_steps(records), eta=eta)
 
 
+@said_plainly
 def find_path(
     records: Sequence[Fixes],
     offsets: Offsets,
@@ -185,6 +190,7 @@ def find_path(
     return vehicle_path(steps.select(rows[offsets.weights > 0]), offsets, antennas)
 
 
+@said_plainly
 def path_table(path: VehiclePath) -> PoseTable:
     """A path as the pose table of a system 'rtk', to be compared or written.
 

@@ -2,6 +2,7 @@
 
 import numpy.typing as npt
 
+from gtval.arguments import said_plainly
 from laser_gt.matching.judgement import MatchSettings, match
 from laser_gt.matching.verdicts import Match
 from laser_gt.scans.evidence import Prepared
@@ -10,6 +11,7 @@ from laser_gt.scans.scan import Scan, sweep
 __all__ = ["Match", "Scan", "match_scans"]
 
 
+@said_plainly
 def match_scans(
     reference: Scan,
     moving: Scan,

@@ -5,16 +5,19 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from gtval.arguments import said_plainly
 from survey.estimation.solve import SurveySolution
 from survey.estimation.solve import solve_survey as solve
 from survey.readings.readings import Readings
 from validation.campaign.folder import RobotFrame, Vframe
+from validation.errors import GtvalError
 
 __all__ = ["SurveySolution", "solve_survey"]
 
 Points = Mapping[str, tuple[float, float]]
 
 
+@said_plainly
 def solve_survey(
     start: Sequence[str],
     end: Sequence[str],
@@ -77,6 +80,12 @@ def solve_survey(
     True
     """
     n = len(start)
+    distances = np.asarray(distance, dtype=float)
+    bad = np.flatnonzero(~(np.isfinite(distances) & (distances > 0)))
+    if bad.size:
+        at = int(bad[0])
+        said = f"reading {at}, {start[at]} to {end[at]}: {distances[at]} is no distance in metres"
+        raise GtvalError(said)
     readings = Readings(
         tuple(start),
         tuple(end),

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from gtval.arguments import said_plainly
 from validation.campaign.stored import read_tables
 from validation.errors import GtvalError
 from validation.poses.angles import Array
@@ -23,6 +24,7 @@ MOST_ROWS = 100
 """A judgement: a reader of a notebook looks at no more rows; how many are left is told."""
 
 
+@said_plainly
 def pose_table(
     system: str,
     poses: npt.ArrayLike,
@@ -89,6 +91,7 @@ def _numbers(name: str, given: npt.ArrayLike) -> Array:
         raise GtvalError(f"{name}: expected numbers in rows of equal length: {error}") from error
 
 
+@said_plainly
 def read_poses(path: str | PathLike[str], system: str = "") -> PoseTable:
     """Poses from a CSV file, with the joint covariance that lies beside it.
 
@@ -114,6 +117,7 @@ def read_poses(path: str | PathLike[str], system: str = "") -> PoseTable:
     return read_tables([Path(path)], [system] if system else ()).tables[0]
 
 
+@said_plainly
 def write_poses(table: PoseTable, path: str | PathLike[str]) -> None:
     """Write a table as a CSV file, which `read_poses` reads back to the last bit.
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from gtval.arguments import said_plainly
 from gtval.judging import findings_table
 from validation.explain.telling.in_time import (
     time_cause_table,
@@ -63,6 +64,7 @@ class Clocks(Shown):
         return iter(self.estimates)
 
 
+@said_plainly
 def read_trajectory(
     path: Path | str, *, system: str | None = None, **told: str | None
 ) -> Trajectory:
@@ -100,6 +102,7 @@ def read_trajectory(
     )
 
 
+@said_plainly
 def write_trajectory(trajectory: Trajectory, path: Path | str) -> tuple[Path, ...]:
     """Write a trajectory, whole or not at all; the name's end tells the format.
 
@@ -119,6 +122,7 @@ def write_trajectory(trajectory: Trajectory, path: Path | str) -> tuple[Path, ..
     return tuple(write(trajectory, Path(path)))
 
 
+@said_plainly
 def sync(
     reference: Trajectory,
     sources: Trajectory | Sequence[Trajectory],
@@ -157,6 +161,7 @@ def sync(
     return Clocks(reference.system, tuple(found.values()))
 
 
+@said_plainly
 def compare_in_time(
     reference: Trajectory,
     source: Trajectory,
@@ -185,6 +190,7 @@ def compare_in_time(
     return compared(reference, source, parts_of(align), confidence=confidence)
 
 
+@said_plainly
 def explain_in_time(reference: Trajectory, source: Trajectory) -> TimeExplanation:
     """Where the errors of a source in time come from: frame, mount, scale, delay, or what drifts.
 
@@ -202,6 +208,7 @@ def explain_in_time(reference: Trajectory, source: Trajectory) -> TimeExplanatio
     return time_causes(reference, source)
 
 
+@said_plainly
 def fuse(
     sources: Sequence[Trajectory],
     *,
@@ -250,6 +257,7 @@ def _source(trajectory: Trajectory, known: Mapping[str, ClockEstimate]) -> Sourc
     )
 
 
+@said_plainly
 def find_standstills(trajectory: Trajectory, *, shortest: float = 2.0) -> tuple[Stop, ...]:
     """When the robot stands, as stops named 1, 2, and so on.
 
@@ -270,6 +278,7 @@ def find_standstills(trajectory: Trajectory, *, shortest: float = 2.0) -> tuple[
     return tuple(Stop(str(n), *row) for n, row in enumerate(found.tolist(), 1))
 
 
+@said_plainly
 def poses_at_stops(trajectory: Trajectory, stops: Sequence[Stop]) -> PoseTable:
     """One pose a stop, with its covariance: what `compare` takes.
 

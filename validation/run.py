@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from validation.campaign.folder import Campaign
-from validation.campaign.provenance import earlier_record, earlier_steps, input_hashes, relative
+from validation.campaign.folder import Campaign, line_of
+from validation.campaign.provenance import input_hashes, relative
 from validation.errors import FaultyResultError, GtvalError, InputError, Problem
 from validation.explain.telling.section import ExplainParts, explain_campaign
 from validation.in_time import TimeParts, time_parts
@@ -23,7 +23,7 @@ from validation.statistics.conclusions import conclusions
 from validation.statistics.error_statistics import IntervalMethod
 from validation.statistics.evaluation import Evaluation, evaluate
 from validation.statistics.result_files import errors_csv, statistics_csv
-from validation.systems import Progress, System, inputs_of, installed_systems, no_progress
+from validation.systems import Progress, System, installed_systems, needed_inputs, no_progress
 
 
 @dataclass(frozen=True, repr=False)
@@ -134,7 +134,6 @@ def run_campaign(
     systems = _solve_all(campaign, progress)
     progress("comparing", 0.9)
     findings = [finding for system in systems for finding in system.result.findings]
-    findings += _no_data(campaign, systems)
     evaluations, more, failures = _evaluate_all(campaign, systems, method)
     findings += more
     comparison_files: dict[str, str | bytes] = {}
@@ -209,6 +208,8 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
     faults: list[GtvalError] = []
     solved: list[SolvedSystem] = []
     wanted = _with_data(campaign, solved, faults)
+    if absent := _without_files(campaign, wanted, solved):
+        faults.append(InputError(absent))
     for number, system in enumerate(wanted):
         known = replace(campaign, solved={before.name: before.result for before in solved})
         start, width = 0.9 * number / len(wanted), 0.9 / len(wanted)
@@ -236,15 +237,9 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
         solved.append(failed_system("published", error))
     _raise_together(faults)
     if not solved:
-        places = {
-            relative(path, campaign.folder)
-            for system in installed_systems()
-            for path in inputs_of(system, campaign)
-            if not path.exists()
-        }
         said = (
             "the campaign holds no data for any installed system; looked for "
-            f"{', '.join(sorted(places)) or 'what they read'}. Put what you have there, or name a "
+            f"{_missing_files(campaign, installed_systems())}. Put what you have there, or name a "
             f"table of poses under [[published]] in {campaign.toml.name}"
         )
         raise InputError([Problem(campaign.folder, said)])
@@ -261,27 +256,34 @@ def _apart(system: SolvedSystem, others: Iterable[SolvedSystem]) -> SolvedSystem
     return failed_system(system.name, FaultyResultError(said))
 
 
-def without_data(campaign: Campaign, systems: Iterable[SolvedSystem]) -> list[str]:
-    """Systems that campaign.toml has a table of, and that have no data."""
-    missing = campaign.extra.keys() & {system.name for system in installed_systems()}
-    return sorted(missing - {system.name for system in systems})
-
-
-def _no_data(campaign: Campaign, systems: Iterable[SolvedSystem]) -> list[Finding]:
-    """A warning for each system that campaign.toml has a table of, and that has no data."""
-    earlier = earlier_steps(earlier_record(campaign))
+def _without_files(
+    campaign: Campaign, wanted: Iterable[System], failed: Iterable[SolvedSystem]
+) -> list[Problem]:
+    """A problem for each system that campaign.toml has a table of, and whose files are missing."""
+    there = {system.name for system in wanted} | {system.name for system in failed}
     return [
-        Finding(
-            "warning",
-            f"{campaign.toml.name} has a table [{name}], but the files that this system starts "
-            "from are not there: it gives no poses"
-            f"{', and those of an earlier run stay, out of date' if name in earlier else ''}. "
-            "Put the files back, or take the table out.",
-            name,
-            "no_data",
+        Problem(
+            campaign.toml,
+            f"there is a table [{system.name}], but the files that this system starts from are "
+            f"missing ({_missing_files(campaign, [system])}); put them there, or take the table "
+            "out",
+            line_of(campaign.toml, (system.name,)),
+            system.name,
         )
-        for name in without_data(campaign, systems)
+        for system in installed_systems()
+        if system.name in campaign.extra and system.name not in there
     ]
+
+
+def _missing_files(campaign: Campaign, systems: Iterable[System]) -> str:
+    """Files that systems would read and that are not there, as a list in words."""
+    places = {
+        relative(path, campaign.folder)
+        for system in systems
+        for path in needed_inputs(system, campaign)
+        if not path.exists()
+    }
+    return ", ".join(sorted(places)) or "what it reads"
 
 
 def _with_data(

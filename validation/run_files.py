@@ -16,7 +16,7 @@ from validation.campaign.provenance import (
     earlier_steps,
     out_of_date,
 )
-from validation.run import COMPARISON, EXPLANATION, IN_TIME, RunResult, without_data
+from validation.run import COMPARISON, EXPLANATION, IN_TIME, RunResult
 from validation.solving import (
     TRACEBACKS,
     made_with,
@@ -50,11 +50,10 @@ LeftOver = tuple[dict[str, Step], list[OutOfDate]]
 def left_over(run: RunResult, *, report: bool) -> LeftOver:
     """What earlier runs made and this one leaves as it is, and what of it is out of date now.
 
-    That is what systems made whose files are missing now, and the report unless there is a new
-    one.
+    That is the report, unless there is a new one.
     """
     earlier = earlier_steps(earlier_record(run.campaign))
-    names = [*without_data(run.campaign, run.systems), *([] if report else [REPORT])]
+    names = [] if report else [REPORT]
     kept = {name: earlier[name] for name in names if name in earlier}
     now = {n: digest_of(one) for step in result_files(run).values() for n, one in step.items()}
     return kept, out_of_date(run.campaign, kept, now, run.inputs)

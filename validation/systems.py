@@ -73,6 +73,14 @@ def inputs_of(system: System, campaign: "Campaign") -> list[Path]:
     return [campaign.folder]
 
 
+def needed_inputs(system: System, campaign: "Campaign") -> list[Path]:
+    """Files that a system reads and cannot do without; none where it fails to say them."""
+    with contextlib.suppress(Exception):
+        optional = set(getattr(system, "optional_inputs", lambda _: ())(campaign))
+        return [path for path in inputs_of(system, campaign) if path not in optional]
+    return []
+
+
 def untold_inputs(system: System, campaign: "Campaign") -> list[Finding]:
     """A warning where a system fails to say what it reads, or a file that it reads is missing."""
     try:

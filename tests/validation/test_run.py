@@ -115,7 +115,7 @@ def test_a_system_that_exits_does_not_end_the_run(campaign_folder, with_systems)
     assert [one.system for one in done.evaluations] == ["rig"]
 
 
-def test_a_stated_system_without_files_is_told(campaign_folder, with_systems):
+def test_a_stated_system_without_files_is_bad_input(campaign_folder, with_systems):
     class Absent(FixedSystem):
         def has_data(self, _campaign):
             return False
@@ -123,9 +123,9 @@ def test_a_stated_system_without_files_is_told(campaign_folder, with_systems):
     with_systems(survey(), rig(), Absent("laser"))
     with (campaign_folder / "campaign.toml").open("a") as file:
         file.write("\n[laser]\nseed = 1\n")
-    (told,) = [one for one in run(campaign_folder).findings if one.code == "no_data"]
-    assert (told.severity, told.subject) == ("warning", "laser")
-    assert "[laser]" in told.text
+    with pytest.raises(InputError, match=r"a table \[laser\], but the files") as error:
+        run(campaign_folder)
+    assert "campaign.toml, line" in str(error.value)
 
 
 @dataclass
@@ -142,9 +142,7 @@ class OfFiles(FixedSystem):
         return [campaign.folder / self.file, *([campaign.folder / self.also] if self.also else [])]
 
 
-def test_results_of_a_stated_system_whose_files_are_gone_stay_out_of_date(
-    campaign_folder, with_systems
-):
+def test_results_of_a_stated_system_whose_files_are_gone_stay(campaign_folder, with_systems):
     with_systems(survey(), rig(), OfFiles("laser", rig("laser").result, file="scans.csv"))
     with (campaign_folder / "campaign.toml").open("a") as file:
         file.write("\n[laser]\nseed = 1\n")
@@ -153,15 +151,9 @@ def test_results_of_a_stated_system_whose_files_are_gone_stay_out_of_date(
     poses = campaign_folder / "results/poses_laser.csv"
     before = poses.read_bytes()
     (campaign_folder / "scans.csv").unlink()
-    done = run(campaign_folder)
-    (told,) = [one for one in done.findings if one.code == "no_data"]
-    assert "those of an earlier run stay, out of date" in told.text
-    write_results(done)
+    with pytest.raises(InputError, match=r"missing \(scans.csv\); put them there"):
+        run(campaign_folder)
     assert poses.read_bytes() == before
-    record = json.loads((campaign_folder / "results/run.json").read_text())
-    late = {one["file"]: one["reason"] for one in record["out_of_date"]}
-    assert late["results/poses_laser.csv"] == "changed after the step 'laser': scans.csv"
-    assert "results/poses_rig.csv" not in late
     (campaign_folder / "campaign.toml").write_text('name = "x"\n')  # no longer stated
     write_results(run(campaign_folder))
     assert not poses.exists()

@@ -62,7 +62,7 @@ def read_tables(paths: Sequence[Path], names: Sequence[str] = ()) -> StoredTable
     problems: list[Problem] = []
     for path, name in zip(paths, names or map(system_of, paths), strict=True):
         try:
-            _refuse_degrees(path)
+            refuse_degrees(path)
             table = from_csv(path, system=name, components=components_of(path))
             tables.append(with_stored_joint(table, path))
         except InputError as error:
@@ -117,7 +117,7 @@ def components_of(path: Path) -> tuple[Component, ...]:
     return SPATIAL if any(yaw) else PLANAR
 
 
-def _refuse_degrees(path: Path) -> None:
+def refuse_degrees(path: Path) -> None:
     """Raise, with their lines, for headings that can be degrees only."""
     cells = read_csv(path, [Column("theta", "number", required=False, blank=True)])
     angles = np.abs(np.array(cells.numbers["theta"], dtype=float))

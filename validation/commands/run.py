@@ -153,7 +153,6 @@ def _run_and_write(
 ) -> "RunResult":
     """Run the campaign and write its results, with the report if wanted."""
     from validation.campaign.folder import load_campaign
-    from validation.campaign.provenance import REPORT_FILES
     from validation.run import run_campaign
     from validation.run_files import left_over, write_results
     from validation.solving import late_finding
@@ -171,6 +170,5 @@ def _run_and_write(
             progress("writing the report", RUN_BEFORE_REPORT)
             done, files = report_files(done, pdf=pdf)
     _, old = left_over(done, report=report)
-    old = [one for one in old if one.file in REPORT_FILES]  # the others are told as no_data
     write_results(done, files)
     return replace(done, findings=(*done.findings, *late_finding("results", old)))

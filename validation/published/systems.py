@@ -3,8 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
-from validation.campaign.folder import Campaign, Published
-from validation.campaign.stored import components_of
+from validation.campaign.folder import Campaign, Published, line_of
+from validation.campaign.stored import components_of, refuse_degrees
 from validation.errors import InputError, Problem
 from validation.poses.pose_table import PoseTable, from_csv
 from validation.published.moving import moving_result
@@ -63,12 +63,12 @@ def published_tables(campaign: Campaign) -> list[PoseTable]:
 
 def _published(campaign: Campaign, entry: Published, validation: PoseTable | None) -> SystemResult:
     """A table of stops, or a trajectory at the stops."""
-    if (
-        entry.stops
-        or entry.format
-        or not entry.judged
-        or is_trajectory(campaign.folder / entry.file)
-    ):
+    path = campaign.folder / entry.file
+    if not path.exists():
+        place = line_of(campaign.toml, ("published", "file"))
+        said = f"there is no such file for '{entry.system}'; put it there, or correct the key"
+        raise InputError([Problem(campaign.toml, said, place, "published.file", entry.file)])
+    if entry.stops or entry.format or not entry.judged or is_trajectory(path):
         return moving_result(campaign.folder, entry, validation)
     table = published_table(campaign.folder, entry)
     return SystemResult([table], findings=assumed_sigmas(table))
@@ -91,6 +91,7 @@ def published_table(folder: Path, entry: Published) -> PoseTable:
         Naming file, line, field and value of every bad place.
     """
     path = folder / entry.file
+    refuse_degrees(path)
     components = components_of(path)
     if entry.sigmas is not None and len(entry.sigmas) != len(components):
         expected = f"poses of {len(components)} components need as many sigmas"

@@ -7,6 +7,7 @@ import numpy as np
 from validation.errors import GtvalError
 from validation.results import Finding, Severity
 from validation.statistics.dependence import UNSEEN
+from validation.statistics.units import unit_of_points
 from validation.trajectories.alignment import align, moved_positions
 from validation.trajectories.comparison import Answer, ComponentInTime, TimeComparison
 
@@ -63,6 +64,7 @@ def findings_in_time(comparison: TimeComparison, limit: float) -> list[Finding]:
         Of the position error, metres.
     """
     return [
+        *_unit(comparison),
         *_limit(comparison, limit),
         *_shared(comparison),
         *_coverage(comparison),
@@ -73,6 +75,14 @@ def findings_in_time(comparison: TimeComparison, limit: float) -> list[Finding]:
         *_biases(comparison, limit),
         *_consistency(comparison),
     ]
+
+
+def _unit(comparison: TimeComparison) -> Iterator[Finding]:
+    pairs = comparison.pairs
+    unit = unit_of_points(pairs.source.positions, pairs.reference.positions)
+    if unit:
+        text = f"Write its positions in metres: they are in {unit}."
+        yield Finding("error", text, comparison.system, "unit")
 
 
 def _limit(comparison: TimeComparison, limit: float) -> Iterator[Finding]:

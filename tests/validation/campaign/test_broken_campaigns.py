@@ -95,7 +95,7 @@ CASES = {
             removed(READINGS)(folder),
             edited("campaign.toml", r"^\[\[published\]\](.*\n)+?(?=\[|$)", "")(folder),
         ),
-        ["no data for any installed system", "readings.csv"],
+        ["there is a table [survey], but the files", "readings.csv"],
     ),
     "readings without a column": (
         edited(READINGS, r"^time,from,to,distance", "time,from,to,length"),
