@@ -75,6 +75,16 @@ class ContinuousPath:
         second = (2 * square + 6 * u * cube) / width**2
         return pose, first, second
 
+    def rough_rates(self, t: Array, window: float) -> Array:
+        """(m, 3) rates at times less their running means over a window; 0 beside gaps."""
+        steps = np.diff(self.times)
+        size = max(1, round(window / float(np.median(steps))))
+        rates = np.column_stack([self.velocities, self.turn_rates])
+        rough = rates - uniform_filter1d(rates, size, axis=0, mode="nearest")
+        broken = np.append(steps > self.gap, False).astype(float)
+        rough[uniform_filter1d(broken, 2 * size + 1, mode="nearest") > 1e-9] = 0.0
+        return np.column_stack([np.interp(t, self.times, column) for column in rough.T])
+
     def corrected(self, scale: float, turn_scale: float, turn_bias: float) -> "ContinuousPath":
         """The path of an odometer with these errors taken out, from the same first pose.
 

@@ -31,6 +31,8 @@ s/s, shares, rad/s. Wide but for the last four: clocks that differ by more than 
 so are odometers that are wrong by more than 15 %."""
 FIRST_PRIOR = np.array([10.0, 10.0, 30.0, 1e3, 1e-4, 1e-6, 1e-6, 1e-9])
 """While a start is being refined: clocks and odometers as they usually are."""
+SETTLED = 0.1
+"""Change of -2 log likelihood in one step; verdicts ask for rises of 9 and more."""
 
 
 class Fit:
@@ -287,7 +289,13 @@ class Fit:
         fixed: bool = False,
         slack: float = 1.0,
     ) -> State:
-        """The state after some steps with weights of their own."""
+        """The state after some steps with weights of their own.
+
+        It ends where the delay moves by less than a thousandth of its standard deviation and the
+        cost by less than `SETTLED`; not where the delay alone stands, as the rest decides on how
+        much worse another delay fits.
+        """
+        last = np.inf
         for _ in range(rounds):
             values = self.residuals(state)
             weights = self.weights(values, variances, slack)
@@ -300,8 +308,10 @@ class Fit:
                     node_changes=solved.node_changes / limit,
                 )
             state = self.moved(state, solved)
-            if abs(solved.change[DELAY]) < 1e-3 * solved.information[DELAY, DELAY] ** -0.5:
+            still = solved.change[DELAY] ** 2 * abs(solved.information[DELAY, DELAY]) < 1e-6
+            if still and abs(solved.cost - last) < SETTLED:
                 break
+            last = solved.cost
         return state
 
     def row_costs(self, state: State, variances: Variances) -> Array:

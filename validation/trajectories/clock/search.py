@@ -87,9 +87,9 @@ def settled(one: Candidate, variances: Variances, with_jitter: bool) -> tuple[Ca
         sub = state if few is fit else _restarted(few, fit, state)
         activity = one.activity if few is fit else few.activity(one.delay)
         variances = few.likely_variances(sub, variances, activity, PRIOR, with_jitter, most)
-        state = fit.refined(state, variances, one.activity, PRIOR, 8)
+        state = fit.refined(state, variances, one.activity, PRIOR, 4)
         fit = fit.based(state.parameters)
-        state = fit.refined(state, variances, one.activity, PRIOR, 8)
+        state = fit.refined(state, variances, one.activity, PRIOR, 12)
     return Candidate(fit, state, one.activity), variances
 
 
@@ -125,9 +125,9 @@ def transferred(one: Candidate, delay: float, variances: Variances) -> Candidate
     activity = one.activity if new is fit else new.activity(delay)
     if not near:
         rough = replace(variances, position=25 * variances.position, heading=25 * variances.heading)
-        state = new.refined(state, rough, activity, FIRST_PRIOR, 2, fixed=True)
+        state = new.refined(state, rough, activity, FIRST_PRIOR, 3, fixed=True)
     state = new.refined(
-        state, variances, activity, FIRST_PRIOR if not near else PRIOR, 3, fixed=True
+        state, variances, activity, FIRST_PRIOR if not near else PRIOR, 6, fixed=True
     )
     return Candidate(new, state, activity)
 

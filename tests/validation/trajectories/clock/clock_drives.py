@@ -148,7 +148,9 @@ def drive(  # noqa: PLR0915  (one drive, from its path to its stamps)
         mean, late = latency(rng, n, facts["jitter"])
         stamps = t - delay - drift * (t - duration / 2) + late
         if rng.random() < 0.5:
-            stamps = np.maximum.accumulate(stamps)
+            # Messages that come in one burst keep their order, 2 ms apart.
+            step = 0.002 * np.arange(n)
+            stamps = np.maximum.accumulate(stamps - step) + step
         order = np.argsort(stamps, kind="stable")
         stamps, q, th = stamps[order], q[order], th[order]
         new = np.concatenate([[True], np.diff(stamps) > 1e-9])

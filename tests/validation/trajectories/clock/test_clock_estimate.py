@@ -92,6 +92,16 @@ def test_motion_that_tells_nothing_gives_no_delay(motion, level):
     assert one.reason
 
 
+@pytest.mark.parametrize("start", [-100.0, 100.0], ids=["no start", "one start"])
+@pytest.mark.parametrize("seed", [7001, 7006, 7007])
+def test_an_odometers_own_noise_is_no_motion(start, seed):
+    # An odometer's errors are rates: they look like motion that the camera does not have. One start
+    # tells the delay at its own time; carried to the middle by noise it missed by 5 of its sigmas.
+    path = path_of(lambda t: 0.5 * np.clip((t - start) / 3, 0, 1), lambda _: 0)
+    made = drive(np.random.default_rng(seed), seed % 4, cameras=1, path=path, whole=True)
+    assert estimate_clock(made.reference, made.sources[0]).verdict == "not_determinable"
+
+
 def test_laps_are_ambiguous_by_their_period():
     period = 25.0
     path = path_of(
