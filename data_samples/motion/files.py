@@ -35,6 +35,7 @@ judged = false
 
 [time]
 reference = "mocap"
+odometry = "odometry"
 """
 CAMERA = """
 [[published]]
