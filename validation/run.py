@@ -334,14 +334,30 @@ def _evaluate_all(
             continue
         try:
             evaluation = evaluate(validation, table, settings, method)
-            findings += conclusions(evaluation)
+            concluded = conclusions(evaluation)
+            _refuse_other_units(campaign, table.system, concluded)
+            findings += concluded
             evaluations.append(evaluation)
+        except InputError:
+            raise
         except GtvalError as error:
             text = f"Not compared with the validation poses: {error}"
             findings.append(Finding("error", text, table.system, "not_comparable"))
         except Exception as error:  # noqa: BLE001  (one table must not take the others)
             failures.append(unexpected(f"comparison of {table.system}", error))
     return evaluations, findings, failures
+
+
+def _refuse_other_units(campaign: Campaign, system: str, concluded: Iterable[Finding]) -> None:
+    """Raise where the file of a published system is in another unit than metres."""
+    files = {one.system: campaign.folder / one.file for one in campaign.settings.published}
+    problems = [
+        Problem(files[system], one.text)
+        for one in concluded
+        if one.code == "unit" and system in files
+    ]
+    if problems:
+        raise InputError(problems)
 
 
 def _no_validation(tables: Iterable[PoseTable]) -> Finding:

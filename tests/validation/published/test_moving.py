@@ -9,7 +9,7 @@ from validation.campaign.folder import load_campaign
 from validation.cli import main
 from validation.errors import InputError
 from validation.poses.angles import wrap
-from validation.poses.pose_table import PoseTable, to_csv
+from validation.poses.pose_table import PoseTable, from_csv, to_csv
 from validation.poses.trajectory import Trajectory
 from validation.run import run_campaign
 from validation.run_files import write_results
@@ -126,3 +126,15 @@ def test_compare_takes_a_table_and_a_trajectory(tmp_path):
     wrong = CliRunner().invoke(main, ["compare", *command[:0:-1]])
     assert wrong.exit_code == 2
     assert "give the table of stops first" in wrong.output
+
+
+def test_a_published_table_in_millimetres_is_bad_input(tmp_path):
+    folder = moving_campaign(tmp_path / "c")
+    table = from_csv(folder / "gt" / "survey.csv")
+    wrong = PoseTable("mm", table.ids, table.poses * [1000, 1000, 1])
+    (folder / "gt" / "mm.csv").write_text(to_csv(wrong))
+    with (folder / "campaign.toml").open("a") as toml:
+        toml.write('[[published]]\nsystem = "mm"\nfile = "gt/mm.csv"\n')
+    with pytest.raises(InputError, match="in metres: they are in millimetres") as error:
+        run_campaign(load_campaign(folder))
+    assert "mm.csv" in str(error.value)
