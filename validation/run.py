@@ -334,27 +334,24 @@ def _evaluate_all(
             continue
         try:
             evaluation = evaluate(validation, table, settings, method)
-            concluded = conclusions(evaluation)
-            _refuse_other_units(campaign, table.system, concluded)
-            findings += concluded
+            findings += conclusions(evaluation)
             evaluations.append(evaluation)
-        except InputError:
-            raise
         except GtvalError as error:
             text = f"Not compared with the validation poses: {error}"
             findings.append(Finding("error", text, table.system, "not_comparable"))
         except Exception as error:  # noqa: BLE001  (one table must not take the others)
             failures.append(unexpected(f"comparison of {table.system}", error))
+    _refuse_other_units(campaign, findings)
     return evaluations, findings, failures
 
 
-def _refuse_other_units(campaign: Campaign, system: str, concluded: Iterable[Finding]) -> None:
+def _refuse_other_units(campaign: Campaign, findings: Iterable[Finding]) -> None:
     """Raise where the file of a published system is in another unit than metres."""
     files = {one.system: campaign.folder / one.file for one in campaign.settings.published}
     problems = [
-        Problem(files[system], one.text)
-        for one in concluded
-        if one.code == "unit" and system in files
+        Problem(files[one.subject], one.text)
+        for one in findings
+        if one.code == "unit" and one.subject in files
     ]
     if problems:
         raise InputError(problems)
