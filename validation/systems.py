@@ -74,11 +74,12 @@ def inputs_of(system: System, campaign: "Campaign") -> list[Path]:
 
 
 def needed_inputs(system: System, campaign: "Campaign") -> list[Path]:
-    """Files that a system reads and cannot do without; none where it fails to say them."""
+    """Files that a system cannot do without; all that it reads where each has a stand-in."""
+    paths = inputs_of(system, campaign)
     with contextlib.suppress(Exception):
         optional = set(getattr(system, "optional_inputs", lambda _: ())(campaign))
-        return [path for path in inputs_of(system, campaign) if path not in optional]
-    return []
+        return [path for path in paths if path not in optional | {campaign.toml}] or paths
+    return paths
 
 
 def untold_inputs(system: System, campaign: "Campaign") -> list[Finding]:

@@ -57,7 +57,7 @@ def test_outliers_and_half_turns_are_found():
     assert set(np.flatnonzero(fused.weights[0] < 0.5)) == set(moved)
     assert set(np.flatnonzero(fused.flips[0])) == set(turned)
     assert np.abs(fused.trajectory.poses[:, :2] - truth[:, :2]).max() < 0.04
-    assert any("half a turn" in words for words in fused.findings)
+    assert any(told.code == "half_turns" for told in fused.findings)
 
 
 def test_a_gap_has_no_support_and_grows_uncertain():
