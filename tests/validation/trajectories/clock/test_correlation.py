@@ -234,7 +234,6 @@ def test_a_campaign_that_names_its_odometry_has_the_section(tmp_path):
     toml = tmp_path / "campaign.toml"
     # A clock takes a while: one camera has it, and all that follows, too.
     moving = [drive.reference, drive.odometry, drive.cameras["camera_1"]]
-    toml.write_text(toml.read_text() + 'odometry = "odometry"\n')
     parts = time_parts(load_campaign(tmp_path), moving)
     # The clocks by the estimator follow it.
     titles = [section.title for section in parts.sections[:2]]
