@@ -72,14 +72,22 @@ class Terminal:
         time.sleep(0.3)
         self.type(key)
 
-    def status(self) -> int:
-        """Its exit status; killed if it does not end."""
+    def status(self, again: str = "") -> int:
+        """Its exit status; killed if it does not end.
+
+        ``again`` is a key that is pressed once more after five seconds: on a loaded machine the
+        signal of the first may have come before the line editor was there to take it.
+        """
         until = time.monotonic() + 20
+        once_more = until - 15
         while (ended := os.waitpid(self.child, os.WNOHANG))[0] == 0:
             if time.monotonic() > until:
                 os.kill(self.child, signal.SIGKILL)
                 os.waitpid(self.child, 0)
                 raise AssertionError(f"it did not end; there was {self.seen!r}")
+            if again and time.monotonic() > once_more:
+                self.type(again)
+                again = ""
             if select.select([self.master], [], [], 0.05)[0]:
                 with contextlib.suppress(OSError):
                     self.seen += self.decoder.decode(os.read(self.master, 4096))
@@ -212,7 +220,7 @@ def test_the_end_of_the_keyboard_ends_it_and_the_next_start_goes_on_there(half):
     again.wait_for(r"1/O → 6 ")
     time.sleep(0.3)  # readline misses the signal in the moment after it has shown the prompt
     again.press("\x03")
-    assert again.status() == 0
+    assert again.status("\x03") == 0
 
 
 def test_the_rest_of_a_paste_after_a_bad_line_goes_nowhere(half):
