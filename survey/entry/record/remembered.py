@@ -1,7 +1,7 @@
 """What was doubtful among all readings, kept for the next start.
 
-To find it again takes numpy and a judgement of every stop; neither the first question of a
-session nor a look at what is doubtful need wait for that. What is kept is a mere copy: it counts
+To find it again takes numpy and a judgement of every stop; neither the first question of the
+entry nor a look at what is doubtful need wait for that. What is kept is a mere copy: it counts
 only for the very campaign.toml and journal that it was made with; whatever is amiss with it, the
 answer is computed anew.
 """
