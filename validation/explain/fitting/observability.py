@@ -6,15 +6,7 @@ import numpy as np
 
 from validation.explain.fitting.fit import Fit
 from validation.poses.angles import Array
-
-LOST = 5.0
-"""A combination of parameters is undetermined if it is known this many times worse than a
-single pose: pooling the poses has then gained nothing. A judgement: between 1, the knowledge of
-one pose, and the tens to thousands of directions that the poses do not show at all."""
-
-TAKES_PART = 0.2
-"""Share of a combination from which on a parameter is named as part of it. A judgement: it decides
-the words only."""
+from validation.statistics.hypotheses import LOST, TAKES_PART
 
 
 @dataclass(frozen=True)

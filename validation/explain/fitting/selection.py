@@ -12,14 +12,11 @@ from validation.explain.fitting.models import FRAME_TURN, ErrorModel, candidates
 from validation.explain.fitting.observability import Observability, observability
 from validation.explain.fitting.pairs import Pairs
 from validation.explain.fitting.shared import dropped_p_value, shared_covariance
+from validation.statistics.hypotheses import RIVAL
 
 FALSE_ALARM = 0.02
 """Chance that any systematic error at all is claimed in a clean campaign: a lab that believes one
 takes its robot apart. `benchmarks/explain_rates.py --only clean` counts it."""
-
-RIVAL = 6.0
-"""A difference of the information criterion below this does not rule out: odds of 20 to
-1, as 2 log 20 = 5.99."""
 
 
 @dataclass(frozen=True)

@@ -11,22 +11,10 @@ from validation.explain.fitting.noise import DIMENSIONS, Mask, masked_precision,
 from validation.explain.fitting.pairs import Pairs
 from validation.explain.fitting.shared import shared_covariance
 from validation.poses.angles import Array, wrap
+from validation.statistics.hypotheses import Parameter
 
 _KIND = np.array([0, 0, 1])
 """The cell, position or heading, of x, y and theta."""
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One number of an explanation, with its interval."""
-
-    name: str
-    unit: str
-    value: float
-    sigma: float
-    low: float
-    high: float
-    p_value: float
 
 
 @dataclass(frozen=True)

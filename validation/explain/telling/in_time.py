@@ -5,7 +5,6 @@ from importlib.metadata import version
 
 import numpy as np
 
-from validation.explain.fitting.settled import Parameter
 from validation.explain.telling.words import parameter_text
 from validation.results import Finding, Table
 from validation.trajectories.causes.chain import CAUSES, WORDS
@@ -38,7 +37,7 @@ def time_findings(one: TimeExplanation, elsewhere: Collection[str] = ()) -> list
 
 def _cause(one: TimeExplanation, cause: Cause) -> str:
     """Size, what it spoils, how to confirm."""
-    said = ", ".join(parameter_text(Parameter(**vars(value))) for value in cause.parameters)
+    said = ", ".join(parameter_text(value) for value in cause.parameters)
     spoils = f"{1000 * cause.spoils:.1f} mm"
     if cause.turns > 0.1e-3:
         spoils += f" and {1000 * cause.turns:.1f} mrad"

@@ -5,12 +5,13 @@ import numpy as np
 from validation.explain.analysis import Explanation, SystemExplanation
 from validation.explain.fitting.models import ErrorModel
 from validation.explain.fitting.selection import Candidate, Selection, smallest_shown
-from validation.explain.fitting.settled import Parameter, Settled
+from validation.explain.fitting.settled import Settled
 from validation.explain.sources.agreement import MOUNT, Agreement
 from validation.explain.sources.reference import RULED_OUT, ReferenceEvidence
 from validation.explain.sources.verdicts import listed
 from validation.explain.telling.verdict_words import arbitration_findings
 from validation.results import Finding
+from validation.statistics.hypotheses import Parameter
 
 ALL_ODDS = 1e6
 """Odds beyond this are not told in figures: they rest on the tails of the noise model, which no

@@ -8,6 +8,7 @@ from scipy import special
 from validation.poses.angles import Array, wrap
 from validation.poses.trajectory import Trajectory
 from validation.shown import Shown
+from validation.statistics.hypotheses import Parameter
 from validation.trajectories.causes.chain import (
     CAUSES,
     PARAMETERS,
@@ -30,19 +31,6 @@ from validation.trajectories.causes.weighing import (
 
 
 @dataclass(frozen=True)
-class TimeParameter:
-    """One number of a cause, with its interval."""
-
-    name: str
-    unit: str
-    value: float
-    sigma: float
-    low: float
-    high: float
-    p_value: float
-
-
-@dataclass(frozen=True)
 class Cause:
     """One cause of the errors.
 
@@ -52,7 +40,7 @@ class Cause:
         Of `chain.CAUSES`.
     words : str
         What it says, for a sentence.
-    parameters : tuple of TimeParameter
+    parameters : tuple of Parameter
         Its numbers.
     spoils, turns : float
         Root mean square of what it moves positions (m) and headings (rad) by on this drive.
@@ -60,7 +48,7 @@ class Cause:
 
     name: str
     words: str
-    parameters: tuple[TimeParameter, ...]
+    parameters: tuple[Parameter, ...]
     spoils: float
     turns: float
 
@@ -129,7 +117,7 @@ class TimeExplanation(Shown):
         return " and ".join(one.words for one in self.causes) or "no systematic error"
 
     @property
-    def parameters(self) -> tuple[TimeParameter, ...]:
+    def parameters(self) -> tuple[Parameter, ...]:
         """Of all causes."""
         return tuple(value for cause in self.causes for value in cause.parameters)
 
@@ -189,7 +177,7 @@ def time_causes(
     )
 
 
-def _parameters(choice: Choice, confidence: float) -> dict[str, TimeParameter]:
+def _parameters(choice: Choice, confidence: float) -> dict[str, Parameter]:
     """Values with Student intervals of the effective degrees of freedom."""
     found = choice.chosen.fit
     sigmas = np.sqrt(np.diagonal(found.covariance)) if found.columns else np.zeros(0)
@@ -200,9 +188,7 @@ def _parameters(choice: Choice, confidence: float) -> dict[str, TimeParameter]:
         if name in {"frame_theta", "mount_theta"}:
             value = float(wrap(value))
         p = 2 * float(special.stdtr(choice.freedom, -abs(value) / s)) if s > 0 else 0.0
-        told[name] = TimeParameter(
-            name, UNITS[name], value, s, value - reach * s, value + reach * s, p
-        )
+        told[name] = Parameter(name, UNITS[name], value, s, value - reach * s, value + reach * s, p)
     return told
 
 
@@ -211,7 +197,7 @@ def _cause(
     weights: Weights,
     parameters: Array,
     name: str,
-    values: dict[str, TimeParameter],
+    values: dict[str, Parameter],
 ) -> Cause:
     """One cause and what it moves poses by: the corrected poses with it, minus those without."""
     without = parameters.copy()

@@ -7,6 +7,7 @@ import numpy.typing as npt
 from scipy.ndimage import median_filter
 
 from validation.poses.angles import Array, wrap
+from validation.statistics.hypotheses import LOST
 from validation.statistics.robust import sigma_from_median
 from validation.trajectories.causes.chain import PARAMETERS, slopes
 from validation.trajectories.causes.matching import Matched, start
@@ -27,9 +28,6 @@ FLAG = 4.5
 normal distribution 0.07 go, and one in 100 of three degrees of freedom."""
 NEIGHBOURS = 11
 """Poses whose median a cell is held against: a burst of five that are off still shows."""
-LOST = 5.0
-"""A combination of parameters is undetermined if it is known this many times worse than a single
-pose would tell it. As for stops."""
 LEAST_SPEED = 0.02
 """Metres a second below which a robot stands as far as a delay is concerned: 0.1 s of delay are
 then no more than the noise of a good source."""

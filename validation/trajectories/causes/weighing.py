@@ -8,17 +8,13 @@ import numpy as np
 from scipy import special
 
 from validation.poses.angles import Array
+from validation.statistics.hypotheses import LOST, RIVAL, TAKES_PART
 from validation.trajectories.causes.chain import CAUSES, PARAMETERS, columns
-from validation.trajectories.causes.fit import LOOSE, LOST, Fit, Weights, fit, single_pose_sizes
+from validation.trajectories.causes.fit import LOOSE, Fit, Weights, fit, single_pose_sizes
 from validation.trajectories.causes.matching import Matched
 
 FALSE_ALARM = 0.05
 """Chance that any cause is claimed where there is none."""
-RIVAL = 6.0
-"""A difference of the squares below this does not tell two sets of causes apart: odds of 20 to 1,
-as 2 log 20 = 5.99. As for stops."""
-TAKES_PART = 0.2
-"""Share of such a combination from which on a parameter is named. It decides the words only."""
 CHANCE = 100.0
 """The same where the drive does not show both sets together. The squares of a frame and of a delay
 on a straight line, 1,000 to 3,000 poses, a reference of 50 Hz and 1 mm, differed by 11 to 51 by
