@@ -88,10 +88,10 @@ def _clocks(path: Path | None) -> dict[str, dict[str, float]]:
 
 def _source(trajectory: "Trajectory", path: Path, clocks: dict[str, dict[str, float]]) -> "Source":
     """A source with its delay; a half width of the 95 % interval is 1.96 standard deviations."""
+    from validation.trajectories.formats.source import system_name
     from validation.trajectories.smoothing.source import Source
 
-    name = path.name.split(".")[0]
-    clock = clocks.get(name) or clocks.get(path.stem)
+    clock = clocks.get(system_name(path))
     if clock is None:
         return Source(trajectory)
     at = clock.get("at_s")

@@ -14,6 +14,7 @@ from validation.poses.pose_table import PLANAR, PoseTable
 from validation.poses.trajectory import Trajectory
 from validation.results import Finding, Section, SystemResult, Table
 from validation.text_files.csv_text import csv_text
+from validation.trajectories.alignment import umeyama
 from validation.trajectories.formats import read_trajectory
 from validation.trajectories.naming import name_standstills
 from validation.trajectories.stops import (
@@ -183,12 +184,10 @@ def _laid_onto(table: PoseTable, validation: PoseTable) -> tuple[PoseTable, Find
         said = f"'{table.system}' has {len(common)} stops in common with the survey; a frame of "
         raise GtvalError(f"{said}its own needs 3")
     here, there = table.select(common).poses[:, :2], validation.select(common).poses[:, :2]
-    a, b = here - here.mean(0), there - there.mean(0)
-    turn = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
-    c, s = np.cos(turn), np.sin(turn)
-    rotation = np.array([[c, -s], [s, c]])
+    rotation, shift, _ = umeyama(there, here)
+    turn = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
     poses = table.poses.copy()
-    poses[:, :2] = (poses[:, :2] - here.mean(0)) @ rotation.T + there.mean(0)
+    poses[:, :2] = poses[:, :2] @ rotation.T + shift
     whole = np.eye(len(table.components))
     whole[:2, :2] = rotation
     if table.components == PLANAR:

@@ -30,6 +30,8 @@ def millimetres(metres: float) -> str:
         return "unknown"
     if abs(metres) >= 1:
         return f"{metres:.3g} m"
+    if abs(metres) < 1e-6:  # what is left of equal numbers after rounding
+        return "0 mm"
     return f"{1000 * metres:.0f} mm" if abs(metres) >= 0.01 else f"{1000 * metres:.2g} mm"
 
 

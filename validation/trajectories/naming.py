@@ -6,7 +6,9 @@ from itertools import permutations
 import numpy as np
 import numpy.typing as npt
 
+from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.trajectories.alignment import umeyama
 
 NEAREST = 0.3
 """Metres within which a standstill and a stop are taken as one place. A judgement: ground truth
@@ -127,8 +129,9 @@ def _refined(places: Array, stops: Array) -> Array:
         if near.sum() < 2:
             break
         here, there = places[near], stops[distances.argmin(1)[near]]
-        a, b = here - here.mean(0), there - there.mean(0)
-        turn = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
-        c, s = np.cos(turn), np.sin(turn)
-        places = (places - here.mean(0)) @ np.array([[c, s], [-s, c]]) + there.mean(0)
+        try:
+            rotation, shift, _ = umeyama(there, here)
+        except GtvalError:  # all of them are one place
+            break
+        places = places @ rotation.T + shift
     return places
