@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.explain.telling.in_time import (
@@ -183,11 +185,14 @@ def _of_source(
     except GtvalError as error:
         text = f"Not compared with '{reference.system}' in time: {error}"
         return TimeParts(findings=(Finding("error", text, name, "not_comparable"),))
-    late = corrected.rms_position.rms < DELAY_SHARE * comparison.rms_position.rms
-    skipped = REPEATED | (FOLLOWING if late else frozenset())
-    said = [one for one in findings_in_time(comparison, settings.limit) if one.code not in skipped]
-    if late:
+    said = findings_in_time(comparison, settings.limit)
+    # By medians: a few wrong poses leave the root mean square as large as it was.
+    if np.median(corrected.distances) < DELAY_SHARE * np.median(comparison.distances):
+        right_stamps = findings_in_time(corrected, settings.limit)
+        said = [one for one in said if one.code not in FOLLOWING]
+        said += [one for one in right_stamps if one.code in FOLLOWING]
         said.append(_without_delay(comparison, corrected))
+    said = [one for one in said if one.code not in REPEATED]
     section = section_in_time(comparison, settings.limit)
     causes, blocks, facts = _causes(reference, right)
     return TimeParts(
@@ -202,9 +207,10 @@ def _of_source(
 def _without_delay(comparison: TimeComparison, corrected: TimeComparison) -> Finding:
     """What is left once the stamps are right."""
     text = (
-        f"With right stamps the rms of its position error would be "
-        f"{millimetres(corrected.rms_position.rms)} in place of "
-        f"{millimetres(comparison.rms_position.rms)}; what is said of its errors is mostly this."
+        f"With right stamps the median of its position error would be "
+        f"{millimetres(float(np.median(corrected.distances)))} in place of "
+        f"{millimetres(float(np.median(comparison.distances)))}. Its bias, its NEES and its worst "
+        "stretches are told with right stamps."
     )
     return Finding("note", text, comparison.system, "without_delay")
 
@@ -230,10 +236,11 @@ CLOCK = ("delay", "clock_drift")
 REPEATED = frozenset({"delay_suspected", "other_frame"})
 """Findings of a comparison that the clock and the causes tell with more certainty."""
 FOLLOWING = frozenset({"worst_stretches", "bias", "nees"})
-"""Findings that say no more than the delay where most of the errors are its."""
+"""Findings that say no more than the delay where most of the errors are its: they are then those
+of the poses with right stamps."""
 DELAY_SHARE = 0.5
-"""Of the rms of the position error that must be left without the delay, for the delay not to be
-most of it."""
+"""Of the median position error that must be left without the delay, for the delay not to be most
+of it."""
 
 
 def errors_in_time(comparison: TimeComparison) -> str:
