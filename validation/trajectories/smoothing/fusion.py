@@ -26,6 +26,7 @@ from validation.trajectories.smoothing.noise import (
     Noise,
     estimate_noise,
     frame_covariances,
+    odometry_noise,
     seen_covariances,
     strengths,
     weights_of,
@@ -59,11 +60,6 @@ STEP = 1e-3
 GRID_WRONG = 0.5
 """Share of the jitter taken off that the poses ask back: 0 where stamps are late and frames
 regular, 1 where the frames come irregularly and are stamped rightly."""
-CAUTION = 1.7
-"""Factor on the standard deviations of odometry. The prior allows for the motion that noise of
-single steps looks like, and the likelihood finds a half to nine tenths of that noise. Over drives
-of three generators squared errors with it were 0.8 to 1.5 times their covariances; without it 1.1
-to 2.5 times."""
 MANY_OUTLIERS = 0.1
 """Share of a source's frames that is worth a word: twice the worst that was simulated."""
 
@@ -134,7 +130,6 @@ def fuse(
     if work.problem.shared_of:
         _pass(work, marginals=False)
     _learn(work, names, rounds=1)
-    work.noise = replace(work.noise, odometry=work.noise.odometry * CAUTION)
     _pass(work, marginals=True)
     work.noise = grown_by_neighbours(work.problem, work.state, work.noise, work.trusted > 0.5)
     solved = _pass(work, marginals=False, keep=True)
@@ -183,8 +178,6 @@ def _estimated(sources: Sequence[Source], problem: Problem) -> list[Name]:
             if source.trajectory.has_orientation:
                 names.append(("angle", number))
         names.append(("jitter", number))
-    if problem.steps is not None:
-        names += [("odometry", place) for place in range(6)]
     return names
 
 
@@ -206,6 +199,7 @@ def _learn(work: _Work, names: list[Name], rounds: int = 2) -> None:
         _pass(inner, marginals=False, hold=True, retrust=False)
         good = inner.trusted > 0.5
         clean = replace(inner.problem, frames=inner.problem.frames.select(good))
+        inner.noise = odometry_noise(clean, inner.state, inner.noise)
         inner.noise = estimate_noise(clean, inner.state, inner.noise, names)
         _pass(inner, marginals=True, hold=True)
     work.noise, work.shares = inner.noise, inner.shares

@@ -13,9 +13,9 @@ from scipy.optimize import minimize
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.trajectories.smoothing.equations import Solved, Weights, solve
-from validation.trajectories.smoothing.geometry import lengths, strength_groups
+from validation.trajectories.smoothing.geometry import advance, lengths, strength_groups
 from validation.trajectories.smoothing.prior import information, log_determinants
-from validation.trajectories.smoothing.problem import Problem, Residuals, State, residuals
+from validation.trajectories.smoothing.problem import Problem, Residuals, State, residuals, shifts
 
 LOW = {"strength": 1e-8, "position": 1e-6, "angle": 1e-6, "jitter": 1e-5, "odometry": 1e-6}
 HIGH = {"strength": 1e4, "position": 10.0, "angle": 3.0, "jitter": 0.3, "odometry": 1.0}
@@ -26,6 +26,9 @@ ITERATIONS = 15
 
 STIFFEST = 1e8
 """Ratio of the prior's information to a frame's; of 16 digits 8 remain for the frames."""
+
+NO_PRIOR = 1e4
+"""Strength of a prior that says nothing: 300 times what the hardest start of a robot asks for."""
 
 Name = tuple[str, int]
 
@@ -152,6 +155,40 @@ def estimate_noise(problem: Problem, state: State, noise: Noise, names: list[Nam
         options={"maxiter": ITERATIONS, "ftol": 1e-7},
     )
     return noise.put(names, np.exp(best.x))
+
+
+def odometry_noise(problem: Problem, state: State, noise: Noise) -> Noise:
+    """The noise of the odometry under which the poses are most likely, whatever the robot did.
+
+    Parameters
+    ----------
+    problem : Problem
+        As for `estimate_noise`.
+    state : State
+        Where the equations are made linear; its rates carry the frames to their knots.
+    noise : Noise
+        Start, and the noise of the sources.
+
+    Notes
+    -----
+    A prior of the motion takes part of this noise for motion: robots move more smoothly than white
+    noise on acceleration, and the likelihood makes up for the power that such a prior expects
+    where there is none. So the prior is put out of work, and the odometry is judged by the poses
+    at both ends of its ways alone.
+    """
+    if problem.steps is None:
+        return noise
+    frames = problem.frames
+    along = state.rates[frames.knot] * (frames.offset + shifts(problem, state.shared))[:, None]
+    at_knots = replace(
+        frames,
+        poses=advance(problem.kind, frames.poses, -along),
+        offset=-shifts(problem, state.shared),
+    )
+    free = replace(noise, strength=np.full(len(noise.strength), NO_PRIOR))
+    names = [("odometry", place) for place in range(6)]
+    found = estimate_noise(replace(problem, frames=at_knots), state, free, names)
+    return replace(noise, odometry=found.odometry)
 
 
 def all_covariances(solved: Solved) -> tuple[Array, Array]:
