@@ -232,7 +232,7 @@ def read_qualisys(source: Source, asked: Asked) -> Records:
     names = [name for name in facts.get("BODY_NAMES", []) if name]
     body = _chosen(source, names, asked, (titles or 1))
     if titles is None:
-        raise source.error("no line 'Frame, Time, …' below the header; export with column headers")
+        raise source.error("no line 'X, Y, Z, …' below the header; export with column headers")
     header = [cell.strip() for cell in source.lines[titles].split("\t")]
     while header and not header[-1]:
         header.pop()
@@ -258,7 +258,9 @@ def read_qualisys(source: Source, asked: Asked) -> Records:
         raise source.error(f"'{body}' has neither Rot[0] to Rot[8] nor angles", titles + 1)
     stamps = rows.text(header.index("Time")) if "Time" in header else None
     if stamps is None:
-        frames = rows.numbers([0])[:, 0]
+        # Exported without these columns, every line is a frame.
+        told = header[0] == "Frame"
+        frames = rows.numbers([0])[:, 0] if told else np.asarray(rows.lines) - titles - 1.0
         stamps = [repr(one) for one in ((frames - 1) / float(rate)).tolist()]
     else:
         rows.numbers([header.index("Time")])
@@ -282,7 +284,7 @@ def _qualisys_head(source: Source) -> tuple[dict[str, list[str]], int | None]:
     facts: dict[str, list[str]] = {}
     for number, line in enumerate(source.lines[:40]):
         cells = [cell.strip() for cell in line.split("\t")]
-        if cells[0] == "Frame":
+        if cells[0] == "Frame" or {"X", "Y", "Z"} <= {cell.split(" ")[-1] for cell in cells}:
             return facts, number
         if cells[0] and cells[0][0].isalpha():
             facts[cells[0]] = cells[1:]

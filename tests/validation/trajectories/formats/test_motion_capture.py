@@ -231,6 +231,14 @@ def test_the_matrix_of_a_published_file(written):
     assert (found.rotations[0].inv() * by_angles).magnitude() < 3e-5
 
 
+def test_qualisys_without_columns_for_frame_and_time(written):
+    lines = qualisys().split("\r\n")
+    short = [line.split("\t", 2)[-1] if k >= 10 else line for k, line in enumerate(lines)]
+    found = read_trajectory(written("a.tsv", "\r\n".join(short)))
+    np.testing.assert_allclose(found.times, np.arange(N) / 100, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.positions, FLOOR, rtol=0, atol=5.1e-9)
+
+
 def test_frames_in_which_qualisys_did_not_see_the_body(written):
     found = read_trajectory(written("a.tsv", qualisys(lost=(7, 8))))
     assert len(found) == N - 2
@@ -242,7 +250,7 @@ def test_frames_in_which_qualisys_did_not_see_the_body(written):
     [
         ("FREQUENCY\t100\r\nNO_OF", "FREQUENCY\t0\r\nNO_OF", "field 'FREQUENCY': '0'"),
         ("BODY_NAMES\trobot", "BODY_NAMES", "no rigid body"),
-        ("Frame\t", "Picture\t", "no line 'Frame, Time"),
+        ("Frame\tTime\trobot X\tY\t", "Picture\tTime\trobot A\tB\t", "no line 'X, Y, Z"),
         ("\r\n2\t0.01000\t", "\r\n2\t0.01000\tx", "field 'robot X'"),
         ("Rot[8]", "Rot[9]", None),
     ],
