@@ -45,6 +45,10 @@ WITHHELD_WEIGHT = 0.7
 """Weight of a short record from which the interval is withheld: so in 75 to 85 % of the records of
 one to three correlation times, of which intervals would hold the truth in 60 to 90 %, in a quarter
 to a third of those of ten, in 2 % of those of forty, and never without memory."""
+MOST_WIDENED = 3.0
+"""Times that an interval is widened for skewed errors at most. Over records of ten correlation
+times (300 seeds each) intervals of log-normal errors (sigma 1) then hold the truth in 94 to 96 %
+and not in 87 to 92 %, of exponential ones in 93 to 96 %; normal ones are widened in a third of the series, by 5 % in the mean."""
 INDEPENDENCE_LEVEL = 0.05
 """Of the test by which a table of stops loses Student's interval."""
 
@@ -76,6 +80,8 @@ class SeriesMean:
         Why there is no interval; empty if there is one.
     spread : Spread, optional
         Distribution of the mean, for tests.
+    widened : float
+        Times that interval and distribution are wider for the skewness of the values.
     """
 
     n: int
@@ -89,6 +95,7 @@ class SeriesMean:
     short: bool = False
     reason: str = ""
     spread: "Spread | None" = None
+    widened: float = 1.0
 
     @property
     def half_width(self) -> float:
@@ -156,16 +163,34 @@ def mean_of_series(values: npt.ArrayLike, confidence: float = 0.95) -> SeriesMea
     if std <= 1e-12 * (1 + np.abs(values).max()):
         return _withheld(n, mean, 0.0, confidence, "all values are the same number")
     spread, short = _spread(values - mean)
-    half = spread.quantile((1 + confidence) / 2)
     effective = min(float(n), std**2 / spread.variance)
+    half = spread.quantile((1 + confidence) / 2)
+    widened = _widened(values - mean, effective, half / np.sqrt(spread.variance))
+    spread, half = spread._replace(scales=spread.scales * widened), half * widened
     if short > WITHHELD_WEIGHT:
         why = f"about {effective:.2g} effective values: the record is too short for errors so slow"
         nan = np.nan
         return SeriesMean(n, mean, std, nan, nan, confidence, effective, "withheld", True, why)
     return SeriesMean(
         *(n, mean, std, mean - half, mean + half, confidence, effective),
-        *("dependent", short > SHORT_WEIGHT, "", spread),
+        *("dependent", short > SHORT_WEIGHT, "", spread, widened),
     )
+
+
+def _widened(deviations: Array, effective: float, reach: float) -> float:
+    """Times that an interval which reaches this many standard errors is widened for skewness.
+
+    Hall (1992, "On the removal of skewness by transformation"): the end of the interval on the side
+    of the long tail, with the effective number of values. What skewness as many normal values
+    would show by chance is taken off.
+    """
+    cubed, squared = np.mean(deviations**3), np.mean(deviations**2)
+    skewness = abs(float(cubed / squared**1.5)) - np.sqrt(6 / max(effective, 1.0))
+    a = skewness / np.sqrt(max(effective, 1.0))
+    if a < 1e-3:
+        return 1.0
+    end = 3 / a * (1 - np.cbrt(1 - a * reach - a**2 / 6))
+    return float(np.clip(end / reach, 1.0, MOST_WIDENED))
 
 
 def _withheld(n: int, mean: float, std: float, confidence: float, why: str) -> SeriesMean:
@@ -378,7 +403,9 @@ def nees_of_series(
     mean = mean_of_series(scores, confidence)
     if mean.spread is None:
         return None
-    by_width = (mean.std * special.ndtri((1 + confidence) / 2) / mean.half_width) ** 2
+    # The distribution of squares below is skewed by itself.
+    half = mean.half_width / mean.widened
+    by_width = (mean.std * special.ndtri((1 + confidence) / 2) / half) ** 2
     poses = int(np.clip(by_width, 1, mean.n))
     tail = (1 - confidence) / 2
     low, high = special.chdtri(poses * dof, [1 - tail, tail]) / poses

@@ -46,7 +46,9 @@ def test_mean_of_squared_errors_is_that_of_the_covariances(level, with_odometry)
         )
     rms, nees, _ = np.mean(found, axis=0)
     assert rms < (WITH if with_odometry else WITHOUT)[level]
-    assert 2.4 < nees < 3.9
+    # Without odometry nothing but the prior tells a robot that stands from one that moves: its
+    # strength is that of all motion together, and the covariances are up to a third too large.
+    assert (2.4 if with_odometry else 2.2) < nees < 3.9
 
 
 def still(rng, n=600, sigma=0.01):
