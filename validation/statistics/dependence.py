@@ -48,7 +48,8 @@ to a third of those of ten, in 2 % of those of forty, and never without memory."
 MOST_WIDENED = 3.0
 """Times that an interval is widened for skewed errors at most. Over records of ten correlation
 times (300 seeds each) intervals of log-normal errors (sigma 1) then hold the truth in 94 to 96 %
-and not in 87 to 92 %, of exponential ones in 93 to 96 %; normal ones are widened in a third of the series, by 5 % in the mean."""
+and not in 87 to 92 %, of exponential ones in 93 to 96 %. Of normal series a third are widened, by
+some percent."""
 INDEPENDENCE_LEVEL = 0.05
 """Of the test by which a table of stops loses Student's interval."""
 
