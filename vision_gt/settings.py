@@ -134,6 +134,18 @@ class TableSettings(Settings):
     heading: Finite = 0.0
 
 
+class PrintedSettings(Settings):
+    """What a report of this camera network printed, shown beside what gtval finds, or alone.
+
+    ``detections`` is a file (columns camera, pose, markers: the ids of those recognised, separated
+    by spaces, one row an image), relative to the campaign folder; ``markers`` are the ids that were
+    looked for, also those that no image shows.
+    """
+
+    detections: str = ""
+    markers: list[Annotated[int, Field(ge=0)]] = Field(default_factory=list)
+
+
 class VisionSettings(Settings):
     """What the vision system knows of a lab, and its choices.
 
@@ -142,7 +154,8 @@ class VisionSettings(Settings):
     the network; by default all that have a folder of poses. Intrinsic parameters come from
     ``camera_files`` (by camera, relative to the campaign folder) or from the calibration images,
     which show ``board``; so do the images of steadiness. The other things that images show are
-    ``bar``, ``reference``, ``markers`` and ``table``; ``floor`` is what the robot stands on.
+    ``bar``, ``reference``, ``markers`` and ``table``; ``floor`` is what the robot stands on;
+    ``printed`` is what was printed of this network before.
 
     With ``on_floor`` poses of the robot are held to the floor, with ``merge_cameras`` all cameras
     that see a stop give one pose, with ``averaged_network`` the cameras are placed by averages
@@ -160,6 +173,7 @@ class VisionSettings(Settings):
     markers: MarkerSettings = MarkerSettings()
     floor: FloorSettings = FloorSettings()
     table: TableSettings = TableSettings()
+    printed: PrintedSettings = PrintedSettings()
     on_floor: bool = False
     merge_cameras: bool = False
     averaged_network: bool = False

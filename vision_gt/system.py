@@ -20,16 +20,15 @@ class VisionSystem:
     name = "vision"
 
     def has_data(self, campaign: "Campaign") -> bool:
-        """Whether there are images of the robot at its stops."""
-        folder = campaign.folder / campaign.section("vision", VisionSettings).images / "poses"
-        return folder.is_dir() and any(path.is_dir() for path in folder.iterdir())
+        """Whether there are images of the robot, or a printed table of what they show."""
+        settings = campaign.section("vision", VisionSettings)
+        return has_images(campaign.folder, settings) or bool(settings.printed.detections)
 
     def inputs(self, campaign: "Campaign") -> "list[Path]":
-        """The folder of the images, and camera files."""
+        """The folder of the images, camera files, and printed tables."""
         settings = campaign.section("vision", VisionSettings)
-        return [
-            campaign.folder / file for file in (settings.images, *settings.camera_files.values())
-        ]
+        files = (settings.images, *settings.camera_files.values(), settings.printed.detections)
+        return [campaign.folder / file for file in files if file]
 
     def solve(
         self,
@@ -44,9 +43,19 @@ class VisionSystem:
         ``workers`` are processes. ``choices`` are used instead of the settings of their names:
         as_published, merge_cameras, on_floor.
         """
+        from vision_gt.campaign.printed import printed_result
         from vision_gt.campaign.solve import solve_campaign
 
+        settings = campaign.section("vision", VisionSettings)
+        if settings.printed.detections and not has_images(campaign.folder, settings):
+            return printed_result(campaign, settings)
         return result_of(solve_campaign(campaign, progress, workers=workers, **choices), campaign)
+
+
+def has_images(folder: "Path", settings: VisionSettings) -> bool:
+    """Whether there are images of the robot at its stops."""
+    poses = folder / settings.images / "poses"
+    return poses.is_dir() and any(path.is_dir() for path in poses.iterdir())
 
 
 def result_of(outcome: "VisionOutcome", campaign: "Campaign") -> "SystemResult":

@@ -1,6 +1,8 @@
 """Numbers of the vision system for scripts."""
 
+from vision_gt.campaign.detections import detection_facts
 from vision_gt.campaign.outcome import VisionOutcome
+from vision_gt.campaign.printed import seen_in
 
 
 def vision_facts(outcome: VisionOutcome) -> dict[str, object]:
@@ -28,4 +30,5 @@ def vision_facts(outcome: VisionOutcome) -> dict[str, object]:
         "calibration_rms": {name: c.rms for name, c in outcome.calibrations.items()},
         "steadiness": {one.camera: one.verdict for one in outcome.steadiness},
         "as_published": bool(outcome.published),
+        "detection": detection_facts(seen_in(outcome), outcome.printed),
     }
