@@ -20,14 +20,20 @@ class VisionSystem:
     name = "vision"
 
     def has_data(self, campaign: "Campaign") -> bool:
-        """Whether there are images of the robot, or a printed table of what they show."""
+        """Whether there are images of the robot, a printed table of what they show, or a plan."""
         settings = campaign.section("vision", VisionSettings)
-        return has_images(campaign.folder, settings) or bool(settings.printed.detections)
+        return has_images(campaign.folder, settings) or told_without_images(settings)
 
     def inputs(self, campaign: "Campaign") -> "list[Path]":
         """The folder of the images, camera files, and printed tables."""
         settings = campaign.section("vision", VisionSettings)
-        files = (settings.images, *settings.camera_files.values(), settings.printed.detections)
+        plan = settings.plan
+        files = [*settings.camera_files.values(), settings.printed.detections, plan.file]
+        files += [one.file for one in plan.cameras]
+        if plan.cameras and (campaign.folder / plan.stops).exists():
+            files.append(plan.stops)
+        if has_images(campaign.folder, settings) or not told_without_images(settings):
+            files.append(settings.images)
         return [campaign.folder / file for file in files if file]
 
     def solve(
@@ -43,13 +49,20 @@ class VisionSystem:
         ``workers`` are processes. ``choices`` are used instead of the settings of their names:
         as_published, merge_cameras, on_floor.
         """
+        from vision_gt.campaign.planned import with_plan
         from vision_gt.campaign.printed import printed_result
         from vision_gt.campaign.solve import solve_campaign
 
         settings = campaign.section("vision", VisionSettings)
-        if settings.printed.detections and not has_images(campaign.folder, settings):
-            return printed_result(campaign, settings)
-        return result_of(solve_campaign(campaign, progress, workers=workers, **choices), campaign)
+        if not has_images(campaign.folder, settings) and told_without_images(settings):
+            return with_plan(printed_result(campaign, settings), campaign, settings)
+        outcome = solve_campaign(campaign, progress, workers=workers, **choices)
+        return with_plan(result_of(outcome, campaign), campaign, settings, outcome)
+
+
+def told_without_images(settings: VisionSettings) -> bool:
+    """Whether there is something to tell without images: what was printed, or planned."""
+    return bool(settings.printed.detections or settings.plan.cameras)
 
 
 def has_images(folder: "Path", settings: VisionSettings) -> bool:
