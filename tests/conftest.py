@@ -25,6 +25,7 @@ corner = [0.2, 0.0]
 def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Folders of a solved demo, a room with laser scans, a drive with sensors, and of files."""
     from validation.cli import main
+    from vision_gt.settings import PLAN_EXAMPLE
 
     root = tmp_path_factory.mktemp("samples")
     for line in (
@@ -49,6 +50,8 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     moves = [f"{1e9 + k / 10} {k / 50} 0 0.1 0 0 0 1\n" for k in range(20)]
     (files / "motion.tum").write_text("".join(moves))
     (files / "lengths.csv").write_text("true,reading\n" + "".join(rows))
+    (files / "hall").mkdir()
+    (files / "hall" / "campaign.toml").write_text(f'name = "hall"\n\n{PLAN_EXAMPLE}')
     lens = (root / "drive/sensors/left_camera_lens.txt").read_text().strip()
     names = {
         name: str(root / name) for name in ("ad23", "room", "decided", "drive", "motion", "files")

@@ -14,6 +14,8 @@ Matrix = tuple[Vector, Vector, Vector]
 SixSigmas = tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative]
 SixPositive = tuple[Positive, Positive, Positive, Positive, Positive, Positive]
 Count = Annotated[int, Field(ge=3, le=60)]
+Pixels = Annotated[int, Field(ge=16, le=100_000)]
+FieldOfView = Annotated[float, Field(gt=1, lt=170)]
 
 
 class BoardSettings(Settings):
@@ -134,6 +136,80 @@ class TableSettings(Settings):
     heading: Finite = 0.0
 
 
+class PlannedCamera(Settings):
+    """A camera before it is mounted.
+
+    ``position`` is the foot of its pole (x, y in the GTV frame) and ``height`` how high it hangs
+    above it, metres. ``pan_deg`` is the direction in which it looks, degrees from the x axis
+    towards y. ``tilt_deg`` is how far it looks down from the horizontal; or ``depth`` says from
+    where to where it is to see the floor, metres from the foot, and it is tilted for that.
+    ``resolution``, ``field_of_view_deg`` and ``file`` stand for those of the plan.
+    """
+
+    name: Name
+    position: tuple[Finite, Finite]
+    height: Positive
+    pan_deg: Finite
+    tilt_deg: Annotated[float, Field(gt=-90, le=90)] | None = None
+    depth: tuple[Positive, Positive] | None = None
+    resolution: tuple[Pixels, Pixels] | None = None
+    field_of_view_deg: FieldOfView | None = None
+    file: str = ""
+
+    @model_validator(mode="after")
+    def _one_tilt(self) -> "PlannedCamera":
+        if (self.tilt_deg is None) == (self.depth is None):
+            raise ValueError("state tilt_deg or depth (one of them)")
+        if self.depth is not None and self.depth[0] >= self.depth[1]:
+            raise ValueError("depth is from near to far, such as [2.0, 5.0]")
+        return self
+
+
+class CameraPlanSettings(Settings):
+    """Cameras, a robot with markers and a floor, for `gtval vision plan`.
+
+    ``cameras`` are written as [[vision.plan.cameras]]. Their images have ``resolution`` (pixels,
+    across and down) and ``field_of_view_deg`` (across, degrees), or the lens of the camera file
+    ``file`` (relative to the campaign folder). ``corner_sigma`` is the standard deviation of a
+    marker's corner, pixels.
+
+    The robot carries ``markers`` markers of ``marker_side``, evenly around the middle of its
+    frame at ``marker_radius`` and ``marker_height`` (metres), each leaning by ``marker_lean_deg``:
+    0 faces up, 90 outwards. ``marker_cells`` are the cells along a side, black border included.
+
+    ``floor`` is the outline that has to be seen (x, y of its corners); without it, the rectangle
+    around the stops and half a metre more. ``stops`` is a file (pose, x, y, theta). ``wanted`` is
+    the standard deviation that a place should have, metres.
+    """
+
+    cameras: list[PlannedCamera] = Field(default_factory=list)
+    resolution: tuple[Pixels, Pixels] | None = None
+    field_of_view_deg: FieldOfView | None = None
+    file: str = ""
+    corner_sigma: Positive = 0.1
+    marker_side: Positive | None = None
+    marker_height: NotNegative | None = None
+    marker_lean_deg: Annotated[float, Field(ge=0, le=90)] = 0.0
+    marker_radius: NotNegative = 0.0
+    markers: Annotated[int, Field(ge=1, le=24)] = 1
+    marker_cells: Annotated[int, Field(ge=4, le=20)] = 8
+    floor: list[tuple[Finite, Finite]] = Field(default_factory=list)
+    stops: str = "survey/initial_guesses.csv"
+    wanted: Positive = 0.01
+
+
+class PrintedSettings(Settings):
+    """What a report of this camera network printed, shown beside what gtval finds, or alone.
+
+    ``detections`` is a file (columns camera, pose, markers: the ids of those recognised, separated
+    by spaces, one row an image), relative to the campaign folder; ``markers`` are the ids that were
+    looked for, also those that no image shows.
+    """
+
+    detections: str = ""
+    markers: list[Annotated[int, Field(ge=0)]] = Field(default_factory=list)
+
+
 class VisionSettings(Settings):
     """What the vision system knows of a lab, and its choices.
 
@@ -142,7 +218,8 @@ class VisionSettings(Settings):
     the network; by default all that have a folder of poses. Intrinsic parameters come from
     ``camera_files`` (by camera, relative to the campaign folder) or from the calibration images,
     which show ``board``; so do the images of steadiness. The other things that images show are
-    ``bar``, ``reference``, ``markers`` and ``table``; ``floor`` is what the robot stands on.
+    ``bar``, ``reference``, ``markers`` and ``table``; ``floor`` is what the robot stands on;
+    ``printed`` is what was printed of this network before, ``plan`` what is planned.
 
     With ``on_floor`` poses of the robot are held to the floor, with ``merge_cameras`` all cameras
     that see a stop give one pose, with ``averaged_network`` the cameras are placed by averages
@@ -160,6 +237,8 @@ class VisionSettings(Settings):
     markers: MarkerSettings = MarkerSettings()
     floor: FloorSettings = FloorSettings()
     table: TableSettings = TableSettings()
+    printed: PrintedSettings = PrintedSettings()
+    plan: CameraPlanSettings = CameraPlanSettings()
     on_floor: bool = False
     merge_cameras: bool = False
     averaged_network: bool = False
@@ -183,9 +262,33 @@ EXAMPLES = {
         "dima_on_robot": "{ translation = [-0.143, 0.098, 0.018], "
         "rotation = [[0, -1, 0], [1, 0, 0], [0, 0, 1]] }",
     },
+    "vision.plan": {
+        "resolution": "[1280, 960]",
+        "field_of_view_deg": "65.0",
+        "marker_side": "0.156",
+        "marker_height": "0.5",
+    },
     "vision.table": {"board": f"{{ {_BOARD} }}", "height": "0.72", "corner": "[0.0, 0.0]"},
 }
 """A value for each key that states a lab's hardware, by table: none of them has a default."""
+
+
+PLAN_EXAMPLE = """\
+[vision.plan]
+resolution = [1280, 960]
+field_of_view_deg = 65.0    # across the image
+marker_side = 0.156
+marker_height = 0.5
+floor = [[0.0, 0.0], [4.0, 0.0], [4.0, 6.0], [0.0, 6.0]]
+
+[[vision.plan.cameras]]
+name = "1"
+position = [-1.0, 1.5]      # foot of the pole
+height = 2.3
+pan_deg = 0.0               # looks along x
+depth = [1.0, 4.5]          # sees the floor from 1 m to 4.5 m
+"""
+"""A plan of one camera, to change."""
 
 
 def example_tables(names: Collection[str]) -> str:

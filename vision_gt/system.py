@@ -20,16 +20,21 @@ class VisionSystem:
     name = "vision"
 
     def has_data(self, campaign: "Campaign") -> bool:
-        """Whether there are images of the robot at its stops."""
-        folder = campaign.folder / campaign.section("vision", VisionSettings).images / "poses"
-        return folder.is_dir() and any(path.is_dir() for path in folder.iterdir())
+        """Whether there are images of the robot, a printed table of what they show, or a plan."""
+        settings = campaign.section("vision", VisionSettings)
+        return has_images(campaign.folder, settings) or told_without_images(settings)
 
     def inputs(self, campaign: "Campaign") -> "list[Path]":
-        """The folder of the images, and camera files."""
+        """The folder of the images, camera files, and printed tables."""
         settings = campaign.section("vision", VisionSettings)
-        return [
-            campaign.folder / file for file in (settings.images, *settings.camera_files.values())
-        ]
+        plan = settings.plan
+        files = [*settings.camera_files.values(), settings.printed.detections, plan.file]
+        files += [one.file for one in plan.cameras]
+        if plan.cameras and (campaign.folder / plan.stops).exists():
+            files.append(plan.stops)
+        if has_images(campaign.folder, settings) or not told_without_images(settings):
+            files.append(settings.images)
+        return [campaign.folder / file for file in files if file]
 
     def solve(
         self,
@@ -44,9 +49,26 @@ class VisionSystem:
         ``workers`` are processes. ``choices`` are used instead of the settings of their names:
         as_published, merge_cameras, on_floor.
         """
+        from vision_gt.campaign.planned import with_plan
+        from vision_gt.campaign.printed import printed_result
         from vision_gt.campaign.solve import solve_campaign
 
-        return result_of(solve_campaign(campaign, progress, workers=workers, **choices), campaign)
+        settings = campaign.section("vision", VisionSettings)
+        if not has_images(campaign.folder, settings) and told_without_images(settings):
+            return with_plan(printed_result(campaign, settings), campaign, settings)
+        outcome = solve_campaign(campaign, progress, workers=workers, **choices)
+        return with_plan(result_of(outcome, campaign), campaign, settings, outcome)
+
+
+def told_without_images(settings: VisionSettings) -> bool:
+    """Whether there is something to tell without images: what was printed, or planned."""
+    return bool(settings.printed.detections or settings.plan.cameras)
+
+
+def has_images(folder: "Path", settings: VisionSettings) -> bool:
+    """Whether there are images of the robot at its stops."""
+    poses = folder / settings.images / "poses"
+    return poses.is_dir() and any(path.is_dir() for path in poses.iterdir())
 
 
 def result_of(outcome: "VisionOutcome", campaign: "Campaign") -> "SystemResult":

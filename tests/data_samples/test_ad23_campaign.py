@@ -20,7 +20,7 @@ FOLDER = Path(__file__).parents[2] / "data_samples" / "ad23"
 
 @pytest.fixture(scope="module")
 def campaign():
-    return load_campaign(FOLDER, frozenset({"survey"}))
+    return load_campaign(FOLDER, frozenset({"survey", "vision"}))
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,10 @@
 """Numbers of the vision system for scripts."""
 
+import numpy as np
+
+from vision_gt.campaign.detections import detection_facts
 from vision_gt.campaign.outcome import VisionOutcome
+from vision_gt.campaign.printed import seen_in
 
 
 def vision_facts(outcome: VisionOutcome) -> dict[str, object]:
@@ -25,7 +29,18 @@ def vision_facts(outcome: VisionOutcome) -> dict[str, object]:
             for i, camera in enumerate(network.cameras)
         },
         "corner_sigma": network.sigma,
+        "marker_corner_sigma": _marker_corner_sigma(outcome),
         "calibration_rms": {name: c.rms for name, c in outcome.calibrations.items()},
         "steadiness": {one.camera: one.verdict for one in outcome.steadiness},
         "as_published": bool(outcome.published),
+        "detection": detection_facts(seen_in(outcome), outcome.printed),
     }
+
+
+def _marker_corner_sigma(outcome: VisionOutcome) -> float | None:
+    """Median standard deviation of a coordinate of the robot's markers' corners, pixels."""
+    views = [view for found in outcome.detections.values() for view in found.views]
+    if not views:
+        return None
+    traces = np.trace([view.covariances for view in views], axis1=2, axis2=3)
+    return float(np.median(np.sqrt(traces / 2)))

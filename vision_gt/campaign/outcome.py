@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from scipy.spatial.transform import RigidTransform
 
+from vision_gt.campaign.detections import SeenMarkers
 from vision_gt.images.markers import Detection
 from vision_gt.network.intrinsics import Calibration
 from vision_gt.network.solution import NetworkSolution
@@ -59,6 +60,8 @@ class VisionOutcome:
         A verdict for each camera that was checked.
     oddities : sequence of (str, str)
         Images and what is odd about them.
+    printed : SeenMarkers or None
+        Which markers a report of this network printed as recognised, where there is one.
     """
 
     settings: VisionSettings
@@ -70,3 +73,4 @@ class VisionOutcome:
     published: Mapping[str, Sequence[tuple[str, RigidTransform]]] | None
     steadiness: tuple[Steadiness, ...] = ()
     oddities: Sequence[tuple[str, str]] = field(default=())
+    printed: SeenMarkers | None = None

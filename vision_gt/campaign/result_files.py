@@ -7,7 +7,9 @@ from scipy.spatial.transform import RigidTransform
 
 from validation.poses.angles import Array
 from validation.text_files.csv_text import csv_text
+from vision_gt.campaign.detections import success_csv
 from vision_gt.campaign.outcome import VisionOutcome
+from vision_gt.campaign.printed import seen_in
 from vision_gt.network.adjustment import Network
 from vision_gt.optics.camera_files import write_camera
 from vision_gt.robot.marker_poses import Layout
@@ -21,6 +23,7 @@ def vision_files(outcome: VisionOutcome) -> dict[str, str | bytes]:
     files: dict[str, str | bytes] = {
         "vision_camera_poses.csv": camera_poses_csv(outcome),
         "vision_detections.csv": detections_csv(outcome),
+        "vision_success.csv": success_csv(seen_in(outcome), outcome.printed),
         "vision_cameras.csv": cameras_csv(outcome.network.network),
         "vision_layout.csv": layout_csv(outcome.layout.layout),
     }

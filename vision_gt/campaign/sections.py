@@ -8,8 +8,10 @@ import numpy as np
 
 from validation.poses.angles import Array
 from validation.results import Figure, Section, Table, TableColumn, Text
+from vision_gt.campaign.detections import detection_blocks
 from vision_gt.campaign.inputs import placed
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
+from vision_gt.campaign.printed import seen_in
 from vision_gt.optics.camera import PARAMETERS
 from vision_gt.optics.transforms import change_between
 from vision_gt.robot.robot_pose import RobotPose
@@ -28,7 +30,8 @@ def vision_sections(outcome: VisionOutcome, campaign: "Campaign") -> list[Sectio
         Section("Vision: cameras", _camera_blocks(outcome, campaign)),
         Section("Vision: intrinsic parameters", _calibration_blocks(outcome)),
         Section("Vision: markers on the robot", _layout_blocks(outcome)),
-        Section("Vision: poses", _pose_blocks(outcome)),
+        Section("Vision: poses", [pose_table(outcome)]),
+        Section("Vision: marker detection", detection_blocks(seen_in(outcome), outcome.printed)),
     ]
     if outcome.steadiness:
         sections.append(Section("Vision: steadiness of the cameras", _steadiness_blocks(outcome)))
@@ -231,26 +234,6 @@ def layout_table(outcome: VisionOutcome) -> Table:
     ]
     note = "Sigmas include how well the dima-marker's place on the robot is known."
     return Table.of_columns("Markers in the robot frame", columns, note)
-
-
-def _pose_blocks(outcome: VisionOutcome) -> list[Table | Figure | Text]:
-    from vision_gt.campaign.figures import detection_matrix  # noqa: PLC0415
-
-    keys = list(outcome.detections)
-    numbers = outcome.layout.layout.numbers
-    detected = np.array(
-        [[n in outcome.detections[key].numbers for n in numbers] for key in keys], dtype=bool
-    ).reshape(len(keys), len(numbers))
-    rows = [f"camera {camera}, pose {pose}" for camera, pose in keys]
-    return [
-        pose_table(outcome),
-        _figure(
-            "detections",
-            "Which markers each camera recognised at each stop.",
-            "A matrix of images and markers, filled where a marker was recognised.",
-            lambda: detection_matrix(detected, rows, [str(n) for n in numbers]),
-        ),
-    ]
 
 
 def pose_table(outcome: VisionOutcome) -> Table:

@@ -16,6 +16,7 @@ from vision_gt.campaign.inputs import (
     sides_of,
 )
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
+from vision_gt.campaign.printed import printed_detections
 from vision_gt.images.files import counting, read_image
 from vision_gt.images.markers import Detection
 from vision_gt.network.adjustment import Bar, Network
@@ -85,6 +86,7 @@ def solve_campaign(
         _published(given, solution, layout, by_name) if given.settings.as_published else None,
         tuple(_steadiness(given, name, boards, by_name[name]) for name in given.watched),
         tuple(given.oddities),
+        printed_detections(campaign, given.settings),
     )
 
 

@@ -10,6 +10,7 @@ from validation.commands.options import (
     AS_JSON,
     AS_PUBLISHED,
     CAMPAIGN,
+    FIGURE,
     PATH,
     STRICT,
     WORKERS,
@@ -201,6 +202,42 @@ def check_displacement(
     click.echo(
         f"measured {measured:.4f} m, expected {distance:.4f} m: off by "
         f"{1e3 * (measured - distance):+.1f} mm\nThe board turned by {angle:.4f} rad."
+    )
+
+
+@vision.command()
+@CAMPAIGN
+@AS_JSON
+@FIGURE
+@STRICT
+def plan(campaign: Path, *, as_json: bool, figure: Path | None, strict: bool) -> None:
+    """Predict what cameras will see, and how well, before they are hung.
+
+    From [vision.plan] of campaign.toml: shares of the floor and of the stops seen by one and by
+    two cameras, holes, the size of a marker in the images, the accuracy of the robot's pose, and
+    how large a marker has to be at a distance.
+    """
+    from validation.campaign.folder import load_campaign
+    from validation.commands.output import tell_check
+    from vision_gt.planning.inputs import load_plan
+    from vision_gt.planning.plan import work_out
+    from vision_gt.planning.telling import plan_facts, plan_findings, plan_tables
+    from vision_gt.settings import VisionSettings
+
+    loaded = load_campaign(campaign)
+    worked_out = work_out(load_plan(loaded, loaded.section("vision", VisionSettings)))
+    if figure is not None:
+        from validation.figures.writing import write_figure
+        from vision_gt.planning.figures import plan_picture
+
+        write_figure(figure, plan_picture(worked_out, loaded.settings.room.walls))
+    tell_check(
+        plan_facts(worked_out),
+        plan_tables(worked_out),
+        plan_findings(worked_out),
+        as_json=as_json,
+        strict=strict,
+        more="" if figure is None else f"Picture: {figure}",
     )
 
 

@@ -21,7 +21,7 @@ rendered images, see benchmarks/vision_corners.py."""
 _WINDOW = 11
 """Pixels of the window that the thresholding of the first look uses: the middle one of OpenCV's
 three. Where it finds nothing, all are tried."""
-_LEAST_CELL = 1.6
+LEAST_CELL = 1.6
 """Pixels of a cell's side below which no code can be read, on rendered images with usual blur."""
 
 
@@ -151,7 +151,7 @@ def _careful(family: Family, size: int) -> cv2.aruco.DetectorParameters:
     parameters.perspectiveRemovePixelPerCell = 6
     parameters.perspectiveRemoveIgnoredMarginPerCell = 0.3
     parameters.polygonalApproxAccuracyRate = 0.05
-    parameters.minMarkerPerimeterRate = min(4 * _LEAST_CELL * family.cells / size, 0.1)
+    parameters.minMarkerPerimeterRate = min(4 * LEAST_CELL * family.cells / size, 0.1)
     return parameters
 
 

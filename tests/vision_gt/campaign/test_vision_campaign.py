@@ -349,12 +349,3 @@ def show_a_marker_twice(path) -> int:
 def test_a_campaign_without_images_has_no_vision(tmp_path):
     (tmp_path / "campaign.toml").write_text('name = "empty"\n')
     assert not SYSTEM.has_data(load_campaign(tmp_path))
-
-
-def test_the_published_campaign_has_no_images():
-    from pathlib import Path
-
-    import data_samples
-
-    folder = Path(data_samples.__file__).parent / "ad23"
-    assert not SYSTEM.has_data(load_campaign(folder))

@@ -1,0 +1,1 @@
+"""Cameras before they are mounted: what they will see, and how well."""
