@@ -15,7 +15,15 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from gtval.testing import SampleDrive, SampleImages, SampleMotion, SampleRoom, SampleScans
+    from gtval.testing import (
+        SampleDrive,
+        SampleFixes,
+        SampleImages,
+        SampleMotion,
+        SampleRoom,
+        SampleScans,
+        SampleSurvey,
+    )
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -38,13 +46,11 @@ def gtval_room(request: pytest.FixtureRequest, tmp_path: Path) -> "SampleRoom":
 
 
 @pytest.fixture(scope="session")
-def gtval_survey(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> "SampleRoom":
+def gtval_survey(request: pytest.FixtureRequest) -> "SampleSurvey":
     """Readings of a hand-laser survey in arrays; true poses and world points beside them."""
-    from gtval.testing import make_room
+    from gtval.testing import make_survey
 
-    return make_room(tmp_path_factory.mktemp("gtval_survey"), **_options(request))
+    return make_survey(**_options(request))
 
 
 @pytest.fixture(scope="session")
@@ -69,6 +75,14 @@ def gtval_drive(request: pytest.FixtureRequest, tmp_path: Path) -> "SampleDrive"
     from gtval.testing import make_drive
 
     return make_drive(tmp_path / "gtval_drive", **_options(request))
+
+
+@pytest.fixture(scope="session")
+def gtval_fixes(request: pytest.FixtureRequest) -> "SampleFixes":
+    """Records of three RTK-GPS receivers in arrays; the true path beside them."""
+    from gtval.testing import make_fixes
+
+    return make_fixes(**_options(request))
 
 
 @pytest.fixture(scope="session")

@@ -1,134 +1,139 @@
 """Samples whose truth is known, for testing a system of one's own.
 
 Each function draws a synthetic room or drive from a seed and gives what instruments record there
-together with what is true. The same seed and options give the same sample. With gtval installed,
-pytest has them as fixtures too: see `gtval.fixtures`.
+together with what is true. The same seed and options give the same sample. `make_survey`,
+`make_scans`, `make_images`, `make_fixes` and `make_motion` write nothing; `make_room` and
+`make_drive` make a campaign folder. With gtval installed, pytest has them as fixtures too: see
+`gtval.fixtures`.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
-from scipy.spatial.transform import RigidTransform
 
-from data_samples.drives.drive import DriveSettings, simulate_drive
+from data_samples.drives.drive import Drive, DriveSettings, simulate_drive
 from data_samples.drives.files import true_poses, write_drive
 from data_samples.motion import drive as motion
-from data_samples.rendering.campaign import movie_photographs
+from data_samples.rendering.campaign import movie_photographs, sun_blade
 from data_samples.rendering.files import make_room_with_cameras
 from data_samples.rendering.image import Scene, render
 from data_samples.room_campaign import write_room
-from data_samples.rooms.cameras import MARKER_FAMILY, VisionSettings
-from data_samples.rooms.laser_campaign import LaserSimulation, room_panels
+from data_samples.rooms.cameras import MARKER_FAMILY, SIZE, VisionSettings
+from data_samples.rooms.laser_campaign import (
+    chained,
+    scans_at_stops,
+    with_faults,
+)
 from data_samples.rooms.rooms import RoomSettings
 from data_samples.rooms.rooms import make_room as draw_room
-from data_samples.rooms.scanners import FULL_TURN, take_scan
-from data_samples.rooms.simulate import ExampleSystem, SimulationSettings
-from gtval import Camera, Fixes, PoseTable, Scan
-from laser_gt.scans.planar import between
+from data_samples.rooms.scanners import FULL_TURN
+from data_samples.rooms.simulate import (
+    ExampleSystem,
+    SimulatedCampaign,
+    SimulationSettings,
+    simulate_survey,
+)
+from gtval import Fixes, PoseTable
+from gtval.samples import (
+    SampleDrive,
+    SampleFixes,
+    SampleImages,
+    SampleRoom,
+    SampleScans,
+    SampleSurvey,
+)
+from laser_gt.scans.planar import between, compose
 from validation.poses.angles import Array
-from validation.shown import Shown
 
 SampleMotion = motion.SampleMotion
+__all__ = ["SampleDrive", "SampleFixes", "SampleImages", "SampleMotion", "SampleRoom"]
+__all__ += ["SampleScans", "SampleSurvey", "make_drive", "make_fixes", "make_images"]
+__all__ += ["make_motion", "make_room", "make_scans", "make_survey"]
 
 
-@dataclass(frozen=True, repr=False)
-class SampleRoom(Shown):
-    """A synthetic room with its hand-laser survey.
-
-    Parameters
-    ----------
-    truth : PoseTable
-        True poses of the stops, in the GTV frame.
-    walls : (m, 2, 2) array
-        Start and end of each wall and of each side of an obstacle, metres, in the GTV frame.
-    world_points : mapping of str to (float, float)
-        True places, metres, in the GTV frame.
-    survey : mapping
-        What `gtval.solve_survey` takes: readings, names and nominal points.
-    folder : Path
-        The campaign; its files under truth/ are read by no computation.
-    """
-
-    truth: PoseTable
-    walls: Array
-    world_points: Mapping[str, tuple[float, float]]
-    survey: Mapping[str, object]
-    folder: Path
-
-
-@dataclass(frozen=True, repr=False)
-class SampleScans(Shown):
-    """Scans of a full turn at neighbouring stops.
+def make_survey(
+    *,
+    seed: int = 1,
+    stops: int = 12,
+    world_points: int = 16,
+    bias: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    blunders: int = 0,
+    typos: int = 0,
+    missing: float = 0.0,
+    mirrored: bool = False,
+    pillars: int = 0,
+) -> SampleSurvey:
+    """The survey of a room and an example ground truth, in memory: a few milliseconds.
 
     Parameters
     ----------
-    scans : tuple of Scan
-        n of them; the sensor frame is the robot frame.
-    poses : (n, 3) array
-        True poses of the n stops, in the GTV frame: x, y (metres), theta (radians).
-    truth : (n - 1, 3) array
-        Each scan but the first, seen from the one before.
-    guesses : (n - 1, 3) array
-        The same as odometry has it, to 0.05 m and 0.04 rad.
+    seed : int
+        Of all that is drawn.
+    stops, world_points : int
+        How many.
+    bias : (float, float, float)
+        Of the ground truth 'example_gt': x, y (metres), theta (radians).
+    blunders, typos : int
+        Readings of the survey that are off by 0.1 m, and that have two digits exchanged.
+    missing : float
+        Share of the readings that were not taken, 0 to 1.
+    mirrored : bool
+        The labels X and Y of the Vframe are exchanged in the readings, and nothing says so.
+    pillars : int
+        Columns that hide some marks.
+
+    Raises
+    ------
+    GtvalError
+        If the room is too small for all that, or there are fewer readings than faults.
+
+    Examples
+    --------
+    >>> room = gtval.testing.make_survey(seed=1, stops=6, blunders=2)
+    >>> len(room.truth), len(room.wrong_readings)
+    (6, 2)
     """
-
-    scans: tuple[Scan, ...]
-    poses: Array
-    truth: Array
-    guesses: Array
-
-
-@dataclass(frozen=True, repr=False)
-class SampleImages(Shown):
-    """Images of a robot that carries markers.
-
-    Parameters
-    ----------
-    images : tuple of (h, w) arrays of uint8
-        Grey levels.
-    camera : Camera
-        That took them, exactly known.
-    sides : mapping of int to float
-        Sides of the markers, metres.
-    family : str
-        Of the markers.
-    truth : tuple of mapping of int to RigidTransform
-        T_camera_marker of every marker for each image, whether it is seen there or not.
-    """
-
-    images: tuple[npt.NDArray[np.uint8], ...]
-    camera: Camera
-    sides: Mapping[int, float]
-    family: str
-    truth: tuple[Mapping[int, RigidTransform], ...]
+    rng = np.random.default_rng(seed)
+    room = draw_room(RoomSettings(stops=stops, world_points=world_points, pillars=pillars), rng)
+    settings = SimulationSettings(
+        systems=(ExampleSystem(bias=bias),),
+        blunders=blunders,
+        typos=typos,
+        missing=missing,
+        mirror_trap=mirrored,
+    )
+    return SampleSurvey(*_told(simulate_survey(room, settings, rng)))
 
 
-@dataclass(frozen=True, repr=False)
-class SampleDrive(Shown):
-    """A drive of a vehicle with three RTK-GPS receivers.
+Told = tuple[
+    PoseTable,
+    Array,
+    Mapping[str, tuple[float, float]],
+    Mapping[str, object],
+    PoseTable,
+    tuple[int, ...],
+]
 
-    Parameters
-    ----------
-    records : tuple of Fixes
-        Of the receivers: rear, front left, front right.
-    heights : tuple of float
-        z of their antennas on the vehicle, metres.
-    distances : (3,) array
-        True distances of the antennas: rear to left, rear to right, left to right, metres.
-    truth : PoseTable
-        True poses in space at every second of the rear receiver, in the frame of the campaign.
-    folder : Path
-        The campaign; its files under truth/ are read by no computation.
-    """
 
-    records: tuple[Fixes, ...]
-    heights: tuple[float, ...]
-    distances: Array
-    truth: PoseTable
-    folder: Path
+def _told(made: SimulatedCampaign) -> Told:
+    """What a sample tells of a simulated campaign, in the order of its fields."""
+    room, readings, rig = made.room, made.readings, made.robot_frame
+    survey = {
+        "start": readings.start,
+        "end": readings.end,
+        "distance": readings.distance,
+        "sigma": readings.sigma,
+        "world_points": room.world_names,
+        "vframe": room.vframe.points,
+        "vframe_sigma": room.vframe.sigma,
+        "robot_frame": rig.points,
+        "marking_sigma": rig.marking_sigma,
+    }
+    places = dict(zip(room.world_names, map(tuple, room.world_points.tolist()), strict=True))
+    wrong = tuple(fault.row for fault in made.truth.faults)
+    return made.truth.poses, room.segments, places, survey, made.systems[0], wrong
 
 
 def make_room(
@@ -140,6 +145,7 @@ def make_room(
     bias: tuple[float, float, float] = (0.0, 0.0, 0.0),
     blunders: int = 0,
     laser: bool = False,
+    laser_faults: Collection[str] = (),
     vision: bool = False,
 ) -> SampleRoom:
     """A campaign folder with the survey of a room and an example ground truth.
@@ -158,6 +164,8 @@ def make_room(
         Readings of the survey that are off by 0.1 m.
     laser : bool
         The campaign has the scans of two scanners on the robot, too.
+    laser_faults : collection of str
+        What is wrong with them, as for `make_scans`.
     vision : bool
         It has the images of a camera network, too: about a minute.
 
@@ -165,6 +173,8 @@ def make_room(
     ------
     GtvalError
         If the folder cannot be written.
+    ValueError
+        If there is no fault of that name.
 
     Examples
     --------
@@ -177,27 +187,14 @@ def make_room(
         seed,
         RoomSettings(stops=stops, world_points=world_points),
         SimulationSettings(systems=(ExampleSystem(bias=bias),), blunders=blunders),
-        LaserSimulation() if laser else None,
+        with_faults(laser_faults) if laser or laser_faults else None,
         VisionSettings() if vision else None,
     )
-    room, readings, rig = made.room, made.readings, made.robot_frame
-    survey = {
-        "start": readings.start,
-        "end": readings.end,
-        "distance": readings.distance,
-        "sigma": readings.sigma,
-        "world_points": room.world_names,
-        "vframe": room.vframe.points,
-        "vframe_sigma": room.vframe.sigma,
-        "robot_frame": rig.points,
-        "marking_sigma": rig.marking_sigma,
-    }
-    places = dict(zip(room.world_names, map(tuple, room.world_points.tolist()), strict=True))
-    return SampleRoom(made.truth.poses, room.segments, places, survey, folder)
+    return SampleRoom(*_told(made), folder)
 
 
-def make_scans(*, seed: int = 1, stops: int = 4) -> SampleScans:
-    """Laser scans of a room, with where they were taken.
+def make_scans(*, seed: int = 1, stops: int = 4, faults: Collection[str] = ()) -> SampleScans:
+    """Laser scans of a room, with where they were taken: some hundredths of a second.
 
     Parameters
     ----------
@@ -205,6 +202,15 @@ def make_scans(*, seed: int = 1, stops: int = 4) -> SampleScans:
         Of all that is drawn.
     stops : int
         How many of the first stops of 26 in the room.
+    faults : collection of str
+        What is wrong: 'boxes' that stand elsewhere at every stop, beams that mix ranges at
+        'edges', an uneven 'floor', windows of 'glass', ranges longer where 'grazing', walls that
+        'lean', 'lost' beams, a 'tilt' of the scanner.
+
+    Raises
+    ------
+    ValueError
+        If there is no fault of that name.
 
     Examples
     --------
@@ -213,14 +219,22 @@ def make_scans(*, seed: int = 1, stops: int = 4) -> SampleScans:
     """
     rng = np.random.default_rng(seed)
     room = draw_room(RoomSettings(stops=max(stops, 26)), rng)
+    faulty = with_faults(faults)
+    names = ("divergence", "incidence_bias", "drop_rate", "tilt")
+    like = {name: getattr(faulty.scanners[0], name) for name in names}
+    simulation = replace(faulty, scanners=[replace(FULL_TURN, **like)])
     poses = room.stops[:stops]
-    scans = tuple(take_scan(room_panels(room), FULL_TURN, pose, rng) for pose in poses)
+    scans = tuple(scan for (scan,) in scans_at_stops(room, poses, simulation, rng))
     truth = between(poses[:-1], poses[1:])
     guesses = truth + rng.normal(0, 1, truth.shape) * [0.05, 0.05, 0.04]
-    return SampleScans(scans, poses, truth, guesses)
+    odometry = compose(poses[0], chained(guesses))
+    names_of = room.stop_names[:stops]
+    return SampleScans(scans, poses, truth, guesses, names_of, odometry, room.segments)
 
 
-def make_images(*, seed: int = 1, images: int = 1) -> SampleImages:
+def make_images(
+    *, seed: int = 1, images: int = 1, blur: float = 0.7, noise: float = 2.0, blades: int = 0
+) -> SampleImages:
     """Images of a robot with markers, taken around it.
 
     Parameters
@@ -229,6 +243,10 @@ def make_images(*, seed: int = 1, images: int = 1) -> SampleImages:
         Of all that is drawn.
     images : int
         How many; a second each.
+    blur, noise : float
+        Standard deviations of the lens blur in pixels and of the sensor noise in grey levels.
+    blades : int
+        Stripes of sunlight across the robot in each image.
 
     Examples
     --------
@@ -236,12 +254,20 @@ def make_images(*, seed: int = 1, images: int = 1) -> SampleImages:
     (960, 1280)
     """
     rng = np.random.default_rng(seed)
-    _, made = make_room_with_cameras(RoomSettings(stops=1), VisionSettings(movie=images), rng)
+    settings = VisionSettings(movie=images, blur=blur, noise=noise)
+    _, made = make_room_with_cameras(RoomSettings(stops=1), settings, rng)
     taken = movie_photographs(made, rng)
+    middle = np.array(SIZE) / 2
     layout = made.layout
     return SampleImages(
         tuple(
-            render(one.camera, one.T_world_camera, Scene(one.sheets), one.optics, rng)
+            render(
+                one.camera,
+                one.T_world_camera,
+                Scene(one.sheets, blades=[sun_blade(middle, rng) for _ in range(blades)]),
+                one.optics,
+                rng,
+            )
             for one in taken
         ),
         made.movie_camera,
@@ -255,6 +281,35 @@ def make_images(*, seed: int = 1, images: int = 1) -> SampleImages:
             for one in taken
         ),
     )
+
+
+def make_fixes(
+    *, seed: int = 1, loops: int = 2, false_fixes: float = 0.0, missing: float = 0.0
+) -> SampleFixes:
+    """Records of three RTK-GPS receivers on a vehicle that drives over a campus, in memory.
+
+    Parameters
+    ----------
+    seed : int
+        Of all that is drawn.
+    loops : int
+        Round trips of about 75 s.
+    false_fixes, missing : float
+        Shares of the fixes that are off by 0.3 m, and that never arrived.
+
+    Examples
+    --------
+    >>> [record.receiver for record in gtval.testing.make_fixes(seed=1).records]
+    ['rear', 'front_left', 'front_right']
+    """
+    settings = DriveSettings(loops=loops, false_fixes=false_fixes, missing=missing)
+    return SampleFixes(*_driven(simulate_drive(seed, settings)))
+
+
+def _driven(drive: Drive) -> tuple[tuple[Fixes, ...], tuple[float, ...], Array, PoseTable]:
+    """What a sample tells of a drive, in the order of its fields."""
+    heights = tuple(drive.antennas[:, 2].tolist())
+    return drive.records, heights, drive.distances, true_poses(drive)
 
 
 def make_drive(
@@ -285,8 +340,7 @@ def make_drive(
     """
     drive = simulate_drive(seed, DriveSettings(loops=loops, false_fixes=false_fixes))
     write_drive(folder, drive)
-    heights = tuple(drive.antennas[:, 2].tolist())
-    return SampleDrive(drive.records, heights, drive.distances, true_poses(drive), folder)
+    return SampleDrive(*_driven(drive), folder)
 
 
 def make_motion(*, seed: int = 1, level: int = 1, minutes: float = 5.0) -> SampleMotion:

@@ -43,11 +43,13 @@ class LaserSettings(Settings):
     (radians) of each other and at least ``pair_overlap`` (0 to 1) of what they saw may overlap;
     each stop with its ``pairs_per_stop`` nearest. ``initial`` is where the scan matcher starts:
     'local' at the guess, 'gpm' and 'kiss' where another matcher ends. ``genetic`` says whether
-    the genetic aligner runs too, with ``population`` individuals over ``generations``; ``seed``
-    starts its chance.
+    the genetic aligner runs too, with ``population`` individuals over ``generations``, of which
+    the first is drawn within ``genetic_radius`` metres of the guess; it matches each stop with its
+    ``genetic_pairs`` nearest, and more where those leave stops apart; ``seed`` starts its chance.
 
-    The defaults of distances, shares and counts are those of `PairSettings`, `MatchSettings` and
-    `GeneticSettings`. ``max_delay``: a judgement, between two scans of a scanner at 10 Hz.
+    The defaults of distances, shares and counts are those of `PairSettings`, `MatchSettings`,
+    `EngineSettings` and `GeneticSettings`. ``max_delay``: a judgement, between
+    two scans of a scanner at 10 Hz.
     """
 
     scans: str = "laser/scans.csv"
@@ -68,6 +70,8 @@ class LaserSettings(Settings):
     genetic: bool = True
     generations: int = Field(default=300, ge=1, le=5000)
     population: int = Field(default=100, ge=10, le=2000)
+    genetic_pairs: int = Field(default=3, ge=1, le=100)
+    genetic_radius: Positive = 3.0
     seed: int = Field(default=1, ge=0)
 
     @property

@@ -296,7 +296,7 @@ def robot_photographs(truth: VisionTruth, rng: np.random.Generator) -> list[Phot
             sheets = robot_sheets(truth.layout, T_robot, T.translation)
             if rng.uniform() < truth.settings.occlusions:
                 sheets.append(_someone(T_robot, T.translation, rng))
-            blades = [_blade(pixel, rng)] if rng.uniform() < truth.settings.blades else []
+            blades = [sun_blade(pixel, rng)] if rng.uniform() < truth.settings.blades else []
             name = f"vision/poses/{camera.name}/pose{stop + 1}.png"
             found.append(Photograph(name, camera, T, sheets, _optics(truth), blades))
     return found
@@ -311,7 +311,7 @@ def _someone(T_robot: RigidTransform, eye: Array, rng: np.random.Generator) -> S
     return bystander(robot + 0.6 * back + rng.uniform(-0.25, 0.25) * beside, eye, height=0.5)
 
 
-def _blade(pixel: Array, rng: np.random.Generator) -> SunBlade:
+def sun_blade(pixel: Array, rng: np.random.Generator) -> SunBlade:
     """Sunlight across the robot."""
     point = pixel + rng.uniform(-60, 60, 2)
     width = float(rng.uniform(6, 25))

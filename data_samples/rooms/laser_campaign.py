@@ -163,11 +163,9 @@ def laser_files(room: Room, settings: LaserSimulation, rng: np.random.Generator)
     rng : numpy.random.Generator
         Source of all chance.
     """
-    floor = uneven_floor(rng, settings.floor_height) if settings.floor_height > 0 else FLAT
+    taken = scans_at_stops(room, room.stops, settings, rng)
     scans = [
-        (stop, scan)
-        for stop, pose in zip(room.stop_names, room.stops, strict=True)
-        for scan in _stop_scans(room, settings, pose, rng, floor)
+        (stop, scan) for stop, found in zip(room.stop_names, taken, strict=True) for scan in found
     ]
     stated = _stated_mounts(settings, rng)
     lines = ["pose,x,y,theta"]
@@ -186,6 +184,14 @@ def laser_files(room: Room, settings: LaserSimulation, rng: np.random.Generator)
     }
 
 
+def scans_at_stops(
+    room: Room, poses: Array, settings: LaserSimulation, rng: np.random.Generator
+) -> list[list[Scan]]:
+    """The scans of all scanners at each of some robot poses, (n, 3)."""
+    floor = uneven_floor(rng, settings.floor_height) if settings.floor_height > 0 else FLAT
+    return [_stop_scans(room, settings, pose, rng, floor) for pose in poses]
+
+
 def _stop_scans(
     room: Room, settings: LaserSimulation, pose: Array, rng: np.random.Generator, floor: Floor
 ) -> list[Scan]:
@@ -201,7 +207,11 @@ def _stop_scans(
 def _odometry(stops: Array, settings: LaserSimulation, rng: np.random.Generator) -> Array:
     """(n, 3) poses that drift from stop to stop, from zero."""
     steps = between(stops[:-1], stops[1:])
-    steps = steps + rng.normal(0, 1, steps.shape) * settings.odometry_sigmas
+    return chained(steps + rng.normal(0, 1, steps.shape) * settings.odometry_sigmas)
+
+
+def chained(steps: Array) -> Array:
+    """(n + 1, 3) poses of a walk of n steps, (n, 3), seen from its start."""
     poses = [np.zeros(3)]
     for step in steps:
         poses.append(compose(poses[-1], step))

@@ -57,7 +57,11 @@ def _of_solution(solution: LaserSolution) -> Iterator[Finding]:
     yield Finding("note" if count["look"] else "good", text, who, "verdicts")
     if solution.lost:
         stops = ", ".join(solution.lost)
-        text = f"no accepted match connects these stops with a surveyed one: {stops}"
+        text = (
+            f"these stops have no pose: {stops}. No chain of accepted matches joins them with "
+            f"the {len(solution.stops)} stops that are placed, the largest group with a surveyed "
+            "stop. Decide on a match between the two (`gtval laser inspect`), or add stops"
+        )
         yield Finding("warning", text, who, "lost_stops")
     if matching.loops:
         closed = len(matching.loops) - matching.open_loops

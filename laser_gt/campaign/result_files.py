@@ -9,8 +9,8 @@ from validation.text_files.csv_text import csv_text
 MATCH_COLUMNS = (
     "reference", "moving", "verdict", "x", "y", "theta", "xx", "xy", "xt", "yy", "yt", "tt",
     "explained", "violating", "hidden", "agreement", "intruder", "scale", "real_share",
-    "eigenvalue_ratio", "returned", "rival", "surprise", "guess_x", "guess_y",
-    "guess_theta", "reasons",
+    "eigenvalue_ratio", "returned", "rival", "surprise", "fitness", "rival_fitness",
+    "guess_x", "guess_y", "guess_theta", "reasons",
 )  # fmt: skip
 
 
@@ -30,7 +30,7 @@ def matches_csv(matching: Matching) -> str:
         numbers = np.array([
             *one.pose, *one.covariance[upper], one.explained, one.violating, one.hidden,
             one.agreement, one.intruder, one.scale, one.real_share, one.eigenvalue_ratio,
-            one.returned, one.rival, one.surprise, *one.guess,
+            one.returned, one.rival, one.surprise, one.fitness, one.rival_fitness, *one.guess,
         ])  # fmt: skip
         finite = np.where(np.isfinite(numbers), numbers, np.nan).tolist()
         rows.append([one.reference, one.moving, one.verdict, *finite, "; ".join(one.reasons)])

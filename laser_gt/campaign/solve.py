@@ -18,10 +18,6 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.systems import no_progress
 
-GENETIC_PAIRS = 3
-"""Nearest neighbours of a stop that the genetic aligner matches, at most. A judgement: a match
-takes it a third of a second, and three pairs at each stop make a graph with loops."""
-
 
 def solve_campaign(
     campaign: Campaign,
@@ -108,15 +104,18 @@ def _matched(
     inputs: LaserInputs, poses: Array, settings: LaserSettings, engine: Engine, progress: Report
 ) -> Matching:
     """All matches by one engine."""
-    most = settings.pairs_per_stop
     limits = PairSettings(
         settings.pair_radius,
         settings.pair_heading,
         settings.pair_overlap,
-        min(GENETIC_PAIRS, most) if engine == "genetic" else most,
+        settings.pairs_per_stop,
     )
     form = EngineSettings(
-        settings.guess_sigmas, settings.initial, _genetic(settings), settings.seed
+        settings.guess_sigmas,
+        settings.initial,
+        _genetic(settings),
+        settings.genetic_pairs,
+        settings.seed,
     )
     pairs = find_pairs(poses, [one.sweep for one in inputs.sweeps], limits, inputs.decisions)
     return match_pairs(inputs.sweeps, poses, pairs, inputs.decisions, form, engine, progress)
@@ -139,4 +138,5 @@ def _published(
 
 def _genetic(settings: LaserSettings) -> GeneticSettings:
     """Size of the genetic search."""
-    return GeneticSettings(settings.population, settings.generations)
+    radius, turn = settings.genetic_radius, GeneticSettings().window[2]
+    return GeneticSettings(settings.population, settings.generations, window=(radius, radius, turn))

@@ -75,7 +75,8 @@ def _article(match: Match, sweeps: Mapping[str, Prepared], campaign: str) -> str
         f"<ul>{reasons or '<li>nothing speaks against it</li>'}</ul>"
         f"<p>Pose {x:.4f} m, {y:.4f} m, {theta:.4f} rad; standard deviation "
         f"{match.sigma_length * 1e3:.1f} mm, {match.sigma_angle * 1e3:.1f} mrad; "
-        f"{match.explained:.0%} of the points explained, {match.violating:.1%} in free space.</p>"
+        f"{match.explained:.0%} of the points explained, {match.violating:.1%} in free space; "
+        f"fitness {match.fitness:.3f} m².</p>"
         f"<p><code>{html.escape(command)} accept</code> or <code>reject</code> or "
         f"<code>guess X Y THETA</code></p></article>"
     )

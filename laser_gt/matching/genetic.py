@@ -15,7 +15,7 @@ import numpy.typing as npt
 from laser_gt.matching.local import align
 from laser_gt.matching.search import distinct, thinned
 from laser_gt.scans.evidence import Prepared, evidence
-from laser_gt.scans.nearest import NearestGrid
+from laser_gt.scans.nearest import DROPPED, NearestGrid
 from laser_gt.scans.planar import rotation, wrapped
 from validation.poses.angles import Array
 
@@ -56,7 +56,7 @@ class GeneticSettings:
 
     population: int = 100
     generations: int = 300
-    drop: int = 5
+    drop: int = DROPPED
     overlap: float = 0.75
     points: int = 180
     window: tuple[float, float, float] = (3.0, 3.0, float(np.pi))

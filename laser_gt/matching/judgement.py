@@ -15,7 +15,8 @@ from laser_gt.matching.local import Alignment, align
 from laser_gt.matching.search import SearchSettings, distinct, global_match
 from laser_gt.matching.verdicts import JudgementSettings, Match, with_verdict
 from laser_gt.scans.evidence import Prepared, evidence, intruder
-from laser_gt.scans.planar import wrapped
+from laser_gt.scans.nearest import published_fitness
+from laser_gt.scans.planar import transform, wrapped
 from laser_gt.scans.scan import Flags
 from validation.poses.angles import Array, wrap
 
@@ -105,7 +106,11 @@ def judged(
     same = _same(again.pose, found.pose[best], max(0.008, loose[:2].max()), max(0.004, loose[2]))
     # A judgement: 10 cm and 3 degrees are beyond the noise of any match and within any guess.
     rivals = ~_same(poses, found.pose[best], 0.1, 0.05)
-    rival = float(scores[rivals].max()) if rivals.any() else -np.inf
+    rival, rival_fitness = -np.inf, np.nan
+    if rivals.any():
+        rival = float(scores[rivals].max())
+        rival_pose = poses[rivals][scores[rivals].argmax()]
+        rival_fitness = _fitness(reference, moving, rival_pose)
     # A judgement: scores this near differ by a few points, as noise makes them.
     equal = again_seen.score > seen.score[best] - 0.03
     spread = _spread(again.pose[equal], found.pose[best])
@@ -133,9 +138,17 @@ def judged(
             returned=float(same.mean()),
             rival=rival - float(seen.score[best]),
             surprise=surprise,
+            fitness=_fitness(reference, moving, pose),
+            rival_fitness=rival_fitness,
         ),
         limits,
     )
+
+
+def _fitness(reference: Prepared, moving: Prepared, pose: Array) -> float:
+    """The document's fitness of a pose, square metres."""
+    moved = transform(pose, moving.sweep.points)
+    return published_fitness(reference.sweep.points, moved)
 
 
 def _candidates(

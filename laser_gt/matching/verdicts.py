@@ -101,6 +101,10 @@ class Match(Shown):
         Score of the best different pose found, less the score of this one; -inf for none.
     surprise : float
         Squared distance of what the scans say from the guess, in standard deviations of both.
+    fitness : float
+        As the document has it, square metres: see `published_fitness`.
+    rival_fitness : float
+        That of the best different pose found, which is wrong where this one is right; nan for none.
     verdict : {"accept", "look", "reject"}
         What to do with it.
     reasons : tuple of str
@@ -126,6 +130,8 @@ class Match(Shown):
     returned: float
     rival: float
     surprise: float
+    fitness: float = np.nan
+    rival_fitness: float = np.nan
     verdict: Verdict = "look"
     reasons: tuple[str, ...] = ()
     changed: bool = False

@@ -14,9 +14,10 @@ from laser_gt.matching.kiss import register
 from laser_gt.matching.verdicts import VERDICTS, Match, Verdict
 from laser_gt.placing.guesses import guess_deviations
 from laser_gt.placing.loops import Loop, with_loops
+from laser_gt.placing.pairs import bridges, nearest_pairs, parts_of
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import between
-from laser_gt.scans.scan import Indices
+from laser_gt.scans.scan import Flags, Indices
 from validation.poses.angles import Array
 
 Engine = Literal["scanmatch", "genetic"]
@@ -38,13 +39,21 @@ class EngineSettings:
         What the scan matcher starts from: the guess, or what another matcher makes of it.
     genetic : GeneticSettings
         Of the genetic aligner.
+    genetic_pairs : int
+        Nearest neighbours of a stop that it matches first.
     seed : int
         Of its chance.
+
+    Notes
+    -----
+    ``genetic_pairs``: a judgement. A match takes the genetic aligner a third of a second, and
+    three pairs at each stop make a graph with loops; what they leave apart is matched after them.
     """
 
     guess_sigmas: tuple[float, float]
     initial: Literal["local", "gpm", "kiss"] = "local"
     genetic: GeneticSettings = field(default_factory=GeneticSettings)
+    genetic_pairs: int = 3
     seed: int = 1
 
 
@@ -116,30 +125,72 @@ def match_pairs(
         By what.
     report : callable
         Called with what is being done and the share done.
+
+    Notes
+    -----
+    The genetic aligner matches the nearest neighbours of each stop first. As long as its accepted
+    matches leave the stops in parts, it goes on with the shortest pairs between them, and, where
+    moved things or glass hold a match between parts up, with the pairs that may confirm it.
+    So it tries all pairs of which scan matching may have one that joins the parts.
     """
-    matches, convergence = [], {}
     generators = np.random.default_rng(settings.seed).spawn(len(pairs))
-    for number, ((i, j), rng) in enumerate(zip(pairs.tolist(), generators, strict=True)):
-        reference, moving = sweeps[i], sweeps[j]
-        names = (reference.name, moving.name)
-        report(f"{engine}: {' - '.join(names)}", number / len(pairs))
-        guess = between(poses[i], poses[j])
-        length, angle = guess_deviations(poses, i, j, settings.guess_sigmas).tolist()
-        limits = MatchSettings(guess_length=length, guess_angle=angle)
-        decision = decisions.get(names)
-        if decision is not None and decision.guess is not None:
-            guess, limits = decision.guess, BY_HAND
-        if engine == "genetic":
-            found = genetic_match(reference, moving, rng, [guess], settings.genetic, middle=guess)
-            convergence[names] = found.convergence
-            matches.append(judged(reference, moving, guess, found.finalists, limits))
-        else:
-            start = _start(reference, moving, guess, settings)
-            matches.append(match(reference, moving, guess, limits, start))
-    judged_matches, loops = with_loops(matches)
-    return Matching(
-        engine, [_obeying(one, decisions) for one in judged_matches], loops, convergence
-    )
+    tried = np.ones(len(pairs), dtype=bool)
+    if engine == "genetic":
+        tried[:] = False
+        tried[nearest_pairs(poses, pairs, settings.genetic_pairs)] = True
+        named = [frozenset(names) for names in decisions]
+        tried |= [frozenset((sweeps[i].name, sweeps[j].name)) in named for i, j in pairs.tolist()]
+    rows = np.flatnonzero(tried)
+    found: dict[int, Match] = {}
+    convergence: dict[tuple[str, str], Array] = {}
+    while True:
+        for row in rows.tolist():
+            i, j = pairs[row].tolist()
+            names = (sweeps[i].name, sweeps[j].name)
+            report(f"{engine}: {' - '.join(names)}", len(found) / int(tried.sum()))
+            guess, limits = _guess(poses, i, j, decisions.get(names), settings)
+            if engine == "genetic":
+                winner = genetic_match(
+                    sweeps[i], sweeps[j], generators[row], [guess], settings.genetic, middle=guess
+                )
+                convergence[names] = winner.convergence
+                found[row] = judged(sweeps[i], sweeps[j], guess, winner.finalists, limits)
+            else:
+                start = _start(sweeps[i], sweeps[j], guess, settings)
+                found[row] = match(sweeps[i], sweeps[j], guess, limits, start)
+        told, loops = with_loops([found[row] for row in sorted(found)])
+        matches = [_obeying(one, decisions) for one in told]
+        rows = _more(poses, pairs, tried, matches, settings.genetic_pairs)
+        if not len(rows):
+            return Matching(engine, matches, loops, convergence)
+        tried[rows] = True
+
+
+def _guess(
+    poses: Array, i: int, j: int, decision: Decision | None, settings: EngineSettings
+) -> tuple[Array, MatchSettings]:
+    """Where a stop is seen from another before they are matched, and how well that is known."""
+    if decision is not None and decision.guess is not None:
+        return decision.guess, BY_HAND
+    length, angle = guess_deviations(poses, i, j, settings.guess_sigmas).tolist()
+    return between(poses[i], poses[j]), MatchSettings(guess_length=length, guess_angle=angle)
+
+
+def _more(poses: Array, pairs: Indices, tried: Flags, matches: list[Match], most: int) -> Indices:
+    """Rows of the pairs that may join what the accepted matches leave in parts; none if none do.
+
+    The matches are those of the pairs that were tried, in their order.
+    """
+    left = np.flatnonzero(~tried)
+    accepted = np.array([one.verdict == "accept" for one in matches], dtype=bool)
+    parts = parts_of(len(poses), pairs[tried][accepted])
+    rows = left[bridges(poses, pairs[left], parts, most)]
+    if len(rows):
+        return rows
+    held_up = np.array([one.changed for one in matches], dtype=bool) & ~accepted
+    doubtful = pairs[tried][held_up]
+    ends = doubtful[parts[doubtful[:, 0]] != parts[doubtful[:, 1]]]
+    return np.asarray(left[np.isin(pairs[left], ends).any(1)])
 
 
 def _start(

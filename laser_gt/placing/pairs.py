@@ -91,6 +91,38 @@ def connected_stops(count: int, pairs: npt.ArrayLike, roots: Sequence[int]) -> F
             return reached
 
 
+def parts_of(count: int, pairs: npt.ArrayLike) -> Indices:
+    """(count,) number of the part that each stop is in, where pairs, (m, 2), join stops."""
+    parts = np.full(count, -1, dtype=np.intp)
+    for stop in range(count):
+        if parts[stop] < 0:
+            parts[connected_stops(count, pairs, [stop])] = stop
+    return parts
+
+
+def bridges(poses: Array, pairs: Indices, parts: Indices, most: int) -> Indices:
+    """(k,) rows of the pairs, (m, 2), that join different parts: for each two parts the shortest.
+
+    Parameters
+    ----------
+    poses : (n, 3) array
+        Initial guess of the stops.
+    pairs : (m, 2) int array
+        To choose from.
+    parts : (n,) int array
+        Part of each stop.
+    most : int
+        Pairs for each two parts.
+    """
+    ends = np.sort(parts[pairs], axis=1)
+    between_parts: dict[tuple[int, int], list[int]] = {}
+    for row in np.argsort(distances(poses, pairs), kind="stable").tolist():
+        if ends[row, 0] != ends[row, 1]:
+            between_parts.setdefault((int(ends[row, 0]), int(ends[row, 1])), []).append(row)
+    chosen = sorted(row for rows in between_parts.values() for row in rows[:most])
+    return np.array(chosen, dtype=np.intp)
+
+
 def candidate_pairs(poses: Array, sweeps: Sequence[Sweep], settings: PairSettings) -> Indices:
     """Pairs of stops, (m, 2), that are near enough to each other, and look the same way.
 
@@ -108,16 +140,21 @@ def candidate_pairs(poses: Array, sweeps: Sequence[Sweep], settings: PairSetting
     near = near[turned <= settings.heading + 1e-9]
     overlap = [expected_overlap(poses[i], poses[j], sweeps[i], sweeps[j]) for i, j in near]
     near = near[np.array(overlap, dtype=float) >= settings.overlap]
-    keep = _nearest(poses, near, settings.most)
+    keep = nearest_pairs(poses, near, settings.most)
     order = np.lexsort((near[keep, 1], near[keep, 0]))
     return near[keep][order]
 
 
-def _nearest(poses: Array, pairs: Indices, most: int) -> Indices:
-    """Pairs that are among the nearest of one of their two stops."""
+def distances(poses: Array, pairs: Indices) -> Array:
+    """(m,) distances of the two stops of pairs, metres."""
+    return np.asarray(np.hypot(*(poses[pairs[:, 0], :2] - poses[pairs[:, 1], :2]).T))
+
+
+def nearest_pairs(poses: Array, pairs: Indices, most: int) -> Indices:
+    """(k,) rows of the pairs, (m, 2), that are among the ``most`` nearest of one of their stops."""
     if not len(pairs):
         return np.zeros(0, dtype=np.intp)
-    distance = np.hypot(*(poses[pairs[:, 0], :2] - poses[pairs[:, 1], :2]).T)
+    distance = distances(poses, pairs)
     kept: set[int] = set()
     for stop in np.unique(pairs):
         mine = np.flatnonzero((pairs == stop).any(1))

@@ -79,3 +79,28 @@ class NearestGrid:
     def distance(self, x: Array, y: Array) -> npt.NDArray[np.float32]:
         """Distance to the nearest point to about half a cell; one look-up, for many queries."""
         return self._tables[1].take(self._cells(x, y))
+
+
+DROPPED = 5
+"""Worst points that do not count in the document's fitness: AD2.3, "Using two laser range finder
+with a genetic algorithm"."""
+
+
+def published_fitness(reference: Array, moving: Array) -> float:
+    """The document's fitness of a match: the smaller the better.
+
+    Parameters
+    ----------
+    reference, moving : (n, 2), (m, 2) arrays
+        Points of both scans in one frame, metres.
+
+    Returns
+    -------
+    float
+        Sum of the squared distances of the moving points to the closest points of the reference,
+        less the worst `DROPPED`, in square metres.
+    """
+    from scipy.spatial import cKDTree  # noqa: PLC0415  (loaded when a match is judged)
+
+    squared = np.sort(cKDTree(reference).query(moving)[0] ** 2)
+    return float(squared[: max(len(squared) - DROPPED, 0)].sum())

@@ -15,7 +15,7 @@ OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE | doctest.FAIL_FAST
 
 def functions(module):
     """Functions among the names of a module."""
-    named = {name: getattr(module, name) for name in dir(module)}
+    named = {name: getattr(module, name) for name in dir(module) if name[0] != "_"}
     own = {name: one for name, one in named.items() if inspect.isfunction(one)}
     return {name: one for name, one in own.items() if one.__module__.startswith("gtval.")}
 

@@ -2,14 +2,19 @@
 
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
 
 import gtval
+import gtval.testing as samples
 
 pytest_plugins = ["pytester"]
-NAMES = ("gtval_drive", "gtval_images", "gtval_motion", "gtval_room", "gtval_scans", "gtval_survey")
+NAMES = (
+    "gtval_drive", "gtval_fixes", "gtval_images", "gtval_motion", "gtval_room", "gtval_scans",
+    "gtval_survey",
+)  # fmt: skip
 
 
 def test_pytest_lists_them_with_what_they_are(tmp_path):
@@ -94,3 +99,75 @@ def test_a_motion_is_trajectories_and_their_true_clocks(gtval_motion):
     assert set(gtval_motion.clocks) == set(gtval_motion.cameras)
     assert gtval_motion.level.length == 0.008
     assert gtval_motion.truth.frame == gtval_motion.reference.frame
+
+
+def test_a_room_and_its_scans_cost_next_to_nothing():
+    # Processor time, the best of five: less than 50 ms a room and 1 s for the scans of 26 stops.
+    def least(make):
+        times = []
+        for _ in range(5):
+            start = time.process_time()
+            make()
+            times.append(time.process_time() - start)
+        return min(times)
+
+    assert least(lambda: samples.make_survey(stops=26)) < 0.05
+    assert least(lambda: samples.make_scans(stops=26)) < 1
+
+
+def test_samples_in_memory_leave_no_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    samples.make_survey(blunders=1)
+    samples.make_scans(faults=["boxes"])
+    samples.make_fixes(loops=1, missing=0.1)
+    samples.make_motion(minutes=1)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("gtval_survey", [{"blunders": 2, "typos": 1}], indirect=True)
+def test_the_wrong_readings_are_those_that_the_solver_suspects(gtval_survey):
+    solution = gtval.solve_survey(**gtval_survey.survey)
+    suspects = {row for one in solution.suspicions for row in one.candidates.tolist()}
+    assert len(gtval_survey.wrong_readings) == 3
+    # A typing error may be smaller than the noise; two of 0.1 m are not.
+    assert len(suspects & set(gtval_survey.wrong_readings)) >= 2
+
+
+def test_the_folder_and_the_memory_are_the_same_room(tmp_path):
+    options = {"seed": 4, "stops": 5, "bias": (0.1, 0.0, 0.0)}
+    folder, memory = samples.make_room(tmp_path, **options), samples.make_survey(**options)
+    assert np.array_equal(folder.truth.poses, memory.truth.poses)
+    assert np.array_equal(folder.survey["distance"], memory.survey["distance"])
+    assert np.array_equal(folder.example.poses, memory.example.poses)
+
+
+def test_faults_of_scans_are_in_them_and_nothing_else_changes():
+    clean, boxes = samples.make_scans(seed=3), samples.make_scans(seed=3, faults=["boxes"])
+    assert np.array_equal(clean.poses, boxes.poses)
+    # A range is nearer by more than ten of its standard deviations of 10 mm only at a box.
+    nearer = [(two.ranges < one.ranges - 0.1).mean()
+              for one, two in zip(clean.scans, boxes.scans, strict=True)]  # fmt: skip
+    assert 0.005 < np.mean(nearer) < 0.3
+    lost = samples.make_scans(seed=3, faults=["lost"])
+    assert 0.02 < np.mean([~np.isfinite(one.ranges) for one in lost.scans]) < 0.08
+    assert np.isfinite([one.ranges for one in clean.scans]).all()
+    with pytest.raises(ValueError, match="no such fault: fog"):
+        samples.make_scans(faults=["fog"])
+
+
+def test_odometry_starts_at_the_truth_and_drifts():
+    made = samples.make_scans(seed=2, stops=12)
+    assert np.array_equal(made.odometry[0], made.poses[0])
+    drift = np.hypot(*(made.odometry - made.poses)[:, :2].T)
+    assert drift[-1] > drift[1]
+    assert drift.max() < 12 * (0.05 + 0.04 * 3)
+
+
+@pytest.mark.parametrize("gtval_fixes", [{"loops": 1, "missing": 0.3}], indirect=True)
+def test_fixes_are_a_drive_in_memory(gtval_fixes):
+    whole = samples.make_fixes(seed=1, loops=1)
+    for one, other in zip(gtval_fixes.records, whole.records, strict=True):
+        wanted = 0.7 * len(other.times)
+        # binomial: five standard deviations
+        assert abs(len(one.times) - wanted) < 5 * np.sqrt(0.3 * wanted)
+    assert len(gtval_fixes.truth.components) == 6

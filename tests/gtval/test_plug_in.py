@@ -1,5 +1,6 @@
-"""The example of a lab's own system, installed beside the built wheel."""
+"""The examples of a lab's own system and tests, installed beside the built wheel."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -8,24 +9,63 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "my_system"
+LAB = ROOT / "examples" / "my_lab"
 
 
 @pytest.mark.full  # `make test` does the same in .ci/check-wheel
-def test_a_run_has_the_poses_findings_section_and_command_of_the_plug_in(tmp_path):
-    build = [ROOT / ".ci" / "fresh-environment", sys.executable, tmp_path, ROOT, EXAMPLE]
+def test_the_examples_pass_their_own_tests_beside_the_wheel(tmp_path):
+    build = [ROOT / ".ci" / "fresh-environment", sys.executable, tmp_path, ROOT, EXAMPLE, LAB]
     subprocess.run(build, check=True, capture_output=True, cwd=ROOT)
     python = tmp_path / "venv" / "bin" / "python"
-    tests = (EXAMPLE / "tests" / "test_my_system.py").read_text(encoding="utf-8")
-    (tmp_path / "test_my_system.py").write_text(tests, encoding="utf-8")
+    for path in [*EXAMPLE.glob("tests/test_*.py"), *LAB.glob("tests/test_*.py")]:
+        (tmp_path / path.name).write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
     command = [python, "-m", "pytest", "-q", "-p", "no:cacheprovider", tmp_path]
     done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stdout
-    assert "5 passed" in done.stdout
+    assert "12 passed" in done.stdout
 
 
-def test_the_example_imports_nothing_of_ours_but_the_facade():
+@pytest.mark.parametrize("seed", [1, 5])
+def test_the_tests_of_a_lab_pass_whatever_the_room(tmp_path, seed):
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", LAB / "tests"]
+    chosen = ["-c", LAB / "pyproject.toml", f"--gtval-seed={seed}", "-k", "not whole"]
+    surroundings = os.environ | {"PYTHONPATH": str(LAB / "src")}
+    done = subprocess.run(
+        [*command, *chosen],
+        check=False,
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env=surroundings,
+    )
+    assert "6 passed" in done.stdout, done.stdout
+
+
+def test_a_lab_whose_solver_is_wrong_is_told_so(tmp_path):
+    """The tests of the example can fail: a solver that is off by 3 cm does not pass."""
+    solver = (LAB / "src" / "my_lab" / "solver.py").read_text(encoding="utf-8")
+    wrong = solver.replace("return point, covariance,", "return point + 0.03, covariance,")
+    assert wrong != solver
+    (tmp_path / "my_lab").mkdir()
+    (tmp_path / "my_lab" / "__init__.py").write_text("", encoding="utf-8")
+    (tmp_path / "my_lab" / "solver.py").write_text(wrong, encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+    chosen = ["-c", LAB / "pyproject.toml", LAB / "tests" / "test_solver.py"]
+    surroundings = os.environ | {"PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(
+        [*command, *chosen],
+        check=False,
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env=surroundings,
+    )
+    assert "1 failed, 1 passed" in done.stdout, done.stdout
+
+
+def test_the_examples_import_nothing_of_ours_but_the_facade():
     # What it imports beyond these names could change under a lab's feet.
-    for path in EXAMPLE.rglob("*.py"):
+    for path in [*EXAMPLE.rglob("*.py"), *LAB.rglob("*.py")]:
         for line in path.read_text(encoding="utf-8").splitlines():
             words = line.split()
             if words[:1] in (["import"], ["from"]):

@@ -27,7 +27,7 @@ def results(tmp_path_factory):
     errors = gtval.compare(survey, rig)
     made = [
         *(survey, drive, scans, images, offsets, room, errors, done),
-        samples.make_motion(minutes=0.5),
+        *(samples.make_motion(minutes=0.5), samples.make_survey(), samples.make_fixes(loops=1)),
         gtval.load_campaign(room.folder),
         gtval.explain(survey, rig),
         gtval.findings(errors)[0],

@@ -1,15 +1,43 @@
-"""Figures as SVG that can stand inline in one page, the same bytes every time."""
+"""Figures as SVG that can stand inline in one page, the same bytes every time.
 
+What is drawn stays lines and text, so that it can be enlarged, searched and read out. Clouds of
+points do not: thousands of dots are an image of the size shown, a hundredth of the bytes.
+"""
+
+import base64
 import io
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib as mpl
+import matplotlib.figure
+import numpy as np
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.lines import Line2D
 
 from validation.results import Figure
 
 _PROLOGUE = re.compile(r"^.*?(?=<svg)", re.DOTALL)
 _IDENTIFIER = re.compile(r'\bid="([^"]+)"')
+_PLACES = re.compile(r'(?<=\s)(d|x|y|points)="([^"]*)"')
+_DECIMALS = re.compile(r"(\.\d\d)\d+")
+_FIRST = r"\1"
+_PNG = re.compile(r"data:image/png;base64,([A-Za-z0-9+/=\s]+)")
+DENSE = 300
+"""Points of one kind beyond which they are an image. A dot takes a hundred bytes: so many of them
+take as much as their image."""
+DOTS_PER_INCH = 160
+"""Of images in figures: sharp on a screen with two dots a pixel, where the page shows a figure of 9
+inches 736 pixels wide."""
+LEAST = 0.8
+"""Least size at which a figure is shown, in pixels a point: its text of 8 points is then 6 pixels
+high and can be read on a phone. A figure that is wider than the screen is moved sideways."""
+COLOURS = 256
+"""An image of more colours is a photograph, of fewer a drawing. A judgement: a cloud of dots has
+its colour and the steps of its edges."""
+QUALITY = 85
+"""Of photographs, in WebP. A judgement: no trace of the compression shows at the size shown."""
 
 
 @dataclass(frozen=True)
@@ -32,10 +60,50 @@ def drawn_svg(figure: Figure) -> str:
     stream = io.StringIO()
     # Text stays text: it can be searched, copied, and read out.
     with mpl.rc_context({"svg.hashsalt": figure.name, "svg.fonttype": "none"}):
-        figure.draw().savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+        drawn = figure.draw()
+        _clouds_as_images(drawn)
+        metadata = {"Date": None, "Creator": None}
+        drawn.savefig(stream, format="svg", metadata=metadata, dpi=DOTS_PER_INCH)
     svg = _PROLOGUE.sub("", stream.getvalue(), count=1)
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    return re.sub(r"<!--.*?-->\s*", "", svg, flags=re.DOTALL)
+    svg = re.sub(r"<!--.*?-->\s*", "", svg, flags=re.DOTALL)
+    svg = _PLACES.sub(_rounded, svg)
+    return _PNG.sub(_small_image, svg)
+
+
+def _clouds_as_images(drawn: matplotlib.figure.Figure) -> None:
+    """Artists of many points are to be drawn as images."""
+    for artist in drawn.findobj(lambda one: _points_of(one) > DENSE):
+        artist.set_rasterized(True)
+
+
+def _points_of(artist: Any) -> int:
+    """Dots or pieces of line that an artist draws one by one."""
+    if isinstance(artist, Line2D):
+        marked = artist.get_marker() not in {"None", "none", None, " ", ""}
+        return int(np.size(artist.get_xdata())) if marked else 0
+    if isinstance(artist, LineCollection):
+        return len(artist.get_paths())
+    return len(np.asarray(artist.get_offsets())) if isinstance(artist, PathCollection) else 0
+
+
+def _rounded(found: re.Match[str]) -> str:
+    """Places to a hundredth of a point, without line ends."""
+    return f'{found[1]}="{_DECIMALS.sub(_FIRST, " ".join(found[2].split()))}"'
+
+
+def _small_image(found: re.Match[str]) -> str:
+    """A PNG image as WebP: drawings as they are, photographs compressed; the smaller one."""
+    from PIL import Image  # noqa: PLC0415  (few figures hold an image)
+
+    given = base64.b64decode(found[1])
+    image = Image.open(io.BytesIO(given)).convert("RGBA")
+    drawing = image.getcolors(COLOURS) is not None
+    stream = io.BytesIO()
+    image.save(stream, "WEBP", lossless=drawing, quality=QUALITY, method=4)
+    if stream.tell() >= len(given):
+        return f"data:image/png;base64,{base64.b64encode(given).decode()}"
+    return f"data:image/webp;base64,{base64.b64encode(stream.getvalue()).decode()}"
 
 
 def inline_svg(figure: Figure, prefix: str) -> str:
@@ -66,9 +134,12 @@ def _unique_ids(svg: str, prefix: str) -> str:
 
 
 def _labelled(svg: str, figure: Figure, prefix: str) -> str:
-    """The root element without size, as an image with a name and a description."""
+    """The root element without size but the least one, with a name and a description."""
     head, rest = svg.split(">", 1)
+    wide = re.search(r'\swidth="([\d.]+)pt"', head)
     head = re.sub(r'\s(width|height)="[^"]*"', "", head)
+    if wide:
+        head += f' style="--least: {LEAST * float(wide[1]):.0f}px"'
     head += f' role="img" aria-labelledby="{prefix}-title {prefix}-desc"'
     return (
         f'{head}>\n <title id="{prefix}-title">{_escaped(figure.caption)}</title>\n'

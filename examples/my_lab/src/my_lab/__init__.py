@@ -1,0 +1,1 @@
+"""A lab's own code: a solver, a localisation, a report."""
