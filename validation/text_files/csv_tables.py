@@ -15,6 +15,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from validation.errors import MAX_SHOWN_PROBLEMS, InputError, Problem, shown
+from validation.text_files.csv_text import meant
 from validation.text_files.lengths import (
     in_metres,
     split_heading,
@@ -185,7 +186,7 @@ def header_of(path: Path, *, max_bytes: int = MAX_BYTES) -> list[str]:
     rows = table_rows(path, max_bytes)
     if not rows:
         raise InputError([Problem(path, "the file is empty; expected a header line", 1)])
-    return [cell.strip() for cell in rows[0][1]]
+    return [meant(cell.strip()) for cell in rows[0][1]]
 
 
 def _matched_header(
@@ -202,7 +203,7 @@ def _matched_header(
         For missing or repeated columns, and for units that cannot be used.
     """
     line, written = rows[0]
-    header = [cell.strip() for cell in written]
+    header = [meant(cell.strip()) for cell in written]
     units: dict[str, str] = {}
     problems = []
     for column in columns:
@@ -283,7 +284,7 @@ def _add_row(table: CsvTable, line: int, cells: list[str], header: Sequence[str]
 def _read_column(table: CsvTable, column: Column, heading_unit: str) -> None:
     """Fill `text` or `numbers` from the raw cells."""
     if column.kind != "number":
-        table.text[column.name] = [" ".join(raw.split()) for raw in table.raw[column.name]]
+        table.text[column.name] = [meant(" ".join(raw.split())) for raw in table.raw[column.name]]
         for row, raw in enumerate(table.raw[column.name]):
             bad = _bad_text(raw.strip(), column)
             if bad is not None:
