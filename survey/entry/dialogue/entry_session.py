@@ -12,14 +12,16 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Self
 
-from survey.entry.dialogue.answers import Answer
+from survey.entry.dialogue.answers import Answer, same_text
 from survey.entry.dialogue.entry_view import EntryView
 from survey.entry.dialogue.file_changes import bring_together, refuse_sheet
 from survey.entry.record.entries import MAX_NAME, MAX_NOTE, Entry, Kind, Person, clean_text
 from survey.entry.record.journal import BehindError, Journal, NotRecordedError
 from survey.entry.record.numbers import TypedDistance, both_units, parse_distance
+from survey.entry.record.remembered import RememberedDoubts
 from survey.entry.record.state import WAS_SET_ASIDE, Pair
 from survey.entry.room.double import check_second
+from survey.entry.room.further_points import check_point_name, with_world_point
 from survey.entry.room.targets import Target, check_stop_name, load_names
 from survey.settings import SurveySettings
 from validation.campaign.folder import Campaign
@@ -50,6 +52,8 @@ class EntrySession(EntryView):
         self.others: set[int] = set()
         """Entries that another process wrote to the journal while this one was open."""
         self._preparing: threading.Timer | None = None
+        self._last_of: dict[str, Entry] = {}
+        """The last number entered on each device, taken or asked about."""
 
     @classmethod
     def open(cls, campaign: Campaign, who: str = "", *, adopt: bool = False) -> Self:
@@ -133,6 +137,7 @@ class EntrySession(EntryView):
         entry_id: str = "",
         again: bool = False,
         measured: str = "",
+        sure: bool = False,
     ) -> Answer:
         """What became of a number; it is on the disk when this returns.
 
@@ -150,6 +155,8 @@ class EntrySession(EntryView):
             Whether it replaces the reading that the pair has.
         measured : str
             When, if not now.
+        sure : bool
+            Whether a value that is that of the target just before is taken without asking.
 
         Raises
         ------
@@ -174,6 +181,10 @@ class EntrySession(EntryView):
         except ValueError as error:
             return Answer(self._write(replace(entry, kind="refused")), "refused", str(error))
         entry = replace(entry, metres=typed.metres, second=person.second)
+        before, self._last_of[person.device] = self._last_of.get(person.device), entry
+        if before and not (sure or again) and self._is_same(before, entry):
+            said = same_text(before)
+            return Answer(self._write(replace(entry, kind="refused", metres=None)), "refused", said)
         if blind:
             return self._blind_answer(self._write(entry))
         if again and self.state.counting(target.pair):
@@ -240,6 +251,28 @@ class EntrySession(EntryView):
         self._write(self._entry("stop", person, None, stop))
         self.guide.make_plan()
         target = self.guide.target(stop)
+        self.jump(target, person)
+        return target
+
+    def add_world_point(self, name: str, person: Person) -> Target:
+        """The first target of a further world point, which campaign.toml lists from now on.
+
+        Raises
+        ------
+        GtvalError
+            If the name cannot be one or is there already, or campaign.toml cannot be written.
+        """
+        point = check_point_name(clean_text(name, MAX_NAME), self.guide.names)
+        with self.changing:
+            self.campaign = with_world_point(self.campaign, point)
+            self.survey = self.campaign.section("survey", SurveySettings)
+            self._write(self._entry("mark", person, None, point))
+            self._checks = None  # what was known of the room stands; it is made anew when needed
+            self._remembered = RememberedDoubts(
+                self.journal.path.with_suffix(".doubts"), self.campaign
+            )
+            self.guide.of_campaign(self.campaign)
+        target = self.guide.target(f"{self.guide.names.vframe[0]} {point}")
         self.jump(target, person)
         return target
 
@@ -327,6 +360,14 @@ class EntrySession(EntryView):
             return Answer(entry, "set aside", self._already_measured(entry, echo))
         ends = (target.end for target in self.guide.targets_from(entry.start))
         return Answer(entry, "recorded", echo, self.checks.verdict(entry, typed, expected, ends))
+
+    @staticmethod
+    def _is_same(before: Entry, entry: Entry) -> bool:
+        """Whether a value was entered for another pair just before: sent twice, perhaps.
+
+        Asked once: entered again for the same pair, it is meant.
+        """
+        return before.metres == entry.metres and before.pair != entry.pair
 
     def _repeated(self, entry_id: str, target: Target, text: str) -> Answer:
         """The answer to an entry that was sent once more."""

@@ -81,6 +81,14 @@ class EntryView:
         """Those of all stops and world points that were examined since they last changed."""
         return self.checks.doubtful_so_far() if self.state.pairs else []
 
+    def would_fit(self, number: int) -> str:
+        """What a doubtful reading would have to be for the others; '' where they do not say."""
+        return self.checks.would_fit(number)
+
+    def unchecked(self) -> list[int]:
+        """Readings that nothing checks yet, in the order entered."""
+        return self.checks.unchecked() if self.state.pairs else []
+
     def unexamined(self) -> int:
         """Stops and world points whose readings were not looked through since they changed."""
         return self.checks.examine(0) if self.state.pairs else 0
