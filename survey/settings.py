@@ -50,7 +50,8 @@ class EntrySettings(Settings):
 class SurveySettings(Settings):
     """Files and choices of the survey; paths are relative to the campaign folder.
 
-    ``readings`` are the distances (from, to, distance, and if wanted time, observer, use, note).
+    ``readings`` are the distances (from, to, distance, and if wanted time, observer, use, note);
+    ``units`` is what those are in that state no unit: "m", "cm", "mm", "ft" or "in".
     ``world_points`` lists the names of the marked points on the walls. ``initial_guesses`` are
     poses measured roughly by hand (pose, x, y, theta), ``hand_points`` world points (world_point,
     x, y, and if wanted sigma). ``published_world_points`` and ``published_poses`` are coordinates
@@ -63,6 +64,7 @@ class SurveySettings(Settings):
     """
 
     readings: str = "survey/readings.csv"
+    units: Literal["m", "cm", "mm", "ft", "in"] = "m"
     initial_guesses: str = "survey/initial_guesses.csv"
     hand_points: str = "survey/hand_points.csv"
     published_world_points: str = "survey/published_world_points.csv"

@@ -20,9 +20,11 @@ class SurveySystem:
 
     def has_data(self, campaign: "Campaign") -> bool:
         """Whether there are readings or published poses."""
+        from survey.readings.readings import readings_path
+
         settings = campaign.section("survey", SurveySettings)
-        wanted = (settings.readings, settings.published_poses)
-        return any((campaign.folder / name).exists() for name in wanted)
+        published = campaign.folder / settings.published_poses
+        return readings_path(campaign, settings).exists() or published.exists()
 
     def inputs(self, campaign: "Campaign") -> "list[Path]":
         """The files of the survey."""

@@ -355,6 +355,14 @@ def _suspicion_text(used: Readings, suspicion: BlunderSuspicion) -> str:
 
 
 def _set_aside(outcome: SurveyOutcome) -> Iterator[Finding]:
+    lines = () if outcome.inputs.file is None else outcome.inputs.file.said_before
+    if lines:
+        shown = ", ".join(map(str, lines[:6])) + (", …" if len(lines) > 6 else "")
+        text = (
+            f"{len(lines)} row(s) of the readings say the same as an earlier one, time and value "
+            f"(line {shown}): they were used as repeats. Delete them if they were pasted twice"
+        )
+        yield Finding("note", text, "survey", "readings-repeated")
     if outcome.inputs.file is None or not len(outcome.inputs.file.set_aside):
         return
     aside = outcome.inputs.file.set_aside

@@ -13,8 +13,8 @@ from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable, from_csv
-from validation.text_files.csv_tables import MAX_BYTES, Column, read_csv
-from validation.text_files.reading import file_bytes
+from validation.text_files.csv_tables import Column, read_csv
+from validation.text_files.table_rows import table_rows
 
 HAND_SIGMA = 0.2
 """Standard deviation, in metres, of hand-measured points that state none. A judgement: a tape laid
@@ -63,7 +63,7 @@ def load_inputs(campaign: Campaign) -> SurveyInputs:
     problems = _settings_problems(campaign, settings)
     if readings.exists():
         # Names of marks hold a '/'; the rest of the file is read when the settings are good.
-        marks = b"/" in file_bytes(readings, MAX_BYTES, "a table")
+        marks = any("/" in cell for _, cells in table_rows(readings) for cell in cells)
         tolerance = settings.reading_sigma is None
         problems += missing_hardware(campaign, tolerance=tolerance, rig=marks)
     if problems:
@@ -80,7 +80,7 @@ def input_files(campaign: Campaign) -> list[Path]:
     """The files that the survey reads, campaign.toml apart, whether they are there or not."""
     settings = campaign.section("survey", SurveySettings)
     names = (
-        settings.readings,
+        readings_path(campaign, settings),
         settings.initial_guesses,
         settings.hand_points,
         settings.published_world_points,

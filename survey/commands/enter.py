@@ -110,7 +110,12 @@ def _at_terminal(entry_session: "EntrySession", person: "Person") -> int:
 
 def _print_status(entry_session: "EntrySession", *, as_json: bool) -> None:
     """How far the work is, what is next, what is doubtful."""
-    from survey.entry.dialogue.words import pair_text, progress_text, readings_text
+    from survey.entry.dialogue.words import (
+        doubts_text,
+        pair_text,
+        progress_text,
+        unchecked_text,
+    )
     from survey.entry.record.entries import Person
 
     progress = entry_session.guide.progress()
@@ -132,6 +137,7 @@ def _print_status(entry_session: "EntrySession", *, as_json: bool) -> None:
                 {"entry": e.number, "from": e.start, "to": e.end, "distance": e.metres}
                 for e in entries
             ],
+            "unchecked": entry_session.unchecked(),
         }
         print_json(said)
         return
@@ -139,6 +145,12 @@ def _print_status(entry_session: "EntrySession", *, as_json: bool) -> None:
     if waiting:
         name = entry_session.readings_file.path.name
         click.echo(f"{name} has {waiting} reading(s) that the journal does not have yet")
-    click.echo("all done" if target is None else f"next: {pair_text(target)}")
+    open_still = doubtful or entry_session.disagreeing()
+    if target is not None:
+        click.echo(f"next: {pair_text(target)}")
+    elif not open_still:
+        click.echo("all done")
     if doubtful:
-        click.echo(f"{len(doubtful)} doubtful: {readings_text(entry_session, doubtful)}")
+        click.echo(f"{len(doubtful)} doubtful: {doubts_text(entry_session, doubtful)}")
+    if unchecked_text(entry_session):
+        click.echo(unchecked_text(entry_session))

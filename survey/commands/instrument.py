@@ -55,9 +55,9 @@ def instrument_check(
     from validation.commands.output import tell_check
 
     instrument = _specification(campaign, tolerance, resolution)
-    length, reading, sigma = _read_lengths(readings, instrument)
+    length, reading, sigma, lines = _read_lengths(readings, instrument)
     check = check_instrument(length, reading, instrument, sigma)
-    findings = verdict(check)
+    findings = verdict(check, lines)
     snippet = settings_snippet(check, instrument)
     if figure is not None:
         from survey.figures.studies import instrument_figure
@@ -65,12 +65,14 @@ def instrument_check(
 
         write_figure(figure, instrument_figure(length, reading, check, instrument))
     tell_check(
-        {"check": check, "settings": snippet},
+        {"check": check, "settings": snippet or None},
         [_instrument_table(check)],
         findings,
         as_json=as_json,
         strict=strict,
-        more=f"For campaign.toml:\n\n{snippet}".rstrip(),
+        more=f"For campaign.toml:\n\n{snippet}".rstrip()
+        if snippet
+        else "No lines for campaign.toml: see above.",
     )
 
 
@@ -101,8 +103,10 @@ def _specification(
     return base.model_copy(update={k: v for k, v in changes.items() if v is not None})
 
 
-def _read_lengths(path: Path, instrument: "Instrument") -> tuple["Array", "Array", "Array | None"]:
-    """Known lengths, readings, and their sigmas where the file states them.
+def _read_lengths(
+    path: Path, instrument: "Instrument"
+) -> tuple["Array", "Array", "Array | None", list[int]]:
+    """Known lengths, readings, their sigmas where the file states them, and their lines.
 
     Raises
     ------
@@ -132,9 +136,10 @@ def _read_lengths(path: Path, instrument: "Instrument") -> tuple["Array", "Array
     table.raise_problems()
     sigma = np.array(table.numbers["sigma"])
     if np.isnan(sigma).all():
-        return true, read, None
+        return true, read, None, table.lines
     bare = instrument.model_copy(update={"setup_sigma": 0.0})
-    return true, read, np.where(np.isnan(sigma), reading_sigma(bare, true), sigma)
+    sigma = np.where(np.isnan(sigma), reading_sigma(bare, true), sigma)
+    return true, read, sigma, table.lines
 
 
 def _flag_empty(table: "CsvTable", column: str) -> None:
@@ -149,6 +154,7 @@ def _flag_empty(table: "CsvTable", column: str) -> None:
 
 def _instrument_table(check: "InstrumentCheck") -> "Table":
     """Estimates with their standard deviations and tests."""
+    from survey.studies.instrument_verdict import SHOWN_ROUNDING
     from validation.results import Table
 
     low, high = check.noise_interval
@@ -173,6 +179,9 @@ def _instrument_table(check: "InstrumentCheck") -> "Table":
             else f"no redundancy; expected {check.expected_noise * 1e3:.2f} mm",
         ],
     ]
+    if check.shared_rounding > SHOWN_ROUNDING:
+        said = "the same for all readings of a length"
+        rows.append(["rounding [mm]", None, check.shared_rounding * 1e3, None, said])
     return Table(
         f"Instrument check: {check.readings} reading(s), {check.shortest:.3f} to "
         f"{check.longest:.3f} m",

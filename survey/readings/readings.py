@@ -1,7 +1,7 @@
 """Hand-laser readings: the file, the names of the points, the distances they stand for."""
 
 import difflib
-import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,11 +13,12 @@ import numpy.typing as npt
 
 from survey.readings.instrument import corrected, reading_sigma
 from survey.readings.point_names import robot_point
+from survey.readings.units import check_distances, places_of_frame
 from survey.settings import SurveySettings
 from validation.campaign.folder import Campaign
 from validation.poses.angles import Array
-from validation.statistics.units import unit_of_ratio
 from validation.text_files.csv_tables import Column, CsvTable, read_csv
+from validation.text_files.table_rows import SHEETS
 
 Mask = npt.NDArray[np.bool_]
 
@@ -126,11 +127,14 @@ class ReadingsFile:
         Those that a person marked with use = no.
     notes : tuple of str
         Why, in their order.
+    said_before : tuple of int
+        Lines that repeat an earlier one in time, pair and value: taken as repeats.
     """
 
     used: Readings
     set_aside: Readings
     notes: tuple[str, ...] = ()
+    said_before: tuple[int, ...] = ()
 
 
 def load_readings(campaign: Campaign, settings: SurveySettings) -> ReadingsFile | None:
@@ -141,26 +145,30 @@ def load_readings(campaign: Campaign, settings: SurveySettings) -> ReadingsFile 
     InputError
         Naming file, line, field and value of every bad place.
     """
-    path = campaign.folder / settings.readings
+    path = readings_path(campaign, settings)
     if not path.exists():
         return None
     instrument = campaign.settings.instrument
-    low, high = instrument.range_min, instrument.range_max
+    distance = Column("distance", "number", unit="m", written_in=settings.units)
     table = read_csv(
         path,
         [
             Column("from"),
             Column("to"),
-            Column("distance", "number", low=low, high=high, unit="m"),
+            distance,
             Column("time", required=False, blank=True),
             Column("observer", required=False, blank=True),
             Column("use", required=False, blank=True),
             Column("note", required=False, blank=True),
         ],
     )
+    for column in ("from", "to"):
+        table.text[column] = _without_blanks(table.text[column], campaign, settings)
     _check_names(table, campaign, settings)
     _check_rows(table)
-    _check_unit(table, campaign, settings)
+    places = places_of_frame(campaign.settings.vframe.points, settings.labels)
+    limits = replace(distance, low=instrument.range_min, high=instrument.range_max)
+    check_distances(table, places, limits)
     if len(table) == 0 and not table.problems:
         table.lines.append(1)
         table.raw["from"].append("")
@@ -169,7 +177,9 @@ def load_readings(campaign: Campaign, settings: SurveySettings) -> ReadingsFile 
     readings = _as_readings(table, campaign, settings)
     kept = np.array([use.lower() != "no" for use in table.text["use"]])
     notes = [note for note, keep in zip(table.text["note"], kept, strict=True) if not keep]
-    return ReadingsFile(readings.select(kept), readings.select(~kept), tuple(notes))
+    return ReadingsFile(
+        readings.select(kept), readings.select(~kept), tuple(notes), _said_before(table)
+    )
 
 
 def _as_readings(table: CsvTable, campaign: Campaign, settings: SurveySettings) -> Readings:
@@ -192,6 +202,21 @@ def _as_readings(table: CsvTable, campaign: Campaign, settings: SurveySettings) 
     )
 
 
+def _without_blanks(names: list[str], campaign: Campaign, settings: SurveySettings) -> list[str]:
+    """Names as campaign.toml writes them, which knows no blanks: 'mark 3' where it has 'mark_3'."""
+    known = {*campaign.settings.vframe.points, *settings.labels, *settings.world_points}
+    bare: dict[str, set[str]] = {}
+    for name in known:
+        bare.setdefault(re.sub("[-_]", "", name), set()).add(name)
+
+    def meant(name: str) -> str:
+        name = re.sub(" ?/ ?", "/", name)
+        alike = bare.get(re.sub("[- _]", "", name), set()) if " " in name else set()
+        return next(iter(alike)) if len(alike) == 1 else name
+
+    return [meant(name) for name in names]
+
+
 def _check_names(table: CsvTable, campaign: Campaign, settings: SurveySettings) -> None:
     """Flag names that are no known point."""
     vframe = set(campaign.settings.vframe.points)
@@ -210,20 +235,6 @@ def _check_names(table: CsvTable, campaign: Campaign, settings: SurveySettings) 
                 )
 
 
-def _check_unit(table: CsvTable, campaign: Campaign, settings: SurveySettings) -> None:
-    """Flag distances of a frame whose sides are as many times the stated ones as feet a metre."""
-    frame = campaign.settings.vframe.points
-    ratios = {}
-    for row, ends in enumerate(zip(table.text["from"], table.text["to"], strict=True)):
-        a, b = (frame.get(settings.labels.get(name, name)) for name in ends)
-        if a and b and a != b:
-            ratios[row] = table.numbers["distance"][row] / math.dist(a, b)
-    unit = unit_of_ratio(float(np.median(list(ratios.values())))) if len(ratios) > 1 else ""
-    if unit:
-        what = f"the lengths between Vframe points are in {unit}, by [vframe]; write metres"
-        table.flag(next(iter(ratios)), "distance", what)
-
-
 def _unknown_point(name: str, known: set[str]) -> str:
     near = difflib.get_close_matches(name, known, 1, cutoff=0.5)
     hint = f"; did you mean '{near[0]}'?" if near else ""
@@ -234,7 +245,7 @@ def _unknown_point(name: str, known: set[str]) -> str:
 
 
 def _check_rows(table: CsvTable) -> None:
-    """Flag readings from a point to itself, bad 'use' cells and rows that stand twice."""
+    """Flag readings from a point to itself and bad 'use' cells."""
     for row, (start, end) in enumerate(zip(table.text["from"], table.text["to"], strict=True)):
         if start and start == end:
             table.flag(row, "to", "a reading from a point to itself")
@@ -242,13 +253,22 @@ def _check_rows(table: CsvTable) -> None:
         if use.lower() not in {"", "yes", "no"}:
             table.flag(row, "use", "expected yes, no or nothing")
 
-    def same_measurement(row: int) -> object:
-        pair = frozenset((table.text["from"][row], table.text["to"][row]))
-        return pair, table.raw["distance"][row].strip(), table.text["time"][row]
 
-    table.flag_duplicates(["from", "to", "distance"], same_measurement)
+def _said_before(table: CsvTable) -> tuple[int, ...]:
+    """Lines that repeat an earlier one in time, pair and value."""
+    seen: set[object] = set()
+    found = []
+    for row, line in enumerate(table.lines):
+        pair = frozenset((table.text["from"][row], table.text["to"][row]))
+        same = pair, table.raw["distance"][row].strip(), table.text["time"][row]
+        if same in seen:
+            found.append(line)
+        seen.add(same)
+    return tuple(found)
 
 
 def readings_path(campaign: Campaign, settings: SurveySettings) -> Path:
-    """Where the readings are or would be."""
-    return campaign.folder / settings.readings
+    """Where the readings are or would be: a sheet beside it where the file is not there."""
+    path = campaign.folder / settings.readings
+    sheets = (path.with_suffix(suffix) for suffix in SHEETS)
+    return path if path.exists() else next((one for one in sheets if one.exists()), path)

@@ -6,12 +6,14 @@ lengths give offset, scale and noise, each with its uncertainty;
 `survey.studies.instrument_verdict` says what may be claimed from them.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from scipy.stats import chi2, f, norm, t
 
 from survey.readings.instrument import reading_sigma, tolerance_at
+from survey.studies.instrument_misfit import Misfit, find_misfit
 from validation.campaign.folder import Instrument
 from validation.poses.angles import Array
 
@@ -67,6 +69,12 @@ class InstrumentCheck:
         What the maker allows at the length where that limit comes nearest to it, metres.
     correction : Correction
         To remove what is significant; offset 0 and scale 1 where nothing is.
+    shared_rounding : float
+        Standard deviation of the rounding that all readings of one length share, metres; 0 where
+        no length was read twice, or the readings scatter by more than the last digit.
+    misfit : Misfit
+        What an offset, a scale and noise do not explain. The numbers are then those of the rows
+        that are not bad, and of no use where it is something else than bad rows.
     """
 
     readings: int
@@ -86,6 +94,8 @@ class InstrumentCheck:
     largest_error: float
     tolerance: float
     correction: Correction
+    shared_rounding: float = 0.0
+    misfit: Misfit = field(default_factory=Misfit)
 
 
 @dataclass(frozen=True)
@@ -146,16 +156,21 @@ def check_instrument(
     The error ``reading - length`` is fitted by ``offset + scale_error * length``: regressing on
     the known lengths, which carry no noise, is what keeps the scale free of bias. The tests use
     the noise seen (Student, F), but never less than the rounding leaves; without redundancy they
-    use the expected one (normal, chi-squared).
+    use the expected one (normal, chi-squared). Readings of one length that hardly scatter are all
+    rounded the same way: that part does not average out, and is counted once a length.
     """
     length, reading = np.asarray(length, dtype=float), np.asarray(reading, dtype=float)
     if length.size == 0 or not np.isfinite(np.concatenate([length, reading])).all():
         raise ValueError("at least one reading and finite numbers are needed")
     bare = instrument.model_copy(update={"setup_sigma": 0.0})
     expected = reading_sigma(bare, length) if sigma is None else np.asarray(sigma, dtype=float)
-    rounding = instrument.resolution / np.sqrt(12)
     both = bool(np.ptp(length) > expected.max())
     error = reading - length
+    misfit = find_misfit(length, error, expected, with_scale=both)
+    good = np.setdiff1d(np.arange(len(length)), misfit.bad_rows)
+    length, error, expected = length[good], error[good], expected[good]
+    both = bool(np.ptp(length) > expected.max())
+    rounding = _Rounding.of(length, error, instrument.resolution)
     fit = _fit(length, error, expected, rounding, with_scale=both)
     typical = float(np.sqrt((expected**2).mean()))
     largest, tolerance = _nearest_to_tolerance(fit, length, bare)
@@ -179,6 +194,8 @@ def check_instrument(
         largest_error=largest,
         tolerance=tolerance,
         correction=Correction(0.0, 1.0, np.zeros((2, 2))),
+        shared_rounding=rounding.shared,
+        misfit=misfit,
     )
     scale_matters = both and check.p_scale < 1 - CONFIDENCE
     if check.p_joint < 1 - CONFIDENCE:
@@ -187,8 +204,41 @@ def check_instrument(
     return check
 
 
-def _fit(length: Array, error: Array, sigma: Array, rounding: float, *, with_scale: bool) -> _Fit:
-    """The fit, with the covariance scaled by the noise seen."""
+@dataclass(frozen=True)
+class _Rounding:
+    """Standard deviations of rounding, metres: of one reading, and shared by those of a length."""
+
+    single: float
+    shared: float
+
+    @classmethod
+    def of(cls, length: Array, error: Array, resolution: float) -> Self:
+        """What is shared, by how much the readings of one length scatter.
+
+        Notes
+        -----
+        A value anywhere between two steps q, read with normal noise s and rounded, is off by
+        sum_k (-1)^k q / (pi k) exp(-2 (pi k s / q)^2) sin(2 pi k x / q) in the mean: of variance
+        q^2 / 12 without noise, and none soon after s exceeds q / 2. The least noise that the
+        scatter allows (95 %) is taken.
+        """
+        single = resolution / np.sqrt(12)
+        places, group = np.unique(length, return_inverse=True)
+        spare = len(length) - len(places)
+        if spare == 0 or resolution == 0:
+            return cls(single, 0.0)
+        means = np.bincount(group, error) / np.bincount(group)
+        seen = float(((error - means[group]) ** 2).sum()) / chi2.ppf(CONFIDENCE, spare)
+        noise = max(seen - single**2, 0.0)
+        k = np.arange(1, 200)
+        terms = np.exp(-4 * (np.pi * k / resolution) ** 2 * noise) / (2 * (np.pi * k) ** 2)
+        return cls(single, float(resolution * np.sqrt(terms.sum())))
+
+
+def _fit(
+    length: Array, error: Array, sigma: Array, rounding: _Rounding, *, with_scale: bool
+) -> _Fit:
+    """The fit, with the covariance scaled by the noise seen, and what is shared added."""
     columns = [np.ones_like(length), length] if with_scale else [np.ones_like(length)]
     design = np.stack(columns, axis=-1) / sigma[:, None]
     q, r = np.linalg.qr(design)
@@ -197,8 +247,14 @@ def _fit(length: Array, error: Array, sigma: Array, rounding: float, *, with_sca
     rest = error / sigma - design @ parameters
     dof = len(length) - len(columns)
     chi_squared = float(rest @ rest)
-    factor = max(chi_squared / dof, float((rounding**2 / sigma**2).mean())) if dof else 1.0
-    return _Fit(parameters, factor * inverse @ inverse.T, chi_squared, dof)
+    least = float((rounding.single**2 / sigma**2).mean())
+    factor = max(chi_squared / dof, least) if dof else 1.0
+    # What one length adds to the parameters, with the rounding of all its readings as one.
+    places, group = np.unique(length, return_inverse=True)
+    gain = inverse @ q.T / sigma
+    by_length = np.stack([np.bincount(group, row, len(places)) for row in gain])
+    shared = rounding.shared**2 * by_length @ by_length.T
+    return _Fit(parameters, factor * inverse @ inverse.T + shared, chi_squared, dof)
 
 
 def _ratio(chi_squared: float, dof: float) -> float:

@@ -1,6 +1,6 @@
 """The instrument check in words: the verdict, and the lines for campaign.toml."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.stats import chi2
@@ -13,22 +13,31 @@ NOISE_FACTOR = 2.0
 """'Within specification' is said only where the noise is surely below so many times the stated. A
 judgement: eight readings whose noise is as stated show that much, seven do not."""
 
+SHOWN_ROUNDING = 1e-5
+"""Metres: what is less is not seen in the numbers printed."""
 
-def verdict(check: InstrumentCheck) -> list[Finding]:
+
+def verdict(check: InstrumentCheck, lines: Sequence[int] = ()) -> list[Finding]:
     """What is wrong with the instrument; 'within specification' only on evidence.
 
     Parameters
     ----------
     check : InstrumentCheck
         What was found.
+    lines : sequence of int
+        Line of the file of each reading; the readings are counted from 1 where there is none.
 
     Returns
     -------
     list of Finding
-        Codes 'within', 'offset', 'scale', 'offset_or_scale', 'noise', 'too_few'. 'within' needs
+        Codes 'instrument-rows', 'instrument-step', 'instrument-lengths' where the errors are no
+        offset, scale and noise, and nothing else then; else 'within', 'offset', 'scale',
+        'offset_or_scale', 'noise', 'too_few'. 'within' needs
         that neither test objects, that the systematic error is surely below the tolerance over
         the lengths covered, and the noise surely below twice the expected one.
     """
+    if check.misfit.is_found:
+        return [_misfit_finding(check, lines)]
     found = [*_origin_findings(check), *_noise_findings(check)]
     missing = list(_missing_evidence(check))
     if found:
@@ -48,6 +57,38 @@ def verdict(check: InstrumentCheck) -> list[Finding]:
             "within",
         )
     ]
+
+
+def _misfit_finding(check: InstrumentCheck, lines: Sequence[int]) -> Finding:
+    """Why no lines for campaign.toml can be given, and what to do."""
+    misfit = check.misfit
+
+    def place(row: int) -> str:
+        return f"line {lines[row]}" if lines else f"reading {row + 1}"
+
+    if misfit.bad_rows:
+        named = ", ".join(place(row) for row in misfit.bad_rows)
+        text = (
+            f"{len(misfit.bad_rows)} reading(s) do not belong to the others: {named}. The numbers "
+            "are those of the others. Measure these lengths again, or delete the rows"
+        )
+        return _finding("error", f"{text}; then check once more.", "instrument-rows")
+    if misfit.step_row is not None:
+        text = (
+            f"From {place(misfit.step_row)} on the readings are "
+            f"{'longer' if misfit.step > 0 else 'shorter'} by {_mm(abs(misfit.step))} ± "
+            f"{_mm(misfit.step_sigma)} (1 sigma) than before: something was changed there, the "
+            "edge that is measured from (see its display), a target, or a known length. One offset "
+            "for all would be wrong everywhere. Measure all lengths anew with one edge, or check "
+            "the two parts by themselves."
+        )
+        return _finding("error", text, "instrument-step")
+    text = (
+        "The errors differ from length to length by more than readings of one length do "
+        f"(p = {misfit.p_lengths:.2g}): they are neither an offset nor a scale error. Check the "
+        "known lengths, and measure each from the same place."
+    )
+    return _finding("error", text, "instrument-lengths")
 
 
 def _origin_findings(check: InstrumentCheck) -> Iterator[Finding]:
@@ -143,7 +184,7 @@ def _mm(length: float, *, sign: bool = False) -> str:
 
 
 def settings_snippet(check: InstrumentCheck, instrument: Instrument) -> str:
-    """Lines for the [instrument] table of campaign.toml.
+    """Lines for the [instrument] table of campaign.toml; '' where no offset and scale fit.
 
     Parameters
     ----------
@@ -152,6 +193,8 @@ def settings_snippet(check: InstrumentCheck, instrument: Instrument) -> str:
     instrument : Instrument
         Its specification.
     """
+    if check.misfit.is_found:
+        return ""
     correction = check.correction
     covered = f"{check.shortest:.3f} m and {check.longest:.3f} m"
     lines = [
@@ -167,6 +210,10 @@ def settings_snippet(check: InstrumentCheck, instrument: Instrument) -> str:
         sigma = np.sqrt(np.diagonal(correction.covariance))
         scale = f"scale {sigma[1]:.7f}" if sigma[1] > 0 else "scale taken as 1"
         lines.append(f"# Standard deviations: offset {sigma[0]:.6f} m, {scale}.")
+    if check.shared_rounding > SHOWN_ROUNDING:
+        lines.append(
+            f"# {_mm(check.shared_rounding)} of rounding are the same for all readings of a length."
+        )
     lines += [f"offset = {correction.offset:.6f}", f"scale = {correction.scale:.7f}"]
     if check.p_noise < 1 - CONFIDENCE:
         more = np.sqrt(max(check.noise**2 - check.expected_noise**2, 0.0))

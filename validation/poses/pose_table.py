@@ -15,6 +15,7 @@ from validation.errors import FaultyResultError, GtvalError, InputError, Problem
 from validation.poses.angles import Array, wrap
 from validation.shown import Shown
 from validation.text_files.csv_tables import Column, read_csv
+from validation.text_files.csv_text import harmless
 
 
 @dataclass(frozen=True)
@@ -295,6 +296,7 @@ def to_csv(table: PoseTable) -> str:
 
 
 def _quoted(cell: str) -> str:
+    cell = harmless(cell)
     return '"' + cell.replace('"', '""') + '"' if re.search(r'[",;\t]', cell) else cell
 
 

@@ -1,23 +1,30 @@
-"""CSV files as people and spreadsheets write them, read with every bad place reported.
+"""Tables as people and spreadsheets write them, read with every bad place reported.
 
-Separators may be commas, semicolons or tabs (told from the header). A decimal comma is
-accepted where it cannot mean anything else: in quotes, or where the separator is another
-character. Nothing is guessed: what cannot be read is a :class:`~validation.errors.Problem`.
+Separators may be commas, semicolons or tabs (told from the header, or by a line 'sep=;'); sheets
+(xlsx, ods) are read too. A decimal comma is accepted where it cannot mean anything else: in
+quotes, or where the separator is another character. Headings may be in capitals and state the
+unit; lengths may state theirs in the cell. Nothing is guessed: what cannot be read is a
+:class:`~validation.errors.Problem`.
 """
 
-import csv
-import io
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from pathlib import Path
 
 from validation.errors import MAX_SHOWN_PROBLEMS, InputError, Problem, shown
-from validation.text_files.reading import file_bytes
+from validation.text_files.csv_text import meant
+from validation.text_files.lengths import (
+    in_metres,
+    split_heading,
+    unit_of_word,
+    with_unit,
+)
+from validation.text_files.table_rows import MAX_BYTES, Row, table_rows
 
-MAX_BYTES = 20_000_000
-"""Some 200,000 rows: two orders more than any survey; a larger file is something else."""
+__all__ = ["MAX_BYTES", "Column", "CsvTable", "expected", "header_of", "read_csv"]
 
 MAX_PROBLEMS = 1000
 """After so many bad places a file is given up: it is something else. A judgement: no one mends
@@ -25,6 +32,9 @@ so many by hand."""
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 _WITH_UNIT = re.compile(rf"{_NUMBER.pattern}\s*([^\W\d_]{{1,6}}|['\"°])")
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(([.,' \u00a0\u2009\u202f’])\d{3})+([.,]\d+)?")
+_TITLE_LINES = 20
+"""So many lines may stand above the header for it to be found, and the fix named."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +54,10 @@ class Column:
     low, high : float
         Closed limits of a number.
     unit : str
-        For messages: 'm', 'rad'.
+        'm', 'rad', for messages; a cell or heading of a column in 'm' may state another unit of
+        length, and its numbers are then metres.
+    written_in : str
+        Unit of lengths that state none.
     """
 
     name: str
@@ -54,6 +67,7 @@ class Column:
     low: float = -math.inf
     high: float = math.inf
     unit: str = ""
+    written_in: str = "m"
 
 
 @dataclass
@@ -72,6 +86,8 @@ class CsvTable:
         Cells of the number columns, NaN where blank or bad.
     raw : dict of str to list of str
         Every cell as written.
+    own_unit : dict of str to list of bool
+        Of columns of lengths, whether the cell or the heading states the unit.
     problems : list of Problem
         All the bad places found so far.
     """
@@ -81,6 +97,7 @@ class CsvTable:
     text: dict[str, list[str]] = field(default_factory=dict)
     numbers: dict[str, list[float]] = field(default_factory=dict)
     raw: dict[str, list[str]] = field(default_factory=dict)
+    own_unit: dict[str, list[bool]] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
 
     def __len__(self) -> int:
@@ -144,81 +161,95 @@ def read_csv(path: Path, columns: Sequence[Column], *, max_bytes: int = MAX_BYTE
     InputError
         Where nothing can be read: missing, empty, too large, not a table, columns missing.
     """
-    rows = _rows(path, _decode(path, max_bytes))
+    rows = table_rows(path, max_bytes)
     if not rows:
         raise InputError([Problem(path, "the file is empty; expected a header line", 1)])
-    header_line, header = rows[0]
-    header = [cell.strip() for cell in header]
-    _check_header(path, header_line, header, columns)
+    header, units = _matched_header(path, rows, columns)
     table = CsvTable(path)
     for column in columns:
         table.raw[column.name] = []
     for line, cells in rows[1:]:
         _add_row(table, line, cells, header)
     for column in columns:
-        _read_column(table, column)
+        _read_column(table, column, units.get(column.name, ""))
     return table
 
 
 def header_of(path: Path, *, max_bytes: int = MAX_BYTES) -> list[str]:
-    """The headings of a CSV file, for files whose columns are not known beforehand.
+    """The headings of a table, for files whose columns are not known beforehand.
 
     Raises
     ------
     InputError
         Where nothing can be read, or the file is empty.
     """
-    lines = _decode(path, max_bytes).lstrip("\r\n").split("\n", 1)
-    rows = _rows(path, lines[0])
+    rows = table_rows(path, max_bytes)
     if not rows:
         raise InputError([Problem(path, "the file is empty; expected a header line", 1)])
-    return [cell.strip() for cell in rows[0][1]]
+    return [meant(cell.strip()) for cell in rows[0][1]]
 
 
-def _decode(path: Path, max_bytes: int) -> str:
-    """Text of a file, undecodable bytes kept as lone surrogates."""
-    data = file_bytes(path, max_bytes, "a table", text=True)
-    if data.startswith(b"PK\x03\x04"):
-        raise InputError([Problem(path, "this is a spreadsheet or an archive; save it as CSV", 1)])
-    return data.decode("utf-8-sig", errors="surrogateescape")
+def _matched_header(
+    path: Path, rows: Sequence[Row], columns: Sequence[Column]
+) -> tuple[list[str], dict[str, str]]:
+    """The names of the columns in their order, and the units that headings state.
 
+    A heading counts as that of a column if it is its name, or its name in other letters or with
+    a unit where no other heading is.
 
-def _rows(path: Path, text: str) -> list[tuple[int, list[str]]]:
-    """Non-blank rows with the line on which each starts."""
-    first = text.lstrip("\r\n").split("\n", 1)[0]
-    delimiter = max(",;\t", key=first.count)
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
-    rows: list[tuple[int, list[str]]] = []
-    start = 1
-    try:
-        for cells in reader:
-            if any(cell.strip() for cell in cells):
-                rows.append((start, cells))
-            start = reader.line_num + 1
-    except csv.Error as error:
-        raise InputError([Problem(path, f"not a CSV table: {error}", start)]) from error
-    return rows
-
-
-def _check_header(path: Path, line: int, header: Sequence[str], columns: Iterable[Column]) -> None:
-    """Raise for missing or repeated columns."""
-    problems = [
-        Problem(
-            path,
-            f"the column is missing; {_renamed(column.name, header) or _shown_header(header)}",
-            line,
-            column.name,
-        )
-        for column in columns
-        if column.required and column.name not in header
-    ]
-    problems += [
-        Problem(path, "the column stands twice in the header", line, column.name)
-        for column in columns
-        if header.count(column.name) > 1
-    ]
+    Raises
+    ------
+    InputError
+        For missing or repeated columns, and for units that cannot be used.
+    """
+    line, written = rows[0]
+    header = [meant(cell.strip()) for cell in written]
+    units: dict[str, str] = {}
+    problems = []
+    for column in columns:
+        exact = [at for at, name in enumerate(header) if name == column.name]
+        alike = [at for at, name in enumerate(header) if split_heading(name)[0] == column.name]
+        found = exact or alike
+        if len(found) > 1:
+            said = "the column stands twice in the header; remove or rename one"
+            problems.append(Problem(path, said, line, column.name))
+        elif found:
+            unit = "" if exact else split_heading(header[found[0]])[1]
+            if _bad_unit(unit, column):
+                said = f"the heading says {shown(unit)}; write {column.unit or 'plain numbers'}"
+                problems.append(Problem(path, said, line, column.name, header[found[0]]))
+            units[column.name] = unit_of_word(unit) if column.unit == "m" else ""
+            header[found[0]] = column.name
+        elif column.required:
+            said = f"the column is missing; {_missing(column.name, rows, columns)}"
+            problems.append(Problem(path, said, line, column.name))
     if problems:
         raise InputError(problems)
+    return header, units
+
+
+def _bad_unit(unit: str, column: Column) -> bool:
+    """Whether a heading states a unit that the numbers of a column cannot be in."""
+    if not unit or column.kind != "number":
+        return False
+    return not unit_of_word(unit) if column.unit == "m" else unit != column.unit.lower()
+
+
+def _missing(name: str, rows: Sequence[Row], columns: Sequence[Column]) -> str:
+    """What to do about a missing column: rename one, delete a title, or write a header."""
+    header = [cell.strip() for cell in rows[0][1]]
+    needed = {column.name for column in columns if column.required}
+    for line, cells in rows[1:_TITLE_LINES]:
+        if needed <= {split_heading(cell)[0] for cell in cells}:
+            return f"the header is on line {line}: delete what stands above it"
+    near = get_close_matches(name, [split_heading(h)[0] for h in header], 1, cutoff=0.5)
+    if near:
+        written = next(h for h in header if split_heading(h)[0] == near[0])
+        return f"write '{name}' instead of {shown(written)}"
+    if any(_NUMBER.fullmatch(cell) for cell in header):
+        headings = ",".join(column.name for column in columns if column.required)
+        return f"write a first line with the headings, such as {headings}"
+    return _shown_header(header)
 
 
 def _shown_header(header: Sequence[str]) -> str:
@@ -226,11 +257,6 @@ def _shown_header(header: Sequence[str]) -> str:
     named = [shown(name) for name in header[:MAX_SHOWN_PROBLEMS] if name]
     more = ", …" if len(header) > MAX_SHOWN_PROBLEMS else ""
     return "the header has: " + (", ".join(named) + more if named else "nothing")
-
-
-def _renamed(name: str, header: Iterable[str]) -> str:
-    """What to do about a heading that differs in capital letters only."""
-    return next((f"write '{name}' instead of {shown(h)}" for h in header if h.lower() == name), "")
 
 
 def _add_row(table: CsvTable, line: int, cells: list[str], header: Sequence[str]) -> None:
@@ -255,41 +281,44 @@ def _add_row(table: CsvTable, line: int, cells: list[str], header: Sequence[str]
         column.append(by_name.get(name, ""))
 
 
-def _read_column(table: CsvTable, column: Column) -> None:
+def _read_column(table: CsvTable, column: Column, heading_unit: str) -> None:
     """Fill `text` or `numbers` from the raw cells."""
-    if _is_of_smaller_unit(table, column):
-        table.numbers[column.name] = [math.nan] * len(table)
+    if column.kind != "number":
+        table.text[column.name] = [meant(" ".join(raw.split())) for raw in table.raw[column.name]]
+        for row, raw in enumerate(table.raw[column.name]):
+            bad = _bad_text(raw.strip(), column)
+            if bad is not None:
+                table.flag(row, column.name, bad)
         return
+    written_in = heading_unit or column.written_in
+    numbers = table.numbers[column.name] = [math.nan] * len(table)
+    stated = [bool(heading_unit)] * len(table)
+    if column.unit == "m":
+        table.own_unit[column.name] = stated
+        if not heading_unit and _is_of_smaller_unit(table, column):
+            return
     for row, raw in enumerate(table.raw[column.name]):
         cell = raw.strip()
         bad = _bad_text(cell, column)
-        number = math.nan
-        if bad is None and cell and column.kind == "number":
-            number, bad = _number(cell, column)
+        if bad is None and cell:
+            numbers[row], bad, own = _number(cell, column, written_in)
+            stated[row] = stated[row] or own
         if bad is not None:
             table.flag(row, column.name, bad)
-        if column.kind == "number":
-            table.numbers.setdefault(column.name, []).append(number)
-        else:
-            table.text.setdefault(column.name, []).append(cell)
-    if column.kind == "number":
-        table.numbers.setdefault(column.name, [])
-    else:
-        table.text.setdefault(column.name, [])
 
 
 def _is_of_smaller_unit(table: CsvTable, column: Column) -> bool:
     """Whether most lengths are above the limit, as in millimetres: told once, not for each."""
-    numbers = [
-        _number(raw.strip(), replace(column, high=math.inf))[0] for raw in table.raw[column.name]
-    ]
-    large = [row for row, number in enumerate(numbers) if number > column.high]
-    if column.unit != "m" or len(large) < 3 or 2 * len(large) < len(numbers):
+    wide = replace(column, low=-math.inf, high=math.inf)
+    found = [_number(raw.strip(), wide, column.written_in) for raw in table.raw[column.name]]
+    plain = [(row, one[0]) for row, one in enumerate(found) if not one[2]]
+    large = [row for row, number in plain if number > column.high]
+    if len(large) < 3 or 2 * len(large) < len(plain):
         return False
     table.flag(
         large[0],
         column.name,
-        f"out of range, like {len(large)} of {len(numbers)} cells; expected {_expected(column)}: "
+        f"out of range, like {len(large)} of {len(plain)} cells; expected {expected(column)}: "
         "divide millimetres by 1000, centimetres by 100",
     )
     return True
@@ -299,25 +328,42 @@ def _bad_text(cell: str, column: Column) -> str | None:
     """What is wrong with a cell as text, None if nothing is."""
     if any("\udc80" <= character <= "\udcff" for character in cell):
         return "not UTF-8; save the file as UTF-8"
+    if "\ufffd" in cell:
+        return "a character that cannot be read; save the file as UTF-8"
     if "\0" in cell or "\n" in cell or "\r" in cell:
         return "control characters or a line break in the cell (an unclosed quote?)"
     if not cell and column.required and not column.blank:
-        return f"the cell is empty; expected {_expected(column)}"
+        return f"the cell is empty; expected {expected(column)}"
     return None
 
 
-def _number(cell: str, column: Column) -> tuple[float, str | None]:
-    """A cell's number and what is wrong with it."""
-    if _NUMBER.fullmatch(cell) is None:
-        alone = "; write it without the unit" if _WITH_UNIT.fullmatch(cell) else ""
-        return math.nan, f"not a number{alone}; expected {_expected(column)}"
-    value = float(cell.replace(",", "."))
+def _number(cell: str, column: Column, written_in: str) -> tuple[float, str | None, bool]:
+    """A cell's number, what is wrong with it, and whether it states its own unit."""
+    own = False
+    if _NUMBER.fullmatch(cell) is not None:
+        value = float(cell.replace(",", "."))
+        if column.unit == "m" and written_in != "m":
+            value = in_metres(value, written_in)
+    else:
+        length = with_unit(cell) if column.unit == "m" else None
+        if length is None:
+            return math.nan, f"not a number{_hint(cell)}; expected {expected(column)}", False
+        value, own = length[0], True
     if not column.low <= value <= column.high or not math.isfinite(value):
-        return math.nan, f"out of range; expected {_expected(column)}"
-    return value, None
+        return math.nan, f"out of range; expected {expected(column)}", own
+    return value, None, own
 
 
-def _expected(column: Column) -> str:
+def _hint(cell: str) -> str:
+    """What to do about a cell that is no number."""
+    if _THOUSANDS.fullmatch(cell):
+        return "; write it without signs between the thousands"
+    if cell.startswith("="):
+        return "; write the value of the formula"
+    return "; write it without the unit" if _WITH_UNIT.fullmatch(cell) else ""
+
+
+def expected(column: Column) -> str:
     """What a good cell looks like, in words."""
     if column.kind != "number":
         return "a name"

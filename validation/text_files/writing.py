@@ -4,13 +4,18 @@ import contextlib
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from validation.errors import GtvalError
 
 
-def write_files(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]:
+def write_files(
+    folder: Path,
+    contents: Mapping[str, str | bytes],
+    *,
+    before: Callable[[], None] = lambda: None,
+) -> list[Path]:
     """The paths of a set of files, all written before the first is put in place.
 
     Each file goes to a temporary neighbour, is flushed to the disk, and only when all of them
@@ -24,6 +29,9 @@ def write_files(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]
         Root of the relative names; made if missing.
     contents : mapping of str to str or bytes
         Relative name to content; text is written as UTF-8.
+    before : callable
+        Called when all are on the disk, just before the first takes its name; what it raises
+        leaves everything as it was.
 
     Raises
     ------
@@ -39,6 +47,7 @@ def write_files(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]
             made += [path for path in target.parents if not path.exists()]
             target.parent.mkdir(parents=True, exist_ok=True)
             staged[target] = _stage(target, content)
+        before()
         for target, temporary in staged.items():
             kept[target] = _keep(target)
             temporary.replace(target)

@@ -9,6 +9,14 @@ if TYPE_CHECKING:
     from survey.entry.room.checks import Verdict
 
 
+def same_text(before: Entry) -> str:
+    """What is asked of a value that was entered for another pair just before."""
+    return (
+        f"the same value as for {before.start}–{before.end} just before: was it sent twice, or not "
+        "measured anew? If the display shows it, enter it once more"
+    )
+
+
 @dataclass(frozen=True)
 class Answer:
     """What became of a number that was entered.

@@ -7,34 +7,34 @@ return. Every change goes to the journal first and is only then taken into accou
 import gc
 import threading
 import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Self
 
-from survey.entry.dialogue.answers import Answer
-from survey.entry.dialogue.guide import Guide
-from survey.entry.record.adoption import as_entries, refuse_hand_changes, remark_on
+from survey.entry.dialogue.answers import Answer, same_text
+from survey.entry.dialogue.entry_view import EntryView
+from survey.entry.dialogue.file_changes import bring_together, refuse_sheet
 from survey.entry.record.entries import MAX_NAME, MAX_NOTE, Entry, Kind, Person, clean_text
-from survey.entry.record.journal import Journal
+from survey.entry.record.journal import BehindError, Journal, NotRecordedError
 from survey.entry.record.numbers import TypedDistance, both_units, parse_distance
-from survey.entry.record.readings_file import ReadingsFile
 from survey.entry.record.remembered import RememberedDoubts
-from survey.entry.record.state import WAS_SET_ASIDE, EntryState, Pair, replayed
-from survey.entry.room.double import agreement, check_second
-from survey.entry.room.groups import group_key
-from survey.entry.room.targets import Station, Target, check_stop_name, load_names
-from survey.settings import EntrySettings, SurveySettings
+from survey.entry.record.state import WAS_SET_ASIDE, Pair
+from survey.entry.room.double import check_second
+from survey.entry.room.further_points import check_point_name, with_world_point
+from survey.entry.room.targets import Target, check_stop_name, load_names
+from survey.settings import SurveySettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
 
 if TYPE_CHECKING:
-    from survey.entry.room.room_checks import PointStatus, RoomChecks
+    pass
 
 PREPARE_AFTER = 0.2
 """Seconds: the first question is on the screen by then."""
 
 
-class EntrySession:
+class EntrySession(EntryView):
     """Readings of a campaign being entered.
 
     Parameters
@@ -46,26 +46,14 @@ class EntrySession:
     """
 
     def __init__(self, campaign: Campaign, journal: Journal) -> None:
-        self.campaign = campaign
-        self.survey = campaign.section("survey", SurveySettings)
-        self.settings: EntrySettings = self.survey.entry
-        self.journal = journal
-        self.state: EntryState = replayed(
-            journal.entries,
-            agreement(campaign.settings.instrument, self.survey),
-            second_measures=self.settings.second != "type",
-        )
-        self.guide = Guide(campaign, self.settings, self.state, self._doubtful_pairs)
-        doubts = journal.path.with_suffix(".doubts")
-        self._remembered = RememberedDoubts(doubts, campaign)
-        self.readings_file = ReadingsFile(campaign.folder / self.survey.readings)
+        super().__init__(campaign, journal)
         self.taken_over = 0
         """Rows of the readings file that the journal did not have when this was opened."""
-        self.version = 0
-        """Grows with every entry; a page asks for it to know whether it is up to date."""
-        self._checks: RoomChecks | None = None
-        self._changing = threading.RLock()
+        self.others: set[int] = set()
+        """Entries that another process wrote to the journal while this one was open."""
         self._preparing: threading.Timer | None = None
+        self._last_of: dict[str, Entry] = {}
+        """The last number entered on each device, taken or asked about."""
 
     @classmethod
     def open(cls, campaign: Campaign, who: str = "", *, adopt: bool = False) -> Self:
@@ -88,10 +76,11 @@ class EntrySession:
         """
         settings = campaign.section("survey", SurveySettings)
         load_names(campaign)  # a bad campaign is told before anything is made
+        refuse_sheet(campaign, settings)
         journal = Journal.open(campaign.folder / settings.entry.journal, who)
         try:
             entry_session = cls(campaign, journal)
-            entry_session._take_over(adopt=adopt)
+            bring_together(entry_session, adopt=adopt)
         except BaseException:
             journal.close()
             raise
@@ -109,22 +98,13 @@ class EntrySession:
             self._preparing.cancel()
             self._preparing.join()  # a process must not end in the middle of an import
         self._remember()
-        if self.readings_file.problem:
-            self.readings_file.write(self.state)
+        if self.journal.is_open:
+            with suppress(NotRecordedError):
+                self.catch_up()
+            behind = self.readings_file.problem or self.others
+            if behind and not self.readings_file.edited:
+                self.readings_file.write(self.state)
         self.journal.close()
-
-    @property
-    def checks(self) -> "RoomChecks":
-        """What the readings say of the room; made, and numpy loaded, when first needed."""
-        if self._checks is None:
-            from survey.entry.room.room_checks import RoomChecks  # noqa: PLC0415
-
-            with self._changing:
-                if self._checks is None:
-                    checks = RoomChecks(self.campaign.settings, self.survey, self.state)
-                    checks.take_as_examined(self._remembered.recall(self.journal.entries))
-                    self._checks = checks
-        return self._checks
 
     def prepare(self, *others: Callable[[], object]) -> threading.Thread:
         """A thread that makes the checks, and whatever else is slow, while nobody types yet.
@@ -136,7 +116,7 @@ class EntrySession:
         def make() -> None:
             for other in others:
                 other()
-            with self._changing:
+            with self.changing:
                 self.checks  # noqa: B018  (made when first asked for)
                 self.readings_file.prepare(self.state)
             gc.freeze()
@@ -145,47 +125,6 @@ class EntrySession:
         self._preparing.daemon = True
         self._preparing.start()
         return self._preparing
-
-    # -- what there is to look at -----------------------------------------------------------
-
-    def doubtful(self) -> list[int]:
-        """All doubtful readings, in the order entered."""
-        recalled = self._recalled(self.state.pairs)
-        if recalled is not None:
-            return recalled
-        while self.examine():
-            pass
-        self._remember()
-        return self.doubtful_so_far()
-
-    def disagreeing(self) -> list[Pair]:
-        """Pairs of which no two entries by different people agree: none of them counts."""
-        return [pair for pair in self.state.doubled if self.state.disagrees(pair)]
-
-    def doubtful_so_far(self) -> list[int]:
-        """Those of all stops and world points that were examined since they last changed."""
-        return self.checks.doubtful_so_far() if self.state.pairs else []
-
-    def unexamined(self) -> int:
-        """Stops and world points whose readings were not looked through since they changed."""
-        return self.checks.examine(0) if self.state.pairs else 0
-
-    def examine(self) -> int:
-        """Look through the readings of one more stop or world point; how many are left."""
-        if not self.state.pairs:
-            return 0
-        return self.checks.examine(1)
-
-    def doubtful_at(self, station: Station) -> list[int]:
-        """Doubtful readings of a station, neither kept nor measured again."""
-        pairs = [target.pair for target in station.targets]
-        if not any(self.state.counting(pair) for pair in pairs):
-            return []
-        return self.checks.doubtful(pairs)
-
-    def status(self, target: Target) -> "PointStatus | None":
-        """How well the world point or stop is known that a target belongs to."""
-        return self.checks.status(target.pair)
 
     # -- what people do ---------------------------------------------------------------------
 
@@ -198,6 +137,7 @@ class EntrySession:
         entry_id: str = "",
         again: bool = False,
         measured: str = "",
+        sure: bool = False,
     ) -> Answer:
         """What became of a number; it is on the disk when this returns.
 
@@ -215,6 +155,8 @@ class EntrySession:
             Whether it replaces the reading that the pair has.
         measured : str
             When, if not now.
+        sure : bool
+            Whether a value that is that of the target just before is taken without asking.
 
         Raises
         ------
@@ -225,6 +167,7 @@ class EntrySession:
         if entry_id != clean_text(entry_id, MAX_NAME):
             raise GtvalError(f"the id of an entry is one word of at most {MAX_NAME} characters")
         entry_id = entry_id or uuid.uuid4().hex
+        self.catch_up()
         if entry_id in self.state.by_id:
             return self._repeated(entry_id, target, text)
         self._check_pair(target.pair)
@@ -238,6 +181,10 @@ class EntrySession:
         except ValueError as error:
             return Answer(self._write(replace(entry, kind="refused")), "refused", str(error))
         entry = replace(entry, metres=typed.metres, second=person.second)
+        before, self._last_of[person.device] = self._last_of.get(person.device), entry
+        if before and not (sure or again) and self._is_same(before, entry):
+            said = same_text(before)
+            return Answer(self._write(replace(entry, kind="refused", metres=None)), "refused", said)
         if blind:
             return self._blind_answer(self._write(entry))
         if again and self.state.counting(target.pair):
@@ -246,7 +193,7 @@ class EntrySession:
 
     def undo(self, person: Person) -> Entry | None:
         """The entry taken back: this device's last; None where there is none."""
-        last = self.state.last_action(person.device)
+        last = self.state.last_action(person.device, self.others)
         if last is not None:
             self._write(replace(self._entry("undo", person), of=last.number))
         if last is not None and last.kind == "stop":
@@ -307,6 +254,28 @@ class EntrySession:
         self.jump(target, person)
         return target
 
+    def add_world_point(self, name: str, person: Person) -> Target:
+        """The first target of a further world point, which campaign.toml lists from now on.
+
+        Raises
+        ------
+        GtvalError
+            If the name cannot be one or is there already, or campaign.toml cannot be written.
+        """
+        point = check_point_name(clean_text(name, MAX_NAME), self.guide.names)
+        with self.changing:
+            self.campaign = with_world_point(self.campaign, point)
+            self.survey = self.campaign.section("survey", SurveySettings)
+            self._write(self._entry("mark", person, None, point))
+            self._checks = None  # what was known of the room stands; it is made anew when needed
+            self._remembered = RememberedDoubts(
+                self.journal.path.with_suffix(".doubts"), self.campaign
+            )
+            self.guide.of_campaign(self.campaign)
+        target = self.guide.target(f"{self.guide.names.vframe[0]} {point}")
+        self.jump(target, person)
+        return target
+
     def begin(self, person: Person) -> None:
         """Note that somebody began to enter readings."""
         self._write(self._entry("begin", person))
@@ -339,13 +308,9 @@ class EntrySession:
 
     def _write(self, entry: Entry) -> Entry:
         """To the journal, then to everything that follows from it."""
-        with self._changing:
-            written = self.journal.append(entry)
-            self.state.apply(written)
-            pairs = {written.pair, self.state.entries.get(written.of, written).pair}
-            if self._checks is not None:
-                for pair in pairs:
-                    self._checks.update(pair)
+        with self.changing:
+            written = self._append(entry)
+            pairs = self._apply(written)
             self.readings_file.follow(written, self.state)
             if self._checks is not None and written.kind in ("reading", "undo", "keep"):
                 # Kept at once, for a start after a crash.
@@ -353,6 +318,38 @@ class EntrySession:
                 self._remember()
             self.version += 1
         return written
+
+    def _append(self, entry: Entry) -> Entry:
+        """To the journal, after what another process has written there."""
+        while True:
+            self.catch_up()
+            # The lines as they are before, so that those that go can be told.
+            self.readings_file.prepare(self.state)
+            try:
+                return self.journal.append(entry)
+            except BehindError:
+                continue
+
+    def catch_up(self) -> None:
+        """Take in what another process has written to the journal."""
+        with self.changing:
+            for entry in self.journal.catch_up():
+                self.others.add(entry.number)
+                self.readings_file.prepare(self.state)
+                self._apply(entry)
+                self.readings_file.expect(entry, self.state)
+                if entry.kind == "stop":
+                    self.guide.make_plan()
+                self.version += 1
+
+    def _apply(self, entry: Entry) -> set[Pair]:
+        """Take an entry of the journal into account; the pairs that it changes."""
+        self.state.apply(entry)
+        pairs = {entry.pair, self.state.entries.get(entry.of, entry).pair}
+        if self._checks is not None:
+            for pair in pairs:
+                self._checks.update(pair)
+        return pairs
 
     def _checked(self, entry: Entry, typed: TypedDistance) -> Answer:
         """Record a reading and say whether it fits what was known without it."""
@@ -363,6 +360,14 @@ class EntrySession:
             return Answer(entry, "set aside", self._already_measured(entry, echo))
         ends = (target.end for target in self.guide.targets_from(entry.start))
         return Answer(entry, "recorded", echo, self.checks.verdict(entry, typed, expected, ends))
+
+    @staticmethod
+    def _is_same(before: Entry, entry: Entry) -> bool:
+        """Whether a value was entered for another pair just before: sent twice, perhaps.
+
+        Asked once: entered again for the same pair, it is meant.
+        """
+        return before.metres == entry.metres and before.pair != entry.pair
 
     def _repeated(self, entry_id: str, target: Target, text: str) -> Answer:
         """The answer to an entry that was sent once more."""
@@ -392,55 +397,9 @@ class EntrySession:
         if not self.guide.names.may_be_measured(pair):
             raise GtvalError(f"{' and '.join(sorted(pair))} are no pair of points to measure")
 
-    def _doubtful_pairs(self, station: Station) -> set[Pair]:
-        """Doubtful pairs of a station that has nothing else left to measure."""
-        numbers = self._recalled(target.pair for target in station.targets)
-        if numbers is None:
-            numbers = self.doubtful_at(station)
-            self._remember()
-        return {self.state.entries[number].pair for number in numbers}
-
-    def _recalled(self, pairs: Iterable[Pair]) -> list[int] | None:
-        """Doubtful readings of some pairs as found before the start; None where not known."""
-        if self._checks is not None:
-            return None
-        wanted = {pair for pair in pairs if self.state.counting(pair)}
-        keys = {group_key(pair, self.guide.names.world) for pair in wanted}
-        found = self._remembered.recall(self.journal.entries)
-        if not keys <= found.keys():
-            return None
-        numbers = (number for key in keys for number in found[key] - self.state.kept)
-        return sorted(number for number in numbers if self.state.entries[number].pair in wanted)
-
-    def _remember(self) -> None:
-        """Keep what is doubtful for the next start."""
-        if self._checks is not None and self.journal.is_open:
-            self._remembered.keep(self.journal.entries, self._checks.examined)
-
-    def _take_over(self, *, adopt: bool) -> None:
-        """Bring journal and readings file together."""
-        file = self.readings_file
-        if file.is_current(self.state):
-            return
-        changes = file.changes_by_hand(self.state)
-        if changes is not None:
-            if self.state.pairs and not adopt:
-                raise refuse_hand_changes(file.path, changes)
-            self.taken_over = len(changes.added)
-            names = self.guide.names
-            after = names.with_stops_of(reading.pair for reading, _ in changes.added)
-            stops = after.stops[len(names.stops) :]
-            for entry, remark in as_entries(file.path, changes, stops, after.why_not):
-                self._append_only([replace(entry, id=uuid.uuid4().hex)])
-                if remark:
-                    self._append_only([remark_on(self.journal.entries[-1], remark)])
-            self.guide.make_plan()
-        if changes is not None or self.state.pairs:
-            file.write(self.state)
-
-    def _append_only(self, entries: Iterable[Entry]) -> None:
-        """To the journal without writing the readings file anew each time."""
-        for entry in entries:
-            written = self.journal.append(entry)
-            self.state.apply(written)
-            self.readings_file.take_in(written, self.state)
+    def append_only(self, entry: Entry) -> Entry:
+        """To the journal without writing the readings file anew."""
+        written = self.journal.append(entry)
+        self._apply(written)
+        self.readings_file.take_in(written, self.state)
+        return written

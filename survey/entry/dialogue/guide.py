@@ -14,6 +14,7 @@ from survey.entry.room.targets import (
     load_names,
     load_skipped,
     stations,
+    stop_of,
 )
 from survey.settings import EntrySettings
 from validation.campaign.folder import Campaign
@@ -82,6 +83,11 @@ class Guide:
         self._doubtful_at = doubtful_at
         self.make_plan()
 
+    def of_campaign(self, campaign: Campaign) -> None:
+        """Plan anew for a campaign that has further points."""
+        self._campaign = campaign
+        self.make_plan()
+
     def make_plan(self) -> None:
         """Read the names of all points, and lay out the plan."""
         self.names: Names = load_names(self._campaign, self._state.stops)
@@ -117,7 +123,9 @@ class Guide:
 
         First the rest of the station that the laser stands at, then its doubtful readings once
         more, before the laser is moved; then the stations after it, then any left out before.
-        For a list that was written before, ``look_again`` is false: it knows of no doubts.
+        Before a stop is left, or the frame with its world points, all that is doubtful of it comes
+        once more, and at the end all that is doubtful anywhere. For a list that was written before,
+        ``look_again`` is false: it knows of no doubts.
         """
         way = self._way_of(person)
         at, place = way.position(self._state.cursor)
@@ -125,16 +133,27 @@ class Guide:
         for target in (*here[place:], *here[:place]):
             if self.is_open_for(target, person):
                 return target
-        if look_again and not person.second:
-            doubtful = self._doubtful_at(way.stations[at])
-            for target in here:
+        others = (*way.stations[at + 1 :], *way.stations[:at])
+        following = next(
+            (one for station in others for one in station.targets if self.is_open_for(one, person)),
+            None,
+        )
+        if not look_again or person.second:
+            return following
+        stop = stop_of(here[0])
+        if following is None:
+            again: Iterable[Station] = (way.stations[at], *others)
+        elif stop_of(following) == stop:
+            again = way.stations[at : at + 1]
+        else:
+            around = [one for one in others if stop_of(one.targets[0]) == stop]
+            again = (way.stations[at], *around)
+        for station in again:
+            doubtful = self._doubtful_at(station)
+            for target in station.targets:
                 if target.pair in doubtful:
                     return target
-        for station in (*way.stations[at + 1 :], *way.stations[:at]):
-            for target in station.targets:
-                if self.is_open_for(target, person):
-                    return target
-        return None
+        return following
 
     def following(self, person: Person, most: int) -> list[Target]:
         """The next targets in their order, for a device that may lose the link."""

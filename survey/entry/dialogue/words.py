@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from survey.entry.dialogue.answers import Answer
 from survey.entry.dialogue.entry_session import EntrySession
+from survey.entry.dialogue.entry_view import EntryView
 from survey.entry.dialogue.guide import Progress
 from survey.entry.record.entries import Entry, Person
 from survey.entry.record.numbers import plain, signed_mm
@@ -24,10 +25,12 @@ COMMANDS = (
     ("s REASON", "skip: this one cannot be measured"),
     ("j 7/X 3", "go on with 7/X–3; also: j 7/X, j 7"),
     ("p 27", "begin a further stop called 27"),
+    ("w 13", "a further world point called 13"),
     ("n TEXT", "a remark about the last reading"),
     ("b BOB", "somebody else is at the laser from now on"),
     ("l", "list the readings of this station"),
-    ("d", "list all doubtful readings"),
+    ("d", "list all doubtful readings, and those that nothing checks yet"),
+    ("f", "what somebody changed in readings.csv meanwhile; f take, f aside"),
     ("i", "how far the work is"),
     ("?", "this list"),
     ("q", "end; go on later exactly here"),
@@ -54,8 +57,39 @@ def answer_lines(entry_session: EntrySession, answer: Answer) -> list[str]:
             lines.append(f"{hint}; read the display again")
     others = [n for n in found.suspects if n != answer.entry.number]
     if others:
-        lines.append(f"one of these may be wrong: {readings_text(entry_session, others)}")
+        which = "this may be wrong instead" if len(others) == 1 else "one of these may be wrong"
+        lines.append(f"{which}: {doubts_text(entry_session, others)}")
     return lines
+
+
+def doubts_text(entry_session: EntryView, numbers: list[int], most: int = 6) -> str:
+    """Doubtful readings, a few of them, each with what it would have to be for the others."""
+    said = []
+    for number in numbers[:most]:
+        fitting = entry_session.would_fit(number)
+        text = readings_text(entry_session, [number])
+        said.append(f"{text} would fit {fitting}" if fitting else text)
+    more = f" and {len(numbers) - most} more" if len(numbers) > most else ""
+    return ", ".join(said) + more
+
+
+def unchecked_text(entry_session: EntryView) -> str:
+    """How many readings nothing checks yet, and of what; '' if there are none."""
+    numbers = entry_session.unchecked()
+    if not numbers:
+        return ""
+    entries = [entry_session.state.entries[n] for n in numbers]
+    marks = list(dict.fromkeys(_checked_by(e, entry_session) for e in entries))
+    shown = ", ".join(marks[:6]) + (" and others" if len(marks) > 6 else "")
+    count = "1 reading" if len(numbers) == 1 else f"{len(numbers)} readings"
+    return f"{count} nothing can check yet: of {shown}"
+
+
+def _checked_by(entry: Entry, entry_session: EntryView) -> str:
+    """The mark or world point whose further readings would check one."""
+    ends = (entry.start, entry.end)
+    world = entry_session.guide.names.world
+    return next((e for e in ends if "/" in e), next((e for e in ends if e in world), ends[0]))
 
 
 def advice(found: "Verdict") -> str:
@@ -65,7 +99,7 @@ def advice(found: "Verdict") -> str:
     return "; ".join(parts)
 
 
-def readings_text(entry_session: EntrySession, numbers: list[int], most: int = 6) -> str:
+def readings_text(entry_session: EntryView, numbers: list[int], most: int = 6) -> str:
     """Readings by pair and value, a few of them."""
     entries = [entry_session.state.entries[n] for n in numbers[:most]]
     said = ", ".join(f"{e.start}–{e.end} {plain(e.metres or 0.0)}" for e in entries)

@@ -16,7 +16,7 @@ def refuse_hand_changes(path: Path, changes: HandChanges) -> GtvalError:
     return GtvalError(
         f"{path} was changed by hand: it has {len(changes.added)} row(s) that the journal does "
         f"not have, and lacks {len(changes.missing)} reading(s). Take that over with --adopt, or "
-        "delete the file: it is then written anew from the journal"
+        "move the file away: it is then written anew from the journal"
     )
 
 
@@ -50,8 +50,14 @@ def as_entries(
     if problems:
         raise InputError(problems.values())
     begun = [(Entry("stop", device=FROM_FILE, text=stop), "") for stop in stops]
+    noted = [
+        (Entry("note", device=FROM_FILE, of=n, text=text[:MAX_NOTE]), "")
+        for n, text in changes.remarks
+    ]
+    # What is added comes first: a power cut between loses nothing.
+    added = [(reading, remark[:MAX_NOTE]) for reading, remark in changes.added]
     undone = [(Entry("undo", device=FROM_FILE, of=number), "") for number in changes.missing]
-    return [*begun, *undone, *((reading, remark[:MAX_NOTE]) for reading, remark in changes.added)]
+    return [*begun, *added, *noted, *undone]
 
 
 def remark_on(reading: Entry, remark: str) -> Entry:

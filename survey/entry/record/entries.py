@@ -15,6 +15,7 @@ Kind = Literal[
     "unskip",  # it is, after all
     "jump",  # go on with this pair
     "stop",  # a further stop is to be measured
+    "mark",  # a further world point was put on a wall
     "note",  # a remark
     "end",  # the entry session ended
 ]

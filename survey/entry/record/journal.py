@@ -9,6 +9,7 @@ import contextlib
 import hashlib
 import json
 import os
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -16,19 +17,29 @@ from pathlib import Path
 from typing import Self
 
 from survey.entry.record.entries import Entry, entry_from_json
-from survey.entry.record.lock import CampaignLock
+from survey.entry.record.lock import CampaignLock, locked_for_a_line
 from validation.errors import GtvalError, InputError, Problem
 
+_PATIENCE, _PAUSE = 50, 0.01
+"""So often, and so many seconds apart, a line is looked at that another process is writing."""
 MAX_JOURNAL_BYTES = 200_000_000
 """A million entries: no campaign has as many."""
 _CHECK, _END = b',"check":"', b'"}'
 _CHECK_LENGTH = 16
 """Hexadecimal digits: chance lets a damaged line pass once in 1.8e19."""
 _START = b"0" * _CHECK_LENGTH
+TWO_WRITERS = (
+    "two entry sessions wrote to this journal without seeing one another: end both, then run "
+    "`gtval journal-merge`, which keeps what both wrote"
+)
 
 
 class NotRecordedError(GtvalError):
     """Something could not be written to the journal; it may be tried again."""
+
+
+class BehindError(Exception):
+    """Another process has written to the journal; what it wrote must be read first."""
 
 
 @dataclass(frozen=True)
@@ -74,10 +85,30 @@ def read_journal(path: Path) -> JournalText:
     # Blocks of the last line that a power cut kept from the disk are zeros.
     lost = good == len(lines) - 1 and not unfinished and b"\0" in lines[good]
     if good < len(lines) and not lost:
+        if lines[good] not in lines[:good] and _parent(lines, good) is not None:
+            raise InputError([Problem(path, TWO_WRITERS, good + 1)])
         raise _damaged(path, good + 1, "the checksum does not fit")
     entries = _entries(path, lines[:good])
     size = sum(map(len, lines[:good])) + good
     return JournalText(entries, size, len(data) - size, check)
+
+
+def _parent(lines: Sequence[bytes], number: int) -> int | None:
+    """Which earlier line a line was written after, by its checksum; -1: none; None: it fits none.
+
+    The nearest is looked at first: two writers are seldom far apart.
+    """
+    body, _, rest = lines[number].rpartition(_CHECK)
+    for before in range(number - 1, -2, -1):
+        check = _START if before < 0 else check_of(lines[before])
+        if rest == _checksum(check, body) + _END:
+            return before
+    return None
+
+
+def check_of(line: bytes) -> bytes:
+    """The checksum that a line ends in."""
+    return line.rpartition(_CHECK)[2].removesuffix(_END)
 
 
 def _damaged(path: Path, line: int, why: str) -> InputError:
@@ -93,9 +124,8 @@ def _damaged(path: Path, line: int, why: str) -> InputError:
     )
 
 
-def _checked(lines: Sequence[bytes]) -> tuple[bytes, int]:
+def _checked(lines: Sequence[bytes], before: bytes = _START) -> tuple[bytes, int]:
     """The last checksum that is right, and how many lines there are up to it."""
-    before = _START
     for number, line in enumerate(lines):
         body, _, rest = line.rpartition(_CHECK)
         check = _checksum(before, body)
@@ -105,8 +135,8 @@ def _checked(lines: Sequence[bytes]) -> tuple[bytes, int]:
     return before, len(lines)
 
 
-def _entries(path: Path, lines: Sequence[bytes]) -> tuple[Entry, ...]:
-    """The entries of lines whose checksums are right."""
+def _entries(path: Path, lines: Sequence[bytes], before: int = 0) -> tuple[Entry, ...]:
+    """The entries of lines whose checksums are right, so many lines being before them."""
     try:
         said = json.loads(b"[%s]" % b",".join(lines))  # half the time of one after the other
     except ValueError:
@@ -118,9 +148,9 @@ def _entries(path: Path, lines: Sequence[bytes]) -> tuple[Entry, ...]:
         try:
             entry = entry_from_json(said[number - 1] or json.loads(line))
         except ValueError as error:
-            raise _damaged(path, number, str(error)) from None
-        if entry.number != number:
-            raise _damaged(path, number, f"entry {entry.number} on line {number}")
+            raise _damaged(path, before + number, str(error)) from None
+        if entry.number != before + number:
+            raise _damaged(path, before + number, f"entry {entry.number} stands here")
         entries.append(entry)
     return tuple(entries)
 
@@ -191,6 +221,34 @@ class Journal:
         """All entries."""
         return self._entries
 
+    def catch_up(self) -> list[Entry]:
+        """What another process wrote since this one looked; none as long as it is alone.
+
+        The lock keeps others out. Where it does not, because its file was deleted or the disk is
+        shared by a network that knows no locks, their entries are taken in before the next.
+
+        Raises
+        ------
+        NotRecordedError
+            If what they wrote does not follow on what this process knows.
+        """
+        if not self.is_open or self._is_as_left():
+            return []
+        for _ in range(_PATIENCE):
+            data = os.pread(self._file, MAX_JOURNAL_BYTES, self._size)
+            if data.endswith(b"\n"):
+                break
+            time.sleep(_PAUSE)  # the other one is in the middle of a line
+        lines = data.split(b"\n")[:-1]
+        check, good = _checked(lines, self._check)
+        if good < len(lines) or not lines:
+            raise NotRecordedError(f"NOT recorded: {self.path}: {TWO_WRITERS}")
+        found = _entries(self.path, lines, len(self._entries))
+        self._check = check
+        self._size += len(data)
+        self._entries += found
+        return list(found)
+
     def append(self, entry: Entry, now: datetime | None = None) -> Entry:
         """The entry with its number and time, once it is safely on the disk.
 
@@ -198,11 +256,19 @@ class Journal:
         ------
         NotRecordedError
             If it could not be written; nothing of it is left in the file then.
+        BehindError
+            If another process has written; `catch_up` reads that.
         """
         if not self.is_open:
             raise NotRecordedError(f"NOT recorded: {self.path} is not open for writing")
-        time = (now or datetime.now().astimezone()).isoformat(timespec="milliseconds")
-        numbered = replace(entry, number=len(self._entries) + 1, time=time)
+        with locked_for_a_line(self._file):
+            if not self._is_as_left():
+                raise BehindError
+            return self._append(entry, now)
+
+    def _append(self, entry: Entry, now: datetime | None) -> Entry:
+        when = (now or datetime.now().astimezone()).isoformat(timespec="milliseconds")
+        numbered = replace(entry, number=len(self._entries) + 1, time=when)
         body = numbered.as_json()[:-1].encode()
         check = _checksum(self._check, body)
         line = body + _CHECK + check + _END + b"\n"
@@ -242,6 +308,27 @@ class Journal:
             raise GtvalError(
                 f"cannot write to {self.path}: {error.strerror or error}; no reading would be safe"
             ) from error
+
+    def _is_as_left(self) -> bool:
+        """Whether the file is the one that was opened, and as long as after the last line.
+
+        Raises
+        ------
+        NotRecordedError
+            If it was deleted, replaced or cut short.
+        """
+        own = os.fstat(self._file)
+        try:
+            there = self.path.stat()
+        except OSError:
+            there = None
+        if there is None or (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino):
+            said = "was deleted or replaced while the entry runs; put it back, then start again"
+            raise NotRecordedError(f"NOT recorded: {self.path} {said}")
+        if own.st_size < self._size:
+            said = "was cut short while the entry runs; put a copy of it back, then start again"
+            raise NotRecordedError(f"NOT recorded: {self.path} {said}")
+        return own.st_size == self._size
 
     def _write(self, line: bytes) -> None:
         rest = memoryview(line)

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import Self
@@ -64,6 +65,21 @@ class CampaignLock:
         if self._handle >= 0:
             os.close(self._handle)
             self._handle = -1
+
+
+@contextlib.contextmanager
+def locked_for_a_line(handle: int) -> Iterator[None]:
+    """Keep others from writing to an open file meanwhile, where the system can."""
+    if fcntl is None:
+        yield
+        return
+    with contextlib.suppress(OSError):  # a network share that knows no locks
+        fcntl.flock(handle, fcntl.LOCK_EX)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            fcntl.flock(handle, fcntl.LOCK_UN)
 
 
 def _lock(handle: int) -> None:

@@ -1,17 +1,18 @@
 """The readings file beside the journal, kept up to date while readings come in."""
 
 import os
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from itertools import chain
 from pathlib import Path
 
 from survey.entry.record.entries import Entry
 from survey.entry.record.readings_csv import (
-    HEADING_LINE,
     HandChanges,
     csv_line,
     csv_text,
     hand_changes,
+    heading_line,
 )
 from survey.entry.record.state import EntryState, Pair
 from validation.errors import GtvalError
@@ -19,44 +20,60 @@ from validation.text_files.writing import write_files
 
 _CHANGES = ("reading", "undo", "keep", "note")
 """Kinds of entries that change the file."""
+_TRIES = 5
+"""So often a file that somebody saves at this very moment is read again."""
+
+
+class _ChangedError(Exception):
+    """Somebody saved the file while it was written."""
 
 
 class ReadingsFile:
     """survey/readings.csv as derived from the journal.
 
     A reading is safe once it is in the journal. If this file cannot be written, that is said in
-    ``problem``, and made good with the next entry or the next start.
+    ``problem``, and made good with the next entry or the next start. A file that somebody else
+    changed meanwhile keeps the changes: from then on only the lines of the readings entered here
+    are added and taken away, until a person says what is to become of it.
 
     Parameters
     ----------
     path : Path
         The file.
+    units : {"m", "cm", "mm", "ft", "in"}
+        Of its distances, where the heading states none.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, units: str = "m") -> None:
         self.path = path
         self.problem = ""
-        self._size = -1
+        self.edited = False
+        """Whether somebody else changed it, and nobody has said what is to become of that."""
+        self._units = units
+        self._left: bytes | None = None
+        """What it held after the last write; None where that is not known."""
+        self._shared = False
+        """Whether another process writes to journal and file as well."""
         self._rows: dict[Pair, list[tuple[int, str]]] | None = None
         """Entries and lines by pair, so that a change of one need not format all anew."""
 
     def is_current(self, state: EntryState) -> bool:
         """Whether it is there and as the journal says."""
         text = csv_text(state).encode()
-        if not self.path.exists() or self.path.read_bytes() != text:
+        if self._read() != text:
             return False
-        self._size = len(text)
+        self._left = text
         return True
 
     def changes_by_hand(self, state: EntryState) -> HandChanges | None:
         """How a person changed the file; None where nobody did."""
-        return hand_changes(self.path, state, state.agree)
+        return hand_changes(self.path, state, self._units)
 
     def write(self, state: EntryState) -> None:
-        """Write it anew, whole or not at all."""
-        rows = sorted(chain.from_iterable(self.prepare(state).values()))
-        text = "".join([HEADING_LINE, *(line for _, line in rows)])
-        self._try(lambda: self._replace(text.encode()))
+        """Write it anew, whole or not at all, whatever it holds."""
+        self.edited = False
+        self._left = self._read()
+        self._try(lambda: self._replace(self._derived(state)))
 
     def prepare(self, state: EntryState) -> dict[Pair, list[tuple[int, str]]]:
         """The lines of all pairs, which take a while when first made."""
@@ -64,54 +81,158 @@ class ReadingsFile:
             self._rows = {pair: _rows_of(pair, state) for pair in state.pairs}
         return self._rows
 
-    def take_in(self, entry: Entry, state: EntryState) -> None:
-        """Take one more entry into account, to be written with the next."""
-        if self._rows is not None and entry.kind in _CHANGES:
-            for pair in {entry.pair, state.entries.get(entry.of, entry).pair}:
-                self._rows[pair] = _rows_of(pair, state)
+    def take_in(self, entry: Entry, state: EntryState) -> tuple[list[str], list[str]]:
+        """Take one more entry into account; the lines that it takes away, and those it adds."""
+        gone: list[str] = []
+        new: list[str] = []
+        if self._rows is None or entry.kind not in _CHANGES:
+            return gone, new
+        for pair in {entry.pair, state.entries.get(entry.of, entry).pair}:
+            before = [line for _, line in self._rows.get(pair, [])]
+            self._rows[pair] = _rows_of(pair, state)
+            after = [line for _, line in self._rows[pair]]
+            gone += (Counter(before) - Counter(after)).elements()
+            new += (Counter(after) - Counter(before)).elements()
+        return gone, new
 
     def follow(self, entry: Entry, state: EntryState) -> None:
-        """Take one more entry into account, and write it."""
-        self.take_in(entry, state)
+        """Take one more entry into account, and write it.
+
+        `prepare` was called before the entry was applied to the state.
+        """
+        gone, new = self.take_in(entry, state)
         if entry.kind not in _CHANGES:
             return
-        if entry.kind == "reading" and state.counting(entry.pair) == [entry.number]:
-            new = not (entry.of or entry.second)
-            if new and self._is_as_left():
-                self._try(lambda: self._append(csv_line(entry, state)))
-                return
-        self.write(state)
+        held = self._read()
+        known = self._shared and not self.edited and held not in (None, self._left)
+        if known and self._is_ours(held or b"", gone, state):
+            self._left = held
+            gone = [*gone, ""]  # lines of the other one may be missing: write all
+        self.edited = self.edited or self._is_changed(held, state)
+        if self.edited:
+            self._try(lambda: self._merge(gone, new, state))
+        elif held is not None and self._left is not None and not gone:
+            self._try(lambda: self._append("".join(new)))
+        else:
+            self._try(lambda: self._replace(self._derived(state)))
 
-    def _is_as_left(self) -> bool:
-        """Whether the file has the size that it had after the last write."""
+    def expect(self, entry: Entry, state: EntryState) -> None:
+        """Take in an entry of another process, which writes it to the file by itself."""
+        self._shared = True
+        self.take_in(entry, state)
+
+    def _is_ours(self, held: bytes, gone: Sequence[str], state: EntryState) -> bool:
+        """Whether all lines of a file that others write to are the journal's."""
+        known = {heading_line(state), *gone}
+        known.update(line for rows in self.prepare(state).values() for _, line in rows)
+        return set(held.decode(errors="replace").splitlines(keepends=True)) <= known
+
+    def _is_changed(self, held: bytes | None, state: EntryState) -> bool:
+        """Whether somebody else changed the file since the last write."""
+        if held is None or self._left is not None:
+            return held != self._left and held is not None
+        try:  # after a write that failed
+            return bool(self.changes_by_hand(state))
+        except GtvalError:
+            return True
+
+    @property
+    def question(self) -> str:
+        """What a person is asked about a file that somebody else changed; '' if nothing."""
+        if not self.edited:
+            return ""
+        return (
+            f"{self.path.name} was changed by hand while the entry runs. The changes and the "
+            "readings entered here are both in it. Take the changes into the journal (f take), or "
+            "put that file aside and write the journal's (f aside)?"
+        )
+
+    def put_aside(self, state: EntryState, name: str) -> Path:
+        """Keep what was changed by hand under another name, and write the journal's readings."""
+        aside = self.path.with_name(name)
+        held = self._read()
+        if held is not None:
+            write_files(aside.parent, {aside.name: held})
+        self.write(state)
+        return aside
+
+    def _derived(self, state: EntryState) -> bytes:
+        rows = sorted(chain.from_iterable(self.prepare(state).values()))
+        return "".join([heading_line(state), *(line for _, line in rows)]).encode()
+
+    def _read(self) -> bytes | None:
+        """What the file holds now; None where it is not there."""
         try:
-            return self._size >= 0 and self.path.stat().st_size == self._size
+            return self.path.read_bytes()
         except OSError:
-            return False
+            return None
 
     def _try(self, action: Callable[[], None]) -> None:
         try:
             action()
         except (OSError, GtvalError) as error:
-            self._size = -1
+            self._left = None if not self.edited else self._left
             self.problem = f"{self.path.name} is behind the journal: {error}"
         else:
             self.problem = ""
 
     def _replace(self, text: bytes) -> None:
-        write_files(self.path.parent, {self.path.name: text})
-        self._size = len(text)
+        """Write the file anew, unless somebody saves it meanwhile."""
+        seen = self._left
+
+        def check() -> None:
+            held = self._read()
+            if held is not None and seen is not None and held != seen:
+                raise _ChangedError
+
+        try:
+            write_files(self.path.parent, {self.path.name: text}, before=check)
+        except _ChangedError:
+            self.edited = not self._shared
+            raise OSError("somebody saves it at this moment") from None
+        self._left = text
+
+    def _merge(self, gone: Sequence[str], new: Sequence[str], state: EntryState) -> None:
+        """Take away and add lines in a file that somebody else changed."""
+        for _ in range(_TRIES):
+            held = self._read()
+            if held is None:
+                self.edited = False
+                self._left = None
+                self._replace(self._derived(state))
+                return
+            lines = held.decode("utf-8", "surrogateescape").splitlines(keepends=True)
+            if not lines or lines[0] != heading_line(state):
+                said = "it was saved in another form; f takes it over"
+                raise OSError(said)
+            if not lines[-1].endswith("\n"):
+                lines[-1] += "\n"
+            for line in gone:
+                if line in lines:
+                    lines.remove(line)
+            there = set(lines)
+            lines += [line for line in new if line not in there]
+            self._left = held
+            try:
+                self._replace("".join(lines).encode("utf-8", "surrogateescape"))
+            except OSError:
+                if self._read() == held:
+                    raise
+            else:
+                return
+        raise OSError("somebody saves it again and again")
 
     def _append(self, line: str) -> None:
         data = line.encode()
+        size = len(self._left or b"")
         handle = os.open(self.path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
         try:
             if os.write(handle, data) != len(data):
-                os.ftruncate(handle, self._size)
+                os.ftruncate(handle, size)
                 raise OSError("the disk is full")
         finally:
             os.close(handle)
-        self._size += len(data)
+        self._left = (self._left or b"") + data
 
 
 def _rows_of(pair: Pair, state: EntryState) -> list[tuple[int, str]]:

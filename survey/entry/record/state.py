@@ -1,6 +1,6 @@
 """What stands after all entries of a journal: which readings count, which were replaced."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass, field
 from operator import attrgetter
 
@@ -40,10 +40,13 @@ class EntryState:
     second_measures : bool
         Whether the second of a double entry is a measurement of its own, not the same display
         typed again.
+    heading : str
+        Of the distances in the readings file: with the unit where the campaign's is another.
     """
 
     agree: Agree
     second_measures: bool = True
+    heading: str = "distance"
     entries: dict[int, Entry] = field(default_factory=dict)
     by_id: dict[str, int] = field(default_factory=dict)
     pairs: dict[Pair, PairState] = field(default_factory=dict)
@@ -131,11 +134,13 @@ class EntryState:
         own = (self.entries[n] for n in self.pair(pair).numbers)
         return found + [entry for entry in own if entry.device == FROM_FILE_UNUSED]
 
-    def last_action(self, device: str) -> Entry | None:
-        """The last thing done on a device that can be undone."""
+    def last_action(self, device: str, others: Container[int] = ()) -> Entry | None:
+        """The last thing done on a device that can be undone, the entries of others left out."""
         for number in sorted(self.entries, reverse=True):
             entry = self.entries[number]
-            if entry.device == device and entry.kind in _REVERSED and number not in self.undone:
+            if number in self.undone or number in others:
+                continue
+            if entry.device == device and entry.kind in _REVERSED:
                 return entry
         return None
 
@@ -234,9 +239,15 @@ def _is_repeat(state: EntryState, own: PairState) -> bool:
     return any(n not in state.set_aside for n in own.numbers)
 
 
-def replayed(entries: Iterable[Entry], agree: Agree, *, second_measures: bool = True) -> EntryState:
+def replayed(
+    entries: Iterable[Entry],
+    agree: Agree,
+    *,
+    second_measures: bool = True,
+    heading: str = "distance",
+) -> EntryState:
     """What stands after the entries of a journal."""
-    state = EntryState(agree, second_measures)
+    state = EntryState(agree, second_measures, heading)
     for entry in entries:
         state.apply(entry)
     return state

@@ -4,19 +4,25 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
+import numpy as np
+
 from survey.entry.record.entries import Entry
-from survey.entry.record.numbers import TypedDistance
+from survey.entry.record.numbers import TypedDistance, plain
 from survey.entry.record.state import EntryState, Pair
-from survey.entry.room.checks import Verdict, other_ends, suspects_of, verdict
+from survey.entry.room.checks import SHARP, Verdict, other_ends, suspects_of, verdict
 from survey.entry.room.fits import test_values
 from survey.entry.room.groups import FRAME
 from survey.entry.room.knowledge import Judged, KnownReading, RoomKnowledge
 from survey.entry.room.prediction import Prediction
+from survey.entry.room.slips import fitting_originals, shown_decimals
 from survey.readings.levels import CRITICAL
 from survey.settings import EntrySettings, SurveySettings
 from validation.campaign.folder import CampaignSettings
 from validation.poses.angles import Array
 
+UNCHECKED = 0.01
+"""Redundancy number up to which nothing checks a reading: an error must exceed 4.13 / sqrt(0.01) =
+41 standard deviations, a decimetre, to show (Baarda)."""
 _NEVER: tuple[int, frozenset[int]] = (-1, frozenset())
 
 
@@ -87,6 +93,7 @@ class RoomChecks:
         self._state = state
         self.knowledge = RoomKnowledge(campaign, survey)
         self._examined: dict[str, tuple[int, frozenset[int]]] = {}
+        self._unchecked: dict[str, tuple[int, frozenset[int]]] = {}
         for pair in state.pairs:
             self.update(pair)
         self.knowledge.world()  # all stops need it; better now than at a reading
@@ -172,6 +179,56 @@ class RoomChecks:
             self._doubts(key)
         return 0
 
+    def would_fit(self, number: int) -> str:
+        """What a doubtful reading would have to be for the others: '8.096 (one digit wrong)'.
+
+        '' where the others do not say, or say several values none of which a slip explains.
+        """
+        entry = self._state.entries[number]
+        counting = self._state.counting(entry.pair)
+        self._know(entry.pair, [n for n in counting if n != number])
+        prediction = self.knowledge.predict(entry.start, entry.end)
+        self._know(entry.pair, counting)
+        if not prediction.checks or float(prediction.sigmas.min()) > SHARP:
+            return ""
+        shown = shown_decimals(self._instrument)
+        typed = TypedDistance(f"{entry.metres or 0.0:.{shown}f}", entry.metres or 0.0)
+        originals = fitting_originals(
+            typed,
+            self._instrument,
+            lambda value: prediction.misfit(self.knowledge.corrected(value)),
+            CRITICAL,
+        )
+        if originals:
+            return f"{plain(originals[0].metres)} ({originals[0].slip})"
+        distances = prediction.distances
+        if float(np.ptp(distances)) > SHARP or prediction.misfit(float(distances[0])) > CRITICAL:
+            return ""
+        instrument = self._instrument
+        return plain(round((float(distances[0]) - instrument.offset) / instrument.scale, shown))
+
+    def unchecked(self) -> list[int]:
+        """Readings that nothing checks yet: an error of any size would fit."""
+        groups = self.knowledge.groups()
+        for key, changes in groups.items():
+            if self._unchecked.get(key, _NEVER)[0] != changes:
+                self._unchecked[key] = changes, self._not_checked(key)
+        return sorted(frozenset().union(*(self._unchecked[key][1] for key in groups)))
+
+    def _not_checked(self, key: str) -> frozenset[int]:
+        """Readings of a group whose errors the others would not show."""
+        numbers = {
+            number
+            for pair in self._state.pairs
+            if len(pair) == 2 and self.knowledge.group_key(pair) == key
+            for number in self._state.counting(pair)
+        }
+        if key == FRAME:  # the nominal lengths check them
+            return frozenset()
+        for one in self.knowledge.judged(key):
+            numbers -= set(_checked(one))
+        return frozenset(numbers)
+
     def doubtful_so_far(self) -> list[int]:
         """Doubtful readings of all groups that were examined, not kept, in the order entered."""
         return sorted(frozenset().union(*self.examined.values()) - self._state.kept)
@@ -245,6 +302,17 @@ class RoomChecks:
                 if self.knowledge.predict(entry.start, entry.end).misfit(metres) > CRITICAL:
                     found.add(number)
         return found
+
+
+def _checked(one: Judged) -> list[int]:
+    """Readings of which an error would show: of as many solutions as there are, in all."""
+    judgement = one.judgement
+    if judgement.why_open is not None or not len(judgement.states) or judgement.redundancy <= 0:
+        return []
+    if judgement.explanations:  # something shows
+        return list(one.numbers)
+    spare = np.min([test_values(one.fit, state)[1] for state in judgement.states], axis=0)
+    return [number for number, r in zip(one.numbers, spare, strict=True) if r > UNCHECKED]
 
 
 def _unlikely(one: Judged) -> set[int]:

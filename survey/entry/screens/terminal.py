@@ -10,16 +10,22 @@ from typing import TYPE_CHECKING, TextIO
 
 from survey.entry.dialogue.answers import Answer
 from survey.entry.dialogue.entry_session import EntrySession
+from survey.entry.dialogue.file_changes import (
+    put_edited_file_aside,
+    take_edited_file,
+    warnings,
+)
 from survey.entry.dialogue.words import (
     COMMANDS,
     answer_lines,
     disagreeing_text,
+    doubts_text,
     enough_text,
     jumped_text,
     pair_text,
     progress_of,
-    readings_text,
     taken_over_text,
+    unchecked_text,
     undone_text,
     value_text,
 )
@@ -99,9 +105,11 @@ class TerminalEntry:
         self._asked = self._target()
         if not self._keyboard:
             return self._source.readline().removeprefix("\ufeff") or None
-        what = "all done; j to go on elsewhere, q to end"
+        what = ""
         if self._person.second:
             what = "nothing left that somebody else measured; q to end"
+        if self._asked is None and not self._person.second:
+            what = self._end_text()
         if self._asked is not None:
             what = pair_text(self._asked)
             if self._standing not in ("", self._asked.start):
@@ -112,6 +120,13 @@ class TerminalEntry:
         except (EOFError, KeyboardInterrupt):
             print()  # noqa: T201  (leave the line of the prompt)
             return None
+
+    def _end_text(self) -> str:
+        """That all is done; or how much of it is doubtful, or two people disagree on."""
+        open_still = len(self._session.doubtful()) + len(self._session.disagreeing())
+        if open_still:
+            return f"{open_still} doubtful still (d lists them): r, k or j, q to end"
+        return "all done; j to go on elsewhere, q to end"
 
     def _target(self) -> Target | None:
         """What the next number is the distance of.
@@ -166,6 +181,8 @@ class TerminalEntry:
             "s": self._skip,
             "j": self._jump,
             "p": self._begin_stop,
+            "w": self._add_world_point,
+            "f": self._file,
             "n": self._note,
             "b": self._by,
             "l": self._list,
@@ -179,7 +196,9 @@ class TerminalEntry:
 
     def _record(self, target: Target, text: str, *, again: bool) -> None:
         entry_session = self._session
-        answer = entry_session.record(target, text, self._person, again=again)
+        # A list was written before: nobody is there to be asked.
+        sure = not self._keyboard
+        answer = entry_session.record(target, text, self._person, again=again, sure=sure)
         if answer.outcome == "refused":
             raise GtvalError(answer.text)
         self._again = None
@@ -232,6 +251,25 @@ class TerminalEntry:
     def _begin_stop(self, name: str) -> None:
         self._session.begin_stop(name, self._person)
 
+    def _add_world_point(self, name: str) -> None:
+        target = self._session.add_world_point(name, self._person)
+        self._again = None
+        self._say(
+            f"{target.end} is in campaign.toml now; going on with {pair_text(target)}", "green"
+        )
+
+    def _file(self, what: str) -> None:
+        """What somebody changed in the readings file while the entry runs."""
+        if what == "take":
+            self._say(take_edited_file(self._session), "green")
+        elif what == "aside":
+            self._say(put_edited_file_aside(self._session), "green")
+        elif what:
+            raise GtvalError("say f take, or f aside")
+        else:
+            for text in warnings(self._session) or ["nobody else changed the readings file"]:
+                self._say(text, "yellow")
+
     def _note(self, text: str) -> None:
         last = self._last_reading()
         self._session.note(last.number, text, self._person)
@@ -259,8 +297,15 @@ class TerminalEntry:
         if not numbers and not self._person.second:
             self._say("no reading is doubtful", "green")
         for number in numbers:
-            self._say(readings_text(self._session, [number]), "bold red")
+            self._say(doubts_text(self._session, [number]), "bold red")
         self._say_disagreeing()
+        if not self._person.second:
+            self._say_unchecked()
+
+    def _say_unchecked(self) -> None:
+        said = unchecked_text(self._session)
+        if said:
+            self._say(said, "yellow")
 
     def _say_disagreeing(self) -> None:
         said = disagreeing_text(self._session)
@@ -273,6 +318,8 @@ class TerminalEntry:
         status = None if target is None or self._person.second else self._session.status(target)
         if status is not None:
             self._say(status.text)
+        if not self._person.second:
+            self._say_unchecked()
 
     def _help(self, _: str) -> None:
         for command, meaning in COMMANDS:
@@ -301,8 +348,8 @@ class TerminalEntry:
         self._say(f"{first} {lines[0]}", "bold red" if doubtful else "green")
         for line in lines[1:]:
             self._say(f"   {line}", "red")
-        if self._session.readings_file.problem:
-            self._say(f"   {self._session.readings_file.problem}", "yellow")
+        for text in warnings(self._session):
+            self._say(f"   {text}", "yellow")
 
     def _tell_how_well(self, target: Target) -> None:
         """Redundancy, m0 and sigmas of the stop or world point, for who can read them."""
@@ -344,10 +391,9 @@ class TerminalEntry:
             return
         numbers = entry_session.doubtful()
         if numbers:
-            self._say(
-                f"{len(numbers)} doubtful: {readings_text(entry_session, numbers)}", "bold red"
-            )
+            self._say(f"{len(numbers)} doubtful: {doubts_text(entry_session, numbers)}", "bold red")
         self._say_disagreeing()
+        self._say_unchecked()
 
     def _say(self, text: str, style: str = "") -> None:
         """One line, as it is: nothing in it is taken as markup."""

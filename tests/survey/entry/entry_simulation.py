@@ -13,7 +13,7 @@ from trials.typing_errors import TYPING_ERRORS, mistyped
 from survey.entry.dialogue.answers import Answer
 from survey.entry.dialogue.entry_session import EntrySession
 from survey.entry.record.numbers import parse_distance
-from survey.entry.room.targets import Target
+from survey.entry.room.targets import Target, stop_of
 
 LARGE = 0.03
 """An error of so many metres or more must be noticed."""
@@ -38,6 +38,10 @@ class Slip:
         Whether it was a reading of a stop.
     at_once : bool
         Whether the answer to it said that something is wrong.
+    of_mark : int
+        Readings of the same mark before it.
+    unnoticed : bool
+        Whether it was still there and not doubtful when the stop was left.
     end : {"corrected", "named", "left"}
         What became of it: not in the readings file at the end; there, but suspected by the
         adjustment of all readings; there, and not suspected.
@@ -48,6 +52,8 @@ class Slip:
     earlier: int
     of_stop: bool
     at_once: bool
+    of_mark: int = 0
+    unnoticed: bool = False
     end: Literal["corrected", "named", "left"] = "corrected"
 
     @property
@@ -78,6 +84,10 @@ class Tally:
         self.false_alarms += other.false_alarms
         self.slips += other.slips
 
+    def first_of_marks(self) -> list[Slip]:
+        """Errors to be noticed in the first three readings of a mark."""
+        return [s for s in self.slips if s.is_large and s.of_stop and s.of_mark < 3]
+
     def large(self, *, of_stop: bool, earlier: int) -> list[Slip]:
         """Errors to be noticed, with so many earlier readings or more."""
         return [
@@ -96,7 +106,11 @@ class Typist:
         self.previous = ""
 
     def run(self) -> Tally:
+        stop = ""
         while (target := self.entry_session.guide.next_target(ANN)) is not None:
+            if stop_of(target) != stop:
+                self.leave(stop)
+                stop = stop_of(target)
             if target.pair not in self.room.shown:
                 self.entry_session.skip(target, "not seen", ANN)
                 continue
@@ -104,9 +118,19 @@ class Typist:
             answer = self.type(target, again=again)
             if again and answer.needs_a_look and answer.outcome == "recorded":
                 self.entry_session.keep(answer.entry.number, ANN)
+        self.leave(stop)
         self.judge_the_rest()
         self.entry_session.close()
         return self.tally
+
+    def leave(self, stop: str) -> None:
+        """Note the wrong readings of a stop that nothing says are wrong when it is left."""
+        state = self.entry_session.state
+        doubtful = set(self.entry_session.doubtful()) | state.kept
+        for number, slip in self.live_wrong().items():
+            entry = state.entries[number]
+            if stop and stop_of(Target(entry.start, entry.end)) == stop:
+                slip.unnoticed = number not in doubtful
 
     def type(self, target: Target, *, again: bool) -> Answer:
         """Type one number, and look again at what is said to be doubtful."""
@@ -131,6 +155,11 @@ class Typist:
         if self.rng.uniform() < self.rate:
             kind, text = self.go_wrong(target, shown)
         earlier = self.readings_before(target)
+        of_mark = sum(
+            bool(self.entry_session.state.counting(one.pair))
+            for one in self.entry_session.guide.targets_from(target.start)
+            if one.pair != target.pair
+        )
         clean = not self.wrong_around(target)
         answer = self.entry_session.record(target, text, ANN, again=again)
         self.previous = text
@@ -145,7 +174,7 @@ class Typist:
             size = parse_distance(text, instrument).metres - float(shown)
         if abs(size) > 1e-9:
             of_stop = "/" in target.start + target.end
-            slip = Slip(kind, size, earlier, of_stop, answer.needs_a_look)
+            slip = Slip(kind, size, earlier, of_stop, answer.needs_a_look, of_mark)
             self.tally.slips.append(slip)
             if answer.outcome == "recorded":
                 self.wrong[answer.entry.number] = slip

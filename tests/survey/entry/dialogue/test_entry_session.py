@@ -376,7 +376,7 @@ def test_a_pair_that_is_not_entered_is_told_apart_from_an_unknown_name(room):
 def test_a_reading_is_safe_even_if_the_readings_file_cannot_be_written(
     entry_session, room, monkeypatch
 ):
-    def full(*_):
+    def full(*_, **__):
         raise GtvalError("cannot write: No space left on device")
 
     monkeypatch.setattr("survey.entry.record.readings_file.write_files", full)

@@ -19,6 +19,8 @@ def check(tally: Tally) -> None:
     after_third = tally.large(of_stop=True, earlier=3)
     assert np.mean([slip.at_once for slip in after_third]) >= 0.95
     assert tally.false_alarms / tally.readings < 0.01
+    first = tally.first_of_marks()
+    assert sum(slip.unnoticed for slip in first) <= 0.1 * len(first)
     # What is not noticed at once is noticed with the next readings, or by the adjustment.
     large = [slip for slip in tally.slips if slip.is_large]
     assert sum(slip.end == "left" for slip in large) <= 0.01 * len(large) + 1

@@ -1,0 +1,104 @@
+"""Journal and readings file brought together, at the start and while the entry runs."""
+
+import uuid
+from dataclasses import replace
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from survey.entry.record.adoption import as_entries, refuse_hand_changes, remark_on
+from survey.entry.record.readings_csv import HandChanges
+from survey.settings import SurveySettings
+from validation.campaign.folder import Campaign
+from validation.errors import InputError, Problem
+
+if TYPE_CHECKING:
+    from survey.entry.dialogue.entry_session import EntrySession
+
+
+def bring_together(entry_session: "EntrySession", *, adopt: bool) -> None:
+    """Bring the readings file up to date, or take over what was changed in it.
+
+    Raises
+    ------
+    GtvalError
+        If it was changed by hand and that is not to be taken over.
+    """
+    file, state = entry_session.readings_file, entry_session.state
+    if file.is_current(state):
+        return
+    changes = file.changes_by_hand(state)
+    if changes:
+        if state.pairs and not adopt:
+            raise refuse_hand_changes(file.path, changes)
+        _adopt(entry_session, changes)
+    if changes is not None or state.pairs:
+        file.write(state)
+
+
+def _adopt(entry_session: "EntrySession", changes: HandChanges) -> None:
+    """Take what was changed in the readings file into the journal."""
+    names = entry_session.guide.names
+    after = names.with_stops_of(reading.pair for reading, _ in changes.added)
+    stops = after.stops[len(names.stops) :]
+    path = entry_session.readings_file.path
+    for entry, remark in as_entries(path, changes, stops, after.why_not):
+        written = entry_session.append_only(replace(entry, id=uuid.uuid4().hex))
+        if remark:
+            entry_session.append_only(replace(remark_on(written, remark), id=uuid.uuid4().hex))
+    entry_session.taken_over += len(changes.added)
+    entry_session.guide.make_plan()
+
+
+def take_edited_file(entry_session: "EntrySession") -> str:
+    """What was taken into the journal of a readings file that was changed meanwhile.
+
+    Raises
+    ------
+    GtvalError
+        If the file cannot be read, or names points that are not there.
+    """
+    with entry_session.changing:
+        entry_session.catch_up()
+        found = entry_session.readings_file.changes_by_hand(entry_session.state)
+        changes = found or HandChanges((), ())
+        _adopt(entry_session, changes)
+        entry_session.readings_file.write(entry_session.state)
+        entry_session.version += 1
+    return (
+        f"taken into the journal: {len(changes.added)} row(s) more, {len(changes.missing)} less, "
+        f"{len(changes.remarks)} remark(s)"
+    )
+
+
+def put_edited_file_aside(entry_session: "EntrySession") -> str:
+    """Where the readings file that was changed meanwhile lies now."""
+    with entry_session.changing:
+        now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
+        file = entry_session.readings_file
+        name = f"{file.path.stem}.edited-{now}{file.path.suffix}"
+        aside = file.put_aside(entry_session.state, name)
+        entry_session.version += 1
+    return f"the changed file is {aside.name} now; {file.path.name} is the journal's"
+
+
+def warnings(entry_session: "EntrySession") -> list[str]:
+    """What is amiss with the files, for the people in the room."""
+    file, others = entry_session.readings_file, len(entry_session.others)
+    shared = (
+        f"another entry session writes to this journal too ({others} entries so far, all kept): "
+        "end one of the two"
+    )
+    return [text for text in (file.problem, file.question, shared if others else "") if text]
+
+
+def refuse_sheet(campaign: Campaign, settings: SurveySettings) -> None:
+    """Raise where the readings so far are in a sheet, which would be left out from then on."""
+    wanted = campaign.folder / settings.readings
+    if wanted.exists():
+        return
+    from survey.readings.readings import readings_path  # noqa: PLC0415  (numpy)
+
+    found = readings_path(campaign, settings)
+    if found != wanted and found.exists():
+        said = f"save it as {wanted.name} in the same folder first: readings are added to that"
+        raise InputError([Problem(found, said)])
