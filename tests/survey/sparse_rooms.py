@@ -90,7 +90,7 @@ def sparse_room(
         tuple(a for a, _ in pairs),
         tuple(b for _, b in pairs),
         np.round(noisy / RESOLUTION) * RESOLUTION,
-        SIGMA,
+        np.full(len(pairs), SIGMA),
         line=tuple(range(2, len(pairs) + 2)),
     )
     sides = {
@@ -174,14 +174,8 @@ def oracle(room: SparseRoom) -> Oracle:
     nominal, body = np.array(list(room.vframe.points.values())), np.array(list(RIG.values()))
     ends = np.array(list(combinations(range(k), 2)))
     lengths = np.array(list(room.rig.sides.values()))
-    scale = np.sqrt(room.readings.sigma)  # only the shape of the array is needed here
-    assert len(scale) == len(first)
     truth = np.concatenate(
-        [
-            np.array(list(room.places.values())).ravel(),
-            np.array(list(room.stops.values())).ravel(),
-            body.ravel(),
-        ]
+        [np.concatenate([*room.places.values(), *room.stops.values()]), body.ravel()]
     )
     split = np.cumsum([2 * len(points), 3 * s])
 

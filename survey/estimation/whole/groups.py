@@ -11,6 +11,7 @@ from survey.estimation.robot_frames import PoseReadings, pose_starts, why_undete
 from survey.estimation.whole.lifted import lifted_start
 from survey.estimation.whole.units import CAP, Index, Units
 from survey.estimation.world_points import circle_starts
+from survey.readings.readings import Mask
 from validation.poses.angles import Array, wrap
 
 TIE = 16.3
@@ -51,17 +52,17 @@ class Group:
     tied: tuple[Array, ...]
 
     @property
-    def weak(self) -> Array:
+    def weak(self) -> Mask:
         """(n,) True where the readings leave a coordinate or heading open."""
         return is_weak(self.sigma)
 
     @property
-    def ambiguous(self) -> Array:
+    def ambiguous(self) -> Mask:
         """(n,) True where another solution is elsewhere."""
         out = np.zeros(len(self.state), dtype=bool)
         for other in self.tied:
             out |= differs(other, self.state, self.sigma)
-        return out & ~self.weak
+        return np.asarray(out & ~self.weak)
 
     def candidates(self, unit: int) -> Array:
         """(c, 3) states of a unit in the solutions that fit, the best first."""
@@ -82,12 +83,12 @@ class Group:
         return units.row[own[bad]], residual[bad] * units.sigma[own[bad]], len(own)
 
 
-def is_weak(sigma: Array) -> Array:
+def is_weak(sigma: Array) -> Mask:
     """(n,) True for standard deviations (n, 3) of which one is too large."""
     return np.asarray((sigma[:, :2] > OPEN_SIGMA).any(1) | (sigma[:, 2] > OPEN_HEADING))
 
 
-def differs(other: Array, state: Array, sigma: Array) -> Array:
+def differs(other: Array, state: Array, sigma: Array) -> Mask:
     """(n,) True where two states differ by more than either solution is inexact."""
     off = np.linalg.norm(other[:, :2] - state[:, :2], axis=1)
     turn = np.abs(wrap(other[:, 2] - state[:, 2]))
@@ -239,6 +240,6 @@ def _alone(units: Units, state: Array, sigma: Array, unit: int) -> DistanceFit |
         sigma=units.sigma[own],
         known_sigma=spread,
         body_sigma=0.0,
-        world_index=ends.ravel(),
-        rig_index=points.ravel(),
+        world_index=np.asarray(ends, dtype=np.intp).ravel(),
+        rig_index=np.asarray(points, dtype=np.intp).ravel(),
     )

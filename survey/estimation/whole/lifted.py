@@ -82,10 +82,8 @@ class _Points:
         units = self.units
         whole = units.fixed + units.places
         middle = known[: units.fixed, :2].mean(0)
-        unit = np.column_stack(
-            [middle + rng.normal(0, _SPREAD, (len(units.names), 2)), np.zeros(len(units.names))]
-        )
-        unit[:, 2] = rng.normal(0, _SPREAD, len(unit))
+        unit = rng.normal(0, _SPREAD, (len(units.names), 3))
+        unit[:, :2] += middle
         told = np.isfinite(known[:, 0])
         unit[told, :2] = known[told, :2]
         unit[told, 2] *= 0.1
@@ -105,13 +103,8 @@ class _Points:
     def _equations(self, fixed: Array, d: int, pressure: float) -> Equations:
         f, free = len(fixed), (self.count - len(fixed)) * d
         m = len(self.distance)
-        ends = np.concatenate(
-            [
-                (self.first[:, None] - f) * d + np.arange(d),
-                (self.second[:, None] - f) * d + np.arange(d),
-            ],
-            axis=1,
-        ).ravel()
+        pair = np.column_stack([self.first, self.second]) - f
+        ends = (pair[..., None] * d + np.arange(d)).ravel()
         kept = ends >= 0
         above = np.arange(2, free, d) if d > 2 and pressure else np.empty(0, dtype=np.intp)
         row = np.concatenate([np.repeat(np.arange(m), 2 * d)[kept], m + np.arange(len(above))])
@@ -131,7 +124,7 @@ class _Points:
         return at
 
     def states(self, place: Array, known: Array) -> Array:
-        """States (n, 3): every rig laid onto its points, headings kept where one point says none."""
+        """States (n, 3): every rig laid onto its points; one point alone says no heading."""
         units = self.units
         whole = units.fixed + units.places
         state = np.nan_to_num(known)

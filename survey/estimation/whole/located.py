@@ -16,7 +16,7 @@ from survey.estimation.geometry import rotate
 from survey.estimation.robot_frames import solve_robot_frames
 from survey.estimation.vframe import VframeEstimate
 from survey.estimation.whole.groups import Group, solve_group
-from survey.estimation.whole.units import FAR, make_units, stop_key
+from survey.estimation.whole.units import FAR, Index, make_units, stop_key
 from survey.estimation.whole.wanted import Open, Surroundings, wanted_readings
 from survey.estimation.world_points import WorldPoint, WorldPoints
 from survey.readings.point_names import robot_point
@@ -265,7 +265,7 @@ class _Search:
             kept = states if len(states) > 1 else np.empty((0, size))
             self.found.open[name] = Open(reason, bool(group.weak[i]), kept)
 
-    def _contradiction(self, rows: Array, misfit: Array, count: int) -> str:
+    def _contradiction(self, rows: Index, misfit: Array, count: int) -> str:
         """Which readings of a place do not fit it."""
         said = []
         for row, off in list(zip(rows, misfit, strict=True))[:4]:

@@ -174,21 +174,16 @@ class Search:
             {**before.places, **{stop_key(pose): at for pose, at in before.poses.items()}},
         )
         places, poses = dict(whole.places), {key[:-1]: at for key, at in whole.poses.items()}
-        for name, at in before.places.items():
-            if name in whole.open and whole.open[name].is_weak:
-                places[name] = at
-        for name, at in before.poses.items():
-            if (key := stop_key(name)) in whole.open and whole.open[key].is_weak:
-                poses[name] = at
+        weak = {name for name, why in whole.open.items() if why.is_weak}
+        places |= {name: at for name, at in before.places.items() if name in weak}
+        poses |= {name: at for name, at in before.poses.items() if stop_key(name) in weak}
         missing = {lost.name: lost for lost in before.world.missing}
         points = tuple(p for p in before.world.points if p.name in places)
-        for name, why in whole.open.items():
-            if (
-                name in self.world_points
-                and name not in places
-                and name in self.readings.rows_of_point
-            ):
-                missing[name] = NotLocated(name, why.reason, why.candidates)
+        missing |= {
+            name: NotLocated(name, whole.open[name].reason, whole.open[name].candidates)
+            for name in self.world_points
+            if name in whole.open and name not in places
+        }
         world = before.world
         if len(points) < len(world.points) or missing:
             covariance = joint_covariance(points, self.frame)
