@@ -4,8 +4,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from survey.estimation.adjustment import Adjustment, adjust
 from survey.estimation.evidence import Evidence
 from survey.estimation.labelling import DECISIVE, LabellingVerdict, judge_labelling
@@ -26,6 +24,7 @@ from survey.readings.readings import Mask, Readings
 from validation.campaign.folder import RobotFrame, Vframe
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.poses.joint import LARGEST_WHOLE
 from validation.poses.pose_table import PoseTable
 from validation.shown import Shown
 from validation.systems import Progress, no_progress
@@ -97,17 +96,17 @@ class SurveySolution(Shown):
         poses = self.adjustment.network.poses
         if not poses:
             return None
-        rows = self.adjustment.pose_rows(poses)
-        joint = self.adjustment.covariance[np.ix_(rows, rows)]
+        rows, cofactors = self.adjustment.pose_rows(poses), self.adjustment.cofactors
         n = len(poses)
-        blocks = joint.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n)]
+        small = len(rows) <= LARGEST_WHOLE or cofactors.middle is not None
         return PoseTable(
             system="survey",
             ids=poses,
             poses=self.adjustment.parameters.poses,
-            covariances=blocks,
+            covariances=cofactors.blocks(rows.reshape(-1, 3)),
             sources=("joint adjustment",) * n,
-            joint=joint,
+            joint=cofactors.block(rows) if small else None,
+            factor=None if small else cofactors.shared[rows],
         )
 
 
