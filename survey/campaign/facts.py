@@ -12,7 +12,7 @@ def survey_facts(outcome: SurveyOutcome) -> dict[str, object]:
         return {"source": "published"}
     late = tuple(solution.from_marks)
     return {
-        "source": "readings" if solution.frames else "published",
+        "source": "readings" if solution.poses else "published",
         "readings": len(solution.used),
         "readings_left_out": len(solution.left_out),
         "world_points": {

@@ -23,7 +23,7 @@ def solution_figures(outcome: SurveyOutcome) -> dict[str, list[Figure]]:
         return {"world points": [], "robot frames": [], "readings": []}
     return {
         "world points": [_world_map(outcome, solution)],
-        "robot frames": [_pose_map(outcome, solution)] if solution.frames else [],
+        "robot frames": [_pose_map(outcome, solution)] if solution.poses else [],
         "readings": [_residuals(solution)],
     }
 
@@ -106,7 +106,7 @@ def _pose_map(outcome: SurveyOutcome, solution: SurveySolution) -> Figure:
         "robot-frames",
         "Validation poses: robot frames in true size with enlarged 3-sigma ellipses of their "
         "origins.",
-        f"Map of {len(solution.frames)} robot frames along the path among the world points; "
+        f"Map of {len(solution.poses)} robot frames along the path among the world points; "
         "coordinates and standard deviations are in the table.",
         draw,
     )

@@ -213,7 +213,7 @@ def _poses(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[Finding
             f"pose {pose.pose}",
             "pose-open",
         )
-    if not solution.frames and outcome.inputs.published_poses is not None:
+    if not solution.poses and outcome.inputs.published_poses is not None:
         yield Finding(
             "note",
             "there are no readings of robot frames: the validation poses are taken over as "

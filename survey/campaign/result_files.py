@@ -45,8 +45,7 @@ def adjusted_points(solution: SurveySolution, names: Sequence[str]) -> tuple[Arr
     rows = adjustment.point_rows(names).reshape(-1, 2)
     place = {name: i for i, name in enumerate(adjustment.network.points)}
     positions = adjustment.parameters.points[[place[name] for name in names]].reshape(-1, 2)
-    covariance = adjustment.covariance[rows[:, :, None], rows[:, None, :]]
-    return positions, covariance
+    return positions, adjustment.cofactors.blocks(rows)
 
 
 def _world_points(solution: SurveySolution, *, joint: bool) -> str:

@@ -30,7 +30,7 @@ def survey_sections(outcome: SurveyOutcome) -> list[Section]:
                 [*_world_tables(outcome, solution), *figures["world points"]],
             ),
         ]
-        if solution.frames:
+        if solution.poses:
             sections.append(
                 Section("Robot frames", [pose_table(solution), *figures["robot frames"]])
             )
@@ -173,7 +173,10 @@ def pose_table(solution: SurveySolution) -> Table:
     if table is not None:
         sigma = np.sqrt(np.diagonal(table.covariances, axis1=1, axis2=2))
         for name, pose, s in zip(table.ids, table.poses, sigma, strict=True):
-            alone: RobotFrameFit = single[name]
+            alone: RobotFrameFit | None = single.get(name)
+            if alone is None:
+                rows.append((name, *pose, *(MM * s), *(None,) * 5))
+                continue
             off = np.append(MM * (alone.state[:2] - pose[:2]), MM * wrap(alone.state[2] - pose[2]))
             rows.append((name, *pose, *(MM * s), *off, alone.cost, alone.redundancy))
     return Table(
@@ -307,5 +310,5 @@ def overview_tables(outcome: SurveyOutcome) -> list[Table]:
     solution = outcome.solution
     if solution is None:
         return []
-    poses = [pose_table(solution)] if solution.frames else []
+    poses = [pose_table(solution)] if solution.poses else []
     return [world_table(solution), *poses, *listing_tables(outcome)]

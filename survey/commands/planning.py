@@ -222,10 +222,11 @@ def _poses_table(prediction: Prediction, settings: "PlanSettings") -> "Table":
     from validation.results import Table
 
     adjustment = prediction.adjustment
+    variances = adjustment.cofactors.variances
     rows: list[list[str | float]] = []
     for pose, covariance in prediction.motions.items():
         at = adjustment.pose_rows([pose])
-        x, y, theta = (sqrt(adjustment.covariance[row, row]) for row in at)
+        x, y, theta = (sqrt(variances[row]) for row in at)
         least = detectable_motion(covariance, settings.confidence, settings.power)
         rows.append(
             [

@@ -4,9 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array
 
+from survey.estimation.least_squares.split_covariance import (
+    NotDeterminedError,
+    SplitCovariance,
+    split_inverse,
+)
 from survey.estimation.network import Index, Network, Parameters, design
 from validation.errors import GtvalError
 from validation.poses.angles import Array, wrap
@@ -17,6 +21,9 @@ exact as least squares where nothing is wrong."""
 _PASSES = 30
 _STEP_TOLERANCE = 1e-9
 """Gauss-Newton ends at steps below a nanometre, after four or five passes where readings agree."""
+_MOST_TO_SEARCH = 3000
+"""Unknowns among which the undetermined one is found by eigenvectors, in seconds; of more, the
+first of its stop is named."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +36,8 @@ class Adjustment:
         What was adjusted.
     parameters : Parameters
         Estimates.
-    covariance : (u, u) array
-        Of all u unknowns, in the order points, poses, rig.
+    cofactors : SplitCovariance
+        Covariance of all u unknowns, in the order points, poses, rig.
     residual : (o,) array
         Standardised residuals (measured less computed, over sigma) of all observations, the n
         distances first.
@@ -49,13 +56,18 @@ class Adjustment:
 
     network: Network
     parameters: Parameters
-    covariance: Array
+    cofactors: SplitCovariance
     residual: Array
     redundancy: Array
     weight: Array
     degrees_of_freedom: int
     passes: int
     jacobian: csr_array
+
+    @property
+    def covariance(self) -> Array:
+        """(u, u) covariance of all unknowns; grows with the square of the stops."""
+        return self.cofactors.dense
 
     @property
     def chi_squared(self) -> float:
@@ -101,8 +113,8 @@ def adjust(network: Network, start: Parameters, *, robust: bool = False) -> Adju
 
     Notes
     -----
-    Gauss-Newton on a sparse design matrix. Residuals, redundancy numbers and covariance as in
-    Ghilani, Adjustment Computations (2017), chapters 12 and 21.
+    Gauss-Newton on a sparse design matrix, stops being eliminated each by itself. Residuals,
+    redundancy numbers and covariance as in Ghilani, Adjustment Computations (2017), chapters 12 and 21.
     """
     parameters = start
     weight = np.ones(len(network.distance))
@@ -112,8 +124,8 @@ def adjust(network: Network, start: Parameters, *, robust: bool = False) -> Adju
         residual, jacobian = design(network, parameters)
         scale = np.ones(len(residual))
         scale[: len(weight)] = np.sqrt(weight)
-        factor = _factor(jacobian, scale, network)
-        step = cho_solve(factor, jacobian.T @ (scale**2 * residual))
+        cofactors = _cofactors(jacobian, scale, network)
+        step = cofactors.times(jacobian.T @ (scale**2 * residual))
         parameters = parameters.moved(step)
         previous = weight
         if robust:
@@ -144,20 +156,17 @@ def _adjusted(network: Network, parameters: Parameters, weight: Array, passes: i
     residual, jacobian = design(network, parameters)
     scale = np.ones(len(residual))
     scale[: len(weight)] = np.sqrt(weight)
-    factor = _factor(jacobian, scale, network)
-    cofactor = cho_solve(factor, np.eye(jacobian.shape[1]))
-    gain = jacobian @ cofactor
-    leverage = np.asarray(jacobian.multiply(gain).sum(axis=1)).ravel() * scale**2
-    covariance = cofactor
+    cofactors = _cofactors(jacobian, scale, network)
+    leverage = cofactors.leverage(jacobian) * scale**2
     if (weight < 1).any():
-        middle = jacobian.multiply(scale[:, None] ** 2).T
-        covariance = cofactor @ (middle @ middle.T).toarray() @ cofactor
+        middle = csr_array(jacobian.multiply(scale[:, None] ** 2))
+        cofactors = cofactors.between(csr_array(middle.T @ middle))
     heading = parameters.poses.copy()
     heading[:, 2] = wrap(heading[:, 2])
     return Adjustment(
         network=network,
         parameters=Parameters(parameters.points, heading, parameters.rig),
-        covariance=(covariance + covariance.T) / 2,
+        cofactors=cofactors,
         residual=residual,
         redundancy=1 - leverage,
         weight=weight,
@@ -167,24 +176,30 @@ def _adjusted(network: Network, parameters: Parameters, weight: Array, passes: i
     )
 
 
-def _factor(jacobian: csr_array, scale: Array, network: Network) -> tuple[Array, bool]:
-    """Cholesky factor of the normal matrix."""
-    weighted = jacobian.multiply(scale[:, None]).tocsr()
-    normal = (weighted.T @ weighted).toarray()
-    size = np.sqrt(np.diagonal(normal))
+def _cofactors(jacobian: csr_array, scale: Array, network: Network) -> SplitCovariance:
+    """Inverse of the normal matrix."""
+    weighted = csr_array(jacobian.multiply(scale[:, None]))
+    size = np.asarray(weighted.power(2).sum(axis=0)).ravel()
     if (size == 0).any():
         raise GtvalError(
             f"the joint adjustment cannot determine {_unknown(network, int(size.argmin()))}"
         )
+    p, f, k = network.sizes
+    shared = np.repeat([True, False, True], [p, f, k])
+    shared[(2 * network.mark[:, None] + np.arange(2)).ravel()] = False
     try:
-        factor, lower = cho_factor(normal)
-    except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(normal / np.outer(size, size))
-        worst = int(np.abs(vectors[:, values.argmin()]).argmax())
+        return split_inverse(weighted, shared)
+    except NotDeterminedError as error:
+        worst = error.columns[0]
+        if len(size) < _MOST_TO_SEARCH:
+            root = np.sqrt(size)
+            normal = (weighted.T @ weighted).toarray() / np.outer(root, root)
+            values, vectors = np.linalg.eigh(normal)
+            worst = np.abs(vectors[:, values.argmin()]).argmax()
         raise GtvalError(
-            f"the joint adjustment cannot determine {_unknown(network, worst)}: too few readings"
+            f"the joint adjustment cannot determine {_unknown(network, int(worst))}: too few "
+            "readings"
         ) from None
-    return factor, bool(lower)
 
 
 def _unknown(network: Network, row: int) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array
 from scipy.special import ndtri
 
 from survey.estimation.adjustment import Adjustment
@@ -110,7 +111,7 @@ def suspected_blunders(adjustment: Adjustment, most: int = 20) -> list[BlunderSu
     After the worst reading is found its error is taken as one more unknown, which the following
     search allows for, so that one blunder does not accuse its neighbours. With Q the cofactor of
     the residuals v, w_i = v_i / sqrt(Q_ii); an unknown for reading k is the rank-one downdate of
-    v and Q.
+    v and Q, of which only the diagonal and the columns of the readings found are made.
 
     Were reading j the culprit, |w_i| - |w_j| would be normal with mean -(1 - rho) |w_j| and
     variance 2 (1 - rho), rho being the correlation of w_i and w_j; j stays a candidate beside the
@@ -120,24 +121,29 @@ def suspected_blunders(adjustment: Adjustment, most: int = 20) -> list[BlunderSu
     critical = critical_w(n)
     if n == 0 or not (np.abs(reading_tests(adjustment).w) > critical).any():
         return []
-    J = adjustment.jacobian[:n].toarray() * np.sqrt(adjustment.weight)[:, None]
-    Q = np.eye(n) - J @ adjustment.covariance @ J.T
+    J = csr_array(adjustment.jacobian[:n].multiply(np.sqrt(adjustment.weight)[:, None]))
+    q = 1 - adjustment.cofactors.leverage(J)
+    taken: list[Array] = []
     v = adjustment.residual[:n].copy()
     suspicions: list[BlunderSuspicion] = []
-    live = np.diagonal(Q) > MIN_REDUNDANCY
+    live = q > MIN_REDUNDANCY
     while len(suspicions) < most and live.any():
-        root = np.sqrt(np.where(live, np.diagonal(Q), 1.0))
+        root = np.sqrt(np.where(live, q, 1.0))
         w = np.where(live, v / root, 0.0)
         worst = int(np.abs(w).argmax())
         if abs(w[worst]) < critical:
             break
-        rho = np.abs(Q[worst]) / (root[worst] * root)
+        column = -(J @ adjustment.cofactors.times(J[[worst]].toarray()[0]))
+        column[worst] += 1
+        column -= sum((one * one[worst] for one in taken), start=np.zeros(n))
+        rho = np.abs(column) / (root[worst] * root)
         order = _candidates(worst, np.abs(w), np.where(live, rho, 0.0))
         size = v[order] * adjustment.network.sigma[order] / root[order] ** 2
         suspicions.append(BlunderSuspicion(order, w[order], size))
-        v = v - Q[:, worst] * (v[worst] / Q[worst, worst])
-        Q = Q - np.outer(Q[:, worst], Q[worst]) / Q[worst, worst]
-        live &= np.diagonal(Q) > MIN_REDUNDANCY
+        v = v - column * (v[worst] / column[worst])
+        taken.append(column / np.sqrt(column[worst]))
+        q = q - taken[-1] ** 2
+        live &= q > MIN_REDUNDANCY
         live[worst] = False
     return suspicions
 

@@ -6,6 +6,7 @@ from itertools import combinations
 from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 
 from survey.estimation.distance_fit import DistanceFit, Rows, coordinate_sigma
 from survey.estimation.geometry import (
@@ -84,8 +85,8 @@ class PoseReadings(DistanceFit):
     """
 
     body: Array
-    world_index: Array
-    rig_index: Array
+    world_index: npt.NDArray[np.intp]
+    rig_index: npt.NDArray[np.intp]
 
     def select(self, rows: Rows) -> Self:
         """The given readings."""

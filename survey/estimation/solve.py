@@ -4,30 +4,34 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from survey.estimation.adjustment import Adjustment, adjust
 from survey.estimation.evidence import Evidence
-from survey.estimation.labelling import LabellingVerdict, judge_labelling
+from survey.estimation.labelling import DECISIVE, LabellingVerdict, judge_labelling
 from survey.estimation.network import build_network, start_parameters
-from survey.estimation.points_from_marks import locate_from_marks
 from survey.estimation.reliability import (
     BlunderSuspicion,
     Reliability,
     reading_tests,
     suspected_blunders,
 )
-from survey.estimation.robot_frames import NotPosed, RobotFrameFit, solve_robot_frames
+from survey.estimation.robot_frames import NotPosed, RobotFrameFit
 from survey.estimation.vframe import VframeEstimate, estimate_vframe
+from survey.estimation.whole.search import Located, Search
+from survey.estimation.whole.units import capped
 from survey.estimation.world_points import WorldPoints, locate_world_points
 from survey.readings.point_names import robot_point
-from survey.readings.readings import Readings
+from survey.readings.readings import Mask, Readings
 from validation.campaign.folder import RobotFrame, Vframe
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.poses.joint import LARGEST_WHOLE
 from validation.poses.pose_table import PoseTable
 from validation.shown import Shown
 from validation.systems import Progress, no_progress
+
+BAD_FIT = 4.0
+"""Mean square of the standardised residuals from which a solution is looked for elsewhere, too. A
+judgement: twice the stated scatter; a place on the wrong side costs thousands."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -47,8 +51,10 @@ class SurveySolution(Shown):
     not_posed : tuple of NotPosed
         Poses left open.
     from_marks : mapping of str to (2,) array
-        World points that the Vframe leaves open and the robot's marks do not: where the joint
+        World points that the Vframe leaves open and all readings together do not: where the joint
         adjustment starts for them.
+    together : mapping of str to (3,) array
+        The same for poses that the world points located from the Vframe leave open.
     used : Readings
         Readings in the joint adjustment, in its order.
     left_out : Readings
@@ -68,6 +74,7 @@ class SurveySolution(Shown):
     frames: tuple[RobotFrameFit, ...]
     not_posed: tuple[NotPosed, ...]
     from_marks: Mapping[str, Array]
+    together: Mapping[str, Array]
     used: Readings
     left_out: Readings
     adjustment: Adjustment
@@ -79,22 +86,27 @@ class SurveySolution(Shown):
         """World points of the joint adjustment."""
         return (*self.world.names, *self.from_marks)
 
+    @property
+    def poses(self) -> tuple[str, ...]:
+        """Ids of the poses of the joint adjustment."""
+        return self.adjustment.network.poses
+
     def pose_table(self) -> PoseTable | None:
         """The validation poses of the joint adjustment, with their joint covariance."""
         poses = self.adjustment.network.poses
         if not poses:
             return None
-        rows = self.adjustment.pose_rows(poses)
-        joint = self.adjustment.covariance[np.ix_(rows, rows)]
+        rows, cofactors = self.adjustment.pose_rows(poses), self.adjustment.cofactors
         n = len(poses)
-        blocks = joint.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n)]
+        small = len(rows) <= LARGEST_WHOLE or cofactors.middle is not None
         return PoseTable(
             system="survey",
             ids=poses,
             poses=self.adjustment.parameters.poses,
-            covariances=blocks,
+            covariances=cofactors.blocks(rows.reshape(-1, 3)),
             sources=("joint adjustment",) * n,
-            joint=joint,
+            joint=cofactors.block(rows) if small else None,
+            factor=None if small else cofactors.shared[rows],
         )
 
 
@@ -139,33 +151,33 @@ def solve_survey(
     progress("Vframe", 0.0)
     frame = estimate_vframe(vframe, readings)
     world = locate_world_points(world_points, readings, frame)
-    if not world.points:
-        reasons = "; ".join(f"{p.name}: {p.reason}" for p in world.missing[:5])
-        raise GtvalError(f"no world point can be located ({reasons or 'no readings'})")
-    progress("labels", 0.15)
-    labelling = judge_labelling(vframe, rig, readings, world, evidence)
+    labelling = None
+    if world.points and not world.missing:
+        progress("labels", 0.15)
+        labelling = judge_labelling(vframe, rig, readings, world, evidence)
     progress("robot frames", 0.3)
-    frames, not_posed = solve_robot_frames(readings.poses, readings, world, rig, evidence.guesses)
+    search = Search(frame, rig, readings, tuple(world_points), evidence)
+    located = search.separately(world)
+    if search.leaves_open(located):
+        progress("the whole network", 0.45)
+        located = search.together(located)
+    if not located.places:
+        reasons = "; ".join(f"{p.name}: {p.reason}" for p in located.world.missing[:5])
+        raise GtvalError(f"no world point can be located ({reasons or 'no readings'})")
+    if labelling is None:
+        labelling = judge_labelling(vframe, rig, readings, located.all_points(), evidence)
     progress("joint adjustment", 0.6)
-    from_marks = locate_from_marks(world.missing, readings, frame, frames, rig)
-    network, inside = build_network(
-        vframe, rig, readings, (*world.names, *from_marks), [fit.pose for fit in frames]
-    )
-    start = start_parameters(
-        network,
-        frame.points,
-        {**dict(zip(world.names, world.positions, strict=True)), **from_marks},
-        {fit.pose: fit.state for fit in frames},
-    )
-    adjustment = adjust(network, start, robust=robust)
+    located, adjustment, inside = _adjusted(vframe, search, located, robust=robust)
     progress("tests of the readings", 0.9)
+    located = located.agreeing(adjustment, frame)
     solution = SurveySolution(
         vframe=frame,
         labelling=labelling,
-        world=world,
-        frames=tuple(frames),
-        not_posed=tuple(not_posed),
-        from_marks=from_marks,
+        world=located.world,
+        frames=located.frames,
+        not_posed=located.not_posed,
+        from_marks=located.from_marks,
+        together=located.late_poses,
         used=readings.select(inside),
         left_out=readings.select(~inside),
         adjustment=adjustment,
@@ -174,6 +186,46 @@ def solve_survey(
     )
     progress("done", 1.0)
     return solution
+
+
+def _adjusted(
+    vframe: Vframe, search: Search, located: Located, *, robust: bool
+) -> tuple[Located, Adjustment, Mask]:
+    """The joint adjustment, and which readings are in it, from where it fits best."""
+    first, fault = None, None
+    try:
+        first = _adjusted_from(vframe, search, located, robust=robust)
+    except GtvalError as error:
+        fault = error
+    if located.is_whole or (first and first[0].chi_squared < BAD_FIT * len(first[0].residual)):
+        if first is None:
+            raise fault or GtvalError("the joint adjustment fails")
+        return located, *first
+    whole = search.together(located)
+    second = _adjusted_from(vframe, search, whole, robust=robust) if whole.places else None
+    if second is None or (first and not _better(first[0], second[0])):
+        if first is None:
+            raise fault or GtvalError("the joint adjustment fails")
+        return located, *first
+    return whole, *second
+
+
+def _adjusted_from(
+    vframe: Vframe, search: Search, located: Located, *, robust: bool
+) -> tuple[Adjustment, Mask]:
+    """The joint adjustment from given places and poses."""
+    poses = [pose for pose in search.readings.poses if pose in located.poses]
+    network, inside = build_network(
+        vframe, search.rig, search.readings, list(located.places), poses
+    )
+    start = start_parameters(network, search.frame.points, located.places, located.poses)
+    return adjust(network, start, robust=robust), inside
+
+
+def _better(now: Adjustment, other: Adjustment) -> bool:
+    """Whether another adjustment of as many points and poses fits decisively better."""
+    same = now.network.points == other.network.points and now.network.poses == other.network.poses
+    return same and capped(now.residual) - capped(other.residual) > DECISIVE
 
 
 def _need_known_names(

@@ -164,10 +164,9 @@ def repeated_stop_covariance(adjustment: Adjustment, pose: str) -> Array:
     alone = np.linalg.inv(A.T @ A)
     G = -alone @ A.T @ B
     information = B.T @ B + B.T @ A @ G
-    C = adjustment.covariance
     pose_rows = adjustment.pose_rows([pose])
     needed = np.concatenate([shared, pose_rows])
-    before = C[np.ix_(needed, needed)]
+    before = adjustment.cofactors.block(needed)
     n = len(shared)
     gain = np.linalg.solve(np.eye(n) + information @ before[:n, :n], information @ before[:n])
     after = before - before[:, :n] @ gain
@@ -199,7 +198,7 @@ def uncertainty_weights(adjustment: Adjustment) -> Array:
     times the mean squared arm of the rig. Without stops, that of a world point's coordinates.
     """
     network = adjustment.network
-    weights = np.zeros(len(adjustment.covariance))
+    weights = np.zeros(len(adjustment.cofactors))
     if network.poses:
         arm = float((network.rig**2).sum(-1).mean())
         per_pose = np.array([1.0, 1.0, arm]) / len(network.poses)
@@ -219,8 +218,7 @@ def world_names(adjustment: Adjustment) -> list[str]:
 
 def typical_uncertainty(adjustment: Adjustment) -> float:
     """Root mean square uncertainty in the plane of a rig point (or world point), metres."""
-    variances = np.diagonal(adjustment.covariance)
-    return float(np.sqrt(uncertainty_weights(adjustment) @ variances))
+    return float(np.sqrt(uncertainty_weights(adjustment) @ adjustment.cofactors.variances))
 
 
 def candidate_pairs(
@@ -324,9 +322,11 @@ def with_extra_reading(adjustment: Adjustment, first: int, second: int, sigma: f
     points = adjustment.parameters.points
     entries = distance_entries(points[[first]], points[[second]])[0]
     columns = np.array([2 * first, 2 * first + 1, 2 * second, 2 * second + 1])
-    along = entries @ adjustment.covariance[columns]
+    row = np.zeros(len(adjustment.cofactors))
+    row[columns] = entries
+    along = adjustment.cofactors.times(row)
     variance = sigma**2 + float(along[columns] @ entries)
-    return replace(adjustment, covariance=adjustment.covariance - np.outer(along, along) / variance)
+    return replace(adjustment, cofactors=adjustment.cofactors.less(along, variance))
 
 
 def weak_points(readings: Readings, vframe: Vframe, world: Sequence[str]) -> dict[str, int]:
@@ -343,6 +343,4 @@ def weak_points(readings: Readings, vframe: Vframe, world: Sequence[str]) -> dic
 
 def diagonal_blocks(adjustment: Adjustment, rows: npt.NDArray[np.intp], size: int) -> Array:
     """Covariances (n, size, size) of n things that take ``size`` of the given rows each."""
-    n = len(rows) // size
-    joint = adjustment.covariance[np.ix_(rows, rows)].reshape(n, size, n, size)
-    return np.asarray(joint[np.arange(n), :, np.arange(n)])
+    return adjustment.cofactors.blocks(rows.reshape(-1, size))

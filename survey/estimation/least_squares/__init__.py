@@ -1,0 +1,1 @@
+"""Large sparse normal equations."""

@@ -1,0 +1,1 @@
+"""Networks whose marks and stops can only be located together."""
