@@ -13,6 +13,10 @@ from validation.poses.angles import Array
 
 LEAST_ROWS = 4
 """Readings that a block in time has at least: fewer are blunders by nature."""
+RARE = 6.0
+"""What it costs to say that some readings have a scale or a height of their own. A judgement: an
+edge is set wrong, or a target held differently, twenty times as often (2 log 20) as an instrument
+changes its unit or its height; sizes of no more than some sigmas do not tell the two apart."""
 ROWS_TRIED = 1500
 """Readings up to which a block may begin and end at any; of more, it does so where the laser is
 moved to another mark."""
@@ -65,7 +69,9 @@ def _lead(
     def build(base: Trial) -> Trial:
         return replace(base, effects=(*base.effects, Effect(kind, rows, size)))
 
-    return Lead(kind, extent, subject, rows, gain, places, build, effect_size)
+    some = extent not in {"all", "walls", "point"}
+    cost = RARE if kind != "offset" and some else 0.0
+    return Lead(kind, extent, subject, rows, gain, places, build, effect_size, cost=cost)
 
 
 def _blocks(kind: Law, columns: Array, linear: Linear, log: Log) -> Iterator[Lead]:

@@ -8,6 +8,7 @@ by (g^T v')^2 / (g^T Q g): the score test, exact where the survey is linear.
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from survey.causes.trial import Fit, Rows
 from validation.poses.angles import Array
@@ -51,9 +52,24 @@ class Linear:
             return None
         return self._block(np.arange(n))
 
+    @cached_property
+    def _inverse(self) -> Array | None:
+        """N^-1 where the unknowns are few: quicker than to solve for many columns."""
+        J = self.fit.jacobian
+        if J.shape[1] > DENSE:
+            return None
+        normal = (J.T @ J).toarray()
+        size = np.sqrt(np.maximum(np.diagonal(normal), 1e-12))
+        scaled = normal / np.outer(size, size) + 1e-9 * np.eye(len(size))
+        return np.asarray(cho_solve(cho_factor(scaled), np.eye(len(size))) / np.outer(size, size))
+
+    def _solve(self, right: Array) -> Array:
+        return self.fit.solve(right) if self._inverse is None else self._inverse @ right
+
     def _block(self, rows: Rows) -> Array:
-        J = self.fit.jacobian[rows].toarray()
-        return np.asarray(np.eye(len(rows)) - J @ self.fit.solve(J.T))
+        J = self.fit.jacobian[rows]
+        gain = self.fit.solve(J.T.toarray()).T if self._inverse is None else J @ self._inverse
+        return np.asarray(np.eye(len(rows)) - (J @ gain.T).T)
 
     def block(self, rows: Rows) -> Array:
         """(r, r) part of Q for some observations."""
@@ -75,7 +91,7 @@ class Linear:
         n = len(columns)
         J = self.fit.jacobian[:n]
         through = np.asarray(J.T @ columns)
-        matrix = columns.T @ columns - through.T @ self.fit.solve(through)
+        matrix = columns.T @ columns - through.T @ self._solve(through)
         return columns.T @ self.residual[:n], np.asarray(matrix)
 
 

@@ -160,6 +160,8 @@ def _stop_numbers(look: _Look) -> Iterator[Lead]:
         rows = rows[np.argsort(look.log.order.argsort()[rows])]
         if len(rows) >= 2:
             runs.append((q, int(mark), rows))
+    if np.abs(look.misfit).max(initial=0.0) < FAR:
+        return
     places = float(len(runs) * max(len(net.poses) - 1, 1))
     marks = {net.points[mark]: q for q, mark in enumerate(net.mark)}
     for q, mark, rows in runs:

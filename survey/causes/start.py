@@ -17,6 +17,8 @@ from validation.poses.angles import Array
 
 MOST_CIRCLES = 120
 """Pairs of circles tried for a place: all pairs of sixteen readings."""
+GOOD = 1.5
+"""m0 up to which the joint adjustment is a start: whatever is wrong has moved no point far."""
 _ROUGH = 0.01
 """Metres that are no misfit yet while only starts are sought: five sigmas of a usual reading."""
 _ROUNDS = 2
@@ -31,6 +33,9 @@ def whole_trial(
     Points and stops that the chain of single solutions left open because their readings
     contradict each other are located by what most of their readings say.
     """
+    adjusted = solution.adjustment
+    if len(solution.left_out) == 0 and len(readings) == len(solution.used) and adjusted.m0 < GOOD:
+        return Trial(adjusted.network, adjusted.parameters), np.ones(len(readings), dtype=bool)
     known: dict[str, Array] = dict(
         zip(solution.vframe.names, np.asarray(solution.vframe.points), strict=True)
     )
