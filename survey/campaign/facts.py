@@ -1,6 +1,7 @@
 """Numbers of a survey for scripts, and its landmarks."""
 
-from survey.campaign.findings import fitted_reading_sigma
+from survey.campaign.cause_words import cause_facts, folded
+from survey.campaign.findings import fitted_reading_sigma, single_findings
 from survey.campaign.outcome import SurveyOutcome
 from survey.campaign.result_files import adjusted_points
 
@@ -49,6 +50,7 @@ def survey_facts(outcome: SurveyOutcome) -> dict[str, object]:
         ]
         if outcome.published is not None
         else [],
+        "causes": cause_facts(outcome, folded(outcome, single_findings(outcome))[1]),
         "suspected_blunders": [
             [
                 {

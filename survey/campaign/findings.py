@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtrc
 
+from survey.campaign.cause_words import folded
 from survey.campaign.outcome import SurveyOutcome
 from survey.estimation.labelling import Labelling, LabellingVerdict
 from survey.estimation.reliability import BlunderSuspicion
@@ -26,7 +27,12 @@ WEAK_REDUNDANCY = 0.1
 
 
 def survey_findings(outcome: SurveyOutcome) -> list[Finding]:
-    """All findings, in the order of the work."""
+    """All findings: common causes first, then in the order of the work."""
+    return [_sentence(one) for one in folded(outcome, single_findings(outcome))[0]]
+
+
+def single_findings(outcome: SurveyOutcome) -> list[Finding]:
+    """All findings about single readings, points and stops, whatever their common cause."""
     if outcome.solution is None:
         return [_sentence(_only_published(outcome))]
     solution = outcome.solution

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from survey.campaign.inputs import SurveyInputs
+from survey.causes.diagnosis import Diagnosis
 from survey.estimation.solve import SurveySolution
 from survey.published.as_published import AsPublished
 from survey.published.check import PublishedComparison
@@ -26,6 +27,8 @@ class SurveyOutcome:
         Published world points against computed ones.
     as_published : AsPublished or None
         What the document's filters make of the same readings, where that was asked for.
+    diagnosis : Diagnosis or None
+        Common causes of what is wrong with the readings.
     """
 
     campaign: Campaign
@@ -33,6 +36,7 @@ class SurveyOutcome:
     solution: SurveySolution | None = None
     published: PublishedComparison | None = None
     as_published: AsPublished | None = None
+    diagnosis: Diagnosis | None = None
 
     @property
     def poses(self) -> PoseTable | None:

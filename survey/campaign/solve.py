@@ -2,6 +2,7 @@
 
 from survey.campaign.inputs import load_inputs
 from survey.campaign.outcome import SurveyOutcome
+from survey.causes.diagnosis import diagnose
 from survey.estimation.solve import solve_survey
 from survey.published.as_published import as_published_estimates
 from survey.published.check import compare_published
@@ -54,4 +55,5 @@ def solve_campaign(
     literal = None
     if as_published:
         literal = as_published_estimates(solution, readings, vframe, rig)
-    return SurveyOutcome(campaign, inputs, solution, published, literal)
+    diagnosis = diagnose(solution, vframe, rig, readings)
+    return SurveyOutcome(campaign, inputs, solution, published, literal, diagnosis)

@@ -30,9 +30,12 @@ MOST_POINTS = 5
 of 5 points, 720 would be of 6."""
 _SAME_PLACE = 1e-6
 """Nominal points nearer than this, in metres, are the same."""
-MOST_POSES = 2
-"""Robot frames asked. A judgement: one tells a mirror image from the truth, and the second is for
-the case that the first holds a blunder."""
+MOST_POSES = 3
+"""Robot frames asked. A judgement: one tells a mirror image from the truth, and where the names
+are exchanged at that stop, the two others do."""
+MOST_OF_A_POSE = 1000.0
+"""What the readings of one stop may say at most, in chi-squared: whatever happened at one stop, the
+others overrule it. A mirror image costs a stop 1e4 and more."""
 DECISIVE = 30.0
 """Difference of chi-squared (natural odds of millions) from which evidence decides."""
 PUBLISHED_SIGMA = 0.02
@@ -326,7 +329,7 @@ def _weighed(
         if shared:
             chi2[name] = _capped(np.array([(where[p] - points[p]) / sigma for p in shared]))
     if frames:
-        chi2["robot-frame readings"] = float(sum(cost for _, _, cost in frames))
+        chi2["robot-frame readings"] = float(sum(min(c, MOST_OF_A_POSE) for _, _, c in frames))
     guessed = [(pose, state) for pose, state, _ in frames if pose in evidence.guesses]
     if guessed:
         off = [carried(state[:2]) - evidence.guesses[pose][:2] for pose, state in guessed]

@@ -39,6 +39,8 @@ class Readings:
         Line of the file, 0 where there is no file.
     observer : tuple of str, length n
         Who measured, '' where not noted.
+    time : tuple of str, length n
+        When, as it stands in the file, '' where not noted.
     """
 
     start: tuple[str, ...]
@@ -47,6 +49,7 @@ class Readings:
     sigma: Array
     line: tuple[int, ...] = ()
     observer: tuple[str, ...] = ()
+    time: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.start)
@@ -55,6 +58,7 @@ class Readings:
         object.__setattr__(self, "sigma", sigma)
         object.__setattr__(self, "line", tuple(self.line) or (0,) * n)
         object.__setattr__(self, "observer", tuple(self.observer) or ("",) * n)
+        object.__setattr__(self, "time", tuple(self.time) or ("",) * n)
         if not len(self.end) == len(self.distance) == n:
             raise ValueError(f"{n} start points, {len(self.end)} ends, {self.distance.shape}")
 
@@ -72,6 +76,7 @@ class Readings:
             sigma=self.sigma[index],
             line=tuple(self.line[i] for i in index),
             observer=tuple(self.observer[i] for i in index),
+            time=tuple(self.time[i] for i in index),
         )
 
     @cached_property
@@ -199,6 +204,7 @@ def _as_readings(table: CsvTable, campaign: Campaign, settings: SurveySettings) 
         sigma=sigma,
         line=tuple(table.lines),
         observer=tuple(table.text["observer"]),
+        time=tuple(table.text["time"]),
     )
 
 

@@ -1,0 +1,379 @@
+"""One cause in one line: what it is, how large, how sure, what it spoils, how to confirm it."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from survey.campaign.outcome import SurveyOutcome
+from survey.causes.diagnosis import SINGLE, Diagnosis, blunders
+from survey.causes.lead import Lead
+from survey.causes.search import Causes
+from survey.readings.readings import Readings
+from validation.poses.angles import Array, wrap
+from validation.results import Finding
+from validation.statistics.hypotheses import Parameter, Tried
+from validation.statistics.units import unit_of_ratio
+
+MM = 1e3
+OTHER_EDGE = (0.06, 0.16)
+"""Offsets, in metres, that are the length of a hand laser: from one edge of it to the other."""
+SPOILT = 1.0
+"""Shift of a pose, in its standard deviations, from which it is called spoilt: more than chance
+moves it."""
+FOLDED = frozenset(
+    {"frame-shape", "world-point-misfit", "pose-misfit", "blunder", "m0"}
+    | {"pose-open", "world-point-open", "readings-left-out"}
+)
+"""Findings about single readings, points and stops, which a common cause explains."""
+
+
+def folded(outcome: SurveyOutcome, findings: Sequence[Finding]) -> tuple[list[Finding], list[Finding]]:
+    """Findings with the common causes in front, and those that follow from them, taken out."""
+    diagnosis = outcome.diagnosis
+    if diagnosis is None or not diagnosis.found:
+        return list(findings), []
+    others = [one for one in findings if one.code in FOLDED and one.severity in {"warning", "error"}]
+    others += [one for one in findings if one.code == "readings-left-out"]
+    kept = [one for one in findings if one not in others]
+    lines = [_line(outcome, diagnosis, k, len(others)) for k in range(len(diagnosis.found))]
+    return [*lines, *_single(outcome, diagnosis), *kept], others
+
+
+def _line(outcome: SurveyOutcome, diagnosis: Diagnosis, k: int, others: int) -> Finding:
+    causes = diagnosis.found[k]
+    best, used = causes.ranking.best, _used(outcome, causes)
+    text = f"{'besides, ' if k else ''}{said(best, used)}. "
+    rivals = [one for one in causes.ranking.rivals() if one.what.kind not in SINGLE]
+    if rivals:
+        text += "These readings cannot tell it from another cause: "
+        text += "; or ".join(
+            f"{said(one, used)} (odds {_odds(causes.ranking.odds(one))})" for one in rivals[:2]
+        )
+        text += ". "
+    text += f"{_against(causes)}. m0 would be {best.m0:.2f} instead of {causes.plain.m0:.2f}. "
+    if k == 0:
+        text += _spoils(outcome, diagnosis)
+        if others:
+            text += f"{others} other findings follow from it (others, under causes in the JSON). "
+    text += f"To confirm it: {_confirm(best.what, best.parameters)}"
+    return Finding("error", text, _subject(best.what), "cause")
+
+
+def _subject(lead: Lead) -> str:
+    if lead.extent == "station" or lead.kind in {"rig_mark", "stop_number"}:
+        return f"pose {lead.subject[0]}"
+    if lead.kind in {"moved", "height"} and lead.subject:
+        return f"world point {lead.subject[0]}"
+    return "vframe" if lead.kind == "vframe_point" else "survey"
+
+
+def _used(outcome: SurveyOutcome, causes: Causes) -> Readings:
+    file = outcome.inputs.file
+    return file.used.select(causes.rows)  # type: ignore[union-attr]
+
+
+def _odds(value: float) -> str:
+    return "more than 1e9 to 1" if value > 1e9 else f"{value:.2g} to 1"
+
+
+def _against(causes: Causes) -> str:
+    """Odds against independent blunders, against none, and against the next cause."""
+    ranking = causes.ranking
+    told = []
+    alone = blunders(ranking)
+    if alone is not None:
+        count = alone.what.subject[0]
+        told.append(f"{_odds(ranking.odds(alone))} against {count} independent blunders")
+    close = ranking.rivals()
+    following = [one for one in ranking.tried[1:] if one.what.kind not in SINGLE and one not in close]
+    if following:
+        told.append(f"{_odds(ranking.odds(following[0]))} against the next ({_short(following[0].what)})")
+    none = next(one for one in ranking.tried if one.what.kind == "none")
+    if alone is None:
+        told.append(f"{_odds(ranking.odds(none))} against nothing wrong")
+    return "Odds " + ", ".join(told)
+
+
+NAMES: Mapping[str, str] = {
+    "offset": "an offset", "scale": "a scale", "height": "a height", "moved": "a point that moved",
+    "vframe_point": "a Vframe point off its place", "rig_mark": "a wrong mark of the rig",
+    "rig_point": "a rig point off its place", "exchanged_targets": "two targets exchanged",
+    "exchanged_rig_points": "two rig points exchanged", "stop_number": "a wrong stop number",
+    "exchanged_rows": "rows exchanged", "blunders": "independent blunders", "none": "nothing wrong",
+}  # fmt: skip
+"""Kinds of causes in words."""
+
+
+def _short(lead: Lead) -> str:
+    where = " ".join(lead.subject[:2])
+    return f"{NAMES[lead.kind]}, {lead.extent} {where}".strip()
+
+
+def said(one: Tried[Lead], used: Readings) -> str:
+    """A hypothesis as a statement, with its size and interval."""
+    lead = one.what
+    return _SAID[lead.kind](lead, one.parameters, used)
+
+
+def _where(lead: Lead, used: Readings) -> str:
+    """Which readings a common error is in."""
+    n = len(lead.rows)
+    also = f" (the same readings: {', '.join(lead.also)})" if lead.also else ""
+    if lead.extent == "all":
+        return f"all {n} readings"
+    if lead.extent == "walls":
+        return f"the {n} readings between floor and walls"
+    if lead.extent in {"from", "until", "block"}:
+        lines = [used.line[r] for r in lead.rows]
+        first, last = int(lead.rows[0]), int(lead.rows[-1])
+        ends = f"{used.start[first]}–{used.end[first]} to {used.start[last]}–{used.end[last]}"
+        return f"the {n} readings from line {lines[0]} to line {lines[-1]} ({ends})"
+    name = lead.subject[0]
+    what = {
+        "station": f"of stop {name}" if any(s.startswith(f"{name}/") for s in used.start)
+        else f"at Vframe point {name}",
+        "observer": f"of observer {name}",
+        "day": f"of {name}",
+        "point": f"to point {name}",
+    }[lead.extent]  # fmt: skip
+    return f"the {n} readings {what}{also}"
+
+
+def _offset(lead: Lead, parameters: Sequence[Parameter], used: Readings) -> str:
+    (b,) = parameters
+    size, low, high = _turned(b, MM)
+    what = f"{_where(lead, used)} are too {'long' if b.value > 0 else 'short'} by {size:.1f} mm"
+    edge = OTHER_EDGE[0] < abs(b.value) < OTHER_EDGE[1]
+    hint = ", as if measured from the other edge of the instrument" if edge else ""
+    return f"{what} (95 %: {low:.1f} to {high:.1f}){hint}: one offset"
+
+
+def _turned(b: Parameter, unit: float) -> tuple[float, float, float]:
+    """Size and interval as a person says them, of the absolute value."""
+    ends = sorted((b.low * np.sign(b.value) * unit, b.high * np.sign(b.value) * unit))
+    return abs(b.value) * unit, float(ends[0]), float(ends[1])
+
+
+def _scale(lead: Lead, parameters: Sequence[Parameter], used: Readings) -> str:
+    (b,) = parameters
+    factor = 1 + b.value
+    unit = unit_of_ratio(factor)
+    if unit:
+        return f"{_where(lead, used)} are in {unit}, not in metres (factor {factor:.4f})"
+    size, low, high = _turned(b, 1e2)
+    return (
+        f"{_where(lead, used)} are too {'long' if b.value > 0 else 'short'} by {size:.3f} % "
+        f"(95 %: {low:.3f} to {high:.3f}): one scale, of a tape that stretched or of the instrument"
+    )
+
+
+def _height(lead: Lead, parameters: Sequence[Parameter], used: Readings) -> str:
+    (h,) = parameters
+    return (
+        f"{_where(lead, used)} run between heights that differ by {MM * h.value:.0f} mm "
+        f"(95 %: {MM * h.low:.0f} to {MM * h.high:.0f})"
+    )
+
+
+def _shift(parameters: Sequence[Parameter]) -> str:
+    x, y = parameters
+    whole = np.hypot(x.value, y.value)
+    return (
+        f"{MM * whole:.1f} mm: x {MM * x.value:+.1f} mm (95 %: {MM * x.low:+.1f} to "
+        f"{MM * x.high:+.1f}), y {MM * y.value:+.1f} mm (95 %: {MM * y.low:+.1f} to {MM * y.high:+.1f})"
+    )
+
+
+def _moved(lead: Lead, parameters: Sequence[Parameter], used: Readings) -> str:
+    before, after = (int(lead.rows[k]) for k in (0, 1))
+    return (
+        f"point {lead.subject[0]} moved between the readings {_named(used, before)} and "
+        f"{_named(used, after)} by {_shift(parameters)}"
+    )
+
+
+def _named(used: Readings, row: int) -> str:
+    line = f" (line {used.line[row]})" if used.line[row] else ""
+    return f"{used.start[row]}–{used.end[row]}{line}"
+
+
+def _numbers(lead: Lead, _: Sequence[Parameter], used: Readings) -> str:
+    lines = f"lines {used.line[lead.rows[0]]} to {used.line[lead.rows[-1]]}"
+    wrong, right = lead.subject[:2]
+    if not right:
+        return (
+            f"the {len(lead.rows)} readings of {lines}, written as stop {wrong}, are of another "
+            "stop that has no readings of that number"
+        )
+    point = lead.subject[2]
+    return (
+        f"the {len(lead.rows)} readings of {lines}, written {wrong}/{point}, are of stop "
+        f"{right}: {right}/{point}"
+    )
+
+
+def _rows(lead: Lead, _: Sequence[Parameter], used: Readings) -> str:
+    if lead.extent == "slipped":
+        first, last = int(lead.rows[0]), int(lead.rows[-1])
+        return (
+            f"the {len(lead.rows)} readings {_named(used, first)} to {_named(used, last)} stand "
+            "one row off their place"
+        )
+    a, b = (int(row) for row in lead.rows)
+    return f"the readings {_named(used, a)} and {_named(used, b)} stand in each other's row"
+
+
+def _targets(lead: Lead, _: Sequence[Parameter], used: Readings) -> str:
+    station, a, b = lead.subject
+    stop = any(s.startswith(f"{station}/") for s in (*used.start, *used.end))
+    at = f"at stop {station}" if stop else f"from Vframe point {station}"
+    return f"the names {a} and {b} are exchanged {at} ({len(lead.rows)} readings)"
+
+
+_SAID = {
+    "offset": _offset,
+    "scale": _scale,
+    "height": _height,
+    "moved": _moved,
+    "vframe_point": lambda lead, p, _: f"Vframe point {lead.subject[0]} is off its place by {_shift(p)}",
+    "rig_mark": lambda lead, p, _: (
+        f"point {lead.subject[1]} of the rig is marked wrong at stop {lead.subject[0]}, off by "
+        f"{_shift(p)}, in the robot frame"
+    ),
+    "rig_point": lambda lead, p, _: (
+        f"rig point {lead.subject[0]} is not where campaign.toml says, at all stops, off by {_shift(p)}"
+    ),
+    "exchanged_targets": _targets,
+    "exchanged_rig_points": lambda lead, _, __: (
+        f"the rig points {lead.subject[1]} and {lead.subject[2]} are exchanged at stop {lead.subject[0]}"
+    ),
+    "stop_number": _numbers,
+    "exchanged_rows": _rows,
+    "blunders": lambda lead, _, __: f"{lead.subject[0]} independent blunders",
+    "none": lambda *_: "nothing is wrong",
+}
+
+
+def _confirm(lead: Lead, parameters: Sequence[Parameter]) -> str:
+    """What to do in the room."""
+    name = lead.subject[0] if lead.subject else ""
+    if lead.kind == "offset":
+        return (
+            "look which edge the instrument measures from, and read one of these pairs and a pole "
+            "of known length again"
+        )
+    return {
+        "scale": "read a known length of some metres again with the same instrument or tape, and "
+        "look at its unit",
+        "height": "measure the heights of the spot and of the instrument above the floor",
+        "moved": f"look whether the mark of {name} was replaced, and read {name} from two Vframe "
+        "points again",
+        "vframe_point": f"measure the sides of the Vframe that end at {name} with poles or a tape, "
+        "and mark it anew or state its coordinates",
+        "rig_mark": f"lay the rig on the marks of stop {name} again: they must fit",
+        "rig_point": "measure the sides of the rig",
+        "exchanged_targets": "read one of the two targets from there again, or correct the names "
+        "in the file",
+        "exchanged_rig_points": f"look at the letters on the floor at stop {name}, or read one of "
+        "them again, and correct the names in the file",
+        "stop_number": "look at the number on the floor, and correct it in the file",
+        "exchanged_rows": "read one of the pairs again, or look at the form, and correct the file",
+    }.get(lead.kind, "read these pairs again")
+
+
+def pose_shifts(outcome: SurveyOutcome, diagnosis: Diagnosis) -> dict[str, Array]:
+    """What the causes do to each pose (3,): as solved less as it would be, metres and radians."""
+    table = outcome.solution.pose_table() if outcome.solution else None
+    fit = diagnosis.fit
+    there = dict(zip(fit.trial.network.poses, fit.at.poses, strict=True))
+    if table is None:
+        return {}
+    shifts = {}
+    for name, pose in zip(table.ids, table.poses, strict=True):
+        if name in there:
+            off = pose - there[name]
+            shifts[name] = np.array([off[0], off[1], float(wrap(off[2]))])
+    return shifts
+
+
+def spoilt_poses(outcome: SurveyOutcome, diagnosis: Diagnosis) -> dict[str, Array]:
+    """Those that are moved by more than `SPOILT` of their standard deviations."""
+    table = outcome.solution.pose_table() if outcome.solution else None
+    if table is None:
+        return {}
+    sigma = dict(zip(table.ids, np.sqrt(np.diagonal(table.covariances, axis1=1, axis2=2)), strict=True))
+    shifts = pose_shifts(outcome, diagnosis)
+    return {k: v for k, v in shifts.items() if (np.abs(v) > SPOILT * sigma[k]).any()}
+
+
+def _spoils(outcome: SurveyOutcome, diagnosis: Diagnosis) -> str:
+    """Which poses are wrong, and by how much."""
+    shifts = spoilt_poses(outcome, diagnosis)
+    solution = outcome.solution
+    lost = [pose.pose for pose in solution.not_posed] if solution else []
+    lost = [name for name in lost if name in diagnosis.fit.trial.network.poses]
+    text = ""
+    if shifts:
+        size = [MM * float(np.hypot(*v[:2])) for v in shifts.values()]
+        turn = [MM * abs(float(v[2])) for v in shifts.values()]
+        names = list(shifts)
+        shown = ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+        by = f"{min(size):.1f} to {max(size):.1f} mm" if len(size) > 1 else f"{size[0]:.1f} mm"
+        text = f"It spoils the poses {shown} by {by} and up to {max(turn):.1f} mrad. "
+    if lost:
+        text += f"Because of it there is no pose of {', '.join(lost)}. "
+    return text or "No pose is off by more than its standard deviation. "
+
+
+def _single(outcome: SurveyOutcome, diagnosis: Diagnosis) -> Iterator[Finding]:
+    """Blunders that remain beside the common causes, one line each."""
+    best, used = diagnosis.rest.ranking.best, _used(outcome, diagnosis.rest)
+    if best.what.kind != "blunders":
+        return
+    for row, size in zip(best.what.rows, best.parameters, strict=True):
+        text = f"besides, probable blunder in {_named(used, int(row))}: {used.distance[row]:.3f} m, "
+        text += f"off by {MM * size.value:+.0f} mm. Measure it again"
+        yield Finding("error", text, used.start[row], "blunder")
+
+
+def cause_facts(outcome: SurveyOutcome, others: Sequence[Finding]) -> dict[str, object] | None:
+    """The hypotheses for scripts: the first is the best."""
+    diagnosis = outcome.diagnosis
+    if diagnosis is None:
+        return None
+    searches = (*diagnosis.found, diagnosis.rest)
+    return {
+        "found": [_as_facts(c, c.ranking.best, _used(outcome, c)) for c in diagnosis.found],
+        "hypotheses": [
+            _as_facts(searches[0], one, _used(outcome, searches[0]))
+            for one in searches[0].ranking.tried
+        ],
+        "m0": diagnosis.plain.m0,
+        "m0_without": diagnosis.fit.m0,
+        "poses_spoilt": {
+            name: [float(v) for v in shift] for name, shift in spoilt_poses(outcome, diagnosis).items()
+        }
+        if diagnosis.found
+        else {},
+        "others": [f"{one.subject}: {one.text}" for one in others],
+    }
+
+
+def _as_facts(causes: Causes, one: Tried[Lead], used: Readings) -> dict[str, object]:
+    lead = one.what
+    return {
+        "kind": lead.kind,
+        "extent": lead.extent,
+        "subject": list(lead.subject),
+        "same_readings": list(lead.also),
+        "lines": [used.line[row] for row in lead.rows] if lead.extent != "all" else "all",
+        "sizes": [
+            {"name": p.name, "unit": p.unit, "value": p.value, "low": p.low, "high": p.high}
+            for p in one.parameters
+        ],
+        "chi_squared": one.chi_squared,
+        "m0": one.m0,
+        "criterion": one.criterion,
+        "odds_against": causes.ranking.odds(one),
+        "text": said(one, used),
+    }

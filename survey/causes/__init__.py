@@ -1,0 +1,1 @@
+"""One cause for many readings that disagree: hypotheses tried against each other."""

@@ -1,0 +1,177 @@
+"""Errors that many readings share: an offset, a scale, a height."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from survey.causes.lead import Lead, Log, effect_size
+from survey.causes.linear import Linear, gains
+from survey.causes.trial import Effect, Law, Rows, Trial, law
+from survey.readings.point_names import robot_point
+from validation.poses.angles import Array
+
+LEAST_ROWS = 4
+"""Readings that a block in time has at least: fewer are blunders by nature."""
+RARE = 6.0
+"""What it costs to say that some readings have a scale or a height of their own. A judgement: an
+edge is set wrong, or a target held differently, twenty times as often (2 log 20) as an instrument
+changes its unit or its height; sizes of no more than some sigmas do not tell the two apart."""
+ROWS_TRIED = 1500
+"""Readings up to which a block may begin and end at any; of more, it does so where the laser is
+moved to another mark."""
+
+
+def common_error_leads(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
+    """All sets of readings that may share an offset, a scale or a height."""
+    sets = list(_sets(log))
+    for kind in ("offset", "scale"):
+        columns = _columns(trial, linear, kind)
+        masks = np.zeros((len(columns), len(sets)))
+        for k, (_, _, rows, _) in enumerate(sets):
+            masks[rows, k] = columns[rows]
+        score, matrix = linear.of_columns(masks)
+        gain, size = gains(score, np.diagonal(matrix), (masks**2).sum(0))
+        for k, (extent, subject, rows, places) in enumerate(sets):
+            yield _lead(kind, extent, subject, rows, float(gain[k]), float(size[k]), places)
+        yield from _blocks(kind, columns, linear, log)
+    yield from _heights(trial, linear, log)
+
+
+def _sets(log: Log) -> Iterator[tuple[str, tuple[str, ...], Rows, float]]:
+    """Extent, subject and rows of the sets that need no search, and how many there are alike."""
+    n = len(log.order)
+    yield "all", (), np.arange(n), 1.0
+    for extent, names in (("station", log.station), ("observer", log.observer), ("day", log.day)):
+        groups = log.groups(names)
+        for name, rows in groups.items():
+            if LEAST_ROWS <= len(rows) < n:
+                yield extent, (name,), rows, float(len(groups))
+
+
+def _columns(trial: Trial, linear: Linear, kind: Law) -> Array:
+    """(n,) derivative of each standardised distance by b."""
+    net = trial.network
+    n = len(net.distance)
+    D = net.distance - linear.at_start[:n] * net.sigma
+    return np.asarray(law(kind, D, 0.0)[2] / net.sigma * trial.used[:n])
+
+
+def _lead(
+    kind: Law,
+    extent: str,
+    subject: tuple[str, ...],
+    rows: Rows,
+    gain: float,
+    size: float,
+    places: float,
+) -> Lead:
+    def build(base: Trial) -> Trial:
+        return replace(base, effects=(*base.effects, Effect(kind, rows, size)))
+
+    some = extent not in {"all", "walls", "point"}
+    cost = RARE if kind != "offset" and some else 0.0
+    return Lead(kind, extent, subject, rows, gain, places, build, effect_size, cost=cost)
+
+
+def _blocks(kind: Law, columns: Array, linear: Linear, log: Log) -> Iterator[Lead]:
+    """The best blocks in time: until a reading, from one on, from one to another."""
+    order, n = log.order, len(log.order)
+    if n <= ROWS_TRIED:
+        edge = np.arange(n + 1)
+        Q = linear.block(order)
+        matrix = Q * columns[order] * columns[order][:, None]
+        score = columns[order] * linear.residual[order]
+    else:
+        moved = [i for i in range(1, n) if log.station[order[i]] != log.station[order[i - 1]]]
+        edge = np.array([0, *moved, n])
+        atoms = np.zeros((n, len(edge) - 1))
+        for k in range(len(edge) - 1):
+            rows = order[edge[k] : edge[k + 1]]
+            atoms[rows, k] = columns[rows]
+        score, matrix = linear.of_columns(atoms)
+    whole = np.concatenate([[0.0], np.cumsum(columns[order] ** 2)])[edge]
+    s = np.concatenate([[0.0], np.cumsum(score)])
+    m = np.zeros((len(edge), len(edge)))
+    m[1:, 1:] = matrix.cumsum(0).cumsum(1)
+    diagonal = np.diagonal(m)
+    # For the block from edge i to edge j, all at once.
+    of_block = diagonal[:, None] + diagonal[None, :] - m - m.T
+    gain, size = gains(s[None, :] - s[:, None], of_block, whole[None, :] - whole[:, None])
+    long = edge[None, :] - edge[:, None] >= LEAST_ROWS
+    gain = np.where(long, gain, 0.0)
+    last = len(edge) - 1
+    ends = {"until": (gain[0, :last], lambda k: (0, k)), "from": (gain[1:, last], lambda k: (k + 1, last))}
+    for extent, (some, place) in ends.items():
+        k = int(some.argmax())
+        i, j = place(k)
+        rows = order[edge[i] : edge[j]]
+        yield _lead(kind, extent, (), rows, float(some[k]), float(size[i, j]), float(last))
+    i, j = np.unravel_index(gain.argmax(), gain.shape)
+    if 0 < i and j < last:
+        rows = order[edge[i] : edge[j]]
+        pairs = last**2 / 2
+        yield _lead(kind, "block", (), rows, float(gain[i, j]), float(size[i, j]), pairs)
+
+
+def _heights(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
+    """A point, a stop, or all walls at another height than the rest: readings too long."""
+    columns = _columns(trial, linear, "height")
+    net = trial.network
+    marks = {int(i) for i in net.mark}
+    sets: list[tuple[str, tuple[str, ...], Rows]] = []
+    for point, name in enumerate(net.points):
+        if point not in marks:
+            rows = np.flatnonzero((net.first == point) | (net.second == point))
+            sets.append(("point", (name,), rows))
+    for stop, rows in log.groups(log.station).items():
+        if stop in net.poses:
+            sets.append(("station", (stop,), rows))
+    floor = marks | {int(i) for i in net.fixed}
+    mixed = [(int(a) in floor) != (int(b) in floor) for a, b in zip(net.first, net.second, strict=True)]
+    sets.append(("walls", (), np.flatnonzero(mixed)))
+    alike = {extent: float(sum(one[0] == extent for one in sets)) for extent, _, _ in sets}
+    masks = np.zeros((len(columns), len(sets)))
+    for k, (_, _, rows) in enumerate(sets):
+        masks[rows, k] = columns[rows]
+    score, matrix = linear.of_columns(masks)
+    gain, size = gains(score, np.diagonal(matrix), (masks**2).sum(0))
+    for k, (extent, subject, rows) in enumerate(sets):
+        if size[k] > 0 and len(rows) >= LEAST_ROWS:
+            found = (rows, float(gain[k]), float(size[k]), alike[extent])
+            yield _lead("height", extent, subject, *found)
+
+
+def units_of_stations(trial: Trial, log: Log, units: Mapping[str, float]) -> dict[str, str]:
+    """Stops whose distances are in a unit of their own, by a fit of places and scale together.
+
+    Notes
+    -----
+    For a mark at p, |c|^2 - 2 c . p + |p|^2 = d^2 / f^2: linear in p, |p|^2 and 1 / f^2.
+    """
+    net, points = trial.network, trial.start.points
+    found = {}
+    for stop, rows in log.groups(log.station).items():
+        squares = []
+        for mark in {*net.first[rows], *net.second[rows]}:
+            name = robot_point(net.points[mark])
+            own = rows[(net.first[rows] == mark) | (net.second[rows] == mark)]
+            if name is None or len(own) < 5:
+                continue
+            other = np.where(net.first[own] == mark, net.second[own], net.first[own])
+            c = points[other]
+            A = np.column_stack([2 * c, -np.ones(len(c)), net.distance[own] ** 2])
+            solved, _, rank, _ = np.linalg.lstsq(A, (c**2).sum(1), rcond=None)
+            if rank == 4 and solved[3] > 0:
+                squares.append(float(solved[3]))
+        if squares:
+            f = 1 / np.sqrt(np.median(squares))
+            near = [u for u, size in units.items() if abs(np.log(f / size)) < NEAR_UNIT]
+            if near:
+                found[stop] = near[0]
+    return found
+
+
+NEAR_UNIT = 0.05
+"""Relative distance within which a scale stands for a unit: feet and yards are a factor of three
+apart, and a linear fit of scale and place is good to some per cent."""

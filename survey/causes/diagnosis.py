@@ -1,0 +1,98 @@
+"""What is wrong with a survey: one cause, and what else is wrong once that is allowed for."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from survey.causes.lead import Lead, log_of
+from survey.causes.search import Causes, searched
+from survey.causes.start import whole_trial
+from survey.causes.trial import Fit, Trial
+from survey.estimation.solve import SurveySolution
+from survey.readings.readings import Readings
+from validation.campaign.folder import RobotFrame, Vframe
+from validation.statistics.hypotheses import RIVAL, Ranking, Tried
+
+MOST_CAUSES = 3
+"""Causes looked for one after the other. A judgement: a survey with more is measured anew."""
+SINGLE = {"none", "blunders"}
+"""Kinds that are no common cause."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Common causes, and what remains.
+
+    Parameters
+    ----------
+    found : tuple of Causes
+        Each with a common cause as its best hypothesis, the largest first.
+    rest : Causes
+        The search after them: its best hypothesis is none, or independent blunders.
+    """
+
+    found: tuple[Causes, ...]
+    rest: Causes
+
+    @property
+    def fit(self) -> Fit:
+        """The survey with all that was found allowed for."""
+        return self.rest.best_fit
+
+    @property
+    def plain(self) -> Fit:
+        """All readings as they are."""
+        return (*self.found, self.rest)[0].plain
+
+
+def diagnose(
+    solution: SurveySolution, vframe: Vframe, rig: RobotFrame, readings: Readings
+) -> Diagnosis:
+    """Common causes of what is wrong with a survey, each allowed for in the search of the next.
+
+    Parameters
+    ----------
+    solution : SurveySolution
+        What the chain of single solutions gave.
+    vframe, rig : Vframe, RobotFrame
+        Nominal frames.
+    readings : Readings
+        All readings, in the order of the file.
+    """
+    trial, inside = whole_trial(solution, vframe, rig, readings)
+    log = log_of(readings.select(inside), list(vframe.points))
+    rows = np.flatnonzero(inside)
+    found: list[Causes] = []
+    causes = searched(trial, log, rows)
+    while claimed(causes.ranking) and len(found) < MOST_CAUSES:
+        found.append(causes)
+        causes = searched(_continued(causes.best_fit), log, rows)
+    if claimed(causes.ranking):
+        causes = replace(causes, ranking=Ranking((nothing(causes.ranking),)))
+    return Diagnosis(tuple(found), causes)
+
+
+def claimed(ranking: Ranking[Lead]) -> bool:
+    """Whether a common cause is likelier than none by more than the odds that rule out."""
+    best = ranking.best
+    gap = nothing(ranking).criterion - best.criterion
+    return best.what.kind not in SINGLE and gap > RIVAL
+
+
+def nothing(ranking: Ranking[Lead]) -> Tried[Lead]:
+    """The hypothesis that nothing is wrong."""
+    return next(one for one in ranking.tried if one.what.kind == "none")
+
+
+def blunders(ranking: Ranking[Lead]) -> Tried[Lead] | None:
+    """The best hypothesis of independent blunders, if any was worth solving."""
+    return next((one for one in ranking.tried if one.what.kind == "blunders"), None)
+
+
+def _continued(fit: Fit) -> Trial:
+    """A trial that starts where it was solved."""
+    effects = tuple(
+        replace(effect, value=float(value))
+        for effect, value in zip(fit.trial.effects, fit.values, strict=True)
+    )
+    return replace(fit.trial, start=fit.at, effects=effects)

@@ -1,0 +1,142 @@
+"""The search for one cause: hypotheses found by the linearised survey, solved, and ranked."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from survey.causes.blunders import blunder_leads
+from survey.causes.common_errors import common_error_leads
+from survey.causes.lead import Lead, Log, log_of
+from survey.causes.linear import Linear
+from survey.causes.names import name_leads
+from survey.causes.places import place_leads
+from survey.causes.start import whole_trial
+from survey.causes.trial import Fit, Rows, Trial, fit
+from survey.estimation.solve import SurveySolution
+from survey.readings.readings import Readings
+from validation.campaign.folder import RobotFrame, Vframe
+from validation.statistics.hypotheses import Ranking, Tried, ranked
+
+SOLVED_OF_A_KIND = 3
+"""Hypotheses of one kind and extent that are solved. A judgement: the first is nearly always the
+best of its kind."""
+HOPELESS = 10.0
+"""A solution that stays so many times above the best chi-squared is not followed to its end."""
+LEAST_GAIN = 15.0
+"""Decrease of chi-squared below which nothing pays for itself."""
+
+
+@dataclass(frozen=True)
+class Causes:
+    """What may be wrong with a survey, ranked.
+
+    Parameters
+    ----------
+    ranking : Ranking of Lead
+        The hypotheses, 'none' among them.
+    fits : dict of int to Fit
+        Their solutions, by the identity of the lead.
+    plain : Fit
+        All readings as they are.
+    rows : (n,) array of int
+        Row of each distance of the trials in the readings.
+    log : Log
+        What is known of the distances besides.
+    """
+
+    ranking: Ranking[Lead]
+    fits: dict[int, Fit]
+    plain: Fit
+    rows: Rows
+    log: Log
+
+    @property
+    def best_fit(self) -> Fit:
+        """The solution under the best hypothesis."""
+        return self.fits[id(self.ranking.best.what)]
+
+
+NOTHING = Lead("none", "all", (), np.empty(0, dtype=np.intp), 0.0, 1.0, lambda trial: trial)
+
+
+def find_causes(
+    solution: SurveySolution, vframe: Vframe, rig: RobotFrame, readings: Readings
+) -> Causes:
+    """Hypotheses about what is wrong with a survey, the likeliest first.
+
+    Parameters
+    ----------
+    solution : SurveySolution
+        What the chain of single solutions gave.
+    vframe, rig : Vframe, RobotFrame
+        Nominal frames.
+    readings : Readings
+        All readings, in the order of the file.
+    """
+    trial, inside = whole_trial(solution, vframe, rig, readings)
+    log = log_of(readings.select(inside), list(vframe.points))
+    return searched(trial, log, np.flatnonzero(inside))
+
+
+def searched(trial: Trial, log: Log, rows: Rows) -> Causes:
+    """The hypotheses about one trial, ranked."""
+    robust = fit(trial, robust=True)
+    base = replace(trial, start=robust.at)
+    linear = Linear(robust)
+    plain = fit(base)
+    tried = [Tried(NOTHING, plain.chi_squared, plain.freedom)]
+    fits = {id(NOTHING): plain}
+    least = plain.chi_squared
+    for lead in sorted(_worth_solving(base, linear, log), key=lambda one: -one.gain):
+        solved = fit(lead.build(base), hopeless=HOPELESS * least)
+        least = min(least, solved.chi_squared)
+        if not np.isfinite(solved.chi_squared):
+            continue
+        fits[id(lead)] = solved
+        tried.append(
+            Tried(
+                lead, solved.chi_squared, solved.freedom, tuple(lead.sizes(solved)),
+                max(lead.places, 1.0), lead.cost,
+            )
+        )  # fmt: skip
+    return Causes(ranked(tried), fits, plain, rows, log)
+
+
+def _worth_solving(base: Trial, linear: Linear, log: Log) -> list[Lead]:
+    """The best few leads of each kind."""
+    found: dict[tuple[str, str], list[Lead]] = {}
+    for leads in (
+        common_error_leads(base, linear, log),
+        place_leads(base, linear, log),
+        name_leads(base, linear, log),
+        list(blunder_leads(base, linear))[-2:],
+    ):
+        for lead in leads:
+            if lead.gain > LEAST_GAIN:
+                found.setdefault((lead.kind, lead.extent), []).append(lead)
+    best: dict[object, Lead] = {}
+    for alike in found.values():
+        alike.sort(key=lambda one: -one.gain)
+        for lead in alike[:SOLVED_OF_A_KIND]:
+            _keep(best, lead)
+    return list(best.values())
+
+
+def _keep(best: dict[object, Lead], lead: Lead) -> None:
+    """Add a lead; of those that say the same of the same readings the one with fewest places."""
+    same = object()
+    if lead.kind in {"offset", "scale"}:
+        same = (lead.kind, lead.rows.tobytes())
+    elif lead.kind.startswith("exchanged") and len(lead.rows) == 2:
+        same = ("exchanged", np.sort(lead.rows).tobytes())
+    other = best.get(same)
+    if other is None:
+        best[same] = lead
+        return
+    first, second = sorted((other, lead), key=lambda one: one.places)
+    named = (*first.also, *second.also, f"{second.extent} {' '.join(second.subject)}".strip())
+    best[same] = replace(first, also=named if second.extent not in BLOCKS else first.also)
+
+
+BLOCKS = {"from", "until", "block"}
+"""Extents that are only a time: a name that means the same readings says more."""
