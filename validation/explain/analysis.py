@@ -166,7 +166,7 @@ def explain(
     selections = [select(one, share) if len(one) >= FEWEST else None for one in pairs]
     everything = [np.ones((len(one), 2), dtype=bool) for one in pairs]
     settled = [
-        None if chosen is None else settle(one, chosen.chosen.fit, cells)
+        None if chosen is None else settle(one, chosen.chosen.fit, cells, dependent=chosen.dependent)
         for one, chosen, cells in zip(pairs, selections, everything, strict=True)
     ]
     # The first arbitration takes the robust fits, which no gross error has moved.
@@ -176,7 +176,11 @@ def explain(
     )
     for _ in range(_ROUNDS):
         settled = [
-            None if chosen is None else settle(one, chosen.chosen.fit, _cells(one, result))
+            None
+            if chosen is None
+            else settle(
+                one, chosen.chosen.fit, _cells(one, result), dependent=chosen.dependent
+            )
             for one, chosen in zip(pairs, selections, strict=True)
         ]
         before = result
@@ -346,5 +350,7 @@ def _with_mount(one: SystemExplanation, pairs: Pairs, result: Arbitration) -> Se
         candidate = one.selection.candidate("frame_mount")
         if not candidate.observability.complete:
             return None
-        found = settle(pairs, candidate.fit, _cells(pairs, result))
+        found = settle(
+            pairs, candidate.fit, _cells(pairs, result), dependent=one.selection.dependent
+        )
     return found if np.isfinite(found.fit.covariance).all() else None

@@ -122,6 +122,7 @@ def fit(
     include: Mask | None = None,
     cells: Mask | None = None,
     start: Fit | None = None,
+    begin: Array | None = None,
     iterations: int = ITERATIONS,
 ) -> Fit:
     """The explanation's parameters and the noise level that the pairs make most likely.
@@ -139,7 +140,9 @@ def fit(
     cells : (n, 2) array of bool, optional
         Positions and headings to use in an ordinary (not robust) weighted least-squares fit.
     start : Fit, optional
-        Where to start.
+        Where to start, and whose noise level not to fall far below.
+    begin : (k,) array, optional
+        Parameters to start from; zero by default.
     iterations : int
         At most so many.
 
@@ -159,6 +162,8 @@ def fit(
     )
     batch, limits = len(include), _limits(pairs, model)
     parameters = np.zeros((batch, len(model.fitted)))
+    if begin is not None:
+        parameters = np.clip(np.broadcast_to(begin, parameters.shape), -limits, limits)
     scale = np.ones((batch, 2))
     floor = SMALLEST_SCALE
     if start is not None:
@@ -175,18 +180,31 @@ def fit(
         scale = moved
         if size.max(initial=0.0) < _TOLERANCE and change < _TOLERANCE:
             break
-    return problem.finish(parameters, scale)
+    return problem.finish(_turned_back(parameters, model), scale)
+
+
+def _turned_back(parameters: Array, model: ErrorModel) -> Array:
+    """Parameters with their angles in (-pi, pi]."""
+    angles = np.array([name.endswith("theta") for name in model.fitted], dtype=bool)
+    if not angles.any() or np.abs(parameters[:, angles]).max() <= np.pi:
+        return parameters
+    return np.where(angles, wrap(parameters), parameters)
 
 
 def _limits(pairs: Pairs, model: ErrorModel) -> Array:
     """(k,) largest size that a parameter may take, so that no step leads out of the arithmetic.
 
     No two poses differ by more than the largest coordinates of both tables together, and a shift
-    or a ratio of ten times that explains nothing. A time offset is bounded by `LONGEST`.
+    of ten times that explains nothing. A scale is bounded by `MOST_SCALE`, a time offset by
+    `LONGEST`.
     """
     extent = 1 + np.abs(pairs.validation[:, :2]).max() + np.abs(pairs.gt[:, :2]).max()
-    return np.array([LONGEST if UNITS[name] == "s" else 10 * extent for name in model.fitted])
+    most = {"s": LONGEST, "": MOST_SCALE}
+    return np.array([most.get(UNITS[name], 10 * extent) for name in model.fitted])
 
+
+MOST_SCALE = 0.25
+"""No instrument's scale is wrong by more; wrong units are, and are told beforehand."""
 
 LONGEST = 1e9
 """Seconds; 30 years, as between two clocks that count from different days."""
@@ -236,7 +254,8 @@ class _Problem:
     def corrected(self, parameters: Array) -> Corrected:
         """Corrected poses of all pairs."""
         pairs = self.pairs
-        return correct(self.model, parameters, pairs.gt, pairs.reference_pose, pairs.velocities)
+        tied, moving = pairs.reference_pose, pairs.velocities
+        return correct(self.model, parameters, pairs.gt, tied, moving, pairs.places)
 
     def rows(self, parameters: Array, scale: Array) -> tuple[Corrected, Array, Array, Array]:
         """Corrected poses, and residuals, their derivatives and covariances with the slip row."""

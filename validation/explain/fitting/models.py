@@ -2,13 +2,14 @@
 
 A corrected pose is
 
-    frame . slip . [P A P^-1] . scale (G + time v) . A^-1
+    drift . frame . slip . [P A P^-1] . scale (G + time v) . A^-1
 
 with the GT pose G, its velocity v, and P the reference pose of a system whose frame was tied to
 the GTV frame by one surveyed pose through the very mount that is used for all poses (AD2.3,
 "Validation of the laser-based GT system"). A is the correction of the mount: true mount = A .
 mount used, in the robot frame. The slip is the survey's own error at P, which shifts and turns
-all poses about P; it is no fault of the system but must not be taken for one.
+all poses about P; it is no fault of the system but must not be taken for one. The drift is a shift
+and a turn of the pose that grow evenly from the first pose to the last.
 """
 
 from collections.abc import Sequence
@@ -25,6 +26,7 @@ PARTS = {
     "turn": ("mount_theta",),
     "scale": ("scale",),
     "time": ("time",),
+    "drift": ("drift_x", "drift_y", "drift_theta"),
     "slip": ("slip_x", "slip_y", "slip_theta"),
 }
 PARAMETERS = tuple(dict.fromkeys(name for names in PARTS.values() for name in names))
@@ -49,7 +51,8 @@ class ErrorModel:
     words : str
         What it says, for a sentence.
     parts : tuple of str
-        The systematic parts, of 'frame', 'mount', 'turn' (of the mount alone), 'scale', 'time'.
+        The systematic parts, of 'frame', 'mount', 'turn' (of the mount alone), 'scale', 'time',
+        'drift'.
     through_reference : bool
         Whether the mount also stands in P A P^-1.
     slip : bool
@@ -99,6 +102,17 @@ FRAME_TURN = ErrorModel(
 )
 """What is left of 'frame_mount' where all poses have one heading: the shift of either looks the
 same there, but their turns do not, as only the frame's moves positions."""
+
+
+DRIFTS = (
+    ErrorModel("drift", "a drift", ("drift",)),
+    ErrorModel("frame_drift", "a drift from the first pose on", ("frame", "drift")),
+    ErrorModel("mount_drift", "a wrong mount and a drift", ("mount", "drift")),
+    ErrorModel(
+        "frame_mount_drift", "a wrong frame, a wrong mount and a drift", ("frame", "mount", "drift")
+    ),
+)
+"""Weighed where errors depend on their neighbours."""
 
 
 def candidates(*, reference: bool, moving: bool) -> tuple[ErrorModel, ...]:
@@ -159,6 +173,7 @@ def correct(
     poses: Array,
     reference: Array | None = None,
     velocities: Array | None = None,
+    places: Array | None = None,
 ) -> Corrected:
     """GT poses as they would be without the systematic error.
 
@@ -174,6 +189,8 @@ def correct(
         The reference pose P; needed by models that go through it or let it slip.
     velocities : (n, 3) array, optional
         Metres and radians per second, along the axes of the GTV frame.
+    places : (n,) array, optional
+        Of the poses between the first and the last, from -1/2 to 1/2; without them no drift.
 
     Notes
     -----
@@ -197,6 +214,8 @@ def correct(
         chain.turn("slip", centre)
     if "frame" in model.parts:
         chain.turn("frame", 0j)
+    if "drift" in model.parts:
+        chain.drift(np.zeros(len(poses)) if places is None else places)
     return chain.result()
 
 
@@ -282,6 +301,16 @@ class _Chain:
         self.dz[..., columns[1]] += 1j
         self.dz[..., columns[2]] += 1j * away
         self.dtheta[..., columns[2]] += 1.0
+
+    def drift(self, places: Array) -> None:
+        """A shift and a turn in proportion to the place along the order."""
+        x, y, angle = (self.at[name] for name in PARTS["drift"])
+        self.z = self.z + places * (x + 1j * y)
+        self.theta = self.theta + places * angle
+        columns = [self._column(name) for name in PARTS["drift"]]
+        self.dz[..., columns[0]] += places
+        self.dz[..., columns[1]] += 1j * places
+        self.dtheta[..., columns[2]] += places
 
     def result(self) -> Corrected:
         """Real arrays."""

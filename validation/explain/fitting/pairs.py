@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from validation.errors import GtvalError
 from validation.explain.fitting.angle_unit import angle_unit_doubt
+from validation.explain.fitting.conventions import NONE, Convention, convention_of
 from validation.poses.angles import Array
 from validation.poses.pose_table import PLANAR, PoseTable, in_common, pose_difference
 
@@ -48,6 +49,10 @@ class Pairs:
         Covariance between the errors of different stops, where the tables state one.
     unit_doubt : str
         Why the headings of one table are perhaps in degrees, in words; empty if nothing says so.
+    convention : Convention
+        How the GT table was read; its poses here are in the convention of the validation.
+    steps : (n,) array, optional
+        Where the poses are along their time, or their order in the validation, in steps.
     """
 
     system: str
@@ -64,6 +69,19 @@ class Pairs:
     velocities: Array | None = None
     between: Array | None = None
     unit_doubt: str = ""
+    convention: Convention = NONE
+    steps: Array | None = None
+
+    @property
+    def order(self) -> Array:
+        """(n,) steps of the poses; their number where nothing else is known."""
+        return np.arange(len(self), dtype=float) if self.steps is None else self.steps
+
+    @property
+    def places(self) -> Array:
+        """(n,) places between the first pose and the last, from -1/2 to 1/2."""
+        span = float(np.ptp(self.order)) if len(self) else 0.0
+        return (self.order - self.order.min()) / span - 0.5 if span else np.zeros(len(self))
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -85,6 +103,7 @@ class Pairs:
             gt_covariances=self.gt_covariances[chosen],
             velocities=None if self.velocities is None else self.velocities[chosen],
             between=None if self.between is None else self.between[chosen][:, :, chosen],
+            steps=self.order[chosen],
         )
 
 
@@ -119,18 +138,25 @@ def make_pairs(
     ids = in_common([validation, gt])
     ours, theirs = validation.select(ids), gt.select(ids)
     stated = bool(ours.has_covariance.all() and theirs.has_covariance.all())
+    unit_doubt = angle_unit_doubt(ours, theirs)
+    steps = _steps(ids, validation, times)
+    walk = np.argsort(steps, kind="stable")
+    convention = convention_of(ours.poses[walk], theirs.poses[walk])
+    read = convention.read(theirs.poses)
     unit, nothing = np.broadcast_to(np.eye(3), (len(ids), 3, 3)), np.zeros((len(ids), 3, 3))
     pairs = Pairs(
         system=gt.system,
         ids=tuple(ids),
         validation=ours.poses,
-        gt=theirs.poses,
+        gt=read,
         validation_covariances=ours.covariances if stated else unit,
-        gt_covariances=theirs.covariances if stated else nothing,
+        gt_covariances=convention.read_covariances(theirs.covariances) if stated else nothing,
         stated=stated,
-        velocities=None if times is None else _velocities(ids, theirs.poses, times),
+        velocities=None if times is None else _velocities(ids, read, times),
         between=shared_part([ours, theirs]) if stated else None,
-        unit_doubt=angle_unit_doubt(ours, theirs),
+        unit_doubt=unit_doubt,
+        convention=convention,
+        steps=steps,
     )
     return _with_reference(pairs, validation, reference) if reference else pairs
 
@@ -154,6 +180,20 @@ def _with_reference(pairs: Pairs, validation: PoseTable, reference: str) -> Pair
         reference_covariance=covariance,
         constructed=left_out,
     )
+
+
+def _steps(ids: list[str], validation: PoseTable, times: Mapping[str, float] | None) -> Array:
+    """(n,) where the poses are along their time if it is known, else along the validation's order.
+
+    In median steps of time, so that neighbours are one apart.
+    """
+    if times is None or any(name not in times for name in ids):
+        row = {name: number for number, name in enumerate(validation.ids)}
+        return np.array([row[name] for name in ids], dtype=float)
+    stamp = np.array([times[name] for name in ids])
+    apart = np.diff(np.sort(stamp))
+    apart = apart[apart > 0]
+    return stamp / float(np.median(apart)) if apart.size else np.arange(len(ids), dtype=float)
 
 
 def _velocities(ids: list[str], poses: Array, times: Mapping[str, float]) -> Array:

@@ -6,12 +6,21 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from validation.explain.fitting.fit import LEAST_P, Fit, fit
+from validation.explain.fitting.fit import LEAST_P, MOST_SCALE, Fit
 from validation.explain.fitting.leave_one_out import LeaveOneOut, leave_one_out
-from validation.explain.fitting.models import FRAME_TURN, ErrorModel, candidates
+from validation.explain.fitting.models import DRIFTS, FRAME_TURN, ErrorModel, candidates
 from validation.explain.fitting.observability import Observability, observability
 from validation.explain.fitting.pairs import Pairs
+from validation.explain.fitting.serial import (
+    Serial,
+    is_dependent,
+    joint_of,
+    memory_of,
+    says_dependent,
+    serial,
+)
 from validation.explain.fitting.shared import dropped_p_value, shared_covariance
+from validation.explain.fitting.starts import fit_all
 from validation.statistics.hypotheses import RIVAL
 
 FALSE_ALARM = 0.02
@@ -38,6 +47,8 @@ class Candidate:
         What the data determine.
     needed : bool
         Whether every part passes its test and prediction gains.
+    serial : Serial, optional
+        What its parameters are worth where errors depend on their neighbours.
     """
 
     fit: Fit
@@ -46,6 +57,7 @@ class Candidate:
     p_values: dict[str, float]
     observability: Observability
     needed: bool
+    serial: Serial | None = None
 
     @property
     def model(self) -> ErrorModel:
@@ -74,6 +86,11 @@ class Selection:
         Others that cannot be ruled out.
     threshold : float
         p-value below which a part counts as needed.
+    memory : float
+        Log of the odds that errors depend on their neighbours, whatever the cause; `dependent`
+        says whether they count as such.
+    dependent : bool
+        Whether intervals and tests allow for that.
     """
 
     pairs: Pairs
@@ -81,6 +98,8 @@ class Selection:
     chosen: Candidate
     rivals: tuple[Candidate, ...]
     threshold: float
+    memory: float = -np.inf
+    dependent: bool = False
 
     def candidate(self, name: str) -> Candidate:
         """The one with that name."""
@@ -113,24 +132,60 @@ def select(pairs: Pairs, false_alarm: float = FALSE_ALARM) -> Selection:
     models = candidates(
         reference=pairs.reference_pose is not None, moving=pairs.velocities is not None
     )
-    fits = [fit(pairs, model) for model in models]
+    fits = fit_all(pairs, models)
     both = next(one for one in fits if one.model.name == "frame_mount")
     if not observability(both).complete:
-        models = (*models, FRAME_TURN)
-        fits.append(fit(pairs, FRAME_TURN))
-    threshold = false_alarm / (len(models) - 1)
+        fits += fit_all(pairs, [FRAME_TURN], fits)
+    odds = _odds(pairs, fits)
+    dependent = is_dependent(odds)
+    if dependent:  # perhaps by a drift
+        fits += fit_all(pairs, DRIFTS, fits)
+        odds = _odds(pairs, fits)
+        dependent = is_dependent(odds)
+    threshold = false_alarm / (len(fits) - 1)
     made: list[Candidate] = []
     for one in fits:
-        made.append(_judged(one, made, threshold, pairs))
+        made.append(_judged(one, made, threshold, pairs, dependent=dependent))
     needed = [one for one in made if one.needed]
     chosen = min(needed, key=lambda one: one.criterion)
-    return Selection(pairs, tuple(made), chosen, _rivals(made, chosen, threshold), threshold)
+    rivals = _rivals(made, chosen, threshold)
+    return Selection(pairs, tuple(made), chosen, rivals, threshold, odds, dependent)
 
 
-def _judged(found: Fit, simpler: Sequence[Candidate], threshold: float, pairs: Pairs) -> Candidate:
+def _odds(pairs: Pairs, fits: Sequence[Fit]) -> float:
+    """Log of the odds that errors depend on their neighbours, over all explanations."""
+    criteria = np.array([_criterion(one) for one in fits])
+    least = criteria.min()
+    near = [
+        memory_of(pairs, one) if value < least + _FAR or not one.model.parts else None
+        for one, value in zip(fits, criteria, strict=True)
+    ]
+    return says_dependent(criteria, near)
+
+
+_FAR = 10.0
+"""Of the criterion: the odds of a model that is worse are below 1 to 148, and only a memory that
+the better ones show as well could make up for that; 'none' is always looked at."""
+
+
+def _criterion(found: Fit) -> float:
+    """BIC with the systematic parameters only."""
+    k = len(found.model.parameters)
+    return -2 * float(found.log_likelihood[0]) + k * float(np.log(max(found.observations, 2)))
+
+
+def _judged(
+    found: Fit,
+    simpler: Sequence[Candidate],
+    threshold: float,
+    pairs: Pairs,
+    *,
+    dependent: bool,
+) -> Candidate:
     """A fit with its tests against the simpler candidates.
 
-    Where poses share errors, what shared errors could do as well does not count for it.
+    Where poses share errors, or errors depend on their neighbours, what these could do as well
+    does not count for it.
     """
     inside = [one for one in simpler if one.model.nested_in(found.model)]
     p_values = {one.name: gain_p_value(one.fit, found) for one in inside}
@@ -142,12 +197,31 @@ def _judged(found: Fit, simpler: Sequence[Candidate], threshold: float, pairs: P
             p_values[one.name] = max(p_values[one.name], shared)
     loo = leave_one_out(found)
     seen = observability(found)
-    needed = all(p < threshold for p in p_values.values()) and all(
-        loo.score > one.loo.score for one in inside
-    )
-    k = len(found.model.parameters)
-    criterion = -2 * float(found.log_likelihood[0]) + k * np.log(max(found.observations, 2))
-    return Candidate(found, loo, criterion, p_values, seen, needed and seen.complete)
+    criterion = _criterion(found)
+    worth = serial(pairs, found) if dependent else None
+    if worth is not None:
+        criterion -= 2 * joint_of(worth.kinds)
+        for one in inside:
+            lasting = _dropped(worth, found, one.fit)
+            p_values[one.name] = max(p_values[one.name], lasting)
+    # A pose is predicted well by whatever its neighbours share with it: no test of a cause.
+    better = dependent or all(loo.score > one.loo.score for one in inside)
+    needed = all(p < threshold for p in p_values.values()) and better
+    needed = needed and seen.complete and not _at_its_bound(found)
+    return Candidate(found, loo, criterion, p_values, seen, needed, worth)
+
+
+def _dropped(worth: Serial, full: Fit, simple: Fit) -> float:
+    """Chance of so large values of what a simpler explanation leaves out, with lasting errors."""
+    kept = set(simple.model.parameters)
+    rows = [i for i, name in enumerate(full.model.parameters) if name not in kept]
+    return worth.p_value(full.parameters[0, rows], rows) if rows else 1.0
+
+
+def _at_its_bound(found: Fit) -> bool:
+    """Whether the scale has run against its bound: then it is none."""
+    named = dict(zip(found.model.fitted, found.parameters[0], strict=True))
+    return abs(named.get("scale", 0.0)) > 0.999 * MOST_SCALE
 
 
 def gain_p_value(simple: Fit, full: Fit) -> float:

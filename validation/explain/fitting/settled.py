@@ -3,12 +3,14 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy import special
 
 from validation.explain.fitting.fit import LEAST_P, Fit, covariance_of, fit, known_part
 from validation.explain.fitting.models import UNITS, correct
 from validation.explain.fitting.noise import DIMENSIONS, Mask, masked_precision, precision, regular
 from validation.explain.fitting.pairs import Pairs
+from validation.explain.fitting.serial import Serial, serial
 from validation.explain.fitting.shared import shared_covariance
 from validation.poses.angles import Array, wrap
 from validation.statistics.hypotheses import Parameter
@@ -33,6 +35,8 @@ class Settled:
         Degrees of freedom that the fit took from positions and headings.
     dof : (2,) array
         Degrees of freedom left in each.
+    serial : Serial, optional
+        What the parameters are worth where errors depend on their neighbours.
     """
 
     pairs: Pairs
@@ -40,6 +44,7 @@ class Settled:
     cells: Mask
     used_freedom: Array
     dof: Array
+    serial: Serial | None = None
 
     @property
     def values(self) -> Array:
@@ -56,6 +61,9 @@ class Settled:
     def full_covariance(self) -> Array:
         """Covariance of all that was fitted, with what poses are off together."""
         own = covariance_of(self.fit.information)[0]
+        if self.serial is not None:
+            known = np.isfinite(np.diagonal(own))
+            own = np.where(known[:, None] & known, self.serial.covariance, own)
         return np.asarray(own + shared_covariance(self.fit, own, self.pairs.between))
 
     @property
@@ -73,15 +81,21 @@ class Settled:
         left[:, 2] = wrap(left[:, 2])
         return left
 
-    def corrected_poses(self, poses: Array, velocities: Array | None = None) -> Array:
+    def corrected_poses(self, poses: Array, rows: npt.ArrayLike | None = None) -> Array:
         """GT poses (n, 3) with the explanation taken out, the slip of the reference included.
+
+        ``rows`` says which of the pairs they are, where a velocity or a place in the order counts;
+        all of them by default. Poses are read in the convention of the validation beforehand.
 
         The slip is the survey's error, but it went into every GT pose through the reference; the
         other stops together know it better than the reference pose itself.
         """
         pairs = self.pairs
-        moving = pairs.velocities if velocities is None else velocities
-        made = correct(self.fit.model, self.fit.parameters[0], poses, pairs.reference_pose, moving)
+        some = slice(None) if rows is None else np.asarray(rows)
+        moving = None if pairs.velocities is None else pairs.velocities[some]
+        places = pairs.places[some] if "drift" in self.fit.model.parts else None
+        tied, values = pairs.reference_pose, self.fit.parameters[0]
+        made = correct(self.fit.model, values, poses, tied, moving, places)
         result = np.array(np.broadcast_to(made.poses, poses.shape))
         result[:, 2] = wrap(result[:, 2])
         return result
@@ -100,7 +114,11 @@ class Settled:
         return len(self.fit.model.fitted)
 
     def parameters(self, confidence: float = 0.95) -> tuple[Parameter, ...]:
-        """All fitted parameters with intervals by Student's t (normal where noise is stated)."""
+        """All fitted parameters with intervals by Student's t (normal where noise is stated).
+
+        Where errors depend on their neighbours, by the mixture over their memories; NaN where
+        that is withheld.
+        """
         covariance = self.full_covariance
         dof = float(self.dof.sum())
         rows = []
@@ -115,6 +133,11 @@ class Settled:
             else:
                 quantile = float(special.ndtri((1 + confidence) / 2))
                 p = 2 * float(special.ndtr(-abs(value) / sigma))
+            if self.serial is not None and np.isfinite(sigma):
+                spread = self.serial.spread(column)
+                widest = spread.quantile((1 + confidence) / 2) / sigma
+                quantile = np.nan if self.serial.withheld else max(quantile, widest)
+                p = max(p, 2 * spread.below(-abs(value)))
             low, high = value - quantile * sigma, value + quantile * sigma
             rows.append(Parameter(name, UNITS[name], value, sigma, low, high, max(p, LEAST_P)))
         return tuple(rows)
@@ -208,7 +231,7 @@ def _deviation(values: Array, angle: bool) -> float:
     return float(values.std(ddof=1))
 
 
-def settle(pairs: Pairs, robust: Fit, cells: Mask) -> Settled:
+def settle(pairs: Pairs, robust: Fit, cells: Mask, *, dependent: bool = False) -> Settled:
     """The robust fit's explanation fitted again to the cells not flagged.
 
     Parameters
@@ -219,6 +242,8 @@ def settle(pairs: Pairs, robust: Fit, cells: Mask) -> Settled:
         Where to start from.
     cells : (n, 2) array of bool
         Positions and headings to use.
+    dependent : bool
+        Whether errors depend on their neighbours.
     """
     cells = np.asarray(cells, dtype=bool)
     estimated = robust.estimated
@@ -238,7 +263,8 @@ def settle(pairs: Pairs, robust: Fit, cells: Mask) -> Settled:
             covariances=plain.covariances * (size[:, None] * size[None, :]),
             information=_rescaled(plain, cells, size, pairs),
         )
-    return Settled(pairs, plain, cells, taken, dof)
+    worth = serial(pairs, plain, cells) if dependent else None
+    return Settled(pairs, plain, cells, taken, dof, worth)
 
 
 def _pieces(plain: Fit, cells: Mask) -> tuple[Array, Array]:

@@ -36,18 +36,13 @@ def corrected_csv(one: SystemExplanation) -> str:
     """
     settled = one.settled
     assert settled is not None
-    table = one.table
-    pairs = settled.pairs
-    moving = pairs.velocities is not None
-    keep = [name for name in table.ids if not moving or name in pairs.ids]
-    table = table.select(keep)
-    if moving:
+    table, pairs = one.table, settled.pairs
+    if pairs.velocities is not None or "drift" in settled.fit.model.parts:
+        table = table.select([name for name in table.ids if name in pairs.ids])
         order = [pairs.ids.index(name) for name in table.ids]
-        assert pairs.velocities is not None
-        velocities = pairs.velocities[order]
-        poses = settled.corrected_poses(table.poses, velocities)
+        poses = settled.corrected_poses(pairs.convention.read(table.poses), order)
     else:
-        poses = settled.corrected_poses(table.poses)
+        poses = settled.corrected_poses(pairs.convention.read(table.poses))
     covariances = np.full((len(table), 3, 3), np.nan)
     if pairs.stated:
         known = settled.corrected_covariances()
