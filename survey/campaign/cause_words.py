@@ -27,12 +27,16 @@ FOLDED = frozenset(
 """Findings about single readings, points and stops, which a common cause explains."""
 
 
-def folded(outcome: SurveyOutcome, findings: Sequence[Finding]) -> tuple[list[Finding], list[Finding]]:
+def folded(
+    outcome: SurveyOutcome, findings: Sequence[Finding]
+) -> tuple[list[Finding], list[Finding]]:
     """Findings with the common causes in front, and those that follow from them, taken out."""
     diagnosis = outcome.diagnosis
     if diagnosis is None or not diagnosis.found:
         return list(findings), []
-    others = [one for one in findings if one.code in FOLDED and one.severity in {"warning", "error"}]
+    others = [
+        one for one in findings if one.code in FOLDED and one.severity in {"warning", "error"}
+    ]
     others += [one for one in findings if one.code == "readings-left-out"]
     kept = [one for one in findings if one not in others]
     lines = [_line(outcome, diagnosis, k, len(others)) for k in range(len(diagnosis.found))]
@@ -85,9 +89,13 @@ def _against(causes: Causes) -> str:
         count = alone.what.subject[0]
         told.append(f"{_odds(ranking.odds(alone))} against {count} independent blunders")
     close = ranking.rivals()
-    following = [one for one in ranking.tried[1:] if one.what.kind not in SINGLE and one not in close]
+    following = [
+        one for one in ranking.tried[1:] if one.what.kind not in SINGLE and one not in close
+    ]
     if following:
-        told.append(f"{_odds(ranking.odds(following[0]))} against the next ({_short(following[0].what)})")
+        told.append(
+            f"{_odds(ranking.odds(following[0]))} against the next ({_short(following[0].what)})"
+        )
     none = next(one for one in ranking.tried if one.what.kind == "none")
     if alone is None:
         told.append(f"{_odds(ranking.odds(none))} against nothing wrong")
@@ -235,7 +243,9 @@ _SAID = {
     "scale": _scale,
     "height": _height,
     "moved": _moved,
-    "vframe_point": lambda lead, p, _: f"Vframe point {lead.subject[0]} is off its place by {_shift(p)}",
+    "vframe_point": lambda lead, p, _: (
+        f"Vframe point {lead.subject[0]} is off its place by {_shift(p)}"
+    ),
     "rig_mark": lambda lead, p, _: (
         f"point {lead.subject[1]} of the rig is marked wrong at stop {lead.subject[0]}, off by "
         f"{_shift(p)}, in the robot frame"
@@ -301,7 +311,9 @@ def spoilt_poses(outcome: SurveyOutcome, diagnosis: Diagnosis) -> dict[str, Arra
     table = outcome.solution.pose_table() if outcome.solution else None
     if table is None:
         return {}
-    sigma = dict(zip(table.ids, np.sqrt(np.diagonal(table.covariances, axis1=1, axis2=2)), strict=True))
+    sigma = dict(
+        zip(table.ids, np.sqrt(np.diagonal(table.covariances, axis1=1, axis2=2)), strict=True)
+    )
     shifts = pose_shifts(outcome, diagnosis)
     return {k: v for k, v in shifts.items() if (np.abs(v) > SPOILT * sigma[k]).any()}
 
@@ -331,7 +343,9 @@ def _single(outcome: SurveyOutcome, diagnosis: Diagnosis) -> Iterator[Finding]:
     if best.what.kind != "blunders":
         return
     for row, size in zip(best.what.rows, best.parameters, strict=True):
-        text = f"besides, probable blunder in {_named(used, int(row))}: {used.distance[row]:.3f} m, "
+        text = (
+            f"besides, probable blunder in {_named(used, int(row))}: {used.distance[row]:.3f} m, "
+        )
         text += f"off by {MM * size.value:+.0f} mm. Measure it again"
         yield Finding("error", text, used.start[row], "blunder")
 
@@ -351,7 +365,8 @@ def cause_facts(outcome: SurveyOutcome, others: Sequence[Finding]) -> dict[str, 
         "m0": diagnosis.plain.m0,
         "m0_without": diagnosis.fit.m0,
         "poses_spoilt": {
-            name: [float(v) for v in shift] for name, shift in spoilt_poses(outcome, diagnosis).items()
+            name: [float(v) for v in shift]
+            for name, shift in spoilt_poses(outcome, diagnosis).items()
         }
         if diagnosis.found
         else {},

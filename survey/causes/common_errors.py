@@ -101,7 +101,10 @@ def _blocks(kind: Law, columns: Array, linear: Linear, log: Log) -> Iterator[Lea
     long = edge[None, :] - edge[:, None] >= LEAST_ROWS
     gain = np.where(long, gain, 0.0)
     last = len(edge) - 1
-    ends = {"until": (gain[0, :last], lambda k: (0, k)), "from": (gain[1:, last], lambda k: (k + 1, last))}
+    ends = {
+        "until": (gain[0, :last], lambda k: (0, k)),
+        "from": (gain[1:, last], lambda k: (k + 1, last)),
+    }
     for extent, (some, place) in ends.items():
         k = int(some.argmax())
         i, j = place(k)
@@ -128,7 +131,9 @@ def _heights(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
         if stop in net.poses:
             sets.append(("station", (stop,), rows))
     floor = marks | {int(i) for i in net.fixed}
-    mixed = [(int(a) in floor) != (int(b) in floor) for a, b in zip(net.first, net.second, strict=True)]
+    mixed = [
+        (int(a) in floor) != (int(b) in floor) for a, b in zip(net.first, net.second, strict=True)
+    ]
     sets.append(("walls", (), np.flatnonzero(mixed)))
     alike = {extent: float(sum(one[0] == extent for one in sets)) for extent, _, _ in sets}
     masks = np.zeros((len(columns), len(sets)))

@@ -121,9 +121,7 @@ def effect_size(fit: Fit) -> list[Parameter]:
     size = float(np.sqrt(max(b, 1e-9)))
     of_size = sigma / (2 * size)
     return [
-        parameter(
-            "height", "m", size, of_size, LENGTH_RANGE, interval=(low, high), cost_sigma=seen
-        )
+        parameter("height", "m", size, of_size, LENGTH_RANGE, interval=(low, high), cost_sigma=seen)
     ]
 
 

@@ -59,10 +59,7 @@ class _Look:
         """Ends of readings at a station, and their targets."""
         a, b = self.net.first[rows], self.net.second[rows]
         own = np.array(
-            [
-                (robot_point(self.net.points[i]) or (self.net.points[i],))[0] == station
-                for i in a
-            ]
+            [(robot_point(self.net.points[i]) or (self.net.points[i],))[0] == station for i in a]
         )
         return np.where(own, a, b), np.where(own, b, a)
 
@@ -276,9 +273,7 @@ def _new_stop_lead(look: _Look, stop: str, rows: Rows, gain: float) -> Lead:
         old = base.network.poses.index(stop)
         pose = len(base.network.poses)
         network = replace(base.network, poses=(*base.network.poses, new))
-        start = replace(
-            base.start, poses=np.vstack([base.start.poses, base.start.poses[old]])
-        )
+        start = replace(base.start, poses=np.vstack([base.start.poses, base.start.poses[old]]))
         made = replace(base, network=network, start=start)
         for q in np.flatnonzero(net.mark_pose == old):
             mark, body = int(net.mark[q]), int(net.mark_rig[q])
@@ -322,7 +317,9 @@ def _rows_lead(
                 changed = restarted(changed, stop)
         return changed
 
-    names = tuple(f"{look.net.points[look.net.first[r]]}–{look.net.points[look.net.second[r]]}" for r in rows)
+    names = tuple(
+        f"{look.net.points[look.net.first[r]]}–{look.net.points[look.net.second[r]]}" for r in rows
+    )
     return Lead("exchanged_rows", extent, names, rows, gain, places, build)
 
 

@@ -110,7 +110,9 @@ def _moved_lead(
 
     rows = np.concatenate([[last], after]).astype(np.intp)
     new = len(trial.network.points)
-    return Lead("moved", "point", (name,), rows, gain, places, build, place_sizes(new, point, None, 0.0))
+    return Lead(
+        "moved", "point", (name,), rows, gain, places, build, place_sizes(new, point, None, 0.0)
+    )
 
 
 def changes(times: list[str]) -> Iterator[tuple[str, str]]:

@@ -166,7 +166,9 @@ def explain(
     selections = [select(one, share) if len(one) >= FEWEST else None for one in pairs]
     everything = [np.ones((len(one), 2), dtype=bool) for one in pairs]
     settled = [
-        None if chosen is None else settle(one, chosen.chosen.fit, cells, dependent=chosen.dependent)
+        None
+        if chosen is None
+        else settle(one, chosen.chosen.fit, cells, dependent=chosen.dependent)
         for one, chosen, cells in zip(pairs, selections, everything, strict=True)
     ]
     # The first arbitration takes the robust fits, which no gross error has moved.
@@ -178,9 +180,7 @@ def explain(
         settled = [
             None
             if chosen is None
-            else settle(
-                one, chosen.chosen.fit, _cells(one, result), dependent=chosen.dependent
-            )
+            else settle(one, chosen.chosen.fit, _cells(one, result), dependent=chosen.dependent)
             for one, chosen in zip(pairs, selections, strict=True)
         ]
         before = result

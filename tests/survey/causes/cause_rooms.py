@@ -195,7 +195,9 @@ def spoiled(sample, kind, rng, sigmas=8.0, size=None):
         k = int(rng.integers(3, len(rows) - 2))
         split, new = with_point(trial, "later", trial.start.points[point])
         solved = fit(renamed(split, rows[k:], point, new))
-        shift = _shift(place_sizes(new, point, None, 0.0), solved, new, point, 0.0, rng, sigmas, size)
+        shift = _shift(
+            place_sizes(new, point, None, 0.0), solved, new, point, 0.0, rng, sigmas, size
+        )
         _move(d, trial, rows[k:], point, shift)
         truth = ("moved", (name,), tuple(rows[k:]), tuple(shift))
     elif kind == "vframe_point":
@@ -272,7 +274,12 @@ def spoiled(sample, kind, rng, sigmas=8.0, size=None):
         truth = ("blunders", (), tuple(int(i) for i in rows), tuple(sizes))
     kind_, subject, rows, sizes = truth
     return replace(
-        sample, readings=replace(r, distance=np.round(d, 3)), kind=kind_, subject=subject, rows=rows, sizes=sizes
+        sample,
+        readings=replace(r, distance=np.round(d, 3)),
+        kind=kind_,
+        subject=subject,
+        rows=rows,
+        sizes=sizes,
     )
 
 
@@ -338,4 +345,7 @@ def right(sample, best, readings_rows):
         return set(readings_rows[what.rows].tolist()) == set(sample.rows)
     if sample.kind == "blunders":
         return set(sample.rows) <= set(readings_rows[what.rows].tolist())
-    return tuple(what.subject[: len(sample.subject)]) == sample.subject or what.subject == sample.subject
+    return (
+        tuple(what.subject[: len(sample.subject)]) == sample.subject
+        or what.subject == sample.subject
+    )

@@ -85,7 +85,9 @@ def joint_of(kinds: Sequence[Weighed]) -> float:
     return joint_gain(kinds)
 
 
-def memory_of(pairs: Pairs, found: Fit, cells: Mask | None = None) -> tuple[Weighed, Weighed] | None:
+def memory_of(
+    pairs: Pairs, found: Fit, cells: Mask | None = None
+) -> tuple[Weighed, Weighed] | None:
     """Memories of positions and headings, weighed by the residuals; None with too few poses."""
     good = found.weights[0] > GOOD if cells is None else cells
     if good.sum(0).min() < FEWEST:
