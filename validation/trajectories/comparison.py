@@ -21,6 +21,7 @@ from validation.statistics.dependence import (
     rms_of_series,
 )
 from validation.statistics.error_statistics import BiasTest
+from validation.statistics.robust import sigma_from_median
 from validation.trajectories.alignment import Alignment, DelayOf, align_in_time
 from validation.trajectories.association import At, Coverage, Pairs
 from validation.trajectories.motion import Motion, along_and_across, motion_at
@@ -278,23 +279,33 @@ class TimeComparison(Shown):
         """The delay that the errors along the motion would have, and the mean that it is from.
 
         Seconds to add to the source's stamps: errors along the motion that grow with the speed.
-        NaN where the speed does not change enough to tell it from an offset along the robot.
+        NaN where the speed does not change enough to tell it from an offset along the robot. Wrong
+        poses do not count.
         """
         along, speed = self.along_across[0], self.motion.speed
         moves = np.isfinite(along)
         if moves.sum() < 3:
             return float("nan"), None
         along, speed = along[moves], speed[moves]
-        away = speed - speed.mean()
-        power = float(np.square(away).mean())
-        if power <= (LEAST_SPEED_SPREAD * speed.mean()) ** 2:
-            return float("nan"), None
-        slope = float((away * along).mean() / power)
-        rest = along - along.mean() - slope * away
-        shares = -(slope + away * rest / power)
+        kept = np.ones(len(along), dtype=bool)
+        for _ in range(ROUNDS):
+            away = speed[kept] - speed[kept].mean()
+            power = float(np.square(away).mean())
+            if power <= (LEAST_SPEED_SPREAD * speed[kept].mean()) ** 2:
+                return float("nan"), None
+            slope = float((away * along[kept]).mean() / power)
+            rest = along[kept] - along[kept].mean() - slope * away
+            shares = -(slope + away * rest / power)
+            left = along - slope * speed
+            left -= np.median(left)
+            kept = np.abs(left) <= WRONG * sigma_from_median(left) + 1e-12
         return -slope, mean_of_series(shares, self.confidence)
 
 
+WRONG, ROUNDS = 5.0, 4
+"""Standard deviations, by the median, beyond which an error along the motion is a wrong pose that
+tells nothing of the clock, and rounds of leaving such out. One in two million normal errors is so
+far off; of the errors of a delay itself none is, as the line takes them away."""
 LEAST_SPEED_SPREAD = 0.1
 """Of the mean speed: with less an offset along the robot and a delay cannot be told apart; an
 offset of 1 mm would be a delay of 10 ms at 1 m/s."""

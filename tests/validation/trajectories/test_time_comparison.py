@@ -164,6 +164,19 @@ def test_a_source_that_is_late_has_errors_along_the_motion_that_grow_with_the_sp
     assert "delay_suspected" not in {one.code for one in findings_in_time(right, 0.05)}
 
 
+def test_wrong_poses_tell_nothing_of_the_clock():
+    path = drive(300.0)
+    reference = seen(path, 50.0, 0.002, system="reference")
+    late = seen(path, 10.0, 0.002, seed=5, start=3.0).shifted(0.1)
+    poses = np.array(late.poses)
+    rng = np.random.default_rng(3)
+    wrong = rng.random(len(poses)) < 0.05
+    poses[wrong, :2] += rng.normal(0, 5, (wrong.sum(), 2))
+    delay, spread = compare_in_time(reference, replace(late, poses=poses)).delay_by_speed
+    assert delay == pytest.approx(-0.1, abs=0.01)
+    assert spread.low <= -0.1 <= spread.high
+
+
 def test_stated_covariances_are_tested_together():
     path = drive(300.0)
     reference = seen(path, 10.0, 0.004, system="reference", stated=True)
