@@ -8,6 +8,7 @@ import numpy as np
 from data_samples.rendering.files import make_room_with_cameras, vision_texts, write_images
 from data_samples.rooms.cameras import VisionSettings
 from data_samples.rooms.campaign_files import write_campaign
+from data_samples.rooms.checks import check_files
 from data_samples.rooms.laser_campaign import LaserSimulation, laser_files
 from data_samples.rooms.rooms import RoomSettings, make_room
 from data_samples.rooms.simulate import SimulatedCampaign, SimulationSettings, simulate_survey
@@ -24,6 +25,9 @@ def write_room(
     progress: Callable[[float], None] | None = None,
 ) -> SimulatedCampaign:
     """A synthetic room with its survey, written as a campaign with its truth in truth/.
+
+    A room with scans or images has what is measured beside a survey, too: known lengths, the
+    distance of two walls, a known motion.
 
     Parameters
     ----------
@@ -56,6 +60,9 @@ def write_room(
     more = {} if laser is None else dict(laser_files(room, laser, rng))
     if cameras is not None:
         for name, text in vision_texts(cameras, rng).items():
+            more[name] = more.get(name, "") + text
+    if laser is not None or vision is not None:
+        for name, text in check_files(simulated, np.random.default_rng([seed, 1])).items():
             more[name] = more.get(name, "") + text
     write_campaign(folder, simulated, seed, more)
     if cameras is not None:

@@ -42,14 +42,11 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     files.mkdir()
     times = (root / "drive/sensors/imu.csv").read_text().splitlines()[1:200:20]
     (files / "times.csv").write_text("time\n" + "".join(f"{t.split(',')[0]}\n" for t in times))
-    (files / "walls.csv").write_text("wall_a,wall_b,position,distance\ns,n,0,6\ns,n,3,6.021\n")
     turn = [0.1 * k for k in range(60)]
     rows = [f"{t:.1f},{math.sin(t):.4f},{math.cos(t):.4f},{-t:.4f}\n" for t in turn]
     (files / "camera.csv").write_text("time,x,y,theta\n" + "".join(rows))
-    rows = [f"{length}.000,{length}.003\n" for length in range(1, 13)]
     moves = [f"{1e9 + k / 10} {k / 50} 0 0.1 0 0 0 1\n" for k in range(20)]
     (files / "motion.tum").write_text("".join(moves))
-    (files / "lengths.csv").write_text("true,reading\n" + "".join(rows))
     (files / "hall").mkdir()
     (files / "hall" / "campaign.toml").write_text(f'name = "hall"\n\n{PLAN_EXAMPLE}')
     lens = (root / "drive/sensors/left_camera_lens.txt").read_text().strip()

@@ -16,7 +16,7 @@ USES = {
     "enter": "{room} --status",
     "explain": "{ad23}",
     "fuse": "{files}/camera.csv --output {out}.csv",
-    "instrument-check": "{files}/lengths.csv --tolerance 0.0015",
+    "instrument-check": "{room}/survey/known_lengths.csv --tolerance 0.0015",
     "laser check-mount": "{room}",
     "laser decide": "{decided} 1 2 reject",
     "laser inspect": "{decided}",
@@ -47,7 +47,7 @@ USES = {
     "vision plan": "{files}/hall",
     "vision print-patterns": "{out} --campaign {vision} --svg",
     "vision solve": "{vision} --workers 1 --dry-run",
-    "walls-check": "{files}/walls.csv --tolerance 0.0015",
+    "walls-check": "{room}/survey/walls.csv --tolerance 0.0015",
 }
 """Arguments of each command; the samples are made by the fixture of their name."""
 FORMS = {

@@ -21,6 +21,8 @@ SETTINGS_FILE = "truth/settings.json"
 _OPTIONAL = (
     "survey/hand_points.csv",
     "survey/initial_guesses.csv",
+    "survey/known_lengths.csv",
+    "survey/walls.csv",
     "laser/scans.csv",
     "laser/odometry.csv",
     "truth/laser_mount.csv",

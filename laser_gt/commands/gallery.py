@@ -5,7 +5,6 @@ shows first those that wait for a decision. What is decided goes into laser/deci
 command that stands under each pair or by any other hand, and the next run obeys.
 """
 
-import base64
 import html
 import shlex
 from collections.abc import Mapping, Sequence
@@ -85,8 +84,7 @@ def _article(match: Match, sweeps: Mapping[str, Prepared], campaign: str) -> str
 def _picture(match: Match, sweeps: Mapping[str, Prepared]) -> str:
     """The figure as a data address."""
     from laser_gt.campaign.figures import match_figure
-    from validation.figures.writing import figure_bytes
+    from validation.figures.writing import figure_bytes, web_image
 
     figure = match_figure(match, sweeps[match.reference], sweeps[match.moving])
-    image = figure_bytes(figure, ".png", "the picture of a match", dots_per_inch=80)
-    return "data:image/png;base64," + base64.b64encode(image).decode()
+    return web_image(figure_bytes(figure, ".png", "the picture of a match", dots_per_inch=80))

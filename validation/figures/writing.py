@@ -1,5 +1,6 @@
 """Figures written to files."""
 
+import base64
 import io
 from pathlib import Path
 
@@ -12,6 +13,12 @@ from validation.text_files.writing import write_files
 FORMATS = (".png", ".svg")
 PNG_DOTS_PER_INCH = 160
 """Sharp on a screen at the size of the report, 7 inches: 1120 pixels."""
+
+COLOURS = 256
+"""An image of more colours is a photograph, of fewer a drawing. A judgement: a cloud of dots has
+its colour and the steps of its edges."""
+QUALITY = 85
+"""Of photographs, in WebP. A judgement: no trace of the compression shows at the size shown."""
 
 
 def write_figure(path: Path, figure: Figure) -> None:
@@ -53,3 +60,27 @@ def figure_bytes(
     with mpl.rc_context({"svg.hashsalt": "gtval", "svg.fonttype": "none"}):
         figure.savefig(stream, format=suffix[1:], dpi=dots_per_inch, metadata=metadata)
     return stream.getvalue()
+
+
+def web_image(png: bytes) -> str:
+    """A PNG image as an address that holds it, in the form that takes fewer bytes.
+
+    Parameters
+    ----------
+    png : bytes
+        The file.
+
+    Returns
+    -------
+    str
+        ``data:image/webp;base64,...``: drawings as they are, photographs compressed. Where PNG is
+        smaller, that.
+    """
+    from PIL import Image  # noqa: PLC0415  (few figures hold an image)
+
+    image = Image.open(io.BytesIO(png)).convert("RGBA")
+    drawing = image.getcolors(COLOURS) is not None
+    stream = io.BytesIO()
+    image.save(stream, "WEBP", lossless=drawing, quality=QUALITY, method=4)
+    kind, held = min((("webp", stream.getvalue()), ("png", png)), key=lambda one: len(one[1]))
+    return f"data:image/{kind};base64,{base64.b64encode(held).decode()}"

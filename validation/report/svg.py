@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.lines import Line2D
 
+from validation.figures.writing import web_image
 from validation.results import Figure
 
 _PROLOGUE = re.compile(r"^.*?(?=<svg)", re.DOTALL)
@@ -30,14 +31,9 @@ take as much as their image."""
 DOTS_PER_INCH = 160
 """Of images in figures: sharp on a screen with two dots a pixel, where the page shows a figure of 9
 inches 736 pixels wide."""
-LEAST = 0.8
-"""Least size at which a figure is shown, in pixels a point: its text of 8 points is then 6 pixels
-high and can be read on a phone. A figure that is wider than the screen is moved sideways."""
-COLOURS = 256
-"""An image of more colours is a photograph, of fewer a drawing. A judgement: a cloud of dots has
-its colour and the steps of its edges."""
-QUALITY = 85
-"""Of photographs, in WebP. A judgement: no trace of the compression shows at the size shown."""
+LEAST = 0.7
+"""Least size at which a figure is shown, in pixels a point: one of 7 inches then fills a phone of
+390 pixels, and its text of 8 to 10 points can be read there. A wider one is moved sideways."""
 
 
 @dataclass(frozen=True)
@@ -93,17 +89,8 @@ def _rounded(found: re.Match[str]) -> str:
 
 
 def _small_image(found: re.Match[str]) -> str:
-    """A PNG image as WebP: drawings as they are, photographs compressed; the smaller one."""
-    from PIL import Image  # noqa: PLC0415  (few figures hold an image)
-
-    given = base64.b64decode(found[1])
-    image = Image.open(io.BytesIO(given)).convert("RGBA")
-    drawing = image.getcolors(COLOURS) is not None
-    stream = io.BytesIO()
-    image.save(stream, "WEBP", lossless=drawing, quality=QUALITY, method=4)
-    if stream.tell() >= len(given):
-        return f"data:image/png;base64,{base64.b64encode(given).decode()}"
-    return f"data:image/webp;base64,{base64.b64encode(stream.getvalue()).decode()}"
+    """A PNG image in the form that takes fewer bytes."""
+    return web_image(base64.b64decode(found[1]))
 
 
 def inline_svg(figure: Figure, prefix: str) -> str:

@@ -1,0 +1,67 @@
+"""`gtval simulate DIR --laser --vision` makes data for every command of the indoor part."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from every_command import BOARD, commands
+
+SIZE = ("--laser", "--vision", "--stops", "4", "--initial-guesses", "--hand-points", "2")
+INDOOR = {
+    "accuracy": "{room}",
+    "compare": "{room}",
+    "convergence": "{room} --starts 20",
+    "enter": "{room} --status",
+    "explain": "{room}",
+    "instrument-check": "{room}/survey/known_lengths.csv --campaign {room}",
+    "laser check-mount": "{room}",
+    "laser decide": "{room} 1 2 accept",
+    "laser inspect": "{room}",
+    "laser solve": "{room} --dry-run",
+    "plan": "{room}",
+    "report": "{room}",
+    "run": "{room}",
+    "survey": "{room} --dry-run",
+    "vision calibrate": "{room}/vision/calibration/1 --workers 2 {board}",
+    "vision convert-camera": "{room}/truth/camera_1.yaml {room}/camera.yaml --format ros",
+    "vision print-patterns": "{room}/patterns --campaign {room}",
+    "vision solve": "{room} --workers 2 --dry-run",
+    "walls-check": "{room}/survey/walls.csv --campaign {room}",
+}
+ELSEWHERE = {
+    "demo": "the campaign of AD2.3 itself",
+    "simulate": "what makes the room",
+    "vision check-displacement": "",
+    "vision check-table": "",
+}
+DRIVING = ("convert", "fuse", "rtk", "simulate-drive", "simulate-motion", "sync")
+"""Commands for robots that drive; `simulate-drive` and `simulate-motion` make their data."""
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("one") / "room"
+    told("simulate", str(folder), *SIZE)
+    told("run", str(folder))
+    return folder
+
+
+def told(*arguments):
+    """What a command prints with --json."""
+    command = [sys.executable, "-m", "gtval", *arguments, "--json"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_every_command_has_its_data_here_or_a_reason_why_not():
+    names = {name for name, _ in commands() if name.split()[0] not in DRIVING}
+    assert names == set(INDOOR) | set(ELSEWHERE)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", INDOOR)
+def test_the_room_has_what_the_command_needs(room, name):
+    use = INDOOR[name].format(room=room, board=BOARD)
+    assert told(*name.split(), *use.split())["command"] == name.split()[0]
