@@ -10,7 +10,7 @@ from validation.explain.telling.section import ExplainParts, explain_campaign
 from validation.in_time import TimeParts, time_parts
 from validation.poses.pose_table import SPATIAL, PoseTable
 from validation.published.systems import published_systems
-from validation.results import VALIDATION_SYSTEM, Finding, Section, SystemResult
+from validation.results import AS_PUBLISHED, VALIDATION_SYSTEM, Finding, Section, SystemResult
 from validation.shown import Shown
 from validation.solving import (
     SolvedSystem,
@@ -190,7 +190,10 @@ def _explain(
     """
     compared = {VALIDATION_SYSTEM, *(evaluation.system for evaluation in evaluations)}
     tables = [
-        table for system in systems for table in system.result.tables if table.system in compared
+        table
+        for system in systems
+        for table in system.result.tables
+        if table.system in compared and not table.system.endswith(AS_PUBLISHED)
     ]
     if len(tables) < 2:
         return None, []
