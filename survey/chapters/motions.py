@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from math import degrees, isnan, radians, sqrt
 
 import numpy as np
+from scipy.stats import chi2
 
 from survey.campaign.outcome import SurveyOutcome
 from survey.settings import Motion, SurveySettings
@@ -51,7 +52,7 @@ class CheckedMotion:
             f"{found[0].text} Its uncertainty is that of a survey as planned, every world point "
             "being read from every mark, and of a motion that was made exactly: neither was stated."
         )
-        return [replace(found[0], severity="note", text=text)]
+        return [replace(found[0], severity="note", text=text), *found[1:]]
 
 
 def published_motions(
@@ -205,6 +206,12 @@ def motion_findings(motion: Motion, check: MotionCheck) -> list[Finding]:
         f"turn from {degrees(seen.components[2]):.2f}°."
     )
     findings = [Finding("good" if agrees else "warning", f"{verdict} {sees}", subject, "motion")]
+    size = float(check.measured @ np.linalg.solve(check.covariance, check.measured))
+    p_none, seen_at_all = float(chi2.sf(size, 3)), "is told from none"
+    if p_none >= 0.05:  # usual, as above
+        seen_at_all = "is not told from none"
+    text = f"The motion {seen_at_all} (chi-squared {size:.0f}, p = {p_none:.2g})."
+    findings.append(Finding("good" if p_none < 0.05 else "note", text, subject, "motion_seen"))
     if not check.correlated:
         text = (
             "The correlation between the two poses is not known and was taken as none; poses of "

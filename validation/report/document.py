@@ -97,9 +97,11 @@ def build_document(run: RunResult) -> Document:
             )
             for one in run.evaluations
         ),
+        *checked_sections(run.statements.sections, failures),
         *checked_sections([beside] if beside is not None else (), failures),
         *checked_sections(run.in_time.sections if run.in_time else (), failures),
         *checked_sections(run.explained.sections if run.explained else (), failures),
+        *checked_sections(run.statements.last_sections, failures),
         *last,
         _inputs_section(run),
     ]
