@@ -46,6 +46,7 @@ class LaserSettings(Settings):
     the genetic aligner runs too, with ``population`` individuals over ``generations``, of which
     the first is drawn within ``genetic_radius`` metres of the guess; it matches each stop with its
     ``genetic_pairs`` nearest, and more where those leave stops apart; ``seed`` starts its chance.
+    With ``as_published`` poses by the document's way are computed too.
 
     The defaults of distances, shares and counts are those of `PairSettings`, `MatchSettings`,
     `EngineSettings` and `GeneticSettings`. ``max_delay``: a judgement, between
@@ -73,6 +74,7 @@ class LaserSettings(Settings):
     genetic_pairs: int = Field(default=3, ge=1, le=100)
     genetic_radius: Positive = 3.0
     seed: int = Field(default=1, ge=0)
+    as_published: bool = False
 
     @property
     def own_files(self) -> dict[str, str]:

@@ -59,8 +59,12 @@ class SurveySettings(Settings):
     those poses, where the file states none. ``motions`` are known motions between two stops.
     ``labels`` maps a Vframe point's name as written in the readings to the point that it
     stands for, where the two differ. ``reading_sigma`` replaces the instrument's standard
-    deviation. ``robust`` weighs large residuals down (Huber). ``entry`` is about typing readings
-    in the room.
+    deviation. ``robust`` weighs large residuals down (Huber). With ``as_published`` the document's
+    two filters are run too. ``known_lengths`` (true, reading, and if wanted sigma) check the
+    instrument, ``walls`` (wall_a, wall_b, position, distance) whether walls are parallel,
+    ``published_motions`` are known motions whose measured values were printed elsewhere.
+    ``convergence_starts`` first guesses are tried for every unknown, none where it is 0. ``entry``
+    is about typing readings in the room.
     """
 
     readings: str = "survey/readings.csv"
@@ -73,7 +77,12 @@ class SurveySettings(Settings):
     world_points: list[Name] = Field(default_factory=list)
     labels: dict[Name, Name] = Field(default_factory=dict)
     reading_sigma: Positive | None = None
+    known_lengths: str = "survey/known_lengths.csv"
+    walls: str = "survey/walls.csv"
+    published_motions: str = "survey/published_motions.csv"
     robust: bool = False
+    as_published: bool = False
+    convergence_starts: Annotated[int, Field(ge=0, le=100_000)] = 300
     motions: list[Motion] = Field(default_factory=list)
     entry: EntrySettings = EntrySettings()
 

@@ -41,7 +41,7 @@ class SurveySystem:
         progress: "Progress",
         *,
         robust: bool | None = None,
-        as_published: bool = False,
+        as_published: bool | None = None,
     ) -> "SystemResult":
         """Validation poses, findings and report sections."""
         from survey.campaign.solve import solve_campaign
@@ -57,19 +57,20 @@ def result_of(outcome: "SurveyOutcome") -> "SystemResult":
     from survey.campaign.findings import survey_findings
     from survey.campaign.result_files import survey_files
     from survey.campaign.sections import overview_tables, survey_sections
+    from survey.chapters.gathered import survey_chapters
     from survey.entry.dialogue.report import entry_report
     from validation.results import SystemResult
 
     entered = entry_report(outcome.campaign)
-    poses = outcome.poses
+    poses, more = outcome.poses, survey_chapters(outcome)
     return SystemResult(
         tables=[] if poses is None else [poses],
-        findings=[*survey_findings(outcome), *entered.findings],
-        sections=[*survey_sections(outcome), *entered.sections],
-        files=survey_files(outcome),
+        findings=[*survey_findings(outcome), *more.findings, *entered.findings],
+        sections=[*survey_sections(outcome), *more.sections, *entered.sections],
+        files={**survey_files(outcome), **more.files},
         facts=survey_facts(outcome),
         landmarks=landmarks(outcome),
-        overview=overview_tables(outcome),
+        overview=[*overview_tables(outcome), *more.overview],
     )
 
 

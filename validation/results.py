@@ -13,6 +13,11 @@ if TYPE_CHECKING:
 VALIDATION_SYSTEM = "survey"
 """The system whose poses the others are compared with."""
 
+AS_PUBLISHED = "_as_published"
+"""Ends the name of a table that has a system's poses by the way of a document, from the same data:
+it stands beside the system's own, and is no witness of its own."""
+APPENDIX = "Appendix"
+"""Sections whose title begins so are the last of the report."""
 TableColumn = tuple[str, str, Iterable[str | int | float | None]]
 """Heading with its unit, format of the numbers (or ''), and values from the top."""
 Severity = Literal["good", "note", "warning", "error"]

@@ -10,15 +10,17 @@ from validation.explain.telling.section import ExplainParts, explain_campaign
 from validation.in_time import TimeParts, time_parts
 from validation.poses.pose_table import SPATIAL, PoseTable
 from validation.published.systems import published_systems
-from validation.results import VALIDATION_SYSTEM, Finding, Section, SystemResult
+from validation.results import AS_PUBLISHED, VALIDATION_SYSTEM, Finding, Section, SystemResult
 from validation.shown import Shown
 from validation.solving import (
     SolvedSystem,
     failed_system,
+    joined,
     solve_system,
     solved_system,
     unexpected,
 )
+from validation.statements import Statements, make_statements
 from validation.statistics.conclusions import conclusions
 from validation.statistics.error_statistics import IntervalMethod
 from validation.statistics.evaluation import Evaluation, evaluate
@@ -51,7 +53,9 @@ class RunResult(Shown):
     failures : tuple of SystemResult
         What stands in for analyses that failed unexpectedly; of systems, see ``systems``.
     comparison_files : mapping of str to str or bytes
-        Errors and statistics, by names relative to results/.
+        Errors, statistics and statements, by names relative to results/.
+    statements : Statements
+        What may be claimed: of two systems, of printed statistics, of conclusions.
     """
 
     campaign: Campaign
@@ -64,6 +68,7 @@ class RunResult(Shown):
     in_time: TimeParts | None = None
     failures: tuple[SystemResult, ...] = ()
     comparison_files: Mapping[str, str | bytes] = field(default_factory=dict, repr=False)
+    statements: Statements = field(default_factory=Statements, repr=False)
 
     def with_failures(self, failures: Iterable[SystemResult]) -> "RunResult":
         """The run with what stands in for parts of its report that could not be made."""
@@ -160,6 +165,15 @@ def run_campaign(
     except Exception as error:  # noqa: BLE001  (what is compared at stops stands without it)
         failures.append(unexpected(IN_TIME, error))
     findings += in_time.findings if in_time is not None else ()
+    statements = Statements()
+    try:
+        statements = make_statements(campaign, evaluations, findings)
+        comparison_files |= statements.files
+    except GtvalError:
+        raise
+    except Exception as error:  # noqa: BLE001  (the rest stands without them)
+        failures.append(unexpected(STATEMENTS, error))
+    findings += statements.findings
     findings += [finding for failure in failures for finding in failure.findings]
     progress("hashing the inputs", 0.95)
     inputs = input_hashes(campaign.folder)
@@ -175,6 +189,7 @@ def run_campaign(
         in_time=in_time,
         failures=tuple(failures),
         comparison_files=comparison_files,
+        statements=statements,
     )
 
 
@@ -190,7 +205,10 @@ def _explain(
     """
     compared = {VALIDATION_SYSTEM, *(evaluation.system for evaluation in evaluations)}
     tables = [
-        table for system in systems for table in system.result.tables if table.system in compared
+        table
+        for system in systems
+        for table in system.result.tables
+        if table.system in compared and not table.system.endswith(AS_PUBLISHED)
     ]
     if len(tables) < 2:
         return None, []
@@ -226,11 +244,7 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
         tables = (table for system in solved for table in system.result.tables)
         validation = next((one for one in tables if one.system == VALIDATION_SYSTEM), None)
         for name, result in published_systems(campaign, validation).items():
-            published = solved_system(name, result)
-            if _apart(published, solved) is not published:
-                said = "poses of this system come twice; rename one"
-                faults.append(InputError([Problem(campaign.toml, said, None, "published", name)]))
-            solved.append(published)
+            faults += _add_published(campaign, solved_system(name, result), solved)
     except GtvalError as error:
         faults.append(error)
     except Exception as error:  # noqa: BLE001  (the systems' poses are there)
@@ -244,6 +258,22 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
         )
         raise InputError([Problem(campaign.folder, said)])
     return solved
+
+
+def _add_published(
+    campaign: Campaign, published: SolvedSystem, solved: list[SolvedSystem]
+) -> list[GtvalError]:
+    """Add published poses to what is solved; the problem where a system has such poses."""
+    name = published.name
+    own = next((one for one in solved if one.name == name and not one.result.tables), None)
+    if own is not None and not own.failed:  # no poses, but something to say of what was printed
+        solved[solved.index(own)] = joined(own, published)
+        return []
+    twice = _apart(published, solved) is not published
+    solved.append(published)
+    said = "poses of this system come twice; rename one"
+    problem = Problem(campaign.toml, said, None, "published", name)
+    return [InputError([problem])] if twice else []
 
 
 def _apart(system: SolvedSystem, others: Iterable[SolvedSystem]) -> SolvedSystem:
@@ -366,7 +396,7 @@ def _no_validation(tables: Iterable[PoseTable]) -> Finding:
     return Finding("warning", text + " Survey the stops.", VALIDATION_SYSTEM, "no_validation")
 
 
-COMPARISON, EXPLANATION, IN_TIME = "comparison", "explain", "time"
+COMPARISON, EXPLANATION, IN_TIME, STATEMENTS = "comparison", "explain", "time", "statements"
 """Steps of a run besides the systems."""
 
 

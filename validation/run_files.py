@@ -81,8 +81,9 @@ def _steps(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> di
         system = installed.get(step)
         if step in published:
             sources = [campaign.toml, *published[step]]
-        elif system is not None:
-            sources = inputs_of(system, campaign)
+        if system is not None:
+            own = inputs_of(system, campaign)
+            sources = [*dict.fromkeys([*sources, *own])] if step in published else own
             uses = surveyed if starts_from_survey(system) else {}
         steps[step] = step_of(campaign, sources, contents, run.inputs, uses, choices.get(step))
     steps[REPORT] = step_of(campaign, [campaign.folder], {}, run.inputs, written)

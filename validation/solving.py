@@ -33,6 +33,7 @@ from validation.campaign.provenance import (
 from validation.errors import FaultyResultError, GtvalError, shown
 from validation.poses.pose_files import pose_files
 from validation.poses.pose_table import PoseTable
+from validation.published.systems import published_systems
 from validation.results import VALIDATION_SYSTEM, Finding, Section, SystemResult, Table
 from validation.systems import (
     Progress,
@@ -49,7 +50,9 @@ from validation.text_files.writing import write_files
 LIBRARIES = ("numpy", "scipy", "opencv-contrib-python-headless", "filterpy", "kiss-icp")
 TRACEBACKS = "tracebacks"
 
-_RESERVED = re.compile(rf"({RECORD}|errors\.csv|statistics\.csv)$|(explain|{TRACEBACKS})(/|$)")
+_RESERVED = re.compile(
+    rf"({RECORD}|errors\.csv|(printed_)?statistics\.csv|paired\.csv|conclusions\.csv)$|(explain|{TRACEBACKS})(/|$)"
+)
 """Files of the run itself under results/."""
 
 MOST_BYTES = 200
@@ -121,6 +124,25 @@ def solved_system(
             raise FaultyResultError(f"'{name}' writes results/{file}, which is written already")
         files[file] = content
     return SolvedSystem(name, result, files, choices or {})
+
+
+def joined(own: SolvedSystem, published: SolvedSystem) -> SolvedSystem:
+    """What a system without poses says of printed tables, with its poses as published."""
+    one, other = own.result, published.result
+    return replace(
+        own,
+        result=replace(
+            one,
+            tables=other.tables,
+            findings=[*one.findings, *other.findings],
+            sections=[*one.sections, *other.sections],
+            files={**one.files, **other.files},
+            facts={**one.facts, **other.facts},
+            trajectories=other.trajectories,
+        ),
+        files={**own.files, **published.files},
+        failed=own.failed or published.failed,
+    )
 
 
 def failed_system(name: str, error: BaseException) -> SolvedSystem:
@@ -232,10 +254,17 @@ def step_of(
 
 def write_system(campaign: Campaign, system: System, solved: SolvedSystem) -> tuple[Finding, ...]:
     """Write what one system made; see `write_step`."""
+    published = [
+        campaign.folder / file
+        for one in campaign.settings.published
+        if one.system == system.name
+        for file in (one.file, one.stops)
+        if file
+    ]
     return write_step(
         campaign,
         system.name,
-        inputs_of(system, campaign),
+        [*inputs_of(system, campaign), *published],
         solved.files,
         validation_poses(campaign, system.name),
         solved.choices,
@@ -352,11 +381,22 @@ def system_output(
     system = installed_system(name)
     if starts_from_survey(system):
         campaign = solve_validation(campaign, installed_systems())
-    solved = solve_system(campaign, system, progress, choices)
+    solved = _with_published(campaign, solve_system(campaign, system, progress, choices))
     findings = tuple(solved.result.findings)
     if not write:
         return solved, findings, None
     return solved, findings + write_system(campaign, system, solved), campaign.results
+
+
+def _with_published(campaign: Campaign, solved: SolvedSystem) -> SolvedSystem:
+    """A system without poses of its own with those that are published under its name, if any."""
+    entries = [one for one in campaign.settings.published if one.system == solved.name]
+    if solved.result.tables or solved.failed or not entries:
+        return solved
+    settings = campaign.settings.model_copy(update={"published": entries})
+    for name, result in published_systems(replace(campaign, settings=settings)).items():
+        solved = joined(solved, solved_system(name, result))
+    return solved
 
 
 def starts_from_survey(system: System) -> bool:

@@ -203,11 +203,21 @@ class PrintedSettings(Settings):
 
     ``detections`` is a file (columns camera, pose, markers: the ids of those recognised, separated
     by spaces, one row an image), relative to the campaign folder; ``markers`` are the ids that were
-    looked for, also those that no image shows.
+    looked for, also those that no image shows. ``table_board`` (pose, x, y, z) and ``table_marker``
+    (pose, x, y) say where the cameras saw a board and a marker on a table of ``table_height``
+    metres that was put over validation poses.
     """
 
     detections: str = ""
     markers: list[Annotated[int, Field(ge=0)]] = Field(default_factory=list)
+    table_board: str = ""
+    table_marker: str = ""
+    table_height: Finite | None = None
+
+    @property
+    def files(self) -> list[str]:
+        """All files that are named."""
+        return [name for name in (self.detections, self.table_board, self.table_marker) if name]
 
 
 class VisionSettings(Settings):

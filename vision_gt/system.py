@@ -28,7 +28,7 @@ class VisionSystem:
         """The folder of the images, camera files, and printed tables."""
         settings = campaign.section("vision", VisionSettings)
         plan = settings.plan
-        files = [*settings.camera_files.values(), settings.printed.detections, plan.file]
+        files = [*settings.camera_files.values(), *settings.printed.files, plan.file]
         files += [one.file for one in plan.cameras]
         if plan.cameras and (campaign.folder / plan.stops).exists():
             files.append(plan.stops)
@@ -62,7 +62,7 @@ class VisionSystem:
 
 def told_without_images(settings: VisionSettings) -> bool:
     """Whether there is something to tell without images: what was printed, or planned."""
-    return bool(settings.printed.detections or settings.plan.cameras)
+    return bool(settings.printed.files or settings.plan.cameras)
 
 
 def has_images(folder: "Path", settings: VisionSettings) -> bool:

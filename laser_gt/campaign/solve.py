@@ -24,7 +24,7 @@ def solve_campaign(
     progress: Report = no_progress,
     *,
     engines: Sequence[Engine] | None = None,
-    as_published: bool = False,
+    as_published: bool | None = None,
     need_poses: bool = True,
 ) -> LaserOutcome:
     """Robot poses by scan matching and by the genetic aligner.
@@ -37,8 +37,8 @@ def solve_campaign(
         Called with what is being done and the share done.
     engines : sequence of str, optional
         'scanmatch', 'genetic'; by default as the settings say.
-    as_published : bool
-        Also the document's way.
+    as_published : bool, optional
+        Also the document's way; as the settings say by default.
     need_poses : bool
         Whether it is an error if no stop can be placed; for looking at the matches it is not.
 
@@ -74,7 +74,7 @@ def solve_campaign(
     except GtvalError as error:
         note = str(error)
     published = None
-    if as_published:
+    if settings.as_published if as_published is None else as_published:
         published = _published(inputs, trajectory.poses, settings, surveyed)
     return LaserOutcome(
         settings=settings,

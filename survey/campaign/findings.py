@@ -21,6 +21,9 @@ from validation.statistics.units import unit_of_points
 SUSPECT_FRAME = 0.05
 """Chance that a frame of the stated quality is called off its shape by any of its tests. A
 judgement: in one campaign of twenty the poles are measured again for nothing."""
+RETURNED = 1e-3
+"""Metres from the solution within which a filter has found it: a millimetre is the last digit that
+is read; both filters end within 0.03 mm of one another."""
 WEAK_REDUNDANCY = 0.1
 """Readings that the others check by less than this are listed: the smallest blunder found in them,
 4.13 / sqrt(0.1) = 13 sigma, is 3 cm with the 2.2 mm of a usual reading."""
@@ -42,6 +45,7 @@ def single_findings(outcome: SurveyOutcome) -> list[Finding]:
         *_frame(solution),
         *_world_points(solution),
         *_published(outcome),
+        *_from_origin(outcome),
         *_poses(outcome, solution),
         *_left_out(solution),
         *_unit_weight(solution),
@@ -123,7 +127,7 @@ def _exchange(labelling: Labelling) -> str:
 
 
 def _frame(solution: SurveySolution) -> Iterator[Finding]:
-    checks = solution.vframe.checks
+    checks = solution.vframe.tests
     limit = SUSPECT_FRAME / max(len(checks), 1)
     off = [check for check in checks if check.p_value < limit]
     for check in off:
@@ -140,8 +144,9 @@ def _frame(solution: SurveySolution) -> Iterator[Finding]:
     if checks and not off:
         yield Finding(
             "good",
-            f"the Vframe has its nominal shape within the stated sigmas ({len(checks)} tests, "
-            f"smallest p = {min(check.p_value for check in checks):.2f})",
+            f"the Vframe has its nominal shape within the stated sigmas ({len(checks)} "
+            f"test{'s' if len(checks) > 1 else ''}, smallest p = "
+            f"{min(check.p_value for check in checks):.2f})",
             "vframe",
             "frame-shape",
         )
@@ -208,6 +213,24 @@ def _published(outcome: SurveyOutcome) -> Iterator[Finding]:
             "world points",
             "published-consistent",
         )
+
+
+def _from_origin(outcome: SurveyOutcome) -> Iterator[Finding]:
+    """Where the document's first filter ends from the Vframe's origin, beside this program's."""
+    literal = outcome.as_published
+    if literal is None:
+        return
+    lost = {name: off for name, off in literal.lost_from_origin.items() if off > RETURNED}
+    total, own = len(literal.lost_from_origin), literal.own_from_origin
+    worst = "".join(f"; world point {name} ends {off:.2g} m away" for name, off in lost.items())
+    yield Finding(
+        "note",
+        f"started at the Vframe's origin, the document's first filter finds {total - len(lost)} of "
+        f"{total} world points{worst}. This program's filter finds "
+        f"{sum(off <= RETURNED for off in own.values())} of {total} from there",
+        "world points",
+        "from_origin",
+    )
 
 
 def _poses(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[Finding]:

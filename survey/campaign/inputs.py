@@ -79,6 +79,7 @@ def load_inputs(campaign: Campaign) -> SurveyInputs:
 def input_files(campaign: Campaign) -> list[Path]:
     """The files that the survey reads, campaign.toml apart, whether they are there or not."""
     settings = campaign.section("survey", SurveySettings)
+    plan = campaign.section("plan", PlanSettings)
     names = (
         readings_path(campaign, settings),
         settings.initial_guesses,
@@ -86,9 +87,14 @@ def input_files(campaign: Campaign) -> list[Path]:
         settings.published_world_points,
         settings.published_poses,
         settings.entry.journal,
-        campaign.section("plan", PlanSettings).not_visible,
+        settings.known_lengths,
+        settings.walls,
+        settings.published_motions,
+        plan.not_visible,
+        plan.world_points,
+        plan.poses,
     )
-    return [campaign.folder / name for name in names]
+    return [campaign.folder / name for name in dict.fromkeys(names)]
 
 
 def load_evidence(campaign: Campaign, settings: SurveySettings) -> Evidence:

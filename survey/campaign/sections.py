@@ -10,7 +10,7 @@ from survey.estimation.robot_frames import RobotFrameFit
 from survey.estimation.solve import SurveySolution
 from survey.readings.levels import CRITICAL
 from validation.poses.angles import wrap
-from validation.results import Section, Table, Text
+from validation.results import APPENDIX, Section, Table, Text
 
 MM = 1e3
 
@@ -35,6 +35,7 @@ def survey_sections(outcome: SurveyOutcome) -> list[Section]:
                 Section("Robot frames", [pose_table(solution), *figures["robot frames"]])
             )
         sections.append(Section("Readings", [*_reading_tables(solution), *figures["readings"]]))
+    appendix = readings_tables(solution, outcome) if solution is not None else []
     listings = listing_tables(outcome)
     if listings:
         sections.append(Section("The document's filters, as printed", listings))
@@ -45,6 +46,8 @@ def survey_sections(outcome: SurveyOutcome) -> list[Section]:
                 [hand_table(outcome), *hand_pose_figure(outcome)],
             )
         )
+    if appendix:
+        sections.append(Section(f"{APPENDIX}: all readings", appendix))
     return sections
 
 
@@ -63,7 +66,7 @@ def _frame_tables(solution: SurveySolution) -> Iterator[Table]:
     if solution.vframe.checks:
         yield Table(
             "Is the frame what it should be?",
-            ("test", "measured", "expected", "difference", "sigma", "p"),
+            ("test", "measured", "expected", "difference", "sigma", "p", "rests on"),
             [
                 (
                     f"{check.name} [{check.unit}]",
@@ -72,11 +75,13 @@ def _frame_tables(solution: SurveySolution) -> Iterator[Table]:
                     check.measured - check.expected,
                     check.sigma,
                     check.p_value,
+                    ", ".join(sorted(check.rests_on)),
                 )
                 for check in solution.vframe.checks
             ],
-            ("", ".4f", ".4f", "+.4f", ".4f", ".2f"),
-            note="Sigma of the difference if marks and readings are as good as stated.",
+            ("", ".4f", ".4f", "+.4f", ".4f", ".2f", ""),
+            note="Sigma of the difference if marks and readings are as good as stated. Rows that "
+            f"rest on the same readings are one test: {len(solution.vframe.tests)} in all.",
         )
 
 
@@ -261,13 +266,49 @@ def _reading_tables(solution: SurveySolution) -> Iterator[Table]:
     )
 
 
+def readings_tables(solution: SurveySolution, outcome: SurveyOutcome) -> list[Table]:
+    """All readings used, as they stand in the room: world points by Vframe point, and by mark.
+
+    AD2.3, "Table with the measures of each world-point from the 4 Vframe points".
+    """
+    used, labels = solution.used, outcome.inputs.settings.labels
+    cells: dict[tuple[str, str], list[str]] = {}
+    for a, b, distance in zip(used.start, used.end, used.distance, strict=True):
+        for pair in ((a, b), (b, a)):
+            cells.setdefault(pair, []).append(f"{distance:.3f}")
+    world = [name for name in outcome.inputs.settings.world_points if any(name in c for c in cells)]
+    typed = {name: labels.get(name, name) for name in solution.vframe.names}
+    other = ", ".join(f"{a} stands for {b}" for a, b in typed.items() if a != b)
+    tables = [
+        Table(
+            "Distances from the world points to the Vframe points [m]",
+            ("world point", *typed),
+            [(w, *(" ".join(cells.get((w, v), [])) for v in typed.values())) for w in world],
+            note=f"Columns as written in the file; {other}." if other else "",
+        )
+    ]
+    marks = [name for name in dict.fromkeys(used.start + used.end) if "/" in name]
+    if marks:
+        rows = [(m, *(" ".join(cells.get((m, w), [])) for w in world)) for m in marks]
+        head = ("mark", *world)
+        tables.append(Table("Distances from the marks to the world points [m]", head, rows))
+    return tables
+
+
 def listing_tables(outcome: SurveyOutcome) -> list[Table]:
     """World points and robot frames by the document's filters; none where not asked for."""
     solution, literal = outcome.solution, outcome.as_published
     if solution is None or literal is None:
         return []
-    points = []
+    points, starts = [], []
     for point in solution.world.points:
+        starts.append(
+            (
+                point.name,
+                literal.lost_from_origin[point.name],
+                literal.own_from_origin[point.name],
+            )
+        )
         listed = literal.world[point.name]
         off, sigma = listed.x - point.position, np.sqrt(np.diagonal(listed.P))
         points.append((point.name, *listed.x, *(MM * off), *(MM * sigma)))
@@ -277,7 +318,14 @@ def listing_tables(outcome: SurveyOutcome) -> list[Table]:
         off, sigma = listed.x - frame.state, np.sqrt(np.diagonal(listed.P))
         off[2] = wrap(off[2])
         frames.append((frame.pose, *listed.x, *(MM * off), *(MM * sigma)))
-    return [
+    origin = Table(
+        "Started at the Vframe's origin: how far from the world point the filters end",
+        ("world point", "the document's [m]", "this program's [m]"),
+        starts,
+        ("", ".2g", ".2g"),
+        note="The document gave up this start, as its filter did not always converge from there.",
+    )
+    listed_tables = [
         Table(
             "World points by the document's listing",
             (
@@ -302,7 +350,8 @@ def listing_tables(outcome: SurveyOutcome) -> list[Table]:
                 "d: listing minus this program's single-pose filter."
             ),
         ),
-    ][: 2 if frames else 1]
+    ]
+    return [*listed_tables[: 2 if frames else 1], origin]
 
 
 def overview_tables(outcome: SurveyOutcome) -> list[Table]:

@@ -15,7 +15,7 @@ def solve_campaign(
     progress: Progress = no_progress,
     *,
     robust: bool | None = None,
-    as_published: bool = False,
+    as_published: bool | None = None,
 ) -> SurveyOutcome:
     """The survey of a campaign folder.
 
@@ -27,8 +27,8 @@ def solve_campaign(
         Told what is being done.
     robust : bool, optional
         Whether to weigh large residuals down; as the settings say by default.
-    as_published : bool
-        Whether to run the document's two filters, too.
+    as_published : bool, optional
+        Whether to run the document's two filters, too; as the settings say by default.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def solve_campaign(
     if evidence.published:
         published = compare_published(evidence.published, solution.world, readings, solution.vframe)
     literal = None
-    if as_published:
+    if inputs.settings.as_published if as_published is None else as_published:
         literal = as_published_estimates(solution, readings, vframe, rig)
     diagnosis = diagnose(solution, vframe, rig, readings)
     return SurveyOutcome(campaign, inputs, solution, published, literal, diagnosis)

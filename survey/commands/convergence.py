@@ -1,6 +1,6 @@
 """The command ``gtval convergence``."""
 
-from math import degrees, isfinite, pi
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,12 +9,7 @@ import click
 from validation.commands.options import AS_JSON, CAMPAIGN, PATH, SEED, STRICT, progress_bar
 
 if TYPE_CHECKING:
-    from survey.studies.convergence import Convergence, Region
-    from survey.studies.convergence_problems import Unknown
-    from validation.results import Finding, Table
-    from validation.systems import Progress
-
-    Explored = tuple[Unknown, Convergence]
+    from survey.chapters.regions import Explored
 
 
 @click.command()
@@ -50,6 +45,12 @@ def convergence(
     every start led to the solution.
     """
     from survey.campaign.solve import solve_campaign
+    from survey.chapters.regions import (
+        convergence_findings,
+        explore,
+        region_facts,
+        regions_tables,
+    )
     from validation.campaign.folder import load_campaign
     from validation.commands.output import tell_check
     from validation.errors import GtvalError
@@ -69,135 +70,13 @@ def convergence(
         unknowns = unknowns_of(
             outcome.solution, outcome.inputs.file.used, loaded.settings.robot_frame
         )
-        found = _explore(unknowns, starts, radius, passes, seed, report)
+        found = explore(unknowns, starts, radius, passes, seed, report)
     for folder in filter(None, (maps, maps_too)):
         _write_maps(folder, found)
     findings = convergence_findings(found)
-    kinds = {
-        kind: [one for one in found if one[0].kind == kind] for kind in ("world point", "pose")
-    }
-    facts = {"unknowns": [_facts(*one) for one in found]}
-    tables = [_table(kind, chosen) for kind, chosen in kinds.items() if chosen]
+    facts = {"unknowns": [region_facts(*one) for one in found]}
+    tables = regions_tables(found)
     tell_check(facts, tables, findings, as_json=as_json, strict=strict)
-
-
-def _explore(
-    unknowns: "list[Unknown]",
-    starts: int,
-    radius: float,
-    passes: int,
-    seed: int,
-    report: "Progress",
-) -> "list[Explored]":
-    """Every unknown with where its starts lead; each draws from a stream of its own."""
-    import numpy as np
-
-    from survey.studies.convergence import explore_convergence
-    from validation.errors import GtvalError
-
-    streams = np.random.SeedSequence(seed).spawn(len(unknowns))
-    found = []
-    for number, (unknown, stream) in enumerate(zip(unknowns, streams, strict=True)):
-        report(f"{unknown.kind} {unknown.name}", number / len(unknowns))
-        rng = np.random.default_rng(stream)
-        try:
-            result = explore_convergence(
-                unknown.problem, unknown.solution, rng, starts=starts, radius=radius, passes=passes
-            )
-        except ValueError as error:
-            said = f"{unknown.kind} {unknown.name}: {error}; give it more --passes than {passes}"
-            raise GtvalError(said) from error
-        found.append((unknown, result))
-    return found
-
-
-def convergence_findings(found: "list[Explored]") -> "list[Finding]":
-    """What a person should know of where the starts lead."""
-    from survey.studies.convergence import smallest_region
-    from validation.results import Finding, Severity
-
-    findings = []
-    for kind in ("world point", "pose"):
-        results = [result for unknown, result in found if unknown.kind == kind]
-        if not results:
-            continue
-        any_heading = smallest_region(results)
-        text = f"Every start {_region_words(any_heading)} led to the solution, for every {kind}"
-        if kind == "pose":
-            limited = smallest_region(results, pi / 3)
-            text += f"; with the heading within ±60°, every start {_region_words(limited)}"
-        severity: Severity = "good" if any_heading.radius > 0 else "warning"
-        findings.append(Finding(severity, f"{text}.", f"{kind}s", "convergence"))
-    for unknown, result in found:
-        other = result.better_elsewhere
-        if other is not None:
-            place = ", ".join(f"{value:.3f}" for value in other.state)
-            findings.append(
-                Finding(
-                    "error",
-                    f"{other.starts} starts lead to another place ({place}) that fits better "
-                    f"(cost {other.cost:.1f} instead of {result.cost:.1f}); check its readings.",
-                    f"{unknown.kind} {unknown.name}",
-                    "better_elsewhere",
-                )
-            )
-    return findings
-
-
-def _region_words(region: "Region") -> str:
-    if region.radius == 0:
-        return "within 0 m (a start failed already inside the smallest radius tested)"
-    more = ", the largest tested," if region.limited_by_test else ""
-    return (
-        f"within {region.radius:.2g} m{more} (at worst {region.starts} starts: below "
-        f"{region.failures_below:.2g} of such starts fail, at 95 % confidence)"
-    )
-
-
-def _table(kind: str, found: "list[Explored]") -> "Table":
-    """One row for each unknown."""
-    from validation.results import Table
-
-    limits = [region.heading_limit for region in found[0][1].regions]
-    headings = [
-        "radius [m]" if limit == pi else f"within ±{degrees(limit):.0f}° [m]" for limit in limits
-    ]
-    rows: list[list[str | int | float | None]] = []
-    for unknown, result in found:
-        nearest = result.others[0].cost if result.others else None
-        radii = [region.radius for region in result.regions]
-        share = result.regions[0].failures_below
-        rows.append([unknown.name, *result.counts, *radii, share, result.cost, nearest])
-    first = found[0][1]
-    return Table(
-        f"Where {len(first.starts)} starts up to {first.radius:g} m away lead, {kind} by {kind}",
-        [
-            *(kind, "to the solution", "elsewhere", "nowhere", *headings),
-            *("share below", "cost", "cost elsewhere"),
-        ],
-        rows,
-        ["", "", "", "", *(".2f" for _ in limits), ".2g", ".1f", ".1f"],
-        "Radius: every start within it led to the solution, headings being any unless limited. "
-        "Share below: at 95 % confidence, a smaller share of such starts within it fails. "
-        f"Nowhere: no convergence in {first.passes} passes.",
-    )
-
-
-def _facts(unknown: "Unknown", result: "Convergence") -> dict[str, object]:
-    """Numbers for scripts; the starts themselves are left out."""
-    return {
-        "kind": unknown.kind,
-        "name": unknown.name,
-        "solution": result.solution,
-        "cost": result.cost,
-        "readings": len(unknown.problem.distance),
-        "starts": len(result.starts),
-        "starts_within": result.radius,
-        "passes": result.passes,
-        **dict(zip(("to_solution", "elsewhere", "nowhere"), result.counts, strict=True)),
-        "regions": result.regions,
-        "others": result.others,
-    }
 
 
 def _write_maps(folder: Path, found: "list[Explored]") -> None:

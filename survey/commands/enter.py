@@ -13,6 +13,7 @@ from validation.commands.options import AS_JSON, CAMPAIGN
 if TYPE_CHECKING:
     from survey.entry.dialogue.entry_session import EntrySession
     from survey.entry.record.entries import Person
+    from validation.campaign.folder import Campaign
 
 
 @click.command()
@@ -23,6 +24,11 @@ if TYPE_CHECKING:
 @click.option("--host", default="127.0.0.1", show_default=True, help="With --web: address.")
 @click.option("--port", default=8765, show_default=True, type=click.IntRange(0, 65535))
 @click.option("--adopt", is_flag=True, help="Take over what was changed by hand in the file.")
+@click.option(
+    "--stops",
+    type=click.IntRange(1, 1000),
+    help="Write so many stops to a campaign.toml that plans none.",
+)
 @click.option("--status", is_flag=True, help="Only say how far the work is.")
 @AS_JSON
 def enter(
@@ -34,6 +40,7 @@ def enter(
     host: str,
     port: int,
     adopt: bool,
+    stops: int | None,
     status: bool,
     as_json: bool,
 ) -> None:
@@ -50,7 +57,7 @@ def enter(
         from validation.campaign.folder import load_campaign
         from validation.errors import GtvalError
 
-        loaded = load_campaign(campaign)
+        loaded = _with_stops(load_campaign(campaign), stops, ask=not (web or status or as_json))
         if second and not by:
             raise GtvalError("say who makes the second entry: --second --by NAME")
         look = status or as_json
@@ -71,6 +78,22 @@ def enter(
         entry_session.close()
     if exit_status:
         raise click.exceptions.Exit(exit_status)
+
+
+def _with_stops(campaign: "Campaign", count: int | None, *, ask: bool) -> "Campaign":
+    """The campaign; where it plans no stops, that is said, and they are written if wanted."""
+    import sys
+
+    from survey.entry.room.planned_stops import lacks_stops, lines_to_write, write_stops
+
+    if count is None and not lacks_stops(campaign):
+        return campaign
+    if count is None:
+        click.echo(lines_to_write(campaign), err=True)
+        if ask and sys.stdin.isatty():
+            said = "How many stops shall be written there (0: none)?"
+            count = click.prompt(said, default=0, type=click.IntRange(0, 1000))
+    return write_stops(campaign, count) if count else campaign
 
 
 def _read_what_is_no_text() -> None:

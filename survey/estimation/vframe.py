@@ -1,6 +1,6 @@
 """The frame on the floor: its four points from poles and diagonals, and whether it is square."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from math import erfc
@@ -28,6 +28,8 @@ class FrameCheck:
         Two-sided chance of a difference at least as large.
     unit : str
         'm' or 'rad'.
+    rests_on : frozenset of str
+        The measured lengths that it is computed from, such as 'X–Y'.
     """
 
     name: str
@@ -36,6 +38,7 @@ class FrameCheck:
     sigma: float
     p_value: float
     unit: str = "m"
+    rests_on: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,11 @@ class VframeEstimate:
     points: Array
     covariance: Array
     checks: tuple[FrameCheck, ...] = ()
+
+    @property
+    def tests(self) -> tuple[FrameCheck, ...]:
+        """One check for each set of readings: what rests on the same readings is one test."""
+        return tuple({check.rests_on: check for check in reversed(self.checks)}.values())[::-1]
 
 
 def estimate_vframe(vframe: Vframe, readings: Readings) -> VframeEstimate:
@@ -108,7 +116,7 @@ def _length_checks(vframe: Vframe, inner: Readings) -> list[FrameCheck]:
         a, b = (n for n in vframe.points if n in pair)
         expected = float(np.linalg.norm(np.subtract(vframe.points[a], vframe.points[b])))
         total = float(np.sqrt(sigma**2 + 2 * vframe.sigma**2))
-        checks.append(_check(f"length {a}–{b}", measured, expected, total))
+        checks.append(_check(f"length {a}–{b}", measured, expected, total, [(a, b)]))
     return checks
 
 
@@ -137,7 +145,16 @@ def _right_angle_checks(vframe: Vframe, inner: Readings) -> list[FrameCheck]:
             angle, sigma = float(np.arccos(cosine)), float(np.hypot(of_readings, of_marks))
             checks.append(
                 _check(
-                    f"right angle at {corner} ({a}–{corner}–{b})", angle, np.pi / 2, sigma, "rad"
+                    f"right angle at {corner} ({a}–{corner}–{b})",
+                    angle,
+                    np.pi / 2,
+                    sigma,
+                    [
+                        pair
+                        for pair in ((a, b), (corner, a), (corner, b))
+                        if frozenset(pair) in lengths
+                    ],
+                    "rad",
                 )
             )
     return checks
@@ -154,7 +171,8 @@ def _diagonal_checks(vframe: Vframe, inner: Readings) -> list[FrameCheck]:
         if first is None or second is None:
             continue
         sigma = float(np.sqrt(first[1] ** 2 + second[1] ** 2 + 4 * vframe.sigma**2))
-        checks.append(_check(f"equal diagonals {a}–{b} and {c}–{d}", first[0], second[0], sigma))
+        name, pairs = f"equal diagonals {a}–{b} and {c}–{d}", [(a, b), (c, d)]
+        checks.append(_check(name, first[0], second[0], sigma, pairs))
     return checks
 
 
@@ -167,7 +185,13 @@ def _are_diagonals(vframe: Vframe, one: tuple[str, str], two: tuple[str, str]) -
 
 
 def _check(
-    name: str, measured: float, expected: float, sigma: float, unit: str = "m"
+    name: str,
+    measured: float,
+    expected: float,
+    sigma: float,
+    pairs: Iterable[tuple[str, str]],
+    unit: str = "m",
 ) -> FrameCheck:
     p_value = float(erfc(abs(measured - expected) / sigma / np.sqrt(2)))
-    return FrameCheck(name, measured, expected, sigma, p_value, unit)
+    rests_on = frozenset("–".join(sorted(pair)) for pair in pairs)
+    return FrameCheck(name, measured, expected, sigma, p_value, unit, rests_on)

@@ -13,6 +13,7 @@ import numpy as np
 
 from survey.estimation.robot_frames import pose_readings
 from survey.estimation.solve import SurveySolution
+from survey.estimation.world_points import place_readings
 from survey.readings.readings import Readings
 from validation.campaign.folder import RobotFrame, Vframe
 from validation.poses.angles import Array
@@ -144,16 +145,21 @@ class AsPublished:
         World points by the first, metres.
     frames : mapping of str to PublishedEstimate
         Robot frames by the second, metres and radians.
+    lost_from_origin, own_from_origin : mapping of str to float
+        How far from this program's world point the first listing, and this program's filter, end
+        when started at the Vframe's origin, metres; infinite where it ends nowhere.
     """
 
     world: Mapping[str, PublishedEstimate]
     frames: Mapping[str, PublishedEstimate]
+    lost_from_origin: Mapping[str, float]
+    own_from_origin: Mapping[str, float]
 
 
 def as_published_estimates(
     solution: SurveySolution, readings: Readings, vframe: Vframe, rig: RobotFrame
 ) -> AsPublished:
-    """The two listings, started from this program's solution.
+    """The two listings, started from this program's solution, and from the Vframe's origin.
 
     Parameters
     ----------
@@ -165,14 +171,31 @@ def as_published_estimates(
         Nominal frame.
     rig : RobotFrame
         Nominal robot frame.
+
+    Notes
+    -----
+    AD2.3, "Determination of the coordinates of the world-points": a local method "might not
+    converge, if not properly initialized, and indeed it happened when we were initializing it in
+    the origin of the Vframe".
     """
-    world, frames = {}, {}
+    world, frames, lost, own_lost = {}, {}, {}, {}
     for point in solution.world.points:
         own = readings.touching([point.name], list(vframe.points))
-        places = [vframe.points[name] for name in own.end]
-        world[point.name] = world_point_filter(list(own.distance), places, list(point.position))
+        places, distances = [vframe.points[name] for name in own.end], list(own.distance)
+        world[point.name] = world_point_filter(distances, places, list(point.position))
+        with np.errstate(all="ignore"):  # it may end anywhere
+            strayed = world_point_filter(distances, places, (0.0, 0.0)).x
+        lost[point.name] = _away(strayed, point.position)
+        ended = place_readings(own, solution.vframe).ends(np.zeros((1, 2))).state[0]
+        own_lost[point.name] = _away(ended, point.position)
     for frame in solution.frames:
         pose = pose_readings(frame.pose, readings, solution.world, rig)
         known, body = pose.known.tolist(), pose.body.tolist()
         frames[frame.pose] = robot_frame_filter(list(pose.distance), known, body, list(frame.state))
-    return AsPublished(world, frames)
+    return AsPublished(world, frames, lost, own_lost)
+
+
+def _away(place: Array, solution: Array) -> float:
+    """Distance in metres; infinite for a place that is none."""
+    off = float(np.linalg.norm(place - solution))
+    return off if np.isfinite(off) else float("inf")

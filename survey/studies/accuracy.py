@@ -135,23 +135,39 @@ def check_motion(
         Whether ``covariance`` holds the correlation between the poses.
     """
     measured, jacobian = pose_motion(start, end, frame)
+    of_error = np.full((3, 3), np.nan)
+    if covariance is not None and np.isfinite(covariance).all():
+        of_error = jacobian @ covariance @ jacobian.T
+        if real_sigma is not None:
+            of_error = of_error + np.diag(np.square(real_sigma))
+    return judge_motion(real, measured, of_error, correlated=correlated)
+
+
+def judge_motion(
+    real: Array, measured: Array, covariance: Array, *, correlated: bool = True
+) -> MotionCheck:
+    """A measured motion against the real one.
+
+    Parameters
+    ----------
+    real, measured : (3,) array
+        dx, dy, dtheta, metres and radians.
+    covariance : (3, 3) array
+        Of their difference; NaN where it is not known.
+    correlated : bool
+        Whether it counts the correlation between the two poses.
+    """
     error = measured - real
     error[2] = wrap(error[2])
-    if covariance is None or not np.isfinite(covariance).all():
-        nothing = np.full(3, np.nan)
-        return MotionCheck(
-            real, measured, error, np.full((3, 3), np.nan), nothing, np.nan, np.nan, correlated
-        )
-    of_error = jacobian @ covariance @ jacobian.T
-    if real_sigma is not None:
-        of_error = of_error + np.diag(np.square(real_sigma))
-    squared = float(error @ np.linalg.solve(of_error, error))
+    squared = np.nan
+    if np.isfinite(covariance).all():
+        squared = float(error @ np.linalg.solve(covariance, error))
     return MotionCheck(
         real=np.asarray(real, dtype=float),
         measured=measured,
         error=error,
-        covariance=of_error,
-        normalised=error / np.sqrt(np.diagonal(of_error)),
+        covariance=covariance,
+        normalised=error / np.sqrt(np.diagonal(covariance)),
         squared=squared,
         p_value=float(chi2.sf(squared, 3)),
         correlated=correlated,

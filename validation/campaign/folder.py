@@ -186,12 +186,38 @@ class Comparison(Settings):
     """How errors are judged.
 
     ``acceptable_bias`` (metres, radians) is the d of the statement 'the bias is below d';
-    ``confidence`` the level of all intervals.
+    ``confidence`` the level of all intervals. ``published_statistics`` is a file (system,
+    component, mean, std, max_abs, ci95_low, ci95_high) of printed statistics that are set beside
+    the computed ones.
     """
 
     acceptable_bias_length: Positive = 0.05
     acceptable_bias_angle: Positive = 0.05
     confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
+    published_statistics: str = ""
+
+
+class Claim(Settings):
+    """A conclusion that somebody drew from the campaign, to be set beside its data.
+
+    ``says`` is the conclusion, ``source`` where it stands. Either ``less`` and ``than`` name two
+    systems of which the first is said to err less, or ``finding`` (of ``subject``, if one is
+    given) is the code of the finding that decides. ``note`` says more, or why nothing can tell.
+    """
+
+    says: str
+    source: str = ""
+    less: str = ""
+    than: str = ""
+    finding: str = ""
+    subject: str = ""
+    note: str = ""
+
+    @model_validator(mode="after")
+    def _both_or_none(self) -> "Claim":
+        if bool(self.less) != bool(self.than):
+            raise ValueError("'less' and 'than' belong together: the first is said to err less")
+        return self
 
 
 class CampaignSettings(BaseModel):
@@ -210,6 +236,7 @@ class CampaignSettings(BaseModel):
     room: Room = Room()
     comparison: Comparison = Comparison()
     published: list[Published] = []
+    claims: list[Claim] = []
 
 
 @dataclass(frozen=True, repr=False)

@@ -20,9 +20,10 @@ def print_result(
     result: "SystemResult", findings: "Sequence[Finding]", results: Path | None, *, everything: bool
 ) -> None:
     """Tables and findings of one system, and where its files are."""
+    from validation.report.beside import beside_tables
     from validation.report.terminal import print_table
 
-    for table in result.overview:
+    for table in (*result.overview, *beside_tables(result.tables)):
         print_table(table)
     print_first_findings(findings, everything=everything)
     if results is not None:

@@ -6,6 +6,7 @@ from functools import partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
+from validation.report.beside import beside_section
 from validation.report.checked import checked_sections, section_or_sentence
 from validation.report.evaluation_tables import (
     coverage_table,
@@ -16,6 +17,7 @@ from validation.report.evaluation_tables import (
 )
 from validation.report.terminal import most_severe_first
 from validation.results import (
+    APPENDIX,
     VALIDATION_SYSTEM,
     Figure,
     Finding,
@@ -83,17 +85,24 @@ def build_document(run: RunResult) -> Document:
     if run.evaluations:
         make = partial(_overview_section, run.evaluations)
         overview = section_or_sentence("All systems", make, failures)
+    beside = beside_section(run.tables, run.evaluations)
+    own = checked_sections(run.sections, failures)
+    last = [section for section in own if section.title.startswith(APPENDIX)]
     sections = [
         *([overview] if overview is not None else []),
-        *checked_sections(run.sections, failures),
+        *(section for section in own if section not in last),
         *(
             section_or_sentence(
                 f"System {one.system}", partial(_evaluation_section, run, one), failures
             )
             for one in run.evaluations
         ),
+        *checked_sections(run.statements.sections, failures),
+        *checked_sections([beside] if beside is not None else (), failures),
         *checked_sections(run.in_time.sections if run.in_time else (), failures),
         *checked_sections(run.explained.sections if run.explained else (), failures),
+        *checked_sections(run.statements.last_sections, failures),
+        *last,
         _inputs_section(run),
     ]
     return Document(

@@ -159,7 +159,7 @@ def _largest(evaluation: Evaluation) -> Finding:
     return Finding("note", text, comparison.system, "largest_errors")
 
 
-def _zero_errors(comparison: Comparison) -> list[Finding]:
+def almost_zero(comparison: Comparison) -> tuple[str, ...]:
     """Poses whose every error is next to nothing: most likely taken over from the validation.
 
     Next to nothing is a hundredth of the component's median error. Of normal errors 0.5 % are
@@ -168,11 +168,17 @@ def _zero_errors(comparison: Comparison) -> list[Finding]:
     """
     sizes = np.abs(comparison.errors)
     rows = np.flatnonzero((sizes <= 0.01 * np.median(sizes, axis=0)).all(axis=1))
-    if not rows.size or len(comparison) < 3:
+    return tuple(comparison.ids[row] for row in rows) if len(comparison) >= 3 else ()
+
+
+def _zero_errors(comparison: Comparison) -> list[Finding]:
+    """What it means that poses were probably taken over."""
+    poses = almost_zero(comparison)
+    if not poses:
         return []
-    poses = ", ".join(comparison.ids[row] for row in rows)
     text = (
-        f"The errors of pose {poses} are zero or almost zero in every component. Such a pose was "
+        f"The errors of pose {', '.join(poses)} are zero or almost zero in every component. "
+        "Such a pose was "
         "probably taken over from the validation, as the reference of a frame is. It is counted in "
         "the statistics and makes them look better than they are."
     )

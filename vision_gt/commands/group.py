@@ -160,13 +160,22 @@ def check_table_command(
 ) -> None:
     """Check the cameras with a board on a table, put over validated poses.
 
-    Needs the results of `gtval run` and images CAMPAIGN/vision/table/CAMERA/poseX.png.
+    Needs the results of `gtval run` and images CAMPAIGN/vision/table/CAMERA/poseX.png. Without
+    images it shows what [vision.printed] says of such a table.
     """
     from validation.campaign.folder import load_campaign
     from validation.commands.output import tell_check
+    from vision_gt.campaign.printed import printed_table_alone
     from vision_gt.commands.table import reading_table, statistics_table, table_readings
 
-    readings, findings = table_readings(load_campaign(campaign), workers)
+    loaded = load_campaign(campaign)
+    printed = printed_table_alone(loaded)
+    if printed is not None:
+        tell_check(
+            printed.facts, printed.overview, printed.findings, as_json=as_json, strict=strict
+        )
+        return
+    readings, findings = table_readings(loaded, workers)
     tables = [reading_table(readings), statistics_table(readings)]
     tell_check({"readings": readings}, tables, findings, as_json=as_json, strict=strict)
 

@@ -231,4 +231,7 @@ def find_target(where: str, plan: Sequence[Station]) -> Target:
             return ends[words[0]]
         if len(words) == 1 and words[0] in (station.name, station.name.partition("/")[0]):
             return station.targets[0]
-    raise GtvalError(f"'{where}' is not in the plan; say for example: {plan[-1].name} 3")
+    raise GtvalError(
+        f"'{where}' is not in the plan; say for example: {plan[-1].name} 3. The plan follows from "
+        "campaign.toml: [survey] world_points and [survey.entry] poses"
+    )

@@ -67,8 +67,10 @@ class SplitCovariance:
 
     def blocks(self, rows: Index) -> Array:
         """(n, s, s) covariances of n groups of s unknowns, whose rows are ``rows`` (n, s)."""
-        added = self._weighted()[rows] @ np.swapaxes(self.shared[rows], 1, 2)
         n, s = rows.shape
+        if n == 0:  # a sparse matrix without indices gives one number, not none
+            return np.zeros((0, s, s))
+        added = self._weighted()[rows] @ np.swapaxes(self.shared[rows], 1, 2)
         at = np.broadcast_to(rows[:, :, None], (n, s, s)).ravel()
         to = np.broadcast_to(rows[:, None, :], (n, s, s)).ravel()
         whole = np.asarray(self.own[at, to]).reshape(n, s, s) + added

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import binom, chi2
 from surveys import case
 
-from survey.commands.accuracy import check_poses, motion_findings, motion_table
+from survey.chapters.motions import check_poses, motion_findings, motion_table
 from survey.settings import Motion
 from survey.studies.accuracy import check_motion, detectable_motion, noncentrality, pose_motion
 from validation.cli import main

@@ -97,6 +97,6 @@ def test_a_bad_printed_table_is_refused_with_its_places(demo):
 
 def test_a_campaign_without_images_and_printed_table_holds_no_data(demo):
     toml = demo.toml.read_text()
-    demo.toml.write_text(toml[: toml.index("# Which markers")])
+    demo.toml.write_text(toml[: toml.index("# What the document prints of its cameras")])
     assert not SYSTEM.has_data(load_campaign(demo.folder))
     assert demo.section("vision", VisionSettings).printed.detections

@@ -1,0 +1,1 @@
+"""What else a survey's files can show: one chapter of the report each."""

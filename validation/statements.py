@@ -1,0 +1,129 @@
+"""What may be claimed of a campaign: pairs of systems, printed statistics, and conclusions."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from validation.campaign.folder import Campaign
+from validation.results import Finding, Section
+from validation.statistics.claims import JudgedClaim, claims_section, judge_claims
+from validation.statistics.evaluation import Evaluation
+from validation.statistics.paired import PairedErrors, paired_errors, paired_section
+from validation.statistics.printed import (
+    Judged,
+    evaluated,
+    judged_numbers,
+    load_printed,
+    printed_findings,
+    printed_table,
+)
+from validation.text_files.csv_text import csv_text
+
+
+@dataclass(frozen=True)
+class Statements:
+    """Chapters, findings and files of what may be claimed.
+
+    Parameters
+    ----------
+    sections, last_sections : sequence of Section
+        Behind those of the systems; at the end of the report.
+    findings : sequence of Finding
+        New ones.
+    files : mapping of str to str
+        By names relative to results/.
+    """
+
+    sections: Sequence[Section] = ()
+    last_sections: Sequence[Section] = ()
+    findings: Sequence[Finding] = ()
+    files: dict[str, str] = field(default_factory=dict)
+
+
+def make_statements(
+    campaign: Campaign, evaluations: Sequence[Evaluation], findings: Sequence[Finding]
+) -> Statements:
+    """What may be claimed.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The folder and its settings.
+    evaluations : sequence of Evaluation
+        All systems.
+    findings : sequence of Finding
+        All others of the run: conclusions of a document are set beside them.
+
+    Raises
+    ------
+    InputError
+        Naming every bad place of the file of printed statistics.
+    """
+    comparison = campaign.settings.comparison
+    pairs = paired_errors(evaluations, comparison.confidence)
+    sections, files, new = [], {}, list(_paired_findings(pairs))
+    if pairs:
+        sections.append(paired_section(pairs))
+        files["paired.csv"] = _paired_csv(pairs)
+    if comparison.published_statistics:
+        printed = load_printed(campaign.folder / comparison.published_statistics)
+        judged = judged_numbers(printed, evaluated(evaluations))
+        sizes = {one.system: len(one.comparison) for one in evaluations}
+        new += printed_findings(judged, printed, sizes)
+        if judged:
+            sections.append(Section("Printed statistics", [printed_table(judged)]))
+            files["printed_statistics.csv"] = _printed_csv(judged)
+    claims = judge_claims(campaign.settings.claims, pairs, [*findings, *new])
+    last = [claims_section(claims)] if claims else []
+    if claims:
+        files["conclusions.csv"] = _claims_csv(claims)
+    return Statements(sections, last, new, files)
+
+
+def _paired_findings(pairs: Sequence[PairedErrors]) -> list[Finding]:
+    """One sentence for every two systems."""
+    findings = []
+    for names in dict.fromkeys((one.first, one.second) for one in pairs):
+        own = [one for one in pairs if (one.first, one.second) == names and not one.without]
+        shown = [f"{one.better} errs less in {one.component}" for one in own if one.better]
+        first, second = names
+        told = "; ".join(shown) or f"that one of {first} and {second} errs less is not shown"
+        numbers = ", ".join(
+            f"{one.component} {1e3 * one.mean:+.0f} m{one.unit} "
+            f"({1e3 * one.low:+.0f} to {1e3 * one.high:+.0f})"
+            for one in own
+        )
+        text = (
+            f"{told[:1].upper()}{told[1:]}: sizes of the errors of {first} less those of {second} "
+            f"at the {own[0].n} stops that both have: {numbers}."
+        )
+        findings.append(Finding("note", text, f"{first}, {second}", "errs_less"))
+    return findings
+
+
+def _paired_csv(pairs: Sequence[PairedErrors]) -> str:
+    header = ["first", "second", "component", "unit", "n", "without", "mean", "low", "high"]
+    rows = [
+        [
+            *(one.first, one.second, one.component, one.unit, one.n, " ".join(one.without)),
+            *(one.mean, one.low, one.high, one.p_value, one.better),
+        ]
+        for one in pairs
+    ]
+    return csv_text([*header, "p_value", "errs_less"], rows)
+
+
+def _printed_csv(judged: Sequence[Judged]) -> str:
+    header = ["system", "component", "number", "printed", "computed", "verdict"]
+    rows = [
+        [
+            *(one.numbers.system, one.numbers.component, one.kind),
+            *(one.numbers.texts[one.kind], one.computed, one.verdict),
+        ]
+        for one in judged
+    ]
+    return csv_text(header, rows)
+
+
+def _claims_csv(claims: Sequence[JudgedClaim]) -> str:
+    rows = [[one.claim.says, one.claim.source, one.verdict, one.reasons] for one in claims]
+    return csv_text(["conclusion", "where", "verdict", "why"], rows)
