@@ -280,11 +280,12 @@ def _read_column(table: CsvTable, column: Column) -> None:
 
 def _is_of_smaller_unit(table: CsvTable, column: Column) -> bool:
     """Whether most lengths are above the limit, as in millimetres: told once, not for each."""
-    numbers = [
-        _number(raw.strip(), replace(column, high=math.inf))[0] for raw in table.raw[column.name]
-    ]
+    if column.unit != "m":
+        return False
+    unlimited = replace(column, high=math.inf)
+    numbers = [_number(raw.strip(), unlimited)[0] for raw in table.raw[column.name]]
     large = [row for row, number in enumerate(numbers) if number > column.high]
-    if column.unit != "m" or len(large) < 3 or 2 * len(large) < len(numbers):
+    if len(large) < 3 or 2 * len(large) < len(numbers):
         return False
     table.flag(
         large[0],
@@ -297,7 +298,7 @@ def _is_of_smaller_unit(table: CsvTable, column: Column) -> bool:
 
 def _bad_text(cell: str, column: Column) -> str | None:
     """What is wrong with a cell as text, None if nothing is."""
-    if any("\udc80" <= character <= "\udcff" for character in cell):
+    if not cell.isascii() and any("\udc80" <= character <= "\udcff" for character in cell):
         return "not UTF-8; save the file as UTF-8"
     if "\0" in cell or "\n" in cell or "\r" in cell:
         return "control characters or a line break in the cell (an unclosed quote?)"

@@ -69,6 +69,8 @@ class SplitCovariance:
         """(n, s, s) covariances of n groups of s unknowns, whose rows are ``rows`` (n, s)."""
         added = self._weighted()[rows] @ np.swapaxes(self.shared[rows], 1, 2)
         n, s = rows.shape
+        if not n:
+            return np.empty((0, s, s))
         at = np.broadcast_to(rows[:, :, None], (n, s, s)).ravel()
         to = np.broadcast_to(rows[:, None, :], (n, s, s)).ravel()
         whole = np.asarray(self.own[at, to]).reshape(n, s, s) + added
