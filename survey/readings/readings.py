@@ -106,6 +106,18 @@ class Readings:
                 marks.setdefault(point[0], []).append(name)
         return marks
 
+    @cached_property
+    def count_of_pose(self) -> dict[str, int]:
+        """How many readings each pose has to what is not its own."""
+        count = dict.fromkeys(self._marks_of_pose, 0)
+        for pair in zip(self.start, self.end, strict=True):
+            poses = [(robot_point(name) or ("",))[0] for name in pair]
+            if poses[0] != poses[1]:
+                for pose in poses:
+                    if pose in count:
+                        count[pose] += 1
+        return count
+
     def of_pose(self, pose: str) -> Self:
         """Readings with a rig point of one pose at either end, turned to start there."""
         names = self._marks_of_pose.get(pose, [])
