@@ -114,7 +114,8 @@ def adjust(network: Network, start: Parameters, *, robust: bool = False) -> Adju
     Notes
     -----
     Gauss-Newton on a sparse design matrix, stops being eliminated each by itself. Residuals,
-    redundancy numbers and covariance as in Ghilani, Adjustment Computations (2017), chapters 12 and 21.
+    redundancy numbers and covariance as in Ghilani, Adjustment Computations (2017), chapters 12
+    and 21.
     """
     parameters = start
     weight = np.ones(len(network.distance))

@@ -4,6 +4,7 @@ This is quick, many first guesses at once, and errs towards larger sigmas. What 
 is in the models of `world_points` and `robot_frames`, which refine what is found here.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -89,7 +90,9 @@ class DistanceFit:
 
     def ends(self, starts: Array, passes: int = PASSES) -> Estimates:
         """Where the filter ends from starts (b, n), headings brought to (-pi, pi]."""
-        ended = iterated_ekf_batch(self.equations, starts, self.prior_sigma, passes)
+        ended = iterated_ekf_batch(
+            lambda states, _: self.equations(states), starts, self.prior_sigma, passes
+        )
         ended.state[:, 2:] = wrap(ended.state[:, 2:])
         return ended
 
@@ -109,15 +112,64 @@ class DistanceFit:
             Chi-squared of each.
         """
         ended = self.ends(starts)
-        usable = ended.converged & np.isfinite(ended.cost)
-        kept: list[int] = []
-        for i in np.flatnonzero(usable)[np.argsort(ended.cost[usable])]:
-            off = ended.state[kept] - ended.state[i]
-            near = np.linalg.norm(off[:, :2], axis=1) <= SAME
-            near &= (np.abs(wrap(off[:, 2:])) <= _SAME_HEADING).all(1)
-            if not near.any():
-                kept.append(int(i))
-        return ended.state[kept], ended.cost[kept]
+        return _different(ended.state, ended.cost, ended.converged)
+
+
+def solutions_of_many(
+    fits: Sequence[DistanceFit], starts: Sequence[Array]
+) -> list[tuple[Array, Array]]:
+    """`DistanceFit.solutions` of each of many fits from its own starts (b, n), quicker.
+
+    Those with as many readings as others are iterated with them.
+    """
+    alike: dict[int, list[int]] = {}
+    for i, fit in enumerate(fits):
+        alike.setdefault(len(fit), []).append(i)
+    found: dict[int, tuple[Array, Array]] = {}
+    for same in alike.values():
+        together = [fits[i] for i in same]
+        owner = np.repeat(np.arange(len(same)), [len(starts[i]) for i in same])
+        known = np.array([fit.known for fit in together])
+        body = np.array([np.zeros_like(f.known) if f.body is None else f.body for f in together])
+        distance = np.array([fit.distance for fit in together])
+        sigma = np.array([fit.sigma for fit in together])
+        known_sigma = np.array([fit.known_sigma for fit in together])
+        body_sigma = np.array([[fit.body_sigma] for fit in together])
+        n = together[0].unknowns
+
+        def model(
+            states: Array,
+            rows: npt.NDArray[np.intp],
+            owner: npt.NDArray[np.intp] = owner,
+            arrays: tuple[Array, ...] = (known, body, distance, sigma, known_sigma, body_sigma),
+            n: int = n,
+        ) -> tuple[Array, Array, Array]:
+            own = owner[rows]
+            known, body, distance, sigma, known_sigma, body_sigma = (a[own] for a in arrays)
+            at = linearise(with_heading(states), known, body, distance)
+            return at.h, at.H[..., :n], independent_variance(at, sigma, known_sigma, body_sigma)
+
+        ended = iterated_ekf_batch(
+            model, np.concatenate([starts[i] for i in same]), together[0].prior_sigma
+        )
+        ended.state[:, 2:] = wrap(ended.state[:, 2:])
+        for k, i in enumerate(same):
+            rows = owner == k
+            found[i] = _different(ended.state[rows], ended.cost[rows], ended.converged[rows])
+    return [found[i] for i in range(len(fits))]
+
+
+def _different(state: Array, cost: Array, converged: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Of the ends of many starts those that are different, with their costs, the best first."""
+    usable = converged & np.isfinite(cost)
+    kept: list[int] = []
+    for i in np.flatnonzero(usable)[np.argsort(cost[usable])]:
+        off = state[kept] - state[i]
+        near = np.linalg.norm(off[:, :2], axis=1) <= SAME
+        near &= (np.abs(wrap(off[:, 2:])) <= _SAME_HEADING).all(1)
+        if not near.any():
+            kept.append(int(i))
+    return state[kept], cost[kept]
 
 
 def place_fit(known: Array, known_sigma: Array, distance: Array, sigma: Array) -> DistanceFit:

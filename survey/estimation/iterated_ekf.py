@@ -28,8 +28,9 @@ for the cache and for the allocator to keep the memory from one operation to the
 Model = Callable[[Array], tuple[Array, Array, Array]]
 """State (n,) -> h (m,), H (m, n), R (m, m)."""
 
-BatchModel = Callable[[Array], tuple[Array, Array, Array]]
-"""States (b, n) -> h (b, m), H (b, m, n), variances (b, m)."""
+BatchModel = Callable[[Array, npt.NDArray[np.intp]], tuple[Array, Array, Array]]
+"""States (b, n) and which of the starts they come from (b,) -> h (b, m), H (b, m, n), variances
+(b, m)."""
 
 
 @dataclass(frozen=True)
@@ -128,8 +129,9 @@ def iterated_ekf_batch(
     Parameters
     ----------
     model : callable
-        States (b, n) to h (b, m), H (b, m, n) and the variances (b, m) of h, readings being
-        independent. It is quickest where each column of H lies in memory in one piece.
+        States (b, n), and which starts they come from (b,), to h (b, m), H (b, m, n) and the
+        variances (b, m) of h, readings being independent. It is quickest where each column of H
+        lies in memory in one piece.
     starts : (b, n) array
         First guesses.
     prior_sigma : (n,) array
@@ -155,7 +157,7 @@ def iterated_ekf_batch(
     following = active.size
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         while active.size:
-            step, cost[active] = _gauss_newton_step(model, state[active], prior)
+            step, cost[active] = _gauss_newton_step(model, state[active], active, prior)
             state[active] -= step
             used[active] += 1
             size = np.abs(step).max(-1)
@@ -165,20 +167,22 @@ def iterated_ekf_batch(
             active = np.append(active[stays], np.arange(following, last))
             following = last
         for rows in np.array_split(np.flatnonzero(~converged), b // room + 1):
-            h, _, variance = model(state[rows])
+            h, _, variance = model(state[rows], rows)
             cost[rows] = (h**2 / variance).sum(-1)  # the last pass of these moved far
     return Estimates(state, cost, used, converged)
 
 
 def _working_set(model: BatchModel, state: Array) -> int:
     """How many starts to iterate at a time."""
-    readings = model(state[:1])[0].size if len(state) else 1
+    readings = model(state[:1], np.arange(1))[0].size if len(state) else 1
     return max(WORKING_ELEMENTS // max(readings, 1), 1)
 
 
-def _gauss_newton_step(model: BatchModel, state: Array, prior: Array) -> tuple[Array, Array]:
+def _gauss_newton_step(
+    model: BatchModel, state: Array, rows: npt.NDArray[np.intp], prior: Array
+) -> tuple[Array, Array]:
     """What to subtract from each state (b, n), and the cost (b,) before that."""
-    h, H, variance = model(state)
+    h, H, variance = model(state, rows)
     n = state.shape[-1]
     weight = 1 / variance
     columns = [H[..., i] for i in range(n)]

@@ -344,7 +344,7 @@ def _capped(normalised: Array) -> float:
 
 def _some_frames(readings: Readings, world: WorldPoints, rig: RobotFrame) -> list[_Frame]:
     """The best fit of a few robot frames, those with the most readings, however bad it is."""
-    count = {pose: len(readings.of_pose(pose)) for pose in readings.poses}
+    count = readings.count_of_pose
     some = sorted(count, key=lambda pose: -count[pose])[:MOST_POSES]
     fits = [(pose, best_fit(pose_readings(pose, readings, world, rig))) for pose in some]
     return [(pose, *fit) for pose, fit in fits if fit is not None]

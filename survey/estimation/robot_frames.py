@@ -1,6 +1,6 @@
 """Robot frames from distances between their marked points and the world points."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Self
@@ -8,7 +8,12 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from survey.estimation.distance_fit import DistanceFit, Rows, coordinate_sigma
+from survey.estimation.distance_fit import (
+    DistanceFit,
+    Rows,
+    coordinate_sigma,
+    solutions_of_many,
+)
 from survey.estimation.geometry import (
     circle_intersections,
     mirror_in_line,
@@ -101,25 +106,7 @@ def pose_readings(
     pose: str, readings: Readings, world: WorldPoints, rig: RobotFrame
 ) -> PoseReadings:
     """The readings between a pose's marks and located world points."""
-    own = readings.of_pose(pose)
-    own = own.touching([f"{pose}/{point}" for point in rig.points], world.names)
-    rig_names = list(rig.points)
-    place = {name: i for i, name in enumerate(world.names)}
-    rig_index = np.array(
-        [rig_names.index((robot_point(n) or ("", ""))[1]) for n in own.start], dtype=int
-    )
-    world_index = np.array([place[n] for n in own.end], dtype=int)
-    body = np.array(list(rig.points.values()), dtype=float)
-    return PoseReadings(
-        known=world.positions[world_index],
-        body=body[rig_index],
-        distance=own.distance,
-        sigma=own.sigma,
-        world_index=world_index,
-        rig_index=rig_index,
-        known_sigma=coordinate_sigma(world.covariance)[world_index],
-        body_sigma=float(np.hypot(rig.marking_sigma, rig.shape_sigma)),
-    )
+    return next(own for _, own in _readings_of_all([pose], readings.of_pose(pose), world, rig))
 
 
 def solve_robot_frames(
@@ -151,26 +138,70 @@ def solve_robot_frames(
     the readings that use it, with full covariances.
     """
     found, missing = [], []
-    for pose in poses:
-        own = pose_readings(pose, readings, world, rig)
-        result = _solve(pose, own, world, rig, guesses.get(pose))
+    open_poses = []
+    for pose, own in _readings_of_all(poses, readings, world, rig):
+        fault = why_undetermined(own)
+        if fault:
+            missing.append(NotPosed(pose, fault, np.empty((0, 3))))
+        else:
+            open_poses.append((pose, own, closed_form_guess(own)))
+    starts = [_starts(own, closed, guesses.get(pose)) for pose, own, closed in open_poses]
+    solutions = solutions_of_many([own for _, own, _ in open_poses], starts)
+    for (pose, own, closed), solved in zip(open_poses, solutions, strict=True):
+        first = guesses.get(pose, closed)
+        result = _solve(pose, own, world, rig, first, *solved)
         if isinstance(result, RobotFrameFit):
             found.append(result)
         else:
             missing.append(result)
-    return found, missing
+    order = {pose: i for i, pose in enumerate(poses)}
+    return found, sorted(missing, key=lambda lost: order[lost.pose])
+
+
+def _readings_of_all(
+    poses: Sequence[str], readings: Readings, world: WorldPoints, rig: RobotFrame
+) -> Iterator[tuple[str, PoseReadings]]:
+    """Each pose with its `pose_readings`, all sorted out at once."""
+    place = {name: i for i, name in enumerate(world.names)}
+    rig_row = {name: i for i, name in enumerate(rig.points)}
+    rows: dict[str, list[tuple[int, int, int]]] = {pose: [] for pose in poses}
+    marks = {name: robot_point(name) for name in readings.rows_of_point}
+    for i, (a, b) in enumerate(zip(readings.start, readings.end, strict=True)):
+        for here, there in ((a, b), (b, a)):
+            mark = marks[here]
+            if mark and there in place and mark[0] in rows and mark[1] in rig_row:
+                rows[mark[0]].append((i, place[there], rig_row[mark[1]]))
+    body = np.array(list(rig.points.values()), dtype=float)
+    known_sigma = coordinate_sigma(world.covariance)
+    body_sigma = float(np.hypot(rig.marking_sigma, rig.shape_sigma))
+    positions = world.positions
+    for pose, own in rows.items():
+        row, world_index, rig_index = np.array(own, dtype=np.intp).reshape(-1, 3).T
+        yield (
+            pose,
+            PoseReadings(
+                known=positions[world_index],
+                body=body[rig_index],
+                distance=readings.distance[row],
+                sigma=readings.sigma[row],
+                world_index=world_index,
+                rig_index=rig_index,
+                known_sigma=known_sigma[world_index],
+                body_sigma=body_sigma,
+            ),
+        )
 
 
 def _solve(
-    pose: str, own: PoseReadings, world: WorldPoints, rig: RobotFrame, guess: Array | None
+    pose: str,
+    own: PoseReadings,
+    world: WorldPoints,
+    rig: RobotFrame,
+    first: Array,
+    minima: Array,
+    costs: Array,
 ) -> RobotFrameFit | NotPosed:
-    """One pose, or why it is not determined."""
-    fault = why_undetermined(own)
-    if fault:
-        return NotPosed(pose, fault, np.empty((0, 3)))
-    closed = closed_form_guess(own)
-    starts = _starts(own, closed, guess)
-    minima, costs = own.solutions(starts)
+    """One pose at the best of its minima, or why it is not determined."""
     if len(minima) == 0:
         return _hopeless(pose, own, world, rig)
     if len(minima) > 1 and costs[1] - costs[0] < TIE:
@@ -190,7 +221,7 @@ def _solve(
         estimate.covariance,
         estimate.cost,
         len(own) - 3,
-        closed if guess is None else guess,
+        first,
         estimate.passes,
     )
 

@@ -102,9 +102,31 @@ class Readings:
         ]
         return replace(chosen, start=tuple(a for a, _ in pairs), end=tuple(b for _, b in pairs))
 
+    @cached_property
+    def _marks_of_pose(self) -> dict[str, list[str]]:
+        """Names of the read marks of each pose, in the order of their first reading."""
+        marks: dict[str, list[str]] = {}
+        for name in self.rows_of_point:
+            point = robot_point(name)
+            if point is not None:
+                marks.setdefault(point[0], []).append(name)
+        return marks
+
+    @cached_property
+    def count_of_pose(self) -> dict[str, int]:
+        """How many readings each pose has to what is not its own."""
+        count = dict.fromkeys(self._marks_of_pose, 0)
+        for pair in zip(self.start, self.end, strict=True):
+            poses = [(robot_point(name) or ("",))[0] for name in pair]
+            if poses[0] != poses[1]:
+                for pose in poses:
+                    if pose in count:
+                        count[pose] += 1
+        return count
+
     def of_pose(self, pose: str) -> Self:
         """Readings with a rig point of one pose at either end, turned to start there."""
-        names = [n for n in self.rows_of_point if (robot_point(n) or ("",))[0] == pose]
+        names = self._marks_of_pose.get(pose, [])
         rows = {row for name in names for row in self.rows_of_point[name]}
         others = {n for row in rows for n in (self.start[row], self.end[row])} - set(names)
         return self.touching(names, sorted(others))
@@ -112,12 +134,7 @@ class Readings:
     @property
     def poses(self) -> list[str]:
         """Ids of the poses that occur, in the order of their first reading."""
-        seen: dict[str, None] = {}
-        for name in self.rows_of_point:
-            point = robot_point(name)
-            if point is not None:
-                seen.setdefault(point[0])
-        return list(seen)
+        return list(self._marks_of_pose)
 
 
 @dataclass(frozen=True)

@@ -309,6 +309,8 @@ def _read_column(table: CsvTable, column: Column, heading_unit: str) -> None:
 
 def _is_of_smaller_unit(table: CsvTable, column: Column) -> bool:
     """Whether most lengths are above the limit, as in millimetres: told once, not for each."""
+    if column.unit != "m":
+        return False
     wide = replace(column, low=-math.inf, high=math.inf)
     found = [_number(raw.strip(), wide, column.written_in) for raw in table.raw[column.name]]
     plain = [(row, one[0]) for row, one in enumerate(found) if not one[2]]
@@ -326,7 +328,7 @@ def _is_of_smaller_unit(table: CsvTable, column: Column) -> bool:
 
 def _bad_text(cell: str, column: Column) -> str | None:
     """What is wrong with a cell as text, None if nothing is."""
-    if any("\udc80" <= character <= "\udcff" for character in cell):
+    if not cell.isascii() and any("\udc80" <= character <= "\udcff" for character in cell):
         return "not UTF-8; save the file as UTF-8"
     if "\ufffd" in cell:
         return "a character that cannot be read; save the file as UTF-8"

@@ -161,7 +161,7 @@ class Search:
         marks = [name for name in self.world_points if name not in located.places]
         if any(len(rows.get(name, ())) > 1 for name in marks):
             return True
-        return any(len(self.readings.of_pose(stop.pose)) > 2 for stop in located.not_posed)
+        return any(self.readings.count_of_pose[stop.pose] > 2 for stop in located.not_posed)
 
     def together(self, before: Located) -> Located:
         """All from all readings; what single steps found is one start of several."""
