@@ -99,7 +99,7 @@ def take_edited_file(entry_session: Entering) -> str:
 def put_edited_file_aside(entry_session: Entering) -> str:
     """Where the readings file that was changed meanwhile lies now."""
     with entry_session.changing:
-        now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
+        now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S-%f")
         file = entry_session.readings_file
         name = f"{file.path.stem}.edited-{now}{file.path.suffix}"
         aside = file.put_aside(entry_session.state, name)

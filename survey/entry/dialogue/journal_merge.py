@@ -39,7 +39,7 @@ def merge(campaign: Campaign, others: Sequence[Path]) -> tuple[Merged, Path]:
         agree = agreement(campaign.settings.instrument, settings)
         measures = settings.entry.second != "type"
         merged = merge_journals([path, *others], agree, second_measures=measures)
-        now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
+        now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S-%f")
         kept = path.with_name(f"{path.stem}.before-merge-{now}{path.suffix}")
         write_files(path.parent, {kept.name: path.read_bytes(), path.name: merged.as_bytes()})
     finally:
