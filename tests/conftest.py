@@ -38,6 +38,9 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         done = CliRunner().invoke(main, [command, str(root / name), *options])
         assert done.exit_code == 0, done.output
     shutil.copytree(root / "room", root / "decided")
+    shutil.copytree(root / "room", root / "entered")
+    done = CliRunner().invoke(main, ["enter", str(root / "entered")], input="q\n")
+    assert done.exit_code == 0, done.output
     files = root / "files"
     files.mkdir()
     times = (root / "drive/sensors/imu.csv").read_text().splitlines()[1:200:20]
@@ -50,9 +53,8 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     (files / "hall").mkdir()
     (files / "hall" / "campaign.toml").write_text(f'name = "hall"\n\n{PLAN_EXAMPLE}')
     lens = (root / "drive/sensors/left_camera_lens.txt").read_text().strip()
-    names = {
-        name: str(root / name) for name in ("ad23", "room", "decided", "drive", "motion", "files")
-    }
+    folders = ("ad23", "room", "decided", "entered", "drive", "motion", "files")
+    names = {name: str(root / name) for name in folders}
     return {**names, "lens": lens}
 
 

@@ -17,6 +17,7 @@ USES = {
     "explain": "{ad23}",
     "fuse": "{files}/camera.csv --output {out}.csv",
     "instrument-check": "{room}/survey/known_lengths.csv --tolerance 0.0015",
+    "journal-merge": "{entered}",
     "laser check-mount": "{room}",
     "laser decide": "{decided} 1 2 reject",
     "laser inspect": "{decided}",

@@ -40,4 +40,9 @@ COMMANDS: list[click.Command] = [
         "survey.commands.enter:enter",
         "Enter hand-laser readings, one number and Enter at a time.",
     ),
+    Later(
+        "journal-merge",
+        "survey.commands.enter:journal_merge",
+        "Merge the journals of two entries that did not see one another.",
+    ),
 ]

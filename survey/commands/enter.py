@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from validation.commands.options import AS_JSON, CAMPAIGN
+from validation.commands.options import AS_JSON, CAMPAIGN, PATH
 
 if TYPE_CHECKING:
     from survey.entry.dialogue.entry_session import EntrySession
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 @click.option("--web", is_flag=True, help="Serve a page for phones and tablets in the room.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="With --web: address.")
 @click.option("--port", default=8765, show_default=True, type=click.IntRange(0, 65535))
+@click.option("--tls", is_flag=True, help="With --web: encrypted, so that screens stay awake.")
 @click.option("--adopt", is_flag=True, help="Take over what was changed by hand in the file.")
 @click.option(
     "--stops",
@@ -39,6 +40,7 @@ def enter(
     web: bool,
     host: str,
     port: int,
+    tls: bool,
     adopt: bool,
     stops: int | None,
     status: bool,
@@ -71,7 +73,7 @@ def enter(
         if web:
             from survey.entry.screens.serving import serve
 
-            exit_status = serve(entry_session, host, port)
+            exit_status = serve(entry_session, host, port, tls=tls)
         else:
             exit_status = _at_terminal(entry_session, Person(by, "terminal", second))
     finally:
@@ -177,3 +179,27 @@ def _print_status(entry_session: "EntrySession", *, as_json: bool) -> None:
         click.echo(f"{len(doubtful)} doubtful: {doubts_text(entry_session, doubtful)}")
     if unchecked_text(entry_session):
         click.echo(unchecked_text(entry_session))
+
+
+@click.command("journal-merge")
+@CAMPAIGN
+@click.argument("others", nargs=-1, type=PATH)
+@AS_JSON
+def journal_merge(*, campaign: Path, others: tuple[Path, ...], as_json: bool) -> None:
+    """Merge the journals of two entries that did not see one another.
+
+    Where two `gtval enter` wrote to one journal at the same moment, on a share that knows no locks,
+    CAMPAIGN alone is named; where a share made a second file of it, that is one of OTHERS. All that
+    either wrote is kept, in the order of time; the journal of before stays beside it.
+    """
+    from survey.entry.dialogue.journal_merge import merge
+    from validation.campaign.folder import load_campaign
+
+    merged, kept = merge(load_campaign(campaign), others)
+    if as_json:
+        from validation.report.terminal import print_json
+
+        print_json({"entries": len(merged.entries), "writers": merged.branches, "kept": kept})
+        return
+    click.echo(f"{len(merged.entries)} entries of {merged.branches} writer(s) are in the journal")
+    click.echo(f"the journal of before is {kept}")

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Iterable
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
 from survey.entry.dialogue.guide import Guide
@@ -47,7 +48,7 @@ class EntryView:
         self.readings_file = ReadingsFile(campaign.folder / self.survey.readings, self.survey.units)
         self.version = 0
         """Grows with every entry; a page asks for it to know whether it is up to date."""
-        self.changing = threading.RLock()
+        self.changing: AbstractContextManager[bool] = threading.RLock()
         self._checks: RoomChecks | None = None
 
     @property

@@ -3,7 +3,7 @@
 import uuid
 from dataclasses import replace
 from datetime import datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from survey.entry.record.adoption import as_entries, refuse_hand_changes, remark_on
 from survey.entry.record.readings_csv import HandChanges
@@ -12,10 +12,36 @@ from validation.campaign.folder import Campaign
 from validation.errors import InputError, Problem
 
 if TYPE_CHECKING:
-    from survey.entry.dialogue.entry_session import EntrySession
+    from contextlib import AbstractContextManager
+
+    from survey.entry.dialogue.guide import Guide
+    from survey.entry.record.entries import Entry
+    from survey.entry.record.readings_file import ReadingsFile
+    from survey.entry.record.state import EntryState
 
 
-def bring_together(entry_session: "EntrySession", *, adopt: bool) -> None:
+class Entering(Protocol):
+    """What an entry session is to its files."""
+
+    state: "EntryState"
+    guide: "Guide"
+    readings_file: "ReadingsFile"
+    others: set[int]
+    taken_over: int
+    version: int
+
+    @property
+    def changing(self) -> "AbstractContextManager[bool]":
+        """Held by who changes anything."""
+
+    def append_only(self, entry: "Entry") -> "Entry":
+        """Write to the journal without writing the readings file anew."""
+
+    def catch_up(self) -> None:
+        """Take in what another process has written to the journal."""
+
+
+def bring_together(entry_session: Entering, *, adopt: bool) -> None:
     """Bring the readings file up to date, or take over what was changed in it.
 
     Raises
@@ -30,12 +56,12 @@ def bring_together(entry_session: "EntrySession", *, adopt: bool) -> None:
     if changes:
         if state.pairs and not adopt:
             raise refuse_hand_changes(file.path, changes)
-        _adopt(entry_session, changes)
+        adopt_changes(entry_session, changes)
     if changes is not None or state.pairs:
         file.write(state)
 
 
-def _adopt(entry_session: "EntrySession", changes: HandChanges) -> None:
+def adopt_changes(entry_session: Entering, changes: HandChanges) -> None:
     """Take what was changed in the readings file into the journal."""
     names = entry_session.guide.names
     after = names.with_stops_of(reading.pair for reading, _ in changes.added)
@@ -49,7 +75,7 @@ def _adopt(entry_session: "EntrySession", changes: HandChanges) -> None:
     entry_session.guide.make_plan()
 
 
-def take_edited_file(entry_session: "EntrySession") -> str:
+def take_edited_file(entry_session: Entering) -> str:
     """What was taken into the journal of a readings file that was changed meanwhile.
 
     Raises
@@ -61,7 +87,7 @@ def take_edited_file(entry_session: "EntrySession") -> str:
         entry_session.catch_up()
         found = entry_session.readings_file.changes_by_hand(entry_session.state)
         changes = found or HandChanges((), ())
-        _adopt(entry_session, changes)
+        adopt_changes(entry_session, changes)
         entry_session.readings_file.write(entry_session.state)
         entry_session.version += 1
     return (
@@ -70,10 +96,10 @@ def take_edited_file(entry_session: "EntrySession") -> str:
     )
 
 
-def put_edited_file_aside(entry_session: "EntrySession") -> str:
+def put_edited_file_aside(entry_session: Entering) -> str:
     """Where the readings file that was changed meanwhile lies now."""
     with entry_session.changing:
-        now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
+        now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S-%f")
         file = entry_session.readings_file
         name = f"{file.path.stem}.edited-{now}{file.path.suffix}"
         aside = file.put_aside(entry_session.state, name)
@@ -81,7 +107,7 @@ def put_edited_file_aside(entry_session: "EntrySession") -> str:
     return f"the changed file is {aside.name} now; {file.path.name} is the journal's"
 
 
-def warnings(entry_session: "EntrySession") -> list[str]:
+def warnings(entry_session: Entering) -> list[str]:
     """What is amiss with the files, for the people in the room."""
     file, others = entry_session.readings_file, len(entry_session.others)
     shared = (

@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -160,6 +160,53 @@ def _checksum(before: bytes, body: bytes) -> bytes:
     return hashlib.sha256(before + body).hexdigest()[:_CHECK_LENGTH].encode()
 
 
+@dataclass(frozen=True)
+class Line:
+    """An entry, with the checksum of the line that its writer knew before it."""
+
+    entry: Entry
+    before: bytes
+
+
+def line_of(entry: Entry, before: bytes | None = None) -> tuple[bytes, bytes]:
+    """The line of an entry after one with a checksum, and its own checksum."""
+    body = entry.as_json()[:-1].encode()
+    check = _checksum(before or _START, body)
+    return body + _CHECK + check + _END + b"\n", check
+
+
+def lines_of(path: Path, known: Collection[bytes] = ()) -> dict[bytes, Line]:
+    """The lines of a journal that perhaps two writers wrote to, by their checksums.
+
+    Parameters
+    ----------
+    path : Path
+        The file; a torn last line is left out.
+    known : collection of bytes
+        Checksums of lines of other files, which lines may follow on.
+
+    Raises
+    ------
+    InputError
+        Naming a line that follows on none.
+    """
+    lines = path.read_bytes().split(b"\n")[:-1]
+    found: dict[bytes, Line] = {}
+    checks = [_START, *known]
+    for number, line in enumerate(lines, 1):
+        body, _, rest = line.rpartition(_CHECK)
+        before = next((c for c in reversed(checks) if rest == _checksum(c, body) + _END), None)
+        if before is None:
+            raise _damaged(path, number, "it follows on no other line")
+        try:
+            entry = entry_from_json(json.loads(line))
+        except ValueError as error:
+            raise _damaged(path, number, str(error)) from None
+        found.setdefault(check_of(line), Line(entry, before))
+        checks.append(check_of(line))
+    return found
+
+
 class Journal:
     """A journal that is open for writing, by one process at a time.
 
@@ -269,9 +316,7 @@ class Journal:
     def _append(self, entry: Entry, now: datetime | None) -> Entry:
         when = (now or datetime.now().astimezone()).isoformat(timespec="milliseconds")
         numbered = replace(entry, number=len(self._entries) + 1, time=when)
-        body = numbered.as_json()[:-1].encode()
-        check = _checksum(self._check, body)
-        line = body + _CHECK + check + _END + b"\n"
+        line, check = line_of(numbered, self._check)
         try:
             self._write(line)
         except OSError as error:

@@ -50,6 +50,7 @@ class ReadingsFile:
         self.edited = False
         """Whether somebody else changed it, and nobody has said what is to become of that."""
         self._units = units
+        self._before_edit: bytes | None = None
         self._left: bytes | None = None
         """What it held after the last write; None where that is not known."""
         self._shared = False
@@ -110,6 +111,7 @@ class ReadingsFile:
             gone = [*gone, ""]  # lines of the other one may be missing: write all
         self.edited = self.edited or self._is_changed(held, state)
         if self.edited:
+            self._before_edit = self._left
             self._try(lambda: self._merge(gone, new, state))
         elif held is not None and self._left is not None and not gone:
             self._try(lambda: self._append("".join(new)))
@@ -211,8 +213,8 @@ class ReadingsFile:
                 if line in lines:
                     lines.remove(line)
             there = set(lines)
-            lines += [line for line in new if line not in there]
-            self._left = held
+            lines += [line for line in (*self._stale(lines, gone), *new) if line not in there]
+            self._before_edit = self._left = held
             try:
                 self._replace("".join(lines).encode("utf-8", "surrogateescape"))
             except OSError:
@@ -221,6 +223,22 @@ class ReadingsFile:
             else:
                 return
         raise OSError("somebody saves it again and again")
+
+    def _stale(self, held: Sequence[str], gone: Sequence[str]) -> list[str]:
+        """The last lines that were written, where an editor has saved what it read before them.
+
+        Whoever means to take back the last readings undoes them: here they are kept.
+        """
+        left = (self._before_edit or b"").decode("utf-8", "surrogateescape")
+        there = set(held)
+        numbers = {line.rpartition(",")[2] for line in held}
+        found: list[str] = []
+        for line in reversed(left.splitlines(keepends=True)[1:]):
+            if line in there:
+                break
+            if line not in gone and line.rpartition(",")[2] not in numbers:
+                found.insert(0, line)
+        return found
 
     def _append(self, line: str) -> None:
         data = line.encode()

@@ -17,12 +17,13 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from survey.entry.dialogue.entry_session import EntrySession
+from survey.entry.dialogue.file_changes import put_edited_file_aside, take_edited_file
 from survey.entry.dialogue.words import jumped_text, undone_text
 from survey.entry.record.entries import MAX_NAME, Person, clean_text
 from survey.entry.record.journal import NotRecordedError
 from survey.entry.room.rough_places import load_rough_places
 from survey.entry.room.targets import Target
-from survey.entry.screens.access import Access, AccessError, Device
+from survey.entry.screens.access import MAX_AGE, Access, AccessError, Device, address_of
 from survey.entry.screens.page_state import answer_state, page_state
 from survey.entry.screens.requests import (
     RefusedError,
@@ -38,6 +39,8 @@ from validation.errors import GtvalError
 COOKIE = "gtval_entry"
 STATIC = {
     "page.css": "text/css",
+    "awake.js": "text/javascript",
+    "meter.js": "text/javascript",
     "page.js": "text/javascript",
     "queue.js": "text/javascript",
     "room_map.js": "text/javascript",
@@ -52,11 +55,10 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
+    "Permissions-Policy": "screen-wake-lock=(self), bluetooth=(self)",
 }
 LATE = 5.0
 """A reading that waited longer than so many seconds for the link has the time of its typing."""
-MAX_AGE = 7 * 86400.0
-"""Seconds that a device stays let in, while the page is served."""
 MAX_WAIT = 366 * 86400.0
 """A reading that waited longer on a device is refused: its clock is wrong."""
 PAUSE = 0.03
@@ -123,8 +125,9 @@ class EntryApp:
         """Let a device in that knows the code."""
         said = await json_fields(request)
         code, name = text_field(said, "code", needed=True), text_field(said, "name")
+        address = address_of(request.client.host if request.client else "")
         try:
-            token, device = self._access.join(code, name)
+            token, device = self._access.join(code, name, address)
         except AccessError as error:
             raise RefusedError(403, str(error)) from None
         try:
@@ -132,7 +135,14 @@ class EntryApp:
         except NotRecordedError as error:
             raise RefusedError(503, str(error)) from None
         response = JSONResponse({"device": device.name})
-        response.set_cookie(COOKIE, token, httponly=True, samesite="strict", max_age=int(MAX_AGE))
+        response.set_cookie(
+            COOKIE,
+            token,
+            httponly=True,
+            samesite="strict",
+            secure=request.url.scheme == "https",
+            max_age=int(MAX_AGE),
+        )
         return response
 
     async def state(self, request: Request, device: Device) -> Response:
@@ -170,6 +180,7 @@ class EntryApp:
             Person(by, device.name, second),
             entry_id=text_field(said, "id", needed=True),
             again=flag_field(said, "again"),
+            sure=flag_field(said, "sure"),
             measured=_ago(age) if age > LATE else "",
         )
         return JSONResponse(answer_state(self._session, answer))
@@ -188,6 +199,7 @@ class EntryApp:
         said = await json_fields(request)
         name = clean_text(text_field(said, "name"), MAX_NAME)
         device.person = replace(device.person, name=name, second=flag_field(said, "second"))
+        self._access.keep()
         return JSONResponse({})
 
     def _actions(self, said: dict[str, Any], person: Person) -> dict[str, Callable[[], str]]:
@@ -221,7 +233,14 @@ class EntryApp:
             target = entry_session.begin_stop(text, person)
             return f"going on with {target.start}–{target.end}"
 
+        def mark() -> str:
+            target = entry_session.add_world_point(text, person)
+            return f"{target.end} is in campaign.toml now; laser on {target.start}"
+
         return {
+            "mark": mark,
+            "take": partial(take_edited_file, entry_session),
+            "aside": partial(put_edited_file_aside, entry_session),
             "undo": undo,
             "keep": keep,
             "note": note,

@@ -6,17 +6,20 @@ from typing import Any
 
 from survey.entry.dialogue.answers import Answer
 from survey.entry.dialogue.entry_session import EntrySession
+from survey.entry.dialogue.file_changes import warnings
 from survey.entry.dialogue.words import (
     answer_lines,
+    doubts_text,
     enough_text,
     progress_of,
-    readings_text,
+    unchecked_text,
     value_text,
 )
 from survey.entry.record.entries import Entry, Person
 from survey.entry.record.numbers import plain
 from survey.entry.record.state import Pair
 from survey.entry.room.rough_places import RoughPlaces
+from survey.entry.room.slips import shown_decimals
 from survey.entry.room.targets import Target, stop_of
 
 FOLLOWING = 200
@@ -59,6 +62,10 @@ def page_state(entry_session: EntrySession, person: Person, rough: RoughPlaces) 
         "status": _status(entry_session, shown_at, person),
         "map": _map(entry_session, shown_at, rough),
         "behind": entry_session.readings_file.problem,
+        "warnings": warnings(entry_session),
+        "edited": entry_session.readings_file.edited,
+        "unchecked": "" if person.second else unchecked_text(entry_session),
+        "decimals": shown_decimals(entry_session.campaign.settings.instrument),
     }
 
 
@@ -159,7 +166,7 @@ def _doubtful(entry_session: EntrySession, person: Person) -> list[dict[str, Any
             "number": number,
             "from": entry_session.state.entries[number].start,
             "to": entry_session.state.entries[number].end,
-            "text": readings_text(entry_session, [number]),
+            "text": doubts_text(entry_session, [number]),
         }
         for number in entry_session.doubtful_so_far()
     ]

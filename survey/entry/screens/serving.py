@@ -16,8 +16,10 @@ MAX_OPEN_FILES = 8192
 """A judgement: more connections than any room makes, and few enough for every system."""
 
 
-def serve(entry_session: EntrySession, host: str, port: int) -> int:
+def serve(entry_session: EntrySession, host: str, port: int, *, tls: bool = False) -> int:
     """Exit status after serving the page until Ctrl-C.
+
+    With ``tls`` it is served encrypted, under a certificate made on the spot.
 
     Raises
     ------
@@ -28,6 +30,7 @@ def serve(entry_session: EntrySession, host: str, port: int) -> int:
         import uvicorn  # noqa: PLC0415  (an extra)
 
         from survey.entry.screens.app import make_app  # noqa: PLC0415
+        from survey.entry.screens.certificate import certificate  # noqa: PLC0415
         from survey.entry.screens.connection import PromptConnection  # noqa: PLC0415
     except ImportError as error:
         raise GtvalError(
@@ -37,15 +40,25 @@ def serve(entry_session: EntrySession, host: str, port: int) -> int:
     listening = _listen(host, port)
     port = listening.getsockname()[1]
     hosts = served_names(host)
-    url = f"http://{_shown_host(host)}:{port}"
+    shown = _shown_host(host)
+    url = f"{'https' if tls else 'http'}://{shown}:{port}"
     used = last_device(entry_session.journal.entries)
-    access = Access(lambda text: _announce(url, access, text), used=used)
+    journal = entry_session.journal.path
+    store = journal.with_suffix(".devices")
+    access = Access(lambda text: _announce(url, access, text), used=used, store=store)
+    files = certificate(journal.with_suffix(".tls.pem"), {*hosts, shown} - {"*"}) if tls else None
     app = make_app(entry_session, access, hosts)
     # numpy takes a while to load; devices can join meanwhile.
     entry_session.prepare()
     taken_over = taken_over_text(entry_session)
     if taken_over:
         console().print(taken_over, markup=False)
+    if files is not None:
+        console().print(
+            "The browser warns once, as nobody vouches for the certificate made here: let it go on "
+            f"where it shows this fingerprint (SHA-256): {files.fingerprint}",
+            markup=False,
+        )
     _announce(url, access, f"{entry_session.campaign.settings.name}: the page is at {url}")
     config = uvicorn.Config(
         app,
@@ -55,6 +68,7 @@ def serve(entry_session: EntrySession, host: str, port: int) -> int:
         lifespan="off",
         ws="none",
         server_header=False,
+        ssl_certfile=None if files is None else files.path,
     )
     server = uvicorn.Server(config)
     try:

@@ -98,10 +98,13 @@ class Tally:
 class Typist:
     """A person who types what the instrument shows, now and then wrongly, and heeds alarms."""
 
-    def __init__(self, room: EntryRoom, rng: np.random.Generator, rate: float) -> None:
+    def __init__(
+        self, room: EntryRoom, rng: np.random.Generator, rate: float, *, first: bool = False
+    ) -> None:
         self.room, self.rng, self.rate = room, rng, rate
         self.entry_session: EntrySession = room.open()
         self.tally = Tally()
+        self.only_first = first
         self.wrong: dict[int, Slip] = {}
         self.previous = ""
 
@@ -152,14 +155,15 @@ class Typist:
         """Type a number, rightly or wrongly, and count what comes of it."""
         shown = self.room.shown[target.pair]
         kind, text = "", shown
-        if self.rng.uniform() < self.rate:
-            kind, text = self.go_wrong(target, shown)
         earlier = self.readings_before(target)
         of_mark = sum(
             bool(self.entry_session.state.counting(one.pair))
             for one in self.entry_session.guide.targets_from(target.start)
             if one.pair != target.pair
         )
+        may = not self.only_first or (stop_of(target) and of_mark < 3 and not (again or in_answer))
+        if may and self.rng.uniform() < self.rate:
+            kind, text = self.go_wrong(target, shown)
         clean = not self.wrong_around(target)
         answer = self.entry_session.record(target, text, ANN, again=again)
         self.previous = text
@@ -247,11 +251,11 @@ class Typist:
             slip.end = "named" if pair in named else "left"
 
 
-def simulate_entry(seed: int, stops: int = 2, rate: float = 0.01) -> Tally:
-    """A whole campaign entered with typing errors."""
+def simulate_entry(seed: int, stops: int = 2, rate: float = 0.01, *, first: bool = False) -> Tally:
+    """A whole campaign entered with typing errors; ``first``: in first readings of marks alone."""
     with TemporaryDirectory() as folder:
         room = entry_room(seed, stops, Path(folder) / "room")
-        return Typist(room, np.random.default_rng([7, seed]), rate).run()
+        return Typist(room, np.random.default_rng([7, seed]), rate, first=first).run()
 
 
 def table(tally: Tally) -> Iterable[str]:

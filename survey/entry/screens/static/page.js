@@ -2,6 +2,8 @@
 // the targets that it was given, and the readings wait in the queue.
 
 import { Queue, newId, post } from "./queue.js";
+import { stayAwake } from "./awake.js";
+import { connectMeter, whyNoMeter } from "./meter.js";
 import { drawMap } from "./room_map.js";
 import { allowSound, confirmBySound } from "./sound.js";
 
@@ -32,6 +34,7 @@ function work() {
   let last = state.last; // the reading that Again and Keep are about
   let standing = ""; // where the laser stood for the reading typed last here
   let submissions = 0;
+  let typedLast = null; // value and pair of the last number, to ask of one that came twice
   let meant = false; // whether the page is left by its own wish
   const queue = new Queue(state.key);
 
@@ -46,7 +49,12 @@ function work() {
   function show() {
     const target = current();
     $("from").textContent = target?.from ?? "–";
-    $("to").textContent = target?.to ?? "all done";
+    const open = state.doubtful.length + state.disagreeing.length;
+    $("to").textContent = target?.to ?? (open ? `${open} doubtful` : state.unexamined ? "looking…" : "all done");
+    $("warnings").hidden = !state.warnings.length;
+    $("warnings-text").textContent = state.warnings.join(" ");
+    $("take").hidden = $("aside").hidden = !state.edited;
+    $("unchecked").textContent = state.unchecked;
     $("why-again").hidden = !target?.again || target === again;
     $("move").hidden = !target || !standing || standing === target.from;
     $("move").textContent = target ? `Move the laser to ${target.from}.` : "";
@@ -155,10 +163,18 @@ function work() {
       field.select();
       return;
     }
+    const repeated = typedLast?.text === text && !target.again && !isPair(typedLast, target);
+    const sure = typedLast?.asked === true && typedLast.text === text && isPair(typedLast, target);
+    typedLast = { text, from: target.from, to: target.to, asked: repeated };
+    if (repeated) {
+      say("look", ["The same value as just before: was it sent twice, or not measured anew? If the display shows it, enter it once more."]);
+      field.select();
+      return;
+    }
     submissions += 1;
     queue.add({
       id: newId(), from: target.from, to: target.to, text, again: Boolean(target.again),
-      by: state.by, second: state.second, typed: Date.now(),
+      by: state.by, second: state.second, sure, typed: Date.now(),
     });
     standing = target.from;
     if (target === again) again = null; else targets = targets.slice(1);
@@ -166,6 +182,14 @@ function work() {
     say("waiting", [`${target.from}–${target.to}: ${text} …`]);
     show();
     deliver();
+  }
+
+  function isPair(one, other) { return one.from === other.from && one.to === other.to; }
+
+  // A meter's length goes the way of a typed one.
+  function measured(metres) {
+    $("distance").value = metres.toFixed(state.decimals);
+    $("entry").requestSubmit();
   }
 
   async function deliver() {
@@ -259,6 +283,13 @@ function work() {
   $("next-stop").addEventListener("click", () => act({ action: "jump", text: state.status.next }));
   form("jump-form", "jump", (text) => act({ action: "jump", text }));
   form("stop-form", "stop", (text) => act({ action: "stop", text }));
+  form("mark-form", "mark", (text) => act({ action: "mark", text }));
+  $("take").addEventListener("click", () => act({ action: "take" }));
+  $("aside").addEventListener("click", () => act({ action: "aside" }));
+  $("meter").hidden = Boolean(whyNoMeter());
+  $("meter-text").textContent = whyNoMeter();
+  $("meter").addEventListener("click", () => connectMeter(measured, (text) => { $("meter-text").textContent = text; }));
+  stayAwake((text) => { $("awake").textContent = text; });
   form("note-form", "note", (text) => needLast((one) => act({ action: "note", number: one.number, text })));
   form("person-form", "person", setPerson, false);
   $("second")?.addEventListener("change", () => setPerson($("person").value.trim()));

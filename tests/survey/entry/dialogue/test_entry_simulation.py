@@ -30,6 +30,24 @@ def test_errors_of_a_few_campaigns_are_noticed_at_once():
     check(entered(range(2000, 2004), stops=1))
 
 
+def found_before_the_stop_is_left(seeds):
+    tally = Tally()
+    for seed in seeds:
+        tally.add(simulate_entry(seed, stops=1, rate=0.15, first=True))
+    first = tally.first_of_marks()
+    assert len(first) >= 0.5 * len(seeds)
+    assert sum(slip.unnoticed for slip in first) <= 0.1 * len(first)
+
+
+def test_errors_in_the_first_readings_of_a_mark_are_found_before_the_stop_is_left():
+    found_before_the_stop_is_left(range(3000, 3008))
+
+
+@pytest.mark.full
+def test_errors_in_the_first_readings_of_many_marks_are_found_before_the_stop_is_left():
+    found_before_the_stop_is_left(range(4000, 4300))
+
+
 @pytest.mark.full
 def test_errors_of_a_thousand_campaigns_are_noticed_at_once():
     tally = entered(range(1000), stops=2)

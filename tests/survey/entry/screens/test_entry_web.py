@@ -1,15 +1,24 @@
 """The page's requests: who is let in, what is refused, and that no reading is lost."""
 
 import concurrent.futures
+import json
 import re
 import socket
+from dataclasses import replace
 
 import httpx
 import pytest
 from entry_rooms import entry_room
 from entry_server import EntryServer, reading
 
-from survey.entry.screens.access import WINDOW, WRONG_CODES, Access, AccessError
+from survey.entry.screens.access import (
+    MAX_AGE,
+    WINDOW,
+    WRONG_CODES,
+    Access,
+    AccessError,
+    address_of,
+)
 from survey.entry.screens.serving import _listen
 
 
@@ -34,6 +43,54 @@ def test_guessing_codes_is_stopped_for_a_while():
         access.join(access.code, "ann")
     now[0] = WINDOW + 1
     access.join(access.code, "ann")
+
+
+def test_a_stranger_who_guesses_locks_nobody_else_out():
+    access = Access(clock=lambda: 0.0)
+    for stranger in ("10.0.0.66", address_of("fd00::1")):
+        for _ in range(5 * WRONG_CODES):
+            with pytest.raises(AccessError):
+                access.join("WRONGWRO", "x", stranger)
+    with pytest.raises(AccessError, match="from this device"):
+        access.join(access.code, "x", address_of("fd00::2:3"))  # the same network of one person
+    _, device = access.join(access.code, "ann", "10.0.0.7")
+    assert device.person.name == "ann"
+
+
+def test_the_addresses_of_strangers_take_no_end_of_memory(monkeypatch):
+    monkeypatch.setattr("survey.entry.screens.access.MAX_ADDRESSES", 50)
+    access = Access(clock=lambda: 0.0)
+    for number in range(200):
+        with pytest.raises(AccessError):
+            access.join("WRONGWRO", "x", f"10.0.{number // 256}.{number % 256}")
+    assert len(access._wrong) == 50
+
+
+def test_devices_stay_let_in_after_a_restart_and_the_file_lets_nobody_in(tmp_path):
+    store = tmp_path / "journal.devices"
+    before = Access(store=store)
+    token, device = before.join(before.code, "ann")
+    device.person = replace(device.person, second=True)
+    before.keep()
+    after = Access(store=store)
+    assert after.device(token) == device
+    assert token not in store.read_text()
+    assert store.stat().st_mode & 0o077 == 0
+    for key in json.loads(store.read_text()):
+        assert after.device(key) is None
+    _, other = after.join(after.code, "bob")
+    assert other.name != device.name
+    store.write_text('{"x": 1}')
+    assert Access(store=store).device(token) is None  # asked for the code, no more
+
+
+def test_a_device_is_let_in_for_a_week(tmp_path, monkeypatch):
+    access = Access(store=tmp_path / "devices")
+    token, device = access.join(access.code, "ann")
+    monkeypatch.setattr(
+        "survey.entry.screens.access.time.time", lambda: device.joined + MAX_AGE + 1
+    )
+    assert access.device(token) is None
 
 
 def test_without_a_code_there_is_nothing_to_see_or_do(served):
