@@ -185,8 +185,9 @@ def _widened(deviations: Array, effective: float, reach: float) -> float:
     of the long tail, with the effective number of values. What skewness as many normal values
     would show by chance is taken off.
     """
-    cubed, squared = np.mean(deviations**3), np.mean(deviations**2)
-    skewness = abs(float(cubed / squared**1.5)) - np.sqrt(6 / max(effective, 1.0))
+    squares = deviations * deviations
+    skewness = abs(float(np.mean(squares * deviations) / np.mean(squares) ** 1.5))
+    skewness -= np.sqrt(6 / max(effective, 1.0))
     a = skewness / np.sqrt(max(effective, 1.0))
     if a < 1e-3:
         return 1.0
