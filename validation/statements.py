@@ -6,13 +6,16 @@ from dataclasses import dataclass, field
 from validation.campaign.folder import Campaign
 from validation.results import Finding, Section
 from validation.statistics.claims import JudgedClaim, claims_section, judge_claims
+from validation.statistics.comparison import Comparison
 from validation.statistics.evaluation import Evaluation
 from validation.statistics.paired import PairedErrors, paired_errors, paired_section
 from validation.statistics.printed import (
     Judged,
+    errors_finding,
     evaluated,
     judged_numbers,
     load_printed,
+    load_printed_errors,
     printed_findings,
     printed_table,
 )
@@ -72,11 +75,25 @@ def make_statements(
         if judged:
             sections.append(Section("Printed statistics", [printed_table(judged)]))
             files["printed_statistics.csv"] = _printed_csv(judged)
+    if comparison.published_errors:
+        names = {one.name: None for e in evaluations for one in e.comparison.components}
+        errors = load_printed_errors(campaign.folder / comparison.published_errors, names)
+        for one in evaluations:
+            new += errors_finding(one.system, errors, _errors_of(one.comparison))
     claims = judge_claims(campaign.settings.claims, pairs, [*findings, *new])
     last = [claims_section(claims)] if claims else []
     if claims:
         files["conclusions.csv"] = _claims_csv(claims)
     return Statements(sections, last, new, files)
+
+
+def _errors_of(comparison: Comparison) -> dict[tuple[str, str], float]:
+    """Every error, by pose and component."""
+    return {
+        (pose, component.name): float(value)
+        for pose, row in zip(comparison.ids, comparison.errors, strict=True)
+        for component, value in zip(comparison.components, row, strict=True)
+    }
 
 
 def _paired_findings(pairs: Sequence[PairedErrors]) -> list[Finding]:

@@ -65,6 +65,19 @@ def test_every_printed_statistic_of_the_systems_follows_to_the_last_digit(writte
     assert {row["verdict"] for row in judged} <= {"equal", "cut"}
 
 
+def test_every_printed_error_follows_but_two_in_their_last_digit(run):
+    found = {subject: one.text for subject, one in findings(run, "printed_errors").items()}
+    counts = {subject: text.partition(" printed")[0] for subject, text in found.items()}
+    assert counts == {
+        "vision": "58 of 60",
+        "laser_genetic": "77 of 77",  # y of pose 25 cannot be read
+        "laser_scanmatch": "39 of 39",
+        "table_chessboard": "18 of 18",
+        "table_marker": "12 of 12",
+    }
+    assert "In the last digit are off: x at pose 7, theta at pose 7" in found["vision"]
+
+
 def test_the_printed_interval_used_22_poses(run):
     assert (
         "with n = 22, but the table has n = 20" in findings(run, "printed_interval")["vision"].text

@@ -188,13 +188,15 @@ class Comparison(Settings):
     ``acceptable_bias`` (metres, radians) is the d of the statement 'the bias is below d';
     ``confidence`` the level of all intervals. ``published_statistics`` is a file (system,
     component, mean, std, max_abs, ci95_low, ci95_high) of printed statistics that are set beside
-    the computed ones.
+    the computed ones; ``published_errors`` (system, pose, and a column for each component) one of
+    printed errors.
     """
 
     acceptable_bias_length: Positive = 0.05
     acceptable_bias_angle: Positive = 0.05
     confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
     published_statistics: str = ""
+    published_errors: str = ""
 
 
 class Claim(Settings):

@@ -157,6 +157,83 @@ def printed_findings(
     return findings
 
 
+PrintedErrors = Mapping[str, Mapping[tuple[str, str], str]]
+"""By system, then by pose and component: the error as printed."""
+
+
+def load_printed_errors(path: Path, components: Iterable[str]) -> PrintedErrors:
+    """Errors as printed; cells that are blank were not printed, or cannot be read.
+
+    Parameters
+    ----------
+    path : Path
+        Columns system, pose, and one for each component.
+    components : iterable of str
+        Their names.
+
+    Raises
+    ------
+    InputError
+        Naming every bad place.
+    """
+    names = list(components)
+    numbers = [Column(name, "number", required=False, blank=True) for name in names]
+    table = read_csv(path, [Column("system"), Column("pose"), *numbers])
+    table.flag_duplicates(["system", "pose"])
+    table.raise_problems()
+    plain = read_csv(path, [Column(name, required=False, blank=True) for name in names]).text
+    found: dict[str, dict[tuple[str, str], str]] = {}
+    for row, system in enumerate(table.text["system"]):
+        own = found.setdefault(system, {})
+        for name in names:
+            if text := plain[name][row].strip():
+                own[table.text["pose"][row], name] = text
+    return found
+
+
+def errors_finding(
+    system: str, printed: PrintedErrors, computed: Mapping[tuple[str, str], float]
+) -> list[Finding]:
+    """Whether the printed errors of a system follow from its printed poses; none where none are.
+
+    Parameters
+    ----------
+    system : str
+        The system.
+    printed : PrintedErrors
+        As printed.
+    computed : mapping of (str, str) to float
+        By pose and component.
+    """
+    both = {cell: text for cell, text in printed.get(system, {}).items() if cell in computed}
+    if not both:
+        return []
+    off = {
+        cell: abs(float(text) - computed[cell]) * 10.0 ** len(text.partition(".")[2])
+        for cell, text in both.items()
+        if verdict(text, computed[cell]) == "differs"
+    }
+    last = [f"{name} at pose {pose}" for (pose, name), size in off.items() if size < MOST_UNITS]
+    wrong = [f"{name} at pose {pose}" for (pose, name), size in off.items() if size >= MOST_UNITS]
+    text = (
+        f"{len(both) - len(off)} of {len(both)} printed errors follow from the printed poses, to "
+    )
+    text += "the last digit."
+    if last:
+        text += (
+            f" In the last digit are off: {', '.join(last)}, as errors are that were computed "
+            "before the poses were rounded."
+        )
+    if wrong:
+        text += f" These do not follow: {', '.join(wrong)}."
+    return [Finding("warning" if wrong else "good", text, system, "printed_errors")]
+
+
+MOST_UNITS = 1.5
+"""Units of the last digit printed by which an error may be off that was computed before its two
+poses were rounded, each by half a unit, and then rounded itself."""
+
+
 def printed_table(judged: Iterable[Judged]) -> Table:
     """Printed statistics beside the computed ones."""
     rows = [

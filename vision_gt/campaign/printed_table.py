@@ -19,8 +19,10 @@ from validation.statistics.printed import (
     Judged,
     PrintedNumbers,
     cells_that_give,
+    errors_finding,
     judged_numbers,
     load_printed,
+    load_printed_errors,
     printed_table,
 )
 from validation.text_files.csv_tables import Column, read_csv
@@ -139,6 +141,16 @@ def table_result(
     tables = [_differences(one) for one in things]
     tables += [printed_table(judged)] if judged else []
     findings = [finding for one in things for finding in _followed(one, judged, printed)]
+    if campaign.settings.comparison.published_errors:
+        path = campaign.folder / campaign.settings.comparison.published_errors
+        errors = load_printed_errors(path, AXES)
+        for one in things:
+            cells = {
+                (pose, axis): float(value)
+                for pose, row in zip(one.poses, one.differences, strict=True)
+                for axis, value in zip(AXES, row, strict=False)
+            }
+            findings += errors_finding(one.what, errors, cells)
     findings += _marker_against_board(things)
     return SystemResult(
         findings=findings,
