@@ -80,7 +80,7 @@ def input_files(campaign: Campaign) -> list[Path]:
     """The files that the survey reads, campaign.toml apart, whether they are there or not."""
     settings = campaign.section("survey", SurveySettings)
     plan = campaign.section("plan", PlanSettings)
-    names = (
+    names: tuple[str | Path, ...] = (
         readings_path(campaign, settings),
         settings.initial_guesses,
         settings.hand_points,
