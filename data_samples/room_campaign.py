@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from data_samples.rendering.files import make_room_with_cameras, vision_texts, write_images
+from data_samples.rendering.planned import planned_cameras
 from data_samples.rooms.cameras import VisionSettings
 from data_samples.rooms.campaign_files import write_campaign
 from data_samples.rooms.checks import check_files
@@ -61,6 +62,7 @@ def write_room(
     if cameras is not None:
         for name, text in vision_texts(cameras, rng).items():
             more[name] = more.get(name, "") + text
+        more["campaign.toml"] += planned_cameras(cameras, room.stops)
     if laser is not None or vision is not None:
         for name, text in check_files(simulated, np.random.default_rng([seed, 1])).items():
             more[name] = more.get(name, "") + text

@@ -29,10 +29,15 @@ def check_files(made: SimulatedCampaign, rng: np.random.Generator) -> dict[str, 
         The survey; its instrument reads the lengths and the walls, too.
     rng : numpy.random.Generator
         Source of all chance.
+
+    Notes
+    -----
+    The known lengths are read on a bench, with the instrument's own noise; the walls by hand.
     """
     instrument = made.settings.instrument
     position, between = _walls(made.room)
-    shown = _read(LENGTHS, instrument, rng)
+    bench = instrument.model_copy(update={"setup_sigma": 0.0})  # nobody aims at a mark there
+    shown = _read(LENGTHS, bench, rng)
     distance = _read(between, instrument, rng)
     return {
         "survey/known_lengths.csv": csv_text(
@@ -52,7 +57,8 @@ def check_files(made: SimulatedCampaign, rng: np.random.Generator) -> dict[str, 
 
 def _read(true: Array, instrument: Instrument, rng: np.random.Generator) -> Array:
     """What the instrument shows for true lengths."""
-    noisy = true + reading_sigma(instrument, true) * rng.standard_normal(len(true))
+    unrounded = instrument.model_copy(update={"resolution": 0.0})
+    noisy = true + reading_sigma(unrounded, true) * rng.standard_normal(len(true))
     return rounded((noisy - instrument.offset) / instrument.scale, instrument)
 
 

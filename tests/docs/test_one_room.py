@@ -25,6 +25,7 @@ INDOOR = {
     "survey": "{room} --dry-run",
     "vision calibrate": "{room}/vision/calibration/1 --workers 2 {board}",
     "vision convert-camera": "{room}/truth/camera_1.yaml {room}/camera.yaml --format ros",
+    "vision plan": "{room}",
     "vision print-patterns": "{room}/patterns --campaign {room}",
     "vision solve": "{room} --workers 2 --dry-run",
     "walls-check": "{room}/survey/walls.csv --campaign {room}",
@@ -32,8 +33,9 @@ INDOOR = {
 ELSEWHERE = {
     "demo": "the campaign of AD2.3 itself",
     "simulate": "what makes the room",
-    "vision check-displacement": "",
-    "vision check-table": "",
+    "journal-merge": "the journals of two writers, which `gtval enter` makes",
+    "vision check-displacement": "images of a board that was moved by a known distance",
+    "vision check-table": "images of a board on a table",
 }
 DRIVING = ("convert", "fuse", "rtk", "simulate-drive", "simulate-motion", "sync")
 """Commands for robots that drive; `simulate-drive` and `simulate-motion` make their data."""
