@@ -177,7 +177,7 @@ class EntrySession(EntryView):
         entry = self._entry("reading", person, target, text)
         entry = replace(entry, id=entry_id, measured=clean_text(measured, MAX_NAME))
         try:
-            typed = parse_distance(text, self.campaign.settings.instrument)
+            typed = parse_distance(text, self.campaign.settings.instrument, self.survey.units)
         except ValueError as error:
             return Answer(self._write(replace(entry, kind="refused")), "refused", str(error))
         entry = replace(entry, metres=typed.metres, second=person.second)

@@ -4,6 +4,7 @@ import re
 from dataclasses import dataclass
 
 from validation.campaign.folder import Instrument
+from validation.text_files.lengths import in_metres, with_unit
 
 MAX_TEXT = 40
 """Characters. A judgement: a longer text is no distance."""
@@ -33,16 +34,18 @@ class TypedDistance:
         return "".join(character for character in self.text if "0" <= character <= "9")
 
 
-def parse_distance(text: str, instrument: Instrument) -> TypedDistance:
-    """The distance that a typed text means.
+def parse_distance(text: str, instrument: Instrument, units: str = "m") -> TypedDistance:
+    r"""The distance that a typed text means.
 
     Parameters
     ----------
     text : str
-        '5.378', '5,378', '5378', '5378 mm', '5.378 m'. Without a unit, numbers up to the range of
-        the instrument are metres, and larger ones without decimals millimetres.
+        '5.378', '5,378', '5378', '5378 mm', '5.378 m', "17' 7 3/4\"". Without a unit, numbers up to
+        the range of the instrument are metres, and larger ones without decimals millimetres.
     instrument : Instrument
         Gives the range.
+    units : {"m", "cm", "mm", "ft", "in"}
+        What numbers without a unit are in, where the campaign's readings are not in metres.
 
     Raises
     ------
@@ -51,19 +54,25 @@ def parse_distance(text: str, instrument: Instrument) -> TypedDistance:
     """
     shown = text.strip()
     match = _TYPED.fullmatch(shown) if len(shown) <= MAX_TEXT else None
-    if match is None:
+    stated = with_unit(shown) if len(shown) <= MAX_TEXT else None
+    if match is None and stated is None:
         raise ValueError("not a distance; expected a number such as 5.378 or 5378")
-    number, unit = float(match[1].replace(",", ".")), (match[2] or "").lower()
-    whole = not re.search("[.,]", match[1])
-    if not unit:
-        unit = "mm" if number > instrument.range_max and whole else "m"
-    metres = round(number if unit == "m" else number / 1000, 6)
+    metres = stated[0] if stated else _without_unit(match, instrument, units) if match else 0.0
+    metres = round(metres, 6)
     if not instrument.range_min <= metres <= instrument.range_max:
         raise ValueError(
             f"{plain(metres)} m is out of range; the instrument measures "
             f"{instrument.range_min:g} to {instrument.range_max:g} m"
         )
     return TypedDistance(shown, metres)
+
+
+def _without_unit(match: re.Match[str], instrument: Instrument, units: str) -> float:
+    """Metres of a number that states no unit."""
+    number = float(match[1].replace(",", "."))
+    if units == "m" and number > instrument.range_max and not re.search("[.,]", match[1]):
+        units = "mm"
+    return in_metres(number, units)
 
 
 def plain(metres: float) -> str:

@@ -4,8 +4,9 @@ A reading concerns one group: the frame, one world point, or one stop. Only what
 computed again, so that an answer takes milliseconds however long the campaign is.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -120,6 +121,20 @@ class RoomKnowledge:
             for other in self._groups:
                 if other not in self._world_names:
                     self._groups[other].changed()
+
+    @contextmanager
+    def supposing(self, pair: Pair, readings: Sequence[KnownReading]) -> Iterator[None]:
+        """As if other readings were known of a pair; afterwards all is as before."""
+        groups, world = self._groups, self._world
+        self._groups = {
+            key: replace(one, pairs={**one.pairs}, judged={**one.judged}, near={**one.near})
+            for key, one in groups.items()
+        }
+        try:
+            self.set_readings(pair, readings)
+            yield
+        finally:
+            self._groups, self._world = groups, world
 
     def groups(self) -> dict[str, int]:
         """Keys of all groups with readings, and how often each has changed."""

@@ -185,10 +185,9 @@ class RoomChecks:
         '' where the others do not say, or say several values none of which a slip explains.
         """
         entry = self._state.entries[number]
-        counting = self._state.counting(entry.pair)
-        self._know(entry.pair, [n for n in counting if n != number])
-        prediction = self.knowledge.predict(entry.start, entry.end)
-        self._know(entry.pair, counting)
+        others = [n for n in self._state.counting(entry.pair) if n != number]
+        with self.knowledge.supposing(entry.pair, self._known(others)):
+            prediction = self.knowledge.predict(entry.start, entry.end)
         if not prediction.checks or float(prediction.sigmas.min()) > SHARP:
             return ""
         shown = shown_decimals(self._instrument)
@@ -265,11 +264,13 @@ class RoomChecks:
         )
 
     def _know(self, pair: Pair, numbers: Sequence[int]) -> None:
-        entries = [self._state.entries[n] for n in numbers]
         if len(pair) == 2:
-            self.knowledge.set_readings(
-                pair, [KnownReading(e.number, e.start, e.end, e.metres or 0.0) for e in entries]
-            )
+            self.knowledge.set_readings(pair, self._known(numbers))
+
+    def _known(self, numbers: Sequence[int]) -> list[KnownReading]:
+        """Readings of the journal as the knowledge of the room takes them."""
+        entries = [self._state.entries[n] for n in numbers]
+        return [KnownReading(e.number, e.start, e.end, e.metres or 0.0) for e in entries]
 
     def _suspects(self, pair: Pair) -> tuple[int, ...]:
         key = self.knowledge.group_key(pair)

@@ -55,7 +55,6 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
-    "Permissions-Policy": "screen-wake-lock=(self), bluetooth=(self)",
 }
 LATE = 5.0
 """A reading that waited longer than so many seconds for the link has the time of its typing."""

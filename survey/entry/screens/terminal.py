@@ -32,6 +32,7 @@ from survey.entry.dialogue.words import (
 from survey.entry.record.entries import MAX_NAME, Entry, Person, clean_text
 from survey.entry.room.targets import Target, stop_of
 from validation.errors import GtvalError
+from validation.text_files.lengths import with_unit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -158,7 +159,7 @@ class TerminalEntry:
     def _take_number(self, line: str) -> None:
         """Record '5.378', or '7/O 3 5.378' for a pair that is named, also '7/O–3 5.378'."""
         words = line.replace(";", " ").replace("–", " ").split()
-        if len(words) >= 3:
+        if len(words) >= 3 and with_unit(line) is None:
             named = self._session.guide.target(f"{words[0]} {words[1]}")
             self._record(named, " ".join(words[2:]), again=False)
             return

@@ -8,6 +8,7 @@ import { drawMap } from "./room_map.js";
 import { allowSound, confirmBySound } from "./sound.js";
 
 const $ = (id) => document.getElementById(id);
+const FEET = /^\d[\d.,\s/-]*(?:['"′″]|ft|in|cm)[\d\s./"′″ftin-]*$/i; // the laptop reads these
 const NUMBER = /^(?:\d{1,9}(?:[.,]\d{1,9})?|[.,]\d{1,9})\s*(?:mm|m)?$/i;
 
 if ($("join")) join(); else work();
@@ -158,7 +159,7 @@ function work() {
     const target = current();
     if (!text) return;
     if (!target) { say("look", ["Everything is done. Choose where to go on under “More”."]); return; }
-    if (!NUMBER.test(text)) {
+    if (!NUMBER.test(text) && !FEET.test(text)) {
       say("look", [`“${text}” is not a distance; expected a number such as 5.378 or 5378.`]);
       field.select();
       return;

@@ -30,6 +30,10 @@ def test_a_wrong_first_reading_of_a_mark_is_named_with_what_would_fit(entry_sess
         assert following.start == "1/O"
     assert said  # as soon as others contradict it, before all of the mark is read
     assert entry_session.doubtful() == [number]
+    before = entry_session.checks.knowledge.groups()
+    doubts_text(entry_session, [number])
+    assert entry_session.checks.knowledge.groups() == before  # to suppose changes nothing
+    assert entry_session.doubtful_so_far() == [number]
     fitting = float(re.search(r"would fit (\S+)", doubts_text(entry_session, [number]))[1])
     assert fitting == pytest.approx(float(shown), abs=0.03)
 

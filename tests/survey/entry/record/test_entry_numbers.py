@@ -56,3 +56,24 @@ def test_every_reading_is_understood_in_both_units_and_echoed_in_both(millimetre
 
 def test_plain_keeps_the_decimals_that_there_are():
     assert [plain(x) for x in (5.0, 5.378, 5.3785)] == ["5.000", "5.378", "5.3785"]
+
+
+@pytest.mark.parametrize(
+    ("text", "units", "metres"),
+    [
+        ("17' 7 3/4\"", "m", 5.37845),
+        ("17.65 ft", "m", 5.37972),
+        ("537.8 cm", "m", 5.378),
+        ("17.65", "ft", 5.37972),
+        ("537.8", "cm", 5.378),
+        ("45", "mm", None),
+        ("5378", "mm", 5.378),
+        ("5.378 m", "ft", 5.378),
+    ],
+)
+def test_a_number_without_unit_is_in_that_of_the_campaign(text, units, metres):
+    if metres is None:
+        with pytest.raises(ValueError, match="out of range"):
+            parse_distance(text, Instrument(), units)
+    else:
+        assert parse_distance(text, Instrument(), units).metres == pytest.approx(metres, abs=1e-6)
