@@ -15,6 +15,7 @@ from survey.estimation.robot_frames import RobotFrameFit
 from survey.estimation.vframe import VframeEstimate
 from survey.estimation.world_points import (
     GOOD_REST,
+    MOST_CIRCLES,
     TIE,
     NotLocated,
     circle_starts,
@@ -61,7 +62,7 @@ def locate_from_marks(
         places = np.array([known[end][0] for end in own.end])
         sigma = np.array([known[end][1] for end in own.end])
         fit = place_fit(places, sigma, own.distance, own.sigma)
-        fits, costs = fit.solutions(circle_starts(places, own.distance))
+        fits, costs = fit.solutions(circle_starts(places, own.distance, MOST_CIRCLES))
         if len(fits) == 0 or costs[0] > GOOD_REST * (len(own) - 2):
             continue
         if len(fits) == 1 or costs[1] - costs[0] > TIE:

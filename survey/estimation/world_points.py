@@ -26,6 +26,9 @@ TIE = 13.8
 FLAT = 1e-6
 """Metres off one line, together, below which Vframe points seen from a place leave its second
 coordinate open: a thousandth of what any reading resolves."""
+MOST_CIRCLES = 12
+"""Circles whose meeting points are starts where there are many: 132 starts, of which one near each
+place that may fit would do. All pairs of a mark read from 500 stops would be a million."""
 GOOD_REST = 11.0
 """Chi-squared for each degree of freedom up to which readings agree: 0.1 % with one, more rarely
 with more."""
@@ -228,12 +231,16 @@ def _hopeless(name: str, own: Readings, fit: DistanceFit) -> NotLocated:
     return NotLocated(name, f"{reason}. Measure again", np.array(places).reshape(-1, 2))
 
 
-def circle_starts(centres: Array, distances: Array) -> Array:
-    """Both meeting points of every pair of circles about different centres, (s, 2)."""
+def circle_starts(centres: Array, distances: Array, most: int | None = None) -> Array:
+    """Both meeting points of every pair of circles about different centres, (s, 2).
+
+    Of more than ``most`` circles so many are taken, evenly among them.
+    """
+    used = range(len(centres))
+    if most is not None and most < len(centres):
+        used = np.linspace(0, len(centres) - 1, most).astype(int).tolist()
     pairs = [
-        (i, j)
-        for i, j in combinations(range(len(centres)), 2)
-        if np.linalg.norm(centres[i] - centres[j]) > SAME
+        (i, j) for i, j in combinations(used, 2) if np.linalg.norm(centres[i] - centres[j]) > SAME
     ]
     rows = np.array(pairs, dtype=int).reshape(-1, 2)
     return circle_intersections(centres[rows], distances[rows]).reshape(-1, 2)

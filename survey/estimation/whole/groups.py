@@ -10,7 +10,7 @@ from survey.estimation.geometry import rotate
 from survey.estimation.robot_frames import PoseReadings, pose_starts, why_undetermined
 from survey.estimation.whole.lifted import lifted_start
 from survey.estimation.whole.units import CAP, Index, Units
-from survey.estimation.world_points import circle_starts
+from survey.estimation.world_points import MOST_CIRCLES, circle_starts
 from survey.readings.readings import Mask
 from validation.poses.angles import Array, wrap
 
@@ -204,7 +204,7 @@ def _flipped(units: Units, state: Array, sigma: Array) -> Iterator[Array]:
         if isinstance(fit, PoseReadings):
             starts = np.empty((0, 3)) if why_undetermined(fit) else pose_starts(fit)
         else:
-            starts = circle_starts(fit.known, fit.distance)
+            starts = circle_starts(fit.known, fit.distance, MOST_CIRCLES)
         if not len(starts):
             continue
         here = state[unit : unit + 1, : fit.unknowns]
