@@ -134,10 +134,11 @@ class Text:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the report."""
+    """A part of the report; of a folded one a page shows the title, until it is opened."""
 
     title: str
     blocks: Sequence[Table | Figure | Text]
+    folded: bool = False
 
 
 @dataclass(frozen=True)

@@ -167,7 +167,8 @@ def run_campaign(
     findings += in_time.findings if in_time is not None else ()
     statements = Statements()
     try:
-        statements = make_statements(campaign, evaluations, findings)
+        told = explained.explanation if explained is not None else None
+        statements = make_statements(campaign, evaluations, findings, told)
         comparison_files |= statements.files
     except GtvalError:
         raise

@@ -1,9 +1,11 @@
-"""What may be claimed of a campaign: pairs of systems, printed statistics, and conclusions."""
+"""What may be claimed of a campaign: pairs, printed statistics, conclusions, words of standards."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from validation.campaign.folder import Campaign
+from validation.explain.analysis import Explanation
+from validation.explain.telling.budgets import system_budgets
 from validation.results import Finding, Section
 from validation.statistics.claims import JudgedClaim, claims_section, judge_claims
 from validation.statistics.comparison import Comparison
@@ -19,6 +21,9 @@ from validation.statistics.printed import (
     printed_findings,
     printed_table,
 )
+from validation.statistics.standards.rows import standards_csv
+from validation.statistics.standards.summary import Standards, standards_of
+from validation.statistics.standards.tables import standards_section
 from validation.text_files.csv_text import csv_text
 
 
@@ -34,16 +39,22 @@ class Statements:
         New ones.
     files : mapping of str to str
         By names relative to results/.
+    standards : sequence of Standards
+        Of each compared system.
     """
 
     sections: Sequence[Section] = ()
     last_sections: Sequence[Section] = ()
     findings: Sequence[Finding] = ()
     files: dict[str, str] = field(default_factory=dict)
+    standards: Sequence[Standards] = ()
 
 
 def make_statements(
-    campaign: Campaign, evaluations: Sequence[Evaluation], findings: Sequence[Finding]
+    campaign: Campaign,
+    evaluations: Sequence[Evaluation],
+    findings: Sequence[Finding],
+    explanation: Explanation | None = None,
 ) -> Statements:
     """What may be claimed.
 
@@ -55,6 +66,8 @@ def make_statements(
         All systems.
     findings : sequence of Finding
         All others of the run: conclusions of a document are set beside them.
+    explanation : Explanation, optional
+        For budgets that tell frame, mount and clock apart.
 
     Raises
     ------
@@ -84,7 +97,13 @@ def make_statements(
     last = [claims_section(claims)] if claims else []
     if claims:
         files["conclusions.csv"] = _claims_csv(claims)
-    return Statements(sections, last, new, files)
+    told = explanation.systems if explanation else ()
+    budgets = {one.system: system_budgets(one, comparison.confidence) for one in told}
+    standards = [standards_of(one, comparison, budgets.get(one.system, ())) for one in evaluations]
+    if standards:
+        last.append(standards_section(standards))
+        files["standards.csv"] = standards_csv(standards)
+    return Statements(sections, last, new, files, standards)
 
 
 def _errors_of(comparison: Comparison) -> dict[tuple[str, str], float]:

@@ -88,10 +88,15 @@ def compare(
         evaluations, findings = _compared(validation, gt, method_of(normal), stops, own_frame)
         if as_json:
             from validation.report.evaluation_json import evaluation_json, position_json
+            from validation.statistics.standards.summary import standards_json, standards_of
 
+            said = {one.system: standards_json(standards_of(one)) for one in evaluations}
             print_json(
                 {
-                    "comparisons": [evaluation_json(one) for one in evaluations],
+                    "comparisons": [
+                        {**evaluation_json(one), "standards": said[one.system]}
+                        for one in evaluations
+                    ],
                     "systems": {one.system: position_json(one) for one in evaluations},
                     "findings": findings,
                 }

@@ -59,7 +59,9 @@ def _print_run_json(done: "RunResult", page: Path | None) -> None:
     """A run for scripts."""
     from validation.report.evaluation_json import evaluation_json
     from validation.report.terminal import print_json
+    from validation.statistics.standards.summary import standards_json
 
+    said = {one.system: standards_json(one) for one in done.statements.standards}
     print_json(
         {
             "campaign": done.campaign.settings.name,
@@ -68,7 +70,10 @@ def _print_run_json(done: "RunResult", page: Path | None) -> None:
             "report": page,
             "systems": {system.name: system.result.facts for system in done.systems},
             "time": done.in_time.facts if done.in_time else {},
-            "comparisons": [evaluation_json(one) for one in done.evaluations],
+            "comparisons": [
+                {**evaluation_json(one), "standards": said.get(one.system)}
+                for one in done.evaluations
+            ],
             "findings": done.findings,
         }
     )

@@ -21,6 +21,7 @@ def html_report(document: Document) -> str:
             "id": f"section-{number}",
             "title": section.title,
             "first": section is document.overview,
+            "folded": section.folded,
             "blocks": _blocks(section.blocks, f"s{number}"),
         }
         for number, section in enumerate(document.sections, 1)

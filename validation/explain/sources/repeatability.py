@@ -9,10 +9,10 @@ from scipy import special
 from validation.errors import GtvalError
 from validation.poses.angles import Array, circular_mean, wrap
 from validation.poses.pose_table import Component, PoseTable, in_common, pose_difference
+from validation.statistics.standards.repeats import SAME_PLACE
 
-REVISIT_RADIUS = 0.25
-"""Stops closer than this (metres) are the same place, where nothing else is stated. A judgement:
-well below the distance of stops that are meant to differ, and above how well one drives back."""
+REVISIT_RADIUS = SAME_PLACE
+"""Stops closer than this (metres) are the same place, where nothing else is stated."""
 
 
 @dataclass(frozen=True)

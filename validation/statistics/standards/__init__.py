@@ -1,0 +1,1 @@
+"""Errors in the words of standards: tolerance, repeatability, success, En numbers, budgets."""
