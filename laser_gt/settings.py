@@ -42,7 +42,8 @@ class LaserSettings(Settings):
     A pair of stops is matched if they are within ``pair_radius`` (metres) and ``pair_heading``
     (radians) of each other and at least ``pair_overlap`` (0 to 1) of what they saw may overlap;
     each stop with its ``pairs_per_stop`` nearest. ``initial`` is where the scan matcher starts:
-    'local' at the guess, 'gpm' and 'kiss' where another matcher ends. ``genetic`` says whether
+    'local' at the guess, 'gpm' and 'kiss' where another matcher ends. ``overlay_pairs`` are pairs
+    of stops whose scans are shown over each other through the surveyed poses. ``genetic`` says whether
     the genetic aligner runs too, with ``population`` individuals over ``generations``, of which
     the first is drawn within ``genetic_radius`` metres of the guess; it matches each stop with its
     ``genetic_pairs`` nearest, and more where those leave stops apart; ``seed`` starts its chance.
@@ -68,6 +69,7 @@ class LaserSettings(Settings):
     pair_overlap: NotNegative = 0.35
     pairs_per_stop: int = Field(default=8, ge=1, le=100)
     initial: Literal["local", "gpm", "kiss"] = "local"
+    overlay_pairs: list[tuple[Name, Name]] = Field(default_factory=list)
     genetic: bool = True
     generations: int = Field(default=300, ge=1, le=5000)
     population: int = Field(default=100, ge=10, le=2000)

@@ -8,10 +8,9 @@ from matplotlib.figure import Figure
 
 from laser_gt.matching.verdicts import Match, Verdict
 from laser_gt.placing.engines import Matching
-from laser_gt.placing.mounts import MountCheck
 from laser_gt.placing.solution import LaserSolution
 from laser_gt.scans.evidence import Prepared
-from laser_gt.scans.planar import between, compose, transform
+from laser_gt.scans.planar import compose, transform
 from validation.figures.errors import COLOURS, GREY
 from validation.poses.angles import Array
 
@@ -182,24 +181,30 @@ def convergence_figure(curves: Mapping[tuple[str, str], Array]) -> Figure:
     return figure
 
 
-def mount_overlay(
-    check: MountCheck,
-    poses: Mapping[str, Array],
+def overlay_picture(
+    shown: Sequence[tuple[tuple[str, str], Mapping[str, Array], Mapping[str, float]]],
     sweeps: Mapping[str, Prepared],
-    pairs: Sequence[tuple[str, str]],
 ) -> Figure:
-    """Scans laid over each other through surveyed poses, with the stated and the found mount.
+    """Scans laid over each other: a row for each pair, a column for each way.
 
     AD2.3's own check: if poses and mount are right, the two scans come to lie on each other.
+
+    Parameters
+    ----------
+    shown : sequence of (pair, poses, gaps)
+        Pose of the second scan in the first one's frame, and the gap between them in metres, each
+        by the way that it came about.
+    sweeps : mapping of str to Prepared
+        The scans of each stop.
     """
-    figure = Figure(figsize=(8, 3.7 * len(pairs)), layout="constrained")
-    grid = figure.subplots(len(pairs), 2, squeeze=False)
-    for row, (first, second) in zip(grid, pairs, strict=True):
-        for axes, mount, name in (
-            (row[0], check.stated, "stated mount"),
-            (row[1], check.found.mount, "found mount"),
-        ):
-            pose = between(compose(poses[first], mount), compose(poses[second], mount))
-            draw_pair(axes, sweeps[first], sweeps[second], pose)
-            axes.set_title(f"{first} - {second}, {name}", fontsize=9)
+    ways = list(dict.fromkeys(way for _, poses, _ in shown for way in poses))
+    figure = Figure(figsize=(4 * max(len(ways), 1), 3.7 * len(shown)), layout="constrained")
+    grid = figure.subplots(len(shown), max(len(ways), 1), squeeze=False)
+    for row, ((first, second), poses, gaps) in zip(grid, shown, strict=True):
+        for axes, way in zip(row, ways, strict=True):
+            if way not in poses:
+                axes.set_axis_off()
+                continue
+            draw_pair(axes, sweeps[first], sweeps[second], poses[way])
+            axes.set_title(f"{first} - {second}, {way}: gap {1e3 * gaps[way]:.0f} mm", fontsize=9)
     return figure

@@ -7,6 +7,7 @@ from types import ModuleType
 import numpy as np
 
 from laser_gt.campaign.outcome import LaserOutcome
+from laser_gt.campaign.overlays import chosen_pairs, overlay_figure, overlay_table, overlays
 from laser_gt.matching.verdicts import VERDICTS, Match
 from laser_gt.placing.engines import Matching
 from laser_gt.placing.mounts import MountCheck
@@ -24,9 +25,13 @@ def laser_sections(outcome: LaserOutcome) -> list[Section]:
     """One section for each engine, and one for the mount."""
     sections = [_engine_section(outcome, matching) for matching in outcome.matchings.values()]
     check = outcome.mount_check
-    if check is not None:
-        section = Section("Laser GT: mount", [mount_table(check), overlay_figure(outcome, check)])
-        sections.append(section)
+    blocks: list[Table | Figure | Text] = [] if check is None else [mount_table(check)]
+    pairs = chosen_pairs(outcome)
+    if pairs and (check is not None or outcome.settings.overlay_pairs):
+        shown = overlays(outcome, pairs)
+        blocks += [overlay_table(shown), overlay_figure(outcome, shown)]
+    if blocks:
+        sections.append(Section("Laser GT: mount", blocks))
     return sections
 
 
@@ -179,24 +184,4 @@ def mount_table(check: MountCheck) -> Table:
         ["", ".4f", ".4f", ".4f", ".4f", "+.4f"],
         f"From {found.pairs} pairs with turns of {np.rad2deg(found.turn):.0f} degrees "
         f"(root mean square); the two {'agree' if check.agrees else 'do not agree'}.",
-    )
-
-
-def overlay_figure(outcome: LaserOutcome, check: MountCheck) -> Figure:
-    """Two pairs of scans through the surveyed poses, with the stated and the found mount."""
-    poses = dict(zip(outcome.survey.stops, outcome.survey.poses, strict=True))
-    accepted = [
-        m
-        for matching in outcome.matchings.values()
-        for m in matching.accepted
-        if m.reference in poses and m.moving in poses
-    ]
-    turned = sorted(accepted, key=lambda m: -abs(m.pose[2]))
-    pairs = list(dict.fromkeys((m.reference, m.moving) for m in turned))[:2]
-    return Figure(
-        "laser_mount_overlay",
-        "Scans of two stops laid over each other through the surveyed poses: with the stated "
-        "mount (left) and the one found (right).",
-        "Where the mount is wrong, walls appear twice.",
-        lambda: _figures().mount_overlay(check, poses, outcome.inputs.by_stop, pairs),
     )

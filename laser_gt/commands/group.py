@@ -140,31 +140,55 @@ def decide(
     click.echo(f"Recorded in {path}.")
 
 
+def _pairs(
+    _context: click.Context, _option: click.Parameter, values: tuple[str, ...]
+) -> list[tuple[str, str]]:
+    """Pairs such as 13-14."""
+    pairs = []
+    for value in values:
+        first, _, second = value.partition("-")
+        if not first or not second or first == second:
+            raise click.BadParameter(f"{value!r} is no pair of stops, such as 13-14")
+        pairs.append((first, second))
+    return pairs
+
+
 @laser.command("check-mount")
 @CAMPAIGN
 @AS_JSON
 @STRICT
-def check_mount(campaign: Path, as_json: bool, strict: bool) -> None:
+@click.option(
+    "--pair",
+    "pairs",
+    multiple=True,
+    metavar="A-B",
+    callback=_pairs,
+    help="Stops whose scans are laid over each other; may be given several times.",
+)
+def check_mount(campaign: Path, as_json: bool, strict: bool, pairs: list[tuple[str, str]]) -> None:
     """Compare the stated place of the laser on the robot with the one the data show.
 
-    Writes CAMPAIGN/report/laser_mount_overlay.png: two scans laid over each other through the
-    surveyed poses, with the stated mount and with the one found.
+    Writes CAMPAIGN/report/laser_mount_overlay.png: scans of pairs of stops laid over each other
+    through the surveyed poses, with the stated mount and with the one found, and as matched.
     """
     from laser_gt.campaign.facts import laser_facts
     from laser_gt.campaign.findings import laser_findings
-    from laser_gt.campaign.sections import mount_table, overlay_figure
+    from laser_gt.campaign.overlays import chosen_pairs, overlay_figure, overlay_table, overlays
+    from laser_gt.campaign.sections import mount_table
     from validation.commands.output import tell_check
     from validation.errors import GtvalError
     from validation.figures.writing import write_figure
 
     loaded, outcome = _solved(campaign, ("scanmatch",), need_poses=True)
-    if outcome.mount_check is None:
+    if outcome.mount_check is None and not pairs:
         raise GtvalError(f"the mount cannot be checked: {outcome.mount_note}")
+    shown = overlays(outcome, chosen_pairs(outcome, pairs))
     path = loaded.report / "laser_mount_overlay.png"
-    write_figure(path, overlay_figure(outcome, outcome.mount_check).draw())
+    write_figure(path, overlay_figure(outcome, shown).draw())
+    check = outcome.mount_check
     tell_check(
-        {"mount": laser_facts(outcome)["mount"], "overlay": path},
-        [mount_table(outcome.mount_check)],
+        {"mount": laser_facts(outcome)["mount"], "pairs": shown, "overlay": path},
+        [*([] if check is None else [mount_table(check)]), overlay_table(shown)],
         [one for one in laser_findings(outcome) if one.code.startswith("mount")],
         as_json=as_json,
         strict=strict,

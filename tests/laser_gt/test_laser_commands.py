@@ -45,6 +45,52 @@ def test_a_wrong_mount_is_found_and_drawn(tmp_path):
     assert (folder / "report" / "laser_mount_overlay.png").stat().st_size > 10_000
 
 
+def test_any_pair_is_laid_over_each_other_before_and_after(tmp_path):
+    """AD2.3's look at 13-14 and 6-2: walls twice with the wrong mount, once with the right one."""
+    folder = tmp_path / "campaign"
+    write_campaign(folder, seed=6, stops=6, mount_error=(0.09, 0.05, 0.0))
+    toml = (folder / "campaign.toml").read_text()
+    (folder / "campaign.toml").write_text(
+        toml.replace("[laser]\n", '[laser]\noverlay_pairs = [["3", "1"]]\n', 1)
+    )
+    result = _run("laser", "check-mount", folder, "--pair", "2-3", "--pair", "5-1", "--json")
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.output)["pairs"]
+    assert [one["pair"] for one in told] == [["2", "3"], ["5", "1"]]
+    truth = from_csv(folder / "truth" / "poses.csv")
+    turned = [
+        one
+        for one in told
+        if abs(np.sin(np.diff(truth.select(one["pair"]).poses[:, 2]) / 2)).item() > 0.3
+    ]
+    assert turned  # a mount is only seen where the robot turned
+    for one in turned:
+        # The mount is off by 10 cm; after it is mended, noise and the gaps between points stay.
+        assert one["gaps"]["found mount"] < 0.5 * one["gaps"]["stated mount"]
+        assert one["gaps"]["found mount"] < 0.03
+    from laser_gt.campaign.sections import laser_sections
+    from laser_gt.campaign.solve import solve_campaign
+    from validation.campaign.folder import load_campaign
+    from validation.solving import solve_validation
+    from validation.systems import installed_systems
+
+    loaded = solve_validation(load_campaign(folder), installed_systems())
+    sections = laser_sections(solve_campaign(loaded, engines=("scanmatch",)))
+    (mount,) = [one for one in sections if one.title == "Laser GT: mount"]
+    figure = mount.blocks[-1]
+    assert "3-1" in figure.caption
+    figure.draw()
+
+
+@pytest.mark.parametrize(
+    ("pair", "said"), [("2-99", "no scan of stop 99"), ("2", "no pair"), ("3-3", "no pair")]
+)
+def test_a_pair_that_there_is_not_is_refused(campaign, pair, said):
+    result = _run("laser", "check-mount", campaign, "--pair", pair)
+    assert result.exit_code == 2
+    assert said in result.output
+
+
 def test_decisions_are_recorded_and_obeyed(tmp_path):
     folder = tmp_path / "campaign"
     write_campaign(folder, seed=4, stops=4)
