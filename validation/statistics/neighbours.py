@@ -116,6 +116,22 @@ class Correlation:
         return np.asarray((1 - self.memory.white) * slow + self.memory.white * values)
 
 
+@lru_cache(maxsize=512)
+def _correlation(steps: bytes, memory: Memory) -> Correlation:
+    return Correlation(np.frombuffer(steps), memory)
+
+
+def correlation(steps: Array, memory: Memory) -> Correlation:
+    """The correlation matrix, kept for the next question about the same poses."""
+    if len(steps) > _KEPT:
+        return Correlation(steps, memory)
+    return _correlation(np.ascontiguousarray(steps, dtype=float).tobytes(), memory)
+
+
+_KEPT = 400
+"""Poses up to which factors are kept: some 10 kB each."""
+
+
 @dataclass(frozen=True)
 class Weighed:
     """Memories of one kind of errors, weighed.
@@ -168,7 +184,7 @@ class Weighed:
         for one in self.memories:
             slow = Memory(one.length / power, 0.0)
             ones = np.ones((n, 1))
-            total = float(Correlation(self.steps, slow).times(ones).sum())
+            total = float(correlation(self.steps, slow).times(ones).sum())
             share = (1 - one.white) ** power
             found.append(n * n / (share * total + (1 - share) * n))
         return float(np.exp(self.weights @ np.log(found)))
@@ -198,8 +214,8 @@ def weigh(steps: Array, residuals: Array, slopes: Array) -> Weighed:
     edges = np.cumsum([0, *(basis.shape[1] for basis in bases)])
     logs, variances = np.zeros(len(tried)), np.zeros((len(tried), count))
     for row, memory in enumerate(tried):
-        correlation = Correlation(steps, memory)
-        weighed = correlation.inverse(stacked)
+        between = correlation(steps, memory)
+        weighed = between.inverse(stacked)
         for column, basis in enumerate(bases):
             part = weighed[:, edges[column] : edges[column + 1]]
             values = weighed[:, edges[-1] + column]
@@ -211,7 +227,7 @@ def weigh(steps: Array, residuals: Array, slopes: Array) -> Weighed:
                 logs[row] -= np.linalg.slogdet(information)[1] / 2
             dof = max(n - basis.shape[1], 1)
             variances[row, column] = max(squares, 1e-300) / dof
-            logs[row] -= correlation.log_determinant / 2
+            logs[row] -= between.log_determinant / 2
             logs[row] -= dof * np.log(variances[row, column]) / 2
     whole = logs + np.array(priors)
     weights = np.exp(whole - whole.max())
@@ -257,6 +273,6 @@ def spread_of_mean(one: Weighed, column: int, dof: int) -> Spread:
     """Distribution of the error of the mean of one component."""
     n = len(one.steps)
     ones = np.ones((n, 1))
-    factors = [float(Correlation(one.steps, m).times(ones).sum()) / n**2 for m in one.memories]
+    factors = [float(correlation(one.steps, m).times(ones).sum()) / n**2 for m in one.memories]
     scales = np.sqrt(one.variances[:, column] * np.array(factors))
     return Spread(one.weights, scales, dof)
