@@ -5,7 +5,7 @@ that is new in each pose. Lengths and shares are weighed against each other and 
 without memory by their restricted likelihood, and what is told of an estimate is the mixture.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -257,16 +257,69 @@ def joint_gain(kinds: Sequence[Weighed]) -> float:
 class Told(NamedTuple):
     """Whether neighbours depend on each other in a table, and how that is known.
 
-    ``kinds`` are those of `Weighed`, by 'positions' and 'headings'; ``gain`` the log odds.
+    ``kinds`` holds the memories of 'positions' and 'headings' with the columns they are of, and
+    ``gain`` the log of the odds that there is one.
     """
 
-    kinds: dict[str, Weighed]
+    kinds: dict[str, tuple[Weighed, tuple[int, ...]]]
     gain: float
 
     @property
     def dependent(self) -> bool:
         """Whether neighbours are said to depend on each other."""
         return self.gain > EVIDENCE
+
+    @property
+    def withheld(self) -> bool:
+        """Whether errors last so long that no interval of a mean is given."""
+        return self.dependent and max(one.short for one, _ in self.kinds.values()) > WITHHELD
+
+    def of_column(self, column: int) -> tuple[Weighed, int]:
+        """The memories of a component, and its place among those of its kind."""
+        return next(
+            (one, columns.index(column))
+            for one, columns in self.kinds.values()
+            if column in columns
+        )
+
+    @property
+    def words(self) -> str:
+        """How alike neighbours are, for a sentence."""
+        said = [
+            f"{name} of neighbours have a correlation of {one.neighbours:.1f} and last for about "
+            f"{one.length:.2g} poses"
+            for name, (one, _) in self.kinds.items()
+            if one.weights[0] < WITHOUT
+        ]
+        return "; ".join(said) or "errors of neighbours are alike"
+
+
+def neighbours_of(
+    steps: Array, deviations: Array, kinds: Mapping[str, Sequence[int]]
+) -> Told | None:
+    """Whether the errors of neighbours are alike; None with too few poses.
+
+    Parameters
+    ----------
+    steps : (n,) array
+        Where the poses are along their order or time, in steps, increasing.
+    deviations : (n, k) array
+        Errors from their mean.
+    kinds : mapping of str to sequence of int
+        Columns of each kind of errors.
+    """
+    n = len(deviations)
+    if n < FEWEST or (np.diff(steps) <= 0).any():
+        return None
+    found = {
+        name: (weigh(steps, deviations[:, list(columns)], np.ones((n, len(columns), 1))),
+               tuple(columns))
+        for name, columns in kinds.items()
+        if columns and (np.ptp(deviations[:, list(columns)], axis=0) > 0).all()
+    }  # fmt: skip
+    if not found:
+        return None
+    return Told(found, joint_gain([one for one, _ in found.values()]))
 
 
 def spread_of_mean(one: Weighed, column: int, dof: int) -> Spread:
