@@ -1,7 +1,7 @@
 """The whole question: where the errors of a set of systems come from."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from validation.explain.fitting.selection import FALSE_ALARM as INVENTED
 from validation.explain.fitting.selection import Selection, select
 from validation.explain.fitting.settled import Settled, settle
 from validation.explain.sources.agreement import Agreement, agreement
-from validation.explain.sources.arbitration import FALSE_ALARM, arbitrate
+from validation.explain.sources.arbitration import FALSE_ALARM, judge, judged_by_tails
+from validation.explain.sources.copies import Copies, find_copies
 from validation.explain.sources.reference import ReferenceEvidence, infer_reference
 from validation.explain.sources.verdicts import Arbitration, Sources
 from validation.poses.angles import Array
@@ -43,6 +44,8 @@ class Question:
         Seconds of the poses of a moving robot.
     witnesses : sequence of PoseTable
         Rough poses from elsewhere: they take part in the arbitration, but are not explained.
+    independent : sequence of sequence of str
+        Systems of which it is stated that none is a copy of another.
     confidence : float
         Of all intervals.
     invented : float
@@ -55,6 +58,7 @@ class Question:
     sensors: Mapping[str, Sequence[str]] = field(default_factory=dict)
     times: Mapping[str, float] | None = None
     witnesses: Sequence[PoseTable] = ()
+    independent: Sequence[Sequence[str]] = ()
     confidence: float = 0.95
     invented: float = INVENTED
     false_alarm: float = FALSE_ALARM
@@ -172,23 +176,25 @@ def explain(
         for one, chosen, cells in zip(pairs, selections, everything, strict=True)
     ]
     # The first arbitration takes the robust fits, which no gross error has moved.
-    result = arbitrate(
-        _sources(validation, systems, pairs, _robust(selections), settled, question),
-        question.false_alarm,
-    )
+    first = _sources(validation, systems, pairs, _robust(selections), settled, question)
+    copies = find_copies(first.names, first.poses, question.independent)
+    judged = judge(_as_one(first, copies), question.false_alarm)
     for _ in range(_ROUNDS):
         settled = [
             None
             if chosen is None
-            else settle(one, chosen.chosen.fit, _cells(one, result), dependent=chosen.dependent)
+            else settle(
+                one, chosen.chosen.fit, _cells(one, judged.result), dependent=chosen.dependent
+            )
             for one, chosen in zip(pairs, selections, strict=True)
         ]
-        before = result
-        result = arbitrate(
-            _sources(validation, systems, pairs, settled, settled, question), question.false_alarm
-        )
-        if (before.bad == result.bad).all() and (before.doubtful == result.doubtful).all():
+        before = judged.result
+        again = _sources(validation, systems, pairs, settled, settled, question)
+        judged = judge(_as_one(again, copies), question.false_alarm)
+        same = (before.bad == judged.result.bad).all()
+        if same and (before.doubtful == judged.result.doubtful).all():
             break
+    result = replace(judged_by_tails(judged), copies=copies)
     noise = _least_noise(settled)
     explained = tuple(
         SystemExplanation(
@@ -290,6 +296,19 @@ def _sources(
         {sensor: tuple(names) for sensor, names in question.sensors.items()},
         lost,
     )
+
+
+def _as_one(sources: Sources, copies: Sequence[Copies]) -> Sources:
+    """The sources, copies of one another counted as of one sensor."""
+    if not copies:
+        return sources
+    sensors = dict(sources.sensors)
+    for group in copies:
+        names = set(group.names)
+        for sensor in [one for one, inside in sensors.items() if set(inside) & names]:
+            names |= set(sensors.pop(sensor))
+        sensors[" = ".join(group.names)] = tuple(n for n in sources.names if n in names)
+    return replace(sources, sensors=sensors)
 
 
 def _cells(pairs: Pairs, result: Arbitration) -> Mask:

@@ -18,6 +18,7 @@ def conclusions(evaluation: Evaluation) -> list[Finding]:
     comparison = evaluation.comparison
     return [
         *_units(comparison),
+        *_neighbours(evaluation),
         *(
             _bias(statistics, float(stated), evaluation.system)
             for statistics, stated in zip(
@@ -43,9 +44,34 @@ def _units(comparison: Comparison) -> list[Finding]:
     return [Finding("error", text, comparison.system, "unit")]
 
 
+def _neighbours(evaluation: Evaluation) -> list[Finding]:
+    """Whether errors depend on their neighbours, and what that does to the intervals."""
+    told = evaluation.neighbours
+    if told is None or not told.dependent:
+        return []
+    widened = [one for one in evaluation.statistics if one.method == "dependent"]
+    text = f"Errors depend on those of their neighbours in the order of the stops: {told.words}."
+    if told.withheld:
+        text += (
+            " These stops are too few correlation lengths to tell a mean error from what lasts: "
+            "no interval is given. Repeat stops at another time, in another order."
+        )
+    elif widened:
+        said = ", ".join(f"{one.component.name} {one.effective:.2g}" for one in widened)
+        text += (
+            f" The {len(evaluation.comparison)} stops tell a mean as well as so many "
+            f"independent ones: {said}. Intervals and tests allow for that."
+        )
+    return [Finding("warning", text, evaluation.system, "dependent_errors")]
+
+
 def interval_name(statistics: ComponentStatistics) -> str:
     """How the interval of the mean was found, in words: '95 % interval, Student's t, n = 20'."""
-    named = "Student's t" if statistics.method == "student" else "normal"
+    named = {
+        "student": "Student's t",
+        "normal": "normal",
+        "dependent": "wider than Student's t, as neighbours depend on each other",
+    }[statistics.method]
     return f"{100 * statistics.confidence:.3g} % interval, {named}, n = {statistics.n}"
 
 

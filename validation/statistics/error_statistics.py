@@ -13,6 +13,8 @@ from validation.poses.pose_table import Component
 
 IntervalMethod = Literal["student", "normal"]
 """Of the interval of the mean: Student's t, or the document's mean +- 1.96 s / sqrt(n)."""
+UsedMethod = Literal["student", "normal", "dependent"]
+"""How an interval was found: 'dependent' allows for errors that depend on their neighbours."""
 
 NAN = float("nan")
 
@@ -38,12 +40,15 @@ class ComponentStatistics:
         Interval of the mean.
     confidence : float
         Of all intervals and tests.
-    method : {"student", "normal"}
+    method : {"student", "normal", "dependent"}
         How the interval was found.
     bias : BiasTest
         What can be said about the bias being small.
     reason : str
         Why numbers are NaN; empty where none is.
+    effective : float
+        Independent errors that would tell the mean as well, where errors depend on their
+        neighbours; NaN where they are taken as independent.
     """
 
     component: Component
@@ -57,9 +62,10 @@ class ComponentStatistics:
     ci_low: float
     ci_high: float
     confidence: float
-    method: IntervalMethod
+    method: UsedMethod
     bias: "BiasTest"
     reason: str = ""
+    effective: float = NAN
 
     @property
     def bias_is_significant(self) -> bool | None:

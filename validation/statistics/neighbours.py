@@ -5,7 +5,7 @@ that is new in each pose. Lengths and shares are weighed against each other and 
 without memory by their restricted likelihood, and what is told of an estimate is the mixture.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -116,6 +116,22 @@ class Correlation:
         return np.asarray((1 - self.memory.white) * slow + self.memory.white * values)
 
 
+@lru_cache(maxsize=512)
+def _correlation(steps: bytes, memory: Memory) -> Correlation:
+    return Correlation(np.frombuffer(steps), memory)
+
+
+def correlation(steps: Array, memory: Memory) -> Correlation:
+    """The correlation matrix, kept for the next question about the same poses."""
+    if len(steps) > _KEPT:
+        return Correlation(steps, memory)
+    return _correlation(np.ascontiguousarray(steps, dtype=float).tobytes(), memory)
+
+
+_KEPT = 400
+"""Poses up to which factors are kept: some 10 kB each."""
+
+
 @dataclass(frozen=True)
 class Weighed:
     """Memories of one kind of errors, weighed.
@@ -168,7 +184,7 @@ class Weighed:
         for one in self.memories:
             slow = Memory(one.length / power, 0.0)
             ones = np.ones((n, 1))
-            total = float(Correlation(self.steps, slow).times(ones).sum())
+            total = float(correlation(self.steps, slow).times(ones).sum())
             share = (1 - one.white) ** power
             found.append(n * n / (share * total + (1 - share) * n))
         return float(np.exp(self.weights @ np.log(found)))
@@ -198,8 +214,8 @@ def weigh(steps: Array, residuals: Array, slopes: Array) -> Weighed:
     edges = np.cumsum([0, *(basis.shape[1] for basis in bases)])
     logs, variances = np.zeros(len(tried)), np.zeros((len(tried), count))
     for row, memory in enumerate(tried):
-        correlation = Correlation(steps, memory)
-        weighed = correlation.inverse(stacked)
+        between = correlation(steps, memory)
+        weighed = between.inverse(stacked)
         for column, basis in enumerate(bases):
             part = weighed[:, edges[column] : edges[column + 1]]
             values = weighed[:, edges[-1] + column]
@@ -211,7 +227,7 @@ def weigh(steps: Array, residuals: Array, slopes: Array) -> Weighed:
                 logs[row] -= np.linalg.slogdet(information)[1] / 2
             dof = max(n - basis.shape[1], 1)
             variances[row, column] = max(squares, 1e-300) / dof
-            logs[row] -= correlation.log_determinant / 2
+            logs[row] -= between.log_determinant / 2
             logs[row] -= dof * np.log(variances[row, column]) / 2
     whole = logs + np.array(priors)
     weights = np.exp(whole - whole.max())
@@ -241,10 +257,11 @@ def joint_gain(kinds: Sequence[Weighed]) -> float:
 class Told(NamedTuple):
     """Whether neighbours depend on each other in a table, and how that is known.
 
-    ``kinds`` are those of `Weighed`, by 'positions' and 'headings'; ``gain`` the log odds.
+    ``kinds`` holds the memories of 'positions' and 'headings' with the columns they are of, and
+    ``gain`` the log of the odds that there is one.
     """
 
-    kinds: dict[str, Weighed]
+    kinds: dict[str, tuple[Weighed, tuple[int, ...]]]
     gain: float
 
     @property
@@ -252,11 +269,63 @@ class Told(NamedTuple):
         """Whether neighbours are said to depend on each other."""
         return self.gain > EVIDENCE
 
+    @property
+    def withheld(self) -> bool:
+        """Whether errors last so long that no interval of a mean is given."""
+        return self.dependent and max(one.short for one, _ in self.kinds.values()) > WITHHELD
+
+    def of_column(self, column: int) -> tuple[Weighed, int]:
+        """The memories of a component, and its place among those of its kind."""
+        return next(
+            (one, columns.index(column))
+            for one, columns in self.kinds.values()
+            if column in columns
+        )
+
+    @property
+    def words(self) -> str:
+        """How alike neighbours are, for a sentence."""
+        said = [
+            f"{name} of neighbours have a correlation of {one.neighbours:.1f} and last for about "
+            f"{one.length:.2g} poses"
+            for name, (one, _) in self.kinds.items()
+            if one.weights[0] < WITHOUT
+        ]
+        return "; ".join(said) or "errors of neighbours are alike"
+
+
+def neighbours_of(
+    steps: Array, deviations: Array, kinds: Mapping[str, Sequence[int]]
+) -> Told | None:
+    """Whether the errors of neighbours are alike; None with too few poses.
+
+    Parameters
+    ----------
+    steps : (n,) array
+        Where the poses are along their order or time, in steps, increasing.
+    deviations : (n, k) array
+        Errors from their mean.
+    kinds : mapping of str to sequence of int
+        Columns of each kind of errors.
+    """
+    n = len(deviations)
+    if n < FEWEST or (np.diff(steps) <= 0).any():
+        return None
+    found = {
+        name: (weigh(steps, deviations[:, list(columns)], np.ones((n, len(columns), 1))),
+               tuple(columns))
+        for name, columns in kinds.items()
+        if columns and (np.ptp(deviations[:, list(columns)], axis=0) > 0).all()
+    }  # fmt: skip
+    if not found:
+        return None
+    return Told(found, joint_gain([one for one, _ in found.values()]))
+
 
 def spread_of_mean(one: Weighed, column: int, dof: int) -> Spread:
     """Distribution of the error of the mean of one component."""
     n = len(one.steps)
     ones = np.ones((n, 1))
-    factors = [float(Correlation(one.steps, m).times(ones).sum()) / n**2 for m in one.memories]
+    factors = [float(correlation(one.steps, m).times(ones).sum()) / n**2 for m in one.memories]
     scales = np.sqrt(one.variances[:, column] * np.array(factors))
     return Spread(one.weights, scales, dof)

@@ -121,6 +121,11 @@ def table(system, poses, sigma=None, ids=None):
     return PoseTable(system, ids, poses, covariances)
 
 
+def times_of(kind):
+    """Seconds of the stops, where the cause is one of time."""
+    return {str(i + 1): float(i) for i in range(kind.n)} if kind.cause == "time" else None
+
+
 def campaign(kind, seed):
     """Validation, systems, the wrong stop ('' if none)."""
     rng = np.random.default_rng([zlib.crc32(repr(kind).encode()), seed])

@@ -24,6 +24,7 @@ PARTS = {
     "frame": ("frame_x", "frame_y", "frame_theta"),
     "mount": ("mount_x", "mount_y", "mount_theta"),
     "turn": ("mount_theta",),
+    "shift": ("frame_x", "frame_y"),
     "scale": ("scale",),
     "time": ("time",),
     "drift": ("drift_x", "drift_y", "drift_theta"),
@@ -51,8 +52,8 @@ class ErrorModel:
     words : str
         What it says, for a sentence.
     parts : tuple of str
-        The systematic parts, of 'frame', 'mount', 'turn' (of the mount alone), 'scale', 'time',
-        'drift'.
+        The systematic parts, of 'frame', 'mount', 'turn' (of the mount alone), 'shift' (of the frame
+        alone), 'scale', 'time', 'drift'.
     through_reference : bool
         Whether the mount also stands in P A P^-1.
     slip : bool
@@ -103,6 +104,12 @@ FRAME_TURN = ErrorModel(
 """What is left of 'frame_mount' where all poses have one heading: the shift of either looks the
 same there, but their turns do not, as only the frame's moves positions."""
 
+
+SHIFT_MOUNT = ErrorModel(
+    "shift_mount", "a wrong mount (a lever arm) and a shifted frame", ("shift", "mount")
+)
+"""What is left of 'frame_mount' where the robot turns on one spot: a turn of the frame and one of
+the mount look the same there, but the arm of the mount shows."""
 
 DRIFTS = (
     ErrorModel("drift", "a drift", ("drift",)),
@@ -214,6 +221,8 @@ def correct(
         chain.turn("slip", centre)
     if "frame" in model.parts:
         chain.turn("frame", 0j)
+    if "shift" in model.parts:
+        chain.shift()
     if "drift" in model.parts:
         chain.drift(np.zeros(len(poses)) if places is None else places)
     return chain.result()
@@ -301,6 +310,12 @@ class _Chain:
         self.dz[..., columns[1]] += 1j
         self.dz[..., columns[2]] += 1j * away
         self.dtheta[..., columns[2]] += 1.0
+
+    def shift(self) -> None:
+        """A shift of the frame."""
+        self.z = self.z + self.at["frame_x"] + 1j * self.at["frame_y"]
+        self.dz[..., self._column("frame_x")] += 1.0
+        self.dz[..., self._column("frame_y")] += 1j
 
     def drift(self, places: Array) -> None:
         """A shift and a turn in proportion to the place along the order."""

@@ -8,10 +8,17 @@ from scipy import special
 
 from validation.explain.fitting.fit import LEAST_P, MOST_SCALE, Fit
 from validation.explain.fitting.leave_one_out import LeaveOneOut, leave_one_out
-from validation.explain.fitting.models import DRIFTS, FRAME_TURN, ErrorModel, candidates
+from validation.explain.fitting.models import (
+    DRIFTS,
+    FRAME_TURN,
+    SHIFT_MOUNT,
+    ErrorModel,
+    candidates,
+)
 from validation.explain.fitting.observability import Observability, observability
 from validation.explain.fitting.pairs import Pairs
 from validation.explain.fitting.serial import (
+    Kinds,
     Serial,
     is_dependent,
     joint_of,
@@ -135,32 +142,63 @@ def select(pairs: Pairs, false_alarm: float = FALSE_ALARM) -> Selection:
     fits = fit_all(pairs, models)
     both = next(one for one in fits if one.model.name == "frame_mount")
     if not observability(both).complete:
-        fits += fit_all(pairs, [FRAME_TURN], fits)
-    odds = _odds(pairs, fits)
+        fits += fit_all(pairs, [FRAME_TURN, SHIFT_MOUNT], fits)
+    known: Memories = {}
+    odds = _odds(pairs, fits, known)
     dependent = is_dependent(odds)
     if dependent:  # perhaps by a drift
         fits += fit_all(pairs, DRIFTS, fits)
-        odds = _odds(pairs, fits)
+        odds = _odds(pairs, fits, known)
         dependent = is_dependent(odds)
     threshold = false_alarm / (len(fits) - 1)
-    made: list[Candidate] = []
-    for one in fits:
-        made.append(_judged(one, made, threshold, pairs, dependent=dependent))
-    needed = [one for one in made if one.needed]
-    chosen = min(needed, key=lambda one: one.criterion)
+    made = _all_judged(fits, [], threshold, pairs, known if dependent else None)
+    chosen = _best(made)
+    if chosen.model.parts and not dependent and _lasting(known):
+        # A drift along a smooth path looks like many a cause.
+        made = _all_judged(fit_all(pairs, DRIFTS, fits), made, threshold, pairs, None)
+        chosen = _best(made)
     rivals = _rivals(made, chosen, threshold)
     return Selection(pairs, tuple(made), chosen, rivals, threshold, odds, dependent)
 
 
-def _odds(pairs: Pairs, fits: Sequence[Fit]) -> float:
+def _all_judged(
+    fits: Sequence[Fit],
+    before: Sequence[Candidate],
+    threshold: float,
+    pairs: Pairs,
+    known: "Memories | None",
+) -> list[Candidate]:
+    """Candidates, each judged against those before it."""
+    made = list(before)
+    for one in fits:
+        made.append(_judged(one, made, threshold, pairs, known))
+    return made
+
+
+Memories = dict[str, Kinds | None]
+"""Memories of what the explanations leave, by their names."""
+
+
+def _lasting(known: Memories) -> bool:
+    """Whether errors as they came depend on their neighbours, as those of a drift do."""
+    plain = known.get("none")
+    return plain is not None and is_dependent(joint_of(plain))
+
+
+def _best(made: Sequence[Candidate]) -> Candidate:
+    """The one with the least criterion of those whose every part is needed."""
+    return min((one for one in made if one.needed), key=lambda one: one.criterion)
+
+
+def _odds(pairs: Pairs, fits: Sequence[Fit], known: Memories) -> float:
     """Log of the odds that errors depend on their neighbours, over all explanations."""
     criteria = np.array([_criterion(one) for one in fits])
     least = criteria.min()
-    near = [
-        memory_of(pairs, one) if value < least + _FAR or not one.model.parts else None
-        for one, value in zip(fits, criteria, strict=True)
-    ]
-    return says_dependent(criteria, near)
+    for one, value in zip(fits, criteria, strict=True):
+        name = one.model.name
+        if name not in known and (value < least + _FAR or not one.model.parts):
+            known[name] = memory_of(pairs, one)
+    return says_dependent(criteria, [known.get(one.model.name) for one in fits])
 
 
 _FAR = 10.0
@@ -179,8 +217,7 @@ def _judged(
     simpler: Sequence[Candidate],
     threshold: float,
     pairs: Pairs,
-    *,
-    dependent: bool,
+    known: Memories | None,
 ) -> Candidate:
     """A fit with its tests against the simpler candidates.
 
@@ -198,7 +235,9 @@ def _judged(
     loo = leave_one_out(found)
     seen = observability(found)
     criterion = _criterion(found)
-    worth = serial(pairs, found) if dependent else None
+    dependent = known is not None
+    kinds = None if known is None else known.get(found.model.name)
+    worth = serial(pairs, found, kinds=kinds) if dependent else None
     if worth is not None:
         criterion -= 2 * joint_of(worth.kinds)
         for one in inside:

@@ -20,8 +20,8 @@ from validation.statistics.neighbours import (
     EVIDENCE,
     FEWEST,
     WITHHELD,
-    Correlation,
     Weighed,
+    correlation,
     joint_gain,
     weigh,
 )
@@ -30,7 +30,8 @@ GOOD = 0.5
 """Weight of a cell from which on it counts: more good than bad."""
 RARE = 1e-3
 """Weight of a memory below which it is left out: it moves no end of an interval by a percent."""
-KINDS = ("positions", "headings")
+Kinds = tuple[Weighed, Weighed]
+"""Memories of positions and of headings."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Serial:
         Degrees of freedom of the noise levels.
     """
 
-    kinds: tuple[Weighed, Weighed]
+    kinds: Kinds
     weights: Array
     covariances: Array
     dof: float
@@ -85,9 +86,7 @@ def joint_of(kinds: Sequence[Weighed]) -> float:
     return joint_gain(kinds)
 
 
-def memory_of(
-    pairs: Pairs, found: Fit, cells: Mask | None = None
-) -> tuple[Weighed, Weighed] | None:
+def memory_of(pairs: Pairs, found: Fit, cells: Mask | None = None) -> Kinds | None:
     """Memories of positions and headings, weighed by the residuals; None with too few poses."""
     good = found.weights[0] > GOOD if cells is None else cells
     if good.sum(0).min() < FEWEST:
@@ -109,7 +108,9 @@ def memory_of(
     return kinds[0], kinds[1]
 
 
-def serial(pairs: Pairs, found: Fit, cells: Mask | None = None) -> Serial | None:
+def serial(
+    pairs: Pairs, found: Fit, cells: Mask | None = None, kinds: Kinds | None = None
+) -> Serial | None:
     """What a fit's parameters are worth; None with too few poses.
 
     Notes
@@ -117,7 +118,7 @@ def serial(pairs: Pairs, found: Fit, cells: Mask | None = None) -> Serial | None
     The parameters are a linear function H of the errors, H = C J^T W, so their covariance is
     H S H^T for errors of covariance S, that of positions and headings each.
     """
-    kinds = memory_of(pairs, found, cells)
+    kinds = memory_of(pairs, found, cells) if kinds is None else kinds
     if kinds is None:
         return None
     good = found.weights[0] > GOOD if cells is None else cells
@@ -151,14 +152,14 @@ def _parts(order: Array, gains: Array, sizes: Array, good: Mask, one: Weighed) -
     scaled = gains[rows] * sizes[rows][..., None]
     result = []
     for row, memory in enumerate(one.memories):
-        correlation = Correlation(one.steps, memory)
+        between = correlation(one.steps, memory)
         if one.weights[row] <= RARE:
             result.append(np.zeros((gains.shape[-1],) * 2))
             continue
         total = np.zeros((gains.shape[-1],) * 2)
         for column in range(scaled.shape[1]):
             part = scaled[:, column]
-            total += one.variances[row, column] * (part.T @ correlation.times(part))
+            total += one.variances[row, column] * (part.T @ between.times(part))
         result.append(total)
     return np.array(result)
 
@@ -174,7 +175,7 @@ def _slip_row(found: Fit, own: Array, k: int) -> Array:
     return np.asarray(own @ np.where(np.eye(k, dtype=bool), np.maximum(rest, 0.0), 0.0) @ own)
 
 
-def says_dependent(criteria: Array, kinds: Sequence[tuple[Weighed, Weighed] | None]) -> float:
+def says_dependent(criteria: Array, kinds: Sequence[Kinds | None]) -> float:
     """Log of the odds that errors have a memory, over all explanations.
 
     Parameters

@@ -77,8 +77,9 @@ def closed_form(pairs: Pairs, model: ErrorModel) -> Array:
     z, g = (one[:, 0] + 1j * one[:, 1] for one in (pairs.validation, pairs.gt))
     heading, ahead = pairs.validation[:, 2], np.exp(1j * pairs.validation[:, 2])
     frame, mount = "frame" in model.parts, "mount" in model.parts
+    moved = frame or "shift" in model.parts
     found = {}
-    columns = [np.ones_like(z)] if frame else []
+    columns = [np.ones_like(z)] if moved else []
     columns += [-ahead] if mount else []
     turn = 1 + 0j
     if frame:
@@ -90,7 +91,7 @@ def closed_form(pairs: Pairs, model: ErrorModel) -> Array:
             both = np.exp(1j * (heading - pairs.gt[:, 2]))
             turn = turn if abs(np.angle(turn)) else both.mean() / max(abs(both.mean()), 1e-9)
     rest = _solved(z - turn * g, columns) if columns else np.zeros(0)
-    if frame:
+    if moved:
         found.update(frame_x=rest[0].real, frame_y=rest[0].imag, frame_theta=np.angle(turn))
     if mount:
         found.update(mount_x=rest[-1].real, mount_y=rest[-1].imag)

@@ -9,11 +9,13 @@ as many as one is to be expected in a clean table: a careful survey looks at the
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from validation.explain.fitting.hat_values import source_variances
 from validation.explain.fitting.noise import DIMENSIONS, MEDIANS, Mask
+from validation.explain.sources.copies import Copies
 from validation.explain.sources.judging import JudgedTable
 from validation.explain.sources.verdicts import (
     CELLS,
@@ -23,6 +25,7 @@ from validation.explain.sources.verdicts import (
     differences,
     listed,
 )
+from validation.explain.sources.tails import HEAVY
 from validation.poses.angles import Array
 
 FALSE_ALARM = 0.05
@@ -42,7 +45,14 @@ is just not flagged would hide others. Of the 208 good cells of 26 stops and fou
 takes one in every fifth table: too few to make the noise look smaller."""
 
 
-def arbitrate(sources: Sources, false_alarm: float = FALSE_ALARM) -> Arbitration:
+SURE = 0.05
+"""A verdict is not called sure where a table with tails as this one's has such an entry by chance
+more often: the level of `FALSE_ALARM`."""
+
+
+def arbitrate(
+    sources: Sources, false_alarm: float = FALSE_ALARM, copies: tuple[Copies, ...] = ()
+) -> Arbitration:
     """The cells that do not fit, and who is wrong in each.
 
     Parameters
@@ -50,8 +60,44 @@ def arbitrate(sources: Sources, false_alarm: float = FALSE_ALARM) -> Arbitration
     sources : Sources
         Two or more; with two, a disagreement shows but not whose it is.
     false_alarm : float
-        Chance of any verdict in a table of good poses, below `SUSPECT`.
+        Chance of any verdict in a table of good poses with normal errors, below `SUSPECT`.
+    copies : tuple of Copies
+        Sources that are copies of one another; they are among the sensors of ``sources``.
     """
+    judged = judge(sources, false_alarm)
+    return replace(judged_by_tails(judged), copies=copies)
+
+
+class Judged(NamedTuple):
+    """An arbitration with the table it comes from, and the cells that were screened."""
+
+    result: Arbitration
+    table: JudgedTable
+    screened: Mask
+
+
+def judged_by_tails(judged: Judged) -> Arbitration:
+    """The arbitration with what its tails say of it.
+
+    Nothing more or less is flagged, but where tails are heavy the chance of a flag in a table of
+    good poses is larger, and what such tails would show by chance is not called sure.
+    """
+    tails = judged.table.weigh_tails(judged.screened)
+    if tails is None:
+        return judged.result
+    found = []
+    for one in judged.result.verdicts:
+        chance = judged.table.chance_by_tails(one, tails)
+        weak = chance > SURE and tails.heavy > HEAVY and one.certainty == "sure"
+        reason = one.reason + ("; but errors of this size come by chance here" if weak else "")
+        certainty = "likely" if weak else one.certainty
+        found.append(replace(one, table_p_value=chance, certainty=certainty, reason=reason))
+    rate = judged.table.rate(tails)
+    return replace(judged.result, verdicts=tuple(found), tails=tails, rate=rate)
+
+
+def judge(sources: Sources, false_alarm: float = FALSE_ALARM) -> Judged:
+    """The cells that do not fit if errors are normal, and who is wrong in each."""
     good = np.repeat(sources.present[..., None], 2, axis=-1)
     left_out = np.zeros_like(good)
     for step in range(_ROUNDS):
@@ -65,6 +111,7 @@ def arbitrate(sources: Sources, false_alarm: float = FALSE_ALARM) -> Arbitration
         if same and step > 0:
             break
     # What was screened without being flagged is a good cell's tail, and counts for the noise.
+    screened = bad
     _, bad, doubtful = table.verdicts()
     left_out = bad | doubtful
     noise = _noise(sources, good & ~left_out, robust=False)
@@ -81,7 +128,7 @@ def arbitrate(sources: Sources, false_alarm: float = FALSE_ALARM) -> Arbitration
         lost_freedom=sources.lost_freedom,
         apart=tuple(sources.sensors.values()),
     )
-    return Arbitration(
+    result = Arbitration(
         sources.names,
         sources.ids,
         tuple(found),
@@ -94,7 +141,10 @@ def arbitrate(sources: Sources, false_alarm: float = FALSE_ALARM) -> Arbitration
         variances,
         false_alarm,
         table.questions,
+        rate=false_alarm,
     )
+    table.false_alarm = false_alarm
+    return Judged(result, table, screened)
 
 
 def _same_stop(

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import special
 
 from validation.explain.fitting.noise import DIMENSIONS, ROUNDING, Mask, regular
+from validation.explain.sources.tails import Tails, weigh_tails
 from validation.explain.sources.verdicts import (
     CELLS,
     Sources,
@@ -158,6 +159,55 @@ class JudgedTable:
             self._dof[..., kind] = np.where(known, np.maximum(dof, 1.0), _FEW)
         self._factor = np.maximum(self._factor, 1e-12)
 
+    def weigh_tails(self, bad: Mask) -> Tails | None:
+        """Tails, by all cells: those left out for their size are what tails are of.
+
+        A cell (S, n, 2) that is ``bad`` counts itself, but not in what the others at its stop are
+        compared with. None where all noise is stated: an error beyond it is what is asked for.
+        """
+        if self.sources.stated.all():
+            return None
+        gains, valid = [], []
+        for kind in range(2):
+            there = self.sources.present & ~bad[..., kind]
+            found = self._gains(kind, there)
+            gain, asked = found.gain.copy(), found.valid.copy()
+            for s in np.flatnonzero(bad[..., kind].any(1)):
+                rows = np.flatnonzero(bad[s, :, kind])
+                own = there.copy()
+                own[s, rows] = True
+                alone = self._gains(kind, own)
+                gain[s, rows], asked[s, rows] = alone.gain[s, rows], alone.valid[s, rows]
+            gains.append(gain)
+            valid.append(asked)
+        both = np.stack(gains, -1), np.stack(valid, -1)
+        return weigh_tails(*both, len(self.sources.names))
+
+    def rate(self, tails: Tails) -> float:
+        """Chance of any verdict in a table without gross errors whose tails are such."""
+        levels = np.minimum(self.false_alarm * self.share, 1.0)
+        limits, asked = np.full(levels.shape, np.inf), np.zeros(levels.shape)
+        for kind in range(2):
+            d, one = float(DIMENSIONS[kind]), np.maximum(levels[..., kind], 1e-300)
+            dof = self._dof[..., kind]
+            exact = np.isinf(dof)
+            with_dof = d * special.fdtri(d, np.where(exact, 1.0, dof), 1 - one)
+            limit = np.where(exact, special.chdtri(d, one), with_dof) * self._factor[..., kind]
+            asked[..., kind] = self._asked(self._first[kind])
+            limits[..., kind] = np.where(asked[..., kind] > 0, limit, np.inf)
+        return tails.rate(limits, asked, self.false_alarm)
+
+    def chance_by_tails(self, one: Verdict, tails: Tails) -> float:
+        """Chance of such a disagreement anywhere in a table whose tails are such."""
+        stop, kind = self.sources.ids.index(one.stop), CELLS.index(one.cell)
+        gains = self._first[kind]
+        own = tails.chance(kind, gains.gain[:, [stop]], self._dof[:, [stop], kind])[:, 0]
+        share = self.share[:, stop, kind]
+        asked = gains.valid[:, stop] & (share > 0)
+        if not asked.any():
+            return one.table_p_value
+        return min(max(float((own[asked] / share[asked]).min()), one.table_p_value), 1.0)
+
     def _tails(self, kind: int, gain: Array) -> Array:
         """(G, n) chance of the gains by noise alone."""
         d = float(DIMENSIONS[kind])
@@ -216,10 +266,7 @@ class JudgedTable:
         gain, present = gains.gain[:, stop], np.flatnonzero(there[:, stop])
         best = int(asked[np.argmax(gain[asked])])
         close = [int(g) for g in asked if gain[g] > gain[best] - MARGIN]
-        singles = [g for g in close if len(self.groups[g]) == 1]
-        if len(singles) == 1 and len(close) > 1:
-            culprits, certainty, about = self.groups[singles[0]], "likely", singles[0]
-        elif len(close) == 1:
+        if len(close) == 1:
             culprits, certainty, about = self.groups[best], "sure", best
         else:
             several = {s for g in close for s in self.groups[g]}
@@ -240,7 +287,7 @@ class JudgedTable:
             table_p_value=min(float(whole[first]), 1.0),
             size=self._distance(stop, kind, there, about),
             witnesses=witnesses,
-            reason=reason_for(blamed, witnesses, certainty, self._sensor_of(witnesses)),
+            reason=reason_for(blamed, witnesses, certainty, self._sides(culprits)),
         )
         return verdict, culprits
 
@@ -254,12 +301,15 @@ class JudgedTable:
             means.append(np.linalg.solve(regular(w.sum(0)), pull))
         return float(np.linalg.norm(means[0] - means[1]))
 
-    def _sensor_of(self, names: Sequence[str]) -> str:
-        """The sensor that all the named sources share; empty if they do not."""
-        for sensor, members in self.sources.sensors.items():
-            if len(names) > 1 and set(names) <= set(members):
-                return sensor
-        return ""
+    def _sides(self, culprits: Sequence[int]) -> list[tuple[str, ...]]:
+        """The culprits, those of one sensor together."""
+        names, left, sides = self.sources.names, list(culprits), []
+        for group in self.groups:
+            inside = [s for s in left if s in group]
+            if len(group) > 1 and len(inside) > 1:
+                sides.append(tuple(names[s] for s in inside))
+                left = [s for s in left if s not in inside]
+        return [*((names[s],) for s in left), *sides]
 
     def scores(self, excluded: Mask) -> Array:
         """(S, n, 2) distances from the others (not excluded) in standard deviations."""

@@ -8,6 +8,8 @@ import numpy as np
 
 from validation.explain.fitting.hat_values import SourceVariances
 from validation.explain.fitting.noise import Mask
+from validation.explain.sources.copies import Copies
+from validation.explain.sources.tails import Tails
 from validation.poses.angles import Array, wrap
 
 CELLS = ("position", "heading")
@@ -66,7 +68,7 @@ class Verdict:
     blamed : tuple of str
         The source held responsible; several where it is any one (or, of one sensor, all) of them.
     certainty : {"sure", "likely", "undecided"}
-        'likely' if the others that outvote it share a sensor; 'undecided' if one of several.
+        'likely' if only the other cell of the stop decides; 'undecided' if one of several.
     p_value : float
         Chance of such a disagreement without a gross error, for this question alone.
     table_p_value : float
@@ -121,6 +123,12 @@ class Arbitration:
         Chance of any verdict in a clean table.
     questions : int
         Asked of the table.
+    tails : Tails, optional
+        How heavy the tails of errors are, where noise is not stated.
+    copies : tuple of Copies
+        Sources that are copies of one another, each group one witness.
+    rate : float
+        Chance of any verdict in a table of good poses, by the tails that this table shows.
     """
 
     sources: tuple[str, ...]
@@ -135,6 +143,9 @@ class Arbitration:
     variances: SourceVariances
     false_alarm: float
     questions: int
+    tails: Tails | None = None
+    copies: tuple[Copies, ...] = ()
+    rate: float = 0.05
 
     @property
     def usable(self) -> Mask:
@@ -154,17 +165,31 @@ def listed(names: Sequence[str]) -> str:
     return " and ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)
 
 
-def reason_for(blamed: Sequence[str], witnesses: Sequence[str], certainty: str, sensor: str) -> str:
-    """Why, in words."""
+def reason_for(
+    blamed: Sequence[str],
+    witnesses: Sequence[str],
+    certainty: str,
+    sides: Sequence[tuple[str, ...]] = (),
+) -> str:
+    """Why, in words.
+
+    ``sides`` are those who may be wrong, sources of one sensor together as they are one witness.
+    """
     if certainty == "undecided":
-        return f"{listed(blamed)} disagree, and no other source tells which of them is wrong"
+        shared = [side for side in sides if len(side) > 1]
+        if not shared:
+            return f"{listed(blamed)} disagree, and no other source tells which of them is wrong"
+        against = " or ".join(listed(side) for side in sides if len(side) == 1)
+        them = " and ".join(listed(side) for side in shared)
+        return (
+            f"{them} agree, but count as one witness, against {against}: nothing tells which side "
+            "is wrong"
+            if against
+            else f"{them} disagree, and no other source tells which of them is wrong"
+        )
     agree = listed(witnesses)
     if certainty == "likely":
-        but = f"share the sensor '{sensor}'" if sensor else "are a majority only by one sensor"
-        return (
-            f"{agree} agree with each other, but {but}: the robot may also have stood elsewhere "
-            "when that sensor measured"
-        )
+        return f"{agree} agree with each other"
     if len(witnesses) == 1:
         return f"they are of one sensor and moved together, away from {agree}"
     return f"{agree} agree with each other without it"
