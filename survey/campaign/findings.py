@@ -153,15 +153,17 @@ def _frame(solution: SurveySolution) -> Iterator[Finding]:
 
 
 def _world_points(solution: SurveySolution) -> Iterator[Finding]:
+    late = [lost.name for lost in solution.world.missing if lost.name in solution.from_marks]
+    if late:
+        yield Finding(
+            "note",
+            f"{len(late)} world point(s) are not located from the Vframe alone: {', '.join(late)}. "
+            "Their places in the joint adjustment come from the robot's marks as well",
+            "world points",
+            "world-point-from-marks",
+        )
     for lost in solution.world.missing:
         if lost.name in solution.from_marks:
-            yield Finding(
-                "note",
-                f"not located from the Vframe alone ({lost.reason}); its place in the joint "
-                "adjustment comes from the robot's marks as well",
-                f"world point {lost.name}",
-                "world-point-from-marks",
-            )
             continue
         places = " or ".join(f"({x:.3f}, {y:.3f})" for x, y in lost.candidates)
         yield Finding(

@@ -4,22 +4,26 @@ Baarda's data snooping on the joint adjustment. Nothing is deleted: a blunder is
 every reading that could be it, and with the measurement to repeat.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.special import ndtri
 
-from survey.estimation.adjustment import Adjustment
-from survey.estimation.network import distance_entries
+from survey.estimation.adjustment import Adjustment, adjust
+from survey.estimation.network import Network, distance_entries
 from survey.readings.levels import CRITICAL
+from validation.errors import GtvalError
 from validation.poses.angles import Array
 
 DETECTABLE = 4.13
 """Non-centrality of a blunder found with 80 % power at 0.1 % (Baarda)."""
 FALSE_ALARM = 0.05
 """Chance that a campaign without any blunder is said to have one: usual."""
+GROSS = 0.1
+"""Metres from which a blunder is left out before others are sought: at 2 m what is not linear in it
+reaches 0.1^2 / (2 * 2) m, a standard deviation of a reading."""
 TOLD_APART = 2.33
 """Normal deviate (1 %, one-sided) from which the worst reading is told apart from another."""
 MIN_REDUNDANCY = 1e-6
@@ -146,6 +150,39 @@ def suspected_blunders(adjustment: Adjustment, most: int = 20) -> list[BlunderSu
         live &= q > MIN_REDUNDANCY
         live[worst] = False
     return suspicions
+
+
+def blunders_one_by_one(adjustment: Adjustment, most: int = 20) -> list[BlunderSuspicion]:
+    """`suspected_blunders`, gross ones left out before others are sought.
+
+    A blunder of decimetres bends the whole network: readings far from it are then off by more
+    than what is linear in it, and would be accused for nothing.
+    """
+    found = suspected_blunders(adjustment, most)
+    rows = np.arange(len(adjustment.network.distance))
+    gross: list[BlunderSuspicion] = []
+    while fresh := [one for one in found if abs(one.size[0]) > GROSS]:
+        gross += fresh
+        wrong = [int(one.candidates[0]) for one in gross]
+        rows = np.setdiff1d(np.arange(len(adjustment.network.distance)), wrong)
+        try:
+            rest = adjust(_only(adjustment.network, rows), adjustment.parameters)
+        except GtvalError:  # without them something is open: then nothing is known better
+            return suspected_blunders(adjustment, most)
+        left = suspected_blunders(rest, most - len(gross)) if most > len(gross) else []
+        found = [replace(one, candidates=rows[one.candidates]) for one in left]
+    return [*gross, *found]
+
+
+def _only(network: Network, rows: npt.NDArray[np.intp]) -> Network:
+    """A network with some of its distances."""
+    return replace(
+        network,
+        first=network.first[rows],
+        second=network.second[rows],
+        distance=network.distance[rows],
+        sigma=network.sigma[rows],
+    )
 
 
 def _candidates(worst: int, w: Array, rho: Array) -> npt.NDArray[np.intp]:

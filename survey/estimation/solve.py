@@ -13,8 +13,8 @@ from survey.estimation.network import build_network, start_parameters
 from survey.estimation.reliability import (
     BlunderSuspicion,
     Reliability,
+    blunders_one_by_one,
     reading_tests,
-    suspected_blunders,
 )
 from survey.estimation.robot_frames import NotPosed, RobotFrameFit
 from survey.estimation.vframe import VframeEstimate, estimate_vframe
@@ -187,7 +187,7 @@ def solve_survey(
         left_out=readings.select(~inside),
         adjustment=adjustment,
         reliability=reading_tests(adjustment),
-        suspicions=tuple(suspected_blunders(adjustment)),
+        suspicions=tuple(blunders_one_by_one(adjustment)),
     )
     progress("done", 1.0)
     return solution

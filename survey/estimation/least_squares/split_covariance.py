@@ -188,7 +188,7 @@ def _inverse(A: Array, columns: Index) -> Array:
     try:
         np.linalg.cholesky(A)
     except np.linalg.LinAlgError:
-        scale = np.sqrt(np.diagonal(A, axis1=1, axis2=2))
+        scale = np.sqrt(np.maximum(np.diagonal(A, axis1=1, axis2=2), np.finfo(float).tiny))
         least = np.linalg.eigvalsh(A / scale[:, :, None] / scale[:, None, :])[:, 0]
         raise NotDeterminedError(columns[int(least.argmin())]) from None
     inverse = np.linalg.inv(A)

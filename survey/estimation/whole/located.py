@@ -15,7 +15,7 @@ from survey.estimation.evidence import Evidence
 from survey.estimation.geometry import rotate
 from survey.estimation.robot_frames import solve_robot_frames
 from survey.estimation.vframe import VframeEstimate
-from survey.estimation.whole.groups import Group, solve_group
+from survey.estimation.whole.groups import OPEN_SIGMA, Group, solve_group
 from survey.estimation.whole.units import FAR, Index, make_units, stop_key
 from survey.estimation.whole.wanted import Open, Surroundings, wanted_readings
 from survey.estimation.world_points import WorldPoint, WorldPoints
@@ -254,7 +254,9 @@ class _Search:
                 states = states[:1]
                 spread = float(group.sigma[i, :2].max())
                 reason = f"its {count} reading(s) do not determine it"
-                if spread < FAR / 10:
+                if spread < OPEN_SIGMA:
+                    reason += ": its heading is open"
+                elif spread < FAR / 10:
                     reason += f" (standard deviation {spread:.2f} m)"
             else:
                 self.found.open[name] = Open(

@@ -156,12 +156,10 @@ class Search:
         return Located(world, tuple(frames), tuple(not_posed), places, poses, {})
 
     def leaves_open(self, located: Located) -> bool:
-        """Whether something is open that readings might determine."""
-        rows = self.readings.rows_of_point
+        """Whether something is open that has readings."""
+        read = self.readings.rows_of_point
         marks = [name for name in self.world_points if name not in located.places]
-        if any(len(rows.get(name, ())) > 1 for name in marks):
-            return True
-        return any(self.readings.count_of_pose[stop.pose] > 2 for stop in located.not_posed)
+        return bool(located.not_posed) or any(name in read for name in marks)
 
     def together(self, before: Located) -> Located:
         """All from all readings; what single steps found is one start of several."""

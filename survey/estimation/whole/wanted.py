@@ -18,6 +18,8 @@ _LOOSE = 3.0
 """Metres and radians within which an open place is looked for: a room."""
 _MOST = 4
 """Readings asked for at a time; after them the place is known well enough to ask on."""
+_ARM = 0.3
+"""Metres at which a heading counts as much as a coordinate: half a rig."""
 _APART = 10.0
 """Standard deviations by which a reading must differ between two places to tell them apart."""
 
@@ -76,6 +78,7 @@ def wanted_readings(name: str, states: Array, sigma: Array, around: Surroundings
     known = np.array([around.places[end] for end in ends])
     body = np.array([around.body.get(point, np.zeros(2)) for point in from_here])
     length, slope = _lengths(states, known, body)
+    arm = np.array([1.0, 1.0, _ARM])[: states.shape[1]]
     covariance = [np.diag(np.minimum(sigma, _LOOSE) ** 2) for _ in states]
     twin = len(states) > 1
     chosen: list[int] = []
@@ -83,9 +86,8 @@ def wanted_readings(name: str, states: Array, sigma: Array, around: Surroundings
         gain = np.zeros(len(pairs))
         for C, H in zip(covariance, slope, strict=True):
             moved = H @ C
-            taken = (moved[:, :2] ** 2).sum(1) / ((moved * H).sum(1) + _READING**2)
-            gain += taken
-        worst = max(float(np.sqrt(np.diagonal(C)[:2].max())) for C in covariance)
+            gain += ((moved * arm) ** 2).sum(1) / ((moved * H).sum(1) + _READING**2)
+        worst = max(float((np.sqrt(np.diagonal(C)) * arm).max()) for C in covariance)
         if worst <= ENOUGH and not twin:
             break
         if worst <= ENOUGH:
