@@ -111,7 +111,7 @@ def _blocks(kind: Law, columns: Array, linear: Linear, log: Log) -> Iterator[Lea
         rows = order[edge[i] : edge[j]]
         yield _lead(kind, extent, (), rows, float(some[k]), float(size[i, j]), float(last))
     i, j = np.unravel_index(gain.argmax(), gain.shape)
-    if i > 0 and j < last:
+    if 0 < i and j < last:
         rows = order[edge[i] : edge[j]]
         pairs = last**2 / 2
         yield _lead(kind, "block", (), rows, float(gain[i, j]), float(size[i, j]), pairs)

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from survey.causes.lead import effect_size, mark_sizes, place_sizes
-from survey.causes.start import whole_trial
 from survey.causes.trial import Effect, fit, law, renamed, with_point
+from survey.causes.start import whole_trial
 from survey.estimation.solve import solve_survey
 from survey.readings.instrument import reading_sigma
 from survey.readings.readings import Readings
