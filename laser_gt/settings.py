@@ -43,11 +43,10 @@ class LaserSettings(Settings):
     (radians) of each other and at least ``pair_overlap`` (0 to 1) of what they saw may overlap;
     each stop with its ``pairs_per_stop`` nearest. ``initial`` is where the scan matcher starts:
     'local' at the guess, 'gpm' and 'kiss' where another matcher ends. ``overlay_pairs`` are pairs
-    of stops whose scans are shown over each other through the surveyed poses. ``genetic`` says
-    whether the genetic aligner runs too, with ``population`` individuals over ``generations``, of
-    which the first is drawn within ``genetic_radius`` metres of the guess; it matches each stop
-    with its ``genetic_pairs`` nearest, and more where those leave stops apart; ``seed`` starts its
-    chance.
+    of stops whose scans are shown over each other through the surveyed poses. ``genetic`` says if
+    the genetic aligner runs too, with ``population`` individuals over ``generations``, of which
+    the first is drawn within ``genetic_radius`` metres of the guess; it matches each stop with its
+    ``genetic_pairs`` nearest, and more where those leave stops apart; ``seed`` starts its chance.
     With ``as_published`` poses by the document's way are computed too.
 
     The defaults of distances, shares and counts are those of `PairSettings`, `MatchSettings`,

@@ -13,14 +13,6 @@ settings.register_profile("gtval", deadline=None)
 settings.load_profile("gtval")
 
 
-TABLE = """
-[vision.table]
-board = { columns = 10, rows = 6, square = 0.1 }
-height = 0.72
-corner = [0.2, 0.0]
-"""
-
-
 @pytest.fixture(scope="session")
 def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Folders of a solved demo, a room with laser scans, a drive with sensors, and of files."""
@@ -75,7 +67,6 @@ def vision_sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
     few = VisionSettings(cameras=2, calibration=5, snapshots=5, both=2, movie=8)
     room, cameras = make_room_with_cameras(sizes, few, rng)
     texts = vision_texts(cameras, rng)
-    texts["campaign.toml"] += TABLE
     simulated = simulate_survey(room, SimulationSettings(), rng)
     write_campaign(folder, simulated, 11, texts, images_of(cameras, rng, 1))
     return folder

@@ -18,7 +18,7 @@ USES = {
     "fuse": "{files}/camera.csv --output {out}.csv",
     "instrument-check": "{room}/survey/known_lengths.csv --tolerance 0.0015",
     "journal-merge": "{entered}",
-    "laser check-mount": "{room}",
+    "laser check-mount": "{room} --pair 2-3",
     "laser decide": "{decided} 1 2 reject",
     "laser inspect": "{decided}",
     "laser solve": "{room} --dry-run",
@@ -41,7 +41,9 @@ USES = {
     "survey": "{room} --dry-run",
     "vision calibrate": "{vision}/vision/calibration/1 --workers 1 {board}",
     "vision check-displacement": "{vision}/truth/camera_1.yaml "
-    "{vision}/vision/calibration/1/01.png {vision}/vision/calibration/1/02.png 0.1 {board}",
+    "{vision}/vision/displacement/1/first.png {vision}/vision/displacement/1/second.png 0.6 "
+    "{board}",
+    "vision check-survey": "{vision} --workers 1",
     "vision check-table": "{vision} --workers 1",
     "sync": "{files}/camera.csv {files}/motion.tum",
     "vision convert-camera": "{vision}/truth/camera_1.yaml {out}.yaml --format ros",

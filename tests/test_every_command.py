@@ -15,9 +15,10 @@ from every_command import BOARD, FORMS, USES, commands
 from validation.cli import main
 
 COLUMNS = 80
-QUICK = [*sorted(set(USES) - {"rtk scanner", "vision check-table"}), *FORMS]
-"""A scanner needs a drive of minutes, a table the results of a whole run: tests of their packages
-have these."""
+SLOW = {"rtk scanner", "vision check-survey", "vision check-table"}
+QUICK = [*sorted(set(USES) - SLOW), *FORMS]
+"""A scanner needs a drive of minutes, tables and known places the results of a whole run: tests of
+their packages have these."""
 NUMBER = re.compile(r"[+-]?\d+\.\d+(?:e[+-]\d+)?")
 SCHEMA = json.loads((files("validation.report") / "schema.json").read_text())
 

@@ -12,6 +12,7 @@ T = TypeVar("T")
 Vector = tuple[Finite, Finite, Finite]
 Matrix = tuple[Vector, Vector, Vector]
 SixSigmas = tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative]
+FourSigmas = tuple[Positive, Positive, Positive, Positive]
 SixPositive = tuple[Positive, Positive, Positive, Positive, Positive, Positive]
 Count = Annotated[int, Field(ge=3, le=60)]
 Pixels = Annotated[int, Field(ge=16, le=100_000)]
@@ -123,17 +124,56 @@ class FloorSettings(Settings):
 
 
 class TableSettings(Settings):
-    """A board on a table over validated poses, to check the cameras.
+    """A board, a marker or both on a table over validated poses, to check the cameras.
 
     ``board`` is what lies on it, ``height`` the table's height, metres. ``corner`` is where the
     board's first inner corner is in the robot frame of the pose (x, y in metres) and ``heading``
-    the direction of its rows there (radians), as aligned by the plumb-lines.
+    the direction of its rows there (radians), as aligned by the plumb-lines. ``marker`` is the id
+    of a marker that lies there, of ``marker_side``, its middle at ``marker_middle`` and its x axis
+    along ``marker_heading`` in the robot frame. ``sigmas`` say how well all was laid: x, y, height
+    (metres) and heading (radians).
     """
 
     board: BoardSettings | None = None
     height: Finite | None = None
     corner: tuple[Finite, Finite] | None = None
     heading: Finite = 0.0
+    marker: Annotated[int, Field(ge=0)] | None = None
+    marker_side: Positive | None = None
+    marker_middle: tuple[Finite, Finite] | None = None
+    marker_heading: Finite = 0.0
+    sigmas: FourSigmas = (0.003, 0.003, 0.002, 0.01)
+
+
+class PlaceSettings(Settings):
+    """Where a board lies: its first inner corner (x, y in metres) and the direction of its rows.
+
+    In the GTV frame, or in the robot frame of a surveyed ``stop``.
+    """
+
+    corner: tuple[Finite, Finite]
+    heading: Finite = 0.0
+    stop: str = ""
+
+
+class SurveyCheckSettings(Settings):
+    """A board on the floor at known places, seen by a camera: a cross-check of the survey.
+
+    ``board`` is the board, ``height`` its thickness, ``places`` are where it was laid, by the names
+    of the images; ``sigmas`` say how well: x, y, height (metres) and heading (radians).
+    """
+
+    board: BoardSettings | None = None
+    height: Finite = 0.0
+    sigmas: FourSigmas = (0.002, 0.002, 0.002, 0.004)
+    places: dict[Name, PlaceSettings] = Field(default_factory=dict)
+
+
+class DisplacementSettings(Settings):
+    """The calibration board moved by a known ``distance`` (metres), good to ``sigma``."""
+
+    distance: Positive | None = None
+    sigma: Positive = 0.001
 
 
 class PlannedCamera(Settings):
@@ -228,7 +268,8 @@ class VisionSettings(Settings):
     the network; by default all that have a folder of poses. Intrinsic parameters come from
     ``camera_files`` (by camera, relative to the campaign folder) or from the calibration images,
     which show ``board``; so do the images of steadiness. The other things that images show are
-    ``bar``, ``reference``, ``markers`` and ``table``; ``floor`` is what the robot stands on;
+    ``bar``, ``reference``, ``markers``, ``table``, ``survey_check`` and ``displacement``; ``floor``
+    is what the robot stands on;
     ``printed`` is what was printed of this network before, ``plan`` what is planned.
 
     With ``on_floor`` poses of the robot are held to the floor, with ``merge_cameras`` all cameras
@@ -247,6 +288,8 @@ class VisionSettings(Settings):
     markers: MarkerSettings = MarkerSettings()
     floor: FloorSettings = FloorSettings()
     table: TableSettings = TableSettings()
+    survey_check: SurveyCheckSettings = SurveyCheckSettings()
+    displacement: DisplacementSettings = DisplacementSettings()
     printed: PrintedSettings = PrintedSettings()
     plan: CameraPlanSettings = CameraPlanSettings()
     on_floor: bool = False
@@ -278,7 +321,18 @@ EXAMPLES = {
         "marker_side": "0.156",
         "marker_height": "0.5",
     },
-    "vision.table": {"board": f"{{ {_BOARD} }}", "height": "0.72", "corner": "[0.0, 0.0]"},
+    "vision.table": {
+        "board": f"{{ {_BOARD} }}",
+        "height": "0.72",
+        "corner": "[0.0, 0.0]",
+        "marker_side": "0.16",
+        "marker_middle": "[0.4, 0.1]",
+    },
+    "vision.survey_check": {
+        "board": f"{{ {_BOARD} }}",
+        "places": "{ origin = { corner = [0.1, 0.1] } }",
+    },
+    "vision.displacement": {"distance": "0.6"},
 }
 """A value for each key that states a lab's hardware, by table: none of them has a default."""
 

@@ -18,6 +18,8 @@ class VisionSystem:
     """Robot poses from cameras and markers."""
 
     name = "vision"
+    starts_from_survey = True
+    """For things on a table over surveyed stops, and for a board that checks the survey."""
 
     def has_data(self, campaign: "Campaign") -> bool:
         """Whether there are images of the robot, a printed table of what they show, or a plan."""

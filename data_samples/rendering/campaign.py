@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from data_samples.rendering.checks import check_scenes
 from data_samples.rendering.image import Optics, Scene, Sheet, SunBlade, render
 from data_samples.rendering.objects import (
     PAPER,
@@ -78,6 +79,15 @@ def all_photographs(truth: VisionTruth, rng: np.random.Generator) -> list[Photog
         *movie_photographs(truth, rng),
         *robot_photographs(truth, rng),
         *steadiness_photographs(truth),
+        *check_photographs(truth, rng.spawn(1)[0]),
+    ]
+
+
+def check_photographs(truth: VisionTruth, rng: np.random.Generator) -> list[Photograph]:
+    """Of things at known places: vision/table, vision/survey_check, vision/displacement."""
+    return [
+        Photograph(name, truth.cameras[i], truth.T_gtv_camera[i], sheets, _optics(truth))
+        for name, i, sheets in check_scenes(truth, rng)
     ]
 
 

@@ -7,6 +7,20 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from data_samples.rendering.campaign import all_photographs, render_all
+from data_samples.rendering.checks import (
+    CHECK_BOARD,
+    DISPLACEMENT,
+    DISPLACEMENT_SIGMA,
+    SURVEY_SIGMAS,
+    TABLE_CORNER,
+    TABLE_HEIGHT,
+    TABLE_MARKER,
+    TABLE_MARKER_MIDDLE,
+    TABLE_MARKER_SIDE,
+    TABLE_SIGMAS,
+    survey_places,
+    table_stops,
+)
 from data_samples.rooms.cameras import (
     BAR_BOARDS,
     CHESSBOARD,
@@ -186,6 +200,7 @@ def _vision_table(truth: VisionTruth, rng: np.random.Generator) -> str:
         f"height = {max(height, 1e-4):g}",
         f"tilt = {max(tilt, 1e-4):g}",
         "",
+        *_check_lines(truth),
         "[vision.markers]",
         f'family = "{MARKER_FAMILY.name}"',
         f"sides = {{ {sides} }}",
@@ -197,6 +212,46 @@ def _vision_table(truth: VisionTruth, rng: np.random.Generator) -> str:
         *_hand_measured(truth, rng),
     ]
     return "\n".join(blocks) + "\n"
+
+
+def _check_lines(truth: VisionTruth) -> list[str]:
+    """What a lab states of the things that it laid at known places."""
+    board = f"board = {{ {', '.join(_board_lines(CHECK_BOARD))} }}"
+    lines: list[str] = []
+    if any(table_stops(truth).values()):
+        lines += [
+            "[vision.table]  # a board and a marker on a table over stops",
+            board,
+            f"height = {TABLE_HEIGHT:g}",
+            f"corner = {list(TABLE_CORNER)}",
+            f"marker = {TABLE_MARKER}",
+            f"marker_side = {TABLE_MARKER_SIDE:g}",
+            f"marker_middle = {list(TABLE_MARKER_MIDDLE)}",
+            f"sigmas = {list(TABLE_SIGMAS)}",
+            "",
+        ]
+    if places := survey_places(truth):
+        lines += [
+            "[vision.survey_check]  # the same board on the floor",
+            board,
+            f"sigmas = {list(SURVEY_SIGMAS)}",
+            "",
+            "[vision.survey_check.places]",
+            *(
+                f"{place.name} = {{ corner = {list(place.corner)}"
+                + (f', stop = "{place.stop}" }}' if place.stop else " }")
+                for place in places
+            ),
+            "",
+        ]
+    if truth.settings.displacement:
+        lines += [
+            "[vision.displacement]  # the calibration board, moved",
+            f"distance = {DISPLACEMENT:g}",
+            f"sigma = {DISPLACEMENT_SIGMA:g}",
+            "",
+        ]
+    return lines
 
 
 def _board_lines(board: Board) -> list[str]:

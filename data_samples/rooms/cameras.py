@@ -73,6 +73,10 @@ class VisionSettings:
         Images that show both boards of the bar.
     movie : int
         Images around the robot.
+    table : int
+        Images of a table over a stop, at most, for each camera.
+    survey_check, displacement : bool
+        Whether there are images of a board at known places on the floor, and of one that moved.
     focal : float
         Focal length, pixels.
     bar_error : (float, float)
@@ -96,6 +100,9 @@ class VisionSettings:
     snapshots: int = 15
     both: int = 10
     movie: int = 36
+    table: int = 1
+    survey_check: bool = True
+    displacement: bool = True
     focal: float = 1000.0
     bar_error: tuple[float, float] = (0.002, 0.0035)
     reference_sigma: tuple[float, float] = (0.0007, 0.0005)

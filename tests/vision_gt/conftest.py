@@ -11,6 +11,10 @@ from data_samples.rooms.cameras import VisionSettings
 from data_samples.rooms.campaign_files import write_campaign
 from data_samples.rooms.rooms import RoomSettings
 from data_samples.rooms.simulate import SimulationSettings, simulate_survey
+from validation.campaign.folder import load_campaign
+from validation.solving import solve_validation
+from validation.systems import installed_systems
+from vision_gt.campaign.solve import solve_campaign
 
 SMALL = VisionSettings(
     cameras=2, calibration=5, snapshots=5, both=2, movie=10, blades=0.1, occlusions=0.1
@@ -29,6 +33,13 @@ def rendered(tmp_path_factory) -> Path:
     write_campaign(folder, simulated, 11, vision_texts(cameras, rng))
     write_images(folder, cameras, rng, 1)
     return folder
+
+
+@pytest.fixture(scope="session")
+def outcome(rendered):
+    """What the vision system makes of it, after the survey."""
+    loaded = solve_validation(load_campaign(rendered), installed_systems())
+    return solve_campaign(loaded, workers=1)
 
 
 @pytest.fixture

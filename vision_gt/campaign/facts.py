@@ -32,6 +32,11 @@ def vision_facts(outcome: VisionOutcome) -> dict[str, object]:
         "marker_corner_sigma": _marker_corner_sigma(outcome),
         "calibration_rms": {name: c.rms for name, c in outcome.calibrations.items()},
         "steadiness": {one.camera: one.verdict for one in outcome.steadiness},
+        "checks": {
+            "table": outcome.checks.table,
+            "survey": outcome.checks.survey,
+            "displacement": outcome.checks.displacement,
+        },
         "as_published": bool(outcome.published),
         "detection": detection_facts(seen_in(outcome), outcome.printed),
     }

@@ -42,6 +42,7 @@ def vision_findings(outcome: VisionOutcome, surveyed: Sequence[str] = ()) -> lis
         *_network(outcome),
         *_layout(outcome),
         *_steadiness(outcome),
+        *outcome.checks.findings,
         *_oddities(outcome),
     ]
 

@@ -5,11 +5,14 @@ from dataclasses import dataclass, field
 
 from scipy.spatial.transform import RigidTransform
 
+from vision_gt.campaign.checks import Checks
 from vision_gt.campaign.detections import SeenMarkers
+from vision_gt.images.files import Image
 from vision_gt.images.markers import Detection
 from vision_gt.network.intrinsics import Calibration
 from vision_gt.network.solution import NetworkSolution
 from vision_gt.network.steadiness import Steadiness
+from vision_gt.patterns.board_views import BoardView
 from vision_gt.robot.layout import LayoutFit
 from vision_gt.robot.robot_pose import RobotPose
 from vision_gt.settings import VisionSettings
@@ -62,6 +65,10 @@ class VisionOutcome:
         Images and what is odd about them.
     printed : SeenMarkers or None
         Which markers a report of this network printed as recognised, where there is one.
+    examples : mapping of str to (Image, BoardView)
+        By camera: an image of its calibration, and the board in it.
+    checks : Checks
+        Of the cameras by things at known places, and of the survey.
     """
 
     settings: VisionSettings
@@ -74,3 +81,5 @@ class VisionOutcome:
     steadiness: tuple[Steadiness, ...] = ()
     oddities: Sequence[tuple[str, str]] = field(default=())
     printed: SeenMarkers | None = None
+    examples: Mapping[str, tuple[Image, BoardView]] = field(default_factory=dict)
+    checks: Checks = field(default_factory=Checks)

@@ -7,6 +7,7 @@ from scipy.spatial.transform import RigidTransform
 
 from validation.poses.angles import Array
 from validation.text_files.csv_text import csv_text
+from vision_gt.campaign.check_sections import check_files
 from vision_gt.campaign.detections import success_csv
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.campaign.printed import seen_in
@@ -27,6 +28,7 @@ def vision_files(outcome: VisionOutcome) -> dict[str, str | bytes]:
         "vision_cameras.csv": cameras_csv(outcome.network.network),
         "vision_layout.csv": layout_csv(outcome.layout.layout),
     }
+    files |= check_files(outcome.checks)
     for camera in outcome.network.network.cameras:
         files[f"vision_camera_{camera.name}.yaml"] = write_camera(".yaml", "opencv", camera)
     return files

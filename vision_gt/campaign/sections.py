@@ -8,6 +8,7 @@ import numpy as np
 
 from validation.poses.angles import Array
 from validation.results import Figure, Section, Table, TableColumn, Text
+from vision_gt.campaign.check_sections import check_sections
 from vision_gt.campaign.detections import detection_blocks
 from vision_gt.campaign.inputs import placed
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
@@ -35,6 +36,7 @@ def vision_sections(outcome: VisionOutcome, campaign: "Campaign") -> list[Sectio
     ]
     if outcome.steadiness:
         sections.append(Section("Vision: steadiness of the cameras", _steadiness_blocks(outcome)))
+    sections += check_sections(outcome.checks)
     return [section for section in sections if section.blocks]
 
 
@@ -131,9 +133,14 @@ def link_table(outcome: VisionOutcome) -> Table:
 
 def _calibration_blocks(outcome: VisionOutcome) -> list[Table | Figure | Text]:
     from vision_gt.campaign.figures import coverage_plot  # noqa: PLC0415
+    from vision_gt.figures.boards import drawn_corners, extrinsics  # noqa: PLC0415
 
     if not outcome.calibrations:
         return [Text("The intrinsic parameters came from camera files.")]
+    shown = {
+        f"camera {name}: {view.source}": (image, view, outcome.calibrations[name].camera)
+        for name, (image, view) in outcome.examples.items()
+    }
     return [
         calibration_table(outcome),
         parameter_table(outcome),
@@ -142,6 +149,20 @@ def _calibration_blocks(outcome: VisionOutcome) -> list[Table | Figure | Text]:
             "Corners of the calibration board in each part of each camera's image.",
             "A grid for each camera with the number of corners in each cell.",
             lambda: coverage_plot(outcome.calibrations),
+        ),
+        _figure(
+            "extrinsics",
+            "Where each camera saw the calibration board: its outline in every image, from above "
+            "and from the side, in the camera's frame; dotted: the field of view.",
+            "Outlines of boards at different distances and tilts in front of each camera.",
+            lambda: extrinsics(outcome.calibrations),
+        ),
+        _figure(
+            "corners",
+            "For each camera the image with the most tilted board: corners found (crosses) and the "
+            "board's frame, x solid, y dashed, towards the viewer dotted.",
+            "Images of the calibration board with its corners and axes drawn on them.",
+            lambda: drawn_corners(shown),
         ),
     ]
 

@@ -7,7 +7,10 @@ from scipy.spatial.transform import RigidTransform
 
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
+from validation.poses.pose_table import PoseTable
+from validation.results import VALIDATION_SYSTEM
 from validation.systems import Progress, no_progress
+from vision_gt.campaign.checks import campaign_checks
 from vision_gt.campaign.inputs import (
     VisionInputs,
     known_reference,
@@ -17,7 +20,7 @@ from vision_gt.campaign.inputs import (
 )
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.campaign.printed import printed_detections
-from vision_gt.images.files import counting, read_image
+from vision_gt.images.files import Image, counting, read_image
 from vision_gt.images.markers import Detection
 from vision_gt.network.adjustment import Bar, Network
 from vision_gt.network.intrinsics import Calibration, calibrate
@@ -87,7 +90,24 @@ def solve_campaign(
         tuple(_steadiness(given, name, boards, by_name[name]) for name in given.watched),
         tuple(given.oddities),
         printed_detections(campaign, given.settings),
+        {name: _example(given, name, found) for name, found in calibrations.items()},
+        campaign_checks(
+            campaign, given.settings, solution.network, validation_table(campaign), workers
+        ),
     )
+
+
+def _example(given: VisionInputs, name: str, found: Calibration) -> tuple[Image, BoardView]:
+    """The calibration image with the most tilted board, to show what was found in it."""
+    view = found.views[int(np.argmax(found.coverage.tilts))]
+    paths = {path.name: path for path in given.images.calibration[name]}
+    return read_image(paths[view.source]), view
+
+
+def validation_table(campaign: Campaign) -> PoseTable | None:
+    """The surveyed stops, where the survey was solved before."""
+    solved = campaign.solved.get(VALIDATION_SYSTEM)
+    return None if solved is None else next(iter(solved.tables), None)
 
 
 def _cameras(

@@ -1,4 +1,4 @@
-"""Calibration of one camera from a folder, and the check with two boards."""
+"""Calibration of one camera from a folder of images."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -9,10 +9,10 @@ import numpy as np
 from validation.errors import GtvalError, InputError, Problem
 from validation.results import Table
 from validation.systems import Progress, no_progress
-from vision_gt.images.files import list_images
+from vision_gt.images.files import list_images, read_image
 from vision_gt.images.jobs import BoardJob, Found, detect_all
-from vision_gt.network.intrinsics import Calibration, calibrate, known_displacement
-from vision_gt.optics.camera import PARAMETERS, Camera
+from vision_gt.network.intrinsics import Calibration, calibrate
+from vision_gt.optics.camera import PARAMETERS
 from vision_gt.patterns.boards import Board
 
 
@@ -108,21 +108,14 @@ def image_table(found: Calibration) -> Table:
     )
 
 
-def displacement_of_images(
-    first: Path, second: Path, board: Board, camera: Camera
-) -> tuple[float, float]:
-    """How far a board moved between two images, and how far it turned: metres and radians.
+def calibration_figures(found: Calibration, folder: Path) -> dict[str, bytes]:
+    """extrinsics.png, and corners_NAME.png for each image that was used, by their names."""
+    from validation.figures.writing import figure_bytes
+    from vision_gt.figures.boards import drawn_corners, extrinsics
 
-    Raises
-    ------
-    GtvalError
-        If an image is bad or does not show the board.
-    """
-    found = _looked_through((first, second), board, camera.name, camera.size)
-    problems = [Problem(one.path, "the board was not found") for one in found if not one.boards]
-    if problems:
-        raise InputError(problems)
-    moved = known_displacement(found[0].boards[0], found[1].boards[0], camera)
-    if moved is None:
-        raise GtvalError("the board gives no pose in one of the images")
-    return moved
+    files = {"extrinsics.png": extrinsics({found.camera.name: found})}
+    for view in found.views:
+        image = read_image(folder / view.source)
+        shown = {view.source: (image, view, found.camera)}
+        files[f"corners_{Path(view.source).stem}.png"] = drawn_corners(shown)
+    return {name: figure_bytes(figure, ".png", name) for name, figure in files.items()}

@@ -92,12 +92,16 @@ vision.add_command(
     show_default=True,
     help=FORMAT_HELP,
 )
+@click.option(
+    "--figures", type=PATH, help="Folder for pictures: boards in space, corners on the images."
+)
 @WORKERS
 @AS_JSON
 def calibrate(
     images: Path,
     *,
     target: Path | None,
+    figures: Path | None,
     file_format: str,
     workers: int | None,
     as_json: bool,
@@ -121,6 +125,11 @@ def calibrate(
 
         content = write_camera(target.suffix, file_format, found.camera)
         write_files(target.parent, {target.name: content})
+    if figures is not None:
+        from validation.text_files.writing import write_files
+        from vision_gt.commands.calibration import calibration_figures
+
+        write_files(figures, calibration_figures(found, images))
     if as_json:
         print_json(calibration_facts(found))
         return
@@ -158,15 +167,16 @@ def convert_camera(
 def check_table_command(
     campaign: Path, *, as_json: bool, workers: int | None, strict: bool
 ) -> None:
-    """Check the cameras with a board on a table, put over validated poses.
+    """Check the cameras with a board or a marker on a table, put over validated poses.
 
     Needs the results of `gtval run` and images CAMPAIGN/vision/table/CAMERA/poseX.png. Without
     images it shows what [vision.printed] says of such a table.
     """
     from validation.campaign.folder import load_campaign
     from validation.commands.output import tell_check
+    from vision_gt.campaign.check_sections import reading_table, statistics_table
     from vision_gt.campaign.printed import printed_table_alone
-    from vision_gt.commands.table import reading_table, statistics_table, table_readings
+    from vision_gt.commands.checks import check_of_campaign
 
     loaded = load_campaign(campaign)
     printed = printed_table_alone(loaded)
@@ -175,9 +185,32 @@ def check_table_command(
             printed.facts, printed.overview, printed.findings, as_json=as_json, strict=strict
         )
         return
-    readings, findings = table_readings(loaded, workers)
-    tables = [reading_table(readings), statistics_table(readings)]
-    tell_check({"readings": readings}, tables, findings, as_json=as_json, strict=strict)
+    checks, findings = check_of_campaign("table", loaded, workers)
+    tables = [reading_table(checks.table), statistics_table(checks.table)]
+    tell_check({"readings": checks.table}, tables, findings, as_json=as_json, strict=strict)
+
+
+@vision.command("check-survey")
+@CAMPAIGN
+@AS_JSON
+@WORKERS
+@STRICT
+def check_survey_command(
+    campaign: Path, *, as_json: bool, workers: int | None, strict: bool
+) -> None:
+    """Check the survey by a camera: a board at known places on the floor.
+
+    Needs the results of `gtval run`, [vision.survey_check] in campaign.toml, and images
+    CAMPAIGN/vision/survey_check/CAMERA/PLACE.png.
+    """
+    from validation.campaign.folder import load_campaign
+    from validation.commands.output import tell_check
+    from vision_gt.campaign.check_sections import survey_table
+    from vision_gt.commands.checks import check_of_campaign
+
+    checks, findings = check_of_campaign("survey_check", load_campaign(campaign), workers)
+    tables = [survey_table(checks.survey)]
+    tell_check({"readings": checks.survey}, tables, findings, as_json=as_json, strict=strict)
 
 
 @vision.command("check-displacement")
@@ -186,32 +219,43 @@ def check_table_command(
 @click.argument("second", type=PATH)
 @click.argument("distance", type=click.FloatRange(0, min_open=True))
 @board_options
+@click.option(
+    "--sigma",
+    type=click.FloatRange(0, min_open=True),
+    default=0.001,
+    show_default=True,
+    help="Standard deviation of DISTANCE, metres.",
+)
 @AS_JSON
+@STRICT
 def check_displacement(
     camera_file: Path,
     first: Path,
     second: Path,
     distance: float,
     *,
+    sigma: float,
     as_json: bool,
+    strict: bool,
     **options: Any,
 ) -> None:
-    """Check a camera with a board in two places at a known DISTANCE (metres)."""
-    from vision_gt.commands.calibration import displacement_of_images
+    """Check a camera with a board in two places at a known DISTANCE (metres).
+
+    The verdict is a finding; with --strict the status is 3 where the camera is wrong.
+    """
+    from validation.commands.output import tell_check
+    from vision_gt.campaign.check_sections import displacement_table
+    from vision_gt.campaign.checks import displacement_verdict
+    from vision_gt.commands.checks import displacement_of_images
     from vision_gt.optics.camera_files import read_cameras
 
     board = _board(**options)
     camera = read_cameras(camera_file)[0]
-    measured, angle = displacement_of_images(first, second, board, camera)
-    if as_json:
-        from validation.report.terminal import print_json
-
-        print_json({"measured": measured, "expected": distance, "angle": angle})
-        return
-    click.echo(
-        f"measured {measured:.4f} m, expected {distance:.4f} m: off by "
-        f"{1e3 * (measured - distance):+.1f} mm\nThe board turned by {angle:.4f} rad."
-    )
+    moved = displacement_of_images((first, second), board, camera, distance, sigma)
+    facts = {**vars(moved), "off": moved.off, "p_value": moved.p_value, "agrees": moved.agrees}
+    verdict = displacement_verdict(moved)
+    table = displacement_table([moved])
+    tell_check(facts, [table], [verdict], as_json=as_json, strict=strict)
 
 
 @vision.command()

@@ -206,30 +206,3 @@ def _coverage(size: tuple[int, int], views: Sequence[BoardView], done: Adjustmen
     normals = T.rotation.as_matrix()[:, :, 2]
     cosine = (normals * middles).sum(1) / distances
     return Coverage(counts.astype(np.intp), distances, np.arccos(np.clip(cosine, -1, 1)))
-
-
-def known_displacement(
-    first: BoardView, second: BoardView, camera: Camera
-) -> tuple[float, float] | None:
-    """How far a board moved between two images: the distance and the angle, metres and radians.
-
-    Notes
-    -----
-    AD2.3, "Single camera calibration": the board is put in two places at a known distance, and
-    the distance of the two poses is compared with it. A board that looks the same turned is
-    taken as turned by less than a quarter.
-    """
-    T_first = camera_pose_of_board(first, camera)
-    best: tuple[float, float] | None = None
-    for reading in second.readings():
-        T_second = camera_pose_of_board(reading, camera)
-        if T_first is None or T_second is None:
-            return None
-        moved = T_first.inv() * T_second
-        angle = float(moved.rotation.magnitude())
-        # The board's middle, so that turning it about itself is no displacement.
-        middle = first.board.corners.mean(0)
-        distance = float(np.linalg.norm(moved.apply(middle) - middle))
-        if best is None or angle < best[1]:
-            best = (distance, angle)
-    return best

@@ -38,12 +38,27 @@ def test_no_board_is_taken_for_granted(command):
     assert "--columns 10 --rows 6 --square 0.1" in run(*command, status=2)
 
 
-def test_images_of_a_board_in_one_place_show_no_displacement(rendered):
-    image = next((rendered / "vision" / "steadiness" / "before").iterdir())
-    camera = rendered / "truth" / f"camera_{image.stem}.yaml"
-    facts = json.loads(run("check-displacement", camera, image, image, 0.3, *BOARD, "--json"))
-    assert facts["expected"] == 0.3
-    assert facts["measured"] == 0.0
+def test_a_board_that_moved_is_judged_by_its_sigmas(rendered):
+    """Moved by 0.6 m to 1 mm: 0.6 agrees, 9.9 mm more does not, and --strict ends with 3."""
+    camera = rendered / "truth" / "camera_1.yaml"
+    images = [rendered / "vision" / "displacement" / "1" / f"{n}.png" for n in ("first", "second")]
+    facts = json.loads(run("check-displacement", camera, *images, 0.6, *BOARD, "--json"))
+    assert facts["agrees"]
+    assert abs(facts["measured"] - 0.6) < 4 * (facts["sigma"] ** 2 + 0.001**2) ** 0.5
+    assert facts["sigma"] < 0.001
+    assert facts["angle"] < 0.005
+    wrong = ("check-displacement", camera, *images, 0.6099, *BOARD)
+    told = run(*wrong, "--strict", status=3)
+    assert "That is no chance" in told
+    assert f"off by {1e3 * (facts['measured'] - 0.6099):+.1f} mm" in told
+    run(*wrong)  # without --strict the finding alone says it
+
+
+def test_calibration_pictures_are_written(rendered, tmp_path):
+    run("calibrate", rendered / "vision/calibration/1", *BOARD, "--workers", 1,
+        "--figures", tmp_path)  # fmt: skip
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {"extrinsics.png", "corners_01.png"} <= names
 
 
 def test_patterns_come_with_the_lines_that_describe_them(tmp_path):
