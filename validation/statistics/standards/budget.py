@@ -98,9 +98,9 @@ def budget(
     combined = float(np.sqrt(sum(one.uncertainty**2 for one in contributions)))
     shares: dict[str, tuple[float, float]] = {}
     for row, one in enumerate(contributions):
-        name = one.data or str(row)
-        square, freedom = shares.get(name, (0.0, INFINITE))
-        shares[name] = square + one.uncertainty**2, min(freedom, one.freedom)
+        data = one.data or str(row)
+        square, freedom = shares.get(data, (0.0, INFINITE))
+        shares[data] = square + one.uncertainty**2, min(freedom, one.freedom)
     lost = sum(square**2 / freedom for square, freedom in shares.values())
     freedom = float(np.floor(combined**4 / lost + 1e-9)) if lost > 0 else INFINITE
     freedom = max(freedom, 1.0)

@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 
-from validation.statistics.standards.summary import DEPENDENT, Standards
+from validation.statistics.standards.from_errors import DEPENDENT
+from validation.statistics.standards.summary import Standards
 from validation.text_files.csv_text import csv_text
 
 Row = tuple[str, str, str, float, str, int, str]

@@ -6,34 +6,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from validation.campaign.folder import Comparison as ComparisonSettings
-from validation.poses.angles import Array, wrap
+from validation.poses.angles import Array
 from validation.shown import Shown
 from validation.statistics.comparison import Comparison
-from validation.statistics.dependence import mean_of_stops
 from validation.statistics.evaluation import Evaluation
 from validation.statistics.standards.budget import Budget, Contribution, budget
+from validation.statistics.standards.from_errors import Errors, errors_of, tolerances
 from validation.statistics.standards.laboratories import Agreement, agreement, en_numbers
 from validation.statistics.standards.repeats import PoseRepeats, pose_repeats, same_places
 from validation.statistics.standards.success import Success, success
-from validation.statistics.standards.tolerance import (
-    NOT_NORMAL,
-    FreeBound,
-    Tolerance,
-    free_bound,
-    length_bound,
-    normal_tolerance,
-    normality_p_value,
-)
+from validation.statistics.standards.tolerance import Tolerance
 
 CONTENT = 0.95
 """Share of errors that tolerance intervals hold, and probability of success that is asked for: the
 one that certificates mostly state."""
-NAN = float("nan")
-_NO_BOUND = FreeBound(NAN, NAN, NAN)
 ERRORS = "errors"
 """Data of the lines that are estimated from the errors."""
 TOGETHER = "frame, mount and clock"
-DEPENDENT = "neighbours in the table depend on each other"
 
 
 @dataclass(frozen=True, repr=False)
@@ -49,7 +38,7 @@ class Standards(Shown):
     tolerances : tuple of Tolerance
         Of each component, and of the length of the position error.
     success : Success
-        A trial is a stop; it succeeds within both limits.
+        A trial is a stop; it succeeds within both limits. Its bound is NaN where it does not hold.
     limits : (float, float)
         Of position (m) and of every angle (rad).
     success_holds : bool
@@ -96,10 +85,12 @@ def standards_of(
     settings = settings or ComparisonSettings()
     comparison, confidence = evaluation.comparison, settings.confidence
     limits = (settings.acceptable_bias_length, settings.acceptable_bias_angle)
-    tolerances = _tolerances(evaluation, content, confidence)
+    errors = errors_of(evaluation)
+    independent = all(one.independent for one in errors)
     angles = np.array([one.kind == "angle" for one in comparison.components])
     good = comparison.distances <= limits[0]
     good &= (np.abs(comparison.errors[:, angles]) <= limits[1]).all(axis=1)
+    done = success(len(good), int(good.sum()), confidence, content)
     numbers = _en_numbers(comparison)
     agreed = [
         agreement(one.name, numbers[:, column], comparison.ids)
@@ -109,91 +100,14 @@ def standards_of(
         evaluation.system,
         content,
         confidence,
-        tolerances,
-        success(len(good), int(good.sum()), confidence, content),
+        tuple(tolerances(errors, content, confidence)),
+        done if independent else done._replace(low=float("nan")),
         limits,
-        all(one.n_effective == one.n for one in tolerances),
+        independent,
         tuple(_repeats(comparison)),
         tuple(one for one in agreed if one is not None),
-        tuple(budgets) or _budgets(evaluation, confidence),
+        tuple(budgets) or _budgets(comparison, errors, confidence),
     )
-
-
-def _tolerances(evaluation: Evaluation, content: float, confidence: float) -> tuple[Tolerance, ...]:
-    """Of each component, and of the length of the position."""
-    comparison, statistics = evaluation.comparison, evaluation.statistics
-    errors = comparison.errors.copy()
-    for column, one in enumerate(statistics):
-        if one.component.kind == "angle":
-            errors[:, column] = one.mean + wrap(errors[:, column] - one.mean)
-    found = [
-        _tolerance(one.component.name, one.component.unit, values, content, confidence)
-        for one, values in zip(statistics, errors.T, strict=True)
-    ]
-    lengths = [i for i, one in enumerate(statistics) if one.component.kind == "length"]
-    if len(lengths) > 1:
-        found.append(
-            _position(
-                comparison, errors[:, lengths], [found[i] for i in lengths], content, confidence
-            )
-        )
-    return tuple(found)
-
-
-def _worth(values: Array) -> tuple[float, str]:
-    """Independent values that tell as much, NaN where that is not known, and why so few."""
-    n = len(values)
-    series = mean_of_stops(values)
-    if series.method == "student" and not series.short:
-        return float(n), ""
-    if series.method == "dependent":
-        return series.n_effective, f"{DEPENDENT}: counted as {series.n_effective:.1f} of {n}"
-    if n < 2 or np.ptp(values) == 0:
-        return float(n), "too few errors, or all the same"
-    return NAN, f"does not hold: {DEPENDENT}, and the table is too short to count them"
-
-
-def _tolerance(name: str, unit: str, values: Array, content: float, confidence: float) -> Tolerance:
-    """Of one component."""
-    n = len(values)
-    effective, reason = _worth(values)
-    mean, std = float(values.mean()), float(values.std(ddof=1)) if n > 1 else 0.0
-    factor, low, high = NAN, NAN, NAN
-    if np.isfinite(effective):
-        factor, low, high = normal_tolerance(mean, std, n, effective, content, confidence)
-    normality = normality_p_value(values)
-    if normality < NOT_NORMAL:
-        said = f"errors are not normal (p = {normality:.2g}): use the bound by order"
-        reason = f"{reason}; {said}" if reason else said
-    free = free_bound(np.abs(values), content, confidence) if effective == n else _NO_BOUND
-    bound = max(abs(low), abs(high)) if np.isfinite(low) else NAN
-    return Tolerance(name, unit, n, effective, factor, low, high, bound, free, normality, reason)
-
-
-def _position(
-    comparison: Comparison,
-    errors: Array,
-    parts: Sequence[Tolerance],
-    content: float,
-    confidence: float,
-) -> Tolerance:
-    """Of the length of the position error."""
-    k, n = len(parts), len(errors)
-    each = 1 - (1 - content) / k, 1 - (1 - confidence) / k
-    effective = min((one.n_effective for one in parts), key=lambda v: -1 if np.isnan(v) else v)
-    reason = next((one.reason for one in parts if one.reason), "")
-    bound = NAN
-    if np.isfinite(effective):
-        means, stds = errors.mean(0), errors.std(0, ddof=1) if n > 1 else np.zeros(k)
-        ends = [
-            normal_tolerance(float(mean), float(std), n, one.n_effective, *each)
-            for one, mean, std in zip(parts, means, stds, strict=True)
-        ]
-        bound = length_bound(means, *np.array([end[1:] for end in ends]).T)
-    sizes = comparison.distances
-    free = free_bound(sizes, content, confidence) if effective == n else _NO_BOUND
-    normality = min(one.normality_p for one in parts)
-    return Tolerance("position", "m", n, effective, NAN, NAN, bound, bound, free, normality, reason)
 
 
 def _en_numbers(comparison: Comparison) -> Array:
@@ -225,29 +139,23 @@ def _repeats(comparison: Comparison) -> list[PoseRepeats]:
     ]
 
 
-def _budgets(evaluation: Evaluation, confidence: float) -> tuple[Budget, ...]:
+def _budgets(
+    comparison: Comparison, errors: Sequence[Errors], confidence: float
+) -> tuple[Budget, ...]:
     """Of the error of one pose that is corrected for the mean: frame, mount and clock in one."""
-    comparison = evaluation.comparison
     stated = np.diagonal(comparison.validation.covariances, axis1=1, axis2=2)
     found = []
-    for column, one in enumerate(evaluation.statistics):
-        if one.reason:
+    for column, one in enumerate(errors):
+        # NaN, where nobody knows how many errors these are worth, is no number above one.
+        if not one.effective > 1 or one.std == 0:
             continue
-        worth, _ = _worth(comparison.errors[:, column])
-        if np.isnan(worth):
-            continue
-        shared = Contribution(TOGETHER, one.std / np.sqrt(worth), max(worth - 1, 1), "A", ERRORS)
-        lines, missing = noise_lines(stated[:, column], one.std**2, max(worth - 1, 1))
-        unit = one.component.unit
-        found.append(
-            budget(
-                one.component.name,
-                unit,
-                [lines[0], shared, *lines[1:]] if len(lines) > 1 else [shared, *lines],
-                confidence,
-                missing,
-            )
-        )
+        freedom = max(one.effective - 1, 1.0)
+        mean = one.std / np.sqrt(one.effective)
+        shared = Contribution(TOGETHER, mean, freedom, "A", ERRORS)
+        lines, missing = noise_lines(stated[:, column], one.std**2, freedom)
+        every = [*lines[:-1], shared, lines[-1]]
+        name, unit = one.component.name, one.component.unit
+        found.append(budget(name, unit, every, confidence, missing))
     return tuple(found)
 
 

@@ -48,7 +48,10 @@ def success_table(found: Sequence[Standards]) -> Table:
     rows: list[list[Value]] = [
         [
             *(one.system, one.success.n, one.success.successes, one.success.low),
-            *(one.success.needed, "" if one.success_holds else "stops depend on each other"),
+            *(
+                one.success.needed,
+                "" if one.success_holds else "does not hold: stops depend on each other",
+            ),
         ]
         for one in found
     ]

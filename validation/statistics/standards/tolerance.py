@@ -63,7 +63,7 @@ def two_sided_factor(n: float, content: float = 0.95, confidence: float = 0.95) 
     """
     if n < 2:
         return float("nan")
-    points, weights = np.polynomial.legendre.leggauss(NODES)
+    points, weights = _nodes()
     z = REACH * (points + 1) / 2
     weights = weights * REACH * np.exp(-np.square(z) / 2) / np.sqrt(2 * np.pi)
     squares = special.chndtrix(content, 1.0, np.square(z) / n)
@@ -73,6 +73,13 @@ def two_sided_factor(n: float, content: float = 0.95, confidence: float = 0.95) 
         held = weights @ special.chdtrc(n - 1, (n - 1) * squares * np.exp(-2 * middle))
         low, high = (middle, high) if held < confidence else (low, middle)
     return float(np.exp(high))
+
+
+@lru_cache(maxsize=1)
+def _nodes() -> tuple[Array, Array]:
+    """Points and weights on (-1, 1)."""
+    points, weights = np.polynomial.legendre.leggauss(NODES)
+    return points, weights
 
 
 class FreeBound(NamedTuple):
