@@ -29,6 +29,8 @@ def vision_files(outcome: VisionOutcome) -> dict[str, str | bytes]:
         "vision_layout.csv": layout_csv(outcome.layout.layout),
     }
     files |= check_files(outcome.checks)
+    if outcome.steadiness:
+        files["vision_steadiness.csv"] = steadiness_csv(outcome)
     for camera in outcome.network.network.cameras:
         files[f"vision_camera_{camera.name}.yaml"] = write_camera(".yaml", "opencv", camera)
     return files
@@ -71,6 +73,20 @@ def detections_csv(outcome: VisionOutcome) -> str:
         for (camera, pose), detection in outcome.detections.items()
     ]
     return csv_text(["camera", "pose", "markers", *(str(n) for n in numbers)], rows)
+
+
+def steadiness_csv(outcome: VisionOutcome) -> str:
+    """Whether each camera moved: how likely so large a move is by chance, and the verdict."""
+    rows = [
+        [
+            one.camera,
+            float("nan") if one.board is None else one.board.p_value,
+            float("nan") if one.image is None else one.image.p_value,
+            one.verdict,
+        ]
+        for one in outcome.steadiness
+    ]
+    return csv_text(["camera", "board_p_value", "image_p_value", "verdict"], rows)
 
 
 def cameras_csv(network: Network) -> str:
