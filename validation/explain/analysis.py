@@ -95,13 +95,78 @@ class SystemExplanation(Shown):
 
     @property
     def name(self) -> str:
-        """Name of the explanation; 'reference_mount' also where the reference was inferred."""
+        """Name of the explanation; 'reference_mount' also where the reference was inferred.
+
+        A convention stands first ('mirrored_y', 'millimetres+frame'); 'drift' is also the name of
+        errors that last as long as the table, without an even part.
+        """
         if self.selection is None:
             return "unknown"
         name = self.selection.chosen.name
         if self.reference is not None and self.reference.accepted:
-            return name.replace("frame_mount", "reference_mount")
-        return name
+            name = name.replace("frame_mount", "reference_mount")
+        if self.wanders:
+            name = "drift"
+        read = self.selection.pairs.convention.name
+        return "+".join(one for one in (read, name) if one and not (read and one == "none"))
+
+    @property
+    def wanders(self) -> bool:
+        """Whether errors last as long as the table, and no cause is shown beside them."""
+        if self.selection is None or self.settled is None or self.settled.serial is None:
+            return False
+        return not self.selection.chosen.model.parts and bool(self.settled.serial.withheld)
+
+    @property
+    def reference_decided(self) -> bool:
+        """Whether the errors, or what was stated, leave one stop as the reference."""
+        found = self.reference
+        if found is None or not found.accepted or len(found.possible) != 1:
+            return False
+        return found.certain or found.odds > DECIDED
+
+    def credible(self, others: Sequence["SystemExplanation"] = ()) -> bool:
+        """Whether what the explanation leaves can be noise.
+
+        Parameters
+        ----------
+        others : sequence of SystemExplanation
+            The other systems of the campaign.
+
+        Notes
+        -----
+        Against the stated covariances, where there are any; else it must take away half of the
+        mean square, and leave no more than three times what the others leave, and no more than
+        `MOST_LEFT`.
+        """
+        settled = self.settled
+        if settled is None or not settled.fit.model.parts:
+            return False
+        if settled.pairs.stated:
+            return bool((settled.misfit[:, 1] <= DOUBLE).all())
+        left = _left(settled)
+        used = settled.cells[:, 0]
+        before = np.hypot(*settled.before[used, :2].T)
+        turned = settled.spread(settled.before)[2] > 2 * settled.noise[2]
+        taken = left**2 < 0.5 * float((before**2).mean()) or turned
+        rest = [_left(one.settled) for one in others if one.settled is not None]
+        close = not rest or left <= 3 * float(np.median(rest))
+        return bool(taken and close and left < MOST_LEFT)
+
+
+def _left(settled: Settled) -> float:
+    """Root mean square of the positions that are left, in metres."""
+    return float(np.hypot(*settled.noise[:2]))
+
+
+DECIDED = 20.0
+"""Odds of a reference over chance from which on it is named: one in twenty, as of all intervals."""
+DOUBLE = 2.0
+"""Times the stated noise, at the low end of its interval, up to which what is left can be noise. A
+judgement: stated covariances are seldom right to a factor below two."""
+MOST_LEFT = 0.5
+"""Metres. A judgement: a system that is off by more after its cause is taken out was not explained,
+whatever it is for."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -314,7 +379,8 @@ def _as_one(sources: Sources, copies: Sequence[Copies]) -> Sources:
 def _cells(pairs: Pairs, result: Arbitration) -> Mask:
     """(n, 2) cells of the pairs in which neither pose is flagged."""
     own = result.sources.index(pairs.system)
-    rows = [result.ids.index(name) for name in pairs.ids]
+    place = {name: row for row, name in enumerate(result.ids)}
+    rows = [place[name] for name in pairs.ids]
     usable = result.usable
     return np.asarray(usable[0, rows] & usable[own, rows])
 

@@ -104,6 +104,7 @@ def campaign_question(
         references={k: v for k, v in settings.references.items() if k in present},
         sensors={sensor: names for sensor, names in sensors.items() if len(names) > 1},
         witnesses=read_tables(files, tuple(settings.witnesses)).tables,
+        independent=tuple(tuple(names) for names in settings.independent),
         confidence=campaign.settings.comparison.confidence,
         invented=settings.invented,
         false_alarm=settings.false_alarm,

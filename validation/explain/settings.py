@@ -19,6 +19,7 @@ class ExplainSettings(Settings):
     did but it is not known which), ``sensors`` the systems that share one, ``witnesses`` files
     with rough poses from elsewhere (relative to the campaign folder) that take part only in
     deciding who is wrong at a stop, ``runs`` systems that are repeated runs of the same one.
+    ``independent`` lists systems that are no copies of one another, however alike they look.
     Stops closer than ``revisit_radius`` metres count as the same place.
     """
 
@@ -26,6 +27,7 @@ class ExplainSettings(Settings):
     sensors: dict[Name, list[Name]] = Field(default_factory=dict)
     witnesses: dict[Name, str] = Field(default_factory=dict)
     runs: dict[Name, list[Name]] = Field(default_factory=dict)
+    independent: list[list[Name]] = Field(default_factory=list)
     revisit_radius: Positive = REVISIT_RADIUS
     invented: Chance = INVENTED
     false_alarm: Chance = FALSE_ALARM

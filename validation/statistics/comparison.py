@@ -128,6 +128,7 @@ def compare(validation: PoseTable, gt: PoseTable, confidence: float = 0.95) -> C
         )
     validation, gt = validation.only(shared), gt.only(shared)
     ids = in_common([validation, gt])
+    both = set(ids)
     ours, theirs = validation.select(ids), gt.select(ids)
     errors = pose_difference(ours.poses, theirs.poses, ours.components)
     covariances = ours.covariances + theirs.covariances
@@ -139,8 +140,8 @@ def compare(validation: PoseTable, gt: PoseTable, confidence: float = 0.95) -> C
         covariances=covariances,
         nees=scores,
         nees_interval=chi_squared_interval(len(ours.components), confidence),
-        missing_in_gt=tuple(name for name in validation.ids if name not in set(ids)),
-        missing_in_validation=tuple(name for name in gt.ids if name not in set(ids)),
+        missing_in_gt=tuple(name for name in validation.ids if name not in both),
+        missing_in_validation=tuple(name for name in gt.ids if name not in both),
         unavailable=_why_unavailable(ours, theirs),
         test=_test(ours, theirs, errors, scores, confidence),
     )

@@ -83,7 +83,7 @@ class ErrorModel:
 
     def nested_in(self, other: "ErrorModel") -> bool:
         """Whether the other explains all that this one can, and more."""
-        return set(self.parts) < set(other.parts)
+        return set(self.parameters) < set(other.parameters)
 
 
 class Corrected(NamedTuple):

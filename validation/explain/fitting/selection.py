@@ -194,9 +194,10 @@ def _odds(pairs: Pairs, fits: Sequence[Fit], known: Memories) -> float:
     """Log of the odds that errors depend on their neighbours, over all explanations."""
     criteria = np.array([_criterion(one) for one in fits])
     least = criteria.min()
+    far = _FAR if len(pairs) < MANY else 0.0
     for one, value in zip(fits, criteria, strict=True):
         name = one.model.name
-        if name not in known and (value < least + _FAR or not one.model.parts):
+        if name not in known and (value <= least + far or not one.model.parts):
             known[name] = memory_of(pairs, one)
     return says_dependent(criteria, [known.get(one.model.name) for one in fits])
 
@@ -204,6 +205,11 @@ def _odds(pairs: Pairs, fits: Sequence[Fit], known: Memories) -> float:
 _FAR = 10.0
 """Of the criterion: the odds of a model that is worse are below 1 to 148, and only a memory that
 the better ones show as well could make up for that; 'none' is always looked at."""
+
+
+MANY = 1000
+"""Poses from which on only the best explanation, and none, are looked at for memories: with so many
+the second best has no weight."""
 
 
 def _criterion(found: Fit) -> float:
@@ -237,7 +243,9 @@ def _judged(
     criterion = _criterion(found)
     dependent = known is not None
     kinds = None if known is None else known.get(found.model.name)
-    worth = serial(pairs, found, kinds=kinds) if dependent else None
+    # What independent errors would do as well, lasting ones would all the more.
+    passes = all(p < threshold for p in p_values.values())
+    worth = serial(pairs, found, kinds=kinds) if dependent and passes else None
     if worth is not None:
         criterion -= 2 * joint_of(worth.kinds)
         for one in inside:
@@ -320,6 +328,8 @@ def _rivals(
             continue
         if one.model.nested_in(chosen.model):
             continue  # the test of the chosen one's parts has ruled it out
+        if not one.observability.complete or _at_its_bound(one.fit):
+            continue
         against_none = one.p_values.get("none", 0.0)
         if one.criterion - chosen.criterion < RIVAL and against_none < threshold:
             close.append(one)

@@ -1,6 +1,7 @@
 """Where fits start: from zero, from a closed form where errors are large, from a smaller model."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -39,6 +40,9 @@ def fit_all(pairs: Pairs, models: Sequence[ErrorModel], fitted: Sequence[Fit] = 
         for one in made:
             if one.model.nested_in(model) and _likelihood(one) > _likelihood(found) + LOWER:
                 found = _better(found, fit(pairs, model, begin=_within(one, model)))
+                if _likelihood(one) > _likelihood(found) + LOWER:  # stopped at a bound
+                    same = replace(one, model=model, parameters=_within(one, model)[None])
+                    found = fit(pairs, model, start=same, iterations=0)
         made.append(found)
     return made[len(fitted) :]
 

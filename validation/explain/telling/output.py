@@ -101,6 +101,12 @@ def explanation_json(explanation: Explanation) -> Mapping[str, object]:
         "flagged": result.verdicts,
         "suspects": result.suspects,
         "questions": result.questions,
+        "false_alarm_by_tails": result.rate,
+        "heavy_tails": None if result.tails is None else result.tails.heavy,
+        "copies": [
+            {"systems": one.names, "apart": one.apart, "others": one.others}
+            for one in result.copies
+        ],
         "noise": {
             name: {
                 cell: {
@@ -127,6 +133,10 @@ def _system(one: SystemExplanation, confidence: float) -> Mapping[str, object]:
     return {
         "explanation": one.name,
         "words": settled.fit.model.words,
+        "convention": selection.pairs.convention.name or None,
+        "neighbours_depend": selection.dependent,
+        "neighbours_log_odds": selection.memory if np.isfinite(selection.memory) else None,
+        "intervals_withheld": settled.serial.withheld if settled.serial is not None else "",
         "poses": len(selection.pairs),
         "left_out_as_constructed": selection.pairs.constructed,
         "reference": selection.pairs.reference or None,

@@ -74,7 +74,11 @@ def cause_table(systems: Sequence[SystemExplanation]) -> Table:
             continue
         x, y, _ = settled.spread(settled.before)
         left = settled.spread(settled.after)
-        words = settled.fit.model.words
+        read = one.selection.pairs.convention.words if one.selection else ""
+        words = "a drift" if one.wanders else settled.fit.model.words
+        if settled.fit.model.parts and not one.credible([o for o in systems if o is not one]):
+            words = f"in part: {words}"
+        words = " and ".join(part for part in (read, words) if part)
         rows.append([one.system, words, np.hypot(x, y), np.hypot(left[0], left[1]), left[2]])
     return Table(
         "Where the errors come from",

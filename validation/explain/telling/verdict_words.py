@@ -2,24 +2,51 @@
 
 from collections.abc import Sequence
 
+from validation.explain.sources.tails import HEAVY
 from validation.explain.sources.verdicts import Arbitration, Verdict, listed
 from validation.results import Finding, Severity
 
 
 def arbitration_findings(result: Arbitration) -> list[Finding]:
     """Who is wrong where, and the noise of each source."""
-    told = [_verdict(one, result.sources[0]) for one in result.verdicts]
+    told = _copies(result)
+    told += [_verdict(one, result.sources[0]) for one in result.verdicts]
     cells = int((result.present.sum(0) > 1).sum()) * 2
     text = (
         f"{len(result.verdicts)} of {cells} cells (position and heading of each stop) do not fit. "
-        f"In a table of good poses the chance of even one is {100 * result.false_alarm:.3g} % "
-        f"(over all {result.questions} tests together)."
+        f"In a table of good poses with normal errors the chance of even one is "
+        f"{100 * result.false_alarm:.3g} % (over all {result.questions} tests together)."
     )
+    if result.tails is not None and result.tails.heavy > HEAVY:
+        text += (
+            " But the errors of this table have heavier tails than normal ones (like Student's "
+            f"with about {result.tails.freedom:.2g} degrees of freedom): in good tables with such "
+            f"tails the chance is about {100 * result.rate:.2g} %, and a flag says that a pose is "
+            "off, not that somebody made a mistake."
+        )
     told.append(Finding("note", text, "all sources", "arbitration"))
     told += _suspects(result)
     told += _pairs_only(result)
     told.append(_hat(result))
     return told
+
+
+def _copies(result: Arbitration) -> list[Finding]:
+    """Tables that are copies of one another."""
+    told = []
+    for one in result.copies:
+        text = (
+            f"{listed(one.names)} differ by {_size(one.apart)} only (typically, a frame and a "
+            f"mount taken out), but by {_size(one.others)} or more from any other source. That is "
+            "too little for independent errors: one is a copy of another, or derived from it. They "
+            "count as one witness; if they are independent, state it in [explain] independent."
+        )
+        told.append(Finding("warning", text, listed(one.names), "copies"))
+    return told
+
+
+def _size(length: float) -> str:
+    return "less than 0.1 mm" if length < 1e-4 else f"{1000 * length:.1f} mm"
 
 
 def _suspects(result: Arbitration) -> list[Finding]:
@@ -43,7 +70,11 @@ def _verdict(one: Verdict, validation: str) -> Finding:
     size = f"{one.size:.3f} {'m' if one.cell == 'position' else 'rad'}"
     code = {"sure": "wrong_pose", "likely": "likely_wrong_pose"}.get(one.certainty, "disputed_pose")
     if one.certainty == "undecided":
-        text = f"The {one.cell} is off by {size}: {one.reason}."
+        text = (
+            f"The {one.cell} is off by {size}: {one.reason}. To decide: measure this stop again, "
+            "by the survey and by something that has no part in any of them, as a tape from two "
+            "marks, and give it as a witness."
+        )
     else:
         how = "is" if len(one.blamed) == 1 else "are"
         how += "" if one.certainty == "sure" else " most likely"
@@ -88,4 +119,10 @@ def _hat(result: Arbitration) -> Finding:
 
 
 def _range(ends: Sequence[float], unit: str) -> str:
+    if 1000 * ends[1] < SHOWN:
+        return f"below {SHOWN:g} {unit}"
     return f"{1000 * ends[0]:.1f} to {1000 * ends[1]:.1f} {unit}"
+
+
+SHOWN = 0.1
+"""Millimetres and milliradians below which no figure is told: the digits of printed tables."""

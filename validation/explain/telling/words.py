@@ -1,5 +1,7 @@
 """The explanation in plain sentences, made from its numbers and from nothing else."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from validation.explain.analysis import Explanation, SystemExplanation
@@ -10,6 +12,7 @@ from validation.explain.sources.agreement import MOUNT, Agreement
 from validation.explain.sources.reference import RULED_OUT, ReferenceEvidence
 from validation.explain.sources.verdicts import listed
 from validation.explain.telling.verdict_words import arbitration_findings
+from validation.poses.angles import Array
 from validation.results import Finding
 from validation.statistics.hypotheses import Parameter
 
@@ -29,21 +32,26 @@ def findings(explanation: Explanation) -> list[Finding]:
         if one.unit_doubt:
             text = one.unit_doubt[0].upper() + one.unit_doubt[1:]
             told.append(Finding("warning", text, one.system, "perhaps_degrees"))
-        told += system_findings(one, explanation.question.confidence)
+        rest = [other for other in explanation.systems if other is not one]
+        told += system_findings(one, explanation.question.confidence, rest)
     told += [_agreement(one, explanation.question.confidence) for one in explanation.agreements]
     told += arbitration_findings(explanation.arbitration)
     return told
 
 
-def system_findings(one: SystemExplanation, confidence: float) -> list[Finding]:
-    """What was found out about one system."""
+def system_findings(
+    one: SystemExplanation, confidence: float, others: Sequence[SystemExplanation] = ()
+) -> list[Finding]:
+    """What was found out about one system, beside the others."""
     if one.selection is None or one.settled is None:
         text = (
             "There are too few poses in common with the validation to explain the errors; "
             "survey at least four stops at different headings, better twenty."
         )
         return [Finding("warning", text, one.system, "too_few_poses")]
-    told = [_cause(one, one.selection, one.settled, confidence)]
+    told = _convention(one.selection)
+    told.append(_cause(one, one.selection, one.settled, confidence, others))
+    told += dependence_findings(one.selection, one.settled, one.system)
     if one.settled.fit.model.parts:
         evidence = f"{_sureness(one.selection)} {_taken_away(one.settled)}"
         told.append(Finding("note", evidence, one.system, "evidence"))
@@ -69,15 +77,23 @@ def _number(value: float, unit: str) -> str:
 
 def parameter_text(one: Parameter) -> str:
     """'mount x -89.3 mm (-92.8 to -85.8)'."""
+    if np.isnan(one.low):
+        return f"{one.name.replace('_', ' ')} {_number(one.value, one.unit)}"
     low, high = (_number(value, one.unit).split(" ")[0] for value in (one.low, one.high))
     return f"{one.name.replace('_', ' ')} {_number(one.value, one.unit)} ({low} to {high})"
 
 
 def _cause(
-    one: SystemExplanation, selection: Selection, settled: Settled, confidence: float
+    one: SystemExplanation,
+    selection: Selection,
+    settled: Settled,
+    confidence: float,
+    others: Sequence[SystemExplanation],
 ) -> Finding:
     """Which explanation, how large, how sure, what it takes away, what to measure."""
     model = settled.fit.model
+    if one.wanders:
+        return Finding("warning", _wandering(settled), one.system, "drift")
     if not model.parts:
         best = min(selection.candidates[1:], key=lambda item: item.criterion)
         p = best.p_values.get("none", 1.0)
@@ -89,9 +105,18 @@ def _cause(
         return Finding("good", text, one.system, "no_systematic_error")
     values = [p for p in settled.parameters(confidence) if p.name in model.parameters]
     said = ", ".join(parameter_text(value) for value in values)
+    withheld = settled.serial is not None and settled.serial.withheld
+    how = f"no intervals: {withheld}" if withheld else f"{100 * confidence:.3g} % intervals"
+    credible = one.credible(others)
+    begin = "Explained by" if credible else "In part, at most, by"
+    left = 1000 * settled.noise
+    doubt = "" if credible else (
+        f" What is left (x {left[0]:.1f} mm, y {left[1]:.1f} mm) is more than noise would be: "
+        "there is another cause, or the noise is larger than is known."
+    )  # fmt: skip
     text = (
-        f"Explained by {_named(one, model)}{_or(selection)}: {said} "
-        f"({100 * confidence:.3g} % intervals). {_change(settled)} {measure(one, settled)}"
+        f"{begin} {_named(one, model)}{_or(selection)}: {said} ({how}). {_change(settled)}{doubt} "
+        f"{measure(one, settled)}"
     )
     return Finding("warning", text, one.system, "systematic_error")
 
@@ -126,11 +151,64 @@ def _named(one: SystemExplanation, model: ErrorModel) -> str:
         assert one.selection is not None
         return f"{model.words} {one.selection.pairs.reference}"
     if one.reference is not None and one.reference.accepted:
+        which = one.reference.possible[0] if one.reference_decided else "which is not decided"
         return (
-            "a wrong mount that also shifted the frame through a reference pose (inferred: "
-            f"{' or '.join(one.reference.possible)})"
+            f"a wrong mount that also shifted the frame through a reference pose (inferred: {which})"
         )
     return model.words
+
+
+def _convention(selection: Selection) -> list[Finding]:
+    """A convention in which the table differs from the validation."""
+    read = selection.pairs.convention
+    if not read.name:
+        return []
+    text = (
+        f"This table has {read.words}, compared with the validation. It was read so, and all that "
+        "follows is of the poses as they were read. Correct the table; if the validation is what "
+        "is wrong, correct that."
+    )
+    if "direction_of_motion" in read.name:
+        text += " Headings of motion say nothing of the robot's; compare its positions alone."
+    return [Finding("error", text, selection.pairs.system, "convention")]
+
+
+def dependence_findings(selection: Selection, settled: Settled, system: str) -> list[Finding]:
+    """Whether errors depend on those of their neighbours, and what that does."""
+    if not selection.dependent or settled.serial is None:
+        return []
+    kinds = zip(("positions", "headings"), settled.serial.kinds, strict=True)
+    said = "; ".join(
+        f"what is left of the {name} of neighbours has a correlation of {kind.neighbours:.1f} and "
+        f"lasts for about {kind.length:.2g} poses ({len(kind.steps)} tell a mean as well as "
+        f"{kind.effective():.2g} independent ones)"
+        for name, kind in kinds
+        if kind.weights[0] < 0.5  # more likely than not
+    )
+    what = settled.serial.withheld
+    then = (
+        f"Intervals are withheld: {what}."
+        if what
+        else "Intervals and tests allow for that: they are wider than for independent errors."
+    )
+    odds = _times(float(np.exp(min(selection.memory, 700.0))))
+    text = (
+        f"Errors depend on those of their neighbours in order ({odds} as likely as that they do "
+        f"not): {said or 'neighbours are alike'}. {then} Repeat stops at another time, in another "
+        "order."
+    )
+    return [Finding("warning", text, system, "dependent_errors")]
+
+
+def _wandering(settled: Settled) -> str:
+    """Errors that last as long as the table."""
+    left = settled.spread(settled.before)
+    return (
+        "The errors drift: those of neighbours are alike for as long as the table, so that a "
+        f"constant cause cannot be told from them. Around their mean they spread by x "
+        f"{1000 * left[0]:.1f} mm, y {1000 * left[1]:.1f} mm, theta {1000 * left[2]:.1f} mrad. To "
+        "confirm: return to the first stops; the error there must have changed."
+    )
 
 
 def _sureness(selection: Selection) -> str:
@@ -160,40 +238,47 @@ def _times(odds: float) -> str:
     return f"{odds:.{'0f' if odds > 3 else '1f'}} times"
 
 
+def _rms(settled: Settled, errors: Array) -> Array:
+    """(3,) root mean square of x, y and theta over the cells used: mean and spread together."""
+    mean, spread = settled.mean(errors), settled.spread(errors)
+    n = settled.cells.sum(0)[[0, 0, 1]]
+    return np.asarray(np.sqrt(mean**2 + spread**2 * (n - 1) / np.maximum(n, 1)))
+
+
 def _change(settled: Settled) -> str:
-    """Mean and spread before and after in short."""
-    both = settled.before, settled.after
-    mean = " to ".join("({:+.1f}, {:+.1f})".format(*1000 * settled.mean(e)[:2]) for e in both)
-    spread = " to ".join("({:.1f}, {:.1f})".format(*1000 * settled.spread(e)[:2]) for e in both)
+    """Root mean square before and after in short."""
+    said = " to ".join(
+        "({:.1f}, {:.1f})".format(*1000 * _rms(settled, errors)[:2])
+        for errors in (settled.before, settled.after)
+    )
     return (
-        "Taking it out changes, in mm in x and y where nothing is flagged, the mean from "
-        f"{mean} and the standard deviation around it from {spread}."
+        "Taking it out brings the root mean square of x and y, in mm where nothing is flagged, "
+        f"from {said}."
     )
 
 
 def _taken_away(settled: Settled) -> str:
-    """Spread before and after, of the cells used."""
-    before, after = settled.spread(settled.before), settled.spread(settled.after)
-    explained = settled.explained
+    """What the explanation takes away of the cells used: of their mean, and of their spread."""
+    both = settled.before, settled.after
+    (first, last), (before, after) = (
+        [what(errors) for errors in both] for what in (settled.mean, settled.spread)
+    )
     parts = []
     for column, name in enumerate(("x", "y", "theta")):
         unit = "mrad" if column == 2 else "mm"
-        change = f"{name} from {1000 * before[column]:.1f} to {1000 * after[column]:.1f} {unit}"
-        if column < 2:
-            # Noise of the noise estimate can make the share fall below zero.
-            share = 100 * max(explained[column], 0.0)
-            change += f" ({share:.0f} % of the mean square explained)"
-        parts.append(change)
+        square = first[column] ** 2 + before[column] ** 2
+        rest = last[column] ** 2 + after[column] ** 2
+        # Noise of the noise estimate can make the share fall below zero.
+        share = 100 * max(1 - rest / square, 0.0) if square > 0 else 0.0
+        parts.append(
+            f"{name} {share:.0f} % (mean from {1000 * first[column]:+.1f} to "
+            f"{1000 * last[column]:+.1f}, spread from {1000 * before[column]:.1f} to "
+            f"{1000 * after[column]:.1f} {unit})"
+        )
     used, n = settled.cells.sum(0), len(settled.cells)
-    first, last = settled.mean(settled.before), settled.mean(settled.after)
-    means = ", ".join(
-        f"{name} from {1000 * first[column]:+.1f} to {1000 * last[column]:+.1f} mm"
-        for column, name in enumerate("xy")
-    )
     return (
-        "Taking it out changes, where nothing is flagged "
-        f"({used[0]} of {n} positions, {used[1]} of {n} headings), the standard deviation around "
-        f"the mean: {', '.join(parts)}; and the mean: {means}."
+        "Of the mean square it takes away, where nothing is flagged "
+        f"({used[0]} of {n} positions, {used[1]} of {n} headings): {', '.join(parts)}."
     )
 
 
@@ -223,12 +308,14 @@ def measure(one: SystemExplanation, settled: Settled) -> str:
             "the error must vanish at the heading of the reference pose and be largest, "
             f"{2 * float(np.hypot(values['mount_x'], values['mount_y'])):.3f} m, opposite to it"
         )
-    if "frame" in parts and not through:
+    if {"frame", "shift"} & set(parts) and not through:
         advice.append(
             "let the system locate the marks of the Vframe itself; they must be off by this much"
         )
     if "scale" in parts:
         advice.append("measure a long known distance, such as the pole, with the system")
+    if "drift" in parts:
+        advice.append("return to the first stops after the last: the error there must have grown")
     if "time" in parts:
         advice.append("repeat with the robot at rest, where the error must vanish")
     return f"To confirm: {'; '.join(advice)}." if advice else ""
