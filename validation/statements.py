@@ -7,6 +7,12 @@ from validation.campaign.folder import Campaign
 from validation.explain.analysis import Explanation
 from validation.explain.telling.budgets import system_budgets
 from validation.results import Finding, Section
+from validation.statistics.by_source import (
+    SourceDifference,
+    source_differences,
+    source_findings,
+    source_section,
+)
 from validation.statistics.claims import JudgedClaim, claims_section, judge_claims
 from validation.statistics.comparison import Comparison
 from validation.statistics.evaluation import Evaluation
@@ -41,6 +47,8 @@ class Statements:
         By names relative to results/.
     standards : sequence of Standards
         Of each compared system.
+    by_source : sequence of SourceDifference
+        Errors between who made the poses, where the tables say so.
     """
 
     sections: Sequence[Section] = ()
@@ -48,6 +56,7 @@ class Statements:
     findings: Sequence[Finding] = ()
     files: dict[str, str] = field(default_factory=dict)
     standards: Sequence[Standards] = ()
+    by_source: Sequence[SourceDifference] = ()
 
 
 def make_statements(
@@ -80,6 +89,10 @@ def make_statements(
     if pairs:
         sections.append(paired_section(pairs))
         files["paired.csv"] = _paired_csv(pairs)
+    makers = [one for each in evaluations for one in source_differences(each)]
+    if makers:
+        sections.append(source_section(makers))
+        new += source_findings(makers)
     if comparison.published_statistics:
         printed = load_printed(campaign.folder / comparison.published_statistics)
         judged = judged_numbers(printed, evaluated(evaluations))
@@ -103,7 +116,7 @@ def make_statements(
     if standards:
         last.append(standards_section(standards))
         files["standards.csv"] = standards_csv(standards)
-    return Statements(sections, last, new, files, standards)
+    return Statements(sections, last, new, files, standards, makers)
 
 
 def _errors_of(comparison: Comparison) -> dict[tuple[str, str], float]:

@@ -1,12 +1,14 @@
 """All that the survey makes of a campaign folder, before it is told to anyone."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from survey.campaign.inputs import SurveyInputs
 from survey.causes.diagnosis import Diagnosis
 from survey.estimation.solve import SurveySolution
 from survey.published.as_published import AsPublished
 from survey.published.check import PublishedComparison
+from survey.readings.point_names import robot_point
+from survey.readings.readings import Readings
 from validation.campaign.folder import Campaign
 from validation.poses.pose_table import PoseTable
 
@@ -42,4 +44,27 @@ class SurveyOutcome:
     def poses(self) -> PoseTable | None:
         """The validation poses: from readings where there are any of stops, else published."""
         own = None if self.solution is None else self.solution.pose_table()
-        return own or self.inputs.published_poses
+        if own is None:
+            return self.inputs.published_poses
+        return with_makers(own, self.inputs.readings)
+
+
+def with_makers(table: PoseTable, readings: Readings) -> PoseTable:
+    """The poses, each with its observer and its day in its source, where there is one of them."""
+    told: dict[str, tuple[set[str], set[str]]] = {}
+    rows = zip(readings.start, readings.end, readings.observer, readings.time, strict=True)
+    for start, end, observer, time in rows:
+        stop = robot_point(start) or robot_point(end)
+        if stop:
+            observers, days = told.setdefault(stop[0], (set(), set()))
+            observers.add(observer)
+            days.add(time.replace(" ", "T").split("T")[0])
+    sources = []
+    for name, source in zip(table.ids, table.sources, strict=True):
+        observers, days = told.get(name, (set(), set()))
+        kinds = (("observer", observers), ("day", days))
+        parts = [
+            f"{kind} {one}" for kind, names in kinds if len(names) == 1 for one in names if one
+        ]
+        sources.append(", ".join([source, *parts]))
+    return replace(table, sources=tuple(sources))

@@ -88,13 +88,18 @@ def compare(
         evaluations, findings = _compared(validation, gt, method_of(normal), stops, own_frame)
         if as_json:
             from validation.report.evaluation_json import evaluation_json, position_json
+            from validation.statistics.by_source import source_differences, source_json
             from validation.statistics.standards.summary import standards_json, standards_of
 
             said = {one.system: standards_json(standards_of(one)) for one in evaluations}
             print_json(
                 {
                     "comparisons": [
-                        {**evaluation_json(one), "standards": said[one.system]}
+                        {
+                            **evaluation_json(one),
+                            "standards": said[one.system],
+                            "by_source": source_json(source_differences(one)),
+                        }
                         for one in evaluations
                     ],
                     "systems": {one.system: position_json(one) for one in evaluations},
@@ -193,6 +198,7 @@ def _compared(
     from validation.published.moving import at_stops
     from validation.results import VALIDATION_SYSTEM
     from validation.solving import late_finding
+    from validation.statistics.by_source import source_differences, source_findings
     from validation.statistics.conclusions import conclusions
     from validation.statistics.evaluation import evaluate
 
@@ -221,5 +227,8 @@ def _compared(
         raise click.UsageError("give at least one GT table to compare with the validation table")
     evaluations = [evaluate(truth, table, settings, method) for table in systems]
     concluded = [finding for one in evaluations for finding in conclusions(one)]
+    concluded += [
+        finding for one in evaluations for finding in source_findings(source_differences(one))
+    ]
     late = late_finding("results", found.others)
     return evaluations, [*found.findings, *late, *concluded]

@@ -59,6 +59,7 @@ def _print_run_json(done: "RunResult", page: Path | None) -> None:
     """A run for scripts."""
     from validation.report.evaluation_json import evaluation_json
     from validation.report.terminal import print_json
+    from validation.statistics.by_source import source_json
     from validation.statistics.standards.summary import standards_json
 
     said = {one.system: standards_json(one) for one in done.statements.standards}
@@ -71,7 +72,13 @@ def _print_run_json(done: "RunResult", page: Path | None) -> None:
             "systems": {system.name: system.result.facts for system in done.systems},
             "time": done.in_time.facts if done.in_time else {},
             "comparisons": [
-                {**evaluation_json(one), "standards": said.get(one.system)}
+                {
+                    **evaluation_json(one),
+                    "standards": said.get(one.system),
+                    "by_source": source_json(
+                        [each for each in done.statements.by_source if each.system == one.system]
+                    ),
+                }
                 for one in done.evaluations
             ],
             "findings": done.findings,

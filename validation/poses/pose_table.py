@@ -47,6 +47,8 @@ PLANAR = (
     Component("y", "length", "y"),
     Component("theta", "angle", "t"),
 )
+MAKERS = ("camera", "scanner", "receiver", "observer", "day")
+"""Kinds of who makes a pose: a source says 'camera 2, day 2023-05-04'."""
 SPATIAL = (
     Component("x", "length", "x"),
     Component("y", "length", "y"),
@@ -334,7 +336,7 @@ def from_csv(
             for c in components
         ),
         *(Column(name, "number", required=False, blank=True) for name in names),
-        Column("source", required=False, blank=True),
+        *(Column(name, required=False, blank=True) for name in ("source", *MAKERS)),
     ]
     csv = read_csv(path, columns)
     csv.flag_duplicates(["pose"])
@@ -368,8 +370,15 @@ def from_csv(
         poses=np.column_stack([csv.numbers[c.name] for c in components]),
         covariances=covariances,
         components=components,
-        sources=tuple(csv.text["source"]),
+        sources=tuple(map(_source, *(csv.text[name] for name in (*MAKERS, "source")))),
     )
+
+
+def _source(*cells: str) -> str:
+    """The source of a pose, with who made it: 'board, camera 2, day 2023-05-04'."""
+    own, told = cells[-1], zip(MAKERS, cells, strict=False)
+    new = [f"{kind} {name}" for kind, name in told if name and f"{kind} " not in own]
+    return ", ".join([own, *new] if own else new)
 
 
 def to_tum(table: PoseTable, times: Mapping[str, float] | None = None) -> str:

@@ -9,7 +9,6 @@ from validation.errors import InputError, Problem
 from validation.poses.pose_table import PoseTable, from_csv
 from validation.published.moving import moving_result
 from validation.results import VALIDATION_SYSTEM, Finding, SystemResult
-from validation.text_files.csv_tables import Column, read_csv
 from validation.trajectories.formats import is_trajectory
 
 
@@ -82,8 +81,7 @@ def published_table(folder: Path, entry: Published) -> PoseTable:
     folder : Path
         Campaign folder; the file's path is relative to it.
     entry : Published
-        The entry. The file's columns are those of `validation.poses.pose_table.from_csv`; a column
-        ``camera`` is used for blank sources.
+        The entry. The file's columns are those of `validation.poses.pose_table.from_csv`.
 
     Raises
     ------
@@ -97,13 +95,8 @@ def published_table(folder: Path, entry: Published) -> PoseTable:
         expected = f"poses of {len(components)} components need as many sigmas"
         raise InputError([Problem(path, expected, field="sigmas", value=str(entry.sigmas))])
     table = from_csv(path, system=entry.system, sigmas=entry.sigmas, components=components)
-    cameras = read_csv(path, [Column("camera", required=False, blank=True)]).text["camera"]
-    sources = tuple(
-        source or (f"camera {camera}" if camera else "")
-        for source, camera in zip(table.sources, cameras, strict=True)
-    )
     provenance = {"published": entry.source, "file": entry.file, "assumed_sigmas": entry.sigmas}
-    return replace(table, sources=sources, provenance=provenance)
+    return replace(table, provenance=provenance)
 
 
 def assumed_sigmas(table: PoseTable) -> list[Finding]:
