@@ -70,6 +70,10 @@ def test_findings_files_and_figures(rendered, outcome):
     rows = list(csv.DictReader(result.files["vision_detections.csv"].splitlines()))
     seen = sum(row["89"] == "yes" for row in rows)
     assert seen == sum(89 in d.numbers for d in outcome.detections.values())
+    moved = list(csv.DictReader(result.files["vision_steadiness.csv"].splitlines()))
+    assert [(row["camera"], row["verdict"]) for row in moved] == [
+        (one.camera, one.verdict) for one in outcome.steadiness
+    ]
     for section in result.sections:
         for block in section.blocks:
             if hasattr(block, "draw"):
