@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 Explored = tuple[Unknown, Convergence]
 RADIUS, SEED = 5.0, 1
 """Largest distance of a start, metres, and the seed of all starts."""
+MOST_UNKNOWNS = 100
+"""Points and stops up to which each is explored: with 500 stops it took a minute, the survey
+itself three seconds."""
 
 
 def regions_chapter(outcome: SurveyOutcome) -> SystemResult:
@@ -32,6 +35,12 @@ def regions_chapter(outcome: SurveyOutcome) -> SystemResult:
     starts = outcome.inputs.settings.convergence_starts
     if solution is None or file is None or not starts:
         return SystemResult()
+    if len(solution.world.points) + len(solution.frames) > MOST_UNKNOWNS:
+        said = (
+            f"where starts lead is not tried for more than {MOST_UNKNOWNS} points and stops "
+            "together: it would take longer than all else"
+        )
+        return SystemResult(findings=[Finding("note", f"{said}.", "survey", "convergence")])
     unknowns = unknowns_of(solution, file.used, outcome.campaign.settings.robot_frame)
     try:
         found = explore(unknowns, starts, RADIUS, PASSES, SEED, no_progress)
