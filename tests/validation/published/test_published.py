@@ -39,7 +39,7 @@ def test_a_camera_column_tells_the_source(tmp_path):
         "pose,camera,x,y,theta,source\n1,4+1,0,0,0,\n2,,0,0,0,\n3,2,0,0,0,by hand\n"
     )
     table = published_table(tmp_path, Published(system="a", file="a.csv"))
-    assert table.sources == ("camera 4+1", "", "by hand")
+    assert table.sources == ("camera 4+1", "", "by hand, camera 2")
 
 
 def test_a_system_published_twice_is_an_error(tmp_path):
