@@ -115,7 +115,8 @@ class SystemExplanation(Shown):
         """Whether errors last as long as the table, and no cause is shown beside them."""
         if self.selection is None or self.settled is None or self.settled.serial is None:
             return False
-        return not self.selection.chosen.model.parts and bool(self.settled.serial.withheld)
+        plain = not self.selection.chosen.model.parts and self.selection.memory > np.log(DECIDED)
+        return plain and bool(self.settled.serial.withheld)
 
     @property
     def reference_decided(self) -> bool:
@@ -234,32 +235,21 @@ def explain(
     share = question.invented / max(len(systems), 1)
     selections = [select(one, share) if len(one) >= FEWEST else None for one in pairs]
     everything = [np.ones((len(one), 2), dtype=bool) for one in pairs]
-    settled = [
-        None
-        if chosen is None
-        else settle(one, chosen.chosen.fit, cells, dependent=chosen.dependent)
-        for one, chosen, cells in zip(pairs, selections, everything, strict=True)
-    ]
+    apart = _settled(pairs, selections, everything, aside=True)
     # The first arbitration takes the robust fits, which no gross error has moved.
-    first = _sources(validation, systems, pairs, _robust(selections), settled, question)
+    first = _sources(validation, systems, pairs, _robust(selections), apart, question)
     copies = find_copies(first.names, first.poses, question.independent)
     judged = judge(_as_one(first, copies), question.false_alarm)
     for _ in range(_ROUNDS):
-        settled = [
-            None
-            if chosen is None
-            else settle(
-                one, chosen.chosen.fit, _cells(one, judged.result), dependent=chosen.dependent
-            )
-            for one, chosen in zip(pairs, selections, strict=True)
-        ]
+        apart = _settled(pairs, selections, [_cells(p, judged.result) for p in pairs], aside=True)
         before = judged.result
-        again = _sources(validation, systems, pairs, settled, settled, question)
+        again = _sources(validation, systems, pairs, apart, apart, question)
         judged = judge(_as_one(again, copies), question.false_alarm)
         same = (before.bad == judged.result.bad).all()
         if same and (before.doubtful == judged.result.doubtful).all():
             break
     result = replace(judged_by_tails(judged), copies=copies)
+    settled = _settled(pairs, selections, [_cells(p, before) for p in pairs], aside=False)
     noise = _least_noise(settled)
     explained = tuple(
         SystemExplanation(
@@ -309,6 +299,24 @@ def _stated_reference(question: Question, system: str) -> str:
     return "" if stop == UNKNOWN_STOP else stop
 
 
+def _settled(
+    pairs: Sequence[Pairs],
+    selections: Sequence[Selection | None],
+    cells: Sequence[Mask],
+    *,
+    aside: bool,
+) -> list[Settled | None]:
+    """Each explanation without flagged cells: as it is told, or what is set aside to compare."""
+    made: list[Settled | None] = []
+    for pair, one, used in zip(pairs, selections, cells, strict=True):
+        if one is None:
+            made.append(None)
+            continue
+        found = one.taken_out if aside else one.chosen
+        made.append(settle(pair, found.fit, used, dependent=one.dependent and not aside))
+    return made
+
+
 def _robust(selections: Sequence[Selection | None]) -> list[Settled | None]:
     """The robust fits in the form of settled ones."""
     return [
@@ -316,8 +324,8 @@ def _robust(selections: Sequence[Selection | None]) -> list[Settled | None]:
         if one is None
         else Settled(
             one.pairs,
-            one.chosen.fit,
-            one.chosen.fit.weights[0] > 0.5,  # more good than bad
+            one.taken_out.fit,
+            one.taken_out.fit.weights[0] > 0.5,  # more good than bad
             np.zeros(2),
             np.zeros(2),
         )

@@ -153,3 +153,21 @@ def campaign(kind, seed):
         systems.append(table(OTHERS[number], poses, SIGMA if kind.stated else None))
     sigma = np.maximum(own, 0.001) if kind.stated else None
     return table("survey", wrapped(survey), sigma), systems, stop
+
+
+def copied(n, seed, *, near=0.0, others=0):
+    """A survey, a system with two wrong stops, a copy of it, and the names of the guilty.
+
+    ``near`` is the noise of the copy over the system's; ``others`` how many more systems there are.
+    """
+    rng = np.random.default_rng([n, seed, others, int(1000 * near)])
+    truth = stops_of("room", rng, n)
+    survey = truth + rng.normal(size=truth.shape) * 0.6 * SIGMA
+    wrong = truth + rng.normal(size=truth.shape) * SIGMA
+    wrong[rng.choice(n, 2, replace=False), 0] += 0.15
+    copy = wrong + near * rng.normal(size=truth.shape) * SIGMA
+    systems = [table("rig", wrapped(wrong)), table("copy", wrapped(copy))]
+    for name in OTHERS[1 : 1 + others]:
+        good = truth + rng.normal(size=truth.shape) * SIGMA
+        systems.append(table(name, wrapped(good)))
+    return table("survey", wrapped(survey)), systems, {"rig", "copy"}

@@ -56,6 +56,8 @@ class Candidate:
         Whether every part passes its test and prediction gains.
     serial : Serial, optional
         What its parameters are worth where errors depend on their neighbours.
+    alone : bool
+        Whether it would be needed if errors were independent.
     """
 
     fit: Fit
@@ -65,6 +67,7 @@ class Candidate:
     observability: Observability
     needed: bool
     serial: Serial | None = None
+    alone: bool = False
 
     @property
     def model(self) -> ErrorModel:
@@ -111,6 +114,19 @@ class Selection:
     def candidate(self, name: str) -> Candidate:
         """The one with that name."""
         return next(one for one in self.candidates if one.name == name)
+
+    @property
+    def taken_out(self) -> Candidate:
+        """What is taken out before sources are compared with each other.
+
+        The chosen one; where errors depend on their neighbours, what would be chosen if they did
+        not: whether it is a cause or lasts by chance, it is no fault of single poses.
+        """
+        if not self.dependent:
+            return self.chosen
+        return min(
+            (one for one in self.candidates if one.alone), key=lambda one: _criterion(one.fit)
+        )
 
     @property
     def weights(self) -> dict[str, float]:
@@ -245,6 +261,9 @@ def _judged(
     kinds = None if known is None else known.get(found.model.name)
     # What independent errors would do as well, lasting ones would all the more.
     passes = all(p < threshold for p in p_values.values())
+    sound = seen.complete and not _at_its_bound(found)
+    better = all(loo.score > one.loo.score for one in inside)
+    alone = passes and better and sound
     worth = serial(pairs, found, kinds=kinds) if dependent and passes else None
     if worth is not None:
         criterion -= 2 * joint_of(worth.kinds)
@@ -252,10 +271,8 @@ def _judged(
             lasting = _dropped(worth, found, one.fit)
             p_values[one.name] = max(p_values[one.name], lasting)
     # A pose is predicted well by whatever its neighbours share with it: no test of a cause.
-    better = dependent or all(loo.score > one.loo.score for one in inside)
-    needed = all(p < threshold for p in p_values.values()) and better
-    needed = needed and seen.complete and not _at_its_bound(found)
-    return Candidate(found, loo, criterion, p_values, seen, needed, worth)
+    needed = all(p < threshold for p in p_values.values()) and sound and (dependent or better)
+    return Candidate(found, loo, criterion, p_values, seen, needed, worth, alone)
 
 
 def _dropped(worth: Serial, full: Fit, simple: Fit) -> float:

@@ -141,7 +141,8 @@ def serial(
     if slip:  # the slip's own row, which no memory touches
         both = both + _slip_row(found, own, k)
     both = both.reshape(len(weights), k, k)
-    dof = float((good.sum(0) * DIMENSIONS).sum() - k)
+    # Of the poses, not of their numbers: x, y and headings that last alike tell the same thing.
+    dof = float((good.sum(0) * DIMENSIONS).sum() - k) / 3
     return Serial(kinds, weights / weights.sum(), both, max(dof, 1.0))
 
 
