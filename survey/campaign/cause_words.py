@@ -63,6 +63,19 @@ def _line(outcome: SurveyOutcome, diagnosis: Diagnosis, k: int, others: int) -> 
     return Finding("error", text, _subject(best.what), "cause")
 
 
+def cause_of_failure(diagnosis: Diagnosis, readings: Readings) -> str | None:
+    """The cause for which a survey cannot be solved, in one sentence; None if there is none."""
+    if not diagnosis.found:
+        return None
+    causes = diagnosis.found[0]
+    best = causes.ranking.best
+    text = said(best, readings.select(causes.rows))
+    return (
+        f"the survey cannot be solved, and one cause explains it: {text}. {_against(causes)}. m0 "
+        f"would be {best.m0:.2f}. To confirm it: {_confirm(best.what, best.parameters)}"
+    )
+
+
 def _subject(lead: Lead) -> str:
     if lead.extent == "station" or lead.kind in {"rig_mark", "stop_number"}:
         return f"pose {lead.subject[0]}"

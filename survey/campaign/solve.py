@@ -1,12 +1,15 @@
 """From the files of a campaign to what its survey gives."""
 
+from survey.campaign.cause_words import cause_of_failure
 from survey.campaign.inputs import load_inputs
 from survey.campaign.outcome import SurveyOutcome
-from survey.causes.diagnosis import diagnose
+from survey.causes.diagnosis import diagnose, diagnose_unsolved
+from survey.estimation.adjustment import UnsettledError
 from survey.estimation.solve import solve_survey
 from survey.published.as_published import as_published_estimates
 from survey.published.check import compare_published
 from validation.campaign.folder import Campaign
+from validation.errors import GtvalError
 from validation.systems import Progress, no_progress
 
 
@@ -40,15 +43,20 @@ def solve_campaign(
         return SurveyOutcome(campaign, inputs)
     vframe, rig = campaign.settings.vframe, campaign.settings.robot_frame
     readings, evidence = inputs.file.used, inputs.evidence
-    solution = solve_survey(
-        vframe,
-        rig,
-        readings,
-        inputs.settings.world_points,
-        evidence,
-        robust=inputs.settings.robust if robust is None else robust,
-        progress=progress,
-    )
+    world_points = inputs.settings.world_points
+    try:
+        solution = solve_survey(
+            vframe,
+            rig,
+            readings,
+            world_points,
+            evidence,
+            robust=inputs.settings.robust if robust is None else robust,
+            progress=progress,
+        )
+    except UnsettledError as error:
+        cause = cause_of_failure(diagnose_unsolved(vframe, rig, readings, world_points), readings)
+        raise GtvalError(cause or str(error)) from None
     published = None
     if evidence.published:
         published = compare_published(evidence.published, solution.world, readings, solution.vframe)

@@ -1,6 +1,6 @@
 """Errors that many readings share: an offset, a scale, a height."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +8,6 @@ import numpy as np
 from survey.causes.lead import Lead, Log, effect_size
 from survey.causes.linear import Linear, gains
 from survey.causes.trial import Effect, Law, Rows, Trial, law
-from survey.readings.point_names import robot_point
 from validation.poses.angles import Array
 
 LEAST_ROWS = 4
@@ -24,7 +23,7 @@ moved to another mark."""
 
 def common_error_leads(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
     """All sets of readings that may share an offset, a scale or a height."""
-    sets = list(_sets(log))
+    sets = list(sets_of(log))
     for kind in ("offset", "scale"):
         columns = _columns(trial, linear, kind)
         masks = np.zeros((len(columns), len(sets)))
@@ -38,7 +37,7 @@ def common_error_leads(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]
     yield from _heights(trial, linear, log)
 
 
-def _sets(log: Log) -> Iterator[tuple[str, tuple[str, ...], Rows, float]]:
+def sets_of(log: Log) -> Iterator[tuple[str, tuple[str, ...], Rows, float]]:
     """Extent, subject and rows of the sets that need no search, and how many there are alike."""
     n = len(log.order)
     yield "all", (), np.arange(n), 1.0
@@ -145,38 +144,3 @@ def _heights(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
         if size[k] > 0 and len(rows) >= LEAST_ROWS:
             found = (rows, float(gain[k]), float(size[k]), alike[extent])
             yield _lead("height", extent, subject, *found)
-
-
-def units_of_stations(trial: Trial, log: Log, units: Mapping[str, float]) -> dict[str, str]:
-    """Stops whose distances are in a unit of their own, by a fit of places and scale together.
-
-    Notes
-    -----
-    For a mark at p, |c|^2 - 2 c . p + |p|^2 = d^2 / f^2: linear in p, |p|^2 and 1 / f^2.
-    """
-    net, points = trial.network, trial.start.points
-    found = {}
-    for stop, rows in log.groups(log.station).items():
-        squares = []
-        for mark in {*net.first[rows], *net.second[rows]}:
-            name = robot_point(net.points[mark])
-            own = rows[(net.first[rows] == mark) | (net.second[rows] == mark)]
-            if name is None or len(own) < 5:
-                continue
-            other = np.where(net.first[own] == mark, net.second[own], net.first[own])
-            c = points[other]
-            A = np.column_stack([2 * c, -np.ones(len(c)), net.distance[own] ** 2])
-            solved, _, rank, _ = np.linalg.lstsq(A, (c**2).sum(1), rcond=None)
-            if rank == 4 and solved[3] > 0:
-                squares.append(float(solved[3]))
-        if squares:
-            f = 1 / np.sqrt(np.median(squares))
-            near = [u for u, size in units.items() if abs(np.log(f / size)) < NEAR_UNIT]
-            if near:
-                found[stop] = near[0]
-    return found
-
-
-NEAR_UNIT = 0.05
-"""Relative distance within which a scale stands for a unit: feet and yards are a factor of three
-apart, and a linear fit of scale and place is good to some per cent."""

@@ -1,15 +1,18 @@
 """What is wrong with a survey: one cause, and what else is wrong once that is allowed for."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from survey.causes.lead import Lead, log_of
 from survey.causes.search import Causes, searched
-from survey.causes.start import whole_trial
+from survey.causes.start import located_trial, whole_trial
 from survey.causes.trial import Fit, Trial
 from survey.estimation.solve import SurveySolution
-from survey.readings.readings import Readings
+from survey.estimation.vframe import estimate_vframe
+from survey.estimation.world_points import locate_world_points
+from survey.readings.readings import Mask, Readings
 from validation.campaign.folder import RobotFrame, Vframe
 from validation.statistics.hypotheses import RIVAL, Ranking, Tried
 
@@ -59,7 +62,23 @@ def diagnose(
     readings : Readings
         All readings, in the order of the file.
     """
-    trial, inside = whole_trial(solution, vframe, rig, readings)
+    return _diagnosed(whole_trial(solution, vframe, rig, readings), vframe, readings)
+
+
+def diagnose_unsolved(
+    vframe: Vframe, rig: RobotFrame, readings: Readings, world_points: Sequence[str]
+) -> Diagnosis:
+    """The same where the chain of single solutions ends in a contradiction."""
+    world = locate_world_points(world_points, readings, estimate_vframe(vframe, readings))
+    located = dict(zip(world.names, world.positions, strict=True))
+    missing = [point.name for point in world.missing]
+    return _diagnosed(
+        located_trial(vframe, rig, readings, located, missing, {}), vframe, readings
+    )
+
+
+def _diagnosed(started: tuple[Trial, Mask], vframe: Vframe, readings: Readings) -> Diagnosis:
+    trial, inside = started
     log = log_of(readings.select(inside), list(vframe.points))
     rows = np.flatnonzero(inside)
     found: list[Causes] = []

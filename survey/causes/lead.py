@@ -203,3 +203,15 @@ def blunder_sizes(rows: Rows) -> Sizes:
         ]
 
     return sizes
+
+
+def longest_gain(gain: Array) -> tuple[int, int] | None:
+    """Ends of the run of the largest sum; None if nothing is positive."""
+    best, total, start, found = 0.0, 0.0, 0, None
+    for k, value in enumerate(gain):
+        if total <= 0:
+            total, start = 0.0, k
+        total += float(value)
+        if total > best:
+            best, found = total, (start, k + 1)
+    return found

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from survey.causes.lead import Lead, Log
+from survey.causes.lead import Lead, Log, longest_gain
 from survey.causes.linear import Linear
 from survey.causes.start import poses_of_marks, restarted
 from survey.causes.trial import CAUCHY, Rows, Trial, renamed, with_point
@@ -172,7 +172,7 @@ def _stop_numbers(look: _Look) -> Iterator[Lead]:
         for t, stop in enumerate(net.poses):
             if t == int(net.mark_pose[q]):
                 continue
-            part = _best_run(now - cost[t])
+            part = longest_gain(now - cost[t])
             if part is None:
                 continue
             start, end = part
@@ -189,15 +189,6 @@ def _by_pose(look: _Look, q: int, rows: Rows, target: Rows) -> Array:
     state = look.at.poses[int(net.mark_pose[q])]
     place = state[:2] + rotate(state[2], net.rig[net.mark_rig[q]])
     return look.cost_of(rows, place, look.at.points[target])
-
-
-def _best_run(gain: Array) -> tuple[int, int] | None:
-    """Ends of the run with the largest sum; None if no gain is positive."""
-    total = np.concatenate([[0.0], np.cumsum(gain)])
-    i, j = np.triu_indices(len(total), 1)
-    sums = total[j] - total[i]
-    best = int(sums.argmax())
-    return (int(i[best]), int(j[best])) if sums[best] > 0 else None
 
 
 def _number_lead(
@@ -333,7 +324,7 @@ def _slipped_rows(look: _Look) -> Iterator[Lead]:
     for step in (1, -1):
         source = np.clip(np.arange(n) + step, 0, n - 1)
         then = np.minimum(((shown[source] - D) / sigma) ** 2, 1e6)
-        run = _best_run_long(now - then)
+        run = longest_gain(now - then)
         if run is None or run[1] - run[0] < LEAST_SLIPPED:
             continue
         start, end = run
@@ -345,15 +336,3 @@ def _slipped_rows(look: _Look) -> Iterator[Lead]:
 
 LEAST_SLIPPED = 3
 """Readings of a run that slipped: two are exchanged rows, or blunders."""
-
-
-def _best_run_long(gain: Array) -> tuple[int, int] | None:
-    """The same as `_best_run`, in linear time."""
-    best, total, start, found = 0.0, 0.0, 0, None
-    for k, value in enumerate(gain):
-        if total <= 0:
-            total, start = 0.0, k
-        total += float(value)
-        if total > best:
-            best, found = total, (start, k + 1)
-    return found

@@ -6,15 +6,12 @@ import numpy as np
 
 from survey.causes.blunders import blunder_leads
 from survey.causes.common_errors import common_error_leads
-from survey.causes.lead import Lead, Log, log_of
+from survey.causes.lead import Lead, Log
 from survey.causes.linear import Linear
 from survey.causes.names import name_leads
 from survey.causes.places import place_leads
-from survey.causes.start import whole_trial
 from survey.causes.trial import Fit, Rows, Trial, fit
-from survey.estimation.solve import SurveySolution
-from survey.readings.readings import Readings
-from validation.campaign.folder import RobotFrame, Vframe
+from survey.causes.units import unit_leads
 from validation.statistics.hypotheses import Ranking, Tried, ranked
 
 SOLVED_OF_A_KIND = 3
@@ -59,25 +56,6 @@ class Causes:
 NOTHING = Lead("none", "all", (), np.empty(0, dtype=np.intp), 0.0, 1.0, lambda trial: trial)
 
 
-def find_causes(
-    solution: SurveySolution, vframe: Vframe, rig: RobotFrame, readings: Readings
-) -> Causes:
-    """Hypotheses about what is wrong with a survey, the likeliest first.
-
-    Parameters
-    ----------
-    solution : SurveySolution
-        What the chain of single solutions gave.
-    vframe, rig : Vframe, RobotFrame
-        Nominal frames.
-    readings : Readings
-        All readings, in the order of the file.
-    """
-    trial, inside = whole_trial(solution, vframe, rig, readings)
-    log = log_of(readings.select(inside), list(vframe.points))
-    return searched(trial, log, np.flatnonzero(inside))
-
-
 def searched(trial: Trial, log: Log, rows: Rows) -> Causes:
     """The hypotheses about one trial, ranked."""
     robust = fit(trial, robust=True)
@@ -109,6 +87,7 @@ def _worth_solving(base: Trial, linear: Linear, log: Log) -> list[Lead]:
         common_error_leads(base, linear, log),
         place_leads(base, linear, log),
         name_leads(base, linear, log),
+        unit_leads(base, linear, log),
         list(blunder_leads(base, linear))[-2:],
     ):
         for lead in leads:

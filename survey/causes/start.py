@@ -1,6 +1,6 @@
 """Where a trial starts: places that most readings agree on, whatever the others say."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -28,21 +28,46 @@ _ROUNDS = 2
 def whole_trial(
     solution: SurveySolution, vframe: Vframe, rig: RobotFrame, readings: Readings
 ) -> tuple[Trial, Mask]:
+    """All that was read, as one trial, and which of the readings (n,) are in it."""
+    adjusted = solution.adjustment
+    if len(readings) == len(solution.used) and adjusted.m0 < GOOD:
+        return Trial(adjusted.network, adjusted.parameters), np.ones(len(readings), dtype=bool)
+    located = dict(zip(solution.world.names, solution.world.positions, strict=True))
+    located |= {name: np.asarray(place) for name, place in solution.from_marks.items()}
+    missing = [point.name for point in solution.world.missing if point.name not in located]
+    single = {frame.pose: frame.state for frame in solution.frames}
+    return located_trial(vframe, rig, readings, located, missing, single)
+
+
+def located_trial(
+    vframe: Vframe,
+    rig: RobotFrame,
+    readings: Readings,
+    located: Mapping[str, Array],
+    missing: Sequence[str],
+    single: Mapping[str, Array],
+) -> tuple[Trial, Mask]:
     """All that was read, as one trial, and which of the readings (n,) are in it.
 
     Points and stops that the chain of single solutions left open because their readings
     contradict each other are located by what most of their readings say.
+
+    Parameters
+    ----------
+    vframe, rig : Vframe, RobotFrame
+        Nominal frames.
+    readings : Readings
+        All readings.
+    located : mapping of str to (2,) array
+        World points that have a place.
+    missing : sequence of str
+        Those that have none.
+    single : mapping of str to (3,) array
+        Poses of the stops that have one.
     """
-    adjusted = solution.adjustment
-    if len(solution.left_out) == 0 and len(readings) == len(solution.used) and adjusted.m0 < GOOD:
-        return Trial(adjusted.network, adjusted.parameters), np.ones(len(readings), dtype=bool)
-    known: dict[str, Array] = dict(
-        zip(solution.vframe.names, np.asarray(solution.vframe.points), strict=True)
-    )
-    known |= dict(zip(solution.world.names, solution.world.positions, strict=True))
-    known |= {name: np.asarray(place) for name, place in solution.from_marks.items()}
-    missing = [point.name for point in solution.world.missing if point.name not in known]
-    single = {frame.pose: frame.state for frame in solution.frames}
+    known: dict[str, Array] = {n: np.asarray(p, dtype=float) for n, p in vframe.points.items()}
+    frame = np.array(list(known.values()))
+    known |= located
     poses: dict[str, Array] = {}
     marks: dict[str, Array] = {}
     for _ in range(_ROUNDS):
@@ -59,7 +84,7 @@ def whole_trial(
     world = [name for name in known if name not in vframe.points]
     network, inside = build_network(vframe, rig, readings, world, list(poses))
     start = start_parameters(
-        network, solution.vframe.points, {name: known[name] for name in world}, poses
+        network, frame, {name: known[name] for name in world}, poses
     )
     # A mark starts where its own readings put it: that the rig says otherwise may be the cause.
     for q in network.mark:
@@ -139,16 +164,17 @@ def poses_of_marks(marks: Mapping[str, Array], body: Mapping[str, Array]) -> lis
     ]
 
 
-def restarted(trial: Trial, stop: str, factor: float = 1.0, offset: float = 0.0) -> Trial:
-    """The trial with one stop located anew from its distances (d - offset) / factor."""
+def restarted(trial: Trial, stop: str, distance: Array | None = None) -> Trial:
+    """The trial with one stop located anew from its distances (n,), or corrected ones."""
     net, points = trial.network, trial.start.points.copy()
+    shown = net.distance if distance is None else distance
     row = net.poses.index(stop)
     own = np.flatnonzero(net.mark_pose == row)
     marks: dict[str, Array] = {}
     for q in own:
         rows = distances_of(trial, int(net.mark[q]))
         other = np.where(net.first[rows] == net.mark[q], net.second[rows], net.first[rows])
-        place = place_from(points[other], (net.distance[rows] - offset) / factor)
+        place = place_from(points[other], shown[rows])
         if place is not None:
             marks[net.points[net.mark[q]]] = place
     body = {net.points[net.mark[q]]: net.rig[net.mark_rig[q]] for q in own}
@@ -169,6 +195,26 @@ def restarted(trial: Trial, stop: str, factor: float = 1.0, offset: float = 0.0)
         at = poses[row, :2] + rotate(poses[row, 2], body[name])
         points[net.mark[q]] = marks.get(name, at)
     return replace(trial, start=replace(trial.start, points=points, poses=poses))
+
+
+def relocated(trial: Trial, distance: Array) -> Trial:
+    """The trial with all world points and stops located anew from corrected distances (n,)."""
+    net, points = trial.network, trial.start.points.copy()
+    points[net.fixed] = net.nominal
+    held = {*net.fixed.tolist()}
+    marks = {*net.mark.tolist()}
+    for point in range(len(net.points)):
+        if point in held or point in marks:
+            continue
+        rows = distances_of(trial, point)
+        other = np.where(net.first[rows] == point, net.second[rows], net.first[rows])
+        fixed = np.isin(other, net.fixed)
+        place = place_from(points[other[fixed]], distance[rows[fixed]])
+        points[point] = points[point] if place is None else place
+    made = replace(trial, start=replace(trial.start, points=points))
+    for stop in net.poses:
+        made = restarted(made, stop, distance)
+    return made
 
 
 def distances_of(trial: Trial, point: int) -> Rows:

@@ -26,6 +26,10 @@ _MOST_TO_SEARCH = 3000
 first of its stop is named."""
 
 
+class UnsettledError(GtvalError):
+    """Readings contradict each other so much that no solution is reached."""
+
+
 @dataclass(frozen=True)
 class Adjustment:
     """The adjusted network.
@@ -109,7 +113,9 @@ def adjust(network: Network, start: Parameters, *, robust: bool = False) -> Adju
     Raises
     ------
     GtvalError
-        If something is not determined, or the iteration does not settle.
+        If something is not determined.
+    UnsettledError
+        If the iteration does not settle.
 
     Notes
     -----
@@ -135,7 +141,7 @@ def adjust(network: Network, start: Parameters, *, robust: bool = False) -> Adju
         if np.abs(step).max() < _STEP_TOLERANCE and settled:
             break
     else:
-        raise GtvalError(
+        raise UnsettledError(
             "the joint adjustment does not settle: some readings are far off (wrong point names, "
             f"wrong labels, metres lost). The worst: {_worst_readings(network, start)}"
         )

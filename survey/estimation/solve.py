@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from survey.estimation.adjustment import Adjustment, adjust
+from survey.estimation.adjustment import Adjustment, UnsettledError, adjust
 from survey.estimation.evidence import Evidence
 from survey.estimation.labelling import DECISIVE, LabellingVerdict, judge_labelling
 from survey.estimation.network import build_network, start_parameters
@@ -168,7 +168,7 @@ def solve_survey(
         located = search.together(located)
     if not located.places:
         reasons = "; ".join(f"{p.name}: {p.reason}" for p in located.world.missing[:5])
-        raise GtvalError(f"no world point can be located ({reasons or 'no readings'})")
+        raise UnsettledError(f"no world point can be located ({reasons or 'no readings'})")
     if labelling is None:
         labelling = judge_labelling(vframe, rig, readings, located.all_points(), evidence)
     progress("joint adjustment", 0.6)
