@@ -1,13 +1,13 @@
 """One cause in one line: what it is, how large, how sure, what it spoils, how to confirm it."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from survey.campaign.outcome import SurveyOutcome
-from survey.causes.diagnosis import SINGLE, Diagnosis, blunders
+from survey.causes.diagnosis import Diagnosis, blunders
 from survey.causes.lead import Lead
-from survey.causes.search import Causes
+from survey.causes.search import SINGLE, Causes
 from survey.readings.readings import Readings
 from validation.poses.angles import Array, wrap
 from validation.results import Finding
@@ -47,7 +47,11 @@ def _line(outcome: SurveyOutcome, diagnosis: Diagnosis, k: int, others: int) -> 
     causes = diagnosis.found[k]
     best, used = causes.ranking.best, _used(outcome, causes)
     text = f"{'besides, ' if k else ''}{said(best, used)}. "
-    rivals = [one for one in causes.ranking.rivals() if one.what.kind not in SINGLE]
+    rivals = [
+        one
+        for one in causes.ranking.rivals()
+        if one.what.kind not in SINGLE and not _alike(one.what, best.what)
+    ]
     if rivals:
         text += "These readings cannot tell it from another cause: "
         text += "; or ".join(
@@ -59,7 +63,7 @@ def _line(outcome: SurveyOutcome, diagnosis: Diagnosis, k: int, others: int) -> 
         text += _spoils(outcome, diagnosis)
         if others:
             text += f"{others} other findings follow from it (others, under causes in the JSON). "
-    text += f"To confirm it: {_confirm(best.what, best.parameters)}"
+    text += f"To confirm it: {_confirm(best.what)}"
     return Finding("error", text, _subject(best.what), "cause")
 
 
@@ -72,7 +76,7 @@ def cause_of_failure(diagnosis: Diagnosis, readings: Readings) -> str | None:
     text = said(best, readings.select(causes.rows))
     return (
         f"the survey cannot be solved, and one cause explains it: {text}. {_against(causes)}. m0 "
-        f"would be {best.m0:.2f}. To confirm it: {_confirm(best.what, best.parameters)}"
+        f"would be {best.m0:.2f}. To confirm it: {_confirm(best.what)}"
     )
 
 
@@ -101,9 +105,11 @@ def _against(causes: Causes) -> str:
     if alone is not None:
         count = alone.what.subject[0]
         told.append(f"{_odds(ranking.odds(alone))} against {count} independent blunders")
-    close = ranking.rivals()
+    close = [ranking.best, *ranking.rivals()]
     following = [
-        one for one in ranking.tried[1:] if one.what.kind not in SINGLE and one not in close
+        one
+        for one in ranking.tried
+        if one.what.kind not in SINGLE and not any(_alike(one.what, other.what) for other in close)
     ]
     if following:
         told.append(
@@ -115,6 +121,16 @@ def _against(causes: Causes) -> str:
     return "Odds " + ", ".join(told)
 
 
+def _alike(a: Lead, b: Lead) -> bool:
+    """Whether two hypotheses are one but for a few readings."""
+    shared = len(np.intersect1d(a.rows, b.rows))
+    most = max(len(a.rows), len(b.rows))
+    return a is b or (a.kind == b.kind and most > 0 and shared > ALIKE * most)
+
+
+ALIKE = 0.8
+"""Share of the readings that two hypotheses of a kind have in common from which on they are one: a
+block that begins some readings later is no other cause."""
 NAMES: Mapping[str, str] = {
     "offset": "an offset", "scale": "a scale", "height": "a height", "moved": "a point that moved",
     "vframe_point": "a Vframe point off its place", "rig_mark": "a wrong mark of the rig",
@@ -184,7 +200,7 @@ def _scale(lead: Lead, parameters: Sequence[Parameter], used: Readings) -> str:
     size, low, high = _turned(b, 1e2)
     return (
         f"{_where(lead, used)} are too {'long' if b.value > 0 else 'short'} by {size:.3f} % "
-        f"(95 %: {low:.3f} to {high:.3f}): one scale, of a tape that stretched or of the instrument"
+        f"(95 %: {low:.3f} to {high:.3f}): one scale, of a stretched tape or of the instrument"
     )
 
 
@@ -197,12 +213,12 @@ def _height(lead: Lead, parameters: Sequence[Parameter], used: Readings) -> str:
 
 
 def _shift(parameters: Sequence[Parameter]) -> str:
-    x, y = parameters
-    whole = np.hypot(x.value, y.value)
-    return (
-        f"{MM * whole:.1f} mm: x {MM * x.value:+.1f} mm (95 %: {MM * x.low:+.1f} to "
-        f"{MM * x.high:+.1f}), y {MM * y.value:+.1f} mm (95 %: {MM * y.low:+.1f} to {MM * y.high:+.1f})"
-    )
+    whole = MM * float(np.linalg.norm([p.value for p in parameters]))
+    each = [
+        f"{p.name} {MM * p.value:+.1f} mm (95 %: {MM * p.low:+.1f} to {MM * p.high:+.1f})"
+        for p in parameters
+    ]
+    return f"{whole:.1f} mm: {', '.join(each)}"
 
 
 def _moved(lead: Lead, parameters: Sequence[Parameter], used: Readings) -> str:
@@ -251,7 +267,7 @@ def _targets(lead: Lead, _: Sequence[Parameter], used: Readings) -> str:
     return f"the names {a} and {b} are exchanged {at} ({len(lead.rows)} readings)"
 
 
-_SAID = {
+_SAID: Mapping[str, Callable[[Lead, Sequence[Parameter], Readings], str]] = {
     "offset": _offset,
     "scale": _scale,
     "height": _height,
@@ -264,11 +280,13 @@ _SAID = {
         f"{_shift(p)}, in the robot frame"
     ),
     "rig_point": lambda lead, p, _: (
-        f"rig point {lead.subject[0]} is not where campaign.toml says, at all stops, off by {_shift(p)}"
+        f"rig point {lead.subject[0]} is not where campaign.toml says, at all stops, off by "
+        f"{_shift(p)}"
     ),
     "exchanged_targets": _targets,
     "exchanged_rig_points": lambda lead, _, __: (
-        f"the rig points {lead.subject[1]} and {lead.subject[2]} are exchanged at stop {lead.subject[0]}"
+        f"the rig points {lead.subject[1]} and {lead.subject[2]} are exchanged at stop "
+        f"{lead.subject[0]}"
     ),
     "stop_number": _numbers,
     "exchanged_rows": _rows,
@@ -277,7 +295,7 @@ _SAID = {
 }
 
 
-def _confirm(lead: Lead, parameters: Sequence[Parameter]) -> str:
+def _confirm(lead: Lead) -> str:
     """What to do in the room."""
     name = lead.subject[0] if lead.subject else ""
     if lead.kind == "offset":
@@ -334,9 +352,9 @@ def spoilt_poses(outcome: SurveyOutcome, diagnosis: Diagnosis) -> dict[str, Arra
 def _spoils(outcome: SurveyOutcome, diagnosis: Diagnosis) -> str:
     """Which poses are wrong, and by how much."""
     shifts = spoilt_poses(outcome, diagnosis)
-    solution = outcome.solution
-    lost = [pose.pose for pose in solution.not_posed] if solution else []
-    lost = [name for name in lost if name in diagnosis.fit.trial.network.poses]
+    table = outcome.poses
+    there = () if table is None else table.ids
+    lost = [name for name in diagnosis.fit.trial.network.poses if name not in there]
     text = ""
     if shifts:
         size = [MM * float(np.hypot(*v[:2])) for v in shifts.values()]

@@ -3,7 +3,7 @@
 from survey.campaign.cause_words import cause_of_failure
 from survey.campaign.inputs import load_inputs
 from survey.campaign.outcome import SurveyOutcome
-from survey.causes.diagnosis import diagnose, diagnose_unsolved
+from survey.causes.diagnosis import diagnose, diagnose_unsolved, without_cause
 from survey.estimation.adjustment import UnsettledError
 from survey.estimation.solve import solve_survey
 from survey.published.as_published import as_published_estimates
@@ -44,24 +44,25 @@ def solve_campaign(
     vframe, rig = campaign.settings.vframe, campaign.settings.robot_frame
     readings, evidence = inputs.file.used, inputs.evidence
     world_points = inputs.settings.world_points
+    weighed = inputs.settings.robust if robust is None else robust
+    diagnosis = None
     try:
         solution = solve_survey(
-            vframe,
-            rig,
-            readings,
-            world_points,
-            evidence,
-            robust=inputs.settings.robust if robust is None else robust,
-            progress=progress,
+            vframe, rig, readings, world_points, evidence, robust=weighed, progress=progress
         )
     except UnsettledError as error:
-        cause = cause_of_failure(diagnose_unsolved(vframe, rig, readings, world_points), readings)
-        raise GtvalError(cause or str(error)) from None
+        diagnosis = diagnose_unsolved(vframe, rig, readings, world_points)
+        try:  # what the cause leaves whole
+            solution = solve_survey(
+                vframe, rig, without_cause(diagnosis, readings), world_points, evidence
+            )
+        except GtvalError:
+            raise GtvalError(cause_of_failure(diagnosis, readings) or str(error)) from None
     published = None
     if evidence.published:
         published = compare_published(evidence.published, solution.world, readings, solution.vframe)
     literal = None
     if inputs.settings.as_published if as_published is None else as_published:
         literal = as_published_estimates(solution, readings, vframe, rig)
-    diagnosis = diagnose(solution, vframe, rig, readings)
+    diagnosis = diagnosis or diagnose(solution, vframe, rig, readings)
     return SurveyOutcome(campaign, inputs, solution, published, literal, diagnosis)

@@ -100,17 +100,14 @@ def _blocks(kind: Law, columns: Array, linear: Linear, log: Log) -> Iterator[Lea
     long = edge[None, :] - edge[:, None] >= LEAST_ROWS
     gain = np.where(long, gain, 0.0)
     last = len(edge) - 1
-    ends = {
-        "until": (gain[0, :last], lambda k: (0, k)),
-        "from": (gain[1:, last], lambda k: (k + 1, last)),
-    }
-    for extent, (some, place) in ends.items():
+    for extent in ("until", "from"):
+        some = gain[0, :last] if extent == "until" else gain[1:, last]
         k = int(some.argmax())
-        i, j = place(k)
+        i, j = (0, k) if extent == "until" else (k + 1, last)
         rows = order[edge[i] : edge[j]]
         yield _lead(kind, extent, (), rows, float(some[k]), float(size[i, j]), float(last))
-    i, j = np.unravel_index(gain.argmax(), gain.shape)
-    if 0 < i and j < last:
+    i, j = (int(k) for k in np.unravel_index(gain.argmax(), gain.shape))
+    if i > 0 and j < last:
         rows = order[edge[i] : edge[j]]
         pairs = last**2 / 2
         yield _lead(kind, "block", (), rows, float(gain[i, j]), float(size[i, j]), pairs)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from survey.causes.lead import Lead, log_of
-from survey.causes.search import Causes, searched
+from survey.causes.search import SINGLE, Causes, continued, searched
 from survey.causes.start import located_trial, whole_trial
 from survey.causes.trial import Fit, Trial
 from survey.estimation.solve import SurveySolution
@@ -18,8 +18,6 @@ from validation.statistics.hypotheses import RIVAL, Ranking, Tried
 
 MOST_CAUSES = 3
 """Causes looked for one after the other. A judgement: a survey with more is measured anew."""
-SINGLE = {"none", "blunders"}
-"""Kinds that are no common cause."""
 
 
 @dataclass(frozen=True)
@@ -72,9 +70,15 @@ def diagnose_unsolved(
     world = locate_world_points(world_points, readings, estimate_vframe(vframe, readings))
     located = dict(zip(world.names, world.positions, strict=True))
     missing = [point.name for point in world.missing]
-    return _diagnosed(
-        located_trial(vframe, rig, readings, located, missing, {}), vframe, readings
-    )
+    return _diagnosed(located_trial(vframe, rig, readings, located, missing, {}), vframe, readings)
+
+
+def without_cause(diagnosis: Diagnosis, readings: Readings) -> Readings:
+    """The readings that the common causes do not speak about."""
+    kept = np.ones(len(readings), dtype=bool)
+    for causes in diagnosis.found:
+        kept[causes.rows[causes.ranking.best.what.rows]] = False
+    return readings.select(kept)
 
 
 def _diagnosed(started: tuple[Trial, Mask], vframe: Vframe, readings: Readings) -> Diagnosis:
@@ -85,7 +89,7 @@ def _diagnosed(started: tuple[Trial, Mask], vframe: Vframe, readings: Readings) 
     causes = searched(trial, log, rows)
     while claimed(causes.ranking) and len(found) < MOST_CAUSES:
         found.append(causes)
-        causes = searched(_continued(causes.best_fit), log, rows)
+        causes = searched(continued(causes.best_fit), log, rows)
     if claimed(causes.ranking):
         causes = replace(causes, ranking=Ranking((nothing(causes.ranking),)))
     return Diagnosis(tuple(found), causes)
@@ -106,12 +110,3 @@ def nothing(ranking: Ranking[Lead]) -> Tried[Lead]:
 def blunders(ranking: Ranking[Lead]) -> Tried[Lead] | None:
     """The best hypothesis of independent blunders, if any was worth solving."""
     return next((one for one in ranking.tried if one.what.kind == "blunders"), None)
-
-
-def _continued(fit: Fit) -> Trial:
-    """A trial that starts where it was solved."""
-    effects = tuple(
-        replace(effect, value=float(value))
-        for effect, value in zip(fit.trial.effects, fit.values, strict=True)
-    )
-    return replace(fit.trial, start=fit.at, effects=effects)

@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
-from survey.causes.lead import Lead, Log, mark_sizes, place_sizes, rig_sizes
+from survey.causes.lead import Lead, Log, Sizes, mark_sizes, place_sizes, rig_sizes
 from survey.causes.linear import UNSEEN, Linear, group_gain
 from survey.causes.trial import Rows, Trial, renamed, with_point
 from survey.readings.point_names import robot_point
+from validation.poses.angles import Array
 
 LEAST_READINGS = 3
 """Readings to a point before and after it moved: two fit any place."""
@@ -31,13 +31,13 @@ def place_leads(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
         stop, body = robot_point(name) or ("", "")
         if name not in trial.released:
             rows = n + 2 * v + 2 * k + np.arange(2)
-            lead = ("rig_mark", (stop, body), name)
-            yield _released(*lead, rows, linear, float(q), mark_sizes(k))
+            subject, sizes = (stop, body), mark_sizes(k)
+            yield _released("rig_mark", subject, name, rows, linear, float(q), sizes)
     for k, body in enumerate(net.rig_names):
         if f"/{body}" not in trial.released:
             rows = n + 2 * v + 2 * q + 2 * k + np.arange(2)
-            lead = ("rig_point", (body,), f"/{body}")
-            yield _released(*lead, rows, linear, float(len(net.rig_names)), rig_sizes(k))
+            alike, sizes = float(len(net.rig_names)), rig_sizes(k)
+            yield _released("rig_point", (body,), f"/{body}", rows, linear, alike, sizes)
 
 
 def _released(
@@ -47,15 +47,14 @@ def _released(
     rows: Rows,
     linear: Linear,
     places: float,
-    sizes: object,
+    sizes: Sizes,
 ) -> Lead:
     gain, _ = group_gain(linear, rows)
 
     def build(base: Trial) -> Trial:
         return replace(base, released=base.released | {name})
 
-    none = np.empty(0, dtype=np.intp)
-    return Lead(kind, "point", subject, none, gain, places, build, sizes)  # type: ignore[arg-type]
+    return Lead(kind, "point", subject, np.empty(0, dtype=np.intp), gain, places, build, sizes)
 
 
 def _moved(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
@@ -93,7 +92,7 @@ def _moved(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
         )  # fmt: skip
 
 
-def _from_end(values: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+def _from_end(values: Array) -> Array:
     """Sums from each row to the last."""
     return np.asarray(values[::-1].cumsum(0)[::-1])
 
@@ -113,8 +112,3 @@ def _moved_lead(
     return Lead(
         "moved", "point", (name,), rows, gain, places, build, place_sizes(new, point, None, 0.0)
     )
-
-
-def changes(times: list[str]) -> Iterator[tuple[str, str]]:
-    """Neighbours that differ."""
-    yield from (pair for pair in pairwise(times) if pair[0] != pair[1])

@@ -77,7 +77,48 @@ def searched(trial: Trial, log: Log, rows: Rows) -> Causes:
                 max(lead.places, 1.0), lead.cost,
             )
         )  # fmt: skip
+    common = [one for one in tried if one.what.kind not in SINGLE]
+    for one in sorted(common, key=lambda one: one.chi_squared)[:SOLVED_WITH_BLUNDERS]:
+        beside = _with_blunders(one, fits[id(one.what)])
+        if beside is not None and beside.criterion < one.criterion:
+            tried[tried.index(one)] = beside
     return Causes(ranked(tried), fits, plain, rows, log)
+
+
+SINGLE = {"none", "blunders"}
+"""Kinds that are no common cause."""
+SOLVED_WITH_BLUNDERS = 4
+"""Common causes beside which independent blunders are allowed for: those that fit best."""
+MOST_BESIDE = 5
+"""Blunders beside a common cause: more would explain anything."""
+
+
+def _with_blunders(one: Tried[Lead], solved: Fit) -> Tried[Lead] | None:
+    """The hypothesis with the independent blunders that remain beside it, at their cost."""
+    trial = continued(solved)
+    leads = list(blunder_leads(trial, Linear(solved)))[:MOST_BESIDE]
+    if not leads:
+        return None
+    lead = leads[-1]
+    both = fit(lead.build(trial))
+    cost = sum(p.cost for p in lead.sizes(both)) + 2 * np.log(lead.places)
+    parameters = tuple(one.what.sizes(both))
+    return replace(
+        one,
+        chi_squared=both.chi_squared,
+        freedom=both.freedom,
+        parameters=parameters,
+        cost=one.cost + float(cost),
+    )
+
+
+def continued(solved: Fit) -> Trial:
+    """A trial that starts where it was solved."""
+    effects = tuple(
+        replace(effect, value=float(value))
+        for effect, value in zip(solved.trial.effects, solved.values, strict=True)
+    )
+    return replace(solved.trial, start=solved.at, effects=effects)
 
 
 def _worth_solving(base: Trial, linear: Linear, log: Log) -> list[Lead]:

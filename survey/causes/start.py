@@ -83,9 +83,7 @@ def located_trial(
                 marks |= own
     world = [name for name in known if name not in vframe.points]
     network, inside = build_network(vframe, rig, readings, world, list(poses))
-    start = start_parameters(
-        network, frame, {name: known[name] for name in world}, poses
-    )
+    start = start_parameters(network, frame, {name: known[name] for name in world}, poses)
     # A mark starts where its own readings put it: that the rig says otherwise may be the cause.
     for q in network.mark:
         start.points[q] = marks.get(network.points[q], start.points[q])

@@ -96,7 +96,8 @@ class Trial:
         residual, jacobian = design(self.network, at)
         n, sigma = len(self.network.distance), self.network.sigma
         computed = self.network.distance - residual[:n] * sigma
-        slope, columns = np.ones(len(residual)), []
+        slope = np.ones(len(residual))
+        columns: list[Array] = []
         for effect, b in zip(self.effects, values, strict=True):
             rows, D = effect.rows, computed[effect.rows]
             column = np.zeros((len(residual), 1))

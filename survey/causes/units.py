@@ -35,20 +35,12 @@ def unit_leads(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
     for extent, subject, rows, places in sets_of(log):
         if far[rows].sum() < LEAST_OF_A_UNIT and extent == "station":
             continue
-        for per_metre in PER_METRE.values():
-            distance = trial.network.distance.copy()
-            distance[rows] /= per_metre
-            if np.median(distance[rows]) < SHORTEST:
-                continue
-            there = (
-                restarted(trial, subject[0], distance)
-                if extent == "station" and subject[0] in trial.network.poses
-                else relocated(trial, distance)
-            )
+        stop = subject[0] if extent == "station" and subject[0] in trial.network.poses else None
+        for per_metre, distance in _in_units(trial, rows):
+            there = _there(trial, stop, distance)
             gain = now - _robust_cost(there, distance)
             if gain > LEAST_OF_A_UNIT * CAUCHY**2:
-                if extent == "station":
-                    alone[per_metre] += subject
+                alone[per_metre] += [stop] if stop is not None else []
                 yield _lead(extent, subject, rows, distance, per_metre, gain, places)
     for per_metre, stations in alone.items():
         rows = _block(trial, log, stations, per_metre)
@@ -59,6 +51,20 @@ def unit_leads(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
             if gain > LEAST_OF_A_UNIT * CAUCHY**2:
                 places = n * n / 2.0
                 yield _lead("block", (), rows, distance, per_metre, gain, places, log)
+
+
+def _in_units(trial: Trial, rows: Rows) -> Iterator[tuple[float, Array]]:
+    """Units that some distances may be in, and all distances with those in metres."""
+    for per_metre in PER_METRE.values():
+        distance = trial.network.distance.copy()
+        distance[rows] /= per_metre
+        if np.median(distance[rows]) >= SHORTEST:
+            yield per_metre, distance
+
+
+def _there(trial: Trial, stop: str | None, distance: Array) -> Trial:
+    """The trial with a stop, or where there is none everything, located anew."""
+    return relocated(trial, distance) if stop is None else restarted(trial, stop, distance)
 
 
 def _again(trial: Trial, log: Log, rows: Rows, distance: Array) -> Trial:
@@ -122,10 +128,14 @@ def _lead(
 ) -> Lead:
     def build(base: Trial) -> Trial:
         effects = (*base.effects, Effect("scale", rows, per_metre - 1))
+        sigma = base.network.sigma.copy()
+        sigma[rows] *= per_metre  # what was read is exact to so many of its own units
+        base = replace(base, network=replace(base.network, sigma=sigma))
         if log is not None:
             return replace(_again(base, log, rows, distance), effects=effects)
         stop = subject[0] if extent == "station" and subject[0] in base.network.poses else None
-        there = relocated(base, distance) if stop is None else restarted(base, stop, distance)
-        return replace(there, effects=effects)
+        return replace(_there(base, stop, distance), effects=effects)
 
-    return Lead("scale", extent, subject, rows, BEFORE_ALL + gain, places, build, effect_size)
+    gain += BEFORE_ALL
+    cost = 2 * len(rows) * float(np.log(per_metre))  # of the wider errors, as for all errors
+    return Lead("scale", extent, subject, rows, gain, places, build, effect_size, cost=cost)

@@ -4,9 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from survey.causes.lead import effect_size, mark_sizes, place_sizes
-from survey.causes.trial import Effect, fit, law, renamed, with_point
+from survey.causes.lead import effect_size
+from survey.causes.linear import Linear
 from survey.causes.start import whole_trial
+from survey.causes.trial import Effect, fit, law, renamed, with_point
+from survey.estimation.geometry import rotate
 from survey.estimation.solve import solve_survey
 from survey.readings.instrument import reading_sigma
 from survey.readings.readings import Readings
@@ -152,140 +154,172 @@ def rows_of(sample, rng, extent):
 
 
 def spoiled(sample, kind, rng, sigmas=8.0, size=None):
-    """The survey with one thing wrong: ``sigmas`` of its own estimate, or of a given ``size``."""
+    """The survey with one thing wrong: ``sigmas`` of its own estimate, or of a given ``size``.
+
+    None where the survey has nothing of the kind, as a second observer.
+    """
     what, _, extent = kind.partition("_")
-    r = sample.readings
-    d = sample.exact.copy()
-    n = len(d)
-    sign = float(rng.choice([-1.0, 1.0]))
-    if what in {"offset", "scale"}:
+    maker = MAKERS.get(kind) or MAKERS[what]
+    made = maker(sample, rng, extent, sigmas, size)
+    if made is None:
+        return None
+    readings, exact, truth = made
+    kind_, subject, rows, sizes = truth
+    readings = replace(readings, distance=np.round(exact, 3))
+    return replace(sample, readings=readings, kind=kind_, subject=subject, rows=rows, sizes=sizes)
+
+
+def _common(what):
+    def make(sample, rng, extent, sigmas, size):
         rows, subject = rows_of(sample, rng, extent)
         if rows is None:
             return None
         if size is None:
-            trial = base_trial(sample)
-            solved = fit(replace(trial, effects=(Effect(what, rows, 0.0),)))
+            solved = fit(replace(base_trial(sample), effects=(Effect(what, rows, 0.0),)))
             (number,) = effect_size(solved)
-            size = sign * sigmas * number.sigma
+            size = float(rng.choice([-1.0, 1.0])) * sigmas * number.sigma
+        d = sample.exact.copy()
         d[rows] = law(what, d[rows], size)[0]
-        truth = (what, subject, tuple(rows), (size,))
-    elif what == "height":
-        trial = base_trial(sample)
-        net = trial.network
-        if extent == "point":
-            name = str(rng.choice(sample.world))
-            rows = np.array([i for i in range(n) if name in {r.start[i], r.end[i]}])
-        elif extent == "stop":
-            rows, (name,) = rows_of(sample, rng, "stop")
-        else:
-            rows = np.array([i for i in range(n) if r.end[i] in sample.world])
-            name = ""
-        if size is None:
-            solved = fit(replace(trial, effects=(Effect("height", rows, 0.0),)))
-            by = np.zeros((1, solved.trial.unknowns))
-            by[0, -1] = 1
-            size = np.sqrt(sigmas * np.sqrt(solved.covariance(by)[0, 0]))
-        d[rows] = np.hypot(d[rows], size)
-        truth = ("height", (name,) if name else (), tuple(rows), (size,))
-    elif kind == "moved":
-        trial = base_trial(sample)
-        name = str(rng.choice(sample.world))
-        point = trial.network.points.index(name)
-        rows = np.array([i for i in range(n) if name in {r.start[i], r.end[i]}])
-        k = int(rng.integers(3, len(rows) - 2))
-        split, new = with_point(trial, "later", trial.start.points[point])
-        solved = fit(renamed(split, rows[k:], point, new))
-        shift = _shift(
-            place_sizes(new, point, None, 0.0), solved, new, point, 0.0, rng, sigmas, size
-        )
-        _move(d, trial, rows[k:], point, shift)
-        truth = ("moved", (name,), tuple(rows[k:]), tuple(shift))
-    elif kind == "vframe_point":
-        trial = base_trial(sample)
-        name = str(rng.choice(list(sample.vframe.points)))
-        point = trial.network.points.index(name)
-        solved = fit(replace(trial, released=frozenset({name})))
-        shift = _shift(None, solved, point, None, 0.002, rng, sigmas, size)
-        rows = np.array([i for i in range(n) if name in {r.start[i], r.end[i]}])
-        _move(d, trial, rows, point, shift)
-        truth = ("vframe_point", (name,), (), tuple(shift))
-    elif kind == "rig_mark":
-        trial = base_trial(sample)
-        net = trial.network
-        q = int(rng.integers(len(net.mark)))
-        point = int(net.mark[q])
-        name = net.points[point]
-        solved = fit(replace(trial, released=frozenset({name})))
-        first, second = mark_sizes(q)(solved)
-        theta = solved.at.poses[net.mark_pose[q], 2]
-        by = _mark_rows(solved, q)
-        whole = solved.covariance(by) + 0.001**2 * np.eye(2)
-        shift = _draw(whole, rng, sigmas, size)
-        turn = np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]])
-        rows = np.array([i for i in range(n) if name in {r.start[i], r.end[i]}])
-        _move(d, trial, rows, point, turn @ shift)
-        truth = ("rig_mark", tuple(name.split("/")), (), tuple(shift))
-    elif kind == "exchanged_targets":
-        rows, (stop,) = rows_of(sample, rng, "stop")
-        a, b = rng.choice(sample.world, 2, replace=False)
-        swap = {a: str(b), b: str(a)}
-        end = list(r.end)
-        for i in rows:
-            end[i] = swap.get(end[i], end[i])
-        r = replace(r, end=tuple(end))
-        truth = (kind, (stop, str(a), str(b)), (), ())
-    elif kind == "exchanged_rig_points":
-        rows, (stop,) = rows_of(sample, rng, "stop")
-        a, b = rng.choice(list(RIG.points), 2, replace=False)
-        swap = {f"{stop}/{a}": f"{stop}/{b}", f"{stop}/{b}": f"{stop}/{a}"}
-        r = replace(r, start=tuple(swap.get(x, x) for x in r.start))
-        truth = (kind, (stop, str(a), str(b)), (), ())
-    elif kind == "stop_number":
-        stop, other = (str(k) for k in rng.choice(np.arange(1, sample.stops + 1), 2, replace=False))
-        point = str(rng.choice(list(RIG.points)))
-        swap = {f"{stop}/{point}": f"{other}/{point}"}
-        r = replace(r, start=tuple(swap.get(x, x) for x in r.start))
-        truth = (kind, (other, stop, point), (), ())
-    elif kind == "new_stop":
-        stop = int(rng.integers(1, sample.stops))
-        swap = {f"{stop + 1}/{p}": f"{stop}/{p}" for p in RIG.points}
-        r = replace(r, start=tuple(swap.get(x, x) for x in r.start))
-        truth = ("stop_number", (str(stop), ""), (), ())
-    elif kind == "exchanged_rows":
-        while True:
-            i, j = np.sort(rng.choice(np.arange(6, n), 2, replace=False))
-            if rng.uniform() < 0.5:
-                j = min(i + 1, n - 1)
-            if i != j and abs(d[i] - d[j]) > max(sigmas, 8.0) * 0.0035:
-                break
-        d[[i, j]] = d[[j, i]]
-        truth = (kind, (), (int(i), int(j)), ())
-    else:
-        count = int(extent)
-        rows = np.sort(rng.choice(n, count, replace=False))
-        trial = base_trial(sample)
-        from survey.causes.linear import Linear
+        return sample.readings, d, (what, subject, tuple(rows), (size,))
 
-        red = Linear(fit(trial)).redundancy[rows]
-        each = r.sigma[rows] / np.sqrt(red)
-        sizes = rng.choice([-1.0, 1.0], count) * (sigmas * each if size is None else np.abs(size))
-        sizes = sizes * rng.uniform(1, 1.5, count)
-        d[rows] += sizes
-        truth = ("blunders", (), tuple(int(i) for i in rows), tuple(sizes))
-    kind_, subject, rows, sizes = truth
-    return replace(
-        sample,
-        readings=replace(r, distance=np.round(d, 3)),
-        kind=kind_,
-        subject=subject,
-        rows=rows,
-        sizes=sizes,
-    )
+    return make
+
+
+def _height(sample, rng, extent, sigmas, size):
+    r, d = sample.readings, sample.exact.copy()
+    subject = ()
+    if extent == "point":
+        subject = (str(rng.choice(sample.world)),)
+        rows = _ending_at(r, subject[0])
+    elif extent == "stop":
+        rows, subject = rows_of(sample, rng, "stop")
+    else:
+        rows = np.array([i for i in range(len(r)) if r.end[i] in sample.world])
+    if size is None:
+        solved = fit(replace(base_trial(sample), effects=(Effect("height", rows, 0.0),)))
+        by = np.zeros((1, solved.trial.unknowns))
+        by[0, -1] = 1
+        size = float(np.sqrt(sigmas * np.sqrt(solved.covariance(by)[0, 0])))
+    d[rows] = np.hypot(d[rows], size)
+    return r, d, ("height", subject, tuple(rows), (size,))
+
+
+def _ending_at(r, name):
+    return np.array([i for i in range(len(r)) if name in {r.start[i], r.end[i]}])
+
+
+def _moved(sample, rng, _, sigmas, size):
+    d, trial = sample.exact.copy(), base_trial(sample)
+    name = str(rng.choice(sample.world))
+    point, rows = trial.network.points.index(name), _ending_at(sample.readings, name)
+    k = int(rng.integers(3, len(rows) - 2))
+    split, new = with_point(trial, "later", trial.start.points[point])
+    shift = _shift(fit(renamed(split, rows[k:], point, new)), new, point, 0.0, rng, sigmas, size)
+    _move(d, trial, rows[k:], point, shift)
+    return sample.readings, d, ("moved", (name,), tuple(rows[k:]), tuple(shift))
+
+
+def _vframe_point(sample, rng, _, sigmas, size):
+    d, trial = sample.exact.copy(), base_trial(sample)
+    name = str(rng.choice(list(sample.vframe.points)))
+    point = trial.network.points.index(name)
+    solved = fit(replace(trial, released=frozenset({name})))
+    shift = _shift(solved, point, None, sample.vframe.sigma, rng, sigmas, size)
+    _move(d, trial, _ending_at(sample.readings, name), point, shift)
+    return sample.readings, d, ("vframe_point", (name,), (), tuple(shift))
+
+
+def _rig_mark(sample, rng, _, sigmas, size):
+    d, trial = sample.exact.copy(), base_trial(sample)
+    net = trial.network
+    q = int(rng.integers(len(net.mark)))
+    point = int(net.mark[q])
+    name = net.points[point]
+    solved = fit(replace(trial, released=frozenset({name})))
+    theta = solved.at.poses[net.mark_pose[q], 2]
+    covariance = solved.covariance(_mark_rows(solved, q)) + net.marking_sigma**2 * np.eye(2)
+    shift = _draw(covariance, rng, sigmas, size)
+    turn = np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]])
+    _move(d, trial, _ending_at(sample.readings, name), point, turn @ shift)
+    return sample.readings, d, ("rig_mark", tuple(name.split("/")), (), tuple(shift))
+
+
+def _exchanged_targets(sample, rng, *_):
+    r = sample.readings
+    rows, (stop,) = rows_of(sample, rng, "stop")
+    a, b = (str(x) for x in rng.choice(sample.world, 2, replace=False))
+    swap, end = {a: b, b: a}, list(r.end)
+    for i in rows:
+        end[i] = swap.get(end[i], end[i])
+    truth = ("exchanged_targets", (stop, a, b), (), ())
+    return replace(r, end=tuple(end)), sample.exact.copy(), truth
+
+
+def _starts(sample, swap, truth):
+    """The survey with names of marks written for others."""
+    r = sample.readings
+    start = tuple(swap.get(name, name) for name in r.start)
+    return replace(r, start=start), sample.exact.copy(), truth
+
+
+def _exchanged_rig_points(sample, rng, *_):
+    stop = str(rng.integers(1, sample.stops + 1))
+    a, b = (str(x) for x in rng.choice(list(RIG.points), 2, replace=False))
+    swap = {f"{stop}/{a}": f"{stop}/{b}", f"{stop}/{b}": f"{stop}/{a}"}
+    return _starts(sample, swap, ("exchanged_rig_points", (stop, a, b), (), ()))
+
+
+def _stop_number(sample, rng, *_):
+    stop, other = (str(k) for k in rng.choice(np.arange(1, sample.stops + 1), 2, replace=False))
+    point = str(rng.choice(list(RIG.points)))
+    swap = {f"{stop}/{point}": f"{other}/{point}"}
+    return _starts(sample, swap, ("stop_number", (other, stop, point), (), ()))
+
+
+def _new_stop(sample, rng, *_):
+    stop = int(rng.integers(1, sample.stops))
+    swap = {f"{stop + 1}/{p}": f"{stop}/{p}" for p in RIG.points}
+    return _starts(sample, swap, ("stop_number", (str(stop), ""), (), ()))
+
+
+def _exchanged_rows(sample, rng, _, sigmas, __):
+    d = sample.exact.copy()
+    i = j = 0
+    while i == j or abs(d[i] - d[j]) < max(sigmas, 8.0) * 0.0035:
+        i, j = (int(k) for k in np.sort(rng.choice(np.arange(6, len(d)), 2, replace=False)))
+        if rng.uniform() < 0.5:
+            j = min(i + 1, len(d) - 1)
+    d[[i, j]] = d[[j, i]]
+    return sample.readings, d, ("exchanged_rows", (), (i, j), ())
+
+
+def _blunders(sample, rng, extent, sigmas, size):
+    d, count = sample.exact.copy(), int(extent)
+    rows = np.sort(rng.choice(len(d), count, replace=False))
+    red = Linear(fit(base_trial(sample))).redundancy[rows]
+    each = sigmas * sample.readings.sigma[rows] / np.sqrt(red) if size is None else abs(size)
+    sizes = rng.choice([-1.0, 1.0], count) * each * rng.uniform(1, 1.5, count)
+    d[rows] += sizes
+    return sample.readings, d, ("blunders", (), tuple(int(i) for i in rows), tuple(sizes))
+
+
+MAKERS = {
+    "offset": _common("offset"),
+    "scale": _common("scale"),
+    "height": _height,
+    "moved": _moved,
+    "vframe_point": _vframe_point,
+    "rig_mark": _rig_mark,
+    "exchanged_targets": _exchanged_targets,
+    "exchanged_rig_points": _exchanged_rig_points,
+    "stop_number": _stop_number,
+    "new_stop": _new_stop,
+    "exchanged_rows": _exchanged_rows,
+    "blunders": _blunders,
+}
 
 
 def _mark_rows(solved, q):
-    from survey.estimation.geometry import rotate
-
     net = solved.trial.network
     row, pose, body = int(net.mark[q]), int(net.mark_pose[q]), int(net.mark_rig[q])
     state = solved.at.poses[pose]
@@ -301,7 +335,7 @@ def _mark_rows(solved, q):
     return by
 
 
-def _shift(_, solved, row, old, nominal, rng, sigmas, size):
+def _shift(solved, row, old, nominal, rng, sigmas, size):
     by = np.zeros((2, solved.trial.unknowns))
     by[[0, 1], [2 * row, 2 * row + 1]] = 1.0
     if old is not None:
@@ -327,25 +361,19 @@ def _move(d, trial, rows, point, shift):
 
 def right(sample, best, readings_rows):
     """Whether a hypothesis is the truth, or the same readings under another name."""
-    what = best.what
-    if sample.kind == "exchanged_rows" and what.kind == "exchanged_targets":
-        return set(readings_rows[what.rows].tolist()) == set(sample.rows)
-    if what.kind != sample.kind:
+    what, kind = best.what, sample.kind
+    rows = set(readings_rows[what.rows].tolist())
+    names = {"exchanged_rows", "exchanged_targets"}
+    if kind == "exchanged_rows":
+        return what.kind in names and rows == set(sample.rows)
+    if what.kind != kind:
         return False
-    if sample.kind in {"offset", "scale", "height"}:
-        rows = set(readings_rows[what.rows].tolist())
-        truth = set(sample.rows)
+    if kind in {"offset", "scale", "height"}:
         # A block may begin or end a few readings off: chance decides about them.
-        return len(rows ^ truth) <= max(6, 0.25 * len(truth))
-    if sample.kind == "exchanged_targets":
-        return what.subject[0] == sample.subject[0] and {*what.subject[1:]} == {*sample.subject[1:]}
-    if sample.kind == "exchanged_rig_points":
-        return what.subject[0] == sample.subject[0] and {*what.subject[1:]} == {*sample.subject[1:]}
-    if sample.kind == "exchanged_rows":
-        return set(readings_rows[what.rows].tolist()) == set(sample.rows)
-    if sample.kind == "blunders":
-        return set(sample.rows) <= set(readings_rows[what.rows].tolist())
-    return (
-        tuple(what.subject[: len(sample.subject)]) == sample.subject
-        or what.subject == sample.subject
-    )
+        return len(rows ^ set(sample.rows)) <= max(6, 0.25 * len(sample.rows))
+    if kind in {"exchanged_targets", "exchanged_rig_points"}:
+        named, truth = what.subject, sample.subject
+        return named[0] == truth[0] and {*named[1:]} == {*truth[1:]}
+    if kind == "blunders":
+        return set(sample.rows) <= rows
+    return what.subject == sample.subject
