@@ -46,7 +46,8 @@ class SurveyOutcome:
         own = None if self.solution is None else self.solution.pose_table()
         if own is None:
             return self.inputs.published_poses
-        return with_makers(own, self.inputs.readings)
+        file = self.inputs.file
+        return own if file is None else with_makers(own, file.used)
 
 
 def with_makers(table: PoseTable, readings: Readings) -> PoseTable:
