@@ -63,9 +63,9 @@ class Convention:
         """Poses (n, 3) in the convention of the other table."""
         if not self.name:
             return poses
-        z: Plane = (poses[:, 0] + 1j * poses[:, 1]) * self.shrink
+        z: Plane = np.asarray(self.shrink * (poses[:, 0] + 1j * poses[:, 1]), dtype=complex)
         if self.mirror:
-            z = np.asarray(self.mirror * np.conj(z))
+            z = np.asarray(self.mirror * np.conj(z), dtype=complex)
         theta = self.sign * poses[:, 2] * self.radians + self.turn
         return np.column_stack([z.real, z.imag, wrap(theta)])
 

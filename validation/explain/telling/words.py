@@ -214,8 +214,8 @@ def _sureness(selection: Selection) -> str:
     gain = chosen.loo.score - best.loo.score
     p = max(chosen.p_values.values(), default=1.0)
     return (
-        f"How sure: it is {times_text(odds)} as likely (by BIC) as the next best explanation that does "
-        f"not include it, {best.model.words}. Poses that a fit did not use are predicted "
+        f"How sure: it is {times_text(odds)} as likely (by BIC) as the next best explanation that "
+        f"does not include it, {best.model.words}. Poses that a fit did not use are predicted "
         f"{'better' if gain > 0 else 'no better'} than by that one (log score {gain:+.1f}). Every "
         f"part of it is needed (largest p = {p:.1g})."
     )
