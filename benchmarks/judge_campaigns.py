@@ -126,7 +126,7 @@ def causes(seeds: range, noises: Sequence[str], stops: Sequence[int]) -> None:
                 print(f"  {kind.name:40} {rate(right, len(seeds))} {others}", flush=True)
 
 
-def gross(seeds: range, noises: Sequence[str], stops: Sequence[int]) -> None:
+def gross(seeds: range, _: Sequence[str], stops: Sequence[int]) -> None:
     """A wrong pose of the first of three systems beside a survey."""
     for n in stops:
         for size in (8.0, 10.0, 15.0):
@@ -142,7 +142,7 @@ def gross(seeds: range, noises: Sequence[str], stops: Sequence[int]) -> None:
                   f" innocent called sure {innocent / len(seeds):.3f}", flush=True)  # fmt: skip
 
 
-def copies(seeds: range, noises: Sequence[str], stops: Sequence[int]) -> None:
+def copies(seeds: range, _: Sequence[str], stops: Sequence[int]) -> None:
     """Copies of a wrong table: noticed, and nobody innocent blamed."""
     for n in stops:
         for near in (0.0, 0.05):

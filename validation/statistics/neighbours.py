@@ -241,7 +241,7 @@ def _basis(slopes: Array) -> Array:
     size = np.linalg.norm(slopes, axis=0)
     scaled = slopes[:, size > 0] / size[size > 0]
     if not scaled.shape[1]:
-        return scaled
+        return np.asarray(scaled)
     vectors, values, _ = np.linalg.svd(scaled, full_matrices=False)
     return np.asarray(vectors[:, values > 1e-7 * values[0]])
 

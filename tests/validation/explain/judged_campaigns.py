@@ -67,7 +67,7 @@ def stops_of(path, rng, n):
     return np.column_stack([z.real, z.imag, heading])
 
 
-def spoiled(cause, truth, size=1.0):
+def spoiled(cause, truth, size=1.0):  # noqa: C901, PLR0912  (one branch a cause)
     """(n, 3) what a system with the named fault gives."""
     n = len(truth)
     out = truth.copy()
@@ -148,7 +148,7 @@ def campaign(kind, seed):
             poses = spoiled(cause, noisy)
         else:
             poses = spoiled(cause, before, kind.size) + errors
-        if cause not in {"degrees"}:
+        if cause != "degrees":
             poses = wrapped(poses)
         systems.append(table(OTHERS[number], poses, SIGMA if kind.stated else None))
     sigma = np.maximum(own, 0.001) if kind.stated else None

@@ -7,11 +7,14 @@ is looked for first, from the shapes of both tables, and taken out before anythi
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from validation.explain.fitting.angle_unit import CERTAIN, chance_of_agreement
 from validation.poses.angles import Array, wrap
 from validation.statistics.units import PER_METRE, unit_of_ratio
 
+Plane = npt.NDArray[np.complex128]
+"""Positions as complex numbers."""
 FEWEST = 5
 """Poses from which on a convention is looked for: a plane map and an arm take six of their ten
 coordinates."""
@@ -60,9 +63,9 @@ class Convention:
         """Poses (n, 3) in the convention of the other table."""
         if not self.name:
             return poses
-        z = (poses[:, 0] + 1j * poses[:, 1]) * self.shrink
+        z: Plane = np.asarray(self.shrink * (poses[:, 0] + 1j * poses[:, 1]), dtype=complex)
         if self.mirror:
-            z = self.mirror * np.conj(z)
+            z = np.asarray(self.mirror * np.conj(z), dtype=complex)
         theta = self.sign * poses[:, 2] * self.radians + self.turn
         return np.column_stack([z.real, z.imag, wrap(theta)])
 
@@ -123,7 +126,7 @@ HEADINGS = {
 }
 
 
-def _fitted(target: Array, columns: Array) -> tuple[float, Array]:
+def _fitted(target: Plane, columns: Plane) -> tuple[float, Plane]:
     """Median residual of a complex least-squares fit that gross errors hardly move."""
     weights = np.ones(len(target))
     for _ in range(_ROUNDS):
@@ -132,7 +135,7 @@ def _fitted(target: Array, columns: Array) -> tuple[float, Array]:
         sizes = np.abs(target - columns @ found)
         typical = max(float(np.median(sizes)), 1e-12)
         weights = 1 / (1 + (sizes / (2 * typical)) ** 2)
-    return typical, found
+    return typical, np.asarray(found)
 
 
 def _positions(validation: Array, gt: Array) -> tuple[float, complex, str]:

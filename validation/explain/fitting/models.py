@@ -52,8 +52,8 @@ class ErrorModel:
     words : str
         What it says, for a sentence.
     parts : tuple of str
-        The systematic parts, of 'frame', 'mount', 'turn' (of the mount alone), 'shift' (of the frame
-        alone), 'scale', 'time', 'drift'.
+        The systematic parts, of 'frame', 'mount', 'turn' (of the mount alone), 'shift' (of the
+        frame alone), 'scale', 'time', 'drift'.
     through_reference : bool
         Whether the mount also stands in P A P^-1.
     slip : bool

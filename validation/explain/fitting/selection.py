@@ -285,7 +285,7 @@ def _dropped(worth: Serial, full: Fit, simple: Fit) -> float:
 def _at_its_bound(found: Fit) -> bool:
     """Whether the scale has run against its bound: then it is none."""
     named = dict(zip(found.model.fitted, found.parameters[0], strict=True))
-    return abs(named.get("scale", 0.0)) > 0.999 * MOST_SCALE
+    return bool(abs(named.get("scale", 0.0)) > 0.999 * MOST_SCALE)
 
 
 def gain_p_value(simple: Fit, full: Fit) -> float:

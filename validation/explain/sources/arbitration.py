@@ -17,6 +17,7 @@ from validation.explain.fitting.hat_values import source_variances
 from validation.explain.fitting.noise import DIMENSIONS, MEDIANS, Mask
 from validation.explain.sources.copies import Copies
 from validation.explain.sources.judging import JudgedTable
+from validation.explain.sources.tails import HEAVY
 from validation.explain.sources.verdicts import (
     CELLS,
     Arbitration,
@@ -25,7 +26,6 @@ from validation.explain.sources.verdicts import (
     differences,
     listed,
 )
-from validation.explain.sources.tails import HEAVY
 from validation.poses.angles import Array
 
 FALSE_ALARM = 0.05

@@ -5,7 +5,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from validation.explain.telling.words import parameter_text
+from validation.explain.telling.number_words import parameter_text
 from validation.results import Finding, Table
 from validation.trajectories.causes.chain import CAUSES, WORDS
 from validation.trajectories.causes.explanation import Cause, TimeExplanation

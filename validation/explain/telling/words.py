@@ -8,21 +8,15 @@ from validation.explain.analysis import Explanation, SystemExplanation
 from validation.explain.fitting.models import ErrorModel
 from validation.explain.fitting.selection import Candidate, Selection, smallest_shown
 from validation.explain.fitting.settled import Settled
-from validation.explain.sources.agreement import MOUNT, Agreement
-from validation.explain.sources.reference import RULED_OUT, ReferenceEvidence
-from validation.explain.sources.verdicts import listed
+from validation.explain.telling.number_words import parameter_text, times_text
+from validation.explain.telling.reference_words import (
+    agreement_finding,
+    reference_findings,
+    slip_findings,
+)
 from validation.explain.telling.verdict_words import arbitration_findings
 from validation.poses.angles import Array
 from validation.results import Finding
-from validation.statistics.hypotheses import Parameter
-
-ALL_ODDS = 1e6
-"""Odds beyond this are not told in figures: they rest on the tails of the noise model, which no
-table shows."""
-
-SLIP = 0.01
-"""A slip of the reference pose is told below this p-value. A judgement: it is a note, and one of
-three numbers for each system, so that one clean system in thirty has it."""
 
 
 def findings(explanation: Explanation) -> list[Finding]:
@@ -34,7 +28,9 @@ def findings(explanation: Explanation) -> list[Finding]:
             told.append(Finding("warning", text, one.system, "perhaps_degrees"))
         rest = [other for other in explanation.systems if other is not one]
         told += system_findings(one, explanation.question.confidence, rest)
-    told += [_agreement(one, explanation.question.confidence) for one in explanation.agreements]
+    told += [
+        agreement_finding(one, explanation.question.confidence) for one in explanation.agreements
+    ]
     told += arbitration_findings(explanation.arbitration)
     return told
 
@@ -55,32 +51,13 @@ def system_findings(
     if one.settled.fit.model.parts:
         evidence = f"{_sureness(one.selection)} {_taken_away(one.settled)}"
         told.append(Finding("note", evidence, one.system, "evidence"))
-    told += _reference(one)
-    told += _slip(one.selection, one.settled, confidence)
+    told += reference_findings(one)
+    told += slip_findings(one.selection, one.settled, confidence)
     told += _rivals(one.selection)
     told += _more(one.selection)
     told += _blind(one.selection)
     told += _noise(one.selection, one.settled)
     return told
-
-
-def _number(value: float, unit: str) -> str:
-    """A value as people read it: mm and mrad below a metre or radian, per mille for scale."""
-    if unit in {"m", "rad"}:
-        return f"{1000 * value:+.1f} m{unit}"
-    if unit in {"m/s", "rad/s"}:
-        return f"{1000 * value:+.3f} m{unit}"
-    if unit == "s/s":
-        return f"{1e6 * value:+.0f} ppm"
-    return f"{1000 * value:+.2f} per mille" if not unit else f"{value:+.4f} {unit}"
-
-
-def parameter_text(one: Parameter) -> str:
-    """'mount x -89.3 mm (-92.8 to -85.8)'."""
-    if np.isnan(one.low):
-        return f"{one.name.replace('_', ' ')} {_number(one.value, one.unit)}"
-    low, high = (_number(value, one.unit).split(" ")[0] for value in (one.low, one.high))
-    return f"{one.name.replace('_', ' ')} {_number(one.value, one.unit)} ({low} to {high})"
 
 
 def _cause(
@@ -95,6 +72,8 @@ def _cause(
     if one.wanders:
         return Finding("warning", _wandering(settled), one.system, "drift")
     if not model.parts:
+        if selection.dependent and selection.taken_out.model.parts:
+            return Finding("note", _hidden_by_lasting(selection), one.system, "no_systematic_error")
         best = min(selection.candidates[1:], key=lambda item: item.criterion)
         p = best.p_values.get("none", 1.0)
         text = (
@@ -119,6 +98,18 @@ def _cause(
         f"{measure(one, settled)}"
     )
     return Finding("warning", text, one.system, "systematic_error")
+
+
+def _hidden_by_lasting(selection: Selection) -> str:
+    """What would be claimed if errors did not depend on their neighbours."""
+    best = selection.taken_out
+    p = max(best.p_values.values(), default=1.0)
+    return (
+        f"No systematic error is shown. If errors were independent, {best.model.words} would be "
+        "claimed; but they depend on their neighbours, and such errors without a cause look like "
+        f"that with the chance p = {p:.2g}. A cause is claimed only below "
+        f"{selection.threshold:.2g}. Take it as a hint."
+    )
 
 
 def _or(selection: Selection) -> str:
@@ -152,9 +143,8 @@ def _named(one: SystemExplanation, model: ErrorModel) -> str:
         return f"{model.words} {one.selection.pairs.reference}"
     if one.reference is not None and one.reference.accepted:
         which = one.reference.possible[0] if one.reference_decided else "which is not decided"
-        return (
-            f"a wrong mount that also shifted the frame through a reference pose (inferred: {which})"
-        )
+        words = "a wrong mount that also shifted the frame through a reference pose"
+        return f"{words} (inferred: {which})"
     return model.words
 
 
@@ -191,7 +181,7 @@ def dependence_findings(selection: Selection, settled: Settled, system: str) -> 
         if what
         else "Intervals and tests allow for that: they are wider than for independent errors."
     )
-    odds = _times(float(np.exp(min(selection.memory, 700.0))))
+    odds = times_text(float(np.exp(min(selection.memory, 700.0))))
     text = (
         f"Errors depend on those of their neighbours in order ({odds} as likely as that they do "
         f"not): {said or 'neighbours are alike'}. {then} Repeat stops at another time, in another "
@@ -224,18 +214,11 @@ def _sureness(selection: Selection) -> str:
     gain = chosen.loo.score - best.loo.score
     p = max(chosen.p_values.values(), default=1.0)
     return (
-        f"How sure: it is {_times(odds)} as likely (by BIC) as the next best explanation that does "
-        f"not include it, {best.model.words}. Poses that a fit did not use are predicted "
+        f"How sure: it is {times_text(odds)} as likely (by BIC) as the next best explanation that "
+        f"does not include it, {best.model.words}. Poses that a fit did not use are predicted "
         f"{'better' if gain > 0 else 'no better'} than by that one (log score {gain:+.1f}). Every "
         f"part of it is needed (largest p = {p:.1g})."
     )
-
-
-def _times(odds: float) -> str:
-    """'21000 times', as far as figures mean something."""
-    if odds >= ALL_ODDS:
-        return "more than a million times"
-    return f"{odds:.{'0f' if odds > 3 else '1f'}} times"
 
 
 def _rms(settled: Settled, errors: Array) -> Array:
@@ -319,60 +302,6 @@ def measure(one: SystemExplanation, settled: Settled) -> str:
     if "time" in parts:
         advice.append("repeat with the robot at rest, where the error must vanish")
     return f"To confirm: {'; '.join(advice)}." if advice else ""
-
-
-def _reference(one: SystemExplanation) -> list[Finding]:
-    """What the evidence for a reference says, where none was stated."""
-    evidence = one.reference
-    if evidence is None:
-        return []
-    heading = (
-        f"If one reference stop tied the frame to the Vframe through the mount, its heading was "
-        f"{evidence.heading:+.2f} rad (standard deviation {evidence.heading_sigma:.2f})"
-    )
-    if not evidence.possible:
-        text = f"{heading}. No stop has that heading, so no reference explains the frame error."
-        return [Finding("note", text, one.system, "no_reference")]
-    text = f"{heading}. {_possible(evidence)} "
-    if evidence.certain:
-        text += "That there is a reference was stated in campaign.toml; the errors do not show it."
-    else:
-        odds = evidence.odds
-        two = ("a reference", "a wrong frame that looks like one by chance")
-        more, less = two if odds >= 1 else two[::-1]
-        larger = max(odds, 1 / max(odds, 1 / ALL_ODDS))
-        text += (
-            f"{more.capitalize()} is {_times(larger)} as likely as {less}"
-            f"{'.' if larger > 3 else ': this table alone cannot tell.'}"
-        )
-    return [Finding("note", text, one.system, "inferred_reference")]
-
-
-def _possible(evidence: ReferenceEvidence) -> str:
-    """The stops that could be the reference, with their p-values."""
-    said = [
-        f"{name} (p = {evidence.p_values[evidence.ids.index(name)]:.2g})"
-        for name in evidence.possible[:5]
-    ]
-    out = len(evidence.ids) - len(evidence.possible)
-    return (
-        f"It may be stop {' or '.join(said)}; the {out} others are ruled out (p < {RULED_OUT:g})."
-    )
-
-
-def _slip(selection: Selection, settled: Settled, confidence: float) -> list[Finding]:
-    """The survey's own error at the reference pose."""
-    if not settled.fit.model.slip:
-        return []
-    slip = [p for p in settled.parameters(confidence) if p.name.startswith("slip")]
-    if min(p.p_value for p in slip) > SLIP:
-        return []
-    text = (
-        f"By all other stops, the validation pose of the reference {selection.pairs.reference} is "
-        f"wrong itself: {', '.join(parameter_text(p) for p in slip)}. This shifted all poses of "
-        "this system, and is taken out together with the explanation."
-    )
-    return [Finding("note", text, selection.pairs.system, "reference_slip")]
 
 
 def _rivals(selection: Selection) -> list[Finding]:
@@ -484,34 +413,3 @@ def _misfit(settled: Settled) -> list[Finding]:
             )
             told.append(Finding("note", text, settled.pairs.system, "covariance_too_large"))
     return told
-
-
-def _agreement(one: Agreement, confidence: float) -> Finding:
-    """Whether systems of one sensor share a mount error."""
-    half = one.interval_factor(confidence) * np.sqrt(np.diagonal(one.joint_covariance))
-    joint = ", ".join(
-        f"{name.replace('_', ' ')} {_number(float(v), unit)} (+-{1000 * h:.1f})"
-        for name, unit, v, h in zip(MOUNT, ("m", "m", "rad"), one.joint, half, strict=True)
-    )
-    differences = one.differences(confidence)
-    apart = "; ".join(
-        f"{system} minus {one.systems[0]}: "
-        + ", ".join(
-            f"{name.replace('_', ' ')} {1000 * d[0]:+.1f} "
-            f"({1000 * d[1]:+.1f} to {1000 * d[2]:+.1f}) m{unit}"
-            for name, unit, d in zip(MOUNT, ("m", "m", "rad"), rows, strict=True)
-        )
-        for system, rows in zip(one.systems[1:], differences, strict=True)
-    )
-    names = listed(one.systems)
-    if one.p_value >= 1 - confidence:
-        text = (
-            f"{names} agree on the same mount error (p = {one.p_value:.2g}; {apart}). Fitted "
-            f"together: {joint}."
-        )
-        return Finding("note", text, one.sensor, "same_mount")
-    text = (
-        f"{names} do not agree on one mount error (p = {one.p_value:.2g}; {apart}): the mount is "
-        "not the whole cause, or a wrong pose that is not flagged changes one of them."
-    )
-    return Finding("warning", text, one.sensor, "different_mounts")

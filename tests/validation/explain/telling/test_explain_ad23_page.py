@@ -86,6 +86,7 @@ def test_the_explanations_of_the_genetic_laser(page, explained):
     best = max(one.loo.score for one in selection.candidates)
     order = ["none", "scale", "frame", "frame_scale", "mount", "reference_mount", "frame_mount"]
     order += ["reference_mount_scale", "frame_mount_scale"]
+    order += ["drift", "frame_drift", "mount_drift", "frame_mount_drift"]
     told = rows(page, "| explanation | parameters")
     assert len(told) == len(order) == len(selection.candidates)
     for name, (_, count, bic, score, left_out) in zip(order, told, strict=True):
@@ -134,8 +135,6 @@ def test_the_parameters_in_the_text(page, explained):
     assert scan.reference.possible == ("1",)
     low_high = [(p.low, p.high) for p in scan.settled.parameters() if p.name == "mount_x"]
     assert f"({1000 * low_high[0][0]:.0f} to {1000 * low_high[0][1]:.0f})" in page
-    [x, y, _] = explained.system("vision").settled.parameters()
-    for one in (x, y):
-        assert f"{1000 * one.value:+.0f} mm ({1000 * one.low:+.0f} to {1000 * one.high:+.0f})" in (
-            " ".join(page.split())
-        )
+    x, y, _ = explained.system("vision").selection.taken_out.fit.parameters[0]
+    assert f"x {1000 * x:+.0f} mm and y {1000 * y:+.0f} mm" in " ".join(page.split())
+    assert f"about {100 * explained.arbitration.rate:.2g} %" in page

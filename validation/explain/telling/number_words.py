@@ -1,0 +1,35 @@
+"""Numbers of an explanation as people read them."""
+
+import numpy as np
+
+from validation.statistics.hypotheses import Parameter
+
+ALL_ODDS = 1e6
+"""Odds beyond this are not told in figures: they rest on the tails of the noise model, which no
+table shows."""
+
+
+def number_text(value: float, unit: str) -> str:
+    """A value as people read it: mm and mrad below a metre or radian, per mille for scale."""
+    if unit in {"m", "rad"}:
+        return f"{1000 * value:+.1f} m{unit}"
+    if unit in {"m/s", "rad/s"}:
+        return f"{1000 * value:+.3f} m{unit}"
+    if unit == "s/s":
+        return f"{1e6 * value:+.0f} ppm"
+    return f"{1000 * value:+.2f} per mille" if not unit else f"{value:+.4f} {unit}"
+
+
+def parameter_text(one: Parameter) -> str:
+    """'mount x -89.3 mm (-92.8 to -85.8)'."""
+    if np.isnan(one.low):
+        return f"{one.name.replace('_', ' ')} {number_text(one.value, one.unit)}"
+    low, high = (number_text(value, one.unit).split(" ")[0] for value in (one.low, one.high))
+    return f"{one.name.replace('_', ' ')} {number_text(one.value, one.unit)} ({low} to {high})"
+
+
+def times_text(odds: float) -> str:
+    """'21000 times', as far as figures mean something."""
+    if odds >= ALL_ODDS:
+        return "more than a million times"
+    return f"{odds:.{'0f' if odds > 3 else '1f'}} times"
