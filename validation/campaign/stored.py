@@ -112,9 +112,15 @@ def system_of(path: Path) -> str:
 
 
 def components_of(path: Path) -> tuple[Component, ...]:
-    """What the poses of a file consist of: spatial ones have a column yaw."""
-    yaw = read_csv(path, [Column("yaw", required=False, blank=True)]).text["yaw"]
-    return SPATIAL if any(yaw) else PLANAR
+    """What the poses of a file consist of: poses in space have a yaw; positions have no heading."""
+    names = ("yaw", "theta", "z")
+    text = read_csv(path, [Column(name, required=False, blank=True) for name in names]).text
+    yaw, theta, height = (any(text[name]) for name in names)
+    if yaw:
+        return SPATIAL
+    if theta or not text["theta"]:
+        return PLANAR
+    return SPATIAL[:3] if height else PLANAR[:2]
 
 
 def refuse_degrees(path: Path) -> None:

@@ -68,14 +68,19 @@ def explain(
     corrected poses and all numbers go to CAMPAIGN/results/explain; for tables, to --output.
 
     Takes trajectories as well, a reference and one or more sources: then frame, mount, scale,
-    delay, drift of the clock and drift of the poses are told apart.
+    delay, drift of the clock and drift of the poses are told apart. Poses in space (x, y, z, yaw,
+    pitch, roll) and positions (x, y or x, y, z) are explained as far as they go.
     """
     from validation.commands.output import end_of_command
 
-    if gt and moves(validation):
+    if gt and (moves(validation) or _without_plane(validation, gt)):
         if references or sensors or witnesses or figures or output:
-            raise click.UsageError("trajectories take no options but --json, --all and --strict")
-        _in_time(validation, gt, as_json=as_json, strict=strict, everything=everything)
+            raise click.UsageError(
+                "trajectories, poses in space and positions take no options but --json, --all and "
+                "--strict"
+            )
+        told = _in_time if moves(validation) else _in_space
+        told(validation, gt, as_json=as_json, strict=strict, everything=everything)
         return
     folder, campaign = output, None
     with progress_bar("explaining") as progress:
@@ -106,6 +111,40 @@ def explain(
     else:
         _print(explanation, found, sections, folder, everything=everything)
     end_of_command(found, failed=False, strict=strict)
+
+
+def _without_plane(validation: Path, gt: Sequence[Path]) -> bool:
+    """Whether one of the tables has poses in space, or positions without heading."""
+    from validation.campaign.stored import components_of
+    from validation.poses.pose_table import PLANAR
+
+    tables = [path for path in (validation, *gt) if path.is_file() and not moves(path)]
+    return any(components_of(path) != PLANAR for path in tables)
+
+
+def _in_space(
+    validation: Path, gt: Sequence[Path], *, as_json: bool, strict: bool, everything: bool
+) -> None:
+    """The causes of errors of poses in space, or of positions, told and printed."""
+    from validation.campaign.stored import read_tables
+    from validation.commands.output import end_of_command, print_first_findings
+    from validation.explain.loading import read_times
+    from validation.explain.telling.in_space import space_findings, space_json, space_section
+    from validation.explain.telling.section import explain_others
+    from validation.report.terminal import print_json, print_table
+    from validation.results import Table
+
+    truth, *systems = read_tables([validation, *gt]).tables
+    explained, found = explain_others(truth, systems, read_times(gt))
+    found += [finding for one in explained for finding in space_findings(one)]
+    if as_json:
+        print_json({"systems": {o.system: space_json(o) for o in explained}, "findings": found})
+    else:
+        for block in space_section(explained).blocks if explained else ():
+            if isinstance(block, Table):
+                print_table(block)
+        print_first_findings(found, everything=everything)
+    end_of_command(found, strict=strict)
 
 
 def _in_time(

@@ -1,12 +1,19 @@
 """Errors of a ground truth: validation poses minus GT poses, stop by stop."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
-from validation.poses.pose_table import Component, PoseTable, in_common, pose_difference
+from validation.poses.pose_table import (
+    PLANAR,
+    SPATIAL,
+    Component,
+    PoseTable,
+    in_common,
+    pose_difference,
+)
 from validation.shown import Shown
 from validation.statistics.consistency import (
     ConsistencyTest,
@@ -40,6 +47,8 @@ class Comparison(Shown):
         Why some or all stops have no NEES; empty where all have one.
     test : ConsistencyTest, optional
         All NEES taken together; None where there is none.
+    left_out : tuple of str
+        Components that only one of both has: "z of 'survey'".
     """
 
     validation: PoseTable
@@ -52,6 +61,7 @@ class Comparison(Shown):
     missing_in_validation: tuple[str, ...]
     unavailable: str
     test: ConsistencyTest | None
+    left_out: tuple[str, ...] = ()
 
     @property
     def system(self) -> str:
@@ -104,28 +114,35 @@ def compare(validation: PoseTable, gt: PoseTable, confidence: float = 0.95) -> C
     validation : PoseTable
         What is taken as true.
     gt : PoseTable
-        The system under test, in the same frame and with the same components, or fewer:
-        positions without heading. It is taken as independent of the validation: covariances
-        are added.
+        The system under test, in the same frame. Compared is what both have: positions where one
+        of them knows no heading; a pose in space beside one in the plane is seen from above. It is
+        taken as independent of the validation: covariances are added.
     confidence : float
         Of the intervals.
 
     Raises
     ------
     GtvalError
-        If the system has components that the validation lacks, or no stop is in common.
+        If no component or no stop is in common.
 
     Notes
     -----
     AD2.3, tables "valid - GTvis" and "valid - SICK": error = validation minus GT.
     """
+    validation, gt = seen_alike(validation, gt)
     shared = [one for one in validation.components if one in gt.components]
-    if len(shared) < len(gt.components):
+    if not shared:
         raise GtvalError(
             f"the poses of '{validation.system}' have the components "
             f"{_named(validation)} and those of '{gt.system}' {_named(gt)}; "
             "only the same components can be compared"
         )
+    left_out = tuple(
+        f"{one.name} of '{table.system}'"
+        for table in (validation, gt)
+        for one in table.components
+        if one not in shared
+    )
     validation, gt = validation.only(shared), gt.only(shared)
     ids = in_common([validation, gt])
     both = set(ids)
@@ -144,7 +161,25 @@ def compare(validation: PoseTable, gt: PoseTable, confidence: float = 0.95) -> C
         missing_in_validation=tuple(name for name in gt.ids if name not in both),
         unavailable=_why_unavailable(ours, theirs),
         test=_test(ours, theirs, errors, scores, confidence),
+        left_out=left_out,
     )
+
+
+def seen_alike(validation: PoseTable, gt: PoseTable) -> tuple[PoseTable, PoseTable]:
+    """Both from above, with the yaw as heading, where one is in the plane and the other is not."""
+    planar = [any(one.name == "theta" for one in table.components) for table in (validation, gt)]
+    if planar[0] == planar[1]:
+        return validation, gt
+    first, second = (_from_above(one) for one in (validation, gt))
+    return first, second
+
+
+def _from_above(table: PoseTable) -> PoseTable:
+    """The poses of a table with a yaw in the plane; others as they are."""
+    if SPATIAL[3] not in table.components:
+        return table
+    kept = table.only([SPATIAL[0], SPATIAL[1], SPATIAL[3]])
+    return replace(kept, components=PLANAR)
 
 
 def _named(table: PoseTable) -> str:

@@ -18,6 +18,7 @@ def conclusions(evaluation: Evaluation) -> list[Finding]:
     comparison = evaluation.comparison
     return [
         *_units(comparison),
+        *_left_out(comparison),
         *_neighbours(evaluation),
         *(
             _bias(statistics, float(stated), evaluation.system)
@@ -30,6 +31,14 @@ def conclusions(evaluation: Evaluation) -> list[Finding]:
         _largest(evaluation),
         *_zero_errors(comparison),
     ]
+
+
+def _left_out(comparison: Comparison) -> list[Finding]:
+    """What only one of the two tables knows."""
+    if not comparison.left_out:
+        return []
+    text = f"Compared is what both tables have; left out: {', '.join(comparison.left_out)}."
+    return [Finding("note", text, comparison.system, "components_left_out")]
 
 
 def _units(comparison: Comparison) -> list[Finding]:

@@ -52,10 +52,27 @@ def test_nothing_in_common_is_an_error():
         compare(three_stops("survey"), three_stops("other", ids=("a", "b", "c")))
 
 
-def test_planar_and_spatial_poses_are_not_compared():
-    spatial = PoseTable("rig", ("1",), np.zeros((1, 6)), components=SPATIAL)
+def test_poses_in_space_are_seen_from_above_beside_planar_ones():
+    survey = three_stops("survey")
+    poses = np.zeros((1, 6))
+    poses[0, [0, 1, 3]] = survey.select(["1"]).poses[0] - [0.1, 0.2, 0.3]
+    found = compare(survey, PoseTable("rig", ("1",), poses, components=SPATIAL))
+    assert found.errors[0] == pytest.approx([0.1, 0.2, 0.3])
+    assert found.left_out == ()
+
+
+def test_positions_are_compared_as_far_as_they_go():
+    prism = PoseTable("prism", ("1", "2"), np.zeros((2, 3)), components=SPATIAL[:3])
+    survey = three_stops("survey")
+    for found in (compare(survey, prism), compare(prism, survey)):
+        assert [one.name for one in found.components] == ["x", "y"]
+        assert set(found.left_out) == {"theta of 'survey'", "z of 'prism'"}
+
+
+def test_without_a_component_in_common_nothing_is_compared():
+    heights = PoseTable("level", ("1",), np.zeros((1, 1)), components=SPATIAL[2:3])
     with pytest.raises(GtvalError, match="only the same components"):
-        compare(three_stops("survey"), spatial)
+        compare(three_stops("survey"), heights)
 
 
 def test_spatial_poses_are_compared_by_the_same_rules():

@@ -16,7 +16,9 @@ from validation.explain.sources.repeatability import (
     repeated_runs,
     revisits,
 )
-from validation.explain.telling.output import explanation_files
+from validation.explain.space.explanation import SpaceExplanation, explain_in_space
+from validation.explain.telling.in_space import space_findings, space_json, space_section
+from validation.explain.telling.output import FOLDER, explanation_files
 from validation.explain.telling.tables import (
     before_after_table,
     candidate_table,
@@ -31,6 +33,7 @@ from validation.explain.telling.tables import (
 from validation.explain.telling.words import findings
 from validation.poses.pose_table import PLANAR, PoseTable
 from validation.results import Figure, Finding, Section, Table, Text
+from validation.text_files.json_text import json_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -81,28 +84,54 @@ def explain_campaign(campaign: "Campaign", tables: Sequence[PoseTable]) -> Expla
     settings = campaign.section("explain", ExplainSettings)
     validation, others = split_validation(tables)
     fit = [one for one in others if one.components == PLANAR and set(one.ids) & set(validation.ids)]
-    left_out = [
-        Finding(
-            "note",
-            "Not explained: its poses are not planar, or at no stop of the validation.",
-            one.system,
-            "not_explained",
-        )
-        for one in others
-        if one not in fit
-    ]
+    if validation.components != PLANAR:
+        fit = []
+    spatial, left_out = explain_others(validation, [one for one in others if one not in fit])
+    told = [space_section(spatial)] if spatial else []
+    left_out += [finding for one in spatial for finding in space_findings(one)]
     left_out += unknown_systems(campaign, settings, [one.system for one in others])
-    if validation.components != PLANAR or not fit:
-        return ExplainParts(None, (), tuple(left_out), {})
+    if not fit:
+        return ExplainParts(None, tuple(told), tuple(left_out), _space_files(spatial))
     question = campaign_question(campaign, settings, [one.system for one in fit])
     explanation = explain(validation, fit, question)
     found = repeatability(explanation, settings.runs, settings.revisit_radius)
     return ExplainParts(
         explanation,
-        explain_sections(explanation, asked_limits(campaign.settings.comparison), found),
+        (*explain_sections(explanation, asked_limits(campaign.settings.comparison), found), *told),
         (*findings(explanation), *left_out),
-        explanation_files(explanation),
+        {**explanation_files(explanation), **_space_files(spatial)},
     )
+
+
+def explain_others(
+    validation: PoseTable, others: Sequence[PoseTable], times: Mapping[str, float] | None = None
+) -> tuple[list[SpaceExplanation], list[Finding]]:
+    """Poses in space and positions explained one by one, and those that cannot be.
+
+    Parameters
+    ----------
+    validation : PoseTable
+        The validation poses or positions.
+    others : sequence of PoseTable
+        Systems of which one side is not planar.
+    times : mapping of str to float, optional
+        Seconds of the stops of a moving robot.
+    """
+    explained, left_out = [], []
+    for one in others:
+        try:
+            explained.append(explain_in_space(validation, one, times))
+        except GtvalError as error:
+            left_out.append(Finding("note", f"Not explained: {error}", one.system, "not_explained"))
+    return explained, left_out
+
+
+def _space_files(explained: Sequence[SpaceExplanation]) -> dict[str, str | bytes]:
+    """All numbers, by names relative to results/."""
+    if not explained:
+        return {}
+    numbers = {one.system: space_json(one) for one in explained}
+    return {f"{FOLDER}/explanation_in_space.json": json_text(numbers)}
 
 
 def asked_limits(asked: "Comparison") -> tuple[float, ...]:

@@ -1,0 +1,1 @@
+"""Explanations of poses in space, and of positions whose orientation one side does not know."""
