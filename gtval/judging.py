@@ -118,7 +118,7 @@ def explain(
     'frame'
     """
     tables = [systems] if isinstance(systems, PoseTable) else systems
-    question = Question(references or {}, sensors or {}, times, witnesses, confidence)
+    question = Question(references or {}, sensors or {}, times, witnesses, confidence=confidence)
     return explain_tables(validation, tables, question)
 
 

@@ -6,7 +6,7 @@ from importlib.metadata import version
 import numpy as np
 
 from validation.explain.space.explanation import SpaceExplanation, words_of
-from validation.explain.telling.words import parameter_text
+from validation.explain.telling.number_words import parameter_text
 from validation.results import Finding, Section, Table
 
 TITLE = "Where the errors come from, in space"
