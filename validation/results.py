@@ -20,7 +20,17 @@ APPENDIX = "Appendix"
 """Sections whose title begins so are the last of the report."""
 TableColumn = tuple[str, str, Iterable[str | int | float | None]]
 """Heading with its unit, format of the numbers (or ''), and values from the top."""
+MOST_LISTED = 30
+"""Ids that a sentence lists; of more it gives the first and the count. The longest list of the
+published campaign has 13."""
 Severity = Literal["good", "note", "warning", "error"]
+
+
+def listed_ids(ids: Sequence[str], most: int = MOST_LISTED) -> str:
+    """'3, 9, 14'; of many the first ten, and how many more there are."""
+    if len(ids) <= most:
+        return ", ".join(ids)
+    return f"{', '.join(ids[:10])} and {len(ids) - 10} more"
 
 
 @dataclass(frozen=True)
@@ -70,6 +80,8 @@ class Table:
         Format of the numbers of each column, as for `format`: '.4f'. Empty: as they are.
     note : str
         A sentence under the table.
+    folded : bool
+        Whether a page shows only its title until it is opened; a long table always is.
 
     Raises
     ------
@@ -82,6 +94,7 @@ class Table:
     rows: Sequence[Sequence[str | int | float | None]]
     formats: Sequence[str] = ()
     note: str = ""
+    folded: bool = False
 
     def __post_init__(self) -> None:
         wrong = {len(row) for row in self.rows} - {len(self.columns)}
@@ -117,12 +130,15 @@ class Figure:
         What a reader who cannot see it should know.
     draw : callable
         Returns a matplotlib Figure.
+    folded : bool
+        Whether a page shows only its caption until it is opened.
     """
 
     name: str
     caption: str
     alternative: str
     draw: "Callable[[], MatplotlibFigure]"
+    folded: bool = False
 
 
 @dataclass(frozen=True)

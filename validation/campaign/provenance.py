@@ -24,7 +24,11 @@ RECORD = "run.json"
 REPORT, REPORT_FILE = "report", "report/report.html"
 """The step that makes the report, and its file. It uses all results."""
 
-REPORT_FILES = (REPORT_FILE, "report/tables.md", "report/tables.tex", "report/report.pdf")
+REPORT_FILES = (
+    REPORT_FILE,
+    *(f"report/{name}" for name in ("tables.md", "tables.tex", "report.pdf")),
+    *(f"report/{name}" for name in ("tables_paper.md", "tables_paper.tex")),
+)
 """All that this step may write."""
 
 

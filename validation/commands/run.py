@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from validation.statistics.error_statistics import IntervalMethod
     from validation.statistics.evaluation import Evaluation
 
+PAPER = ("tables_paper.md", "tables_paper.tex")
 RUN_BEFORE_REPORT = 0.7
 """Share of the progress bar that a run has before its report is written. A judgement: the report of
 the AD2.3 campaign takes longer than its run, that of a room with images a tenth of it."""
@@ -123,7 +124,8 @@ def report(
 
     done = _run_and_write(campaign, method_of(normal), report=True, pdf=pdf)
     folder = done.campaign.report
-    names = ["report.html", "tables.md", "tables.tex", *(["report.pdf"] if pdf else [])]
+    wanted = ["report.html", "tables.md", "tables.tex", *PAPER, *(["report.pdf"] if pdf else [])]
+    names = [name for name in wanted if (folder / name).is_file()]
     if as_json:
         from validation.report.terminal import print_json
 

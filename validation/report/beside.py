@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from validation.poses.pose_table import PoseTable, in_common, pose_difference
-from validation.results import AS_PUBLISHED, Section, Table, TableColumn
+from validation.results import AS_PUBLISHED, Section, Table, TableColumn, listed_ids
 from validation.statistics.evaluation import Evaluation
 
 MILLI = 1e3
@@ -33,7 +33,7 @@ def _difference_table(own: PoseTable, published: PoseTable) -> Table:
     for k, component in enumerate(one.components):
         columns.append((f"d{component.name} [m{component.unit}]", "+.1f", MILLI * off[:, k]))
     missing = [name for name in own.ids if name not in set(ids)]
-    lost = f" It gives no pose of {', '.join(missing)}." if missing else ""
+    lost = f" It gives no pose of {listed_ids(missing)}." if missing else ""
     note = f"d: the published way minus '{own.system}'.{lost}"
     return Table.of_columns(f"'{own.system}' by the published way", columns, note)
 

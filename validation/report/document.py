@@ -1,7 +1,7 @@
 """What the report says, in order, before any format: the one source of HTML, Markdown, LaTeX."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING
@@ -15,6 +15,9 @@ from validation.report.evaluation_tables import (
     pose_table,
     statistics_table,
 )
+from validation.report.summary.evidence import dependence_table, evidence_figure
+from validation.report.summary.first_page import first_lines, first_section, first_table
+from validation.report.summary.to_do import ToDo, to_do
 from validation.report.terminal import most_severe_first
 from validation.results import (
     APPENDIX,
@@ -27,11 +30,15 @@ from validation.results import (
     Text,
 )
 from validation.run import RunResult
+from validation.solving import unexpected
 from validation.statistics.evaluation import Evaluation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
+SHORT = "In short"
+DETAILS = ("explain_heading_", "explain_ellipses")
+"""Figures that stand closed: what they show is in another figure or in a table too."""
 FAULTY = (
     "The survey itself found errors (listed first among the findings). Until they are settled, "
     "neither the validation poses nor any error computed from them may be used."
@@ -60,6 +67,10 @@ class Document:
         That of the sections which sums up all systems: it is read before the findings.
     failures : sequence of SystemResult
         What stands in for parts that could not be made.
+    to_do : sequence of ToDo
+        What to measure, look at or repeat, the most valuable first.
+    paper : sequence of Table
+        Narrow tables for a paper.
     """
 
     title: str
@@ -70,6 +81,8 @@ class Document:
     sections: Sequence[Section]
     overview: Section | None = None
     failures: Sequence[SystemResult] = ()
+    to_do: Sequence[ToDo] = ()
+    paper: Sequence[Table] = ()
 
     @property
     def tables(self) -> list[Table]:
@@ -81,27 +94,36 @@ def build_document(run: RunResult) -> Document:
     """The report of a run, its figures drawn; of a part that fails it says so."""
     settings = run.campaign.settings
     failures: list[SystemResult] = []
-    overview = None
+    told = run.explained.explanation if run.explained else None
+    overview, todo, paper = None, [], []
     if run.evaluations:
-        make = partial(_overview_section, run.evaluations)
-        overview = section_or_sentence("All systems", make, failures)
-    beside = beside_section(run.tables, run.evaluations)
+        try:
+            lines = first_lines(run.evaluations, told)
+            todo, paper = to_do(run.findings, lines, told), first_table(lines)
+            first = f"{todo[0].subject}: {todo[0].text}" if todo else ""
+            room, faulty = settings.room, run.validation_is_faulty
+            make = partial(first_section, lines, first, room.walls, run.landmarks, faulty=faulty)
+            overview = section_or_sentence(SHORT, make, failures)
+        except Exception as error:  # noqa: BLE001  (the first page must not take the report)
+            failures.append(unexpected(f"report: {SHORT}", error))
     own = checked_sections(run.sections, failures)
     last = [section for section in own if section.title.startswith(APPENDIX)]
+    surveyed = {
+        one.title
+        for system in run.systems
+        if system.name == VALIDATION_SYSTEM
+        for one in system.result.sections
+    }
+    survey = [one for one in own if one not in last and one.title in surveyed]
     sections = [
         *([overview] if overview is not None else []),
-        *(section for section in own if section not in last),
-        *(
-            section_or_sentence(
-                f"System {one.system}", partial(_evaluation_section, run, one), failures
-            )
-            for one in run.evaluations
-        ),
+        *_system_sections(run, failures),
+        *(one for one in own if one not in last and one not in survey),
         *checked_sections(run.statements.sections, failures),
-        *checked_sections([beside] if beside is not None else (), failures),
+        *checked_sections([beside] if (beside := _beside(run)) is not None else (), failures),
         *checked_sections(run.in_time.sections if run.in_time else (), failures),
-        *checked_sections(run.explained.sections if run.explained else (), failures),
         *checked_sections(run.statements.last_sections, failures),
+        *survey,
         *last,
         _inputs_section(run),
     ]
@@ -114,7 +136,40 @@ def build_document(run: RunResult) -> Document:
         sections=sections,
         overview=overview,
         failures=failures,
+        to_do=todo,
+        paper=paper,
     )
+
+
+def _beside(run: RunResult) -> Section | None:
+    return beside_section(run.tables, run.evaluations)
+
+
+def _system_sections(run: RunResult, failures: list[SystemResult]) -> list[Section]:
+    """All systems together, then the evidence by system: its errors, and where they come from."""
+    explained = {one.title: one for one in run.explained.sections} if run.explained else {}
+    sections = []
+    if run.evaluations:
+        make = partial(_overview_section, run.evaluations)
+        sections.append(section_or_sentence("All systems", make, failures))
+    for one in run.evaluations:
+        make = partial(_evaluation_section, run, one)
+        sections.append(section_or_sentence(f"System {one.system}", make, failures))
+        cause = explained.pop(f"Where the errors of {one.system} come from", None)
+        sections += checked_sections([_folded(cause)] if cause is not None else (), failures)
+    general = checked_sections((_folded(one) for one in explained.values()), failures)
+    return [*sections[:1], *general, *sections[1:]]
+
+
+def _folded(section: Section) -> Section:
+    """The section with its figures of detail folded."""
+    blocks: Iterable[Table | Figure | Text] = (
+        replace(one, folded=True)
+        if isinstance(one, Figure) and one.name.startswith(DETAILS)
+        else one
+        for one in section.blocks
+    )
+    return replace(section, blocks=list(blocks))
 
 
 def _facts(run: RunResult) -> list[tuple[str, str]]:
@@ -157,7 +212,14 @@ def _overview_section(evaluations: Sequence[Evaluation]) -> Section:
 def _evaluation_section(run: RunResult, evaluation: Evaluation) -> Section:
     """Tables and figures of one system."""
     comparison, system = evaluation.comparison, evaluation.system
+    told = run.explained.explanation if run.explained else None
+    known = {one.system: one for one in told.systems} if told is not None else {}
+    times = told.question.times if told is not None else None
     blocks: list[Table | Figure | Text] = [statistics_table(evaluation)]
+    evidence = evidence_figure(evaluation, known.get(system), times)
+    blocks += [evidence] if evidence is not None else []
+    dependence = dependence_table(evaluation, known.get(system))
+    blocks += [dependence] if dependence is not None else []
     lengths = [component for component in comparison.components if component.kind == "length"]
     if len(lengths) >= 2:
         walls, landmarks = run.campaign.settings.room.walls, run.landmarks
@@ -169,6 +231,7 @@ def _evaluation_section(run: RunResult, evaluation: Evaluation) -> Section:
                 f"Map with an arrow for each of the {len(comparison)} poses of {system}. The "
                 "numbers are in the table of its poses.",
                 partial(_draw, "error_map", comparison, walls, landmarks),
+                folded=True,
             )
         )
     if any(component.name in {"theta", "yaw"} for component in comparison.components):
@@ -179,6 +242,7 @@ def _evaluation_section(run: RunResult, evaluation: Evaluation) -> Section:
                 "of one period; noise does not. Named are the poses farthest from the median.",
                 f"Scatter plots of the errors of {system} over the heading, a component each.",
                 partial(_draw, "error_against_heading", comparison),
+                folded=True,
             )
         )
     blocks += [pose_table(comparison), magnitude_table(comparison)]

@@ -6,7 +6,7 @@ import numpy as np
 
 from validation.poses.pose_table import Component, PoseTable
 from validation.report.cells import Value
-from validation.results import Table
+from validation.results import Table, listed_ids
 from validation.statistics.comparison import Comparison
 from validation.statistics.conclusions import interval_name
 from validation.statistics.error_statistics import by_magnitude
@@ -147,8 +147,8 @@ def coverage_table(evaluations: Sequence[Evaluation]) -> Table:
             evaluation.system,
             len(evaluation.comparison),
             len(evaluation.comparison) + len(evaluation.comparison.missing_in_gt),
-            ", ".join(evaluation.comparison.missing_in_gt) or "none",
-            ", ".join(evaluation.comparison.missing_in_validation) or "none",
+            listed_ids(evaluation.comparison.missing_in_gt) or "none",
+            listed_ids(evaluation.comparison.missing_in_validation) or "none",
         ]
         for evaluation in evaluations
     ]

@@ -2,8 +2,8 @@
 
 from validation.report.document import build_document
 from validation.report.html import html_report
-from validation.report.latex import latex_report
-from validation.report.markdown import markdown_report
+from validation.report.latex import latex_paper, latex_report
+from validation.report.markdown import markdown_paper, markdown_report
 from validation.report.pdf import pdf_report
 from validation.run import RunResult
 
@@ -11,7 +11,7 @@ REPORT = "report.html"
 
 
 def report_files(run: RunResult, *, pdf: bool = False) -> tuple[RunResult, dict[str, str | bytes]]:
-    """report.html, tables.md, tables.tex and report.pdf if wanted, relative to report/.
+    """report.html, tables of all and of a paper, and report.pdf if wanted, relative to report/.
 
     Parameters
     ----------
@@ -39,6 +39,9 @@ def report_files(run: RunResult, *, pdf: bool = False) -> tuple[RunResult, dict[
         "tables.md": markdown_report(document),
         "tables.tex": latex_report(document),
     }
+    if document.paper:
+        files["tables_paper.md"] = markdown_paper(document)
+        files["tables_paper.tex"] = latex_paper(document)
     if pdf:
         files["report.pdf"] = pdf_report(page)
     return run.with_failures(document.failures), files

@@ -7,11 +7,16 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from validation.report.cells import is_number_column, rows_of_text
-from validation.report.document import Document
+from validation.report.document import SHORT, Document
 from validation.report.layout import tied
+from validation.report.summary.to_do import FINDINGS, sentences
 from validation.report.svg import inline_svg
 from validation.report.terminal import SEVERITIES
 from validation.results import Figure, Finding, Table, Text
+
+LONG = 8
+"""Rows of a table beyond which it is closed until it is opened. A judgement: closed are three
+systems with three components each; the first page sums them up."""
 
 
 def html_report(document: Document) -> str:
@@ -22,6 +27,7 @@ def html_report(document: Document) -> str:
             "title": section.title,
             "first": section is document.overview,
             "folded": section.folded,
+            "short": section.title == SHORT,
             "blocks": _blocks(section.blocks, f"s{number}"),
         }
         for number, section in enumerate(document.sections, 1)
@@ -29,8 +35,28 @@ def html_report(document: Document) -> str:
     return (
         _environment()
         .get_template("report.html.j2")
-        .render(document=document, sections=sections, groups=_groups(document.findings))
+        .render(
+            document=document,
+            sections=sections,
+            groups=_groups(document.findings),
+            to_do=_to_do(document, sections),
+        )
     )
+
+
+def _to_do(document: Document, sections: Sequence[dict[str, Any]]) -> list[dict[str, str]]:
+    """The lines of the list with the place of their evidence."""
+    places = {section["title"]: section["id"] for section in sections}
+    places[FINDINGS] = "findings"
+    return [
+        {
+            "subject": one.subject,
+            "text": one.text,
+            "to": places.get(one.evidence, "findings"),
+            "name": one.evidence if one.evidence in places else FINDINGS,
+        }
+        for one in document.to_do
+    ]
 
 
 def html_blocks(blocks: Sequence[Table | Figure | Text], name: str) -> str:
@@ -57,6 +83,7 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters["tied"] = tied
+    environment.filters["sentences"] = sentences
     return environment
 
 
@@ -85,11 +112,12 @@ def _block(block: Table | Figure | Text, identifier: str) -> dict[str, Any]:
     if isinstance(block, Figure):
         # The SVG is made by us from escaped text; everything else is escaped by the template.
         svg = Markup(inline_svg(block, identifier))  # noqa: S704
-        return {"kind": "figure", "caption": block.caption, "svg": svg}
+        return {"kind": "figure", "caption": block.caption, "svg": svg, "folded": block.folded}
     return {
         "kind": "table",
         "id": identifier,
         "table": block,
+        "folded": block.folded or len(block.rows) > LONG,
         "rows": rows_of_text(block),
         "right": _right(block),
     }

@@ -15,10 +15,19 @@ def markdown_report(document: Document) -> str:
     lines = [f"# {escaped(document.title)}", ""]
     if document.alarm:
         lines += [f"**{escaped(document.alarm)}**", ""]
+    if document.to_do:
+        lines += ["## To do", ""]
+        lines += [f"- [ ] {escaped(f'{one.subject}: {one.text}')}" for one in document.to_do]
+        lines.append("")
     lines += ["## Findings", ""]
     lines += [_finding(finding) for finding in document.findings] or ["None."]
     tables = [markdown_table(table) for table in document.tables]
     return "\n".join(lines) + "\n\n" + "\n".join(tables)
+
+
+def markdown_paper(document: Document) -> str:
+    """The two narrow tables for a paper."""
+    return "\n".join(markdown_table(table) for table in document.paper)
 
 
 def markdown_table(table: Table) -> str:
@@ -36,7 +45,8 @@ def markdown_table(table: Table) -> str:
 
 def _finding(finding: Finding) -> str:
     text = f"{finding.subject}: {finding.text}" if finding.subject else finding.text
-    return f"- **{finding.severity}** {escaped(text)}"
+    code = f" `{finding.code}`" if finding.code else ""
+    return f"- **{finding.severity}** {escaped(text)}{code}"
 
 
 def _row(cells: Sequence[str]) -> str:

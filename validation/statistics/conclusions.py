@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from validation.results import Finding, Severity
+from validation.results import Finding, Severity, listed_ids
 from validation.statistics.comparison import Comparison
 from validation.statistics.error_statistics import (
     ComponentStatistics,
@@ -167,7 +167,7 @@ def _coverage(comparison: Comparison) -> Finding:
     extra = comparison.missing_in_validation
     also = (
         f" It gave {len(extra)} without a validation pose, which are not judged: "
-        f"{', '.join(extra)}."
+        f"{listed_ids(extra)}."
         if extra
         else ""
     )
@@ -176,7 +176,7 @@ def _coverage(comparison: Comparison) -> Finding:
         return Finding("good", text, comparison.system, "coverage")
     text = (
         f"Poses were given for {n} of the {total} validation poses; missing: "
-        f"{', '.join(missing)}.{also} The statistics hold only for those given."
+        f"{listed_ids(missing)}.{also} The statistics hold only for those given."
     )
     return Finding("note", text, comparison.system, "coverage")
 
@@ -212,7 +212,7 @@ def _zero_errors(comparison: Comparison) -> list[Finding]:
     if not poses:
         return []
     text = (
-        f"The errors of pose {', '.join(poses)} are zero or almost zero in every component. "
+        f"The errors of pose {listed_ids(poses)} are zero or almost zero in every component. "
         "Such a pose was "
         "probably taken over from the validation, as the reference of a frame is. It is counted in "
         "the statistics and makes them look better than they are."

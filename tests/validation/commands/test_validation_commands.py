@@ -69,12 +69,16 @@ def test_report_writes_page_and_tables(campaign):
         "report.html",
         "tables.md",
         "tables.tex",
+        "tables_paper.md",
+        "tables_paper.tex",
     ]
     told = json.loads(gtval("report", campaign, "--json").stdout)
     assert [path.rsplit("/", 1)[1] for path in told["report"]] == [
         "report.html",
         "tables.md",
         "tables.tex",
+        "tables_paper.md",
+        "tables_paper.tex",
     ]
 
 
