@@ -18,13 +18,13 @@ def conclusions(evaluation: Evaluation) -> list[Finding]:
     comparison = evaluation.comparison
     return [
         *_units(comparison),
-        *_neighbours(evaluation),
         *(
             _bias(statistics, float(stated), evaluation.system)
             for statistics, stated in zip(
                 evaluation.statistics, comparison.mean_sigmas, strict=True
             )
         ),
+        *_neighbours(evaluation),
         _consistency(comparison),
         _coverage(comparison),
         _largest(evaluation),
