@@ -19,13 +19,13 @@ def conclusions(evaluation: Evaluation) -> list[Finding]:
     return [
         *_units(comparison),
         *_left_out(comparison),
-        *_neighbours(evaluation),
         *(
             _bias(statistics, float(stated), evaluation.system)
             for statistics, stated in zip(
                 evaluation.statistics, comparison.mean_sigmas, strict=True
             )
         ),
+        *_neighbours(evaluation),
         _consistency(comparison),
         _coverage(comparison),
         _largest(evaluation),
