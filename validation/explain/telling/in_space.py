@@ -31,7 +31,7 @@ def space_findings(one: SpaceExplanation) -> list[Finding]:
     if out:
         some = ", ".join(out[:5]) + (f" and {len(out) - 5} more" if len(out) > 5 else "")
         text = f"Positions that fit neither this nor any other explanation, left out: {some}."
-        found.append(Finding("warning", text, one.system, "left_out"))
+        found.append(Finding("warning", text, one.system, "stops_left_out"))
     return found
 
 
