@@ -112,7 +112,7 @@ def explain(
 
     Examples
     --------
-    >>> room = gtval.testing.make_room(folder, seed=1, bias=(0.1, 0.0, 0.0))
+    >>> room = gtval.testing.make_room(folder, seed=2, bias=(0.1, 0.0, 0.0))
     >>> survey, rig = gtval.run_campaign(folder).tables
     >>> gtval.explain(survey, rig).system("example_gt").name
     'frame'
@@ -133,7 +133,7 @@ def findings(result: Evaluation | Explanation) -> tuple[Finding, ...]:
 
     Examples
     --------
-    >>> room = gtval.testing.make_room(folder, seed=1, bias=(0.1, 0.0, 0.0))
+    >>> room = gtval.testing.make_room(folder, seed=2, bias=(0.1, 0.0, 0.0))
     >>> survey, rig = gtval.run_campaign(folder).tables
     >>> gtval.findings(gtval.compare(survey, rig))[0].code
     'bias'

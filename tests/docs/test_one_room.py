@@ -24,6 +24,10 @@ INDOOR = {
     "run": "{room}",
     "survey": "{room} --dry-run",
     "vision calibrate": "{room}/vision/calibration/1 --workers 2 {board}",
+    "vision check-survey": "{room} --workers 2",
+    "vision check-table": "{room} --workers 2",
+    "vision check-displacement": "{room}/truth/camera_1.yaml "
+    "{room}/vision/displacement/1/first.png {room}/vision/displacement/1/second.png 0.6 {board}",
     "vision convert-camera": "{room}/truth/camera_1.yaml {room}/camera.yaml --format ros",
     "vision plan": "{room}",
     "vision print-patterns": "{room}/patterns --campaign {room}",
@@ -34,8 +38,6 @@ ELSEWHERE = {
     "demo": "the campaign of AD2.3 itself",
     "simulate": "what makes the room",
     "journal-merge": "the journals of two writers, which `gtval enter` makes",
-    "vision check-displacement": "images of a board that was moved by a known distance",
-    "vision check-table": "images of a board on a table",
 }
 DRIVING = ("convert", "fuse", "rtk", "simulate-drive", "simulate-motion", "sync")
 """Commands for robots that drive; `simulate-drive` and `simulate-motion` make their data."""

@@ -122,7 +122,7 @@ def with_cell(text, line, column, value):
     ("text", "column", "value", "field"),
     [
         (CSV, 1, "36;7", "latitude"),
-        (CSV, 3, "48.1 m", "height"),
+        (CSV, 3, "48.1 l", "height"),
         (CSV, 2, "nan", "longitude"),
         (CSV, 1, "367144", "latitude"),
         (CSV, 0, "25:61", "time"),

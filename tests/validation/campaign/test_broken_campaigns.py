@@ -103,7 +103,7 @@ CASES = {
     ),
     "readings in millimetres": (
         edited(READINGS, r",(\d+)\.(\d{3})", r",\1\2.000", count=0),
-        [READINGS, "line 2", "distance", "0.05 to 50 m"],
+        [READINGS, "line 2", "distance", 'units = "mm"', "[survey]"],
     ),
     "a sign before a distance": (
         edited(READINGS, r",(\d+\.\d{3})", r",-\1"),

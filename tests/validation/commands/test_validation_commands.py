@@ -190,7 +190,9 @@ def test_a_system_that_is_given_twice_is_refused(command):
 def test_options_may_stand_before_the_campaign_of_a_group(system, ad23_folder):
     first, last = gtval(system, "--json", ad23_folder), gtval(system, ad23_folder, "--json")
     assert first.stdout == last.stdout
-    assert json.loads(first.stdout)["command"] == f"{system}"
+    # Of AD2.3 only vision has data of its own: what was printed of its markers.
+    known = "vision solve" if system == "vision" else system
+    assert json.loads(first.stdout)["command"] == known
     assert "No such option" not in first.stderr
     assert gtval(system, "--help").stdout.startswith(f"Usage: main {system} [OPTIONS] COMMAND")
 

@@ -75,7 +75,11 @@ def test_the_printed_interval_used_22_poses_where_there_are_20(ad23_poses):
     assert (f"{low:.4f}", f"{high:.4f}") == ("0.0651", "0.0957")
     normal = mean_interval(vision.mean, vision.std, 20, method="normal")
     assert [f"{end:.4f}" for end in normal] == ["0.0643", "0.0964"]
-    assert (f"{vision.ci_low:.4f}", f"{vision.ci_high:.4f}") == ("0.0633", "0.0975")
+    student = mean_interval(vision.mean, vision.std, 20)
+    assert [f"{end:.4f}" for end in student] == ["0.0633", "0.0975"]
+    # Its errors depend on their neighbours: what is told is wider than any of these.
+    assert vision.ci_low < student[0]
+    assert vision.ci_high > student[1]
 
 
 @pytest.mark.parametrize(

@@ -168,7 +168,7 @@ def select(pairs: Pairs, false_alarm: float = FALSE_ALARM) -> Selection:
         dependent = is_dependent(odds)
     threshold = false_alarm / (len(fits) - 1)
     made = _all_judged(fits, [], threshold, pairs, known if dependent else None)
-    chosen = _best(made)
+    chosen = _best(made, dependent)
     if chosen.model.parts and not dependent and _lasting(known):
         # A drift along a smooth path looks like many a cause.
         made = _all_judged(fit_all(pairs, DRIFTS, fits), made, threshold, pairs, None)
@@ -201,13 +201,25 @@ def _lasting(known: Memories) -> bool:
     return plain is not None and is_dependent(joint_of(plain))
 
 
-def _best(made: Sequence[Candidate]) -> Candidate:
-    """The one with the least criterion of those whose every part is needed."""
-    return min((one for one in made if one.needed), key=lambda one: one.criterion)
+def _best(made: Sequence[Candidate], dependent: bool = False) -> Candidate:
+    """The one with the least criterion of those whose every part is needed.
+
+    Where neighbours depend on each other, one that fits far worse than another is no explanation,
+    only because the better one might be chance: then it is 'none'.
+    """
+    most = min(one.criterion for one in made) + (_FAR if dependent else np.inf)
+    near = [one for one in made if one.criterion < most or not one.model.parts]
+    return min((one for one in near if one.needed), key=lambda one: one.criterion)
 
 
 def _odds(pairs: Pairs, fits: Sequence[Fit], known: Memories) -> float:
-    """Log of the odds that errors depend on their neighbours, over all explanations."""
+    """Log of the odds that errors depend on their neighbours, over all explanations.
+
+    What all poses share by their survey looks like memory, too, but not in what a frame and a
+    mount leave.
+    """
+    if pairs.between is not None:
+        fits = [one for one in fits if one.model.name == "frame_mount"]
     criteria = np.array([_criterion(one) for one in fits])
     least = criteria.min()
     far = _FAR if len(pairs) < MANY else 0.0
