@@ -7,6 +7,7 @@ together with what is true. The same seed and options give the same sample. `mak
 `gtval.fixtures`.
 """
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -45,12 +46,23 @@ from gtval.samples import (
     SampleSurvey,
 )
 from laser_gt.scans.planar import between, compose
+from validation.errors import GtvalError
 from validation.poses.angles import Array
 
 SampleMotion = motion.SampleMotion
 __all__ = ["SampleDrive", "SampleFixes", "SampleImages", "SampleMotion", "SampleRoom"]
 __all__ += ["SampleScans", "SampleSurvey", "make_drive", "make_fixes", "make_images"]
 __all__ += ["make_motion", "make_room", "make_scans", "make_survey"]
+
+STOPS_OF_SCANS = 26
+
+
+def _from(low: float, high: float, **values: float) -> None:
+    """Raise where a value is not in a range, both ends included."""
+    for name, value in values.items():
+        if not low <= value <= high:
+            right = f"{low} or more" if high == math.inf else f"from {low} to {high}"
+            raise GtvalError(f"{name} = {value}: expected {right}")
 
 
 def make_survey(
@@ -95,6 +107,10 @@ def make_survey(
     >>> len(room.truth), len(room.wrong_readings)
     (6, 2)
     """
+    _from(0, math.inf, seed=seed, blunders=blunders, typos=typos, pillars=pillars)
+    _from(1, math.inf, stops=stops)
+    _from(2, math.inf, world_points=world_points)
+    _from(0, 1, missing=missing)
     rng = np.random.default_rng(seed)
     room = draw_room(RoomSettings(stops=stops, world_points=world_points, pillars=pillars), rng)
     settings = SimulationSettings(
@@ -182,6 +198,9 @@ def make_room(
     >>> len(room.truth), (room.folder / "survey" / "readings.csv").exists()
     (6, True)
     """
+    _from(0, math.inf, seed=seed, blunders=blunders)
+    _from(1, math.inf, stops=stops)
+    _from(2, math.inf, world_points=world_points)
     made = write_room(
         folder,
         seed,
@@ -201,7 +220,7 @@ def make_scans(*, seed: int = 1, stops: int = 4, faults: Collection[str] = ()) -
     seed : int
         Of all that is drawn.
     stops : int
-        How many of the first stops of 26 in the room.
+        How many of the first stops of 26 in the room, 1 to 26.
     faults : collection of str
         What is wrong: 'boxes' that stand elsewhere at every stop, beams that mix ranges at
         'edges', an uneven 'floor', windows of 'glass', ranges longer where 'grazing', walls that
@@ -217,8 +236,10 @@ def make_scans(*, seed: int = 1, stops: int = 4, faults: Collection[str] = ()) -
     >>> len(gtval.testing.make_scans(seed=1, stops=3).scans)
     3
     """
+    _from(0, math.inf, seed=seed)
+    _from(1, STOPS_OF_SCANS, stops=stops)
     rng = np.random.default_rng(seed)
-    room = draw_room(RoomSettings(stops=max(stops, 26)), rng)
+    room = draw_room(RoomSettings(stops=STOPS_OF_SCANS), rng)
     faulty = with_faults(faults)
     names = ("divergence", "incidence_bias", "drop_rate", "tilt")
     like = {name: getattr(faulty.scanners[0], name) for name in names}
@@ -253,6 +274,8 @@ def make_images(
     >>> gtval.testing.make_images(seed=1).images[0].shape
     (960, 1280)
     """
+    _from(0, math.inf, seed=seed, blur=blur, noise=noise, blades=blades)
+    _from(1, math.inf, images=images)
     rng = np.random.default_rng(seed)
     settings = VisionSettings(movie=images, blur=blur, noise=noise)
     _, made = make_room_with_cameras(RoomSettings(stops=1), settings, rng)
@@ -302,6 +325,9 @@ def make_fixes(
     >>> [record.receiver for record in gtval.testing.make_fixes(seed=1).records]
     ['rear', 'front_left', 'front_right']
     """
+    _from(0, math.inf, seed=seed)
+    _from(1, math.inf, loops=loops)
+    _from(0, 1, false_fixes=false_fixes, missing=missing)
     settings = DriveSettings(loops=loops, false_fixes=false_fixes, missing=missing)
     return SampleFixes(*_driven(simulate_drive(seed, settings)))
 
@@ -338,6 +364,9 @@ def make_drive(
     >>> [record.receiver for record in gtval.testing.make_drive(folder, seed=1).records]
     ['rear', 'front_left', 'front_right']
     """
+    _from(0, math.inf, seed=seed)
+    _from(1, math.inf, loops=loops)
+    _from(0, 1, false_fixes=false_fixes)
     drive = simulate_drive(seed, DriveSettings(loops=loops, false_fixes=false_fixes))
     write_drive(folder, drive)
     return SampleDrive(*_driven(drive), folder)
@@ -367,4 +396,6 @@ def make_motion(*, seed: int = 1, level: int = 1, minutes: float = 5.0) -> Sampl
     >>> sorted(drive.cameras)
     ['camera_1', 'camera_2', 'camera_3', 'camera_4']
     """
+    _from(0, math.inf, seed=seed, minutes=minutes)
+    _from(1, 4, level=level)
     return motion.motion_drive(seed, level=level, minutes=minutes)

@@ -16,8 +16,10 @@ from validation.solving import (
     SolvedSystem,
     failed_system,
     joined,
+    not_written,
     solve_system,
     solved_system,
+    starts_from_survey,
     unexpected,
 )
 from validation.statements import Statements, make_statements
@@ -240,7 +242,10 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
         try:
             solved.append(_apart(solve_system(known, system, report), solved))
         except GtvalError as error:
-            faults.append(error)
+            if lost := _without_survey(system, solved, error):
+                solved.append(lost)
+            else:
+                faults.append(error)
     try:
         tables = (table for system in solved for table in system.result.tables)
         validation = next((one for one in tables if one.system == VALIDATION_SYSTEM), None)
@@ -250,7 +255,7 @@ def _solve_all(campaign: Campaign, progress: Progress) -> list[SolvedSystem]:
         faults.append(error)
     except Exception as error:  # noqa: BLE001  (the systems' poses are there)
         solved.append(failed_system("published", error))
-    _raise_together(faults)
+    _raise_together(faults, solved)
     if not solved:
         said = (
             "the campaign holds no data for any installed system; looked for "
@@ -332,10 +337,30 @@ def _with_data(
     return wanted
 
 
-def _raise_together(faults: list[GtvalError]) -> None:
-    """Raise what went wrong in all systems as one error."""
+def _without_survey(
+    system: System, solved: Iterable[SolvedSystem], error: GtvalError
+) -> SolvedSystem | None:
+    """What stands in for a system that cannot start, as the survey failed; None where it did not.
+
+    The survey's failure comes first and leaves its traceback; this is only what follows from it.
+    """
+    survey = next((one for one in solved if one.name == VALIDATION_SYSTEM), None)
+    bad = isinstance(error, InputError) or not starts_from_survey(system)
+    if survey is None or not survey.failed or bad:
+        return None
+    text = (
+        f"'{system.name}' starts from surveyed stops and gives no result, as '{survey.name}' "
+        f"failed: mend that first. ({error})"
+    )
+    result = SystemResult(findings=[Finding("error", text, system.name, "without_survey")])
+    return SolvedSystem(system.name, result, {}, failed=True)
+
+
+def _raise_together(faults: list[GtvalError], solved: Iterable[SolvedSystem]) -> None:
+    """Raise what went wrong in all systems as one error, what failed unexpectedly first."""
     if not faults:
         return
+    faults = [*(GtvalError(not_written(one)) for one in solved if one.failed), *faults]
     if all(isinstance(fault, InputError) for fault in faults):
         # The same shared file may have been found bad by several systems.
         problems = {

@@ -151,6 +151,12 @@ def failed_system(name: str, error: BaseException) -> SolvedSystem:
     return SolvedSystem(name, result, result.files, failed=True)
 
 
+def not_written(failed: SolvedSystem) -> str:
+    """What is said of a system that failed, where its traceback is not written."""
+    said = failed.result.findings[0].text
+    return f"{said} `gtval {failed.name} CAMPAIGN` alone writes it" if failed.files else said
+
+
 def unexpected(part: str, error: BaseException) -> SystemResult:
     """What an exception that nobody expected in one part becomes: a finding and a traceback.
 
@@ -212,8 +218,7 @@ def solve_validation(campaign: Campaign, systems: Iterable[System]) -> Campaign:
         return campaign
     solved = solve_system(campaign, first)
     if solved.failed:
-        said = solved.result.findings[0].text
-        raise GtvalError(f"{said} `gtval {first.name} CAMPAIGN` alone writes it")
+        raise GtvalError(not_written(solved))
     return replace(campaign, solved={first.name: solved.result})
 
 

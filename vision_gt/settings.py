@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from validation.campaign.folder import Finite, Name, NotNegative, Positive, Settings
 from validation.errors import GtvalError
@@ -200,9 +200,14 @@ class PlannedCamera(Settings):
     def _one_tilt(self) -> "PlannedCamera":
         if (self.tilt_deg is None) == (self.depth is None):
             raise ValueError("state tilt_deg or depth (one of them)")
-        if self.depth is not None and self.depth[0] >= self.depth[1]:
-            raise ValueError("depth is from near to far, such as [2.0, 5.0]")
         return self
+
+    @field_validator("depth")
+    @classmethod
+    def _near_to_far(cls, depth: tuple[float, float] | None) -> tuple[float, float] | None:
+        if depth is not None and depth[0] >= depth[1]:
+            raise ValueError("depth is from near to far, such as [2.0, 5.0]")
+        return depth
 
 
 class CameraPlanSettings(Settings):

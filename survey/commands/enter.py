@@ -95,6 +95,8 @@ def _with_stops(campaign: "Campaign", count: int | None, *, ask: bool) -> "Campa
         if ask and sys.stdin.isatty():
             said = "How many stops shall be written there (0: none)?"
             count = click.prompt(said, default=0, type=click.IntRange(0, 1000))
+            if count and not click.confirm(f"Write {count} stops to campaign.toml?"):
+                count = 0
     return write_stops(campaign, count) if count else campaign
 
 

@@ -1,5 +1,7 @@
 """The fixtures that pytest has once gtval is installed."""
 
+import math
+import re
 import subprocess
 import sys
 import time
@@ -171,3 +173,22 @@ def test_fixes_are_a_drive_in_memory(gtval_fixes):
         # binomial: five standard deviations
         assert abs(len(one.times) - wanted) < 5 * np.sqrt(0.3 * wanted)
     assert len(gtval_fixes.truth.components) == 6
+
+
+@pytest.mark.parametrize(
+    ("make", "options", "said"),
+    [
+        (samples.make_survey, {"typos": -1}, "typos = -1: expected 0 or more"),
+        (samples.make_survey, {"missing": 2.0}, "missing = 2.0: expected from 0 to 1"),
+        (samples.make_survey, {"missing": math.nan}, "missing = nan: expected from 0 to 1"),
+        (samples.make_survey, {"world_points": 1}, "world_points = 1: expected 2 or more"),
+        (samples.make_scans, {"stops": 99}, "stops = 99: expected from 1 to 26"),
+        (samples.make_scans, {"stops": 0}, "stops = 0: expected from 1 to 26"),
+        (samples.make_images, {"images": 0}, "images = 0: expected 1 or more"),
+        (samples.make_fixes, {"missing": -0.1}, "missing = -0.1: expected from 0 to 1"),
+        (samples.make_motion, {"level": 5}, "level = 5: expected from 1 to 4"),
+    ],
+)
+def test_a_sample_that_cannot_be_is_refused_with_the_range(make, options, said):
+    with pytest.raises(gtval.GtvalError, match=re.escape(said)):
+        make(**options)

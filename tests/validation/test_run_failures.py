@@ -10,7 +10,7 @@ from small_campaigns import FixedSystem, three_stops
 
 from validation.campaign.folder import load_campaign
 from validation.cli import main
-from validation.errors import GtvalError
+from validation.errors import GtvalError, InputError, Problem
 from validation.results import Figure, Section, SystemResult, Table, Text
 from validation.run import run_campaign
 from validation.solving import system_output
@@ -221,3 +221,36 @@ def test_a_plug_in_that_cannot_be_imported_is_told_and_all_else_is_done(
     assert "rig.txt" in page
     told = CliRunner().invoke(main, ["survey", str(folder)])
     assert told.exit_code == 0
+
+
+class NeedsStops(FixedSystem):
+    """Starts from surveyed stops, and says what it lacks."""
+
+    starts_from_survey = True
+
+    def solve(self, campaign, _progress, **_choices):
+        if "survey" not in campaign.solved or not campaign.solved["survey"].tables:
+            raise GtvalError("needs at least one surveyed stop")
+        return super().solve(campaign, _progress)
+
+
+def test_the_failure_of_the_survey_comes_before_what_follows_from_it(campaign_folder, with_systems):
+    survey = FixedSystem("survey", fails_with=RuntimeError("on purpose"))
+    with_systems(survey, NeedsStops("laser", broken("laser").result), broken("rig"))
+    done, record, _ = run(campaign_folder)
+    assert done.exit_code == 1
+    assert the_failure(record)["subject"] == "survey"
+    codes = [one["code"] for one in record["findings"]]
+    assert codes.index("unexpected") < codes.index("without_survey")
+    assert "results/tracebacks/survey.txt" in done.output
+    assert (campaign_folder / "results/tracebacks/survey.txt").exists()
+    assert (campaign_folder / "results/poses_rig.csv").exists()
+
+
+def test_bad_input_beside_a_failed_survey_does_not_hide_the_failure(campaign_folder, with_systems):
+    survey = FixedSystem("survey", fails_with=RuntimeError("on purpose"))
+    with_systems(survey, FixedSystem("rig", fails_with=InputError([Problem("a.csv", "bad", 3)])))
+    done = CliRunner().invoke(main, ["run", str(campaign_folder)])
+    assert done.exit_code == 2
+    assert done.output.index("'survey' failed unexpectedly") < done.output.index("a.csv, line 3")
+    assert "`gtval survey CAMPAIGN` alone writes it" in done.output

@@ -1,6 +1,7 @@
 """The campaign folder: its campaign.toml and where things lie in it."""
 
 import difflib
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -384,20 +385,45 @@ def _keys_of(model: type[BaseModel], loc: tuple[int | str, ...]) -> set[str]:
     return set(model.model_fields)
 
 
+_TABLE = re.compile(r"\[\[?[^\[\],=]+\]\]?\s*(#.*)?$")
+"""The line that begins a table; a row of a list has commas, or is one of numbers."""
+
+
 def line_of(path: Path, keys: tuple[str, ...]) -> int | None:
-    """Line on which a dotted key is set, as far as the text tells; None if it is not found."""
+    """Line on which a dotted key is set, as far as the text tells; None if it is not found.
+
+    Parameters
+    ----------
+    path : Path
+        A TOML file.
+    keys : tuple of str
+        The key; after the name of an array of tables, the number of the table, from 0.
+    """
     names = [key for key in keys if not key.isdigit()]
     if not names:
         return None
+    wanted: dict[tuple[str, ...], int] = {}
+    for at, key in enumerate(keys):
+        if key.isdigit():
+            wanted[tuple(one for one in keys[:at] if not one.isdigit())] = int(key)
+    met: dict[tuple[str, ...], int] = {}
     prefix: list[str] = []
     best: int | None = None
+    here = True
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     for number, line in enumerate(lines, 1):
         text = line.strip()
-        if text.startswith("["):
+        if _TABLE.match(text):
             prefix = text.split("#")[0].strip("[] ").split(".")
-            if prefix == names[: len(prefix)]:
+            if text.startswith("[["):
+                whole = tuple(prefix)
+                below = {key: n for key, n in met.items() if key[: len(whole)] != whole}
+                met = below | {whole: met.get(whole, -1) + 1}
+            here = all(met.get(key, n) == n for key, n in wanted.items())
+            if here and prefix == names[: len(prefix)]:
                 best = number
+            continue
+        if not here:
             continue
         key = text.split("=")[0].strip().strip('"')
         if "=" in text and [*prefix, *key.split(".")] == names[: len(prefix) + 1]:

@@ -121,11 +121,29 @@ def one_check(
     return check(_Given(campaign, settings, network, validation, workers))
 
 
-def _need(given: _Given, keys: Sequence[str], name: str) -> None:
-    """Raise where campaign.toml does not state what the images show."""
+def need_facts(name: str, campaign: Campaign, settings: VisionSettings) -> None:
+    """Raise where campaign.toml does not state what the images of a check show.
+
+    Raises
+    ------
+    InputError
+        Naming each key that is missing, and what to write.
+    """
+    table = settings.table
+    keys = {SURVEY: ["survey_check"], DISPLACEMENT: ["displacement", "board"]}.get(name, [])
+    if name == TABLE:
+        keys = ["table.height"]
+        if table.board is not None or table.marker is None:
+            keys += ["table.board", "table.corner"]
+        if table.marker is not None:
+            keys += ["table.marker_side", "table.marker_middle", "markers.family"]
     needed = {f"vision.{key}": _WHAT[name] for key in keys}
-    if problems := list(missing_facts(given.campaign.toml, given.settings, needed)):
+    if problems := list(missing_facts(campaign.toml, settings, needed)):
         raise InputError(problems)
+
+
+def _need(given: _Given, name: str) -> None:
+    need_facts(name, given.campaign, given.settings)
 
 
 def _known_cameras(given: _Given, names: Sequence[str], folder: Path) -> None:
@@ -157,12 +175,7 @@ def _over_stop(
 def _table(given: _Given) -> Checks:
     """Boards and markers on a table over surveyed stops."""
     table, folder = given.settings.table, given.folder(TABLE)
-    keys = ["table.height"]
-    if table.board is not None or table.marker is None:
-        keys += ["table.board", "table.corner"]
-    if table.marker is not None:
-        keys += ["table.marker_side", "table.marker_middle", "markers.family"]
-    _need(given, keys, TABLE)
+    _need(given, TABLE)
     images = images_of_poses(folder)
     if not images:
         raise InputError([Problem(folder, "no images (CAMERA/poseX.png) of a board on a table")])
@@ -188,8 +201,8 @@ def _table(given: _Given) -> Checks:
 def _survey(given: _Given) -> Checks:
     """A board at known places on the floor, seen by cameras."""
     check, folder = given.settings.survey_check, given.folder(SURVEY)
-    _need(given, ["survey_check"], SURVEY)
-    cameras = sorted(path.name for path in folder.iterdir() if path.is_dir())
+    _need(given, SURVEY)
+    cameras = sorted(path.name for path in folder.glob("*") if path.is_dir())
     taken = [(name, path.stem, path) for name in cameras for path in list_images(folder / name)]
     if not taken:
         raise InputError([Problem(folder, "no images (CAMERA/PLACE.png) of a board")])
@@ -220,7 +233,7 @@ def _survey(given: _Given) -> Checks:
 def _displacement(given: _Given) -> Checks:
     """The calibration board before and after it was moved by a known distance."""
     settings, folder = given.settings, given.folder(DISPLACEMENT)
-    _need(given, ["displacement", "board"], DISPLACEMENT)
+    _need(given, DISPLACEMENT)
     cameras = sorted(path.name for path in folder.iterdir() if path.is_dir())
     _known_cameras(given, cameras, folder)
     pairs: list[tuple[str, Path]] = []

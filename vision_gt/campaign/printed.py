@@ -19,7 +19,7 @@ from vision_gt.campaign.detections import (
     success_csv,
 )
 from vision_gt.campaign.outcome import VisionOutcome
-from vision_gt.campaign.printed_table import table_result
+from vision_gt.campaign.printed_table import check_tables, table_result
 from vision_gt.images.files import counting
 from vision_gt.settings import VisionSettings
 
@@ -102,7 +102,7 @@ def printed_table_alone(campaign: Campaign) -> SystemResult | None:
     Raises
     ------
     GtvalError
-        If there are no validation poses to compare with.
+        If a file is bad, or there are no validation poses to compare with.
     """
     settings = campaign.section("vision", VisionSettings)
     images = campaign.folder / settings.images / "table"
@@ -110,6 +110,7 @@ def printed_table_alone(campaign: Campaign) -> SystemResult | None:
         return None
     validation = validation_of(campaign)
     if validation is None:
+        check_tables(campaign, settings.printed)  # a bad cell is said before the next step
         raise GtvalError(f"{campaign.results}: no poses_survey.csv; `gtval run` makes it")
     return table_result(campaign, settings.printed, validation)
 

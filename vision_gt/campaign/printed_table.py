@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.campaign.folder import Campaign
+from validation.campaign.folder import Campaign, line_of
+from validation.errors import InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable
 from validation.results import Finding, Section, SystemResult, Table, Text
@@ -25,12 +26,14 @@ from validation.statistics.printed import (
     load_printed_errors,
     printed_table,
 )
-from validation.text_files.csv_tables import Column, read_csv
+from validation.text_files.csv_tables import Column, CsvTable, read_csv
 from validation.text_files.csv_text import csv_text
 from vision_gt.settings import PrintedSettings
 
 AXES = "xyz"
 BOARD, MARKER = "table_chessboard", "table_marker"
+KEYS = {BOARD: "table_board", MARKER: "table_marker"}
+"""Keys of [vision.printed]."""
 
 
 @dataclass(frozen=True)
@@ -90,22 +93,54 @@ def on_tables(
     InputError
         Naming every bad place.
     """
-    files = {BOARD: settings.table_board, MARKER: settings.table_marker}
     if validation is None:
         return []
     known = dict(zip(validation.ids, validation.poses, strict=True))
     return [
-        _on_table(what, campaign.folder / file, known, settings.table_height)
-        for what, file in files.items()
-        if file
+        _on_table(what, path, known, settings.table_height)
+        for what, path in _files(campaign, settings).items()
     ]
 
 
-def _on_table(what: str, path: Path, known: Mapping[str, Array], height: float | None) -> OnTable:
+def check_tables(campaign: Campaign, settings: PrintedSettings) -> None:
+    """Read the files without the validation poses.
+
+    Raises
+    ------
+    InputError
+        Naming every bad place of the first bad file.
+    """
+    for path in _files(campaign, settings).values():
+        _read(path).raise_problems()
+
+
+def _files(campaign: Campaign, settings: PrintedSettings) -> dict[str, Path]:
+    """The files that are named, by what they are of; an error for those that are not there."""
+    files: dict[str, Path] = {}
+    problems = []
+    for what, key in KEYS.items():
+        file, keys = getattr(settings, key), ("vision", "printed", key)
+        if file and not (campaign.folder / file).exists():
+            said, line = "there is no such file", line_of(campaign.toml, keys)
+            problems.append(Problem(campaign.toml, said, line, ".".join(keys), file))
+        if file:
+            files[what] = campaign.folder / file
+    if problems:
+        raise InputError(problems)
+    return files
+
+
+def _read(path: Path) -> CsvTable:
     """One of the files: pose, x, y and, of a board, z."""
     columns = [Column(axis, "number", required=axis != "z", unit="m") for axis in AXES]
     table = read_csv(path, [Column("pose"), *columns])
     table.flag_duplicates(["pose"])
+    return table
+
+
+def _on_table(what: str, path: Path, known: Mapping[str, Array], height: float | None) -> OnTable:
+    """What one of the files says, beside the validation poses."""
+    table = _read(path)
     for row, pose in enumerate(table.text["pose"]):
         if pose not in known:
             table.flag(row, "pose", "there is no validation pose of this name")

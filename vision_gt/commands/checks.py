@@ -10,7 +10,7 @@ from validation.campaign.stored import stored_tables
 from validation.errors import GtvalError, InputError, Problem
 from validation.results import VALIDATION_SYSTEM, Finding
 from validation.text_files.csv_tables import Column, read_csv
-from vision_gt.campaign.checks import Checks, one_check
+from vision_gt.campaign.checks import Checks, need_facts, one_check
 from vision_gt.campaign.result_files import PLACED
 from vision_gt.checks.displacement import Displacement, known_displacement
 from vision_gt.images.jobs import BoardJob, detect_all
@@ -35,6 +35,7 @@ def check_of_campaign(
         If results or images are missing or bad.
     """
     settings = campaign.section("vision", VisionSettings)
+    need_facts(name, campaign, settings)
     network = read_network(campaign.results)
     stored = stored_tables(campaign)
     validation = {one.system: one for one in stored.tables}.get(VALIDATION_SYSTEM)

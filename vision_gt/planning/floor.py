@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -60,6 +61,26 @@ def area_of(outline: Array) -> float:
     """Area of a polygon (k, 2), square metres: the shoelace formula."""
     x, y = outline.T
     return float(0.5 * abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
+def sides_that_cross(outline: Array) -> tuple[tuple[int, int], tuple[int, int]] | None:
+    """The first two sides of a polygon (k, 2) that cross, by their corners from 1; or None.
+
+    Sides that only touch do not cross.
+    """
+    ends = np.roll(outline, -1, axis=0)
+    count = len(outline)
+
+    def side_of(point: Array, i: int) -> float:
+        """On which side of side i a point is: the sign of twice the area of the triangle."""
+        (ax, ay), (bx, by), (x, y) = outline[i], ends[i], point
+        return float(np.sign((bx - ax) * (y - ay) - (by - ay) * (x - ax)))
+
+    for i, j in combinations(range(count), 2):
+        apart = side_of(outline[i], j) * side_of(ends[i], j)
+        if apart < 0 and side_of(outline[j], i) * side_of(ends[j], i) < 0:
+            return (i + 1, (i + 1) % count + 1), (j + 1, (j + 1) % count + 1)
+    return None
 
 
 def inside_outline(points: Array, outline: Array) -> Mask:

@@ -4,13 +4,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from validation.campaign.folder import Campaign
+from validation.campaign.folder import Campaign, line_of
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.pose_table import from_csv
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.camera_files import read_cameras
-from vision_gt.planning.floor import area_of
+from vision_gt.planning.floor import area_of, sides_that_cross
 from vision_gt.planning.mounting import (
     MountedCamera,
     mounted,
@@ -78,8 +78,15 @@ def _missing(campaign: Campaign, plan: CameraPlanSettings) -> Iterator[Problem]:
         yield Problem(campaign.toml, said, field="vision.plan.cameras")
         return
     names = [one.name for one in plan.cameras]
-    for name in sorted({name for name in names if names.count(name) > 1}):
-        yield Problem(campaign.toml, "two cameras have this name", field="name", value=name)
+    for at, name in enumerate(names):
+        if name in names[:at]:
+            said = f"camera {names.index(name) + 1} of the plan has this name already"
+            yield _at(campaign, said, name, "cameras", str(at), "name")
+    files: dict[tuple[str, ...], str] = {("file",): plan.file}
+    files |= {("cameras", str(at), "file"): one.file for at, one in enumerate(plan.cameras)}
+    for keys, file in files.items():
+        if file and not (campaign.folder / file).exists():
+            yield _at(campaign, "there is no such file in the campaign folder", file, *keys)
     needed = ["marker_side", "marker_height"]
     if any(not (one.file or plan.file or (one.resolution and one.field_of_view_deg))
            for one in plan.cameras):  # fmt: skip
@@ -89,6 +96,13 @@ def _missing(campaign: Campaign, plan: CameraPlanSettings) -> Iterator[Problem]:
             example = f"{key} = {EXAMPLES['vision.plan'][key]}"
             said = f"needed for a plan; write in [vision.plan] a line such as: {example}"
             yield Problem(campaign.toml, said, field=f"vision.plan.{key}")
+
+
+def _at(campaign: Campaign, said: str, value: object, *keys: str) -> Problem:
+    """A bad value of [vision.plan], with its line."""
+    whole = ("vision", "plan", *keys)
+    line = line_of(campaign.toml, whole)
+    return Problem(campaign.toml, said, line, ".".join(whole), str(value))
 
 
 def _mounted(campaign: Campaign, plan: CameraPlanSettings, one: PlannedCamera) -> MountedCamera:
@@ -126,8 +140,8 @@ def _stops(campaign: Campaign, plan: CameraPlanSettings) -> dict[str, Array]:
     path = campaign.folder / plan.stops
     if not path.exists():
         if "stops" in plan.model_fields_set:
-            said = "there is no such file; it is named in [vision.plan]"
-            raise InputError([Problem(path, said, field="vision.plan.stops")])
+            said = "there is no such file in the campaign folder"
+            raise InputError([_at(campaign, said, plan.stops, "stops")])
         return {}
     table = from_csv(path, system="plan")
     return dict(zip(table.ids, table.poses, strict=True))
@@ -137,9 +151,15 @@ def _outline(campaign: Campaign, plan: CameraPlanSettings, stops: dict[str, Arra
     """Corners of the floor that has to be seen."""
     if plan.floor:
         outline = np.array(plan.floor)
-        if len(outline) < 3 or area_of(outline) <= 0:
-            said = "the floor needs three corners and more, in their order around it"
-            raise InputError([Problem(campaign.toml, said, field="vision.plan.floor")])
+        said = ""
+        if crossing := sides_that_cross(outline):
+            one, other = (f"that from corner {a} to {b}" for a, b in crossing)
+            said = f"its sides cross, {one} and {other}; name the corners in their order around it"
+        elif len(outline) < 3 or area_of(outline) <= 0:
+            said = "the floor needs three corners and more that do not lie on one line"
+        if said:
+            value = [list(corner) for corner in plan.floor]
+            raise InputError([_at(campaign, said, value, "floor")])
         return outline
     if not stops:
         raise GtvalError(

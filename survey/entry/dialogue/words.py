@@ -148,8 +148,8 @@ def enough_text(entry_session: EntrySession, target: Target) -> str:
 
 
 def progress_text(progress: Progress) -> str:
-    """'64 of 1312 done, 3 skipped'."""
-    said = f"{progress.done} of {progress.done + progress.left} done"
+    """'64 of 1312 readings done, 3 skipped'."""
+    said = f"{progress.done} of {progress.done + progress.left} readings done"
     return said + (f", {progress.skipped} skipped" if progress.skipped else "")
 
 

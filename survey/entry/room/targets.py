@@ -128,9 +128,15 @@ def load_names(campaign: Campaign, more_stops: Iterable[str] = ()) -> Names:
     if not settings.world_points:
         listed = 'list the world points, as in world_points = ["1", "2", "3"]'
         problems.append(Problem(campaign.toml, listed, field="survey.world_points"))
+    stops = settings.entry.poses or _guessed_stops(campaign.folder / settings.initial_guesses)
+    if problems and not stops:
+        listed = (
+            'list the stops, as in [survey.entry] poses = ["1", "2", "3"], or give rough poses of '
+            f"them in {settings.initial_guesses}"
+        )
+        problems.append(Problem(campaign.toml, listed, field="survey.entry.poses"))
     if problems:
         raise InputError(problems)
-    stops = settings.entry.poses or _guessed_stops(campaign.folder / settings.initial_guesses)
     written_as = {meaning: label for label, meaning in settings.labels.items()}
     return Names(
         vframe=tuple(written_as.get(name, name) for name in campaign.settings.vframe.points),

@@ -161,3 +161,12 @@ def test_a_room_that_cannot_hold_it_is_a_plain_error(tmp_path):
 def test_both_commands_explain_themselves():
     for command in ("demo", "simulate"):
         assert "FOLDER" in gtval(command, "--help").output
+
+
+def test_a_small_room_with_a_laser_is_simulated_and_run(tmp_path):
+    room = tmp_path / "room"
+    assert gtval("simulate", room, "--laser", "--stops", 3, "--seed", 2).exit_code == 0
+    done = gtval("run", room, "--no-report", "--json")
+    assert done.exit_code == 0, done.output
+    compared = {one["system"]: one for one in json.loads(done.output)["comparisons"]}
+    assert {"laser_scanmatch", "example_gt"} <= set(compared)

@@ -52,6 +52,10 @@ def test_a_byte_order_mark_is_no_fault(tmp_path):
         ('name = "x"\n[comparison]\nconfidence = 95\n', "'comparison.confidence': '95'"),
         ('name = "x"\n[comparison]\nacceptable_bias_length = -1\n', "'-1'"),
         ('name = "x"\n[[published]]\nsystem = "Vision!"\nfile = "a"\n', "'Vision!'"),
+        (
+            'name = "x"\n[[published]]\nsystem = "a"\nfile = "a"\n[[published]]\nsystem = "B!"\n',
+            "line 6, field 'published.1.system': 'B!'",
+        ),
         ("name = ", "not valid TOML"),
         (b'name = "\xff"', "not UTF-8"),
         (b'a = 1\nname = "\xff"', "line 2"),

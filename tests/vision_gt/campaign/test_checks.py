@@ -165,6 +165,46 @@ def test_what_is_missing_is_named(own, command, old, new, said):
     assert said in told
 
 
+def of_tables(folder, rows):
+    (folder / "campaign.toml").write_text(
+        'name = "printed"\n[vision.printed]\ntable_marker = "marker.csv"\n'
+    )
+    (folder / "marker.csv").write_text(rows)
+    return asked("check-table", folder)
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("", "marker.csv, line 1: the file is empty"),
+        ("pose,x,y\n5,abc,1.0\n", "marker.csv, line 2, field 'x': 'abc'"),
+        ("pose,x,y\n5,1.0,nan\n", "marker.csv, line 2, field 'y': 'nan'"),
+        ("pose,x,y\n5,1.0,1.0\n", "`gtval run` makes it"),
+    ],
+)
+def test_a_bad_cell_is_said_before_results_are_asked_for(tmp_path, rows, said):
+    status, told = of_tables(tmp_path, rows)
+    assert status == 2
+    assert said in told
+    assert ("gtval run" in told) == ("gtval run" in said)
+
+
+def test_a_printed_table_that_is_not_there_is_named_by_its_key(tmp_path):
+    of_tables(tmp_path, "")
+    (tmp_path / "marker.csv").unlink()
+    status, told = asked("check-table", tmp_path)
+    assert status == 2
+    assert "line 3, field 'vision.printed.table_marker': 'marker.csv'" in told
+
+
+def test_a_campaign_without_a_board_on_the_floor_is_told_what_to_write(tmp_path):
+    (tmp_path / "campaign.toml").write_text('name = "none"\n')
+    status, told = asked("check-survey", tmp_path)
+    assert status == 2
+    assert "write in [vision.survey_check] a line such as: board = " in told
+    assert "vision_cameras.csv" not in told
+
+
 def test_a_marker_alone_may_lie_on_the_table(own):
     text = (own / "campaign.toml").read_text()
     table = text[text.index("[vision.table]") : text.index("[vision.survey_check]")]

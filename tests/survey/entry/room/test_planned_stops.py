@@ -1,8 +1,12 @@
 """A campaign that plans no stops: what `gtval enter` says and writes."""
 
+import io
+import sys
+
 import pytest
 from click.testing import CliRunner
 
+from survey.commands.enter import _with_stops
 from survey.entry.room.planned_stops import lacks_stops, write_stops
 from survey.entry.room.targets import find_target, load_names, stations
 from survey.settings import EntrySettings
@@ -68,3 +72,23 @@ def test_what_is_not_in_the_plan_names_the_setting(folder):
     plan = stations(load_names(load_campaign(folder)), EntrySettings())
     with pytest.raises(GtvalError, match=r"\[survey.entry\] poses"):
         find_target("9/O 1", plan)
+
+
+def test_stops_and_world_points_that_are_missing_are_named_at_once(folder):
+    (folder / "campaign.toml").write_text(TOML[: TOML.index("[survey]")])
+    with pytest.raises(GtvalError) as said:
+        load_names(load_campaign(folder))
+    assert "field 'survey.world_points'" in str(said.value)
+    assert "field 'survey.entry.poses'" in str(said.value)
+
+
+@pytest.mark.parametrize(("answer", "stops"), [("y", ("1", "2")), ("n", ())])
+def test_at_a_terminal_it_asks_before_it_writes_the_stops(folder, monkeypatch, answer, stops):
+    class Keyboard(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setattr("sys.stdin", Keyboard(f"2\n{answer}\n"))
+    monkeypatch.setattr("click.termui.visible_prompt_func", lambda _: sys.stdin.readline().strip())
+    written = _with_stops(load_campaign(folder), None, ask=True)
+    assert load_names(written).stops == stops

@@ -191,7 +191,7 @@ def test_a_stop_at_the_keyboard(half):
         ("n seen well", "noted"),
         ("d", "no reading is doubtful"),
         ("l", r"1/O–16"),
-        ("i", "79 of 118 done"),
+        ("i", "79 of 118 readings done"),
         ("s heater", "skipped"),
         ("u", "undone: skip"),
         ("j 1/Y 5", r"1/Y → 5 "),
@@ -321,7 +321,7 @@ def test_a_blind_second_entry_shows_no_value(half):
     assert done.returncode == 0
     assert done.stdout.count(first.text) == 1  # its own echo: both agree
     assert "Y–O  –" in done.stdout
-    assert f"second entries: 1 of {len(half.recorded()) - 1} done" in done.stdout
+    assert f"second entries: 1 of {len(half.recorded()) - 1} readings done" in done.stdout
     assert piped(half, "", "--second").returncode == 2
 
 
