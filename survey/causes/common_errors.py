@@ -26,11 +26,7 @@ def common_error_leads(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]
     sets = list(sets_of(log))
     for kind in ("offset", "scale"):
         columns = _columns(trial, linear, kind)
-        masks = np.zeros((len(columns), len(sets)))
-        for k, (_, _, rows, _) in enumerate(sets):
-            masks[rows, k] = columns[rows]
-        score, matrix = linear.of_columns(masks)
-        gain, size = gains(score, np.diagonal(matrix), (masks**2).sum(0))
+        gain, size = gains(*linear.of_sets(columns, [rows for _, _, rows, _ in sets]))
         for k, (extent, subject, rows, places) in enumerate(sets):
             yield _lead(kind, extent, subject, rows, float(gain[k]), float(size[k]), places)
         yield from _blocks(kind, columns, linear, log)
@@ -84,11 +80,7 @@ def _blocks(kind: Law, columns: Array, linear: Linear, log: Log) -> Iterator[Lea
     else:
         moved = [i for i in range(1, n) if log.station[order[i]] != log.station[order[i - 1]]]
         edge = np.array([0, *moved, n])
-        atoms = np.zeros((n, len(edge) - 1))
-        for k in range(len(edge) - 1):
-            rows = order[edge[k] : edge[k + 1]]
-            atoms[rows, k] = columns[rows]
-        score, matrix = linear.of_columns(atoms)
+        score, matrix = linear.between_sets(columns, np.split(order, edge[1:-1]))
     whole = np.concatenate([[0.0], np.cumsum(columns[order] ** 2)])[edge]
     s = np.concatenate([[0.0], np.cumsum(score)])
     m = np.zeros((len(edge), len(edge)))
@@ -132,11 +124,7 @@ def _heights(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
     ]
     sets.append(("walls", (), np.flatnonzero(mixed)))
     alike = {extent: float(sum(one[0] == extent for one in sets)) for extent, _, _ in sets}
-    masks = np.zeros((len(columns), len(sets)))
-    for k, (_, _, rows) in enumerate(sets):
-        masks[rows, k] = columns[rows]
-    score, matrix = linear.of_columns(masks)
-    gain, size = gains(score, np.diagonal(matrix), (masks**2).sum(0))
+    gain, size = gains(*linear.of_sets(columns, [rows for _, _, rows in sets]))
     for k, (extent, subject, rows) in enumerate(sets):
         if size[k] > 0 and len(rows) >= LEAST_ROWS:
             found = (rows, float(gain[k]), float(size[k]), alike[extent])

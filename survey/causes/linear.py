@@ -3,18 +3,21 @@
 With the design matrix J, the residuals v and N = J^T J, the residuals that the unknowns cannot
 take up are v' = Q v, Q = I - J N^-1 J^T. A further parameter with the column g lowers chi-squared
 by (g^T v')^2 / (g^T Q g): the score test, exact where the survey is linear.
+
+N^-1 is kept split into blocks of the stops and what they share, so that no matrix grows with the
+square of the readings or of the stops.
 """
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse import csr_array, vstack
 
-from survey.causes.trial import Fit, Rows
+from survey.causes.trial import TINY, Fit, Rows
+from survey.estimation.least_squares.split_covariance import SplitCovariance, split_inverse
 from validation.poses.angles import Array
 
-DENSE = 3000
-"""Distances up to which Q of all of them is kept: 72 MB."""
 UNSEEN = 0.02
 """Share of a parameter's effect that must be left in the residuals, or it is not tested: what the
 survey takes up by 98 % shows only through what is not linear in it."""
@@ -36,7 +39,7 @@ class Linear:
         self.fit = fit
         self.at_start = fit.residual
         """(o,) residuals at the point of linearisation."""
-        step = fit.solve(fit.jacobian.T @ fit.residual)
+        step = self.cofactors.times(fit.jacobian.T @ fit.residual)
         self.residual = np.asarray(fit.residual - fit.jacobian @ step)
         """(o,) residuals v' of least squares."""
 
@@ -46,53 +49,89 @@ class Linear:
         return float(self.residual @ self.residual)
 
     @cached_property
-    def _dense(self) -> Array | None:
-        n = len(self.fit.trial.network.distance)
-        if n > DENSE:
-            return None
-        return self._block(np.arange(n))
+    def cofactors(self) -> SplitCovariance:
+        """N^-1, nothing of it singular (`TINY`)."""
+        J, net = self.fit.jacobian, self.fit.trial.network
+        size = np.asarray(J.power(2).sum(axis=0)).ravel()
+        root = np.sqrt(np.where(size > 0, TINY * size, 1.0))
+        p, f, _ = net.sizes
+        shared = np.ones(len(size), dtype=bool)
+        shared[p : p + f] = False
+        shared[(2 * net.mark[:, None] + np.arange(2)).ravel()] = False
+        return split_inverse(csr_array(vstack([J, _diagonal(root)])), shared)
 
     @cached_property
-    def _inverse(self) -> Array | None:
-        """N^-1 where the unknowns are few: quicker than to solve for many columns."""
-        J = self.fit.jacobian
-        if J.shape[1] > DENSE:
-            return None
-        normal = (J.T @ J).toarray()
-        size = np.sqrt(np.maximum(np.diagonal(normal), 1e-12))
-        scaled = normal / np.outer(size, size) + 1e-9 * np.eye(len(size))
-        return np.asarray(cho_solve(cho_factor(scaled), np.eye(len(size))) / np.outer(size, size))
+    def reach(self) -> Array:
+        """(o, k) what J N^-1 J^T holds of the shared unknowns is its square."""
+        return np.asarray(self.fit.jacobian @ self.cofactors.shared)
 
-    def _solve(self, right: Array) -> Array:
-        return self.fit.solve(right) if self._inverse is None else self._inverse @ right
-
-    def _block(self, rows: Rows) -> Array:
-        J = self.fit.jacobian[rows]
-        gain = self.fit.solve(J.T.toarray()).T if self._inverse is None else J @ self._inverse
-        return np.asarray(np.eye(len(rows)) - (J @ gain.T).T)
+    def alone(self, rows: Rows) -> csr_array:
+        """(r, r) the other part of J N^-1 J^T, within the stops, for some observations."""
+        J = csr_array(self.fit.jacobian[rows])
+        return csr_array(J @ self.cofactors.own @ J.T)
 
     def block(self, rows: Rows) -> Array:
         """(r, r) part of Q for some observations."""
+        reach = self.reach[rows]
+        return np.asarray(np.eye(len(rows)) - reach @ reach.T - self.alone(rows).toarray())
+
+    def blocks(self, rows: Rows) -> Array:
+        """(g, s, s) parts of Q for g groups of s observations, ``rows`` (g, s)."""
+        reach = self.reach[rows]
+        taken = reach @ np.swapaxes(reach, 1, 2)
+        J = self.fit.jacobian
+        through = [csr_array(J[column] @ self.cofactors.own) for column in rows.T]
+        for b, column in enumerate(rows.T):
+            ours = J[column]
+            for a, part in enumerate(through):
+                taken[:, a, b] += np.asarray(part.multiply(ours).sum(axis=1)).ravel()
+        return np.asarray(np.eye(rows.shape[1]) - taken)
+
+    def column(self, row: int) -> Array:
+        """(n,) column of Q of one distance, for all distances."""
         n = len(self.fit.trial.network.distance)
-        dense = self._dense if len(rows) == 0 or rows.max() < n else None
-        return self._block(rows) if dense is None else dense[np.ix_(rows, rows)]
+        J = self.fit.jacobian
+        through = self.cofactors.times(J[[row]].toarray()[0])
+        column = -np.asarray(J[:n] @ through)
+        column[row] += 1
+        return column
 
     @cached_property
     def redundancy(self) -> Array:
         """(n,) share of each distance that the others check."""
         n = len(self.fit.trial.network.distance)
-        if self._dense is not None:
-            return np.diagonal(self._dense)
-        parts = np.array_split(np.arange(n), n // 500 + 1)
-        return np.concatenate([np.diagonal(self._block(rows)) for rows in parts])
+        return 1 - self.cofactors.leverage(csr_array(self.fit.jacobian[:n]))
 
-    def of_columns(self, columns: Array) -> tuple[Array, Array]:
-        """Score g^T v' (k,) and g^T Q g (k, k) of columns (n, k) over the distances."""
-        n = len(columns)
-        J = self.fit.jacobian[:n]
-        through = np.asarray(J.T @ columns)
-        matrix = columns.T @ columns - through.T @ self._solve(through)
-        return columns.T @ self.residual[:n], np.asarray(matrix)
+    def of_sets(self, columns: Array, sets: Sequence[Rows]) -> tuple[Array, Array, Array]:
+        """Score, g^T Q g and g^T g (k,) of k columns: ``columns`` (n,) at the rows of each set."""
+        masks = in_sets(columns, sets)
+        through = csr_array(self.fit.jacobian[: len(columns)].T @ masks)
+        shared = np.asarray(through.T @ self.cofactors.shared)
+        alone = np.asarray((self.cofactors.own @ through).multiply(through).sum(axis=0)).ravel()
+        whole = np.asarray(masks.power(2).sum(axis=0)).ravel()
+        score = np.asarray(masks.T @ self.residual[: len(columns)])
+        return score, whole - alone - (shared**2).sum(1), whole
+
+    def between_sets(self, columns: Array, sets: Sequence[Rows]) -> tuple[Array, Array]:
+        """Score (k,) and g^T Q g (k, k) of the same, sets having no row in common."""
+        masks = in_sets(columns, sets)
+        through = csr_array(self.fit.jacobian[: len(columns)].T @ masks)
+        shared = np.asarray(through.T @ self.cofactors.shared)
+        near = csr_array(masks.T @ masks) - csr_array(through.T @ self.cofactors.own @ through)
+        score = np.asarray(masks.T @ self.residual[: len(columns)])
+        return score, np.asarray(near.toarray() - shared @ shared.T)
+
+
+def _diagonal(values: Array) -> csr_array:
+    rows = np.arange(len(values))
+    return csr_array((values, (rows, rows)), shape=(len(rows), len(rows)))
+
+
+def in_sets(columns: Array, sets: Sequence[Rows]) -> csr_array:
+    """(n, k) ``columns`` (n,) at the rows of each of k sets, zero elsewhere."""
+    rows = np.concatenate([np.empty(0, dtype=np.intp), *sets])
+    at = np.repeat(np.arange(len(sets)), [len(one) for one in sets])
+    return csr_array((columns[rows], (rows, at)), shape=(len(columns), len(sets)))
 
 
 def gains(score: Array, matrix: Array, whole: Array) -> tuple[Array, Array]:
@@ -113,11 +152,11 @@ def gains(score: Array, matrix: Array, whole: Array) -> tuple[Array, Array]:
     return np.where(seen, score**2 / safe, 0.0), np.where(seen, score / safe, 0.0)
 
 
-def group_gain(linear: Linear, rows: Rows) -> tuple[float, Array]:
-    """Decrease of chi-squared if some observations were free, and their errors (standardised)."""
-    Q = linear.block(rows)
-    values, vectors = np.linalg.eigh(Q)
-    kept = values > UNSEEN
-    turned = vectors[:, kept].T @ linear.residual[rows]
-    size = vectors[:, kept] @ (turned / values[kept])
-    return float((turned**2 / values[kept]).sum()), size
+def group_gains(linear: Linear, rows: Rows) -> Array:
+    """Decrease of chi-squared (g,) if the observations of each group ``rows`` (g, s) were free."""
+    if not rows.size:
+        return np.zeros(len(rows))
+    values, vectors = np.linalg.eigh(linear.blocks(rows))
+    turned = np.einsum("gsk,gs->gk", vectors, linear.residual[rows])
+    seen = values > UNSEEN
+    return np.asarray(np.where(seen, turned**2 / np.where(seen, values, 1.0), 0.0).sum(1))

@@ -50,6 +50,17 @@ class _Look:
         self.misfit = linear.at_start[:n] * trial.used[:n]
         self.stations = log.groups(log.station)
 
+    def rows_of_marks(self) -> list[Rows]:
+        """Distances that end at each mark, in the order read."""
+        order, net = self.log.order, self.net
+        ends = np.concatenate([net.first[order], net.second[order]])
+        once = np.tile(order, 2)
+        rank = np.tile(np.arange(len(order)), 2)
+        sort = np.lexsort([rank, ends])
+        first = np.searchsorted(ends[sort], net.mark, "left")
+        last = np.searchsorted(ends[sort], net.mark, "right")
+        return [once[sort[a:b]] for a, b in zip(first, last, strict=True)]
+
     def cost_of(self, rows: Rows, first: Array, second: Array) -> Array:
         """(r,) squared standardised misfit of distances, were they between these places (r, 2)."""
         off = self.net.distance[rows] - np.linalg.norm(first - second, axis=-1)
@@ -117,6 +128,8 @@ def _exchanged_rig_points(look: _Look) -> Iterator[Lead]:
         body = {str(q): net.rig[net.mark_rig[q]] for q in own}
         spread = (2 * net.marking_sigma) ** 2 + net.rig_sigma**2 + float(np.mean(net.sigma)) ** 2
         now = _laid(marks, body, spread)
+        if now <= WORTH:
+            continue
         for a, b in combinations(own, 2):
             swapped = {**body, str(a): body[str(b)], str(b): body[str(a)]}
             then = _laid(marks, swapped, spread)
@@ -151,23 +164,20 @@ def _rig_exchange_lead(look: _Look, stop: str, a: int, b: int, gain: float, plac
 def _stop_numbers(look: _Look) -> Iterator[Lead]:
     """Readings of one mark that were written under the number of another stop."""
     net, P = look.net, look.at.points
-    runs = []
-    for q, mark in enumerate(net.mark):
-        rows = np.flatnonzero((net.first == mark) | (net.second == mark))
-        rows = rows[np.argsort(look.log.order.argsort()[rows])]
-        if len(rows) >= 2:
-            runs.append((q, int(mark), rows))
     if np.abs(look.misfit).max(initial=0.0) < FAR:
         return
-    places = float(len(runs) * max(len(net.poses) - 1, 1))
+    runs = look.rows_of_marks()
+    places = float(sum(len(rows) > 1 for rows in runs) * max(len(net.poses) - 1, 1))
     marks = {net.points[mark]: q for q, mark in enumerate(net.mark)}
-    for q, mark, rows in runs:
+    for q, (mark, rows) in enumerate(zip(net.mark.tolist(), runs, strict=True)):
         target = np.where(net.first[rows] == mark, net.second[rows], net.first[rows])
+        now = np.minimum(_by_pose(look, q, rows, target), 1e8)
+        if len(rows) < 2 or now.max() < FAR**2:
+            continue
         body = int(net.mark_rig[q])
         arms = rotate(look.at.poses[:, 2], np.broadcast_to(net.rig[body], (len(net.poses), 2)))
         stands = look.at.poses[:, :2] + arms
         cost = np.array([look.cost_of(rows, place, P[target]) for place in stands])
-        now = np.minimum(_by_pose(look, q, rows, target), 1e8)
         cost = np.minimum(cost, 1e8)
         for t, stop in enumerate(net.poses):
             if t == int(net.mark_pose[q]):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from survey.causes.lead import Lead, Log, Sizes, mark_sizes, place_sizes, rig_sizes
-from survey.causes.linear import UNSEEN, Linear, group_gain
+from survey.causes.linear import UNSEEN, Linear, group_gains
 from survey.causes.trial import Rows, Trial, renamed, with_point
 from survey.readings.point_names import robot_point
 from validation.poses.angles import Array
@@ -19,38 +19,33 @@ def place_leads(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
     """Moved points, and points off their nominal places."""
     yield from _moved(trial, linear, log)
     net = trial.network
-    n, v, q = len(net.distance), len(net.fixed), len(net.mark)
+    n, v, q, b = len(net.distance), len(net.fixed), len(net.mark), len(net.rig_names)
+    free = group_gains(linear, n + np.arange(2 * (v + q + b)).reshape(-1, 2)).tolist()
     for k, point in enumerate(net.fixed):
         name = net.points[point]
         if name not in trial.released:
-            rows = n + 2 * k + np.arange(2)
             sizes = place_sizes(int(point), None, net.nominal[k], net.nominal_sigma)
-            yield _released("vframe_point", (name,), name, rows, linear, float(v), sizes)
+            yield _released("vframe_point", (name,), name, free[k], float(v), sizes)
     for k, point in enumerate(net.mark):
         name = net.points[point]
         stop, body = robot_point(name) or ("", "")
         if name not in trial.released:
-            rows = n + 2 * v + 2 * k + np.arange(2)
             subject, sizes = (stop, body), mark_sizes(k)
-            yield _released("rig_mark", subject, name, rows, linear, float(q), sizes)
+            yield _released("rig_mark", subject, name, free[v + k], float(q), sizes)
     for k, body in enumerate(net.rig_names):
         if f"/{body}" not in trial.released:
-            rows = n + 2 * v + 2 * q + 2 * k + np.arange(2)
-            alike, sizes = float(len(net.rig_names)), rig_sizes(k)
-            yield _released("rig_point", (body,), f"/{body}", rows, linear, alike, sizes)
+            gain, sizes = free[v + q + k], rig_sizes(k)
+            yield _released("rig_point", (body,), f"/{body}", gain, float(b), sizes)
 
 
 def _released(
     kind: str,
     subject: tuple[str, ...],
     name: str,
-    rows: Rows,
-    linear: Linear,
+    gain: float,
     places: float,
     sizes: Sizes,
 ) -> Lead:
-    gain, _ = group_gain(linear, rows)
-
     def build(base: Trial) -> Trial:
         return replace(base, released=base.released | {name})
 
@@ -71,13 +66,10 @@ def _moved(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
         if len(rows) < 2 * LEAST_READINGS:
             continue
         J = linear.fit.jacobian[rows][:, [2 * point, 2 * point + 1]].toarray()
-        Q = linear.block(rows)
-        score = _from_end(J * linear.residual[rows][:, None])
-        matrix = np.einsum("ia,ij,jb->ijab", J, Q, J)
-        matrix = matrix[::-1, ::-1].cumsum(0).cumsum(1)[::-1, ::-1]
         k = np.arange(LEAST_READINGS, len(rows) - LEAST_READINGS + 1)
-        M, s = matrix[k, k], score[k]
+        s = _from_end(J * linear.residual[rows][:, None])[k]
         whole = _from_end(np.einsum("ia,ib->iab", J, J))[k]
+        M = whole - _taken_up(linear, rows, J)[k]
         seen = np.linalg.eigvalsh(M)[:, 0] > UNSEEN * np.linalg.eigvalsh(whole)[:, 0]
         seen &= np.linalg.eigvalsh(whole)[:, 0] > UNSEEN * np.linalg.eigvalsh(whole)[:, 1]
         if not seen.any():
@@ -90,6 +82,17 @@ def _moved(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
             trial, point, rows[k[best] :], rows[k[best] - 1], float(gain[best]),
             float(len(points) * stations),
         )  # fmt: skip
+
+
+def _taken_up(linear: Linear, rows: Rows, J: Array) -> Array:
+    """(r, 2, 2) part of ``J^T J`` from each row to the last that the unknowns take up."""
+    through = _from_end(J[:, :, None] * linear.reach[rows][:, None, :])
+    pairs = linear.alone(rows).tocoo()
+    first, second = J[pairs.row], J[pairs.col]
+    each = pairs.data[:, None, None] * first[:, :, None] * second[:, None, :]
+    alone = np.zeros((len(rows), 2, 2))
+    np.add.at(alone, np.minimum(pairs.row, pairs.col), each)
+    return np.asarray(through @ np.swapaxes(through, 1, 2) + _from_end(alone))
 
 
 def _from_end(values: Array) -> Array:

@@ -121,6 +121,17 @@ def continued(solved: Fit) -> Trial:
     return replace(solved.trial, start=solved.at, effects=effects)
 
 
+def look_elsewhere(trial: Trial, places: float) -> float:
+    """What a lead of a large survey (`MANY`) must gain besides, for its places; else nothing."""
+    return 2 * float(np.log(max(places, 1.0))) if len(trial.network.distance) > MANY else 0.0
+
+
+MANY = 3000
+"""Distances above which a lead that cannot pay for its places is not solved: some of a thousand
+stops and marks always fit better by chance, and each solution takes as long as the survey's. Twice
+the document's size, where a rival that is told beside the best costs nothing to solve."""
+
+
 def _worth_solving(base: Trial, linear: Linear, log: Log) -> list[Lead]:
     """The best few leads of each kind."""
     found: dict[tuple[str, str], list[Lead]] = {}
@@ -132,7 +143,7 @@ def _worth_solving(base: Trial, linear: Linear, log: Log) -> list[Lead]:
         list(blunder_leads(base, linear))[-2:],
     ):
         for lead in leads:
-            if lead.gain > LEAST_GAIN:
+            if lead.gain > LEAST_GAIN + look_elsewhere(base, lead.places):
                 found.setdefault((lead.kind, lead.extent), []).append(lead)
     best: dict[object, Lead] = {}
     for alike in found.values():

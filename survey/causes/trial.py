@@ -26,7 +26,7 @@ exact as least squares where nothing is wrong)."""
 _PASSES = 25
 _ENOUGH = 1e-3
 """Decrease of chi-squared below which a pass brings nothing."""
-_TINY = 1e-9
+TINY = 1e-9
 """Added to the diagonal of the scaled normal matrix: nothing is singular, and what is determined
 changes by a part in 1e9."""
 
@@ -231,7 +231,7 @@ def _factor(jacobian: csr_array, damping: float = 0.0) -> tuple[SuperLU, Array]:
     diagonal = normal.diagonal()
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     scaled = csc_array(normal.multiply(scale[:, None]).multiply(scale))
-    scaled.setdiag(1.0 + _TINY + damping)
+    scaled.setdiag(1.0 + TINY + damping)
     factor = splu(
         csc_array(scaled),
         permc_spec="MMD_AT_PLUS_A",
