@@ -187,8 +187,9 @@ def test_a_system_that_is_given_twice_is_refused(command):
 
 
 @pytest.mark.parametrize("system", ["rtk", "vision", "laser"])
-def test_options_may_stand_before_the_campaign_of_a_group(system, ad23_folder):
-    first, last = gtval(system, "--json", ad23_folder), gtval(system, ad23_folder, "--json")
+def test_options_may_stand_before_the_campaign_of_a_group(system, ad23_folder, tmp_path):
+    folder = shutil.copytree(ad23_folder, tmp_path / "ad23")
+    first, last = gtval(system, "--json", folder), gtval(system, folder, "--json")
     assert first.stdout == last.stdout
     # Of AD2.3 only vision has data of its own: what was printed of its markers.
     known = "vision solve" if system == "vision" else system

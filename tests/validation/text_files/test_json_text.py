@@ -46,7 +46,10 @@ class Pair(NamedTuple):
         (date(2008, 8, 6), "2008-08-06"),
         (iter([1, 2]), [1, 2]),
         (Finding("note", "x"), {"severity": "note", "text": "x", "subject": "", "code": ""}),
-        (Figure("f", "c", "a", print), {"name": "f", "caption": "c", "alternative": "a"}),
+        (
+            Figure("f", "c", "a", print),
+            {"name": "f", "caption": "c", "alternative": "a", "folded": False},
+        ),
         (1j, "1j"),
     ],
 )

@@ -34,4 +34,4 @@ def test_options_of_stops_are_refused(tmp_path):
     files = [write(tmp_path, one) for one in simulate(Drive(seconds=10.0), 3)]
     done = CliRunner().invoke(main, ["explain", *files, "--figures"])
     assert done.exit_code == 2
-    assert "trajectories take no options" in done.output
+    assert "take no options but" in done.output
