@@ -79,7 +79,13 @@ def without_paths(text: str) -> str:
     return re.sub(r"\S*/\S*", "PATH", text)
 
 
-@pytest.mark.parametrize("name", QUICK)
+LONG = ("demo", "report", "vision calibrate", "fuse: with odometry")
+"""Commands of seconds: their two runs on two screens are left to the full tests."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.full if name in LONG else ()) for name in QUICK]
+)
 def test_no_terminal_breaks_a_number_and_no_pipe_pads_or_folds(shown, name):
     """A number that a pipe shows, a terminal of 80 columns in ASCII shows too."""
     status, piped = shown(name, encoding="cp1252")

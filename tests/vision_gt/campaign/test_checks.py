@@ -19,6 +19,8 @@ from vision_gt.campaign.check_sections import (
 )
 from vision_gt.campaign.findings import vision_findings
 
+pytestmark = pytest.mark.xdist_group("vision checks")  # one rendered room for all
+
 
 def test_things_on_a_table_and_on_the_floor_are_seen_where_they_are(outcome):
     """All within what is stated; the sum of their chi-squared neither too large nor too small."""

@@ -363,7 +363,7 @@ def kills_with_edits(folder, runs, seed):
 
 
 def test_kills_with_edits_by_hand_in_between_lose_nothing_and_double_nothing(tmp_path):
-    kills_with_edits(tmp_path, 20, 1)
+    kills_with_edits(tmp_path, 8, 1)
 
 
 @pytest.mark.full

@@ -45,6 +45,8 @@ class Terminal:
         self.started = time.monotonic()
         child, self.master = pty.fork()
         if child == 0:
+            # Shells start what runs in the background with this signal ignored.
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
             os.execv(command[0], command)  # the child becomes the command
         self.child = child
         self.seen = ""
