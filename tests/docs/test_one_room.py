@@ -68,4 +68,4 @@ def test_every_command_has_its_data_here_or_a_reason_why_not():
 @pytest.mark.parametrize("name", INDOOR)
 def test_the_room_has_what_the_command_needs(room, name):
     use = INDOOR[name].format(room=room, board=BOARD)
-    assert told(*name.split(), *use.split())["command"] == name.split()[0]
+    assert told(*name.split(), *use.split())["command"] == name
