@@ -10,9 +10,9 @@ from scipy import fft, special
 
 from validation.poses.angles import Array
 from validation.statistics.consistency import ConsistencyTest, Interval, verdict
-from validation.statistics.error_statistics import BiasTest, mean_interval
+from validation.statistics.error_statistics import BiasTest
 
-Method = Literal["dependent", "student", "withheld"]
+Method = Literal["dependent", "withheld"]
 
 MOST_COSINES = 24
 """Of the slowest cosines of a series that are looked at. Measured over 12 settings with 2,000
@@ -50,8 +50,6 @@ MOST_WIDENED = 3.0
 times (300 seeds each) intervals of log-normal errors (sigma 1) then hold the truth in 94 to 96 %
 and not in 87 to 92 %, of exponential ones in 93 to 96 %. Of normal series a third are widened, by
 some percent."""
-INDEPENDENCE_LEVEL = 0.05
-"""Of the test by which a table of stops loses Student's interval."""
 
 UNSEEN = "a correlation longer than the record cannot be seen in it"
 
@@ -72,7 +70,7 @@ class SeriesMean:
         Of the interval.
     n_effective : float
         Independent values that would give the mean the same variance, n at most.
-    method : {"dependent", "student", "withheld"}
+    method : {"dependent", "withheld"}
         How the interval was found.
     short : bool
         Whether the record may be shorter than ten correlation times: a part of the errors may be
@@ -252,68 +250,6 @@ def _spread(deviations: Array) -> tuple[Spread, float]:
     weights /= weights.sum()
     scales = np.sqrt(models.mean_variance * sums / cosines / n)
     return Spread(weights, scales, cosines), float(weights[models.short].sum())
-
-
-def independence_p_value(values: npt.ArrayLike) -> float:
-    """Probability of as much correlation between neighbours, if there were none.
-
-    Parameters
-    ----------
-    values : (n,) array_like
-        In the order of time or of the stops.
-
-    Returns
-    -------
-    float
-        Of the ratio of von Neumann, one-sided: neighbours alike. NaN for fewer than four values
-        or where all are the same.
-
-    Notes
-    -----
-    von Neumann (1941): the sum of squared steps over that of squares has, for independent normal
-    values, the mean 2 and the variance ``4 (n - 2) / (n^2 - 1)``; its share
-    of 4 is close to a symmetric beta distribution with that variance (Bartels 1982 does so for
-    ranks, which are taken here too, so that heavy tails change nothing).
-    """
-    values = np.asarray(values, dtype=float)
-    n = len(values)
-    if n < 4 or np.ptp(values) == 0:
-        return float("nan")
-    ranks = _ranks(values)
-    ratio = np.square(np.diff(ranks)).sum() / np.square(ranks - ranks.mean()).sum()
-    # Bartels (1982): beta distribution on (0, 4) with the exact variance of the rank ratio.
-    shape = 5 * n * (n + 1) * (n - 1) ** 2 / (2 * (n - 2) * (5 * n**2 - 2 * n - 9)) - 0.5
-    return float(special.betainc(shape, shape, min(ratio / 4, 1.0)))
-
-
-def _ranks(values: Array) -> Array:
-    """From 1; equal values share the mean of theirs."""
-    _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
-    return np.asarray((np.cumsum(counts) - (counts - 1) / 2)[which])
-
-
-def mean_of_stops(values: npt.ArrayLike, confidence: float = 0.95) -> SeriesMean:
-    """Mean of a table of stops: Student's interval, unless neighbours are alike.
-
-    Parameters
-    ----------
-    values : (n,) array_like
-        In the order in which the stops were visited.
-    confidence : float
-        Of the interval.
-    """
-    values = np.asarray(values, dtype=float)
-    n = len(values)
-    p_value = independence_p_value(values)
-    if p_value < INDEPENDENCE_LEVEL and n >= FEWEST_VALUES:
-        return mean_of_series(values, confidence)
-    if n < 2 or np.ptp(values) == 0:
-        return mean_of_series(values, confidence)
-    mean, std = float(values.mean()), float(values.std(ddof=1))
-    low, high = (float(end) for end in mean_interval(mean, std, n, confidence))
-    spread = Spread(np.ones(1), np.array([std / np.sqrt(n)]), n - 1)
-    short = bool(p_value < INDEPENDENCE_LEVEL)
-    return SeriesMean(n, mean, std, low, high, confidence, float(n), "student", short, "", spread)
 
 
 def bias_of_series(mean: SeriesMean, limit: float, confidence: float = 0.95) -> BiasTest:

@@ -3,18 +3,14 @@
 import numpy as np
 import pytest
 from dependent_intervals import errors, measured, newey_west, settings
-from scipy import stats
 
 from validation.statistics.dependence import (
     FEWEST_VALUES,
     bias_of_series,
-    independence_p_value,
     mean_of_series,
-    mean_of_stops,
     nees_of_series,
     rms_of_series,
 )
-from validation.statistics.error_statistics import mean_interval
 
 SEEDS = 100
 
@@ -117,38 +113,6 @@ def test_few_or_equal_values_have_no_interval_and_it_is_said():
     assert bias_of_series(same, 1.0).holds is None
     assert nees_of_series([], 3) is None
     assert np.isnan(rms_of_series(np.zeros(50)).low)
-
-
-@pytest.mark.parametrize("n", [8, 20, 40])
-def test_independent_stops_keep_student_at_the_level_of_the_test(n):
-    rng = np.random.default_rng(n)
-    rows = rng.standard_t(3, size=(600, n))
-    p_values = np.array([independence_p_value(row) for row in rows])
-    # Binomial of 600 at 5 %: 99.9 % within 3 %.
-    assert 0.02 <= (p_values < 0.05).mean() <= 0.085
-    kept = [mean_of_stops(row) for row, p in zip(rows, p_values, strict=True) if p >= 0.05]
-    assert {one.method for one in kept} == {"student"}
-    one = kept[0]
-    row = rows[np.flatnonzero(p_values >= 0.05)[0]]
-    expected = mean_interval(row.mean(), row.std(ddof=1), n)
-    assert (one.low, one.high) == pytest.approx(expected)
-
-
-def test_stops_that_share_errors_lose_student():
-    rows = errors("ar1", 60, 1.0, 50, np.random.default_rng(8))
-    assert np.mean([mean_of_stops(row).method != "student" for row in rows]) > 0.95
-
-
-def test_independence_agrees_with_bartels_on_his_moments():
-    # The mean of the rank ratio is 2, its variance 4 (n-2) (5 n^2 - 2 n - 9) / (5 n (n+1) (n-1)^2).
-    n, rng = 12, np.random.default_rng(4)
-    ranks = np.array([rng.permutation(n) for _ in range(4000)])
-    ratio = np.square(np.diff(ranks)).sum(1) / np.square(ranks - ranks.mean(1)[:, None]).sum(1)
-    variance = 4 * (n - 2) * (5 * n**2 - 2 * n - 9) / (5 * n * (n + 1) * (n - 1) ** 2)
-    assert ratio.var() == pytest.approx(variance, rel=0.1)
-    beta = stats.beta(*[16 / (8 * variance) - 0.5] * 2)
-    assert beta.var() * 16 == pytest.approx(variance, rel=1e-9)
-    assert independence_p_value(ranks[0]) == pytest.approx(beta.cdf(ratio[0] / 4), rel=1e-6)
 
 
 def test_rms_holds_the_truth():
