@@ -6,7 +6,7 @@ from importlib.metadata import version
 import numpy as np
 
 from validation.explain.space.explanation import SpaceExplanation, words_of
-from validation.explain.telling.number_words import parameter_text
+from validation.explain.telling.number_words import parameter_text, table_of_parameters
 from validation.results import Finding, Section, Table
 
 TITLE = "Where the errors come from, in space"
@@ -93,11 +93,10 @@ def space_cause_table(explained: Sequence[SpaceExplanation]) -> Table:
 
 def space_parameter_table(one: SpaceExplanation) -> Table:
     """Numbers of what is there."""
-    return Table(
-        f"{one.system}: parameters of '{one.name}'",
-        ["parameter", "unit", "value", "sigma", "low", "high", "p"],
-        [[p.name, p.unit, p.value, p.sigma, p.low, p.high, p.p_value] for p in one.parameters],
-        ["", "", ".6f", ".6f", ".6f", ".6f", ".1g"],
+    return table_of_parameters(
+        one.system,
+        one.name,
+        one.parameters,
         "The frame maps the system's coordinates to the validation's; the mount is what to add in "
         "the robot's axes. rx, ry, rz: rotation vector. Intervals allow for neighbours that depend "
         "on each other, and assume normal errors.",

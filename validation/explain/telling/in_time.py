@@ -5,7 +5,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from validation.explain.telling.number_words import parameter_text
+from validation.explain.telling.number_words import parameter_text, table_of_parameters
 from validation.results import Finding, Table
 from validation.trajectories.causes.chain import CAUSES, WORDS
 from validation.trajectories.causes.explanation import Cause, TimeExplanation
@@ -162,12 +162,11 @@ def time_cause_table(explained: Sequence[TimeExplanation]) -> Table:
 
 def time_parameter_table(one: TimeExplanation) -> Table:
     """Numbers of the causes that are there."""
-    return Table(
-        f"{one.system}: parameters of '{one.name}'",
-        ["parameter", "unit", "value", "sigma", "low", "high", "p"],
-        [[p.name, p.unit, p.value, p.sigma, p.low, p.high, p.p_value] for p in one.parameters],
-        ["", "", ".6f", ".6f", ".6f", ".6f", ".1g"],
-        note=f"{100 * one.confidence:.3g} % intervals. The frame maps the source's coordinates to "
+    return table_of_parameters(
+        one.system,
+        one.name,
+        one.parameters,
+        f"{100 * one.confidence:.3g} % intervals. The frame maps the source's coordinates to "
         "the reference's, the mount stands on the robot's side (right), the delay is added to the "
         "source's stamps.",
     )

@@ -1,7 +1,10 @@
 """Numbers of an explanation as people read them."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
+from validation.results import Table
 from validation.statistics.hypotheses import Parameter
 
 ALL_ODDS = 1e6
@@ -33,3 +36,16 @@ def times_text(odds: float) -> str:
     if odds >= ALL_ODDS:
         return "more than a million times"
     return f"{odds:.{'0f' if odds > 3 else '1f'}} times"
+
+
+def table_of_parameters(
+    system: str, explanation: str, parameters: Iterable[Parameter], note: str, form: str = ".6f"
+) -> Table:
+    """Numbers of what explains a system's errors."""
+    return Table(
+        f"{system}: parameters of '{explanation}'",
+        ["parameter", "unit", "value", "sigma", "low", "high", "p"],
+        [[p.name, p.unit, p.value, p.sigma, p.low, p.high, p.p_value] for p in parameters],
+        ["", "", *[form] * 4, ".1g"],
+        note=note,
+    )

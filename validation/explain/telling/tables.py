@@ -10,6 +10,7 @@ from validation.explain.fitting.planning import poses_for_bias, poses_for_deviat
 from validation.explain.sources.equivalence import PairedComparison, good_enough
 from validation.explain.sources.repeatability import Repeatability
 from validation.explain.sources.verdicts import CELLS, Verdict
+from validation.explain.telling.number_words import table_of_parameters
 from validation.results import Table
 
 Rows = list[list[str | int | float | None]]
@@ -51,17 +52,9 @@ def candidate_table(one: SystemExplanation) -> Table:
 def parameter_table(one: SystemExplanation, confidence: float) -> Table:
     """Fitted parameters of the chosen explanation."""
     assert one.settled is not None
-    rows: Rows = [
-        [p.name, p.unit, p.value, p.sigma, p.low, p.high, p.p_value]
-        for p in one.settled.parameters(confidence)
-    ]
-    return Table(
-        f"{one.system}: parameters of '{one.name}'",
-        ["parameter", "unit", "value", "sigma", "low", "high", "p"],
-        rows,
-        ["", "", ".5f", ".5f", ".5f", ".5f", ".1g"],
-        note=f"{100 * confidence:.3g} % intervals. Flagged cells are left out.",
-    )
+    note = f"{100 * confidence:.3g} % intervals. Flagged cells are left out."
+    found = one.settled.parameters(confidence)
+    return table_of_parameters(one.system, one.name, found, note, ".5f")
 
 
 def cause_table(systems: Sequence[SystemExplanation]) -> Table:
