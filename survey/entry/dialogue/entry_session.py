@@ -21,8 +21,8 @@ from survey.entry.record.numbers import TypedDistance, both_units, parse_distanc
 from survey.entry.record.remembered import RememberedDoubts
 from survey.entry.record.state import WAS_SET_ASIDE, Pair
 from survey.entry.room.double import check_second
-from survey.entry.room.further_points import check_point_name, with_world_point
-from survey.entry.room.targets import Target, check_stop_name, load_names
+from survey.entry.room.further_points import with_world_point
+from survey.entry.room.targets import Target, check_new_name, load_names
 from survey.settings import SurveySettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
@@ -247,7 +247,7 @@ class EntrySession(EntryView):
         GtvalError
             If the name cannot be one, or is there already.
         """
-        stop = check_stop_name(clean_text(name, MAX_NAME), self.guide.names)
+        stop = check_new_name(clean_text(name, MAX_NAME), "stop", self.guide.names.stops)
         self._write(self._entry("stop", person, None, stop))
         self.guide.make_plan()
         target = self.guide.target(stop)
@@ -262,7 +262,7 @@ class EntrySession(EntryView):
         GtvalError
             If the name cannot be one or is there already, or campaign.toml cannot be written.
         """
-        point = check_point_name(clean_text(name, MAX_NAME), self.guide.names)
+        point = check_new_name(clean_text(name, MAX_NAME), "mark", self.guide.names.points)
         with self.changing:
             self.campaign = with_world_point(self.campaign, point)
             self.survey = self.campaign.section("survey", SurveySettings)

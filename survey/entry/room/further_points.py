@@ -3,7 +3,6 @@
 import re
 import tomllib
 
-from survey.entry.room.targets import Names
 from validation.campaign.folder import Campaign, load_campaign
 from validation.errors import GtvalError
 from validation.text_files.writing import write_files
@@ -11,21 +10,6 @@ from validation.text_files.writing import write_files
 _LIST = re.compile(
     r"(^[ \t]*(?:survey\s*\.\s*)?world_points\s*=\s*\[[^\]]*?)(,?\s*)\]", re.MULTILINE
 )
-
-
-def check_point_name(name: str, names: Names) -> str:
-    """The name of a further world point.
-
-    Raises
-    ------
-    GtvalError
-        If it cannot be one.
-    """
-    if not name or any(c in name for c in '/,;"\\') or not name.isprintable() or " " in name:
-        raise GtvalError(f"'{name}' cannot be the name of a mark: no blanks, no / \\ , ; or quotes")
-    if name in names.points:
-        raise GtvalError(f"{name} is there already")
-    return name
 
 
 def with_world_point(campaign: Campaign, name: str) -> Campaign:

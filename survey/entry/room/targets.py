@@ -1,6 +1,6 @@
 """What is to be measured, in the order in which it is quickest, and why some of it is not."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -203,18 +203,20 @@ def spread(world: Sequence[str]) -> list[str]:
     return [*first, *(name for name in world if name not in first)]
 
 
-def check_stop_name(name: str, names: Names) -> str:
-    """The name of a further stop.
+def check_new_name(name: str, what: str, taken: Container[str]) -> str:
+    """The name of a further stop or mark.
 
     Raises
     ------
     GtvalError
         If it cannot be one.
     """
-    if not name or any(c in name for c in '/,;"') or not name.isprintable() or " " in name:
-        raise GtvalError(f"'{name}' cannot be the name of a stop: no blanks, no / , ; or quotes")
-    if name in names.stops:
-        raise GtvalError(f"stop {name} is there already")
+    if not name or any(c in name for c in '/,;"\\') or not name.isprintable() or " " in name:
+        raise GtvalError(
+            f"'{name}' cannot be the name of a {what}: no blanks, no / \\ , ; or quotes"
+        )
+    if name in taken:
+        raise GtvalError(f"{what} {name} is there already")
     return name
 
 
