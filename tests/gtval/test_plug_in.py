@@ -25,20 +25,24 @@ def test_the_examples_pass_their_own_tests_beside_the_wheel(tmp_path):
     assert "12 passed" in done.stdout
 
 
-@pytest.mark.parametrize("seed", [1, 5])
-def test_the_tests_of_a_lab_pass_whatever_the_room(tmp_path, seed):
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", LAB / "tests"]
-    chosen = ["-c", LAB / "pyproject.toml", f"--gtval-seed={seed}", "-k", "not whole"]
-    surroundings = os.environ | {"PYTHONPATH": str(LAB / "src")}
-    done = subprocess.run(
-        [*command, *chosen],
+def tests_of_the_lab(folder, sources, *chosen):
+    """What pytest prints of tests of the lab, with its package from somewhere."""
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+    return subprocess.run(
+        [*command, "-c", LAB / "pyproject.toml", *chosen],
         check=False,
         capture_output=True,
         text=True,
-        cwd=tmp_path,
-        env=surroundings,
-    )
-    assert "6 passed" in done.stdout, done.stdout
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(sources)},
+    ).stdout
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+def test_the_tests_of_a_lab_pass_whatever_the_room(tmp_path, seed):
+    chosen = [LAB / "tests", f"--gtval-seed={seed}", "-k", "not whole"]
+    told = tests_of_the_lab(tmp_path, LAB / "src", *chosen)
+    assert "6 passed" in told, told
 
 
 def test_a_lab_whose_solver_is_wrong_is_told_so(tmp_path):
@@ -49,18 +53,8 @@ def test_a_lab_whose_solver_is_wrong_is_told_so(tmp_path):
     (tmp_path / "my_lab").mkdir()
     (tmp_path / "my_lab" / "__init__.py").write_text("", encoding="utf-8")
     (tmp_path / "my_lab" / "solver.py").write_text(wrong, encoding="utf-8")
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-    chosen = ["-c", LAB / "pyproject.toml", LAB / "tests" / "test_solver.py"]
-    surroundings = os.environ | {"PYTHONPATH": str(tmp_path)}
-    done = subprocess.run(
-        [*command, *chosen],
-        check=False,
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        env=surroundings,
-    )
-    assert "1 failed, 1 passed" in done.stdout, done.stdout
+    told = tests_of_the_lab(tmp_path, tmp_path, LAB / "tests" / "test_solver.py")
+    assert "1 failed, 1 passed" in told, told
 
 
 def test_the_examples_import_nothing_of_ours_but_the_facade():
