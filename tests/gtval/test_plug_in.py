@@ -25,7 +25,7 @@ def test_the_examples_pass_their_own_tests_beside_the_wheel(tmp_path):
     assert "12 passed" in done.stdout
 
 
-def tests_of_the_lab(folder, sources, *chosen):
+def run_of_the_lab(folder, sources, *chosen):
     """What pytest prints of tests of the lab, with its package from somewhere."""
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
     return subprocess.run(
@@ -41,7 +41,7 @@ def tests_of_the_lab(folder, sources, *chosen):
 @pytest.mark.parametrize("seed", [1, 5])
 def test_the_tests_of_a_lab_pass_whatever_the_room(tmp_path, seed):
     chosen = [LAB / "tests", f"--gtval-seed={seed}", "-k", "not whole"]
-    told = tests_of_the_lab(tmp_path, LAB / "src", *chosen)
+    told = run_of_the_lab(tmp_path, LAB / "src", *chosen)
     assert "6 passed" in told, told
 
 
@@ -53,7 +53,7 @@ def test_a_lab_whose_solver_is_wrong_is_told_so(tmp_path):
     (tmp_path / "my_lab").mkdir()
     (tmp_path / "my_lab" / "__init__.py").write_text("", encoding="utf-8")
     (tmp_path / "my_lab" / "solver.py").write_text(wrong, encoding="utf-8")
-    told = tests_of_the_lab(tmp_path, tmp_path, LAB / "tests" / "test_solver.py")
+    told = run_of_the_lab(tmp_path, tmp_path, LAB / "tests" / "test_solver.py")
     assert "1 failed, 1 passed" in told, told
 
 
