@@ -26,17 +26,31 @@ def test_drives_are_as_good_as_asked(level):
 
 
 def test_the_noise_of_an_odometry_is_found_as_it_is():
-    # Along 4, across 2 mm and 6 mrad a root of a metre, turns counted as 0.3 m a radian. In 120 s
-    # of 3 mm poses some 300 ways of a second tell each to 4 %; the prior of the motion is no part.
+    # Along 4, across 2 mm and 6 mrad a root of a metre, turns counted as 0.3 m a radian. It takes
+    # some 1.5 s until the walk outgrows poses of 3 mm: 80 ways in 120 s tell a standard deviation
+    # to 1 / sqrt(160) = 8 %, and 0.25 is three times that.
     made = drive(71, 0, seconds=120.0)
     found = fuse(made.sources, odometry=made.odometry).odometry
     for name, true in (("along_way", 0.004), ("across_way", 0.002), ("angle_way", 0.006)):
         assert found[name] == pytest.approx(true, rel=0.25), name
 
 
+CAUTIOUS = pytest.mark.xfail(
+    strict=True,
+    reason="without odometry one strength of the prior stands for a robot that rests and one that "
+    "moves: covariances are a quarter too large (NEES 2.30 over 20 drives)",
+)
+
+
 @pytest.mark.full
-@pytest.mark.parametrize("level", range(4))
-@pytest.mark.parametrize("with_odometry", [True, False])
+@pytest.mark.parametrize(
+    ("level", "with_odometry"),
+    [
+        *((level, True) for level in range(4)),
+        pytest.param(0, False, marks=CAUTIOUS),
+        *((level, False) for level in (1, 2, 3)),
+    ],
+)
 def test_mean_of_squared_errors_is_that_of_the_covariances(level, with_odometry):
     found = []
     for seed in range(20):
@@ -46,9 +60,7 @@ def test_mean_of_squared_errors_is_that_of_the_covariances(level, with_odometry)
         )
     rms, nees, _ = np.mean(found, axis=0)
     assert rms < (WITH if with_odometry else WITHOUT)[level]
-    # Without odometry nothing but the prior tells a robot that stands from one that moves: its
-    # strength is that of all motion together, and the covariances are up to a third too large.
-    assert (2.4 if with_odometry else 2.2) < nees < 3.9
+    assert 2.4 < nees < 3.9
 
 
 def still(rng, n=600, sigma=0.01):
