@@ -19,6 +19,9 @@ MOST_COSINES = 24
 seeds: of 12, 16, 24, 32 and 48 it is the number with the least width of the interval that holds the
 truth in 90 % where the record is ten correlation times long, and which errors that swing do not
 widen more than threefold."""
+CELLS = 8192
+"""Cells of a longer series whose sums stand for its values. Within one, the quickest cosine turns
+by 0.5 degrees: of white errors its sum changes by 0.3 % of its standard deviation."""
 VALUES_PER_COSINE = 4
 """A cosine whose period is shorter than eight values says nothing of the slow part."""
 FEWEST_VALUES = 16
@@ -242,7 +245,9 @@ def _spread(deviations: Array) -> tuple[Spread, float]:
     """Distribution of the error of the mean, and the weight of a short record."""
     n = len(deviations)
     cosines = min(MOST_COSINES, n // VALUES_PER_COSINE)
-    slow = fft.dct(deviations, type=2, norm="ortho")[1 : cosines + 1]
+    cells = min(n, CELLS)
+    sums = np.add.reduceat(deviations, np.arange(cells) * n // cells) * np.sqrt(cells / n)
+    slow = fft.dct(sums, type=2, norm="ortho")[1 : cosines + 1]
     models = _models(cosines)
     sums = np.maximum(np.square(models.whitening @ slow).sum(-1), np.finfo(float).tiny)
     logs = models.log_weights - cosines / 2 * np.log(sums)

@@ -94,6 +94,14 @@ def test_effective_number_is_that_of_the_process():
     assert max(white) <= 500
 
 
+def test_cells_of_a_long_series_stand_for_its_values(monkeypatch):
+    # The cosines change by 0.3 % of their standard deviations, the interval by less.
+    rows = errors("ar1+white", 40_000, 1.0, 5, np.random.default_rng(6))
+    by_cells = [mean_of_series(row).half_width for row in rows]
+    monkeypatch.setattr("validation.statistics.dependence.CELLS", 10**9)
+    assert by_cells == pytest.approx([mean_of_series(row).half_width for row in rows], rel=3e-3)
+
+
 def test_nothing_changes_with_sign_unit_or_offset():
     row = errors("ar1", 500, 1.0, 1, np.random.default_rng(2))[0]
     one, other = mean_of_series(row), mean_of_series(7 - 1000 * row)
