@@ -242,10 +242,10 @@ def _numbers(lead: Lead, _: Sequence[Parameter], used: Readings) -> str:
             f"the {len(lead.rows)} readings of {lines}, written as stop {wrong}, are of another "
             "stop that has no readings of that number"
         )
-    point = lead.subject[2]
+    points = lead.subject[2].split()
+    written, meant = (", ".join(f"{stop}/{p}" for p in points) for stop in (wrong, right))
     return (
-        f"the {len(lead.rows)} readings of {lines}, written {wrong}/{point}, are of stop "
-        f"{right}: {right}/{point}"
+        f"the {len(lead.rows)} readings of {lines}, written {written}, are of stop {right}: {meant}"
     )
 
 
@@ -261,9 +261,11 @@ def _rows(lead: Lead, _: Sequence[Parameter], used: Readings) -> str:
 
 
 def _targets(lead: Lead, _: Sequence[Parameter], used: Readings) -> str:
-    station, a, b = lead.subject
+    station, a, b, *last = lead.subject
     stop = any(s.startswith(f"{station}/") for s in (*used.start, *used.end))
     at = f"at stop {station}" if stop else f"from Vframe point {station}"
+    if last:
+        at = f"from {station} to {last[0]}, in all places where the laser stood between them"
     return f"the names {a} and {b} are exchanged {at} ({len(lead.rows)} readings)"
 
 

@@ -5,17 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from survey.causes.lead import Lead, Log, effect_size
+from survey.causes.lead import Lead, Log, aligned, effect_size, spread_places
 from survey.causes.linear import Linear, gains
 from survey.causes.trial import Effect, Law, Rows, Trial, law
 from validation.poses.angles import Array
 
 LEAST_ROWS = 4
 """Readings that a block in time has at least: fewer are blunders by nature."""
-RARE = 6.0
-"""What it costs to say that some readings have a scale or a height of their own. A judgement: an
-edge is set wrong, or a target held differently, twenty times as often (2 log 20) as an instrument
-changes its unit or its height; sizes of no more than some sigmas do not tell the two apart."""
+RARE = {"offset": 0.0, "scale": 0.5, "height": 2.0}
+"""What it costs to say that some readings have an offset, a scale or a height of their own. At
+eight of its sigmas a height of a stop's readings lengthens them nearly as an offset does, which
+lies between it and a scale: were all three as likely before, three of four such offsets would be
+told as one of the others."""
 ROWS_TRIED = 1500
 """Readings up to which a block may begin and end at any; of more, it does so where the laser is
 moved to another mark."""
@@ -64,8 +65,7 @@ def _lead(
     def build(base: Trial) -> Trial:
         return replace(base, effects=(*base.effects, Effect(kind, rows, size)))
 
-    some = extent not in {"all", "walls", "point"}
-    cost = RARE if kind != "offset" and some else 0.0
+    cost = 0.0 if extent in {"all", "walls", "point"} else RARE[kind]
     return Lead(kind, extent, subject, rows, gain, places, build, effect_size, cost=cost)
 
 
@@ -89,24 +89,26 @@ def _blocks(kind: Law, columns: Array, linear: Linear, log: Log) -> Iterator[Lea
     # For the block from edge i to edge j, all at once.
     of_block = diagonal[:, None] + diagonal[None, :] - m - m.T
     gain, size = gains(s[None, :] - s[:, None], of_block, whole[None, :] - whole[:, None])
-    long = edge[None, :] - edge[:, None] >= LEAST_ROWS
-    gain = np.where(long, gain, 0.0)
+    long = (edge[None, :] - edge[:, None] >= LEAST_ROWS) & (gain > 0)
+    evidence = np.where(long, gain - np.log(np.where(long, of_block, 1.0)), -np.inf)
+    natural = aligned([log.station[row] for row in order])[edge]
     last = len(edge) - 1
-    for extent in ("until", "from"):
-        some = gain[0, :last] if extent == "until" else gain[1:, last]
-        k = int(some.argmax())
-        i, j = (0, k) if extent == "until" else (k + 1, last)
-        rows = order[edge[i] : edge[j]]
-        yield _lead(kind, extent, (), rows, float(some[k]), float(size[i, j]), float(last))
-    i, j = (int(k) for k in np.unravel_index(gain.argmax(), gain.shape))
-    if i > 0 and j < last:
-        rows = order[edge[i] : edge[j]]
-        pairs = last**2 / 2
-        yield _lead(kind, "block", (), rows, float(gain[i, j]), float(size[i, j]), pairs)
+    for extent, i, j in (
+        ("until", slice(0, 1), slice(1, last)),
+        ("from", slice(1, last), slice(last, last + 1)),
+        ("block", slice(1, last), slice(1, last)),
+    ):
+        found = spread_places(evidence[i, j], natural[i][:, None] & natural[j][None, :])
+        if found is None:
+            continue
+        (a, b), places = found
+        a, b = a + i.start, b + j.start
+        rows = order[edge[a] : edge[b]]
+        yield _lead(kind, extent, (), rows, float(gain[a, b]), float(size[a, b]), places)
 
 
 def _heights(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
-    """A point, a stop, or all walls at another height than the rest: readings too long."""
+    """A point, all walls, or the readings of a stop, an observer or a day at another height."""
     columns = _columns(trial, linear, "height")
     net = trial.network
     marks = {int(i) for i in net.mark}
@@ -115,9 +117,9 @@ def _heights(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
         if point not in marks:
             rows = np.flatnonzero((net.first == point) | (net.second == point))
             sets.append(("point", (name,), rows))
-    for stop, rows in log.groups(log.station).items():
-        if stop in net.poses:
-            sets.append(("station", (stop,), rows))
+    for extent, subject, rows, _ in sets_of(log):
+        if extent != "station" or subject[0] in net.poses:
+            sets.append((extent, subject, rows))
     floor = marks | {int(i) for i in net.fixed}
     mixed = [
         (int(a) in floor) != (int(b) in floor) for a, b in zip(net.first, net.second, strict=True)

@@ -2,8 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
+from scipy.special import logsumexp
 
 from survey.causes.trial import Fit, Rows, Trial
 from survey.estimation.geometry import rotate
@@ -203,6 +206,40 @@ def blunder_sizes(rows: Rows) -> Sizes:
         ]
 
     return sizes
+
+
+def aligned(station: Sequence[str]) -> npt.NDArray[np.bool_]:
+    """(n + 1,) edges of n readings at which the laser is moved; both ends are."""
+    moved = [a != b for a, b in pairwise(station)]
+    return np.array([True, *moved, True], dtype=bool)
+
+
+def spread_places(
+    evidence: Array, natural: npt.NDArray[np.bool_]
+) -> tuple[tuple[int, ...], float] | None:
+    """The likeliest of many places, and the number of places that it stands for.
+
+    Parameters
+    ----------
+    evidence : (...) array
+        2 log of the evidence of each but for a constant, -inf where there is none.
+    natural : (...) array of bool
+        Places that people are likely to choose: together as likely as all.
+
+    Returns
+    -------
+    index, places : tuple of int, float
+        ``places`` is such that a search of so many, all but one of them hopeless, would have the
+        evidence of all these together: neighbours that fit as well take part.
+    """
+    live = np.isfinite(evidence)
+    if not live.any():
+        return None
+    each = np.where(natural, 0.5 / max(int(natural.sum()), 1), 0.0) + 0.5 / evidence.size
+    prior = 2 * np.log(each)
+    index = np.unravel_index(int((evidence + prior).argmax()), evidence.shape)
+    rest = (evidence - evidence[index]) / 2 + prior / 2
+    return tuple(int(i) for i in index), float(np.exp(-logsumexp(rest[live])))
 
 
 def longest_gain(gain: Array) -> tuple[int, int] | None:

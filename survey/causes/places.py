@@ -5,7 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from survey.causes.lead import Lead, Log, Sizes, mark_sizes, place_sizes, rig_sizes
+from survey.causes.lead import (
+    Lead,
+    Log,
+    Sizes,
+    aligned,
+    mark_sizes,
+    place_sizes,
+    rig_sizes,
+    spread_places,
+)
 from survey.causes.linear import UNSEEN, Linear, group_gains
 from survey.causes.trial import Rows, Trial, renamed, with_point
 from survey.readings.point_names import robot_point
@@ -59,7 +68,6 @@ def _moved(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
     rank = np.empty(len(log.order), dtype=np.intp)
     rank[log.order] = np.arange(len(log.order))
     points = [point for point in range(len(net.points)) if point not in marks]
-    stations = len(set(log.station))
     for point in points:
         rows = np.flatnonzero((net.first == point) | (net.second == point))
         rows = rows[np.argsort(rank[rows])]
@@ -77,10 +85,14 @@ def _moved(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
         safe = np.where(seen[:, None, None], M, np.eye(2))
         size = np.linalg.solve(safe, s[..., None])[..., 0]
         gain = np.where(seen, (size * s).sum(1), 0.0)
-        best = int(gain.argmax())
+        evidence = np.where(seen, gain - np.linalg.slogdet(safe)[1], -np.inf)
+        found = spread_places(evidence, aligned([log.station[row] for row in rows])[k])
+        if found is None:
+            continue
+        (best,), alike = found
         yield _moved_lead(
             trial, point, rows[k[best] :], rows[k[best] - 1], float(gain[best]),
-            float(len(points) * stations),
+            len(points) * alike,
         )  # fmt: skip
 
 

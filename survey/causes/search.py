@@ -1,8 +1,10 @@
 """The search for one cause: hypotheses found by the linearised survey, solved, and ranked."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import erfc
 
 from survey.causes.blunders import blunder_leads
 from survey.causes.common_errors import common_error_leads
@@ -12,7 +14,7 @@ from survey.causes.names import name_leads
 from survey.causes.places import place_leads
 from survey.causes.trial import Fit, Rows, Trial, fit
 from survey.causes.units import unit_leads
-from validation.statistics.hypotheses import Ranking, Tried, ranked
+from validation.statistics.hypotheses import Parameter, Ranking, Tried, ranked
 
 SOLVED_OF_A_KIND = 3
 """Hypotheses of one kind and extent that are solved. A judgement: the first is nearly always the
@@ -73,7 +75,7 @@ def searched(trial: Trial, log: Log, rows: Rows) -> Causes:
         fits[id(lead)] = solved
         tried.append(
             Tried(
-                lead, solved.chi_squared, solved.freedom, tuple(lead.sizes(solved)),
+                lead, solved.chi_squared, solved.freedom, _as_scattered(lead.sizes(solved), solved),
                 max(lead.places, 1.0), lead.cost,
             )
         )  # fmt: skip
@@ -81,7 +83,7 @@ def searched(trial: Trial, log: Log, rows: Rows) -> Causes:
     for one in sorted(common, key=lambda one: one.chi_squared)[:SOLVED_WITH_BLUNDERS]:
         beside = _with_blunders(one, fits[id(one.what)])
         if beside is not None and beside.criterion < one.criterion:
-            tried[tried.index(one)] = beside
+            tried = [beside if other is one else other for other in tried]
     return Causes(ranked(tried), fits, plain, rows, log)
 
 
@@ -96,13 +98,13 @@ MOST_BESIDE = 5
 def _with_blunders(one: Tried[Lead], solved: Fit) -> Tried[Lead] | None:
     """The hypothesis with the independent blunders that remain beside it, at their cost."""
     trial = continued(solved)
-    leads = list(blunder_leads(trial, Linear(solved)))[:MOST_BESIDE]
+    leads = blunder_leads(trial, Linear(solved), MOST_BESIDE)
     if not leads:
         return None
-    lead = leads[-1]
+    lead = leads[0]
     both = fit(lead.build(trial))
     cost = sum(p.cost for p in lead.sizes(both)) + 2 * np.log(lead.places)
-    parameters = tuple(one.what.sizes(both))
+    parameters = _as_scattered(one.what.sizes(both), both)
     return replace(
         one,
         chi_squared=both.chi_squared,
@@ -110,6 +112,27 @@ def _with_blunders(one: Tried[Lead], solved: Fit) -> Tried[Lead] | None:
         parameters=parameters,
         cost=one.cost + float(cost),
     )
+
+
+def _as_scattered(sizes: Sequence[Parameter], solved: Fit) -> tuple[Parameter, ...]:
+    """Sizes with the intervals that they have where all readings scatter more than is stated."""
+    freedom = max(solved.freedom, 1)
+    if solved.chi_squared < freedom + WIDE * np.sqrt(2.0 * freedom):
+        return tuple(sizes)
+    m0 = solved.m0
+    return tuple(
+        replace(
+            one, sigma=m0 * one.sigma,
+            low=one.value - m0 * (one.value - one.low),
+            high=one.value + m0 * (one.high - one.value),
+            p_value=float(erfc(abs(one.value) / max(m0 * one.sigma, 1e-12) / np.sqrt(2.0))),
+        )
+        for one in sizes
+    )  # fmt: skip
+
+
+WIDE = 3.1
+"""Standard deviations of chi-squared from which the readings scatter more than stated: 0.1 %."""
 
 
 def continued(solved: Fit) -> Trial:
@@ -140,7 +163,7 @@ def _worth_solving(base: Trial, linear: Linear, log: Log) -> list[Lead]:
         place_leads(base, linear, log),
         name_leads(base, linear, log),
         unit_leads(base, linear, log),
-        list(blunder_leads(base, linear))[-2:],
+        blunder_leads(base, linear),
     ):
         for lead in leads:
             if lead.gain > LEAST_GAIN + look_elsewhere(base, lead.places):

@@ -215,6 +215,18 @@ def relocated(trial: Trial, distance: Array) -> Trial:
     return made
 
 
+def placed(trial: Trial, point: int) -> Trial:
+    """The trial with one point where most of its distances put it."""
+    net, points = trial.network, trial.start.points.copy()
+    rows = distances_of(trial, point)
+    other = np.where(net.first[rows] == point, net.second[rows], net.first[rows])
+    place = place_from(points[other], net.distance[rows])
+    if place is None:
+        return trial
+    points[point] = place
+    return replace(trial, start=replace(trial.start, points=points))
+
+
 def distances_of(trial: Trial, point: int) -> Rows:
     """Rows of the used distances that end at a point."""
     net = trial.network
