@@ -1,7 +1,7 @@
 """The solution of a whole network and its rivals: several starts, minima compared by cost."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from survey.estimation.distance_fit import SAME, DistanceFit, place_fit
 from survey.estimation.geometry import rotate
 from survey.estimation.robot_frames import PoseReadings, pose_starts, why_undetermined
 from survey.estimation.whole.lifted import lifted_start
-from survey.estimation.whole.units import CAP, Index, Units
+from survey.estimation.whole.units import CAP, Index, Units, capped
 from survey.estimation.world_points import MOST_CIRCLES, circle_starts
 from survey.readings.readings import Mask
 from validation.poses.angles import Array, wrap
@@ -26,6 +26,9 @@ _STARTS = 12
 solution in 75 to 100 %, where 72 % are missing in 0 to 100 %."""
 _ENOUGH = 2
 """Starts that must have led to the best solution, which fits, before no more are tried."""
+_ENOUGH_OF_BAD = 3
+"""The same where the best solution does not fit: readings that contradict each other do so from
+every start, and each start in space takes as long as all the rest."""
 _FITS = 5.0
 """A solution fits if its cost is at most so many standard deviations above its expectation."""
 
@@ -116,10 +119,11 @@ def solve_group(
         Draws starts.
     """
     found = _Minima(units, rough, rough_sigma)
-    fits = units.freedom + _FITS * np.sqrt(2 * max(units.freedom, 1))
-    for start in _starts(units, known, rough, rng):
+    fits = _fitting(units.freedom)
+    placed = _placed_in_turn(units, known)
+    for start in _starts(units, known, rough, rng) if placed is None else [placed]:
         found.add(units.settled(start))
-        if found.hits >= _ENOUGH and found.least <= fits:
+        if found.hits >= (_ENOUGH if found.least <= fits else _ENOUGH_OF_BAD):
             break
     state = found.best
     sigma = units.sigmas(state)
@@ -129,6 +133,82 @@ def solve_group(
         state = found.best
         sigma = units.sigmas(state)
     return Group(units, state, sigma, found.rivals())
+
+
+def _fitting(freedom: int) -> float:
+    """The largest chi-squared of a solution that fits."""
+    return float(freedom + _FITS * np.sqrt(2 * max(freedom, 1)))
+
+
+def _placed_in_turn(units: Units, known: Array) -> Array | None:
+    """A start where what is open has more readings to what is known than it needs, else None.
+
+    Such units are open because their readings contradict each other. If what is known agrees, no
+    other start finds more: the search in space would take its time and end the same.
+    """
+    told = np.isfinite(known[:, 0])
+    alone = told[units.first] != told[units.second]
+    neither = ~told[units.first] & ~told[units.second]
+    count, other = (_ends(units, rows) for rows in (alone, neither))
+    checked = (count >= CHECKED * (units.columns >= 0).sum(1)) | (other == 0)
+    if told.all() or not checked[~told].all():
+        return None
+    among = told[units.first] & told[units.second]
+    state = _agreeing(units, np.nan_to_num(known), among)
+    if state is None:
+        return None
+    for unit in np.flatnonzero(~told):
+        fit = _alone(units, state, np.zeros_like(state), int(unit), told)
+        starts = np.empty((0, 3)) if fit is None else _starts_of(fit)
+        if fit is None or not len(starts):
+            state[unit, :2] = state[told, :2].mean(0)
+            continue
+        found, costs = fit.solutions(starts)
+        if not len(found):
+            found, costs = starts, fit.costs(starts)
+        state[unit, : fit.unknowns] = found[int(np.argmin(costs))]
+    return state
+
+
+def _ends(units: Units, rows: Mask) -> Index:
+    """(n,) how many of some readings (m,) end at each unit."""
+    ends = np.concatenate([units.first[rows], units.second[rows]])
+    return np.bincount(ends, minlength=len(units.names))
+
+
+def _agreeing(units: Units, state: Array, among: Mask) -> Array | None:
+    """The states to which the readings ``among`` (m,) lead, if no unit is against most of its."""
+    part = replace(
+        units,
+        first=units.first[among],
+        second=units.second[among],
+        first_body=units.first_body[among],
+        second_body=units.second_body[among],
+        distance=units.distance[among],
+        sigma=units.sigma[among],
+        row=units.row[among],
+    )
+    there = part.settled(state)
+    bad = np.abs(part.residuals(there)) >= CAP
+    of, all_of = _ends(part, bad), _ends(part, np.ones(len(bad), dtype=bool))
+    few = bad.sum() <= FEW * len(bad)
+    good = np.abs(part.residuals(there)[~bad])
+    fits = capped(good) <= _fitting(len(good))
+    return there if few and fits and (2 * of <= all_of).all() else None
+
+
+FEW = 0.1
+"""Share of the readings that may contradict all others. A judgement: with more, somebody has to
+look for another place of everything."""
+CHECKED = 2
+"""Readings for each unknown of a place or a stop from which its readings check each other."""
+
+
+def _starts_of(fit: DistanceFit) -> Array:
+    """Where a place or a stop may be, from pairs of its readings."""
+    if isinstance(fit, PoseReadings):
+        return np.empty((0, 3)) if why_undetermined(fit) else pose_starts(fit)
+    return circle_starts(fit.known, fit.distance, MOST_CIRCLES)
 
 
 def _starts(units: Units, known: Array, rough: Array, rng: np.random.Generator) -> Iterator[Array]:
@@ -201,10 +281,7 @@ def _flipped(units: Units, state: Array, sigma: Array) -> Iterator[Array]:
         fit = _alone(units, state, sigma, unit) if solid[unit] else None
         if fit is None:
             continue
-        if isinstance(fit, PoseReadings):
-            starts = np.empty((0, 3)) if why_undetermined(fit) else pose_starts(fit)
-        else:
-            starts = circle_starts(fit.known, fit.distance, MOST_CIRCLES)
+        starts = _starts_of(fit)
         if not len(starts):
             continue
         here = state[unit : unit + 1, : fit.unknowns]
@@ -217,10 +294,15 @@ def _flipped(units: Units, state: Array, sigma: Array) -> Iterator[Array]:
                 yield moved
 
 
-def _alone(units: Units, state: Array, sigma: Array, unit: int) -> DistanceFit | None:
-    """The readings of a unit to where the others are."""
+def _alone(
+    units: Units, state: Array, sigma: Array, unit: int, told: Mask | None = None
+) -> DistanceFit | None:
+    """The readings of a unit to where the others are, or those of them that are ``told`` (n,)."""
     forward = units.first == unit
-    own = np.flatnonzero(forward | (units.second == unit))
+    mine = forward | (units.second == unit)
+    if told is not None:
+        mine &= told[units.first] | told[units.second]
+    own = np.flatnonzero(mine)
     forward = forward[own]
     other = np.where(forward, units.second[own], units.first[own])
     body = np.where(forward[:, None], units.second_body[own], units.first_body[own])
