@@ -390,8 +390,8 @@ def _stacked_model(
     distance = filled([fit.distance for fit in fits], 0.0)
     sigma = filled([fit.sigma for fit in fits], 0.0)
     real = filled([np.ones(len(fit)) for fit in fits], 0.0)
-    point = filled([fit.world_index for fit in fits], 0).astype(np.intp)
-    mark = filled([fit.rig_index for fit in fits], 0).astype(np.intp)
+    point = filled([np.asarray(fit.world_index, dtype=float) for fit in fits], 0.0).astype(np.intp)
+    mark = filled([np.asarray(fit.rig_index, dtype=float) for fit in fits], 0.0).astype(np.intp)
     k = len(world.covariance) // 2
     of_points = world.covariance.reshape(k, 2, k, 2).transpose(0, 2, 1, 3)
     of_mark = rig.marking_sigma**2 + rig.shape_sigma**2
