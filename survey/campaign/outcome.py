@@ -1,6 +1,7 @@
 """All that the survey makes of a campaign folder, before it is told to anyone."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from survey.campaign.inputs import SurveyInputs
 from survey.causes.diagnosis import Diagnosis
@@ -40,7 +41,7 @@ class SurveyOutcome:
     as_published: AsPublished | None = None
     diagnosis: Diagnosis | None = None
 
-    @property
+    @cached_property
     def poses(self) -> PoseTable | None:
         """The validation poses: from readings where there are any of stops, else published."""
         own = None if self.solution is None else self.solution.pose_table()
@@ -53,9 +54,10 @@ class SurveyOutcome:
 def with_makers(table: PoseTable, readings: Readings) -> PoseTable:
     """The poses, each with its observer and its day in its source, where there is one of them."""
     told: dict[str, tuple[set[str], set[str]]] = {}
+    marks = {name: robot_point(name) for name in {*readings.start, *readings.end}}
     rows = zip(readings.start, readings.end, readings.observer, readings.time, strict=True)
     for start, end, observer, time in rows:
-        stop = robot_point(start) or robot_point(end)
+        stop = marks[start] or marks[end]
         if stop:
             observers, days = told.setdefault(stop[0], (set(), set()))
             observers.add(observer)

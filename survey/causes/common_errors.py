@@ -1,13 +1,16 @@
 """Errors that many readings share: an offset, a scale, a height."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import logsumexp
 
-from survey.causes.lead import Lead, Log, aligned, effect_size, spread_places
-from survey.causes.linear import Linear, gains
+from survey.causes.lead import Lead, Log, aligned, effect_size
+from survey.causes.linear import Linear, SomeRows, gains
 from survey.causes.trial import Effect, Law, Rows, Trial, law
+from survey.readings.readings import Mask
 from validation.poses.angles import Array
 
 LEAST_ROWS = 4
@@ -75,36 +78,100 @@ def _blocks(kind: Law, columns: Array, linear: Linear, log: Log) -> Iterator[Lea
     if n <= ROWS_TRIED:
         edge = np.arange(n + 1)
         Q = linear.block(order)
-        matrix = Q * columns[order] * columns[order][:, None]
+        some_rows = _rows_of(Q * columns[order] * columns[order][:, None])
         score = columns[order] * linear.residual[order]
     else:
         moved = [i for i in range(1, n) if log.station[order[i]] != log.station[order[i - 1]]]
         edge = np.array([0, *moved, n])
-        score, matrix = linear.between_sets(columns, np.split(order, edge[1:-1]))
+        score, some_rows = linear.between_sets(columns, np.split(order, edge[1:-1]))
     whole = np.concatenate([[0.0], np.cumsum(columns[order] ** 2)])[edge]
     s = np.concatenate([[0.0], np.cumsum(score)])
-    m = np.zeros((len(edge), len(edge)))
-    m[1:, 1:] = matrix.cumsum(0).cumsum(1)
-    diagonal = np.diagonal(m)
-    # For the block from edge i to edge j, all at once.
-    of_block = diagonal[:, None] + diagonal[None, :] - m - m.T
-    gain, size = gains(s[None, :] - s[:, None], of_block, whole[None, :] - whole[:, None])
-    long = (edge[None, :] - edge[:, None] >= LEAST_ROWS) & (gain > 0)
-    evidence = np.where(long, gain - np.log(np.where(long, of_block, 1.0)), -np.inf)
     natural = aligned([log.station[row] for row in order])[edge]
     last = len(edge) - 1
-    for extent, i, j in (
-        ("until", slice(0, 1), slice(1, last)),
-        ("from", slice(1, last), slice(last, last + 1)),
-        ("block", slice(1, last), slice(1, last)),
-    ):
-        found = spread_places(evidence[i, j], natural[i][:, None] & natural[j][None, :])
-        if found is None:
-            continue
-        (a, b), places = found
-        a, b = a + i.start, b + j.start
-        rows = order[edge[a] : edge[b]]
-        yield _lead(kind, extent, (), rows, float(gain[a, b]), float(size[a, b]), places)
+    diagonal = np.zeros(last + 1)
+    for first, m in _summed(some_rows, last):
+        own = first + np.arange(len(m))
+        diagonal[own] = m[own - first, own]
+    regions = {
+        "until": _Spread(slice(0, 1), slice(1, last), natural),
+        "from": _Spread(slice(1, last), slice(last, last + 1), natural),
+        "block": _Spread(slice(1, last), slice(1, last), natural),
+    }
+    for first, m in _summed(some_rows, last):
+        # For the blocks from these edges i to all edges j.
+        own = first + np.arange(len(m))
+        of_block = diagonal[own, None] + diagonal - 2 * m
+        gain, size = gains(s - s[own, None], of_block, whole - whole[own, None])
+        long = (edge - edge[own, None] >= LEAST_ROWS) & (gain > 0)
+        evidence = np.where(long, gain - np.log(np.where(long, of_block, 1.0)), -np.inf)
+        for region in regions.values():
+            region.add(first, evidence, gain, size)
+    for extent, region in regions.items():
+        if region.found:
+            a, b, of_best, b_of_best = region.found
+            rows = order[edge[a] : edge[b]]
+            yield _lead(kind, extent, (), rows, of_best, b_of_best, region.places)
+
+
+class _Spread:
+    """`spread_places` of the blocks from some edges to others, a few edges after the others."""
+
+    def __init__(self, start: slice, end: slice, natural: Mask) -> None:
+        self.start, self.end, self.natural = start, end, natural
+        count = int(natural[start].sum()) * int(natural[end].sum())
+        everywhere = (start.stop - start.start) * (end.stop - end.start)
+        self.prior = [0.5 / max(everywhere, 1)]
+        self.prior.append(self.prior[0] + 0.5 / max(count, 1))
+        self.best, self.evidence, self.total = -np.inf, -np.inf, -np.inf
+        self.found: tuple[int, int, float, float] | None = None
+
+    @property
+    def places(self) -> float:
+        """Number of places that the best stands for."""
+        return float(np.exp(self.evidence / 2 - self.total))
+
+    def add(self, first: int, evidence: Array, gain: Array, size: Array) -> None:
+        """Blocks from the edge ``first`` on (r, e)."""
+        low, high = max(self.start.start, first), min(self.start.stop, first + len(evidence))
+        if low >= high:
+            return
+        here = (slice(low - first, high - first), self.end)
+        of = self.natural[low:high, None] & self.natural[self.end]
+        each = evidence[here] + 2 * np.log(np.where(of, self.prior[1], self.prior[0]))
+        if not np.isfinite(each).any():
+            return
+        self.total = float(np.logaddexp(self.total, logsumexp(each / 2)))
+        i, j = (int(k) for k in np.unravel_index(each.argmax(), each.shape))
+        if each[i, j] > self.best:
+            self.best, self.evidence = float(each[i, j]), float(evidence[here][i, j])
+            best = float(gain[here][i, j]), float(size[here][i, j])
+            self.found = (low + i, self.end.start + j, *best)
+
+
+_AT_A_TIME = 250_000
+"""Elements of the matrix of all blocks that are made at a time."""
+
+
+def _summed(some_rows: SomeRows, k: int) -> Iterator[tuple[int, Array]]:
+    """Sums over the first i rows and j columns of a matrix (k, k): i, and rows from i on, (r, k+1).
+
+    The whole of it, (k + 1, k + 1), is never there at once.
+    """
+    above = np.zeros((1, k + 1))
+    yield 0, above
+    size = max(_AT_A_TIME // k, 1)
+    for a in range(0, k, size):
+        rows = some_rows(a, min(a + size, k)).cumsum(1)
+        below = above[-1, 1:] + rows.cumsum(0)
+        above = np.hstack([np.zeros((len(below), 1)), below])
+        yield a + 1, above
+
+
+def _rows_of(matrix: Array) -> SomeRows:
+    def some_rows(a: int, b: int) -> Array:
+        return matrix[a:b]
+
+    return some_rows
 
 
 def _heights(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
@@ -125,9 +192,9 @@ def _heights(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
         (int(a) in floor) != (int(b) in floor) for a, b in zip(net.first, net.second, strict=True)
     ]
     sets.append(("walls", (), np.flatnonzero(mixed)))
-    alike = {extent: float(sum(one[0] == extent for one in sets)) for extent, _, _ in sets}
+    alike = Counter(extent for extent, _, _ in sets)
     gain, size = gains(*linear.of_sets(columns, [rows for _, _, rows in sets]))
     for k, (extent, subject, rows) in enumerate(sets):
         if size[k] > 0 and len(rows) >= LEAST_ROWS:
-            found = (rows, float(gain[k]), float(size[k]), alike[extent])
+            found = (rows, float(gain[k]), float(size[k]), float(alike[extent]))
             yield _lead("height", extent, subject, *found)

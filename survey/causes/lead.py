@@ -83,11 +83,12 @@ class Log:
 
     def groups(self, names: Sequence[str]) -> dict[str, Rows]:
         """Rows by name, in the order read, '' left out."""
-        found: dict[str, list[int]] = {}
-        for row in self.order:
-            if names[row]:
-                found.setdefault(names[row], []).append(int(row))
-        return {name: np.array(rows, dtype=np.intp) for name, rows in found.items()}
+        numbers: dict[str, int] = {}
+        number = np.array([numbers.setdefault(names[row], len(numbers)) for row in self.order])
+        rows = self.order[np.argsort(number, kind="stable")]
+        ends = np.cumsum(np.bincount(number, minlength=len(numbers)))
+        own = np.split(rows, ends[:-1])
+        return {name: group for name, group in zip(numbers, own, strict=True) if name}
 
 
 def log_of(readings: Readings, vframe: Sequence[str]) -> Log:

@@ -8,16 +8,17 @@ N^-1 is kept split into blocks of the stops and what they share, so that no matr
 square of the readings or of the stops.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_array, vstack
+from scipy.sparse import csr_array
 
-from survey.causes.trial import TINY, Fit, Rows
-from survey.estimation.least_squares.split_covariance import SplitCovariance, split_inverse
+from survey.causes.trial import Fit, Rows
+from survey.estimation.least_squares.split_covariance import SplitCovariance
 from validation.poses.angles import Array
 
+SomeRows = Callable[[int, int], Array]
 UNSEEN = 0.02
 """Share of a parameter's effect that must be left in the residuals, or it is not tested: what the
 survey takes up by 98 % shows only through what is not linear in it."""
@@ -48,22 +49,14 @@ class Linear:
         """Of least squares, to first order."""
         return float(self.residual @ self.residual)
 
-    @cached_property
+    @property
     def cofactors(self) -> SplitCovariance:
-        """N^-1, nothing of it singular (`TINY`)."""
-        J, net = self.fit.jacobian, self.fit.trial.network
-        size = np.asarray(J.power(2).sum(axis=0)).ravel()
-        root = np.sqrt(np.where(size > 0, TINY * size, 1.0))
-        p, f, _ = net.sizes
-        shared = np.ones(len(size), dtype=bool)
-        shared[p : p + f] = False
-        shared[(2 * net.mark[:, None] + np.arange(2)).ravel()] = False
-        return split_inverse(csr_array(vstack([J, _diagonal(root)])), shared)
+        """N^-1."""
+        return self.fit.cofactors
 
-    @cached_property
-    def reach(self) -> Array:
-        """(o, k) what J N^-1 J^T holds of the shared unknowns is its square."""
-        return np.asarray(self.fit.jacobian @ self.cofactors.shared)
+    def reach(self, rows: Rows) -> Array:
+        """(r, k) what J N^-1 J^T holds of the shared unknowns is its square, some observations."""
+        return np.asarray(self.fit.jacobian[rows] @ self.cofactors.shared)
 
     def alone(self, rows: Rows) -> csr_array:
         """(r, r) the other part of J N^-1 J^T, within the stops, for some observations."""
@@ -72,12 +65,12 @@ class Linear:
 
     def block(self, rows: Rows) -> Array:
         """(r, r) part of Q for some observations."""
-        reach = self.reach[rows]
+        reach = self.reach(rows)
         return np.asarray(np.eye(len(rows)) - reach @ reach.T - self.alone(rows).toarray())
 
     def blocks(self, rows: Rows) -> Array:
         """(g, s, s) parts of Q for g groups of s observations, ``rows`` (g, s)."""
-        reach = self.reach[rows]
+        reach = self.reach(rows.ravel()).reshape(*rows.shape, -1)
         taken = reach @ np.swapaxes(reach, 1, 2)
         J = self.fit.jacobian
         through = [csr_array(J[column] @ self.cofactors.own) for column in rows.T]
@@ -112,19 +105,17 @@ class Linear:
         score = np.asarray(masks.T @ self.residual[: len(columns)])
         return score, whole - alone - (shared**2).sum(1), whole
 
-    def between_sets(self, columns: Array, sets: Sequence[Rows]) -> tuple[Array, Array]:
-        """Score (k,) and g^T Q g (k, k) of the same, sets having no row in common."""
+    def between_sets(self, columns: Array, sets: Sequence[Rows]) -> tuple[Array, SomeRows]:
+        """Score (k,) of the same, sets having no row in common, and rows a to b of g^T Q g (k, k).
+
+        Of many stops the whole matrix is more than fits the memory.
+        """
         masks = in_sets(columns, sets)
         through = csr_array(self.fit.jacobian[: len(columns)].T @ masks)
         shared = np.asarray(through.T @ self.cofactors.shared)
         near = csr_array(masks.T @ masks) - csr_array(through.T @ self.cofactors.own @ through)
         score = np.asarray(masks.T @ self.residual[: len(columns)])
-        return score, np.asarray(near.toarray() - shared @ shared.T)
-
-
-def _diagonal(values: Array) -> csr_array:
-    rows = np.arange(len(values))
-    return csr_array((values, (rows, rows)), shape=(len(rows), len(rows)))
+        return score, lambda a, b: np.asarray(near[a:b].toarray() - shared[a:b] @ shared.T)
 
 
 def in_sets(columns: Array, sets: Sequence[Rows]) -> csr_array:

@@ -28,6 +28,7 @@ class Look:
         # The true misfit of a reading is what the others say of it.
         self.misfit = linear.at_start[:n] * trial.used[:n]
         self.stations = log.groups(log.station)
+        self.station_of = [(robot_point(name) or (name,))[0] for name in self.net.points]
 
     def rows_of_marks(self) -> list[Rows]:
         """Distances that end at each mark, in the order read."""
@@ -48,7 +49,5 @@ class Look:
     def here_and_there(self, station: str, rows: Rows) -> tuple[Rows, Rows]:
         """Ends of readings at a station, and their targets."""
         a, b = self.net.first[rows], self.net.second[rows]
-        own = np.array(
-            [(robot_point(self.net.points[i]) or (self.net.points[i],))[0] == station for i in a]
-        )
+        own = np.array([self.station_of[i] == station for i in a])
         return np.where(own, a, b), np.where(own, b, a)

@@ -40,13 +40,17 @@ def _exchanged_rig_points(look: Look) -> Iterator[Lead]:
     """Two points of the rig that stand for each other at a stop."""
     net = look.net
     places = float(len(net.poses) * max(len(net.rig_names) * (len(net.rig_names) - 1) // 2, 1))
-    for row, stop in enumerate(net.poses):
+    spread = (2 * net.marking_sigma) ** 2 + net.rig_sigma**2 + float(np.mean(net.sigma)) ** 2
+    pose = look.at.poses[net.mark_pose]
+    off = pose[:, :2] + rotate(pose[:, 2], net.rig[net.mark_rig]) - look.at.points[net.mark]
+    at_stop = np.bincount(net.mark_pose, (off**2).sum(1), len(net.poses)) / spread
+    for row in np.flatnonzero(at_stop > WORTH).tolist():  # the best of all poses fits no worse
+        stop = net.poses[row]
         own = np.flatnonzero(net.mark_pose == row)
         marks = {str(q): look.at.points[net.mark[q]] for q in own}
         if len(marks) < 3:
             continue
         body = {str(q): net.rig[net.mark_rig[q]] for q in own}
-        spread = (2 * net.marking_sigma) ** 2 + net.rig_sigma**2 + float(np.mean(net.sigma)) ** 2
         now = _laid(marks, body, spread)
         if now <= WORTH:
             continue

@@ -29,11 +29,9 @@ def stop_numbers(look: Look) -> Iterator[Lead]:
         body = int(net.mark_rig[q])
         arms = rotate(look.at.poses[:, 2], np.broadcast_to(net.rig[body], (len(net.poses), 2)))
         stands = look.at.poses[:, :2] + arms
-        cost = np.array([look.cost_of(rows, place, P[target]) for place in stands])
-        cost = np.minimum(cost, CAPPED)
-        for t, stop in enumerate(net.poses):
-            if t == int(net.mark_pose[q]):
-                continue
+        cost = np.minimum(look.cost_of(rows, stands[:, None], P[target]), CAPPED)
+        for t in _possible(now, cost, int(net.mark_pose[q])):
+            stop = net.poses[t]
             part = longest_gain(now - cost[t])
             if part is None:
                 continue
@@ -43,6 +41,16 @@ def stop_numbers(look: Look) -> Iterator[Lead]:
             if gain > WORTH and fits < 100 * CAUCHY**2 and end - start >= 2:
                 other = marks.get(f"{stop}/{net.rig_names[body]}")
                 yield _number_lead(look, q, rows[start:end], t, other, gain, places)
+
+
+def _possible(now: Array, then: Array, own: int) -> list[int]:
+    """Stops t, but ``own``, at which some of the costs ``then`` (t, m) are so much less than now.
+
+    No run of readings gains more than all those together that gain.
+    """
+    worth = np.maximum(now - then, 0.0).sum(1) > WORTH
+    worth[own] = False
+    return np.flatnonzero(worth).tolist()
 
 
 def _by_pose(look: Look, q: int, rows: Rows, target: Rows) -> Array:
@@ -95,8 +103,8 @@ def stop_runs(look: Look) -> Iterator[Lead]:
             continue
         there = poses[:, None, :2] + rotate(poses[:, None, 2], arms[None])
         cost = np.minimum(look.cost_of(rows[None], there, P[target][None]), CAPPED)
-        for t in range(len(net.poses)):
-            run = None if t == s else longest_gain(cost[s] - cost[t])
+        for t in _possible(cost[s], cost, s):
+            run = longest_gain(cost[s] - cost[t])
             if run is None or len(set(own[slice(*run)].tolist())) < 2:
                 continue
             some = slice(*run)
@@ -154,10 +162,11 @@ def new_stops(look: Look) -> Iterator[Lead]:
     """Stops whose readings, from one on, are those of a stop that has no number of its own."""
     rank = np.empty(len(look.log.order), dtype=np.intp)
     rank[look.log.order] = np.arange(len(look.log.order))
+    stops, all_marks = {*look.net.poses}, {int(m) for m in look.net.mark}
     for stop, rows in look.stations.items():
-        if stop not in look.net.poses or np.median(np.abs(look.misfit[rows])) < 1.0:
+        if stop not in stops or np.median(np.abs(look.misfit[rows])) < 1.0:
             bad = np.abs(look.misfit[rows]) > FAR
-            if stop not in look.net.poses or bad.sum() < LEAST_OF_A_STOP:
+            if stop not in stops or bad.sum() < LEAST_OF_A_STOP:
                 continue
         seen: set[tuple[int, int]] = set()
         first = 0
@@ -171,7 +180,7 @@ def new_stops(look: Look) -> Iterator[Lead]:
         away = [k for k in range(1, first + 1) if rank[rows[k]] - rank[rows[k - 1]] > 1]
         first = away[-1] if away else first
         marks = {m for r in rows[first:] for m in (look.net.first[r], look.net.second[r])}
-        marks &= {int(m) for m in look.net.mark}
+        marks &= all_marks
         if LEAST_OF_A_STOP <= first <= len(rows) - LEAST_OF_A_STOP and len(marks) > 1:
             gain = float(np.minimum(look.misfit[rows] ** 2, 1e6).sum())
             yield _new_stop_lead(look, stop, rows[first:], gain)

@@ -98,7 +98,7 @@ def _moved(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
 
 def _taken_up(linear: Linear, rows: Rows, J: Array) -> Array:
     """(r, 2, 2) part of ``J^T J`` from each row to the last that the unknowns take up."""
-    through = _from_end(J[:, :, None] * linear.reach[rows][:, None, :])
+    through = _from_end(J[:, :, None] * linear.reach(rows)[:, None, :])
     pairs = linear.alone(rows).tocoo()
     first, second = J[pairs.row], J[pairs.col]
     each = pairs.data[:, None, None] * first[:, :, None] * second[:, None, :]

@@ -72,13 +72,13 @@ def searched(trial: Trial, log: Log, rows: Rows) -> Causes:
         least = min(least, solved.chi_squared)
         if not np.isfinite(solved.chi_squared):
             continue
-        fits[id(lead)] = solved
         tried.append(
             Tried(
                 lead, solved.chi_squared, solved.freedom, _as_scattered(lead.sizes(solved), solved),
                 max(lead.places, 1.0), lead.cost,
             )
         )  # fmt: skip
+        fits[id(lead)] = replace(solved)  # without its matrices
     common = [one for one in tried if one.what.kind not in SINGLE]
     for one in sorted(common, key=lambda one: one.chi_squared)[:SOLVED_WITH_BLUNDERS]:
         beside = _with_blunders(one, fits[id(one.what)])

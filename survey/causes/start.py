@@ -8,7 +8,7 @@ import numpy as np
 
 from survey.causes.trial import CAUCHY, Rows, Trial
 from survey.estimation.geometry import circle_intersections, rigid_alignment, rotate
-from survey.estimation.network import build_network, start_parameters
+from survey.estimation.network import Network, build_network, start_parameters
 from survey.estimation.solve import SurveySolution
 from survey.readings.point_names import robot_point
 from survey.readings.readings import Mask, Readings
@@ -71,16 +71,15 @@ def located_trial(
     poses: dict[str, Array] = {}
     marks: dict[str, Array] = {}
     for _ in range(_ROUNDS):
+        before = len(known)
         for name in missing:
             if name not in known:
                 place = robust_place(readings.touching([name], list(known)), known | marks)
                 if place is not None:
                     known[name] = place
-        for pose in readings.poses:
-            found = _robust_stop(pose, readings, known, rig, single.get(pose))
-            if found is not None:
-                poses[pose], own = found
-                marks |= own
+        if poses and len(known) == before:
+            break
+        poses, marks = _robust_stops(readings, known, rig, single)
     world = [name for name in known if name not in vframe.points]
     network, inside = build_network(vframe, rig, readings, world, list(poses))
     start = start_parameters(network, frame, {name: known[name] for name in world}, poses)
@@ -99,56 +98,98 @@ def robust_place(own: Readings, known: Mapping[str, Array]) -> Array | None:
 
 def place_from(centres: Array, distances: Array) -> Array | None:
     """The place (2,) that most of the distances (m,) from centres (m, 2) agree on, or None."""
-    if len({(round(x, 3), round(y, 3)) for x, y in centres}) < 3:
-        return None
-    pairs = np.array(list(combinations(range(len(centres)), 2)))
-    apart = np.linalg.norm(centres[pairs[:, 0]] - centres[pairs[:, 1]], axis=1)
-    order = np.argsort(-apart)[:MOST_CIRCLES]
-    pairs = pairs[order[apart[order] > _ROUGH]]
-    places = circle_intersections(centres[pairs], distances[pairs]).reshape(-1, 2)
-    off = np.linalg.norm(places[:, None] - centres, axis=-1) - distances
-    cost = np.log1p((off / _ROUGH / CAUCHY) ** 2).sum(-1)
-    best = places[cost.argmin()]
+    return places_from([(centres, distances)])[0]
+
+
+def places_from(many: Sequence[tuple[Array, Array]]) -> list[Array | None]:
+    """The place (2,) that most of the distances (m,) from centres (m, 2) agree on, of each."""
+    found: list[Array | None] = [None] * len(many)
+    alike: dict[int, list[int]] = {}
+    for i, (centres, _) in enumerate(many):
+        if len(set(map(tuple, np.round(centres, 3).tolist()))) >= 3:
+            alike.setdefault(len(centres), []).append(i)
+    for same in alike.values():
+        for first in range(0, len(same), PLACES_AT_A_TIME):
+            some = same[first : first + PLACES_AT_A_TIME]
+            stacked = (np.array([many[i][part] for i in some]) for part in (0, 1))
+            for i, place in zip(some, _stacked_places(*stacked), strict=True):
+                found[i] = place
+    return found
+
+
+PLACES_AT_A_TIME = 32
+"""Places of as many readings that are sought together: 240 meeting points against 16 readings each
+are 1 MB."""
+
+
+def _stacked_places(centres: Array, distances: Array) -> Array:
+    """The same of g places of m readings each: (g, m, 2) and (g, m) to (g, 2)."""
+    g, m = distances.shape
+    one, other = np.triu_indices(m, 1)
+    apart = np.linalg.norm(centres[:, one] - centres[:, other], axis=-1)
+    order = np.argsort(-apart, axis=1)[:, :MOST_CIRCLES]
+    meet = np.take_along_axis(apart, order, 1) > _ROUGH
+    item = np.arange(g)[:, None, None]
+    ends = np.stack([one[order], other[order]], axis=-1)
+    circles = centres[item, ends]
+    circles[~meet] = [[0.0, 0.0], [1.0, 0.0]]  # one point has no circles that meet
+    places = circle_intersections(circles, distances[item, ends]).reshape(g, -1, 2)
+    x, y = (places[:, :, None, k] - centres[:, None, :, k] for k in (0, 1))
+    off = np.sqrt(x * x + y * y) - distances[:, None]
+    cost = np.log1p((off / (_ROUGH * CAUCHY)) ** 2).sum(-1)
+    cost[np.repeat(~meet, 2, axis=1)] = np.inf
+    best = places[np.arange(g), cost.argmin(1)]
     for _ in range(5):
-        delta = best - centres
-        length = np.maximum(np.linalg.norm(delta, axis=1), 1e-6)
-        J = delta / length[:, None]
+        delta = best[:, None] - centres
+        length = np.maximum(np.linalg.norm(delta, axis=-1), 1e-6)
+        J = delta / length[..., None]
         r = distances - length
         weight = 1 / (1 + (r / _ROUGH / CAUCHY) ** 2)
-        normal = (J * weight[:, None]).T @ J + 1e-9 * np.eye(2)
-        best = best + np.linalg.solve(normal, J.T @ (weight * r))
+        across = np.swapaxes(J, 1, 2)
+        normal = (across * weight[:, None]) @ J + 1e-9 * np.eye(2)
+        best = best + np.linalg.solve(normal, across @ (weight * r)[..., None])[..., 0]
     return np.asarray(best)
 
 
-def _robust_stop(
-    pose: str,
-    readings: Readings,
-    known: Mapping[str, Array],
-    rig: RobotFrame,
-    single: Array | None,
-) -> tuple[Array, dict[str, Array]] | None:
-    """Pose (3,) and marks of a stop as most of its readings say; None if too few."""
-    names = [f"{pose}/{point}" for point in rig.points]
-    body = {f"{pose}/{name}": np.asarray(place) for name, place in rig.points.items()}
-    own = readings.touching(names, list(known))
-    if len(own) < 3:
-        return None if single is None else (single, {})
-    marks = {}
-    for name in names:
-        place = robust_place(own.touching([name], list(known)), known)
-        if place is not None:
-            marks[name] = place
-    candidates = list(poses_of_marks(marks, body))
-    if single is not None:
-        candidates.append(single)
-    if not candidates:
-        return None
-    states = np.array(candidates)
-    arms = np.array([body[name] for name in own.start])
-    places = states[:, None, :2] + rotate(states[:, 2:], arms)
-    off = np.linalg.norm(places - np.array([known[end] for end in own.end]), axis=-1)
-    cost = np.log1p(((off - own.distance) / _ROUGH / CAUCHY) ** 2).sum(1)
-    return states[cost.argmin()], marks
+def _robust_stops(
+    readings: Readings, known: Mapping[str, Array], rig: RobotFrame, single: Mapping[str, Array]
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Poses (3,) and marks of the stops as most of their readings say; none of too few."""
+    read: dict[str, dict[str, list[tuple[str, float]]]] = {pose: {} for pose in readings.poses}
+    owner = {name: robot_point(name) for name in readings.rows_of_point}
+    for a, b, distance in zip(readings.start, readings.end, readings.distance, strict=True):
+        for here, there in ((a, b), (b, a)):
+            mark = owner[here]
+            if mark and mark[1] in rig.points and there in known:
+                read[mark[0]].setdefault(here, []).append((there, float(distance)))
+    names, many = [], []
+    for at_stop in read.values():
+        for name, own in at_stop.items():
+            names.append(name)
+            ends = np.array([known[there] for there, _ in own])
+            many.append((ends, np.array([distance for _, distance in own])))
+    found = dict(zip(names, places_from(many), strict=True))
+    poses: dict[str, Array] = {}
+    marks: dict[str, Array] = {}
+    for pose, at_stop in read.items():
+        alone = single.get(pose)
+        if sum(map(len, at_stop.values())) < 3:
+            poses |= {} if alone is None else {pose: alone}
+            continue
+        order = [name for point in rig.points if (name := f"{pose}/{point}") in at_stop]
+        placed = {name: place for name in order if (place := found[name]) is not None}
+        body = {name: np.asarray(rig.points[name[len(pose) + 1 :]]) for name in order}
+        candidates = poses_of_marks(placed, body) + ([] if alone is None else [alone])
+        if candidates:
+            near = [(body[name], known[there], d) for name in order for there, d in at_stop[name]]
+            arms, ends, distance = (np.array(part) for part in zip(*near, strict=True))
+            states = np.array(candidates)
+            places = states[:, None, :2] + rotate(states[:, 2:], arms)
+            off = np.linalg.norm(places - ends, axis=-1) - distance
+            cost = np.log1p((off / _ROUGH / CAUCHY) ** 2).sum(1)
+            poses[pose] = states[cost.argmin()]
+            marks |= placed
+    return poses, marks
 
 
 def poses_of_marks(marks: Mapping[str, Array], body: Mapping[str, Array]) -> list[Array]:
@@ -164,35 +205,58 @@ def poses_of_marks(marks: Mapping[str, Array], body: Mapping[str, Array]) -> lis
 
 def restarted(trial: Trial, stop: str, distance: Array | None = None) -> Trial:
     """The trial with one stop located anew from its distances (n,), or corrected ones."""
-    net, points = trial.network, trial.start.points.copy()
+    return all_restarted(trial, [stop], distance)
+
+
+def all_restarted(trial: Trial, stops: Sequence[str], distance: Array | None) -> Trial:
+    """The trial with stops located anew from its distances (n,), or corrected ones."""
+    net, points, poses = trial.network, trial.start.points.copy(), trial.start.poses.copy()
     shown = net.distance if distance is None else distance
-    row = net.poses.index(stop)
-    own = np.flatnonzero(net.mark_pose == row)
-    marks: dict[str, Array] = {}
-    for q in own:
-        rows = distances_of(trial, int(net.mark[q]))
+    row_of = {pose: row for row, pose in enumerate(net.poses)}
+    wanted = np.zeros(len(net.poses), dtype=bool)
+    wanted[[row_of[stop] for stop in stops]] = True
+    own = np.flatnonzero(wanted[net.mark_pose])
+    ends = _rows_of_points(trial, net.mark[own])
+    many = []
+    for q, rows in zip(own, ends, strict=True):
         other = np.where(net.first[rows] == net.mark[q], net.second[rows], net.first[rows])
-        place = place_from(points[other], shown[rows])
-        if place is not None:
-            marks[net.points[net.mark[q]]] = place
-    body = {net.points[net.mark[q]]: net.rig[net.mark_rig[q]] for q in own}
-    poses = trial.start.poses.copy()
-    found = poses_of_marks(marks, body)
-    if not found:
-        return trial
-    gaps = [
-        sum(
-            np.log1p((np.linalg.norm(p[:2] + rotate(p[2], body[n]) - m) / _ROUGH) ** 2)
-            for n, m in marks.items()
-        )
-        for p in found
-    ]
-    poses[row] = found[int(np.argmin(gaps))]
-    for q in own:
-        name = net.points[net.mark[q]]
-        at = poses[row, :2] + rotate(poses[row, 2], body[name])
-        points[net.mark[q]] = marks.get(name, at)
+        many.append((points[other], shown[rows]))
+    at_stop: dict[int, list[tuple[int, Array | None]]] = {}
+    for q, place in zip(own, places_from(many), strict=True):
+        at_stop.setdefault(int(net.mark_pose[q]), []).append((int(q), place))
+    for stop, some in at_stop.items():
+        found = _laid_pose(net, [(q, place) for q, place in some if place is not None])
+        if found is None:
+            continue
+        poses[stop] = found
+        for mark, place in some:
+            at = found[:2] + rotate(found[2], net.rig[net.mark_rig[mark]])
+            points[net.mark[mark]] = at if place is None else place
     return replace(trial, start=replace(trial.start, points=points, poses=poses))
+
+
+def _laid_pose(net: Network, marks: Sequence[tuple[int, Array]]) -> Array | None:
+    """The pose (3,) that lays the rig onto all marks, or two of them, best; None of fewer."""
+    places = {str(q): place for q, place in marks}
+    body = {str(q): net.rig[net.mark_rig[q]] for q, _ in marks}
+    found = np.array(poses_of_marks(places, body)).reshape(-1, 3)
+    if not len(found):
+        return None
+    seen, arms = np.array(list(places.values())), np.array(list(body.values()))
+    off = found[:, None, :2] + rotate(found[:, 2:], arms) - seen
+    gaps = np.log1p((off**2).sum(-1) / _ROUGH**2).sum(1)
+    return np.asarray(found[gaps.argmin()])
+
+
+def _rows_of_points(trial: Trial, points: Rows) -> list[Rows]:
+    """`distances_of` each of many points."""
+    net = trial.network
+    rows = np.setdiff1d(np.arange(len(net.first)), list(trial.dropped))
+    ends = np.concatenate([net.first[rows], net.second[rows]])
+    order = np.argsort(ends, kind="stable")
+    first, last = (np.searchsorted(ends[order], points, side) for side in ("left", "right"))
+    twice = np.tile(rows, 2)[order]
+    return [np.unique(twice[a:b]) for a, b in zip(first, last, strict=True)]
 
 
 def relocated(trial: Trial, distance: Array) -> Trial:
@@ -210,9 +274,7 @@ def relocated(trial: Trial, distance: Array) -> Trial:
         place = place_from(points[other[fixed]], distance[rows[fixed]])
         points[point] = points[point] if place is None else place
     made = replace(trial, start=replace(trial.start, points=points))
-    for stop in net.poses:
-        made = restarted(made, stop, distance)
-    return made
+    return all_restarted(made, net.poses, distance)
 
 
 def placed(trial: Trial, point: int) -> Trial:

@@ -5,6 +5,7 @@ something else, a common error of some readings with one unknown size, a place t
 Each is a trial with all unknowns of the joint adjustment, so that they can be compared.
 """
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,9 +13,13 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csc_array, csr_array, hstack
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse import csr_array, hstack
 
+from survey.estimation.least_squares.split_covariance import (
+    NotDeterminedError,
+    SplitCovariance,
+    split_inverse,
+)
 from survey.estimation.network import Network, Parameters, design
 from validation.poses.angles import Array
 
@@ -140,15 +145,12 @@ class Fit:
         Sizes of the common errors.
     residual : (o,) array
         Standardised, zero where not used.
-    jacobian : (o, u + e) sparse array
-        Design matrix there.
     """
 
     trial: Trial
     at: Parameters
     values: Array
     residual: Array
-    jacobian: csr_array
 
     @property
     def chi_squared(self) -> float:
@@ -166,17 +168,18 @@ class Fit:
         return float(np.sqrt(self.chi_squared / max(self.freedom, 1)))
 
     @cached_property
-    def factor(self) -> tuple[SuperLU, Array]:
-        """Factor of the scaled normal matrix, and the scale of the unknowns."""
-        return _factor(self.jacobian)
+    def jacobian(self) -> csr_array:
+        """(o, u + e) design matrix there."""
+        return self.trial.equations(self.at, self.values)[1]
 
-    def solve(self, right: Array) -> Array:
-        """Normal matrix inverse times ``right`` (u, k)."""
-        return _solved(self.factor, right)
+    @cached_property
+    def cofactors(self) -> SplitCovariance:
+        """Inverse of the normal matrix, nothing of it singular (`TINY`)."""
+        return _inverse(self.trial.network, self.jacobian)
 
     def covariance(self, by: Array) -> Array:
         """(k, k) covariance of k linear functions of the unknowns, whose rows are ``by`` (k, u)."""
-        return np.asarray(by @ self.solve(by.T))
+        return np.asarray(by @ self.cofactors.times(by.T))
 
 
 def fit(trial: Trial, *, robust: bool = False, hopeless: float = np.inf) -> Fit:
@@ -200,12 +203,14 @@ def fit(trial: Trial, *, robust: bool = False, hopeless: float = np.inf) -> Fit:
     for _ in range(_PASSES):
         weight = 1 / (1 + (residual / CAUCHY) ** 2) if robust else np.ones_like(residual)
         weighted = csr_array(jacobian.multiply(np.sqrt(weight)[:, None]))
-        factor = _factor(weighted, damping)
-        step = _solved(factor, jacobian.T @ (weight * residual))
-        u = len(step) - len(values)
-        there, size = at.moved(step[:u]), values + step[u:]
-        ahead, slope = trial.equations(there, size)
-        gained = cost - _cost(ahead, robust=robust)
+        gained = -np.inf
+        with contextlib.suppress(NotDeterminedError):
+            inverse = _inverse(trial.network, weighted, damping)
+            step = inverse.times(jacobian.T @ (weight * residual))
+            u = len(step) - len(values)
+            there, size = at.moved(step[:u]), values + step[u:]
+            ahead, slope = trial.equations(there, size)
+            gained = cost - _cost(ahead, robust=robust)
         if not np.isfinite(gained) or gained < -_ENOUGH:
             damping = max(10 * damping, 1e-3)
             if damping > 1e6 or cost > hopeless:
@@ -217,7 +222,7 @@ def fit(trial: Trial, *, robust: bool = False, hopeless: float = np.inf) -> Fit:
         if cost > hopeless and gained < cost / 2:
             break
         damping = damping / 10 if damping > 1e-4 else 0.0
-    return Fit(trial, at, values, residual, jacobian)
+    return Fit(trial, at, values, residual)
 
 
 def _cost(residual: Array, *, robust: bool) -> float:
@@ -226,25 +231,14 @@ def _cost(residual: Array, *, robust: bool) -> float:
     return float(residual @ residual)
 
 
-def _factor(jacobian: csr_array, damping: float = 0.0) -> tuple[SuperLU, Array]:
-    normal = csc_array(jacobian.T @ jacobian)
-    diagonal = normal.diagonal()
-    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    scaled = csc_array(normal.multiply(scale[:, None]).multiply(scale))
-    scaled.setdiag(1.0 + TINY + damping)
-    factor = splu(
-        csc_array(scaled),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
-    return factor, scale
-
-
-def _solved(factor: tuple[SuperLU, Array], right: Array) -> Array:
-    lu, scale = factor
-    tall = scale if right.ndim == 1 else scale[:, None]
-    return np.asarray(tall * lu.solve(np.ascontiguousarray(tall * right)))
+def _inverse(network: Network, jacobian: csr_array, damping: float = 0.0) -> SplitCovariance:
+    """Inverse of the normal matrix, each stop apart from what all share."""
+    size = np.asarray(jacobian.power(2).sum(axis=0)).ravel()
+    p, f, _ = network.sizes
+    shared = np.ones(len(size), dtype=bool)
+    shared[p : p + f] = False
+    shared[(2 * network.mark[:, None] + np.arange(2)).ravel()] = False
+    return split_inverse(jacobian, shared, np.where(size > 0, (TINY + damping) * size, 1.0))
 
 
 def with_point(trial: Trial, name: str, place: Array) -> tuple[Trial, int]:

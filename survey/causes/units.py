@@ -8,9 +8,10 @@ import numpy as np
 from survey.causes.common_errors import sets_of
 from survey.causes.lead import Lead, Log, effect_size, longest_gain
 from survey.causes.linear import Linear
-from survey.causes.start import relocated, restarted
+from survey.causes.start import all_restarted, relocated, restarted
 from survey.causes.trial import CAUCHY, Effect, Rows, Trial
 from survey.estimation.geometry import rotate
+from survey.readings.readings import Mask
 from validation.poses.angles import Array
 from validation.statistics.units import PER_METRE
 
@@ -33,7 +34,9 @@ def unit_leads(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
     now = _robust_cost(trial, trial.network.distance)
     alone: dict[float, list[str]] = {per_metre: [] for per_metre in PER_METRE.values()}
     for extent, subject, rows, places in sets_of(log):
-        if far[rows].sum() < LEAST_OF_A_UNIT and extent == "station":
+        if extent == "station" and far[rows].sum() < LEAST_OF_A_UNIT:
+            continue
+        if extent not in {"all", "station"} and not _mostly_far(far, rows):
             continue
         stop = subject[0] if extent == "station" and subject[0] in trial.network.poses else None
         for per_metre, distance in _in_units(trial, rows):
@@ -53,6 +56,22 @@ def unit_leads(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
                 yield _lead("block", (), rows, distance, per_metre, gain, places, log)
 
 
+def _mostly_far(far: Mask, rows: Rows) -> bool:
+    """Whether a good part of some readings, or of the others, is far off.
+
+    In another unit than the others are those that the survey as it stands fits, or those that it
+    does not; either way one kind is off but for a few.
+    """
+    inside = int(far[rows].sum())
+    outside = int(far.sum()) - inside
+    return inside > SOME * len(rows) or outside > SOME * (len(far) - len(rows))
+
+
+SOME = 0.2
+"""Share of readings in another unit that are off by decimetres at least. A judgement: nearly all
+are; a robust solution between both units fits a few."""
+
+
 def _in_units(trial: Trial, rows: Rows) -> Iterator[tuple[float, Array]]:
     """Units that some distances may be in, and all distances with those in metres."""
     for per_metre in PER_METRE.values():
@@ -69,10 +88,9 @@ def _there(trial: Trial, stop: str | None, distance: Array) -> Trial:
 
 def _again(trial: Trial, log: Log, rows: Rows, distance: Array) -> Trial:
     """The trial with the stops of some readings located anew."""
-    for stop in dict.fromkeys(log.station[row] for row in rows):
-        if stop in trial.network.poses:
-            trial = restarted(trial, stop, distance)
-    return trial
+    known = {*trial.network.poses}
+    stops = [stop for stop in dict.fromkeys(log.station[row] for row in rows) if stop in known]
+    return all_restarted(trial, stops, distance)
 
 
 def _block(trial: Trial, log: Log, stations: list[str], per_metre: float) -> Rows:

@@ -172,6 +172,79 @@ def iterated_ekf_batch(
     return Estimates(state, cost, used, converged)
 
 
+StackedModel = Callable[[Array, npt.NDArray[np.intp]], tuple[Array, Array, Array]]
+"""States (b, n) and which of the starts they come from (b,) -> h (b, m), H (b, m, n), R
+(b, m, m)."""
+
+
+def iterated_ekf_stacked(
+    model: StackedModel, starts: Array, prior_sigma: Array, passes: int = PASSES
+) -> list[Estimate]:
+    """`iterated_ekf` of many unknown states, each with its own readings that depend on each other.
+
+    Parameters
+    ----------
+    model : callable
+        States (b, n), and which starts they come from (b,), to h (b, m), H (b, m, n) and R
+        (b, m, m). Who has fewer readings than m fills up with h = 0, H = 0, R = 1.
+    starts : (b, n) array
+        First guesses.
+    prior_sigma : (n,) array
+        sigma[0], restored at every pass.
+    passes : int
+        At most so many.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If an R is not positive definite.
+
+    Notes
+    -----
+    The same iteration in its information form, as in `iterated_ekf_batch`; the covariance is that
+    of the last pass, linearised where that began.
+    """
+    state = np.array(starts, dtype=float)
+    b, n = state.shape
+    prior = np.diag(1 / np.square(prior_sigma))
+    used, converged = np.zeros(b, dtype=np.intp), np.zeros(b, dtype=bool)
+    covariance, cost = np.empty((b, n, n)), np.empty(b)
+    active = np.arange(b)
+    for done in range(1, passes + 1):
+        h, H, _ = _whitened(model, state[active], active)
+        covariance[active] = np.linalg.inv(np.swapaxes(H, 1, 2) @ H + prior)
+        pull = covariance[active] @ np.swapaxes(H, 1, 2) @ h[..., None]
+        state[active] -= pull[..., 0]
+        used[active] = done
+        converged[active] = np.abs(pull).max((1, 2)) < STEP_TOLERANCE
+        active = active[~converged[active]]
+        if not active.size:
+            break
+    for rows in np.array_split(np.arange(b), b // STACKED + 1):
+        cost[rows] = _whitened(model, state[rows], rows)[2]
+    return [
+        Estimate(x, (P + P.T) / 2, float(c), int(u), bool(ok))
+        for x, P, c, u, ok in zip(state, covariance, cost, used, converged, strict=True)
+    ]
+
+
+def _whitened(
+    model: StackedModel, states: Array, rows: npt.NDArray[np.intp]
+) -> tuple[Array, Array, Array]:
+    """Readings (b, m) and H (b, m, n) in units of their root covariance, and h^T R^-1 h (b,)."""
+    parts = []
+    for some in np.array_split(np.arange(len(rows)), len(rows) // STACKED + 1):
+        h, H, R = model(states[some], rows[some])
+        white = np.linalg.solve(np.linalg.cholesky(R), np.concatenate([H, h[..., None]], axis=-1))
+        parts.append((white[..., -1], white[..., :-1], (white[..., -1] ** 2).sum(-1)))
+    h, H, cost = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return h, H, cost
+
+
+STACKED = 128
+"""States iterated at a time: with 48 readings each their R have 2.4 MB."""
+
+
 def _working_set(model: BatchModel, state: Array) -> int:
     """How many starts to iterate at a time."""
     readings = model(state[:1], np.arange(1))[0].size if len(state) else 1

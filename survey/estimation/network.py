@@ -118,6 +118,7 @@ def build_network(
     inside = np.array([a in place and b in place for a, b in ends], dtype=bool)
     used = readings.select(inside)
     owner = [robot_point(mark) or ("", "") for mark in marks]
+    pose_row = {pose: i for i, pose in enumerate(poses)}
     sides = _sides(rig)
     network = Network(
         points=points,
@@ -131,7 +132,7 @@ def build_network(
         nominal=np.array(list(vframe.points.values()), dtype=float),
         nominal_sigma=vframe.sigma,
         mark=np.array([place[mark] for mark in marks], dtype=np.intp),
-        mark_pose=np.array([poses.index(pose) for pose, _ in owner], dtype=np.intp),
+        mark_pose=np.array([pose_row[pose] for pose, _ in owner], dtype=np.intp),
         mark_rig=np.array([rig_names.index(point) for _, point in owner], dtype=np.intp),
         rig=np.array(list(rig.points.values()), dtype=float),
         rig_sigma=max(rig.shape_sigma, _FIXED),

@@ -21,7 +21,7 @@ from survey.estimation.geometry import (
     rigid_alignment,
     rotate,
 )
-from survey.estimation.iterated_ekf import Model, iterated_ekf
+from survey.estimation.iterated_ekf import Estimate, Model, StackedModel, iterated_ekf_stacked
 from survey.estimation.measurement import linearise
 from survey.estimation.world_points import WorldPoints
 from survey.readings.point_names import robot_point
@@ -147,9 +147,19 @@ def solve_robot_frames(
             open_poses.append((pose, own, closed_form_guess(own)))
     starts = [_starts(own, closed, guesses.get(pose)) for pose, own, closed in open_poses]
     solutions = solutions_of_many([own for _, own, _ in open_poses], starts)
-    for (pose, own, closed), solved in zip(open_poses, solutions, strict=True):
+    single = [k for k, (minima, costs) in enumerate(solutions) if _is_single(minima, costs)]
+    estimates = dict(
+        zip(
+            single,
+            _refined(
+                [open_poses[k][1] for k in single], [solutions[k][0][0] for k in single], world, rig
+            ),
+            strict=True,
+        )
+    )
+    for k, (pose, own, closed) in enumerate(open_poses):
         first = guesses.get(pose, closed)
-        result = _solve(pose, own, world, rig, first, *solved)
+        result = _solve(pose, own, world, rig, first, *solutions[k], estimates.get(k))
         if isinstance(result, RobotFrameFit):
             found.append(result)
         else:
@@ -200,18 +210,18 @@ def _solve(
     first: Array,
     minima: Array,
     costs: Array,
+    estimate: Estimate | None,
 ) -> RobotFrameFit | NotPosed:
-    """One pose at the best of its minima, or why it is not determined."""
+    """One pose at the best of its minima, refined, or why it is not determined."""
     if len(minima) == 0:
         return _hopeless(pose, own, world, rig)
-    if len(minima) > 1 and costs[1] - costs[0] < TIE:
+    if estimate is None:
         tied = minima[costs - costs[0] < TIE]
         reason = (
             f"{len(tied)} poses fit its readings equally well; measure a further rig point or "
             "world point"
         )
         return NotPosed(pose, reason, tied)
-    estimate = iterated_ekf(full_model(own, world, rig), minima[0], own.prior_sigma)
     if not estimate.converged:
         return _hopeless(pose, own, world, rig)
     state = np.append(estimate.state[:2], wrap(estimate.state[2]))
@@ -223,6 +233,22 @@ def _solve(
         len(own) - 3,
         first,
         estimate.passes,
+    )
+
+
+def _is_single(minima: Array, costs: Array) -> bool:
+    """Whether one of the poses that fit is so much better that it is the one."""
+    return len(minima) > 0 and not (len(minima) > 1 and costs[1] - costs[0] < TIE)
+
+
+def _refined(
+    fits: Sequence[PoseReadings], starts: Sequence[Array], world: WorldPoints, rig: RobotFrame
+) -> list[Estimate]:
+    """The filter's estimates with all that readings share, of many poses at once."""
+    if not fits:
+        return []
+    return iterated_ekf_stacked(
+        _stacked_model(fits, world, rig), np.array(starts), fits[0].prior_sigma
     )
 
 
@@ -335,21 +361,57 @@ def rig_covariance(rig: RobotFrame) -> Array:
 
 def full_model(own: PoseReadings, world: WorldPoints, rig: RobotFrame) -> Model:
     """State (3,) -> h (m,), H (m, 3), R (m, m), world points and marks shared by readings."""
-    rows = np.repeat(np.arange(len(own)), 2)
-    world_columns = (2 * own.world_index[:, None] + np.arange(2)).ravel()
-    rig_columns = (2 * own.rig_index[:, None] + np.arange(2)).ravel()
-    of_marks = rig_covariance(rig)
+    stacked = _stacked_model([own], world, rig)
+    only = np.zeros(1, dtype=np.intp)
 
     def model(state: Array) -> tuple[Array, Array, Array]:
-        at = linearise(state, own.known, own.body, own.distance)
-        by_world = np.zeros((len(own), world.covariance.shape[0]))
-        by_world[rows, world_columns] = at.W_known.ravel()
-        by_mark = np.zeros((len(own), len(of_marks)))
-        by_mark[rows, rig_columns] = at.W_body.ravel()
-        R = np.diag((at.W_distance * own.sigma) ** 2)
-        R += by_world @ world.covariance @ by_world.T + by_mark @ of_marks @ by_mark.T
-        H = np.column_stack([at.H_position, at.H_heading])
-        return at.h, H, R
+        h, H, R = stacked(state[None], only)
+        return h[0], H[0], R[0]
+
+    return model
+
+
+def _stacked_model(
+    fits: Sequence[PoseReadings], world: WorldPoints, rig: RobotFrame
+) -> StackedModel:
+    """The same for many poses; what one has fewer readings than another is filled up."""
+    m = max(map(len, fits))
+    lacking = [m - len(fit) for fit in fits]
+
+    def filled(parts: Sequence[Array], value: float) -> Array:
+        return np.array(
+            [
+                np.concatenate([part, np.full((more, *part.shape[1:]), value)])
+                for part, more in zip(parts, lacking, strict=True)
+            ]
+        )
+
+    known, body = (filled(part, 0.0) for part in ([f.known for f in fits], [f.body for f in fits]))
+    distance = filled([fit.distance for fit in fits], 0.0)
+    sigma = filled([fit.sigma for fit in fits], 0.0)
+    real = filled([np.ones(len(fit)) for fit in fits], 0.0)
+    point = filled([np.asarray(fit.world_index, dtype=float) for fit in fits], 0.0).astype(np.intp)
+    mark = filled([np.asarray(fit.rig_index, dtype=float) for fit in fits], 0.0).astype(np.intp)
+    k = len(world.covariance) // 2
+    of_points = world.covariance.reshape(k, 2, k, 2).transpose(0, 2, 1, 3)
+    of_mark = rig.marking_sigma**2 + rig.shape_sigma**2
+
+    def model(states: Array, rows: npt.NDArray[np.intp]) -> tuple[Array, Array, Array]:
+        at = linearise(states, known[rows], body[rows], distance[rows])
+        here = real[rows][..., None]
+        by_point, by_mark = at.W_known * here, at.W_body * here
+        ends = point[rows]
+        # Each pair of readings shares the covariance of its two world points, and their mark.
+        R = np.zeros((len(rows), m, m))
+        for a in range(2):
+            for b in range(2):
+                shared = of_points[ends[:, :, None], ends[:, None, :], a, b]
+                R += by_point[:, :, None, a] * by_point[:, None, :, b] * shared
+        same = mark[rows][:, :, None] == mark[rows][:, None, :]
+        R += (by_mark @ np.swapaxes(by_mark, 1, 2)) * (same * of_mark)
+        own = (at.W_distance * sigma[rows]) ** 2 + (1 - real[rows])
+        R[:, np.arange(m), np.arange(m)] += own
+        return at.h * real[rows], at.H * here, R
 
     return model
 

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -98,6 +99,10 @@ class SurveySolution(Shown):
 
     def pose_table(self) -> PoseTable | None:
         """The validation poses of the joint adjustment, with their joint covariance."""
+        return self._pose_table
+
+    @cached_property
+    def _pose_table(self) -> PoseTable | None:
         poses = self.adjustment.network.poses
         if not poses:
             return None

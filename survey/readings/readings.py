@@ -259,7 +259,8 @@ def _check_names(table: CsvTable, campaign: Campaign, settings: SurveySettings) 
 
 
 def _unknown_point(name: str, known: set[str]) -> str:
-    near = difflib.get_close_matches(name, known, 1, cutoff=0.5)
+    near = [one for one in sorted(known) if one.lower() == name.lower()]
+    near = near or difflib.get_close_matches(name, known, 1, cutoff=0.5)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     return (
         f"unknown point{hint} (Vframe points are set in [vframe.points], world points listed in "

@@ -1,6 +1,7 @@
 """Which unit the distances of a readings file are in: told by the frame, never guessed."""
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 
 from validation.statistics.units import CLOSE
@@ -8,6 +9,7 @@ from validation.text_files.csv_tables import Column, CsvTable, expected
 from validation.text_files.lengths import METRES, UNIT_NAMES
 
 Places = Mapping[str, tuple[float, float]]
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}([.,]\d{3})+\D")
 
 
 def check_distances(table: CsvTable, places: Places, distance: Column) -> None:
@@ -39,6 +41,8 @@ def check_distances(table: CsvTable, places: Places, distance: Column) -> None:
 
     def _perhaps(row: int) -> str:
         number, cell = numbers[row] / METRES[distance.written_in], table.raw["distance"][row]
+        if own[row] and _THOUSANDS.match(cell.strip()):
+            return "; write it without signs between the thousands"
         small = low <= number / 1000 <= high and number > high and not own[row]
         return f"; if it is in millimetres, write '{cell.strip()} mm'" if small else ""
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import chi2, ncx2, norm
+from scipy.special import chdtrc, chdtri, chndtrinc, ndtri
 
 from survey.estimation.geometry import rotate
 from validation.poses.angles import Array, wrap
@@ -169,7 +168,7 @@ def judge_motion(
         covariance=covariance,
         normalised=error / np.sqrt(np.diagonal(covariance)),
         squared=squared,
-        p_value=float(chi2.sf(squared, 3)),
+        p_value=float(chdtrc(3, squared)),
         correlated=correlated,
     )
 
@@ -196,7 +195,7 @@ def detectable_motion(
     direction at 95 % and 80 %.
     """
     covariance = np.asarray(covariance, dtype=float)
-    quantiles = norm.ppf((1 + confidence) / 2) + norm.ppf(power)
+    quantiles = ndtri((1 + confidence) / 2) + ndtri(power)
     sigma = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
     worst = np.sqrt(np.linalg.eigvalsh(covariance[..., :2, :2])[..., -1])
     return DetectableMotion(
@@ -214,7 +213,5 @@ def noncentrality(degrees_of_freedom: int, confidence: float, power: float) -> f
     confidence, power : float
         As in `detectable_motion`.
     """
-    critical = float(chi2.ppf(confidence, degrees_of_freedom))
-    return float(
-        brentq(lambda size: ncx2.sf(critical, degrees_of_freedom, size) - power, 1e-6, 200.0)
-    )
+    critical = float(chdtri(degrees_of_freedom, 1 - confidence))
+    return float(chndtrinc(critical, degrees_of_freedom, 1 - power))

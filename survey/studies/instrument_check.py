@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
-from scipy.stats import chi2, f, norm, t
+from scipy.special import chdtrc, chdtri, fdtrc, ndtr, ndtri, stdtr, stdtrit
 
 from survey.readings.instrument import reading_sigma, tolerance_at
 from survey.studies.instrument_misfit import Misfit, find_misfit
@@ -112,20 +112,20 @@ class _Fit:
         """Half width of a two-sided interval in standard deviations."""
         level = (1 + CONFIDENCE) / 2
         return float(
-            t.ppf(level, self.degrees_of_freedom) if self.degrees_of_freedom else norm.ppf(level)
+            stdtrit(self.degrees_of_freedom, level) if self.degrees_of_freedom else ndtri(level)
         )
 
     def p_value(self, which: int) -> float:
         """Two-sided t test of one parameter; normal without redundancy."""
         ratio = abs(self.parameters[which]) / np.sqrt(self.covariance[which, which])
         dof = self.degrees_of_freedom
-        return float(2 * (t.sf(ratio, dof) if dof else norm.sf(ratio)))
+        return float(2 * (stdtr(dof, -ratio) if dof else ndtr(-ratio)))
 
     def p_joint(self) -> float:
         """F test of all parameters; chi-squared without redundancy."""
         size = float(self.parameters @ np.linalg.solve(self.covariance, self.parameters))
         k, dof = len(self.parameters), self.degrees_of_freedom
-        return float(f.sf(size / k, k, dof) if dof else chi2.sf(size, k))
+        return float(fdtrc(k, dof, size / k) if dof else chdtrc(k, size))
 
 
 def check_instrument(
@@ -187,7 +187,7 @@ def check_instrument(
         noise=typical * _ratio(fit.chi_squared, fit.degrees_of_freedom),
         noise_interval=_noise_interval(fit, typical),
         expected_noise=typical,
-        p_noise=float(chi2.sf(fit.chi_squared, fit.degrees_of_freedom))
+        p_noise=float(chdtrc(fit.degrees_of_freedom, fit.chi_squared))
         if fit.degrees_of_freedom
         else np.nan,
         degrees_of_freedom=fit.degrees_of_freedom,
@@ -228,7 +228,7 @@ class _Rounding:
         if spare == 0 or resolution == 0:
             return cls(single, 0.0)
         means = np.bincount(group, error) / np.bincount(group)
-        seen = float(((error - means[group]) ** 2).sum()) / chi2.ppf(CONFIDENCE, spare)
+        seen = float(((error - means[group]) ** 2).sum()) / chdtri(spare, 1 - CONFIDENCE)
         noise = max(seen - single**2, 0.0)
         k = np.arange(1, 200)
         terms = np.exp(-4 * (np.pi * k / resolution) ** 2 * noise) / (2 * (np.pi * k) ** 2)
@@ -266,8 +266,8 @@ def _noise_interval(fit: _Fit, typical: float) -> tuple[float, float]:
     dof = fit.degrees_of_freedom
     if dof == 0:
         return np.nan, np.nan
-    low = float(chi2.ppf((1 + CONFIDENCE) / 2, dof))
-    high = float(chi2.ppf((1 - CONFIDENCE) / 2, dof))
+    low = float(chdtri(dof, (1 - CONFIDENCE) / 2))
+    high = float(chdtri(dof, (1 + CONFIDENCE) / 2))
     return typical * _ratio(fit.chi_squared, low), typical * _ratio(fit.chi_squared, high)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import f, norm, t
+from scipy.special import fdtrc, ndtri, stdtrit
 
 from validation.poses.angles import Array
 
@@ -86,7 +86,7 @@ def find_misfit(length: Array, error: Array, sigma: Array, *, with_scale: bool) 
     of_bad = rest / scale + earned * len(bad)
     of_step = left / scale + earned
     drop = (_left(design, white) - left) / max(left / (n - k - 1), 1e-12)
-    if drop > f.isf(FALSE_ALARM / (n - 3), 1, n - k - 1) and (not bad or of_step < of_bad):
+    if drop > stdtrit(n - k - 1, FALSE_ALARM / (n - 3) / 2) ** 2 and (not bad or of_step < of_bad):
         return Misfit((), row, step, step_sigma)
     if bad:
         return Misfit(tuple(bad))
@@ -106,7 +106,7 @@ def _bad_rows(design: Array, white: Array) -> list[int]:
     line = _robust_line(design, white)
     off = np.abs(white - design @ line)
     spread = 1.4826 * (1 + 5 / (n - k)) * float(np.median(off))
-    suspects = np.flatnonzero(off > norm.isf(FALSE_ALARM / (2 * n)) * max(spread, 1.0))
+    suspects = np.flatnonzero(off > -ndtri(FALSE_ALARM / (2 * n)) * max(spread, 1.0))
     while len(suspects):
         good = np.setdiff1d(np.arange(n), suspects)
         if len(good) <= k + 1:
@@ -118,7 +118,7 @@ def _bad_rows(design: Array, white: Array) -> list[int]:
         inverse = np.linalg.inv(design[good].T @ design[good])
         arm = 1 + np.einsum("ni,ij,nj->n", design[suspects], inverse, design[suspects])
         ratio = np.abs(white[suspects] - design[suspects] @ fitted) / np.sqrt(variance * arm)
-        kept = suspects[ratio > t.isf(FALSE_ALARM / (2 * n), dof)]
+        kept = suspects[ratio > -stdtrit(dof, FALSE_ALARM / (2 * n))]
         if len(kept) == len(suspects):
             break
         suspects = kept
@@ -168,4 +168,4 @@ def _lack_of_fit(length: Array, design: Array, white: Array) -> float:
     means = np.bincount(group, white) / np.bincount(group)
     within = max(float(((white - means[group]) ** 2).sum()) / (n - m), 0.1)
     between = max(_left(design, white) - within * (n - m), 0.0) / (m - k)
-    return float(f.sf(between / within, m - k, n - m))
+    return float(fdtrc(m - k, n - m, between / within))

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from survey.studies.instrument_check import CONFIDENCE, InstrumentCheck
 from validation.campaign.folder import Instrument
@@ -158,7 +158,7 @@ def _missing_evidence(check: InstrumentCheck) -> Iterator[str]:
             f"(stated ±{_mm(check.tolerance)})"
         )
     dof = check.degrees_of_freedom
-    upper = check.noise * np.sqrt(dof / chi2.ppf(1 - CONFIDENCE, dof)) if dof else np.inf
+    upper = check.noise * np.sqrt(dof / chdtri(dof, CONFIDENCE)) if dof else np.inf
     if upper > NOISE_FACTOR * check.expected_noise and not check.p_noise < 1 - CONFIDENCE:
         said = "cannot be seen at all" if dof == 0 else f"might be as large as {_mm(float(upper))}"
         yield (

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtr, ndtri
 
 from validation.poses.angles import Array
 from validation.results import Finding
@@ -52,7 +52,7 @@ class WallPair:
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
         """Confidence interval of the angle, radians."""
-        half = float(norm.ppf((1 + confidence) / 2)) * self.sigma
+        half = float(ndtri((1 + confidence) / 2)) * self.sigma
         return self.angle - half, self.angle + half
 
 
@@ -101,8 +101,8 @@ def compare_walls(
         span=span,
         angle=float(np.arctan(slope)),
         sigma=float(1 / np.sqrt(spread) / (1 + slope**2)),
-        p_value=float(2 * norm.sf(abs(slope) * np.sqrt(spread))),
-        p_straight=float(chi2.sf((weight * rest**2).sum(), dof)) if dof > 0 else np.nan,
+        p_value=float(2 * ndtr(-abs(slope) * np.sqrt(spread))),
+        p_straight=float(chdtrc(dof, (weight * rest**2).sum())) if dof > 0 else np.nan,
     )
 
 

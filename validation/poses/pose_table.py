@@ -135,6 +135,8 @@ class PoseTable(Shown):
         if len(set(self.ids)) != n:
             twice = sorted({name for name in self.ids if self.ids.count(name) > 1})
             raise FaultyResultError(f"{who}: these ids occur more than once: {', '.join(twice)}")
+        if np.isfinite(self.poses).all() and _all_sound(self.covariances):
+            return
         for name, pose, covariance in zip(self.ids, self.poses, self.covariances, strict=True):
             if not np.isfinite(pose).all():
                 raise FaultyResultError(f"{who}: pose {name} is not finite: {pose}")
@@ -219,6 +221,21 @@ def refuse_twice(systems: Sequence[str]) -> None:
     twice = sorted({name for name in systems if systems.count(name) > 1})
     if twice:
         raise GtvalError(f"these systems are given twice: {', '.join(twice)}")
+
+
+def _all_sound(covariances: Array) -> bool:
+    """Whether each matrix of many (n, k, k) is a covariance, or all NaN, as `covariance_fault`."""
+    stated = covariances[~np.isnan(covariances).all((1, 2))]
+    variance = np.diagonal(stated, axis1=1, axis2=2)
+    if not (np.isfinite(stated).all() and (variance > 0).all()):
+        return False
+    scale = np.sqrt(variance)
+    with np.errstate(over="ignore"):
+        correlation = stated / scale[:, :, None] / scale[:, None, :]
+    asymmetry = np.abs(correlation - np.swapaxes(correlation, 1, 2)).max(initial=0.0)
+    if not (asymmetry <= 1e-6 and np.abs(correlation).max(initial=0.0) <= 1 + 1e-6):
+        return False
+    return bool((np.linalg.eigvalsh(correlation) > 1e-12).all())
 
 
 def covariance_fault(covariance: Array) -> str | None:

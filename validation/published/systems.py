@@ -7,9 +7,7 @@ from validation.campaign.folder import Campaign, Published, line_of
 from validation.campaign.stored import components_of, refuse_degrees
 from validation.errors import InputError, Problem
 from validation.poses.pose_table import PoseTable, from_csv
-from validation.published.moving import moving_result
 from validation.results import VALIDATION_SYSTEM, Finding, SystemResult
-from validation.trajectories.formats import is_trajectory
 
 
 def published_systems(
@@ -62,6 +60,9 @@ def published_tables(campaign: Campaign) -> list[PoseTable]:
 
 def _published(campaign: Campaign, entry: Published, validation: PoseTable | None) -> SystemResult:
     """A table of stops, or a trajectory at the stops."""
+    from validation.published.moving import moving_result  # noqa: PLC0415  (scipy.spatial is slow)
+    from validation.trajectories.formats import is_trajectory  # noqa: PLC0415  (the same)
+
     path = campaign.folder / entry.file
     if not path.exists():
         place = line_of(campaign.toml, ("published", "file"))

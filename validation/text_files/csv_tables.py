@@ -242,6 +242,8 @@ def _missing(name: str, rows: Sequence[Row], columns: Sequence[Column]) -> str:
     for line, cells in rows[1:_TITLE_LINES]:
         if needed <= {split_heading(cell)[0] for cell in cells}:
             return f"the header is on line {line}: delete what stands above it"
+    if len(header) == 1 and {*needed} <= {*re.split(r"[^\w]+", header[0].lower())}:
+        return "write ',' or ';' between the cells"
     near = get_close_matches(name, [split_heading(h)[0] for h in header], 1, cutoff=0.5)
     if near:
         written = next(h for h in header if split_heading(h)[0] == near[0])
@@ -249,7 +251,7 @@ def _missing(name: str, rows: Sequence[Row], columns: Sequence[Column]) -> str:
     if any(_NUMBER.fullmatch(cell) for cell in header):
         headings = ",".join(column.name for column in columns if column.required)
         return f"write a first line with the headings, such as {headings}"
-    return _shown_header(header)
+    return f"{_shown_header(header)}; rename the one that holds it to '{name}'"
 
 
 def _shown_header(header: Sequence[str]) -> str:
@@ -358,7 +360,11 @@ def _number(cell: str, column: Column, written_in: str) -> tuple[float, str | No
 
 def _hint(cell: str) -> str:
     """What to do about a cell that is no number."""
-    if _THOUSANDS.fullmatch(cell):
+    if len(cell) > 2 and cell[0] == cell[-1] and cell[0] in "'`":
+        return "; write it without quotes"
+    if not any(character.isdigit() for character in cell):
+        return "; leave the row out where nothing was measured"
+    if _THOUSANDS.match(cell):
         return "; write it without signs between the thousands"
     if cell.startswith("="):
         return "; write the value of the formula"

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 import zipfile
 from collections.abc import Iterable
 from datetime import date, datetime, time
@@ -15,6 +16,10 @@ MAX_BYTES = 20_000_000
 MAX_UNPACKED = 500_000_000
 """Bytes that a sheet may have when unpacked: what 20 MB of numbers pack into; more is a trap."""
 SHEETS = (".xlsx", ".ods", ".xls")
+_UNCOMPUTED = re.compile(
+    rb'<c (?![^>]*t="str")[^>]*r="[A-Z]+(\d+)"[^>]*><f[^>]*>[^<]*</f>(<v ?/>|<v></v>)?</c>'
+)
+"""A cell of a workbook with a formula and no value, unless that is an empty text."""
 _ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 Row = tuple[int, list[str]]
 """The line (of a sheet, the row) on which it starts, from 1, and its cells."""
@@ -50,7 +55,7 @@ def _csv_rows(path: Path, text: str) -> list[Row]:
     first = lines[0].strip().strip('"').lower()
     stated = first.removeprefix("sep=") if first.startswith("sep=") else ""
     header = lines[1] if stated and len(lines) > 1 else lines[0]
-    delimiter = stated if len(stated) == 1 else max(",;\t", key=header.count)
+    delimiter = stated if len(stated) == 1 else max(",;\t|", key=header.count)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
     rows: list[Row] = []
     start = 1
@@ -74,6 +79,7 @@ def _sheet_rows(path: Path, data: bytes) -> list[Row]:
         If the extra ``sheets`` is not installed.
     """
     _check_packed(path, data)
+    _need_values(path, data)
     try:
         from python_calamine import CalamineError, CalamineWorkbook  # noqa: PLC0415  (an extra)
     except ImportError:
@@ -111,6 +117,20 @@ def _check_packed(path: Path, data: bytes) -> None:
         raise _no_sheet(path, "an archive of other files")
     if size > MAX_UNPACKED:
         raise _no_sheet(path, f"unpacked it has {size / 1e6:.0f} MB")
+
+
+def _need_values(path: Path, data: bytes) -> None:
+    """Raise for a workbook with formulas that nobody has computed: their cells would be blank."""
+    if data.startswith(_OLE):
+        return
+    with zipfile.ZipFile(io.BytesIO(data)) as packed:
+        for name in packed.namelist():
+            if name.startswith("xl/worksheets/") and name.endswith(".xml"):
+                found = _UNCOMPUTED.search(packed.read(name))
+                if found:
+                    said = "a formula whose value the file does not hold; open it in a spreadsheet"
+                    line = int(found[1])
+                    raise InputError([Problem(path, f"{said} and save it again", line)])
 
 
 def _no_sheet(path: Path, why: str) -> InputError:

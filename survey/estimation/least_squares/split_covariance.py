@@ -22,6 +22,11 @@ _ROWS = 20_000
 """Rows of a design matrix whose leverage is found at a time: with 500 shared unknowns 80 MB."""
 
 
+_SMALL = 200_000
+"""Multiplications of one matrix product, fewer than those that a BLAS library shares among
+threads: on a busy machine their waiting takes more processor time than the product."""
+
+
 class NotDeterminedError(Exception):
     """A normal matrix is singular; ``columns`` are those among which the undetermined one is."""
 
@@ -114,8 +119,10 @@ class SplitCovariance:
         return SplitCovariance(own, np.column_stack([self.shared, carried]), middle)
 
 
-def split_inverse(design: csr_array, is_shared: npt.NDArray[np.bool_]) -> SplitCovariance:
-    """The inverse of design^T design.
+def split_inverse(
+    design: csr_array, is_shared: npt.NDArray[np.bool_], added: Array | None = None
+) -> SplitCovariance:
+    """The inverse of design^T design, of which the diagonal may be added to.
 
     Parameters
     ----------
@@ -123,6 +130,8 @@ def split_inverse(design: csr_array, is_shared: npt.NDArray[np.bool_]) -> SplitC
         Standardised and weighted design matrix.
     is_shared : (u,) array of bool
         Unknowns that many others hang on. Any choice is right; a good one leaves small groups.
+    added : (u,) array, optional
+        Of the diagonal.
 
     Raises
     ------
@@ -135,7 +144,11 @@ def split_inverse(design: csr_array, is_shared: npt.NDArray[np.bool_]) -> SplitC
     N^-1 = [[A^-1, 0], [0, 0]] + R S^-1 R^T, R = [-A^-1 B; 1]. With S = L L^T the second part is
     (R L^-T)(R L^-T)^T. Both parts are positive, so nothing cancels in their sum.
     """
-    normal = csr_array(design.T @ design).tocoo()
+    normal = csr_array(design.T @ design)
+    if added is not None:
+        rows = np.arange(len(added))
+        normal = normal + csr_array((added, (rows, rows)), shape=normal.shape)
+    normal = normal.tocoo()
     row, column, value = normal.row, normal.col, normal.data
     u, shared = len(is_shared), np.flatnonzero(is_shared)
     place = np.zeros(u, dtype=np.intp)
@@ -171,7 +184,7 @@ def split_inverse(design: csr_array, is_shared: npt.NDArray[np.bool_]) -> SplitC
         B[slot[member[row[at]]], position[row[at]], place[column[at]]] = value[at]
         inverse = _inverse(A, columns)
         gain = inverse @ B
-        S -= np.einsum("gsk,gsl->kl", B, gain, optimize=True)
+        S -= _crossed(B, gain)
         reach[columns.ravel()] = -gain.reshape(-1, len(shared))
         pieces.append((inverse, columns))
     S = (S + S.T) / 2
@@ -179,8 +192,30 @@ def split_inverse(design: csr_array, is_shared: npt.NDArray[np.bool_]) -> SplitC
         root = np.linalg.cholesky(S)
     except np.linalg.LinAlgError:
         raise NotDeterminedError(shared) from None
-    factor = solve_triangular(root, reach.T, lower=True, check_finite=False).T
-    return SplitCovariance(_block_diagonal(pieces, u), np.ascontiguousarray(factor))
+    one = np.eye(len(shared))
+    upper = solve_triangular(root, one, lower=True, check_finite=False).T
+    return SplitCovariance(_block_diagonal(pieces, u), _narrow(reach, upper))
+
+
+def _crossed(B: Array, gain: Array) -> Array:
+    """(k, k) sum over all groups of B^T gain, both (g, s, k)."""
+    g, k = len(B), B.shape[-1]
+    total = np.zeros((k, k))
+    size = max(_SMALL // max(k * k, 1), 1)
+    for first in range(0, g, size):
+        some = slice(first, first + size)
+        total += (np.swapaxes(B[some], 1, 2) @ gain[some]).sum(0)
+    return total
+
+
+def _narrow(tall: Array, square: Array) -> Array:
+    """(u, k) the product of a tall matrix (u, k) and a square one, by blocks of rows."""
+    u, k = tall.shape
+    out = np.empty((u, k))
+    size = max(_SMALL // max(k * k, 1), 1)
+    for first in range(0, u, size):
+        np.matmul(tall[first : first + size], square, out=out[first : first + size])
+    return out
 
 
 def _inverse(A: Array, columns: Index) -> Array:

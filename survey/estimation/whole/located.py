@@ -160,9 +160,10 @@ class _Search:
         while waiting and len(places) + 3 * len(stops) < MOST_POINTS:
             seen = known | set(places)
 
-            def ties(stop: str, seen: set[str] = seen) -> tuple[int, int]:
-                own = self.partners[stop]
-                return sum(n for name, n in own.items() if name in seen), own.total()
+            def ties(stop: str, seen: set[str] = seen) -> tuple[bool, int, int]:
+                own = self.partners[stop]  # a stop that fits by itself spoils no group
+                shared = sum(n for name, n in own.items() if name in seen)
+                return stop in self.starts, shared, own.total()
 
             best = max(waiting, key=ties)
             waiting.remove(best)
