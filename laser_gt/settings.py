@@ -10,13 +10,13 @@ from validation.campaign.folder import Finite, Name, NotNegative, Positive, Sett
 class ScannerSettings(Settings):
     """A scanner on the robot.
 
-    ``mount`` is the sensor frame in the robot frame (x, y in metres, theta in radians). It must
-    be stated. ``mount_sigmas`` say how well it was measured; they must be stated for the first
-    scanner, whose frame is the laser frame. ``sigma`` is the standard deviation of a range;
-    without it, it is estimated from the scans. ``turn_time`` is the time of a turn of the mirror in
-    seconds: scans of logs with odometry are then corrected for the robot's motion;
-    ``interlaced`` is the number of turns that a scan is put together from. ``scans`` is the file
-    of this scanner alone, where each has its own.
+    ``mount`` is the sensor frame in the robot frame (x, y in metres, theta in radians). Of several
+    scanners each must be stated; a single one without is itself what is placed. ``mount_sigmas``
+    say how well that of the first scanner, whose frame is the laser frame, was measured. ``sigma``
+    is the standard deviation of a range; without it, it is estimated from the scans. ``turn_time``
+    is the time of a turn of the mirror in seconds: scans of logs with odometry are then corrected
+    for the robot's motion; ``interlaced`` is the number of turns that a scan is put together from.
+    ``scans`` is the file of this scanner alone, where each has its own.
     """
 
     mount: tuple[Finite, Finite, Finite] | None = None

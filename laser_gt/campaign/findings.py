@@ -25,6 +25,7 @@ def laser_findings(outcome: LaserOutcome) -> list[Finding]:
     """Findings in the order in which they should be read."""
     found = [Finding("warning", text, "laser", "no_poses") for text in outcome.failures.values()]
     found += [Finding("note", text, "laser", "left_out") for text in outcome.inputs.left_out]
+    found += [Finding("note", text, "laser", "assumed_mount") for text in outcome.inputs.assumed]
     if outcome.survey.assumed:
         text = (
             f"the surveyed poses of the stops {', '.join(outcome.survey.assumed)} have no "

@@ -26,6 +26,15 @@ ASSUMED_SIGMAS = (0.002, 0.002, 0.003)
 hand laser good to 1.5 mm places a point to some 1 mm, a mark on the floor is as wide, and 2 mm
 over the 0.6 m of a robot frame are 3 mrad. A finding says where they are used."""
 
+EXACT_MOUNT = (1e-6, 1e-6, 1e-6)
+"""Standard deviations of a mount that is zero by definition, the poses being the scanner's own: a
+micrometre, a thousandth of any error that counts, and far enough from zero for the equations."""
+
+TAPE_MEASURE = (0.005, 0.005, 0.01)
+"""Standard deviations of a stated mount of which none are stated: 5 mm and 10 mrad. A judgement:
+a tape measure reads to 2 mm, and the middle of a scanner's mirror is guessed to a few; 2 mm over
+the 0.2 m of a housing are 10 mrad."""
+
 MOUNT_EXAMPLE = "mount = [0.178, 0.192, 1.571]  # x [m], y [m], theta [rad] in the robot frame"
 SIGMAS_EXAMPLE = "mount_sigmas = [0.002, 0.002, 0.002]  # how well that was measured"
 
@@ -48,6 +57,8 @@ class LaserInputs:
         Of pairs of stops.
     left_out : tuple of str
         What the files hold and is not used, and what they were expected to hold, in sentences.
+    assumed : tuple of str
+        What is taken for granted of the mount, in sentences.
     """
 
     sweeps: tuple[Prepared, ...]
@@ -56,6 +67,7 @@ class LaserInputs:
     odometry: Array | None
     decisions: Mapping[tuple[str, str], Decision]
     left_out: tuple[str, ...]
+    assumed: tuple[str, ...] = ()
 
     @property
     def stops(self) -> tuple[str, ...]:
@@ -85,7 +97,8 @@ def load_inputs(campaign: Campaign, settings: LaserSettings) -> LaserInputs:
     records = read_records(campaign.folder, settings)
     sensors = list(dict.fromkeys(record.scan.sensor for record in records))
     _check_scanners(campaign, settings, sensors)
-    known = settings.scanners
+    known, assumed = _completed(settings, sensors)
+    settings = settings.model_copy(update={"scanners": known})
     records = [record for record in records if record.scan.sensor in known]
     by_stop = _rows(records) if settings.format == "csv" else _at_times(campaign, settings, records)
     first = next(iter(known.values()))
@@ -101,7 +114,45 @@ def load_inputs(campaign: Campaign, settings: LaserSettings) -> LaserInputs:
         odometry=odometry,
         decisions=read_decisions(campaign.folder / settings.decisions, stops),
         left_out=tuple(_left_out(campaign, settings, sensors, by_stop, unscanned)),
+        assumed=assumed,
     )
+
+
+def _completed(
+    settings: LaserSettings, sensors: Sequence[str]
+) -> tuple[dict[str, ScannerSettings], tuple[str, ...]]:
+    """The scanners with what is assumed of their mounts, and that in sentences.
+
+    One scanner whose mount is not stated, or is zero, is itself what is placed. The sigmas of any
+    other mount that states none are those of a tape measure.
+    """
+    known = dict(settings.scanners) or {sensors[0]: ScannerSettings()}
+    name, first = next(iter(known.items()))
+    if first.mount is not None and first.mount_sigmas is not None:
+        return known, ()
+    mount = first.mount or (0.0, 0.0, 0.0)
+    exact = not any(mount)
+    sigmas = first.mount_sigmas or (EXACT_MOUNT if exact else TAPE_MEASURE)
+    known[name] = first.model_copy(update={"mount": mount, "mount_sigmas": sigmas})
+    where = f"below [laser.scanners.{name}] of campaign.toml"
+    if first.mount is None:
+        text = (
+            f"it is not stated where the scanner '{name}' sits on the robot, so the poses are "
+            "those of the scanner, and the surveyed poses are taken for such too. If they are the "
+            f"robot's, write {where}, with your numbers: {MOUNT_EXAMPLE} and {SIGMAS_EXAMPLE}"
+        )
+    elif exact:
+        text = (
+            f"the mount of the scanner '{name}' is zero, so the poses are those of the scanner. "
+            f"If it is a measured place on the robot, write {where}: {SIGMAS_EXAMPLE}"
+        )
+    else:
+        text = (
+            f"it is not stated how well the mount of the scanner '{name}' was measured. Standard "
+            f"deviations of a tape measure are assumed, {TAPE_MEASURE[0] * 1e3:.0f} mm and "
+            f"{TAPE_MEASURE[2] * 1e3:.0f} mrad; write {where}, with your numbers: {SIGMAS_EXAMPLE}"
+        )
+    return known, (text,)
 
 
 def _check_scanners(campaign: Campaign, settings: LaserSettings, sensors: Sequence[str]) -> None:
@@ -115,21 +166,17 @@ def _check_scanners(campaign: Campaign, settings: LaserSettings, sensors: Sequen
     needed = {name: known.get(name, ScannerSettings()) for name in sensors}
     if known and settings.format != "csv":  # of a log, the scanners that are stated are used
         needed = {name: needed[name] for name in known if name in needed}
-    first = next(iter(known), sensors[0])
-    for name, scanner in needed.items():
-        missing = [] if scanner.mount else [("mount", MOUNT_EXAMPLE)]
-        if name == first and not scanner.mount_sigmas:
-            missing.append(("mount_sigmas", SIGMAS_EXAMPLE))
-        problems += [
-            Problem(
-                campaign.toml,
-                f"not stated, and different on every robot; write below [laser.scanners.{name}], "
-                f"with your numbers: {example}",
-                None,
-                f"laser.scanners.{name}.{key}",
-            )
-            for key, example in missing
-        ]
+    problems += [
+        Problem(
+            campaign.toml,
+            "not stated, and the scans of several scanners are laid over each other through their "
+            f"mounts; write below [laser.scanners.{name}], with your numbers: {MOUNT_EXAMPLE}",
+            None,
+            f"laser.scanners.{name}.mount",
+        )
+        for name, scanner in needed.items()
+        if scanner.mount is None and len(needed) > 1
+    ]
     if problems:
         raise InputError(problems)
 

@@ -7,7 +7,7 @@ import pytest
 from laser_rooms import write_campaign
 
 from laser_gt.campaign.findings import laser_findings
-from laser_gt.campaign.inputs import ASSUMED_SIGMAS, as_surveyed, load_inputs
+from laser_gt.campaign.inputs import ASSUMED_SIGMAS, TAPE_MEASURE, as_surveyed, load_inputs
 from laser_gt.campaign.solve import solve_campaign
 from laser_gt.settings import LaserSettings
 from validation.campaign.folder import load_campaign
@@ -61,23 +61,36 @@ def test_all_facts_of_the_scanners_that_are_missing_are_named_at_once(campaign):
     toml.write_text(toml.read_text().split("\n[laser.scanners.")[0])
     with pytest.raises(InputError) as caught:
         _inputs(campaign)
-    # the mount of the second scanner is rigid with the first; its own sigmas are not needed
+    # what one scanner sees is laid over what the other sees through both mounts
     assert [problem.field for problem in caught.value.problems] == [
         "laser.scanners.front.mount",
-        "laser.scanners.front.mount_sigmas",
         "laser.scanners.rear.mount",
     ]
     assert "[laser.scanners.rear]" in str(caught.value)
     assert "mount = [0.178, 0.192, 1.571]" in str(caught.value)
-    assert "mount_sigmas = [0.002, 0.002, 0.002]" in str(caught.value)
 
 
-def test_the_sigmas_of_the_mount_are_not_assumed(campaign):
+def test_a_single_scanner_without_a_mount_is_itself_what_is_placed(campaign):
+    _keep(campaign / "laser" / "scans.csv", lambda row: ",rear," not in row)
+    toml = campaign / "campaign.toml"
+    toml.write_text(toml.read_text().split("\n[laser.scanners.")[0])
+    inputs = _inputs(campaign)
+    assert inputs.mount.tolist() == [0, 0, 0]
+    assert inputs.mount_sigmas.max() < 1e-5
+    (said,) = inputs.assumed
+    assert "the poses are those of the scanner" in said
+    assert "[laser.scanners.front]" in said
+    assert "mount_sigmas = [0.002, 0.002, 0.002]" in said
+
+
+def test_a_mount_without_sigmas_is_taken_as_read_off_a_tape_measure_and_that_is_said(campaign):
     toml = campaign / "campaign.toml"
     lines = toml.read_text().splitlines()
     toml.write_text("\n".join(one for one in lines if not one.startswith("mount_sigmas")) + "\n")
-    with pytest.raises(InputError, match=r"laser\.scanners\.front\.mount_sigmas'.*not stated"):
-        _inputs(campaign)
+    inputs = _inputs(campaign)
+    assert inputs.mount_sigmas.tolist() == list(TAPE_MEASURE)
+    (said,) = inputs.assumed
+    assert "5 mm and 10 mrad" in said
 
 
 def test_a_stated_scanner_without_a_scan_is_an_error(campaign):
