@@ -1,7 +1,7 @@
 """A drive as its laser scanner sees it: beams fired on the way, people, glass, edges."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from data_samples.motion.path import ROOM, TruePath, drive
 from data_samples.motion.sensors import ODOMETRY_RATE, odometry
 from data_samples.rooms.scanners import SICK_FRONT, Panels, Scanner, box, panels, polyline
 from laser_gt.logs.motion import MirrorTiming
-from laser_gt.scans.planar import compose, rotation
+from laser_gt.scans.planar import compose
 from laser_gt.scans.scan import Scan
 from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import PoseTable
@@ -183,8 +183,8 @@ def _legs(walks: Sequence[Array], time: float) -> Panels:
         ahead = later - spot
         swing = ahead / max(float(np.hypot(*ahead)), 1e-9) * 0.2 * np.sin(2 * np.pi * time)
         aside = np.array([0.12, 0.0])
-        for leg in (spot + aside + swing, spot - aside - swing):
-            found.append(polyline(circle + leg, closed=True))
+        legs = (spot + aside + swing, spot - aside - swing)
+        found += [polyline(circle + leg, closed=True) for leg in legs]
     return sum(found[1:], found[0])
 
 
@@ -221,13 +221,10 @@ def moving_scan(
         for off in (-MIXED / 2, MIXED / 2)
     ]
     both = np.isfinite(sides[0]) & np.isfinite(sides[1])
-    apart = np.abs(np.subtract(*sides, where=both, out=np.zeros(len(angles))))
+    one, other = (np.where(both, side, 0.0) for side in sides)
+    apart = np.abs(one - other)
     share = rng.random(len(angles))
-    mixed = np.where(
-        both,
-        share * np.where(both, sides[0], 0) + (1 - share) * np.where(both, sides[1], 0),
-        np.inf,
-    )
+    mixed = np.where(both, share * one + (1 - share) * other, np.inf)
     ranges = np.where(apart > 0.1, mixed, ranges + GRAZING * grazing)
     ranges = ranges + rng.normal(0.0, scanner.sigma, len(ranges))
     ranges = np.round(ranges / scanner.resolution) * scanner.resolution

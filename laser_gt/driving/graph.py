@@ -23,7 +23,7 @@ from laser_gt.scans.planar import (
     rotation,
     wrapped,
 )
-from laser_gt.scans.scan import Flags
+from laser_gt.scans.scan import Flags, Indices
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
@@ -116,7 +116,7 @@ class DrivePoses:
 class _Terms:
     """The links and steps as arrays."""
 
-    ends: npt.NDArray[np.intp]
+    ends: Indices
     poses: Array
     information: Array
 
@@ -195,8 +195,8 @@ def _equations(
     rows, columns, values = [], [], []
     gradient = np.zeros((n + 1, 3))
 
-    def add(where: npt.NDArray[np.intp], jacobians: Array, information: Array, off: Array) -> None:
-        weighted = np.swapaxes(jacobians, -1, -2) @ information[:, None]
+    def add(where: Indices, jacobians: Array, information: npt.ArrayLike, off: Array) -> None:
+        weighted = np.swapaxes(jacobians, -1, -2) @ np.asarray(information)[:, None]
         blocks = weighted[:, :, None] @ jacobians[:, None]
         offsets = np.arange(3)
         row = 3 * where[:, :, None, None, None] + offsets[:, None]
@@ -212,7 +212,8 @@ def _equations(
     nodes = np.array([one.node for one in graph.anchors], dtype=np.intp)
     if len(nodes):
         stated = np.array([one.pose for one in graph.anchors])
-        information = np.linalg.inv(np.array([one.covariance for one in graph.anchors]))
+        stated_covariances = np.array([one.covariance for one in graph.anchors], dtype=float)
+        information = np.linalg.inv(stated_covariances)
         robot = compose(poses[nodes], inverse(mount))
         by_pose, by_inverse = compose_jacobians(poses[nodes], inverse(mount))
         jacobians = np.stack([by_pose, by_inverse @ inverse_jacobian(mount)], axis=1)
@@ -220,7 +221,8 @@ def _equations(
         add(ends, jacobians, information, wrapped(robot - stated))
     else:
         held = np.eye(3)[None] * 1e12
-        add(np.zeros((1, 1), np.intp), np.eye(3)[None, None], held, poses[:1] - graph.initial[:1])
+        off = wrapped(poses[:1] - graph.initial[:1])
+        add(np.zeros((1, 1), np.intp), np.eye(3)[None, None], held, off)
     measured = np.linalg.inv(graph.mount_covariance)[None]
     add(np.array([[n]]), np.eye(3)[None, None], measured, wrapped(mount - graph.mount)[None])
     parts = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))

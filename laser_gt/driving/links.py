@@ -24,11 +24,11 @@ MOVED = (0.1, 0.05)
 WORST = 3.0
 """Largest ratio of the residuals to what noise explains: that from which on a match is rejected."""
 WIDEST = 8.0
-"""Half width in metres of the largest search. A judgement: the length of a room, and what a drive of
-ten minutes is off by where its scans show little."""
+"""Half width in metres of the largest search. A judgement: the length of a room, and what a drive
+of ten minutes is off by where its scans show little."""
 SEEN_TWICE = 0.7
-"""Share of the points that both could see and that agree, from which on a match that is to be looked
-at enters the graph with a switchable weight. A judgement: half-way between accepted and rejected."""
+"""Share of the points that both could see and that agree, from which on a match that is to be
+looked at enters the graph with a switchable weight. A judgement: half-way from reject to accept."""
 IN_FREE_SPACE = 0.15
 """Largest share of points in free space of such a match; the same."""
 PART = 24

@@ -1,4 +1,4 @@
-"""Where the robot was between two times, by odometry or by a trajectory, and how well that is known."""
+"""Where the robot was at any time, by odometry or by a trajectory, and how sure that is."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,6 +8,7 @@ import numpy as np
 
 from laser_gt.logs.motion import LONGEST, twist_between
 from laser_gt.scans.planar import between, wrapped
+from laser_gt.scans.scan import Flags
 from validation.poses.angles import Array
 from validation.statistics.robust import sigma_from_median
 
@@ -21,6 +22,10 @@ encoder is worth. A judgement."""
 HALF = 0.03
 """Half of the shortest time in seconds over which a speed is taken. A judgement: shorter, ticks of
 the encoders show; longer, a robot's change of speed."""
+
+FEWEST = 20
+"""Steps below which the noise of odometry is not judged: from twenty, a deviation by medians is
+known to a quarter of itself (1.17 / sqrt(20))."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ class Odometer:
         """Half of the time over which a speed is taken."""
         return max(HALF, float(np.median(np.diff(self.times))) / 2)
 
-    def known(self, times: Array) -> Array:
+    def known(self, times: Array) -> Flags:
         """(m,) bool array: whether times lie in the record, and in no gap of it."""
         after = np.clip(np.searchsorted(self.times, times), 1, len(self.times) - 1)
         wide = self.times[after] - self.times[after - 1] > LONGEST
@@ -104,8 +109,3 @@ class Odometer:
         )
         x, y, theta = sigma_from_median(off / sigmas, axis=0).tolist()
         return type(self)(self.times, self.poses, (float(np.hypot(x, y) / np.sqrt(2)), theta))
-
-
-FEWEST = 20
-"""Steps below which the noise of odometry is not judged: from twenty, a deviation by medians is
-known to a quarter of itself (1.17 / sqrt(20))."""

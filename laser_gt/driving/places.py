@@ -15,8 +15,8 @@ door and half, beyond which furniture hides other things."""
 AWAY = 12
 """Keyframes that lie between two passes of a place at least: one and a half submaps."""
 ARM = 5.0
-"""Metres by which an error of the heading moves what comes after it. A judgement: a third of the way
-through a building."""
+"""Metres by which an error of the heading moves what comes after it. A judgement: a third of the
+way through a building."""
 TURN_WEIGHT = 1.0
 """Metres that a radian between two headings counts for, when the nearest of a pass is chosen."""
 LARGEST = 2.5
@@ -25,7 +25,7 @@ them wide."""
 
 
 def uncertainty(count: int, links: Sequence[Link], steps: Sequence[Link]) -> Array:
-    """(n, n, 2) standard deviations of relative poses along the surest way, metres and radians.
+    """(n, n) standard deviations of relative positions along the surest way, metres.
 
     An upper bound of that of the graph, which all ways together tell.
     """
@@ -45,7 +45,7 @@ def uncertainty(count: int, links: Sequence[Link], steps: Sequence[Link]) -> Arr
     pairs = np.array(list(best))
     table = coo_array((list(best.values()), pairs.T), shape=(count, count)).tocsr()
     squared = dijkstra(table, directed=False)
-    return np.sqrt(squared)
+    return np.asarray(np.sqrt(squared))
 
 
 def loop_candidates(

@@ -2,40 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
 from laser_gt.driving.odometer import Odometer
-from laser_gt.logs.motion import moved, sensor_twist, undistorted
+from laser_gt.logs.motion import Timing, moved, sensor_twist, undistorted
 from laser_gt.scans.planar import between, compose
 from laser_gt.scans.scan import MIN_RETURNS, Scan, Sweep, View
 from validation.poses.angles import Array
-
-
-class Timing(Protocol):
-    """When the beams of a scan are fired."""
-
-    def times(self, angles: Array) -> Array:
-        """(n,) seconds from the stamp of the scan at which each beam is fired."""
-
-
-@dataclass(frozen=True)
-class SteadyTiming:
-    """Beams fired one after the other, the first at the stamp, as in a LaserScan of ROS.
-
-    Parameters
-    ----------
-    increment : float
-        Seconds from beam to beam; negative for a mirror that turns towards falling angles.
-    """
-
-    increment: float
-
-    def times(self, angles: Array) -> Array:
-        """(n,) seconds from the stamp."""
-        steps = np.arange(len(angles))
-        return np.asarray(abs(self.increment) * (steps if self.increment >= 0 else steps[::-1]))
 
 
 @dataclass(frozen=True)

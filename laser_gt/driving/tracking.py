@@ -27,8 +27,8 @@ SURPRISE = 20.0
 """Squared distance of a match from the odometry, in standard deviations, from which on the match is
 not believed: beyond the 99.99 % quantile of chi-squared with 3 degrees of freedom (21.1)."""
 GUESS_SIGMAS = np.array([0.15, 0.15, 0.15])
-"""Standard deviations of a step that is guessed from the one before it: metres, radians. A judgement:
-a robot of 1 m/s that brakes within a step of 0.2 s."""
+"""Standard deviations of a step that is guessed from the one before it: metres, radians. A
+judgement: a robot of 1 m/s that brakes within a step of 0.2 s."""
 REACH = 0.3
 """Metres within which points are paired at first. A judgement: half a doorway."""
 
@@ -90,7 +90,7 @@ def track(
         if number % 50 == 0:
             report(number / len(sweeps))
         own = surface(sweeps[number])
-        step, covariance = way.step(number, poses, sweeps)
+        step, covariance = way.step(number, poses)
         guess = between(poses[base], compose(poses[number - 1], step))
         pose, matched[number] = _matched(
             submap, own, guess, covariance, informed=odometer is not None
@@ -114,7 +114,7 @@ class _Way:
     times: Array
     mount: Array
 
-    def step(self, number: int, poses: Array, sweeps: Sequence[Sweep]) -> tuple[Array, Array]:
+    def step(self, number: int, poses: Array) -> tuple[Array, Array]:
         """(3,), (3, 3) motion of the laser frame to a sweep from the one before, covariance."""
         if self.odometer is not None:
             robot = self.odometer.at(self.times[number - 1 : number + 1])
