@@ -26,6 +26,8 @@ MIXED = 0.008
 """Full angle of a beam in radians; where it meets an edge, the range is a mixture."""
 GRAZING = 0.002
 """Metres that a range gets longer for each unit of 1 / cos - 1 of the incidence."""
+MOUNT_SIGMAS = (0.001, 0.001, 0.0005)
+"""With which the mount is measured: metres, radians."""
 STRIDE = 0.9
 """Metres a second of people."""
 
@@ -42,6 +44,8 @@ class LaserDrive(Shown):
         On a clock of their own.
     scanner : Scanner
         With its true mount.
+    stated_mount : (3,) array
+        As measured by hand.
     delay_s : float
         Added to the scans' stamps gives the odometry's time.
     odometry : Trajectory
@@ -59,6 +63,7 @@ class LaserDrive(Shown):
     truth: Trajectory
     scans: Sequence[Scan]
     scanner: Scanner
+    stated_mount: Array
     delay_s: float
     odometry: Trajectory
     stops: Sequence[Stop]
@@ -120,6 +125,7 @@ def laser_drive(
         truth=Trajectory("truth", path.times, _wrapped(path.poses), epoch=EPOCH, frame="room"),
         scans=scans,
         scanner=scanner,
+        stated_mount=np.array(scanner.mount) + rng.normal(size=3) * MOUNT_SIGMAS,
         delay_s=delay,
         odometry=Trajectory("odometry", wheels.stamps, wheels.poses, epoch=EPOCH, clock=clock),
         stops=[Stop(one.name, one.start + EPOCH, one.end + EPOCH) for one in path.stops],

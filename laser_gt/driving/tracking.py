@@ -7,10 +7,12 @@ import numpy as np
 
 from laser_gt.driving.local_map import merged, on_map
 from laser_gt.driving.odometer import Odometer
+from laser_gt.matching.kiss import register
 from laser_gt.matching.local import align
-from laser_gt.scans.evidence import MARGIN
+from laser_gt.matching.search import SearchSettings, global_match
+from laser_gt.scans.evidence import MARGIN, Prepared
 from laser_gt.scans.planar import between, compose, inverse, transform, wrapped
-from laser_gt.scans.scan import Flags, Indices, Sweep
+from laser_gt.scans.scan import Flags, Indices, Sweep, View
 from laser_gt.scans.surfaces import Surface, surface
 from validation.poses.angles import Array
 
@@ -26,9 +28,16 @@ what a turn into another room leaves in view, above what chance gives."""
 SURPRISE = 20.0
 """Squared distance of a match from the odometry, in standard deviations, from which on the match is
 not believed: beyond the 99.99 % quantile of chi-squared with 3 degrees of freedom (21.1)."""
-GUESS_SIGMAS = np.array([0.15, 0.15, 0.15])
+GUESS_SIGMAS = np.array([0.15, 0.15, 0.25])
 """Standard deviations of a step that is guessed from the one before it: metres, radians. A
 judgement: a robot of 1 m/s that brakes within a step of 0.2 s."""
+FAN = (0.0, 0.12, -0.12, 0.25, -0.25, 0.4, -0.4)
+"""Radians by which a step that is guessed from the one before it may turn more. Measured on a log
+with a scan every 0.6 s: with these, and no motion, 98 % of the steps are found, from the step
+before alone 75 %, by kiss-icp from there 89 %."""
+WIDE = SearchSettings(window=1.5, heading_window=1.5)
+"""Where a sweep is sought that none of these places: metres and radians. A judgement: a robot of
+1 m/s and 1 rad/s over a second and a half."""
 REACH = 0.3
 """Metres within which points are paired at first. A judgement: half a doorway."""
 
@@ -61,6 +70,7 @@ def track(
     mount: Array,
     odometer: Odometer | None,
     kept: Flags,
+    slack: Array,
     report: Report,
 ) -> Track:
     """Each sweep matched to the submap of those before it.
@@ -77,6 +87,8 @@ def track(
         What a step is guessed from; without it from kiss-icp and the step before.
     kept : (n,) bool array
         Sweeps that are keyframes in any case.
+    slack : (3, 3) array
+        Covariance of what a step of odometry is worse by, as long as its clock is not known.
     report : callable
         Told the share done.
     """
@@ -86,16 +98,28 @@ def track(
     keyframes = [0]
     surfaces = [surface(sweeps[0])]
     submap, base = surfaces[0], 0
+    open_since = np.zeros((3, 3))
     for number in range(1, len(sweeps)):
         if number % 50 == 0:
             report(number / len(sweeps))
         own = surface(sweeps[number])
         step, covariance = way.step(number, poses)
+        covariance = open_since = open_since + covariance + slack
         guess = between(poses[base], compose(poses[number - 1], step))
-        pose, matched[number] = _matched(
-            submap, own, guess, covariance, informed=odometer is not None
-        )
+        if odometer is not None:
+            pose, matched[number] = _matched(submap, own, guess[None], covariance)
+        else:
+            starts = way.starts(guess, sweeps[number - 1 : number + 1], poses[[base, number - 1]])
+            pose, matched[number] = _matched(submap, own, starts, covariance)
+            if not matched[number]:
+                members = keyframes[-len(surfaces) :]
+                around = _wide(sweeps, members, between(poses[base], poses[members]))
+                found = global_match(around, Prepared(sweeps[number]), guess, WIDE).pose
+                pose, matched[number] = _matched(submap, own, found[None], _ANYWHERE)
+                pose = pose if matched[number] else guess
         poses[number] = compose(poses[base], pose)
+        # What is not matched is carried on, and the next guess is worse by that.
+        open_since = np.zeros((3, 3)) if matched[number] else open_since
         off = between(poses[keyframes[-1]], poses[number])
         if np.hypot(off[0], off[1]) > SPACING[0] or abs(off[2]) > SPACING[1] or kept[number]:
             keyframes.append(number)
@@ -131,16 +155,34 @@ class _Way:
             before = between(poses[number - 2], poses[number - 1]) * min(ratio, 2.0)
         return before, np.diag(GUESS_SIGMAS**2)
 
+    def starts(self, guess: Array, pair: Sequence[Sweep], poses: Array) -> Array:
+        """(k, 3) where to look for a sweep, the guess first, by the sweep before it.
 
-def _matched(
-    submap: Surface, own: Surface, guess: Array, covariance: Array, *, informed: bool
-) -> tuple[Array, bool]:
-    """Pose of a sweep in a submap with its guess, and whether the scan says anything of it."""
-    starts = guess[None]
-    if not informed:  # the step before may be wrong by a turn
-        starts = guess + np.array(
-            [[0, 0, 0], [0, 0, 0.12], [0, 0, -0.12], [0, 0, 0.25], [0, 0, -0.25]]
-        )
+        The guess is in the frame of the submap; the poses are those of the submap and of the sweep
+        before. A fan of turns, no motion, and what kiss-icp makes of the guess.
+        """
+        before = between(poses[0], poses[1])
+        step = register(Prepared(pair[0]), Prepared(pair[1]), between(before, guess))
+        fan = guess + np.array([[0.0, 0.0, turn] for turn in FAN])
+        return np.vstack([fan, before, compose(before, step)])
+
+
+_ANYWHERE = np.diag([WIDE.window, WIDE.window, WIDE.heading_window]) ** 2
+
+
+def _wide(sweeps: Sequence[Sweep], members: Sequence[int], poses: Array) -> Prepared:
+    """The sweeps of a submap as one, for a search."""
+    views = [
+        View(view.scan, compose(pose, view.mount))
+        for number, pose in zip(members, poses, strict=True)
+        for view in sweeps[number].views
+    ]
+    return Prepared(Sweep(tuple(views)))
+
+
+def _matched(submap: Surface, own: Surface, starts: Array, covariance: Array) -> tuple[Array, bool]:
+    """Pose of a sweep in a submap from its guess, the first of the starts; whether it is seen."""
+    guess = starts[0]
     found = align(submap, own, starts, reach=REACH)
     best = 0
     if len(starts) > 1:

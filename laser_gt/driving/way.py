@@ -19,6 +19,14 @@ from validation.trajectories.clock.result import ClockEstimate
 
 WORSE = (3.0, 3.0)
 """How much worse than `SLIP_LENGTH` and `SLIP_ANGLE` odometry is taken for before it is judged."""
+SLACK = np.array([0.05, 0.05, 0.08])
+"""Metres and radians that a step of odometry may be off by as long as its clock is not known: what
+a quarter of a second of braking at 1 m/s^2 and 2 rad/s^2 does to a step of 0.2 s."""
+ROUGH_WINDOW, ROUGH_STEP = 2.0, 0.02
+"""Seconds to both sides in which the delay is first sought, and from try to try. A judgement: what
+a scanner's buffers and drivers hold back; a larger delay is left to the clock."""
+CLEAR = 0.5
+"""Share of the usual difference of the turns below which a delay stands out. A judgement."""
 SETTLED = 0.002
 """Seconds of delay below which the scans are not corrected anew: the speed, from which the beams
 are corrected, is then that of 2 ms before, and the map does not show it."""
@@ -48,7 +56,7 @@ def tracked_way(inputs: DriveInputs, report: Report) -> Way:
     first = next(iter(inputs.sensors.values()))
     odometer = None if inputs.odometer is None else replace(inputs.odometer, worse=WORSE)
     motion, delay = odometer, 0.0
-    for turn in range(3):
+    for turn in range(4):
         scans = _shifted(inputs.scans, delay)
         sweeps, corrected = sweeps_of(scans, inputs.sensors, motion, inputs.max_delay)
         if len(sweeps) < 2:
@@ -57,17 +65,22 @@ def tracked_way(inputs: DriveInputs, report: Report) -> Way:
         times = np.array(main, dtype=float)
         nodes = _nodes(inputs.stops, times)
         kept = np.isin(np.arange(len(times)), [*nodes.values()])
+        unknown = turn == 0 and inputs.own_clock
         found = track(
             sweeps,
             times,
             first.mount,
             odometer,
             kept,
+            np.diag(SLACK**2) if unknown else np.zeros((3, 3)),
             lambda share: report("tracking", 0.4 * share),
         )
         robot = compose(found.poses, inverse(first.mount))
         if odometer is not None:
-            more = _delay(inputs, odometer, times, robot) if inputs.own_clock else 0.0
+            more = 0.0
+            if inputs.own_clock:
+                more = _rough_delay(odometer, times, robot) if turn == 0 else 0.0
+                more = more or _delay(inputs, odometer, times, robot)
             odometer = odometer.judged(times, robot)
             motion = odometer
             if abs(more) < SETTLED:
@@ -105,6 +118,27 @@ def clock_of(inputs: DriveInputs, odometer: Odometer, times: Array, robot: Array
     """What is to be added to the scans' stamps to get the odometry's."""
     by_odometry = Trajectory("odometry", odometer.times, odometer.poses, epoch=inputs.epoch)
     return estimate_clock(by_odometry, Trajectory("scanner", times, robot, epoch=inputs.epoch))
+
+
+def _rough_delay(odometer: Odometer, times: Array, robot: Array) -> float:
+    """The delay at which the odometry turns as the scans do, to a hundredth of a second.
+
+    From scans that the delay has bent, the clock may not tell its own exactly; after this one it
+    has but little left to tell. 0 where turning at no time fits clearly better than usual.
+    """
+    turned = np.diff(np.unwrap(robot[:, 2]))
+    heading = np.unwrap(odometer.poses[:, 2])
+    delays = np.arange(-ROUGH_WINDOW, ROUGH_WINDOW + ROUGH_STEP / 2, ROUGH_STEP)
+    costs = np.array(
+        [
+            np.mean(np.abs(np.diff(np.interp(times + delay, odometer.times, heading)) - turned))
+            for delay in delays
+        ]
+    )
+    best = int(costs.argmin())
+    inside = 0 < best < len(delays) - 1
+    clear = costs[best] < CLEAR * np.median(costs)
+    return float(delays[best]) if inside and clear else 0.0
 
 
 def _delay(inputs: DriveInputs, odometer: Odometer, times: Array, robot: Array) -> float:
