@@ -99,3 +99,27 @@ class LaserSettings(Settings):
                 "own, or all scans are in one file"
             )
         return self
+
+
+class DriveSettings(Settings):
+    """The [laser_drive] table: a log of scans taken while driving; paths as in [laser].
+
+    ``scans`` is the log, ``format`` what it is. ``odometry`` is a file of poses in time, in any
+    format of trajectories; without it the poses that came along in the log are used, in a bag
+    those of its Odometry or transforms, of which ``odometry_topic`` and ``odometry_body`` choose.
+    ``stops`` has the columns pose, from, to: when the robot stood where, on the clock of the
+    odometry. ``reference`` lists the surveyed stops that hold the drive; empty for all.
+    ``max_delay`` is how far apart scans of several scanners may be, in seconds. ``scanners`` has
+    a table for each scanner; without one those of [laser.scanners] are meant.
+    """
+
+    scans: str = "laser/drive/scans.csv"
+    format: Literal["csv", "carmen", "rawseeds_sick", "rawseeds_hokuyo", "bag", "csm",
+                    "breezyslam"] = "csv"  # fmt: skip
+    odometry: str | None = None
+    odometry_topic: str | None = None
+    odometry_body: str | None = None
+    stops: str = "laser/drive/stops.csv"
+    scanners: dict[str, ScannerSettings] = Field(default_factory=dict)
+    reference: list[Name] = Field(default_factory=list)
+    max_delay: Positive = 0.05

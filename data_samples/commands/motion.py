@@ -19,21 +19,32 @@ from validation.commands.options import AS_JSON, PATH, SEED
     help="How bad the cameras are: noise of 3, 8, 15 or 30 mm.",
 )
 @click.option("--minutes", type=click.FloatRange(0.5, 60), default=8.0, show_default=True)
+@click.option(
+    "--laser",
+    is_flag=True,
+    help="Seen by a laser scanner on the robot instead of cameras, among people and glass.",
+)
 @FORCE
 @AS_JSON
 def simulate_motion_command(
-    folder: Path, seed: int, level: int, minutes: float, force: bool, as_json: bool
+    folder: Path, *, seed: int, level: int, minutes: float, laser: bool, force: bool, as_json: bool
 ) -> None:
     """Write a synthetic drive, seen by four cameras and a motion capture, as a campaign to FOLDER.
 
     The cameras have clocks of their own. The truth is beside, in FOLDER/truth.
     """
-    from data_samples.motion.drive import motion_drive
-    from data_samples.motion.files import write_motion
+    from data_samples.motion.drive import SampleMotion, motion_drive
+    from data_samples.motion.files import write_laser_drive, write_motion
+    from data_samples.motion.laser import LaserDrive, laser_drive
 
     refuse_to_overwrite(folder, force=force)
-    drive = motion_drive(seed, level=level, minutes=minutes)
-    written = write_motion(folder, drive)
+    drive: LaserDrive | SampleMotion
+    if laser:
+        drive = laser_drive(seed, minutes=minutes)
+        written = write_laser_drive(folder, drive)
+    else:
+        drive = motion_drive(seed, level=level, minutes=minutes)
+        written = write_motion(folder, drive)
     if as_json:
         from validation.report.terminal import print_json
 

@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from validation.commands.options import AS_JSON, AS_PUBLISHED, CAMPAIGN, STRICT, progress_bar
+from validation.commands.options import (
+    AS_JSON,
+    AS_PUBLISHED,
+    CAMPAIGN,
+    STRICT,
+    WORKERS,
+    progress_bar,
+)
 from validation.commands.solve import CampaignGroup, solve_command
 
 if TYPE_CHECKING:
@@ -40,6 +47,20 @@ laser.add_command(
         CAMPAIGN/results: all of them, or none if anything fails.
         """,
         [ENGINES, AS_PUBLISHED],
+    )
+)
+
+
+laser.add_command(
+    solve_command(
+        "laser_drive",
+        """Make a trajectory of a log of scans that was taken while driving.
+
+        Writes trajectory_laser_drive.csv and, where the robot stood at named stops,
+        poses_laser_drive.csv to CAMPAIGN/results: all of them, or none if anything fails.
+        """,
+        [WORKERS],
+        name="drive",
     )
 )
 

@@ -1,5 +1,7 @@
 """Reader of LaserScan messages from ROS 1 and ROS 2 bags and MCAP files, through rosbags."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,11 @@ from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 
 MESSAGE = "sensor_msgs/msg/LaserScan"
+ODOMETRY, TRANSFORMS = "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage"
+PARSERS = {"rosbags", "struct", "lz4", "zstandard", "yaml", "ruamel"}
+"""Packages whose errors say that a bag is damaged."""
+SLOWEST = 1.0
+"""Seconds that a scan lasts at most; a `time_increment` that makes it longer is not one."""
 
 
 def read_bag(path: Path) -> list[ScanRecord]:
@@ -34,6 +41,21 @@ def read_bag(path: Path) -> list[ScanRecord]:
     the sensor and is kept as no return too. Scanners mounted upside down give falling angles;
     they are turned around.
     """
+    with _reading(path) as reader:
+        wanted = [c for c in reader.connections if c.msgtype == MESSAGE]
+        messages = (
+            (connection.topic.strip("/"), reader.deserialize(raw, connection.msgtype))
+            for connection, _, raw in reader.messages(wanted)
+        )
+        records, problems = read_each(path, enumerate(messages, 1), _record)
+    if not records and not problems:
+        raise InputError([Problem(path, "the bag holds no sensor_msgs/LaserScan message")])
+    return checked(path, records, problems)
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[Any]:
+    """An open bag; whatever is wrong with it is a known error."""
     try:
         from rosbags.highlevel import AnyReader, AnyReaderError  # noqa: PLC0415
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
@@ -41,20 +63,37 @@ def read_bag(path: Path) -> list[ScanRecord]:
         raise GtvalError("reading bags needs an extra: pip install 'gtval[bags]'") from None
     if not path.exists():
         raise InputError([Problem(path, "there is no such file")])
-    store = get_typestore(Stores.ROS2_HUMBLE)
     try:
-        with AnyReader([path], default_typestore=store) as reader:
-            wanted = [c for c in reader.connections if c.msgtype == MESSAGE]
-            messages = (
-                (connection.topic.strip("/"), reader.deserialize(raw, connection.msgtype))
-                for connection, _, raw in reader.messages(wanted)
-            )
-            records, problems = read_each(path, enumerate(messages, 1), _record)
-    except (AnyReaderError, OSError, ValueError, KeyError) as error:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            yield reader
+    except GtvalError:
+        raise
+    except (AnyReaderError, OSError, ValueError, KeyError, AssertionError, IndexError) as error:
         raise GtvalError(f"cannot read the bag {path}: {error}") from error
-    if not records and not problems:
-        raise InputError([Problem(path, "the bag holds no sensor_msgs/LaserScan message")])
-    return checked(path, records, problems)
+    except Exception as error:
+        # rosbags and its parsers raise errors of many kinds on damaged files.
+        if type(error).__module__.partition(".")[0] not in PARSERS:
+            raise
+        raise GtvalError(f"cannot read the bag {path}: {error}") from error
+
+
+def odometry_in(path: Path) -> tuple[str, str | None] | None:
+    """Topic, and pair of frames, of the odometry in a bag; None where there is none.
+
+    An Odometry topic, the first by name; else the transforms from a frame whose name ends in
+    'odom' to the first of the frames below it.
+    """
+    with _reading(path) as reader:
+        kinds = {connection.topic: connection.msgtype for connection in reader.connections}
+        for topic in sorted(kinds):
+            if kinds[topic] == ODOMETRY:
+                return topic, None
+        wanted = [one for one in reader.connections if one.msgtype == TRANSFORMS]
+        for connection, _, raw in reader.messages(wanted):
+            for one in reader.deserialize(raw, connection.msgtype).transforms:
+                if str(one.header.frame_id).endswith("odom"):
+                    return connection.topic, f"{one.header.frame_id}:{one.child_frame_id}"
+    return None
 
 
 def _record(line: Line, topic_and_message: tuple[str, Any]) -> ScanRecord:
@@ -76,7 +115,10 @@ def _record(line: Line, topic_and_message: tuple[str, Any]) -> ScanRecord:
         time=stamp.sec + 1e-9 * stamp.nanosec,
         sensor=topic,
     )
-    return ScanRecord(scan, line=line.number)
+    between = float(message.time_increment)
+    told = np.isfinite(between) and 0 < abs(between) * len(ranges) <= SLOWEST
+    increment = (between if step > 0 else -between) if told else 0.0
+    return ScanRecord(scan, line=line.number, increment=increment)
 
 
 def _at_most_a_turn(angles: Array) -> Array:

@@ -7,6 +7,7 @@ that moves them by 9 mrad, more than a whole beam: walls become saw teeth.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -22,6 +23,32 @@ above the last bit of an angle (4e-16), far below the step of any scanner."""
 LONGEST = 1.5
 """Odometry further apart than this, in seconds, says little about the speed at a scan. A judgement:
 logs have it several times a second; in 1.5 s a robot stops, turns and starts again."""
+
+
+class Timing(Protocol):
+    """When the beams of a scan are fired."""
+
+    def times(self, angles: Array) -> Array:
+        """(n,) seconds from the stamp of the scan at which each beam is fired."""
+        ...
+
+
+@dataclass(frozen=True)
+class SteadyTiming:
+    """Beams fired one after the other, the first at the stamp, as in a LaserScan of ROS.
+
+    Parameters
+    ----------
+    increment : float
+        Seconds from beam to beam; negative where the angles fall in time.
+    """
+
+    increment: float
+
+    def times(self, angles: Array) -> Array:
+        """(n,) seconds from the stamp."""
+        steps = np.arange(len(angles))
+        return np.asarray(abs(self.increment) * (steps if self.increment >= 0 else steps[::-1]))
 
 
 @dataclass(frozen=True)
@@ -79,7 +106,7 @@ def twist_between(first: Array, second: Array, seconds: float) -> Array:
     return np.array([x, y, step[2]]) / seconds
 
 
-def undistorted(scan: Scan, twist: Array, timing: MirrorTiming) -> Scan:
+def undistorted(scan: Scan, twist: Array, timing: Timing) -> Scan:
     """The scan as a scanner at rest at the middle of its time would have taken it.
 
     Parameters
@@ -88,7 +115,7 @@ def undistorted(scan: Scan, twist: Array, timing: MirrorTiming) -> Scan:
         As logged.
     twist : (3,) array
         Of the sensor frame: m/s, m/s, rad/s.
-    timing : MirrorTiming
+    timing : Timing
         When the beams were fired.
 
     Raises

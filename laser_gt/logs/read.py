@@ -2,12 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from laser_gt.logs.bags import read_bag
+from laser_gt.logs.breezyslam import read_breezyslam
 from laser_gt.logs.carmen import read_carmen
+from laser_gt.logs.csm_json import read_csm
 from laser_gt.logs.motion import MirrorTiming, undistorted_records
 from laser_gt.logs.rawseeds import (
     read_rawseeds_hokuyo,
@@ -27,7 +30,11 @@ READERS: dict[str, Callable[[Path], list[ScanRecord]]] = {
     "rawseeds_sick": read_rawseeds_sick,
     "rawseeds_hokuyo": read_rawseeds_hokuyo,
     "bag": read_bag,
+    "csm": read_csm,
+    "breezyslam": read_breezyslam,
 }
+LOGS = READERS | {"csv": partial(read_scan_csv, stops=False)}
+"""Readers of the logs of drives."""
 
 
 def read_records(folder: Path, settings: LaserSettings) -> list[ScanRecord]:

@@ -42,6 +42,9 @@ class ScanRecord:
         Name of the stop, where the file tells it.
     undistorted : bool
         Whether the beams were put where the moving scanner was when it fired.
+    increment : float
+        Seconds from beam to beam where the log tells it, the first at the time stamp; negative
+        where the angles fall in time; 0 where it does not.
     """
 
     scan: Scan
@@ -50,6 +53,7 @@ class ScanRecord:
     line: int = 0
     stop: str = ""
     undistorted: bool = False
+    increment: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -27,13 +27,25 @@ COLUMNS = (
     Column("range_max", "number", required=False, blank=True, low=0, high=1e4, unit="m"),
     Column("ranges", blank=True),
 )
+DRIVE = {
+    "pose": Column("pose", required=False, blank=True),
+    "time": Column("time", "number", unit="s"),
+}
+"""Columns that the scans of a drive have instead: no stop, but a time."""
 MAX_BYTES = 200_000_000
 """Bytes of the largest file that is read. A judgement: some 50,000 scans of 500 ranges, far more
 than a robot makes stops."""
 
 
-def read_scan_csv(path: Path) -> list[ScanRecord]:
+def read_scan_csv(path: Path, *, stops: bool = True) -> list[ScanRecord]:
     """All scans of the file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    stops : bool
+        Whether each scan is that of a stop; else of a drive, and told by its time.
 
     Raises
     ------
@@ -41,8 +53,10 @@ def read_scan_csv(path: Path) -> list[ScanRecord]:
         Naming every bad place: no numbers, NaN, no ranges, fewer ranges than the other scans of
         the sensor, a stop and sensor that come twice.
     """
-    table = read_csv(path, COLUMNS, max_bytes=MAX_BYTES)
-    table.flag_duplicates(["pose", "sensor"])
+    columns = COLUMNS if stops else [DRIVE.get(one.name, one) for one in COLUMNS]
+    table = read_csv(path, columns, max_bytes=MAX_BYTES)
+    if stops:
+        table.flag_duplicates(["pose", "sensor"])
     table.raise_problems()
     records, problems = read_each(path, zip(table.lines, _rows(table), strict=True), _record)
     if not records and not problems:
@@ -108,7 +122,7 @@ def scan_csv(scans: Iterable[tuple[str, Scan]]) -> str:
     lines = ["pose,sensor,time,angle_min,angle_step,range_min,range_max,ranges"]
     for stop, scan in scans:
         ranges = " ".join(f"{r:.4f}".rstrip("0").rstrip(".") for r in scan.ranges)
-        time = repr(scan.time) if np.isfinite(scan.time) else ""
+        time = repr(float(scan.time)) if np.isfinite(scan.time) else ""
         step = (scan.angles[-1] - scan.angles[0]) / max(len(scan) - 1, 1)
         lines.append(
             f"{stop},{scan.sensor},{time},{float(scan.angles[0])!r},{float(step)!r},"

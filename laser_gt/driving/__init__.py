@@ -1,0 +1,1 @@
+"""A whole log of a driving robot becomes a trajectory."""

@@ -1,0 +1,307 @@
+"""Pose graph of a drive: sparse, with weights that switch wrong links off.
+
+Graduated non-convexity with truncated least squares: Yang et al., "Graduated Non-Convexity for
+Robust Spatial Perception" (2020). The problem is first made so convex that every link counts, then
+step by step less so; links that contradict the others lose their weight on the way.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from laser_gt.driving.links import Link, ends_of
+from laser_gt.scans.planar import (
+    CONTRADICTION,
+    between,
+    compose,
+    compose_jacobians,
+    inverse,
+    inverse_jacobian,
+    rotation,
+    wrapped,
+)
+from laser_gt.scans.scan import Flags, Indices
+from validation.errors import GtvalError
+from validation.poses.angles import Array
+
+MAX_STEPS = 100
+"""Bound on the steps. A judgement: the weights need thirty of them from a start that is off by a
+hundred standard deviations, for each makes the cost less convex by `SHARPER`."""
+SHARPER = 1.6
+"""Factor on the convexity from step to step; the source takes 1.4 and many steps."""
+SMALL = 1e-6
+"""A step below this, in metres and radians, ends the iteration."""
+LEAST_MISFIT = 0.02
+"""Least factor on the covariances of the links, as in `laser_gt.placing.graph`."""
+COLUMNS = 256
+"""Columns of the inverse that are solved for at once: 10 MB for a thousand poses."""
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """A surveyed pose of the robot.
+
+    Parameters
+    ----------
+    node : int
+        Pose of the graph.
+    pose : (3,) array
+        Of the robot, in the GTV frame.
+    covariance : (3, 3) array
+        Of it.
+    """
+
+    node: int
+    pose: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class DriveGraph:
+    """What is known of the poses of the laser frame.
+
+    Parameters
+    ----------
+    initial : (n, 3) array
+        First values.
+    mount : (3,) array
+        Laser frame in the robot frame, as measured.
+    mount_covariance : (3, 3) array
+        Of it.
+    links : sequence of Link
+        Matches; those that are not sure may be switched off. Start and end are poses of the graph.
+    steps : sequence of Link
+        Motions by odometry from each pose to the next, always believed.
+    anchors : sequence of Anchor
+        Surveyed poses; without any the first pose is held where it is.
+    """
+
+    initial: Array
+    mount: Array
+    mount_covariance: Array
+    links: Sequence[Link]
+    steps: Sequence[Link]
+    anchors: Sequence[Anchor]
+
+
+@dataclass(frozen=True)
+class DrivePoses:
+    """What follows.
+
+    Parameters
+    ----------
+    poses : (n, 3) array
+        Of the laser frame.
+    mount : (3,) array
+        Laser frame in the robot frame.
+    weights : (m,) array
+        Of the links: 1 where believed, 0 where switched off.
+    squares : (m,) array
+        Squared residuals of the links in standard deviations.
+    misfit : float
+        Mean square of the residuals of the links that are believed, over its expectation.
+    """
+
+    poses: Array
+    mount: Array
+    weights: Array
+    squares: Array
+    misfit: float
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """The links and steps as arrays."""
+
+    ends: Indices
+    poses: Array
+    information: Array
+
+    @classmethod
+    def of(cls, links: Sequence[Link]) -> "_Terms":
+        poses = np.array([one.pose for one in links]).reshape(-1, 3)
+        information = np.array([one.information for one in links]).reshape(-1, 3, 3)
+        return cls(ends_of(links), poses, information)
+
+    def residuals(self, poses: Array) -> tuple[Array, Array]:
+        """(m, 3) residuals, and their (m,) squared lengths in standard deviations."""
+        start, end = self.ends.T
+        residual = wrapped(between(poses[start], poses[end]) - self.poses)
+        return residual, np.einsum("mi,mij,mj->m", residual, self.information, residual)
+
+    def jacobians(self, poses: Array) -> Array:
+        """(m, 2, 3, 3) derivatives of the residuals by the poses at both ends."""
+        start, end = poses[self.ends[:, 0]], poses[self.ends[:, 1]]
+        by_start, by_end = compose_jacobians(inverse(start), end)
+        return np.stack([by_start @ inverse_jacobian(start), by_end], axis=1)
+
+
+def solve_drive(graph: DriveGraph) -> DrivePoses:
+    """The poses that explain links, odometry and surveyed poses best.
+
+    Raises
+    ------
+    GtvalError
+        If they are not determined.
+    """
+    links, steps = _Terms.of(graph.links), _Terms.of(graph.steps)
+    doubted = np.array([not one.sure for one in graph.links], dtype=bool)
+    poses, mount = graph.initial.copy(), graph.mount.copy()
+    weights = np.ones(len(graph.links))
+    _, squares = links.residuals(poses)
+    worst = float(squares[doubted].max(initial=0.0))
+    convexity = max(2 * worst / CONTRADICTION - 1, 1e-3) if worst > CONTRADICTION else 0.0
+    for _ in range(MAX_STEPS):
+        matrix, gradient = _equations(graph, links, steps, weights, poses, mount)
+        step = _factor(matrix).solve(-gradient)
+        poses = wrapped(poses + step[:-3].reshape(-1, 3))
+        mount = mount + step[-3:]
+        _, squares = links.residuals(poses)
+        done = np.abs(step).max() < SMALL
+        if convexity:
+            weights = np.where(doubted, _weights(squares, convexity), 1.0)
+            convexity /= SHARPER
+            done &= bool(((weights < 0.01) | (weights > 0.99)).all())
+        if done:
+            break
+    believed = weights > 0.5
+    freedom = 3 * int(believed.sum()) - 3 * (len(poses) - 1)
+    misfit = float(squares[believed].sum()) / freedom if freedom > 0 else 1.0
+    return DrivePoses(poses, mount, weights, squares, misfit)
+
+
+def _weights(squares: Array, convexity: float) -> Array:
+    """(m,) weights of truncated least squares, smoothed by a convexity."""
+    low = CONTRADICTION / (1 + convexity)
+    high = CONTRADICTION * (1 + convexity)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        between_both = (np.sqrt(low * high / squares) - np.sqrt(low)) / (
+            np.sqrt(high) - np.sqrt(low)
+        )
+    inside = np.clip(np.nan_to_num(between_both, nan=1.0, posinf=1.0), 0.0, 1.0)
+    return np.asarray(np.where(squares <= low, 1.0, np.where(squares >= high, 0.0, inside)))
+
+
+def _equations(
+    graph: DriveGraph, links: _Terms, steps: _Terms, weights: Array, poses: Array, mount: Array
+) -> tuple[Any, Array]:
+    """Information matrix (sparse) of the poses and, last, the mount, and gradient."""
+    from scipy import sparse  # noqa: PLC0415  (loaded when a graph is solved)
+
+    n = len(poses)
+    rows, columns, values = [], [], []
+    gradient = np.zeros((n + 1, 3))
+
+    def add(where: Indices, jacobians: Array, information: npt.ArrayLike, off: Array) -> None:
+        weighted = np.swapaxes(jacobians, -1, -2) @ np.asarray(information)[:, None]
+        blocks = weighted[:, :, None] @ jacobians[:, None]
+        offsets = np.arange(3)
+        row = 3 * where[:, :, None, None, None] + offsets[:, None]
+        column = 3 * where[:, None, :, None, None] + offsets
+        rows.append(np.broadcast_to(row, blocks.shape).ravel())
+        columns.append(np.broadcast_to(column, blocks.shape).ravel())
+        values.append(blocks.ravel())
+        np.add.at(gradient, where, (weighted @ off[:, None, :, None])[..., 0])
+
+    for terms, weight in ((links, weights), (steps, np.ones(len(graph.steps)))):
+        residual, _ = terms.residuals(poses)
+        add(terms.ends, terms.jacobians(poses), terms.information * weight[:, None, None], residual)
+    nodes = np.array([one.node for one in graph.anchors], dtype=np.intp)
+    if len(nodes):
+        stated = np.array([one.pose for one in graph.anchors])
+        stated_covariances = np.array([one.covariance for one in graph.anchors], dtype=float)
+        information = np.linalg.inv(stated_covariances)
+        robot = compose(poses[nodes], inverse(mount))
+        by_pose, by_inverse = compose_jacobians(poses[nodes], inverse(mount))
+        jacobians = np.stack([by_pose, by_inverse @ inverse_jacobian(mount)], axis=1)
+        ends = np.column_stack([nodes, np.full(len(nodes), n)])
+        add(ends, jacobians, information, wrapped(robot - stated))
+    else:
+        held = np.eye(3)[None] * 1e12
+        off = wrapped(poses[:1] - graph.initial[:1])
+        add(np.zeros((1, 1), np.intp), np.eye(3)[None, None], held, off)
+    measured = np.linalg.inv(graph.mount_covariance)[None]
+    add(np.array([[n]]), np.eye(3)[None, None], measured, wrapped(mount - graph.mount)[None])
+    parts = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    matrix = sparse.coo_array(parts, shape=(3 * n + 3, 3 * n + 3)).tocsc()
+    return matrix, gradient.ravel()
+
+
+def _factor(matrix: Any) -> Any:
+    """The factored equations."""
+    from scipy.sparse.linalg import splu  # noqa: PLC0415
+
+    try:
+        return splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    except RuntimeError:
+        raise GtvalError("the scans and the odometry do not determine the poses") from None
+
+
+def own_noise(graph: DriveGraph, believed: Flags) -> Array:
+    """(n, 3, 3) covariance of each pose from the noise of its own scan.
+
+    Half of a link's covariance is the noise of either of its scans, seen from the other; the median
+    over a pose's links, each turned to the pose's own frame and then to that of the graph.
+    """
+    found: list[list[Array]] = [[] for _ in graph.initial]
+    for link, good in zip(graph.links, believed, strict=True):
+        if not good or np.linalg.eigvalsh(link.information)[0] < 1.0:
+            continue  # a metre: nothing is known of one direction
+        covariance = np.linalg.inv(link.information) / 2
+        turn = np.eye(3)
+        turn[:2, :2] = rotation(link.pose[2]).T
+        found[link.end].append(turn @ covariance @ turn.T)
+        back = inverse_jacobian(link.pose)
+        found[link.start].append(_turned(back @ covariance @ back.T, -link.pose[2]))
+    usual = [one for each in found for one in each]
+    fallback = np.median(usual, axis=0) if usual else np.zeros((3, 3))
+    own = np.array([np.mean(each, axis=0) if each else fallback for each in found])
+    turns = np.tile(np.eye(3), (len(own), 1, 1))
+    turns[:, :2, :2] = rotation(graph.initial[:, 2])
+    return np.asarray(turns @ own @ np.swapaxes(turns, -1, -2))
+
+
+def _turned(covariance: Array, angle: float) -> Array:
+    """A covariance in axes that are turned back by an angle."""
+    turn = np.eye(3)
+    turn[:2, :2] = rotation(angle).T
+    return np.asarray(turn @ covariance @ turn.T)
+
+
+@dataclass(frozen=True)
+class Marginals:
+    """Covariances of the poses of a graph.
+
+    Parameters
+    ----------
+    poses : (n, 3, 3) array
+        Of each pose.
+    with_mount : (n, 3, 3) array
+        Of each pose with the mount.
+    mount : (3, 3) array
+        Of the mount.
+    """
+
+    poses: Array
+    with_mount: Array
+    mount: Array
+
+
+def marginals(graph: DriveGraph, solved: DrivePoses, scale: float) -> Marginals:
+    """Covariances of the poses, the links taken as good to ``scale`` times their covariances."""
+    links, steps = _Terms.of(graph.links), _Terms.of(graph.steps)
+    weights = np.where(solved.weights > 0.5, 1.0, 0.0) / scale
+    matrix, _ = _equations(graph, links, steps, weights, solved.poses, solved.mount)
+    factor, n = _factor(matrix), len(solved.poses)
+    poses, size = np.empty((n, 3, 3)), 3 * n + 3
+    last = factor.solve(np.eye(size, 3, -3 * n))
+    for first in range(0, n, COLUMNS // 3):
+        count = min(COLUMNS // 3, n - first)
+        columns = factor.solve(np.eye(size, 3 * count, -3 * first))
+        block = columns[3 * first : 3 * (first + count)].reshape(count, 3, count, 3)
+        poses[first : first + count] = block[range(count), :, range(count), :]
+    cross = last[:-3].reshape(n, 3, 3)
+    return Marginals((poses + np.swapaxes(poses, 1, 2)) / 2, cross, last[-3:])

@@ -1,0 +1,130 @@
+"""All sweeps placed against the map that the solved keyframes make."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from laser_gt.driving.local_map import merged, on_map
+from laser_gt.driving.tracking import LOST
+from laser_gt.matching.local import align
+from laser_gt.scans.evidence import MARGIN
+from laser_gt.scans.planar import between, compose, compose_jacobians, transform, wrapped
+from laser_gt.scans.scan import Sweep
+from laser_gt.scans.surfaces import surface
+from validation.poses.angles import Array
+from validation.processes import in_processes
+
+REACH = 0.08
+"""Metres within which points are paired at first: the guess is good to the odometry since the last
+keyframe, half a metre ago."""
+SURPRISE = 25.0
+"""Squared distance from the guess, in standard deviations, beyond which a match is not believed."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A submap, and the sweeps that are placed in it.
+
+    Parameters
+    ----------
+    base : int
+        Keyframe in whose frame it is.
+    keyframes : sequence of int
+        Sweeps that it is made of.
+    poses : (k, 3) array
+        Of them, in the frame of the base.
+    sweeps : sequence of int
+        To be placed.
+    guesses : (m, 3) array
+        Of them, in the frame of the base.
+    covariances : (m, 3, 3) array
+        Of the guesses.
+    """
+
+    base: int
+    keyframes: Sequence[int]
+    poses: Array
+    sweeps: Sequence[int]
+    guesses: Array
+    covariances: Array
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A sweep placed in a submap.
+
+    Parameters
+    ----------
+    sweep, base : int
+        The sweep, and the keyframe in whose frame it is.
+    pose : (3,) array
+        Of it.
+    covariance : (3, 3) array
+        Of the pose, from the noise of the scans and of the guess.
+    matched : bool
+        Whether the scan was used.
+    """
+
+    sweep: int
+    base: int
+    pose: Array
+    covariance: Array
+    matched: bool
+
+
+Job = tuple[Mapping[int, Sweep], Place]
+
+
+def placed_sweeps(
+    sweeps: Sequence[Sweep],
+    places: Sequence[Place],
+    workers: int,
+    report: Callable[[float], None],
+) -> list[Placed]:
+    """Every sweep of the places, matched to its submap; in parallel processes."""
+    jobs: list[Job] = [
+        ({n: replace(sweeps[n]) for n in {*place.keyframes, *place.sweeps}}, place)
+        for place in places
+    ]
+    few = workers if len(jobs) > workers else 1
+    return [one for found in in_processes(_placed, jobs, few, report) for one in found]
+
+
+def _placed(job: Job) -> list[Placed]:
+    """The sweeps of one place."""
+    sweeps, place = job
+    submap = merged([surface(sweeps[number]) for number in place.keyframes], place.poses)
+    result = []
+    for number, guess, covariance in zip(
+        place.sweeps, place.guesses, place.covariances, strict=True
+    ):
+        own = surface(sweeps[number])
+        found = align(submap, own, guess, reach=REACH)
+        pose, spread = found.pose[0], found.covariance[0]
+        off = wrapped(pose - guess)
+        good = np.isfinite(spread).all()
+        if good:
+            surprise = off @ np.linalg.solve(spread + covariance, off)
+            share = on_map(submap, transform(pose, own.points), MARGIN).mean()
+            good = surprise <= SURPRISE and share >= LOST
+        if good:
+            gain = spread @ np.linalg.inv(spread + covariance)
+            joint = gain @ covariance
+            pose, spread = wrapped(pose - gain @ off), (joint + joint.T) / 2
+        else:
+            pose, spread = guess, covariance
+        result.append(Placed(number, place.base, pose, spread, bool(good)))
+    return result
+
+
+def carried(base: Array, covariance: Array, own: Placed) -> tuple[Array, Array]:
+    """Pose and covariance in the frame of the graph of a sweep in the frame of its base."""
+    by_base, by_own = compose_jacobians(base, own.pose)
+    spread = by_base @ covariance @ by_base.T + by_own @ own.covariance @ by_own.T
+    return compose(base, own.pose), spread
+
+
+def seen_from(base: Array, poses: Array) -> Array:
+    """Poses in the frame of another."""
+    return between(base, poses)
