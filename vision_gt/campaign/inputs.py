@@ -286,7 +286,7 @@ class VisionInputs:
             "mirrored",
         }
         if found.note:
-            self.oddities.append((self._shown(found.path), said[found.note]))
+            self.oddities.append((self._shown(found.path), said.get(found.note, found.note)))
 
     def _shown(self, path: Path) -> str:
         return str(path.relative_to(self.campaign.folder))

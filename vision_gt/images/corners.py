@@ -73,7 +73,7 @@ def refine_corners(
     flat = Flat(parameters)
     corners = flat.from_image(np.asarray(start, dtype=float))
     cell = _cells(corners, bits.shape[1])
-    half = np.clip(cell - _BLUR_OF_NEXT, _LEAST_HALF_WINDOW, HALF_WINDOW).ravel()
+    half = windows(corners, bits.shape[1])
     corners, covariances, good, disturbed = fit_edges(image, corners, half, flat)
     least = cell.min(1)
     # The print tells more, but takes longer: it is read where nothing larger is in the image.
@@ -94,6 +94,20 @@ def refine_corners(
         np.where(good[..., None, None], covariances, np.eye(2)),
         good,
     )
+
+
+def windows(corners: Array, cells: int) -> Array:
+    """(4 m,) pixels to either side of the sides of markers that nothing but the side reaches.
+
+    Parameters
+    ----------
+    corners : (m, 4, 2) array
+        Of the markers, pixels.
+    cells : int
+        Along a side.
+    """
+    half = _cells(corners, cells) - _BLUR_OF_NEXT
+    return np.clip(half, _LEAST_HALF_WINDOW, HALF_WINDOW).ravel()
 
 
 def _cells(corners: Array, cells: int) -> Array:

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
+from vision_gt.images.sampling import sampled
 from vision_gt.optics.camera import distorted, distortion_slopes, undistort
 
 CORNER_MARGIN = 2.5
@@ -136,10 +136,7 @@ def profiles(
     # The lens is as good as linear over a few pixels.
     places, slope = flat.to_image_with_slope(on_edge)
     where = places[:, :, None] + across @ np.swapaxes(slope, -1, -2)
-    maps = np.nan_to_num(where, nan=-99.0).astype(np.float32).reshape(len(ends), -1, 2)
-    x, y = np.ascontiguousarray(maps[..., 0]), np.ascontiguousarray(maps[..., 1])
-    grey = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(grey, dtype=float).reshape(len(ends), count, len(steps))
+    return sampled(image, where[..., 0], where[..., 1])
 
 
 def samples(

@@ -112,6 +112,17 @@ def fit_edges(
     return corners, covariances, good, np.asarray(disturbed)
 
 
+def sought_corners(image: Image, corners: Array, half: Array, flat: Flat) -> Array:
+    """(m, 4, 2) corners where grey levels drop most near each side: quicker than fits, and rougher.
+
+    Parameters
+    ----------
+    image, corners, half, flat
+        As for `fit_edges`.
+    """
+    return _crossings(corners, _sought_edges(image, _sides(corners), half, flat)[0])[0]
+
+
 def _sides(corners: Array) -> Array:
     """(4 m, 2, 2) the two ends of each side."""
     return np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)

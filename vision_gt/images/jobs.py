@@ -88,7 +88,7 @@ class Found:
     fault : str
         Why nothing could be looked for ('truncated', ...); '' if all is well.
     note : str
-        What is odd about the image: 'blank', 'mirrored'.
+        What is odd about the image: 'blank', 'mirrored', or what went wrong as it was looked at.
     """
 
     path: Path
@@ -130,12 +130,21 @@ def _one_thread() -> None:
 
 
 def detect_one(job: Job) -> Found:
-    """What one image shows; a bad file is a fault, not an exception."""
+    """What one image shows; a bad file is a fault, and whatever goes wrong a note, no exception."""
     try:
         image = read_image(job.path)
     except InputError as error:
         return Found(job.path, fault="; ".join(problem.expected for problem in error.problems))
     size = (image.shape[1], image.shape[0])
+    try:
+        return _looked_at(image, size, job)
+    except Exception as error:  # noqa: BLE001  (no image may end a run)
+        said = " ".join(str(error).split())[:200] or type(error).__name__
+        return Found(job.path, size, note=f"could not be looked at: {said}")
+
+
+def _looked_at(image: Image, size: tuple[int, int], job: Job) -> Found:
+    """What an image shows."""
     if is_blank(image):
         return Found(job.path, size, note="blank")
     if isinstance(job, BoardJob):

@@ -24,6 +24,7 @@ from vision_gt.images.grey_fits import (
     believable,
     tukey,
 )
+from vision_gt.images.sampling import sampled
 
 _SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
 """Corners in the frame of the print: x to the right, y down, half a side long."""
@@ -43,7 +44,6 @@ contrast between the steps; and how few and many steps a cell has."""
 _STEPS_A_CELL = 10, 32
 _MOST_STEPS = 8
 """A judgement: one that has not ended by then has found no print."""
-_REPLICATE = cv2.BORDER_REPLICATE
 _CONVERGED, _DIVERGED = 0.05, 3.0
 """Pixels that a corner moves: as steps shrink fast, the one after would be far smaller; and more
 than the start is off, which is a pixel or two."""
@@ -263,12 +263,11 @@ def _blurred(cells: Array, width: Array, x: Array, y: Array) -> list[Array]:
         (rows[0], wider),
         (rows[2], plain),
     )
-    columns, lines = (((p + end) / (grid[1] - grid[0])).astype(np.float32) for p in (x, y))
+    columns, lines = ((p + end) / (grid[1] - grid[0]) for p in (x, y))
     found: list[Array] = []
     for three in (products[:3], products[3:]):
         table = cv2.merge([a @ b for a, b in three])
-        values = cv2.remap(table, columns, lines, cv2.INTER_LINEAR, borderMode=_REPLICATE)
-        found.extend(np.asarray(values, dtype=float).reshape(-1, 3).T)
+        found.extend(sampled(table, columns, lines).T)
     return found
 
 

@@ -1,0 +1,227 @@
+"""Codes of markers, read from quadrangles that might be some.
+
+OpenCV reads a code from a picture of the quadrangle that it has made black and white. Here cells
+are compared with what black and white are at their place, as the border and the rim around it
+show them, so uneven light, little contrast and small cells do less harm.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import comb
+
+import numpy as np
+import numpy.typing as npt
+
+from validation.poses.angles import Array
+from vision_gt.images.sampling import sampled
+from vision_gt.patterns.dictionaries import Family
+
+Image = npt.NDArray[np.uint8]
+Ints = npt.NDArray[np.intp]
+Mask = npt.NDArray[np.bool_]
+
+_CHANCE = 2e-5
+"""That a quadrangle with a black border, in a white rim, but any cells, is read as some marker of
+the family. A judgement: such a thing stands in one image of ten, so one of 500,000 errs."""
+_MOST_WRONG = 3
+"""Cells that may be read wrongly: more are no sign of blur but of another code."""
+_LEAST_CONTRAST = 10.0
+"""Grey levels between rim and border: five times a usual noise."""
+_BORDER_AGREES = 0.85
+"""Share of the border's cells that must be black, and of the rim's that must be white."""
+_HALF_AGREES = 0.55
+"""The same where corners are off by a cell: more than chance has."""
+_SHARPER = 0.6
+"""How much of a cell's difference from its neighbours is added to it, where cells are of two pixels:
+blur of 0.8 pixels leaves a cell of that width 0.79 of its own level in each direction."""
+_SHARPEN_BELOW = 4.0
+"""Pixels: larger cells show their own level in their middle."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What quadrangles say.
+
+    Parameters
+    ----------
+    rows : (k,) array of int
+        Which of the quadrangles are markers.
+    numbers : (k,) array of int
+        Their ids.
+    turns : (k,) array of int
+        Corner of the quadrangle that is the top left one of the print.
+    wrong : (k,) array of int
+        Cells that are not as the code has them.
+    bordered : (b,) array of int
+        Which quadrangles have a black border and a white rim, whatever their code.
+    """
+
+    rows: Ints
+    numbers: Ints
+    turns: Ints
+    wrong: Ints
+    bordered: Ints
+
+
+def might_be_markers(image: Image, quads: Array, family: Family) -> Mask:
+    """(n,) whether quadrangles (n, 4, 2) are darker just inside than just outside of their sides.
+
+    Parameters
+    ----------
+    image, quads, family
+        As for `read_codes`; the corners may be off by a cell.
+    """
+    if not len(quads):
+        return np.zeros(0, dtype=bool)
+    grey = _cell_levels(image, quads, family.cells)
+    white, black = (grey[:, _ring(family.cells, depth)] for depth in (0, 1))
+    outside, inside = white.mean(1), black.mean(1)
+    middle = ((outside + inside) / 2)[:, None]
+    return np.asarray(
+        (outside - inside > _LEAST_CONTRAST / 2)
+        & ((white > middle).mean(1) > _HALF_AGREES)
+        & ((black < middle).mean(1) > _HALF_AGREES)
+    )
+
+
+def read_codes(image: Image, quads: Array, family: Family) -> Reading:
+    """The ids of those quadrangles that are markers of a family.
+
+    Parameters
+    ----------
+    image : (h, w) array of uint8
+        Grey levels.
+    quads : (n, 4, 2) array
+        Corners, clockwise in the image, pixels.
+    family : Family
+        Whose codes are sought.
+    """
+    nothing = np.zeros(0, dtype=np.intp)
+    allowed = wrong_cells_allowed(family)
+    if not len(quads) or allowed < 0:
+        return Reading(*5 * (nothing,))
+    cells = family.cells
+    grey = _cell_levels(image, quads, cells)
+    white = grey[:, _rim(cells)]
+    black = grey[:, _ring(cells, 1)]
+    level, contrast = _plane(white, cells, 0), white.mean(1) - black.mean(1)
+    dark = _plane(black, cells, 1)
+    middle = (level + dark) / 2
+    usable = contrast > _LEAST_CONTRAST
+    usable &= (white > middle[:, _rim(cells)]).mean(1) >= _BORDER_AGREES
+    usable &= (black < middle[:, _ring(cells, 1)]).mean(1) >= _BORDER_AGREES
+    for extra in range(2, family.border + 1):
+        ring = _ring(cells, extra)
+        usable &= (grey[:, ring] < middle[:, ring]).mean(1) >= _BORDER_AGREES
+    rows = np.flatnonzero(usable)
+    if not len(rows):
+        return Reading(*5 * (nothing,))
+    side = cells + 2
+    inner = slice(1 + family.border, side - 1 - family.border)
+    ahead = (grey - middle)[rows].reshape(-1, side, side)
+    size = np.linalg.norm(quads[rows] - np.roll(quads[rows], 1, axis=1), axis=-1).min(1) / cells
+    strength = _SHARPER * np.clip((_SHARPEN_BELOW - size) / (_SHARPEN_BELOW - 2), 0, 1)
+    around = ahead[:, :-2, 1:-1] + ahead[:, 2:, 1:-1] + ahead[:, 1:-1, :-2] + ahead[:, 1:-1, 2:]
+    sharp = ahead.copy()
+    sharp[:, 1:-1, 1:-1] += strength[:, None, None] * (ahead[:, 1:-1, 1:-1] - around / 4)
+    bits = np.where(sharp[:, inner, inner] > 0, 1.0, -1.0).reshape(len(rows), -1)
+    codes = _codes(family)
+    agree = bits.astype(np.float32) @ codes.T
+    best = agree.argmax(1)
+    wrong = np.rint((bits.shape[1] - agree[np.arange(len(rows)), best]) / 2).astype(np.intp)
+    fine = wrong <= allowed
+    turned, number = np.divmod(best[fine], len(codes) // 4)
+    return Reading(rows[fine], number.astype(np.intp), turned.astype(np.intp), wrong[fine], rows)
+
+
+def wrong_cells_allowed(family: Family) -> int:
+    """Cells that may be wrong so that chance makes hardly any marker; -1 where none may be read."""
+    bits = int(family.dictionary.markerSize) ** 2
+    ways, codes = 0.0, 4.0 * len(family.dictionary.bytesList)
+    for wrong in range(_MOST_WRONG + 1):
+        ways += comb(bits, wrong)
+        if codes * ways / 2.0**bits > _CHANCE:
+            return wrong - 1
+    return _MOST_WRONG
+
+
+def turned_corners(quads: Array, reading: Reading) -> Array:
+    """(k, 4, 2) the corners of the markers, the top left one of the print first."""
+    order = (np.arange(4) + reading.turns[:, None]) % 4
+    return np.asarray(np.take_along_axis(quads[reading.rows], order[..., None], axis=1))
+
+
+@lru_cache
+def _codes(family: Family) -> npt.NDArray[np.float32]:
+    """(4 n, bits) codes, 1 where white and -1 where black, as they are read after each turn."""
+    count = len(family.dictionary.bytesList)
+    edge = slice(family.border, family.cells - family.border)
+    bits = np.stack([family.bits(n)[edge, edge] for n in range(count)]).astype(np.float32)
+    # A print whose top left corner is corner k of the quadrangle is turned k quarters clockwise.
+    turned = [np.rot90(bits, -k, axes=(1, 2)) for k in range(4)]
+    return np.asarray(2 * np.concatenate(turned).reshape(4 * count, -1) - 1)
+
+
+def _cell_levels(image: Image, quads: Array, cells: int) -> Array:
+    """(n, (cells + 2)^2) mean grey levels in the middles of cells, those of the rim included."""
+    middles = (np.arange(cells + 2) - 0.5) / cells
+    off = 0.18 / cells * np.array([[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]])
+    x, y = np.meshgrid(middles, middles)
+    # The rim is looked at near the border: a narrow rim is enough.
+    near = 0.22 / cells
+    x, y = (np.where(v < 0, -0.5 / cells + near, np.where(v > 1, 1 + near, v)) for v in (x, y))
+    places = np.stack([x, y], -1).reshape(-1, 1, 2) + off
+    H = homographies(quads)
+    ahead = np.einsum("nij,kpj->nkpi", H[:, :, :2], places) + H[:, None, None, :, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        seen = ahead[..., :2] / ahead[..., 2:]
+    grey = sampled(image, seen[..., 0], seen[..., 1])
+    return np.asarray(grey.mean(-1))
+
+
+def homographies(quads: Array) -> Array:
+    """(n, 3, 3) homographies from the unit square to quadrangles (n, 4, 2).
+
+    Notes
+    -----
+    Heckbert, "Fundamentals of texture mapping and image warping", 1989, section 2.2.3.
+    """
+    a, b, c, d = (quads[:, k] for k in range(4))
+    one, two, three = b - c, d - c, a - b + c - d
+    determinant = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
+    determinant = np.where(np.abs(determinant) > 1e-9, determinant, 1e-9)
+    g = (three[:, 0] * two[:, 1] - three[:, 1] * two[:, 0]) / determinant
+    h = (one[:, 0] * three[:, 1] - one[:, 1] * three[:, 0]) / determinant
+    H = np.empty((len(quads), 3, 3))
+    H[:, :2, 0] = b - a + g[:, None] * b
+    H[:, :2, 1] = d - a + h[:, None] * d
+    H[:, :2, 2] = a
+    H[:, 2, 0], H[:, 2, 1], H[:, 2, 2] = g, h, 1.0
+    return H
+
+
+@lru_cache
+def _ring(cells: int, depth: int) -> Ints:
+    """Which of the (cells + 2)^2 cells are the rim (0), or the border's outer ring (1), ..."""
+    side = cells + 2
+    y, x = np.mgrid[:side, :side]
+    away = np.minimum.reduce([x, y, side - 1 - x, side - 1 - y])
+    return np.flatnonzero(away.ravel() == depth)
+
+
+def _rim(cells: int) -> Ints:
+    return _ring(cells, 0)
+
+
+@lru_cache
+def _plane_of(cells: int, depth: int) -> Array:
+    """((cells + 2)^2, r) what makes a plane, at all cells, of the levels of a ring."""
+    side = cells + 2
+    y, x = np.mgrid[:side, :side] / (side - 1) - 0.5
+    full = np.column_stack([np.ones(side * side), x.ravel(), y.ravel()])
+    return np.asarray(full @ np.linalg.pinv(full[_ring(cells, depth)]))
+
+
+def _plane(levels: Array, cells: int, depth: int) -> Array:
+    """(n, (cells + 2)^2) a plane through the levels (n, r) of a ring."""
+    return np.asarray(levels @ _plane_of(cells, depth).T)
