@@ -83,7 +83,7 @@ def cause_of_failure(diagnosis: Diagnosis, readings: Readings) -> str | None:
 def _subject(lead: Lead) -> str:
     if lead.extent == "station" or lead.kind in {"rig_mark", "stop_number"}:
         return f"pose {lead.subject[0]}"
-    if lead.kind in {"moved", "height"} and lead.subject:
+    if lead.kind == "moved" or (lead.kind, lead.extent) == ("height", "point"):
         return f"world point {lead.subject[0]}"
     return "vframe" if lead.kind == "vframe_point" else "survey"
 

@@ -209,7 +209,8 @@ class _Rows:
 def distance_entries(first: Array, second: Array) -> Array:
     """(n, 4) derivative of |first - second| by the x, y of the first and of the second point."""
     delta = first - second
-    unit = delta / np.linalg.norm(delta, axis=-1, keepdims=True)
+    # Two points that start at one place have no direction yet: each is moved by its other readings.
+    unit = delta / np.maximum(np.linalg.norm(delta, axis=-1, keepdims=True), 1e-12)
     return np.concatenate([unit, -unit], axis=-1)
 
 
