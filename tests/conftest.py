@@ -25,6 +25,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         "simulate room --stops 6 --world-points 8 --laser",
         "simulate-drive drive --loops 1 --scans --sensors",
         "simulate-motion motion --minutes 2",
+        "simulate-motion scanned --minutes 0.5 --laser",
     ):
         command, name, *options = line.split()
         done = CliRunner().invoke(main, [command, str(root / name), *options])
@@ -45,7 +46,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     (files / "hall").mkdir()
     (files / "hall" / "campaign.toml").write_text(f'name = "hall"\n\n{PLAN_EXAMPLE}')
     lens = (root / "drive/sensors/left_camera_lens.txt").read_text().strip()
-    folders = ("ad23", "room", "decided", "entered", "drive", "motion", "files")
+    folders = ("ad23", "room", "decided", "entered", "drive", "motion", "scanned", "files")
     names = {name: str(root / name) for name in folders}
     return {**names, "lens": lens}
 

@@ -19,6 +19,7 @@ USES = {
     "instrument-check": "{room}/survey/known_lengths.csv --tolerance 0.0015",
     "journal-merge": "{entered}",
     "laser check-mount": "{room} --pair 2-3",
+    "laser drive": "{scanned} --dry-run",
     "laser decide": "{decided} 1 2 reject",
     "laser inspect": "{decided}",
     "laser solve": "{room} --dry-run",
@@ -59,6 +60,7 @@ FORMS = {
     "explain: trajectories": "{motion}/gt/mocap.csv {motion}/gt/camera_2.csv",
     "fuse: with odometry": "{motion}/gt/mocap.csv --odometry {motion}/gt/odometry.csv "
     "--output {out}.csv",
+    "simulate-motion: a scanner": "{out} --minutes 0.5 --laser",
     "sync: a drive": "{motion}/gt/odometry.csv {motion}/gt/mocap.csv",
 }
 """Other forms of a command, by its name and what they are of."""

@@ -79,7 +79,7 @@ def without_paths(text: str) -> str:
     return re.sub(r"\S*/\S*", "PATH", text)
 
 
-LONG = ("demo", "report", "vision calibrate", "fuse: with odometry")
+LONG = ("demo", "report", "laser drive", "vision calibrate", "fuse: with odometry")
 """Commands of seconds: their two runs on two screens are left to the full tests."""
 
 

@@ -1,6 +1,9 @@
 """A campaign's drive solved, in the form that all systems share."""
 
 import os
+from dataclasses import replace
+
+import numpy as np
 
 from laser_gt.drive_campaign.inputs import drive_inputs
 from laser_gt.drive_campaign.told import (
@@ -67,11 +70,24 @@ def result_of(outcome: DriveOutcome, stops: list[Stop], campaign: Campaign) -> S
 
 
 def _at_stops(outcome: DriveOutcome, stops: list[Stop], campaign: Campaign) -> StopPoses | None:
-    """Poses at the stops; None where there are none, or the frame is the drive's own."""
+    """Poses at the stops; None where there are none, or the frame is the drive's own.
+
+    Their covariances are those that the trajectory states, for all poses of a stop share the map,
+    the mount and the surveyed stops; what each has of its own is small beside these.
+    """
     if not stops or not outcome.anchors:
         return None
+    trajectory = outcome.trajectory
     try:
-        return poses_at_stops(outcome.trajectory, stops)
+        found = poses_at_stops(trajectory, stops)
+        seconds = trajectory.times + trajectory.epoch
+        by_name = {stop.name: stop for stop in stops}
+        inside = [
+            (seconds >= by_name[name].start) & (seconds <= by_name[name].end)
+            for name in found.table.ids
+        ]
+        covariances = np.array([trajectory.covariances[rows].mean(0) for rows in inside])
+        return replace(found, table=replace(found.table, covariances=covariances))
     except GtvalError as error:
         said = f"{error}. The stamps of the stops must be those of the odometry."
         raise InputError([Problem(campaign.toml, said, None, "laser_drive.stops")]) from None

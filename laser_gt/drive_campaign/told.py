@@ -75,7 +75,7 @@ def _clock(outcome: DriveOutcome) -> Iterator[Finding]:
     if clock.verdict != "determined":
         text = (
             f"how late the scanner's stamps are against the odometry's cannot be told: "
-            f"{clock.reason}. Both are taken as of one clock"
+            f"{clock.reason}. They are taken as {outcome.delay_s * 1e3:+.0f} ms off, by their turns"
         )
         yield Finding("warning", text, SYSTEM, "drive_clock")
         return

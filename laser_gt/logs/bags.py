@@ -89,7 +89,8 @@ def odometry_in(path: Path) -> tuple[str, str | None] | None:
             if kinds[topic] == ODOMETRY:
                 return topic, None
         wanted = [one for one in reader.connections if one.msgtype == TRANSFORMS]
-        for connection, _, raw in reader.messages(wanted):
+        # Without a connection the library gives the messages of all.
+        for connection, _, raw in reader.messages(wanted) if wanted else ():
             for one in reader.deserialize(raw, connection.msgtype).transforms:
                 if str(one.header.frame_id).endswith("odom"):
                     return connection.topic, f"{one.header.frame_id}:{one.child_frame_id}"

@@ -7,7 +7,7 @@ import click
 import pytest
 from blocks import PAGES, REPOSITORY, blocks_of
 
-from laser_gt.settings import LaserSettings
+from laser_gt.settings import DriveSettings, LaserSettings
 from rtk_gt.settings import RtkSettings
 from survey.settings import PlanSettings, SurveySettings
 from validation.campaign.folder import load_campaign
@@ -21,6 +21,7 @@ TABLES = {
     "survey": SurveySettings,
     "plan": PlanSettings,
     "laser": LaserSettings,
+    "laser_drive": DriveSettings,
     "vision": VisionSettings,
     "rtk": RtkSettings,
     "explain": ExplainSettings,

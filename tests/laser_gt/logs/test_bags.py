@@ -124,3 +124,46 @@ def test_a_bag_cut_short_or_of_other_things_is_refused_in_words(tmp_path):
     (tmp_path / "folder").mkdir()
     with pytest.raises(GtvalError, match="folder"):
         read_bag(tmp_path / "folder")
+
+
+def _odometry(store, second):
+    types = store.types
+    header = types["std_msgs/msg/Header"](
+        stamp=types["builtin_interfaces/msg/Time"](sec=second, nanosec=0), frame_id="odom"
+    )
+    return header, types["geometry_msgs/msg/Transform"](
+        translation=types["geometry_msgs/msg/Vector3"](x=0.5 * second, y=0.0, z=0.0),
+        rotation=types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0),
+    )
+
+
+def test_a_bag_tells_when_beams_are_fired_and_where_its_odometry_is(tmp_path):
+    from laser_gt.logs.bags import odometry_in
+    from validation.trajectories.formats import read_trajectory
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    tf = "tf2_msgs/msg/TFMessage"
+    with Ros2Writer(tmp_path / "log", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        laser = writer.add_connection("/scan", LASER, typestore=store)
+        raw = store.serialize_cdr(_message(store, 1, time_increment=1e-4), LASER)
+        writer.write(laser, 1, raw)
+        frames = writer.add_connection("/tf", tf, typestore=store)
+        for second in range(3):
+            header, transform = _odometry(store, second)
+            one = store.types["geometry_msgs/msg/TransformStamped"](
+                header=header, child_frame_id="base_link", transform=transform
+            )
+            message = store.types[tf](transforms=[one])
+            writer.write(frames, second + 2, store.serialize_cdr(message, tf))
+    (record,) = read_bag(tmp_path / "log")
+    assert np.isclose(record.increment, 1e-4)
+    topic, body = odometry_in(tmp_path / "log")
+    assert (topic, body) == ("/tf", "odom:base_link")
+    found = read_trajectory(tmp_path / "log", topic=topic, body=body).planar()
+    assert np.allclose(found.poses[:, 0], [0, 0.5, 1.0])
+
+
+def test_a_bag_without_odometry_says_none(tmp_path):
+    from laser_gt.logs.bags import odometry_in
+
+    assert odometry_in(_ros1(tmp_path / "x.bag", [(1, {})])) is None
