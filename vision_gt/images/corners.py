@@ -1,4 +1,4 @@
-"""Corners of markers, fitted to the grey levels: from their edges, or from the whole print."""
+"""Corners of markers, fitted to the grey levels: from the whole print, or from its edges."""
 
 from dataclasses import dataclass
 
@@ -6,21 +6,24 @@ import numpy as np
 
 from validation.poses.angles import Array
 from vision_gt.images.edge_samples import Flat, Image, Mask
-from vision_gt.images.edges import HALF_WINDOW, fit_edges
-from vision_gt.images.prints import fit_print
+from vision_gt.images.edges import HALF_WINDOW, fit_edges, sought_corners
+from vision_gt.images.prints import PrintFit, fit_print
 
 _LEAST_HALF_WINDOW = 1.5
 """Pixels: a step of usual blur is seen over three of them."""
 _BLUR_OF_NEXT = 1.0
 """Pixels that windows keep off the edges of the next cells: about the width of a usual blur."""
-_PLATEAU = 2.5
-"""Pixels, three widths of a usual blur: narrower windows see no plateau beside an edge."""
-_FLOOR = 0.015
-"""Pixels of corner error that no fit sees: the model of the blur, the print. A judgement: on
-rendered images corners are off by 0.02 pixels, see benchmarks/vision_corners.py."""
-_LARGEST_CELL = 12.0
-"""Pixels of cells up to which a print can be read in short time. A judgement: the time goes with
-the square of the size."""
+_BLUR_BEHIND = 1.5
+"""Pixels that a print's rim of one cell keeps off what lies behind it: two widths of usual blur."""
+_LEAST_RIM = 0.2
+"""Cells of rim that are always looked at, for without it the outer side of the border is unseen."""
+_RIM = 4.0
+"""Pixels of white around a marker that are looked at, at most: four widths of a usual blur."""
+_PIXEL_AREA = 4.8e-4
+"""Pixels of corner error that no fit sees, times the cube of the blur. Grey levels are means over
+square pixels of variance 1/12 each way, the model has a bell curve instead. By Edgeworth's series
+the step differs by up to 0.55 / 24 * 1.2 / 144 / blur^4 of the contrast, which is over the slope
+0.4 / blur a shift of 4.8e-4 / blur^3, of either sign by where the pixels lie."""
 
 
 @dataclass(frozen=True)
@@ -61,32 +64,29 @@ def refine_corners(
 
     Notes
     -----
-    Corners are where fitted edges cross. Where the cells are so small that an edge is not seen
-    apart from the next ones, the whole print is fitted instead: which cells are next is known,
-    as the marker has been read. So it is where edges would do, but no marker of the image is
-    large, and where something lies over an edge: what is left of the print still places it.
+    The whole print is fitted: which cells are next to which is known, as the marker has been
+    read, and all their boundaries help. It is drawn to its sides first. Where too much of it is
+    covered, corners are where its fitted sides cross.
     """
     m = len(start)
     if m == 0:
         nothing = np.zeros((0, 4), dtype=bool)
         return CornerFit(np.zeros((0, 4, 2)), np.zeros((0, 4, 2, 2)), nothing)
     flat = Flat(parameters)
-    corners = flat.from_image(np.asarray(start, dtype=float))
-    cell = _cells(corners, bits.shape[1])
-    half = windows(corners, bits.shape[1])
-    corners, covariances, good, disturbed = fit_edges(image, corners, half, flat)
-    least = cell.min(1)
-    # The print tells more, but takes longer: it is read where nothing larger is in the image.
-    alone = least.max() < HALF_WINDOW + _BLUR_OF_NEXT
-    small = least < (HALF_WINDOW if alone else _PLATEAU) + _BLUR_OF_NEXT
-    disturbed &= least < _LARGEST_CELL
-    for i in np.flatnonzero(small | disturbed):
-        rim = max(1 - _BLUR_OF_NEXT / least[i], 0.0)
-        found = fit_print(image, corners[i], bits[i], rim, flat)
-        if found[2] or small[i]:
-            corners[i], covariances[i], good[i] = found
+    first = flat.from_image(np.asarray(start, dtype=float))
+    cells = bits.shape[1]
+    corners = sought_corners(image, first, windows(first, cells), flat)
+    fits = [_print(image, (corners[i], first[i]), bits[i], flat) for i in range(m)]
+    corners = np.array([fit.corners for fit in fits])
+    covariances = np.array([fit.covariances for fit in fits])
+    good = np.repeat([[fit.good] for fit in fits], 4, axis=1)
+    lost = np.flatnonzero(~good[:, 0])
+    if len(lost):
+        half = windows(first[lost], cells)
+        corners[lost], covariances[lost], good[lost], _ = fit_edges(image, first[lost], half, flat)
+    unseen = np.array([_PIXEL_AREA / fit.blur**3 for fit in fits])[:, None, None, None]
     refined, scale = flat.to_image_with_slope(corners)
-    covariances = scale @ covariances @ np.swapaxes(scale, -1, -2) + _FLOOR**2 * np.eye(2)
+    covariances = scale @ covariances @ np.swapaxes(scale, -1, -2) + unseen**2 * np.eye(2)
     far = np.linalg.norm(refined - start, axis=-1) > 2 * HALF_WINDOW
     good &= ~far & np.isfinite(refined).all(-1)
     return CornerFit(
@@ -94,6 +94,18 @@ def refine_corners(
         np.where(good[..., None, None], covariances, np.eye(2)),
         good,
     )
+
+
+def _print(image: Image, starts: tuple[Array, ...], bits: Array, flat: Flat) -> PrintFit:
+    """The fit of a print from the first of several starts that leads to one."""
+    for start in starts:
+        cell = float(_cells(start[None], len(bits)).min())
+        sure = max(min(1 - _BLUR_BEHIND / cell, _RIM / cell), _LEAST_RIM)
+        rim = sure, max(sure, _RIM / cell)
+        fit = fit_print(image, start, bits, rim, flat)
+        if fit.good:
+            break
+    return fit
 
 
 def windows(corners: Array, cells: int) -> Array:

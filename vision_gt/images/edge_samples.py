@@ -17,14 +17,27 @@ Mask = npt.NDArray[np.bool_]
 Image = npt.NDArray[np.uint8]
 
 
-def _second_degree(x: Array, y: Array) -> Array:
-    """(6, n) monomials of x and y (n,)."""
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+def _monomials(x: Array, y: Array, degree: int) -> Array:
+    """(k, n) monomials of x and y (n,) up to a degree."""
+    powers = [(i - j, j) for i in range(degree + 1) for j in range(i + 1)]
+    return np.stack([x**i * y**j for i, j in powers])
 
 
-_NINE = np.array([[x, y] for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0)])
-_FROM_NINE = np.linalg.pinv(_second_degree(*_NINE.T).T)
-"""Coefficients of a polynomial of the second degree from its values at the nine places."""
+def _nodes(count: int) -> Array:
+    """(count^2, 2) places spread over a square from -1 to 1."""
+    steps = np.linspace(-1, 1, count)
+    return np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+
+
+_NODES = {degree: _nodes(degree + 1) for degree in (2, 4)}
+_FROM_NODES: dict[int, Array] = {
+    d: np.asarray(np.linalg.pinv(_monomials(nodes[:, 0], nodes[:, 1], d).T))
+    for d, nodes in _NODES.items()
+}
+"""Coefficients of a polynomial of the second or fourth degree from its values at such places."""
+_SMALL_PATCH = 40.0
+"""Pixels: over so much the third degree of a lens with k1 = -0.3 and f = 1000 pixels is
+0.3 * 1000 * 0.02^3 = 0.002 pixels; over 300 pixels the fifth degree is as small."""
 
 
 class Flat:
@@ -47,18 +60,19 @@ class Flat:
         return np.asarray(flat)
 
     def from_patch(self, pixels: Array) -> Array:
-        """(n, 2) undistorted pixels of some that lie within a few dozen pixels of each other.
+        """(n, 2) undistorted pixels of some that lie near each other.
 
-        Over so short a way the lens is as good as a polynomial of the second degree, fitted
-        here at nine places.
+        Over some dozen pixels the lens is as good as a polynomial of the second degree, over some
+        hundred as one of the fourth, fitted here at 9 or 25 places.
         """
         if self.parameters is None or len(pixels) == 0:
             return pixels
         low, high = pixels.min(0), pixels.max(0)
         middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1.0)
-        bends = _FROM_NINE @ self.from_image(middle + half * _NINE)
+        degree = 2 if 2 * half.max() < _SMALL_PATCH else 4
+        bends = _FROM_NODES[degree] @ self.from_image(middle + half * _NODES[degree])
         x, y = ((pixels - middle) / half).T
-        return np.asarray(bends.T @ _second_degree(x, y)).T
+        return np.asarray(bends.T @ _monomials(x, y, degree)).T
 
     def to_image(self, flat: Array) -> Array:
         """(..., 2) pixels of undistorted ones."""

@@ -57,6 +57,22 @@ def tukey(residual: Array, weight: Array, contrast: Array, step: int) -> Array:
     return np.asarray(np.square(1 - ratio))
 
 
+def tukey_of_one(residual: Array, contrast: float, step: int) -> Array:
+    """Tukey's weights (n,) of the residuals of one fit, as `tukey` has them.
+
+    Parameters
+    ----------
+    residual : (n,) array
+        Grey levels.
+    contrast, step
+        As for `tukey`.
+    """
+    scale = SIGMA_OF_MEDIAN * float(np.median(np.abs(residual)))
+    scale = max(scale, _MISFIT[min(step, 2) - 1] * contrast, 1.0)
+    ratio = np.minimum(np.square(residual / (_TUKEY * scale)), 1.0)
+    return np.asarray(np.square(1 - ratio))
+
+
 def believable(contrast: Array, kept: Array, sigma: Array, noise: Array) -> Mask:
     """Whether fits (...) may be believed.
 

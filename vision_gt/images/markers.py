@@ -29,6 +29,8 @@ windows find 426; 3 and 23 find 420, 5 and 15 find 426 but miss those that are m
 alone 404. OpenCV's three windows find 429 in a third more time."""
 LEAST_CELL = 1.6
 """Pixels of a cell's side below which no code can be read, on rendered images with usual blur."""
+_LEAST_SEEN = 1.4
+"""Pixels of a cell below which no outline is tried: those of blurred markers are drawn small."""
 _DRAWINGS = 2
 """A judgement: each draws the sides of a quadrangle by up to four pixels."""
 _TWICE = "seen more than once; none of them is used"
@@ -174,7 +176,10 @@ def _candidates(image: Image, family: Family, *, fitted: bool) -> tuple[Array, l
 def _among(middle: Array, number: int, found: Array, numbers: list[int]) -> bool:
     """Whether a marker of this number has been found where another one of it would be."""
     for i in (i for i, n in enumerate(numbers) if n == number):
-        if np.linalg.norm(found[i].mean(0) - middle) < np.linalg.norm(found[i][0] - found[i][2]) / 2:
+        if (
+            np.linalg.norm(found[i].mean(0) - middle)
+            < np.linalg.norm(found[i][0] - found[i][2]) / 2
+        ):
             return True
     return False
 
@@ -199,15 +204,13 @@ def _read_again(image: Image, quads: Array, family: Family) -> tuple[Reading, Ar
 def _quick(family: Family, size: int) -> cv2.aruco.DetectorParameters:
     """OpenCV's parameters with two windows, for images of a size.
 
-    Quadrangles too small for any code to be read are not tried, and in large images smaller ones
-    are than OpenCV tries by default.
+    Quadrangles too small for any code to be read are not tried.
     """
     parameters = cv2.aruco.DetectorParameters()
     first, last = _WINDOWS
     parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = first, last
     parameters.adaptiveThreshWinSizeStep = last - first
-    least = 4 * LEAST_CELL * family.cells / size
-    parameters.minMarkerPerimeterRate = min(least, parameters.minMarkerPerimeterRate)
+    parameters.minMarkerPerimeterRate = min(4 * _LEAST_SEEN * family.cells / size, 0.1)
     return parameters
 
 

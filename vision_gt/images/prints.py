@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from scipy.special import ndtr
+import numpy.typing as npt
 
 from validation.poses.angles import Array
+from validation.statistics.robust import SIGMA_OF_MEDIAN
 from vision_gt.images.edge_samples import Flat, Image
 from vision_gt.images.grey_fits import (
     BLUR_INFORMATION,
@@ -22,9 +23,19 @@ from vision_gt.images.grey_fits import (
     SATURATED,
     START_BLUR,
     believable,
-    tukey,
+    tukey_of_one,
 )
-from vision_gt.images.sampling import sampled
+from vision_gt.images.print_look import (
+    REACH,
+    Places,
+    Whiteness,
+    boundaries_in_reach,
+    whiteness,
+)
+
+Ints = npt.NDArray[np.intp]
+Mask = npt.NDArray[np.bool_]
+Rim = tuple[float, float]
 
 _SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
 """Corners in the frame of the print: x to the right, y down, half a side long."""
@@ -35,56 +46,106 @@ _CORNERS_BY_CHANGE = np.array(
     ]
 )
 """Derivative (4, 2, 8) of the corners in the print by a change D of H (1 + D)."""
-_UNKNOWNS = 15
-"""Eight of the homography, the blur, three of the light on black, three of that on white."""
-_BLUR = 8
-_FINENESS = 1.8
-"""Steps of the tables a width of the blur, which makes them good to some hundredths of the
-contrast between the steps; and how few and many steps a cell has."""
-_STEPS_A_CELL = 10, 32
+_BLUR, _UNKNOWNS = 8, 15
+"""Eight of the homography, the blur, three of the light on black, three of that on white, and for a
+large marker how that bends (three more); and for an image that was sharpened, how much."""
+_BENT_LIGHT = 800
+"""Pixels of a print from which on its light may bend: a lens that darkens to the corners of the image
+by a third bends it by 4 % where a marker fills half of it, which moves corners by 0.03 pixels."""
 _MOST_STEPS = 8
 """A judgement: one that has not ended by then has found no print."""
 _CONVERGED, _DIVERGED = 0.05, 3.0
 """Pixels that a corner moves: as steps shrink fast, the one after would be far smaller; and more
 than the start is off, which is a pixel or two."""
+_ALL_LOOKED_AT = 1200
+"""Pixels up to which all are used; of more, those at the cells' boundaries are, for between them
+nothing says where the print is."""
+_FLAT_ONES = 8
+"""Of the pixels between boundaries every so many: they say how bright the light is."""
+_START_OFF = 0.4
+"""Pixels that the blur is taken to be wider as boundaries are sought: how far off the start is."""
+_AMOUNT_INFORMATION = 1e4
+"""On the amount of sharpening about none, for noise of one grey level: as of a pixel with noise of
+2 grey levels and a contrast of 100 that knows it to a half. A judgement."""
+_ZONES = 4
+"""Into which what lies beyond the rim of each side is divided: of half a pixel or more each."""
+_ALIKE, _NOISIER, _LEAST_NOISE = 3.5, 4.0, 0.5
+"""Standard deviations that the mean of a zone may be off, and times that it may be more variable
+than the print: more is another thing behind the rim. With less noise (grey levels) than the third
+nothing would pass, as grey levels are whole numbers."""
+_SETTLED = 0.15
+"""Pixels that a corner moves when it is good enough to judge what lies beyond the rim."""
+MOST_AMOUNT = 8.0
+"""Of sharpening: beyond it an image is lines only."""
+
+
+@dataclass(frozen=True)
+class PrintFit:
+    """A fitted print.
+
+    Parameters
+    ----------
+    corners : (4, 2) array
+        Undistorted pixels; the start if there is no fit.
+    covariances : (4, 2, 2) array
+        Of the fit alone.
+    good : bool
+        Whether the fit came to an end and explains the grey levels.
+    blur : float
+        Its width, pixels.
+    misfit : float
+        What is left of the grey levels, standard deviation over the contrast.
+    amount : float
+        How much it was sharpened: the share that was added of the difference to a blurred copy.
+    """
+
+    corners: Array
+    covariances: Array
+    good: bool
+    blur: float = START_BLUR
+    misfit: float = np.inf
+    amount: float = 0.0
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """A print (c + 2, c + 2), its white rim included, and the pixels around it.
+    """A print's cells (c, c), and the pixels around it.
 
-    ``places`` (3, n) are undistorted pixels, homogeneous, ``grey`` (n,) their levels.
+    ``places`` (3, n) are undistorted pixels, homogeneous, ``grey`` (n,) their levels. ``zone`` (n,)
+    is 0 on the print and its rim; further out it numbers the four sides and how far it is.
     """
 
     cells: Array
     places: Array
     grey: Array
+    zone: Ints
 
 
 @dataclass(frozen=True)
 class _State:
-    """A homography (3, 3) from the print to undistorted pixels, blur (pixels), and light (6,)."""
+    """A homography (3, 3) from print to undistorted pixels, blur (pixels), and light (6 or 9,)."""
 
     H: Array
     blur: float
     light: Array
+    amount: float = 0.0
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """Where the fit ended: the state, the inverse of the normal matrix, and what is left."""
+    """Where the fit ended: the state, the covariance (8, 8) of its homography, and what is left."""
 
     state: _State
-    inverse: Array
+    spread: Array
     variance: float
     kept: float
     contrast: float
 
 
 def fit_print(
-    image: Image, start: Array, bits: Array, rim: float, flat: Flat
-) -> tuple[Array, Array, bool]:
-    """The corners of one marker, their covariances, and whether it could be fitted.
+    image: Image, start: Array, bits: Array, rim: Rim, flat: Flat, radius: float = 0.0
+) -> PrintFit:
+    """The corners of one marker.
 
     Parameters
     ----------
@@ -94,19 +155,13 @@ def fit_print(
         Corners to about a pixel, from the top left of the print clockwise, undistorted pixels.
     bits : (c, c) array
         1 where the print is white, the first row at its top.
-    rim : float
-        Cells of white around it that are looked at.
+    rim : (float, float)
+        Cells of white around it that are surely there, and up to which more is looked for.
     flat : Flat
         The lens.
-
-    Returns
-    -------
-    corners : (4, 2) array
-        Undistorted pixels; the start if there is no fit.
-    covariances : (4, 2, 2) array
-        Of the fit alone.
-    good : bool
-        Whether the fit came to an end and explains the grey levels.
+    radius : float
+        Of a sharpening whose amount is sought, pixels: the standard deviation of the blurred copy
+        from which the image was led away. 0 for an image that was not sharpened.
 
     Notes
     -----
@@ -114,7 +169,7 @@ def fit_print(
     harm. The homography changes as H (1 + D), so its derivatives are those of the point of the
     print that a pixel shows: Baker and Matthews, "Lucas-Kanade 20 years on", IJCV 56 (2004).
     """
-    bad = start, np.broadcast_to(np.eye(2), (4, 2, 2)), False
+    bad = PrintFit(start, np.broadcast_to(np.eye(2), (4, 2, 2)), good=False)
     if not np.isfinite(start).all():
         return bad
     H = cv2.getPerspectiveTransform(_SQUARE.astype(np.float32), start.astype(np.float32))
@@ -122,22 +177,24 @@ def fit_print(
     if len(seen.grey) < 3 * _UNKNOWNS:
         return bad
     try:
-        fit = _fitted(seen, np.asarray(H, dtype=float))
+        fit = _fitted(seen, np.asarray(H, dtype=float), radius)
     except np.linalg.LinAlgError:
         return bad
     if fit is None:
         return bad
     corners, slopes = _corners(fit.state.H)
-    spread = fit.inverse[:_BLUR, :_BLUR] * max(fit.variance, LEAST_VARIANCE)
-    covariances = slopes @ spread @ np.swapaxes(slopes, 1, 2)
+    covariances = slopes @ fit.spread @ np.swapaxes(slopes, 1, 2)
     sigma = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2).max())
     numbers = (fit.contrast, fit.kept, sigma, np.sqrt(fit.variance))
-    return (corners, covariances, True) if believable(*map(np.asarray, numbers)) else bad
+    if not believable(*map(np.asarray, numbers)):
+        return bad
+    misfit = float(np.sqrt(fit.variance)) / fit.contrast
+    return PrintFit(corners, covariances, True, fit.state.blur, misfit, fit.state.amount)
 
 
-def _around(image: Image, H: Array, bits: Array, rim: float, flat: Flat) -> _Seen:
-    """The pixels of the print and its rim."""
-    reach = 1 + 2 * rim / len(bits)
+def _around(image: Image, H: Array, bits: Array, rim: Rim, flat: Flat) -> _Seen:
+    """The pixels of the print and its rim that say where it is, and some that say how bright."""
+    sure, reach = (1 + 2 * cells / len(bits) for cells in rim)
     outline = flat.to_image(_mapped(H, reach * _SQUARE))
     height, width = image.shape
     low = np.maximum(np.floor(np.nan_to_num(outline.min(0))).astype(int), 0)
@@ -147,145 +204,203 @@ def _around(image: Image, H: Array, bits: Array, rim: float, flat: Flat) -> _See
     places = np.ones((3, len(x)))
     places[:2] = flat.from_patch(np.stack([x, y], axis=1).astype(float)).T
     u, v, nearness = np.linalg.inv(H) @ places
-    inside = np.maximum(np.abs(u), np.abs(v)) < reach * nearness
-    cells = np.pad(np.asarray(bits, dtype=float), 1, constant_values=1.0)
+    out = np.maximum(np.abs(u), np.abs(v)) / nearness
+    used = np.flatnonzero((out < reach) & (nearness > 0))
+    cells = np.asarray(bits, dtype=float)
     grey = image[low[1] : high[1], low[0] : high[0]].reshape(-1)
-    return _Seen(cells, places[:, inside], grey[inside].astype(float))
+    zone = np.zeros(len(used), dtype=np.intp)
+    if reach > sure:
+        u, v, out = u[used], v[used], out[used]
+        side = np.where(np.abs(u) > np.abs(v), 0, 2) + (np.where(np.abs(u) > np.abs(v), u, v) > 0)
+        far = ((out - sure) / (reach - sure) * _ZONES).astype(np.intp)
+        zone = np.where(out > sure, 1 + side * _ZONES + far, 0)
+    seen = _Seen(cells, places[:, used], grey[used].astype(float), zone)
+    if len(used) <= _ALL_LOOKED_AT:
+        return seen
+    at, _ = _places_in_print(H, seen.places)
+    wide = START_BLUR + _START_OFF
+    look = whiteness(cells, at, wide, (1, 1))
+    steep = np.hypot(look.by_x * at.along_x, look.by_y * at.along_y) * wide
+    told = steep > np.exp(-0.5 * REACH**2) / np.sqrt(2 * np.pi)
+    told[::_FLAT_ONES] = True
+    return _Seen(cells, seen.places[:, told], seen.grey[told], seen.zone[told])
 
 
-def _fitted(seen: _Seen, H: Array) -> _Fit | None:
+def _places_in_print(H: Array, places: Array) -> tuple[Places, Array]:
+    """Points of the print that pixels (3, n) show, with how it is spread there; and 1, x, y."""
+    to_print = np.asarray(np.linalg.inv(H), dtype=float)
+    x, y, nearness = to_print @ places
+    nearness = 1 / nearness
+    x, y = x * nearness, y * nearness
+    (x_right, x_down), (y_right, y_down) = (
+        [(row[k] - place * to_print[2, k]) * nearness for k in (0, 1)]
+        for row, place in ((to_print[0], x), (to_print[1], y))
+    )
+    along_x = np.sqrt(x_right * x_right + x_down * x_down)
+    along_y = np.sqrt(y_right * y_right + y_down * y_down)
+    at = Places(x, y, along_x, along_y, x_right * y_right + x_down * y_down)
+    return at, np.stack([np.ones_like(x), x, y])
+
+
+def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
     """The fit from a first homography; None if it finds no rest."""
-    state = _State(H, START_BLUR, np.zeros(6))
-    grey, all_alike = seen.grey, np.ones((1, len(seen.grey)))
+    grey = seen.grey
+    state = _State(H, START_BLUR, np.zeros(9 if len(grey) > _BENT_LIGHT else 6))
+    used, judged, settled = np.ones(len(grey), dtype=bool), not seen.zone.any(), False
     for step in range(1, _MOST_STEPS + 1):
-        look = _look(state, seen)
+        at, lit = _places_in_print(state.H, seen.places)
+        look, sharper = _look(state, seen.cells, at, radius)
+        by_light = _by_light(lit, look.white, len(state.light))
         if step == 1:
             # The light has no start of its own: it follows from the first look.
-            by_light = look.by_light
             light = np.linalg.solve(by_light @ by_light.T, by_light @ grey)
             state = replace(state, light=np.asarray(light, dtype=float))
-        residual, jacobian = grey - state.light @ look.by_light, look.jacobian(state.light)
+        residual = grey - state.light @ by_light
+        jacobian = _jacobian(look, lit, state.light, by_light, sharper)
         contrast = float(state.light[3] - state.light[0])
-        weights = tukey(residual[None], all_alike, np.array([contrast]), step)[0]
+        if settled and not judged:
+            white = _white_rim(seen.zone, residual, used)
+            judged, used = bool((white == used).all()), white
+        weights = tukey_of_one(residual, contrast, step) * used
         weights *= ~((grey >= SATURATED) & (residual < 0))
+        weights *= ~((grey <= 255 - SATURATED) & (residual > 0))
         weighted = jacobian * weights
         normal, right = weighted @ jacobian.T, weighted @ residual
         normal[_BLUR, _BLUR] += BLUR_INFORMATION
         right[_BLUR] += BLUR_INFORMATION * (START_BLUR - state.blur)
+        if radius > 0:
+            normal[-1, -1] += _AMOUNT_INFORMATION
+            right[-1] -= _AMOUNT_INFORMATION * state.amount
         inverse = np.asarray(np.linalg.inv(normal), dtype=float)
         change = inverse @ right
         moved = np.abs(_corners(state.H)[1] @ change[:_BLUR]).max()
         if not moved < _DIVERGED:
             return None
         state = _changed(state, change)
-        if moved < _CONVERGED:
+        settled = bool(moved < _SETTLED)
+        if moved < _CONVERGED and judged:
             # The last step was small: what it changed is linear.
             left = residual - change @ jacobian
-            variance = float(weights @ left**2) / max(float(weights.sum()) - _UNKNOWNS, 1.0)
-            return _Fit(state, inverse, variance, float(weights.mean()), contrast)
+            variance = float(weights @ left**2) / max(float(weights.sum()) - len(change), 1.0)
+            spread = inverse[:_BLUR, :_BLUR] * max(variance, LEAST_VARIANCE)
+            moves = inverse[:_BLUR] @ (weighted * left)
+            spread *= _excess(_corners(state.H)[1], spread, _by_cell(moves, lit, len(seen.cells)))
+            return _Fit(state, spread, variance, float(weights.sum()) / float(used.sum()), contrast)
     return None
 
 
+def _by_cell(moves: Array, lit: Array, cells: int) -> Array:
+    """(8, c) what is left of the grey levels of each cell says that the homography should move."""
+    column, row = (np.floor((v + 1) * cells / 2).astype(np.intp) for v in lit[1:])
+    side = cells + 2
+    cell = np.clip(row + 1, 0, side - 1) * side + np.clip(column + 1, 0, side - 1)
+    sums = [np.bincount(cell, one, minlength=side * side) for one in moves]
+    return np.asarray(sums)[:, np.bincount(cell, minlength=side * side) > 0]
+
+
+def _excess(slopes: Array, spread: Array, moves: Array) -> float:
+    """By how much the corners' variances are larger than noise of single pixels makes them.
+
+    Where what is left has the same sign along a boundary (the model of the blur, the light, the
+    print), whole cells err together: the sum of squares over cells has that, that over pixels
+    has not (Huber's sandwich, by cells).
+    """
+    cells = moves.shape[1]
+    together = slopes @ (moves @ moves.T) @ np.swapaxes(slopes, 1, 2)
+    single = slopes @ spread @ np.swapaxes(slopes, 1, 2)
+    ratio = np.trace(together, axis1=1, axis2=2).sum() / np.trace(single, axis1=1, axis2=2).sum()
+    return max(float(ratio) * cells / max(cells - _UNKNOWNS, 1), 1.0)
+
+
+def _white_rim(zone: Ints, residual: Array, used: Mask) -> Mask:
+    """Pixels (n,) of the print and of as much around it as is as white as the rim.
+
+    From a side outwards, up to where the mean of a zone is not the rim's.
+    """
+    noise = max(SIGMA_OF_MEDIAN * float(np.median(np.abs(residual[zone == 0]))), _LEAST_NOISE)
+    count, total, squares = (
+        np.bincount(zone, weights, minlength=4 * _ZONES + 1)[1:].reshape(4, _ZONES)
+        for weights in (used.astype(float), residual * used, residual**2 * used)
+    )
+    white = np.abs(total) <= _ALIKE * noise * np.sqrt(count)
+    white &= (squares <= _NOISIER * noise**2 * count) & (count > 0)
+    white = np.logical_and.accumulate(white, axis=1)
+    return np.asarray(np.append(True, white.ravel())[zone])
+
+
+def _look(state: _State, cells: Array, at: Places, radius: float) -> tuple[Whiteness, Array | None]:
+    """The share of white, sharpened by the state's amount; and its derivative by that amount."""
+    wide = float(np.hypot(state.blur, radius))
+    reach = max(state.blur, wide)
+    boundaries = tuple(
+        boundaries_in_reach(reach, float(along.mean()), len(cells))
+        for along in (at.along_x, at.along_y)
+    )
+    sharp = whiteness(cells, at, state.blur, (boundaries[0], boundaries[1]))
+    if radius <= 0:
+        return sharp, None
+    soft = whiteness(cells, at, wide, (boundaries[0], boundaries[1]))
+    a = state.amount
+    mixed = Whiteness(
+        (1 + a) * sharp.white - a * soft.white,
+        (1 + a) * sharp.by_x - a * soft.by_x,
+        (1 + a) * sharp.by_y - a * soft.by_y,
+        (1 + a) * sharp.by_blur - a * soft.by_blur * state.blur / wide,
+    )
+    return mixed, sharp.white - soft.white
+
+
+def _jacobian(
+    look: Whiteness, lit: Array, light: Array, by_light: Array, sharper: Array | None
+) -> Array:
+    """(u, n) derivative of the grey levels by the unknowns."""
+    black, white = _levels(light, lit)
+    contrast = white - black
+    x, y = lit[1:]
+    across, down = -contrast * look.by_x, -contrast * look.by_y
+    away = -(across * x + down * y)
+    full = np.empty((_BLUR + 1 + len(light) + (sharper is not None), len(x)))
+    np.multiply(across, x, out=full[0])
+    np.multiply(across, y, out=full[1])
+    full[2] = across
+    np.multiply(down, x, out=full[3])
+    np.multiply(down, y, out=full[4])
+    full[5] = down
+    np.multiply(away, x, out=full[6])
+    np.multiply(away, y, out=full[7])
+    np.multiply(contrast, look.by_blur, out=full[_BLUR])
+    full[_BLUR + 1 : _BLUR + 1 + len(light)] = by_light
+    if sharper is not None:
+        np.multiply(contrast, sharper, out=full[-1])
+    return full
+
+
+def _by_light(lit: Array, white: Array, count: int) -> Array:
+    """(count, n) derivative of the grey levels by the light."""
+    if count > 6:
+        _, x, y = lit
+        return np.concatenate([lit * (1 - white), lit * white, [x * x, x * y, y * y] * white])
+    return np.concatenate([lit * (1 - white), lit * white])
+
+
+def _levels(light: Array, lit: Array) -> tuple[Array, Array]:
+    """Grey levels (n,) of black and of white."""
+    black, white = light[:3] @ lit, light[3:6] @ lit
+    if len(light) > 6:
+        _, x, y = lit
+        white = white + light[6] * x * x + light[7] * x * y + light[8] * y * y
+    return black, white
+
+
 def _changed(state: _State, change: Array) -> _State:
-    """The state after a step (15,)."""
+    """The state after a step (u,)."""
     D = np.append(change[:_BLUR], 0.0).reshape(3, 3)
     blur = float(np.clip(state.blur + change[_BLUR], LEAST_BLUR, MOST_BLUR))
-    return _State(state.H @ (np.eye(3) + D), blur, state.light + change[_BLUR + 1 :])
-
-
-@dataclass(frozen=True)
-class _Look:
-    """What a state says of n pixels, but for the light.
-
-    ``lit`` (3, n) is 1 and the point of the print, ``by_x``, ``by_y`` and ``by_blur`` (n,) are
-    the derivatives of the share of white, ``by_light`` (6, n) that of the grey level.
-    """
-
-    lit: Array
-    by_x: Array
-    by_y: Array
-    by_blur: Array
-    by_light: Array
-
-    def jacobian(self, light: Array) -> Array:
-        """(15, n) derivative of the grey levels."""
-        contrast = (light[3:] - light[:3]) @ self.lit
-        x, y = self.lit[1:]
-        across, down = -contrast * self.by_x, -contrast * self.by_y
-        away = -(across * x + down * y)
-        parts = (across * x, across * y, across, down * x, down * y, down, away * x, away * y)
-        return np.concatenate([parts, [contrast * self.by_blur], self.by_light])
-
-
-def _look(state: _State, seen: _Seen) -> _Look:
-    """The share of white of each pixel, and its derivatives.
-
-    Blur is round in the image and an ellipse in the print. Its widths along x and y are those
-    in the middle of the print, and what they are elsewhere, and how far the ellipse is aslant,
-    is taken into account to first order, as heat would spread.
-    """
-    to_print = np.asarray(np.linalg.inv(state.H), dtype=float)
-    x, y, nearness = to_print @ seen.places
-    x, y, nearness = x / nearness, y / nearness, 1 / nearness
-    (x_right, x_down), (y_right, y_down) = (
-        [(row[k] - place * to_print[2, k]) * nearness for k in (0, 1)]
-        for row, place in ((to_print[0], x), (to_print[1], y))
-    )
-    along_x, along_y = np.hypot(x_right, x_down), np.hypot(y_right, y_down)
-    slant = x_right * y_right + x_down * y_down
-    usual = state.blur * np.array([along_x.mean(), along_y.mean()])
-    white, by_x, by_y, by_both, wider_x, wider_y = _blurred(seen.cells, usual, x, y)
-    white = white + wider_x * (state.blur * along_x - usual[0])
-    white += wider_y * (state.blur * along_y - usual[1]) + state.blur**2 * slant * by_both
-    by_blur = wider_x * along_x + wider_y * along_y + 2 * state.blur * slant * by_both
-    lit = np.stack([np.ones_like(x), x, y])
-    return _Look(lit, by_x, by_y, by_blur, np.concatenate([lit * (1 - white), lit * white]))
-
-
-def _blurred(cells: Array, width: Array, x: Array, y: Array) -> list[Array]:
-    """White (n,) of a print blurred by widths (2,) along its x and y, at points of it.
-
-    Then its derivatives by x, by y, by both, and by either width. They are tabled on a grid and
-    interpolated, as a cell is as white as a step up less the step down behind it, in x times y.
-    """
-    count = len(cells) - 2
-    end = 1 + 2 / count
-    finest = int(np.ceil(_FINENESS * 2 / count / float(width.min())))
-    grid = np.linspace(-end, end, int(np.clip(finest, *_STEPS_A_CELL)) * len(cells) + 1)
-    (on_x, on_y), (by_x, by_y), (wider_x, wider_y) = _shares(grid, width, count)
-    rows = [np.asarray(a @ cells, dtype=np.float32) for a in (on_y, by_y, wider_y)]
-    plain, sloped, wider = (a.astype(np.float32).T for a in (on_x, by_x, wider_x))
-    products = (
-        (rows[0], plain),
-        (rows[0], sloped),
-        (rows[1], plain),
-        (rows[1], sloped),
-        (rows[0], wider),
-        (rows[2], plain),
-    )
-    columns, lines = ((p + end) / (grid[1] - grid[0]) for p in (x, y))
-    found: list[Array] = []
-    for three in (products[:3], products[3:]):
-        table = cv2.merge([a @ b for a, b in three])
-        found.extend(sampled(table, columns, lines).T)
-    return found
-
-
-def _shares(place: Array, width: Array, cells: int) -> tuple[Array, Array, Array]:
-    """How much each row and column of cells has of places (g,) blurred by widths (2,).
-
-    Three arrays (2, g, cells + 2): the shares, and their derivatives by place and by width. The
-    rim's cells have no end.
-    """
-    width = width[:, None, None]
-    z = (place[:, None] - np.linspace(-1, 1, cells + 1)) / width
-    up = np.ones((2, len(place), cells + 3))
-    up[..., 1:-1], up[..., -1] = ndtr(z), 0.0
-    by_place, by_width = np.zeros_like(up), np.zeros_like(up)
-    by_place[..., 1:-1] = np.exp(-0.5 * z * z) / (np.sqrt(2 * np.pi) * width)
-    by_width[..., 1:-1] = -z * by_place[..., 1:-1]
-    share, placed, widened = (a[..., :-1] - a[..., 1:] for a in (up, by_place, by_width))
-    return share, placed, widened
+    last = _BLUR + 1 + len(state.light)
+    more = float(change[last]) if len(change) > last else 0.0
+    amount = float(np.clip(state.amount + more, 0.0, MOST_AMOUNT))
+    light = state.light + change[_BLUR + 1 : last]
+    return _State(state.H @ (np.eye(3) + D), blur, light, amount)
 
 
 def _mapped(H: Array, points: Array) -> Array:

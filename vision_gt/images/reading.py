@@ -32,7 +32,7 @@ _BORDER_AGREES = 0.85
 _HALF_AGREES = 0.55
 """The same where corners are off by a cell: more than chance has."""
 _SHARPER = 0.6
-"""How much of a cell's difference from its neighbours is added to it, where cells are of two pixels:
+"""How much of a cell's difference from its neighbours is added to it where cells have two pixels:
 blur of 0.8 pixels leaves a cell of that width 0.79 of its own level in each direction."""
 _SHARPEN_BELOW = 4.0
 """Pixels: larger cells show their own level in their middle."""

@@ -1,5 +1,7 @@
 """Grey levels between pixels, for any number of places."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +38,7 @@ def sampled(image: Levels, x: Array, y: Array) -> Array:
         one = np.zeros(rows * width, dtype=np.float32)
         one[:count] = np.clip(np.nan_to_num(places.ravel(), nan=_OUTSIDE), -1e6, 1e6)
         maps.append(one.reshape(rows, width))
-    grey = cv2.remap(image, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    source: Any = image
+    grey = cv2.remap(source, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     own = image.shape[2:]
     return np.asarray(grey, dtype=float).reshape(rows * width, *own)[:count].reshape(*shape, *own)

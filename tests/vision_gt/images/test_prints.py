@@ -15,8 +15,8 @@ from vision_gt.patterns.dictionaries import ARTOOLKITPLUS, Family
 def fitted(image, camera, true, number, start_off, family=APRIL):
     flat = Flat(camera.parameters)
     start = flat.from_image(true) + start_off
-    corners, covariances, good = fit_print(image, start, family.bits(number), 0.5, flat)
-    return flat.to_image(corners) - true, covariances, good
+    fit = fit_print(image, start, family.bits(number), (0.5, 0.5), flat)
+    return flat.to_image(fit.corners) - true, fit.covariances, fit.good
 
 
 @pytest.mark.parametrize("distance", [4.0, 5.0])
