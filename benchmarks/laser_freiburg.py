@@ -98,7 +98,7 @@ def show_matches(lines: Lines, name: str, relations: Relations, found: list[Matc
     median, low, high = median_with_interval(length)
     lines.at_most(f"{name}: median difference of {len(found)}", median, 26, "mm")
     print(f"  drawn again {low:.1f} to {high:.1f} mm; by verdict:")
-    for verdict in ("accept", "look", "reject"):
+    for verdict in ("accepted", "imprecise", "may be wrong", "refuted"):
         chosen = np.array([one.verdict == verdict for one in found])
         if chosen.any():
             median, largest = np.median(length[chosen]) * 1e3, length[chosen].max() * 1e3
@@ -113,7 +113,7 @@ def show_matches(lines: Lines, name: str, relations: Relations, found: list[Matc
     lines.show(f"{name}: bias with the offset", f"({bias[0]:+.1f}, {bias[1]:+.1f}) mm",
                "within its deviation", met=gone)  # fmt: skip
     print(f"  without the offset ({without[0]:+.1f}, {without[1]:+.1f}) mm")
-    kept = [i for i, one in enumerate(found) if one.verdict != "reject"]
+    kept = [i for i, one in enumerate(found) if one.verdict != "refuted"]
     estimate = mount_from(relations.poses[kept], [found[i] for i in kept])
     near = np.abs(estimate.mount[:2] - OFFSET[:2]) < 2.5 * estimate.sigmas[:2]
     figure = f"{estimate.mount[0]:.4f}, {estimate.mount[1]:+.4f} +- {estimate.sigmas[0]:.4f} m"

@@ -32,7 +32,7 @@ def judge(lines: Lines, seeds: range) -> None:
         length = float(np.hypot(*(found.pose - pair.truth)[:2]))
         angle = float(abs(wrap(found.pose[2] - pair.truth[2])))
         verdicts[kind][found.verdict] += 1
-        if found.verdict == "accept":
+        if found.verdict == "accepted":
             worst = max(worst, length)
             if length > FAR_OFF[0] or angle > FAR_OFF[1]:
                 wrong.append(f"seed {seed} ({kind}): {length * 1e3:.0f} mm, {angle * 1e3:.0f} mrad")
@@ -43,7 +43,7 @@ def judge(lines: Lines, seeds: range) -> None:
     for one in wrong:
         print(f"  {one}")
     good = verdicts["room"]
-    held_up = good.total() - good["accept"]
+    held_up = good.total() - good["accepted"]
     figure = f"{held_up} of {good.total()} ({held_up / good.total():.1%})"
     lines.show("good ones not accepted", figure, "<= 5 %", met=held_up <= 0.05 * good.total())
 
@@ -57,7 +57,7 @@ def corridors(lines: Lines, seeds: range) -> None:
         found = match(Prepared(pair.reference), Prepared(pair.moving), pair.guess, settings)
         errors.append(float(along @ (found.pose - pair.truth)[:2]))
         stated.append(float(np.sqrt(along @ found.covariance[:2, :2] @ along)))
-        accepted += found.verdict == "accept"
+        accepted += found.verdict == "accepted"
     true = float(np.sqrt(np.mean(np.square(errors))))
     ratio = float(np.sqrt(np.mean(np.square(stated)))) / true
     what = f"stated over true deviation along {len(seeds)} corridors"

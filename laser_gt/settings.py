@@ -27,6 +27,29 @@ class ScannerSettings(Settings):
     scans: str | None = None
 
 
+Pair = tuple[Positive, Positive]
+
+
+class JudgementTable(Settings):
+    """Limits of the verdicts on matches: those of `JudgementSettings`, under the same names."""
+
+    explained: NotNegative = 0.45
+    agreement: Pair = (0.85, 0.5)
+    violating: Pair = (0.06, 0.25)
+    intruder: Positive = 0.5
+    scale: Pair = (2.0, 3.0)
+    sigma_length: Positive = 0.006
+    sigma_angle: Positive = 0.003
+    real_share: NotNegative = 0.6
+    eigenvalue_ratio: NotNegative = 0.01
+    return_share: NotNegative = 0.6
+    rival_margin: NotNegative = 0.12
+    contradiction: Positive = 16.27
+    start_length: Positive = 0.12
+    start_angle: Positive = 0.09
+    starts: int = Field(default=8, ge=1, le=100)
+
+
 class LaserSettings(Settings):
     """Files and choices of laser GT; paths are relative to the campaign folder.
 
@@ -47,7 +70,8 @@ class LaserSettings(Settings):
     the genetic aligner runs too, with ``population`` individuals over ``generations``, of which
     the first is drawn within ``genetic_radius`` metres of the guess; it matches each stop with its
     ``genetic_pairs`` nearest, and more where those leave stops apart; ``seed`` starts its chance.
-    With ``as_published`` poses by the document's way are computed too.
+    With ``as_published`` poses by the document's way are computed too. ``judgement`` has the
+    limits of the verdicts.
 
     The defaults of distances, shares and counts are those of `PairSettings`, `MatchSettings`,
     `EngineSettings` and `GeneticSettings`. ``max_delay``: a judgement, between
@@ -77,6 +101,7 @@ class LaserSettings(Settings):
     genetic_radius: Positive = 3.0
     seed: int = Field(default=1, ge=0)
     as_published: bool = False
+    judgement: JudgementTable = Field(default_factory=JudgementTable)
 
     @property
     def own_files(self) -> dict[str, str]:

@@ -22,6 +22,10 @@ def laser_facts(outcome: LaserOutcome) -> dict[str, object]:
             for engine, matching in outcome.matchings.items()
         },
     }
+    facts["noise"] = {
+        name: {"independent": one.independent, "shared": one.shared, "beams": one.length}
+        for name, one in outcome.noise.items()
+    }
     check = outcome.mount_check
     if check is not None:
         facts["mount"] = {

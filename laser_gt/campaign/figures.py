@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 REFERENCE, MOVING = "#D55E00", "#0072B2"
 """The document's red and blue, in a pair that colour-blind readers can tell apart."""
 STYLES: dict[Verdict, tuple[str, str, str]] = {
-    "accept": (COLOURS[2], "-", "o"),
-    "look": (COLOURS[4], "--", "^"),
-    "reject": (GREY, ":", "x"),
+    "accepted": (COLOURS[2], "-", "o"),
+    "imprecise": (COLOURS[0], "-.", "s"),
+    "may be wrong": (COLOURS[4], "--", "^"),
+    "refuted": (GREY, ":", "x"),
 }
 """Colour, line and marker of each verdict."""
 
@@ -129,7 +130,7 @@ def match_sheet(matches: Sequence[Match], sweeps: Mapping[str, Prepared]) -> Fig
         axes.set_title(
             f"{one.reference} - {one.moving}: {one.verdict}",
             fontsize=8,
-            color="black" if one.verdict != "reject" else GREY,
+            color="black" if one.verdict != "refuted" else GREY,
         )
     return figure
 

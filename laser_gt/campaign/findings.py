@@ -8,6 +8,7 @@ from laser_gt.campaign.inputs import ASSUMED_SIGMAS
 from laser_gt.campaign.outcome import LaserOutcome
 from laser_gt.placing.guesses import GENEROUS, guess_deviations, guess_scatter
 from laser_gt.placing.solution import LaserSolution
+from laser_gt.placing.switches import WRONG_SHARE
 from validation.results import Finding
 
 WORSE = 1.5
@@ -26,6 +27,13 @@ def laser_findings(outcome: LaserOutcome) -> list[Finding]:
     found = [Finding("warning", text, "laser", "no_poses") for text in outcome.failures.values()]
     found += [Finding("note", text, "laser", "left_out") for text in outcome.inputs.left_out]
     found += [Finding("note", text, "laser", "assumed_mount") for text in outcome.inputs.assumed]
+    for name, noise in outcome.noise.items():
+        text = (
+            f"the ranges of the scanner '{name}' scatter by {noise.independent * 1e3:.1f} mm from "
+            f"beam to beam, and by {noise.shared * 1e3:.1f} mm that some {noise.length:.0f} "
+            "neighbouring beams share, as neighbouring stops laid over each other show"
+        )
+        found.append(Finding("note", text, "laser", "range_noise"))
     if outcome.survey.assumed:
         text = (
             f"the surveyed poses of the stops {', '.join(outcome.survey.assumed)} have no "
@@ -52,25 +60,30 @@ def _of_solution(solution: LaserSolution) -> Iterator[Finding]:
     who = f"laser_{matching.engine}"
     count = matching.counts
     text = (
-        f"{count['accept']} of {len(matching.matches)} matches are accepted, {count['reject']} are "
-        f"rejected. {count['look']} wait for your decision (`gtval laser inspect`)"
+        f"of {len(matching.matches)} matches {count['accepted']} are accepted, "
+        f"{count['imprecise']} are right but imprecise, {count['refuted']} are refuted, and "
+        f"{count['may be wrong']} may be wrong (`gtval laser inspect`)"
     )
-    yield Finding("note" if count["look"] else "good", text, who, "verdicts")
-    if solution.lost:
-        stops = ", ".join(solution.lost)
-        text = (
-            f"these stops have no pose: {stops}. No chain of accepted matches joins them with "
-            f"the {len(solution.stops)} stops that are placed, the largest group with a surveyed "
-            "stop. Decide on a match between the two (`gtval laser inspect`), or add stops"
+    yield Finding("note" if count["may be wrong"] else "good", text, who, "verdicts")
+    yield from _of_hanging(solution, who)
+    yield from _of_gaps(solution, who)
+    if solution.parts.max() > 0:
+        groups = "; ".join(
+            ", ".join(np.array(solution.stops)[solution.parts == part].tolist())
+            for part in np.unique(solution.parts)
         )
-        yield Finding("warning", text, who, "lost_stops")
+        text = (
+            f"the stops are placed in {solution.parts.max() + 1} groups, each by its own surveyed "
+            f"stops: {groups}. No match that can be used joins them"
+        )
+        yield Finding("note", text, who, "groups")
     if matching.loops:
         closed = len(matching.loops) - matching.open_loops
         text = f"{closed} of {len(matching.loops)} loops of three scans close"
         yield Finding("warning" if matching.open_loops else "good", text, who, "loops")
     if solution.graph.scale > MISFIT:
         text = (
-            f"the accepted matches contradict each other {solution.graph.scale:.1f} times more "
+            f"the matches contradict each other {solution.graph.scale:.1f} times more "
             "than their covariances allow. The covariances of the poses are widened by that factor"
         )
         yield Finding("warning", text, who, "graph_misfit")
@@ -81,6 +94,39 @@ def _of_solution(solution: LaserSolution) -> Iterator[Finding]:
             'one stop ([laser] reference = ["6"]) to do as the document does'
         )
         yield Finding("note", text, who, "anchors")
+
+
+def _of_hanging(solution: LaserSolution, who: str) -> Iterator[Finding]:
+    """Matches that may be wrong, and that stops are placed by all the same."""
+    for one, stops in solution.hanging:
+        text = (
+            f"the stops {', '.join(stops)} are placed by the match {one.reference} - {one.moving} "
+            f"alone. It may be wrong: {'; '.join(one.reasons)}. Their covariance counts in that "
+            f"one of {1 / WRONG_SHARE:.0f} such matches is. Look at it (`gtval laser inspect`) and "
+            "decide, or survey one of them"
+        )
+        yield Finding("warning", text, who, "hanging_stops")
+
+
+def _of_gaps(solution: LaserSolution, who: str) -> Iterator[Finding]:
+    """Stops without a pose, and what would close each gap."""
+    for gap in solution.gaps:
+        many = len(gap.stops) > 1
+        stops = f"the stops {', '.join(gap.stops)} have" if many else f"stop {gap.stops[0]} has"
+        them = "them" if many else "it"
+        text = f"{stops} no pose: no match that can be used joins {them} with a placed stop. "
+        waiting = [one for one in gap.matches if one.verdict == "may be wrong"]
+        other = [one for one in gap.matches if one.verdict == "refuted"]
+        if waiting or other:
+            named = ", ".join(f"{one.reference} - {one.moving}" for one in (waiting or other)[:5])
+            kind = "may be wrong" if waiting else "is refuted"
+            text += f"Decide on one that {kind} ({named}; `gtval laser inspect`), or survey one"
+        else:
+            text += (
+                f"Add a stop between {gap.nearest[0]} and {gap.nearest[1]}, {gap.distance:.1f} m "
+                "apart, or survey one"
+            )
+        yield Finding("warning", text, who, "lost_stops")
 
 
 def _mount(outcome: LaserOutcome) -> Finding:

@@ -30,6 +30,14 @@ EXACT_MOUNT = (1e-6, 1e-6, 1e-6)
 """Standard deviations of a mount that is zero by definition, the poses being the scanner's own: a
 micrometre, a thousandth of any error that counts, and far enough from zero for the equations."""
 
+UNKNOWN_MOUNT = (0.05, 0.05, 0.03)
+"""The same where three surveyed stops or more may show that it is not zero: 5 cm and 30 mrad. A
+judgement: a scanner stands within a hand's width of what is called the robot's pose, or its
+place would have been stated."""
+
+TELLING_STOPS = 3
+"""Surveyed stops from which an unknown mount is found along with the placement."""
+
 TAPE_MEASURE = (0.005, 0.005, 0.01)
 """Standard deviations of a stated mount of which none are stated: 5 mm and 10 mrad. A judgement:
 a tape measure reads to 2 mm, and the middle of a scanner's mirror is guessed to a few; 2 mm over
@@ -85,8 +93,17 @@ class LaserInputs:
         return None if self.odometry is None else compose(self.odometry, self.mount)
 
 
-def load_inputs(campaign: Campaign, settings: LaserSettings) -> LaserInputs:
+def load_inputs(campaign: Campaign, settings: LaserSettings, surveyed: int = 0) -> LaserInputs:
     """Scans, mounts, odometry and decisions of a campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The folder.
+    settings : LaserSettings
+        Its table.
+    surveyed : int
+        Number of surveyed stops that place the laser frame.
 
     Raises
     ------
@@ -97,7 +114,7 @@ def load_inputs(campaign: Campaign, settings: LaserSettings) -> LaserInputs:
     records = read_records(campaign.folder, settings)
     sensors = list(dict.fromkeys(record.scan.sensor for record in records))
     _check_scanners(campaign, settings, sensors)
-    known, assumed = _completed(settings, sensors)
+    known, assumed = _completed(settings, sensors, surveyed)
     settings = settings.model_copy(update={"scanners": known})
     records = [record for record in records if record.scan.sensor in known]
     by_stop = _rows(records) if settings.format == "csv" else _at_times(campaign, settings, records)
@@ -119,12 +136,13 @@ def load_inputs(campaign: Campaign, settings: LaserSettings) -> LaserInputs:
 
 
 def _completed(
-    settings: LaserSettings, sensors: Sequence[str]
+    settings: LaserSettings, sensors: Sequence[str], surveyed: int
 ) -> tuple[dict[str, ScannerSettings], tuple[str, ...]]:
     """The scanners with what is assumed of their mounts, and that in sentences.
 
-    One scanner whose mount is not stated, or is zero, is itself what is placed. The sigmas of any
-    other mount that states none are those of a tape measure.
+    One scanner whose mount is not stated, or is zero, is itself what is placed, as far as the
+    surveyed stops do not show another. The sigmas of any other mount that states none are those
+    of a tape measure.
     """
     known = dict(settings.scanners) or {sensors[0]: ScannerSettings()}
     name, first = next(iter(known.items()))
@@ -132,7 +150,8 @@ def _completed(
         return known, ()
     mount = first.mount or (0.0, 0.0, 0.0)
     exact = not any(mount)
-    sigmas = first.mount_sigmas or (EXACT_MOUNT if exact else TAPE_MEASURE)
+    zero = UNKNOWN_MOUNT if surveyed >= TELLING_STOPS else EXACT_MOUNT
+    sigmas = first.mount_sigmas or (zero if exact else TAPE_MEASURE)
     known[name] = first.model_copy(update={"mount": mount, "mount_sigmas": sigmas})
     where = f"below [laser.scanners.{name}] of campaign.toml"
     if first.mount is None:

@@ -1,7 +1,7 @@
 """What laser GT makes of a campaign."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from laser_gt.campaign.inputs import LaserInputs
 from laser_gt.placing.anchors import Surveyed
@@ -10,6 +10,7 @@ from laser_gt.placing.guesses import Trajectory
 from laser_gt.placing.mounts import MountCheck
 from laser_gt.placing.published import Published
 from laser_gt.placing.solution import LaserSolution
+from laser_gt.scans.noise import RangeNoise
 from laser_gt.settings import LaserSettings
 
 
@@ -35,6 +36,8 @@ class LaserOutcome:
         Why not, else.
     published : Published or None
         Where it was asked for.
+    noise : mapping of str to RangeNoise
+        Of the scanners that neighbouring stops show it of.
     """
 
     settings: LaserSettings
@@ -48,3 +51,4 @@ class LaserOutcome:
     mount_check: MountCheck | None
     mount_note: str
     published: Published | None
+    noise: Mapping[str, RangeNoise] = field(default_factory=dict)

@@ -77,7 +77,7 @@ def _accepted(outcome: LaserOutcome) -> dict[Pair, Match]:
     """The first accepted match of each pair, of any engine."""
     found: dict[Pair, Match] = {}
     for matching in outcome.matchings.values():
-        for match in matching.accepted:
+        for match in matching.used:
             found.setdefault((match.reference, match.moving), match)
     return found
 

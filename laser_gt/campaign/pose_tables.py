@@ -23,12 +23,11 @@ def pose_tables(outcome: LaserOutcome) -> list[PoseTable]:
 
 
 def _table(solution: LaserSolution) -> PoseTable:
-    """Poses by one engine; the source of each says how many accepted matches hold its stop."""
+    """Poses by one engine; the source of each says how many matches hold its stop."""
     matching, joint = solution.matching, solution.placement.joint
     n = len(solution.stops)
     counts = [
-        sum(stop in {one.reference, one.moving} for one in matching.accepted)
-        for stop in solution.stops
+        sum(stop in {one.reference, one.moving} for one in matching.used) for stop in solution.stops
     ]
     return PoseTable(
         system=f"laser_{matching.engine}",
@@ -36,10 +35,19 @@ def _table(solution: LaserSolution) -> PoseTable:
         poses=solution.placement.poses,
         covariances=joint.reshape(n, 3, n, 3)[range(n), :, range(n), :],
         joint=joint,
-        sources=tuple(f"{count} matches" for count in counts),
+        sources=tuple(
+            f"{count} matches{_hanging(solution, stop)}"
+            for stop, count in zip(solution.stops, counts, strict=True)
+        ),
         provenance={
             "reference": list(solution.anchors),
             "accepted": len(matching.accepted),
             "matches": len(matching.matches),
         },
     )
+
+
+def _hanging(solution: LaserSolution, stop: str) -> str:
+    """What is said of a stop that nothing but a match that may be wrong joins with the survey."""
+    pairs = [f"{one.reference} - {one.moving}" for one, stops in solution.hanging if stop in stops]
+    return f", by {', '.join(pairs)} which may be wrong" if pairs else ""

@@ -89,7 +89,7 @@ def _solution_blocks(outcome: LaserOutcome, solution: LaserSolution) -> list[Tab
     """What needs poses."""
     engine, mount = solution.matching.engine, outcome.inputs.mount
     where = dict(zip(solution.stops, solution.placement.poses, strict=True))
-    start = solution.placement.frame
+    start = solution.placement.frames[0]
     laser = compose(compose(start, mount), outcome.trajectory.poses)
     poses = np.array(
         [where.get(stop, laser[number]) for number, stop in enumerate(outcome.inputs.stops)]
@@ -112,8 +112,8 @@ def _solution_blocks(outcome: LaserOutcome, solution: LaserSolution) -> list[Tab
 
 
 def worst_first(matches: Sequence[Match]) -> list[Match]:
-    """Matches that wait for a decision first, then rejected, then accepted, by falling doubt."""
-    order = {"look": 0, "reject": 1, "accept": 2}
+    """Matches that may be wrong first, then refuted, imprecise, accepted, by falling doubt."""
+    order = {"may be wrong": 0, "refuted": 1, "imprecise": 2, "accepted": 3}
     return sorted(matches, key=lambda m: (order[m.verdict], m.agreement))
 
 
@@ -134,7 +134,7 @@ def fitness_table(matching: Matching) -> Table:
         verdict: [one.fitness for one in matching.of(verdict)] for verdict in VERDICTS
     }
     kinds["best wrong pose of the accepted pairs"] = [one.rival_fitness for one in accepted]
-    usual = float(np.median(kinds["accept"])) if accepted else np.nan
+    usual = float(np.median(kinds["accepted"])) if accepted else np.nan
     rows: list[list[str | int | float | None]] = []
     for kind, found in kinds.items():
         values = np.array([one for one in found if np.isfinite(one)])

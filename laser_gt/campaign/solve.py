@@ -1,14 +1,18 @@
 """A campaign solved for laser GT: initial guess, pairs, matches, poses, mount."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from laser_gt.campaign.inputs import LaserInputs, load_inputs, references, surveyed_poses
 from laser_gt.campaign.outcome import LaserOutcome
 from laser_gt.matching.genetic import GeneticSettings
+from laser_gt.matching.judgement import MatchSettings
+from laser_gt.matching.verdicts import JudgementSettings
 from laser_gt.placing.anchors import Surveyed
 from laser_gt.placing.engines import Engine, EngineSettings, Matching, Report, match_pairs
 from laser_gt.placing.guesses import first_trajectory
 from laser_gt.placing.mounts import check_mount
+from laser_gt.placing.noises import scanner_noise, with_noise
 from laser_gt.placing.pairs import PairSettings, find_pairs
 from laser_gt.placing.published import Published, published_poses
 from laser_gt.placing.solution import solve
@@ -48,11 +52,16 @@ def solve_campaign(
         If the files are bad, or no engine could place a stop.
     """
     settings = campaign.section("laser", LaserSettings)
-    inputs = load_inputs(campaign, settings)
     survey = surveyed_poses(campaign)
+    inputs = load_inputs(campaign, settings, len(survey.stops))
     surveyed = references(campaign, settings, inputs.stops, survey)
     progress("first trajectory", 0.02)
     trajectory = first_trajectory(inputs.sweeps, inputs.laser_odometry)
+    progress("noise of the scanners", 0.03)
+    length, angle = settings.guess_sigmas
+    noise = scanner_noise(inputs.sweeps, trajectory.poses, MatchSettings(length, angle))
+    stated = {name: one.sigma for name, one in settings.scanners.items() if one.sigma is not None}
+    inputs = replace(inputs, sweeps=with_noise(inputs.sweeps, noise, stated))
     both: tuple[Engine, ...] = ("scanmatch", "genetic") if settings.genetic else ("scanmatch",)
     wanted = tuple(dict.fromkeys(both if engines is None else engines))
     matchings = {
@@ -63,7 +72,9 @@ def solve_campaign(
     solutions, failures = {}, {}
     for engine, one in matchings.items():
         try:
-            solutions[engine] = solve(inputs.stops, *mount, trajectory.poses, one, surveyed)
+            solutions[engine] = solve(
+                inputs.stops, *mount, trajectory.poses, one, surveyed, settings.guess_sigmas
+            )
         except GtvalError as error:
             failures[engine] = f"{engine}: {error}"
     if need_poses and not solutions:
@@ -88,6 +99,7 @@ def solve_campaign(
         mount_check=check,
         mount_note=note,
         published=published,
+        noise=noise,
     )
 
 
@@ -116,6 +128,7 @@ def _matched(
         _genetic(settings),
         settings.genetic_pairs,
         settings.seed,
+        JudgementSettings(**settings.judgement.model_dump()),
     )
     pairs = find_pairs(poses, [one.sweep for one in inputs.sweeps], limits, inputs.decisions)
     return match_pairs(inputs.sweeps, poses, pairs, inputs.decisions, form, engine, progress)

@@ -10,7 +10,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 
 from laser_gt.campaign.sections import worst_first
-from laser_gt.matching.verdicts import Match
+from laser_gt.matching.verdicts import VERDICTS, Match
 from laser_gt.scans.evidence import Prepared
 
 STYLE = """
@@ -19,7 +19,8 @@ body { font-family: system-ui, sans-serif; margin: 1.5rem auto; padding: 0 1rem;
 article { border-top: 1px solid #bbb; padding: 0.8rem 0; }
 img { max-width: 100%; height: auto; }
 h2 { font-size: 1.05rem; margin: 0.2rem 0; }
-.accept { color: #00664b; } .look { color: #8a5a00; } .reject { color: #555; }
+.accepted { color: #00664b; } .imprecise { color: #005a8c; } .may { color: #8a5a00; }
+.refuted { color: #555; }
 code { background: #f2f2f2; padding: 0.1rem 0.3rem; }
 nav a { margin-right: 1rem; }
 """
@@ -42,15 +43,16 @@ def gallery(
         Pairs drawn; the ones that wait for a decision come first.
     """
     ordered = worst_first(matches)
-    count = {v: sum(m.verdict == v for m in matches) for v in ("look", "reject", "accept")}
+    count = {verdict: sum(m.verdict == verdict for m in matches) for verdict in VERDICTS}
     parts = [
         "<!doctype html><html lang='en'><head><meta charset='utf-8'>",
         "<meta name='viewport' content='width=device-width'>",
         f"<title>Matches to inspect</title><style>{STYLE}</style></head><body>",
         "<h1>Matches to inspect</h1>",
         (
-            f"<p>{count['look']} wait for your decision, {count['reject']} are rejected, "
-            f"{count['accept']} are accepted. The reference scan is orange (sensor: triangle), "
+            f"<p>{count['may be wrong']} may be wrong: decide on them. {count['refuted']} are "
+            f"refuted, {count['imprecise']} imprecise, {count['accepted']} accepted. "
+            "The reference scan is orange (sensor: triangle), "
             "the other blue (square). Right: they must lie on each other where both could see.</p>"
         ),
     ]
@@ -69,7 +71,7 @@ def _article(match: Match, sweeps: Mapping[str, Prepared], campaign: str) -> str
     x, y, theta = match.pose
     return (
         f"<article id='{html.escape(pair)}'><h2>{html.escape(pair)}: "
-        f"<span class='{match.verdict}'>{match.verdict}</span></h2>"
+        f"<span class='{match.verdict.split()[0]}'>{match.verdict}</span></h2>"
         f"<img alt='The two scans before and after alignment' src='{_picture(match, sweeps)}'>"
         f"<ul>{reasons or '<li>nothing speaks against it</li>'}</ul>"
         f"<p>Pose {x:.4f} m, {y:.4f} m, {theta:.4f} rad; standard deviation "

@@ -105,11 +105,12 @@ def inspect(campaign: Path, as_json: bool, engines: "tuple[Engine, ...] | None",
     page = gallery(matches, outcome.inputs.by_stop, str(campaign), most)
     write_files(loaded.report, {"laser_matches.html": page})
     path = loaded.report / "laser_matches.html"
-    to_see = [[m.reference, m.moving] for m in matches if m.verdict == "look"]
+    to_see = [[m.reference, m.moving] for m in matches if m.verdict == "may be wrong"]
     if as_json:
-        print_json({"page": path, "look": to_see, "matches": len(matches)})
+        print_json({"page": path, "may_be_wrong": to_see, "matches": len(matches)})
         return
-    click.echo(f"{len(to_see)} of {len(matches)} matches wait for your decision.\nGallery: {path}")
+    said = f"{len(to_see)} of {len(matches)} matches may be wrong and wait for your decision."
+    click.echo(f"{said}\nGallery: {path}")
 
 
 @laser.command(context_settings={"ignore_unknown_options": True})

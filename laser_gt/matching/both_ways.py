@@ -3,6 +3,7 @@
 import numpy as np
 
 from laser_gt.matching.local import align, influence
+from laser_gt.scans.noise import smeared
 from laser_gt.scans.planar import (
     CONTRADICTION,
     inverse,
@@ -67,4 +68,9 @@ def both_ways(
     by_reference = rest @ there.reference + turned @ again.moving
     joint = (by_moving * there.variances) @ by_moving.T
     joint += (by_reference * again.variances) @ by_reference.T
+    for by_point, swept in ((by_moving, moving), (by_reference, reference)):
+        if swept.shared.any():
+            alike = by_point * swept.shared_across
+            # each point's own part is in the variances already
+            joint += (smeared(alike, swept.shared_beams) - alike) @ alike.T
     return mean, (joint + joint.T) / 2

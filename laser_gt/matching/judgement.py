@@ -1,4 +1,4 @@
-"""Judgement of a match: accept, look or reject, with the reasons.
+"""Judgement of a match: is it right, is it precise, and why not.
 
 Neither a small residual nor a solver that says 'converged' makes a match right. What is asked
 here is whether everything both sensors saw agrees with the pose, whether the pose is determined
@@ -16,9 +16,13 @@ from laser_gt.matching.search import SearchSettings, distinct, global_match
 from laser_gt.matching.verdicts import JudgementSettings, Match, with_verdict
 from laser_gt.scans.evidence import Prepared, evidence, intruder
 from laser_gt.scans.nearest import published_fitness
-from laser_gt.scans.planar import transform, wrapped
+from laser_gt.scans.planar import CONTRADICTION, transform, wrapped
 from laser_gt.scans.scan import Flags
 from validation.poses.angles import Array, wrap
+
+NOTHING = np.array([1e-2, 1e-2, 1e-2])
+"""Information taken for none, in 1 / square metres and 1 / square radians: a standard deviation of
+ten, beyond any room and any heading, and near enough for the equations to be solved."""
 
 FINISH = 5
 """Steps with all points at the end of a disturbed start. A judgement: with half of the points the
@@ -104,22 +108,20 @@ def judged(
     loose = 3 * np.sqrt(np.diagonal(found.covariance[best]))
     # Floors of "the same": a judgement, a little more than what an accepted match may be off.
     same = _same(again.pose, found.pose[best], max(0.008, loose[:2].max()), max(0.004, loose[2]))
-    # A judgement: 10 cm and 3 degrees are beyond the noise of any match and within any guess.
-    rivals = ~_same(poses, found.pose[best], 0.1, 0.05)
+    # A judgement: scores this near differ by a few points, as noise makes them.
+    equal = again_seen.score > seen.score[best] - 0.03
+    spread = _spread(again.pose[equal], found.pose[best])
+    seen_pose, seen_covariance, information = _by_scans(
+        reference, moving, found, best, guess, limits, spread
+    )
+    rivals = _rivals(poses, found.pose[best], seen_covariance)
     rival, rival_fitness = -np.inf, np.nan
     if rivals.any():
         rival = float(scores[rivals].max())
         rival_pose = poses[rivals][scores[rivals].argmax()]
         rival_fitness = _fitness(reference, moving, rival_pose)
-    # A judgement: scores this near differ by a few points, as noise makes them.
-    equal = again_seen.score > seen.score[best] - 0.03
-    spread = _spread(again.pose[equal], found.pose[best])
-    pose, covariance = both_ways(
-        reference.surface, moving.surface, found.pose[best], found.covariance[best]
-    )
-    covariance = covariance + spread
-    surprise = _surprise(pose, covariance, guess, settings)
-    pose, covariance = _with_guess(pose, covariance, guess, settings)
+    surprise = _surprise(seen_pose, seen_covariance, guess, settings)
+    pose, covariance = _with_guess(seen_pose, information, guess, settings)
     return with_verdict(
         Match(
             reference=reference.name,
@@ -140,6 +142,8 @@ def judged(
             surprise=surprise,
             fitness=_fitness(reference, moving, pose),
             rival_fitness=rival_fitness,
+            seen_pose=seen_pose,
+            seen_covariance=seen_covariance,
         ),
         limits,
     )
@@ -206,6 +210,19 @@ def _same(poses: Array, pose: Array, length: float, angle: float) -> Flags:
     return np.asarray(near & (turned < angle), dtype=bool)
 
 
+def _rivals(poses: Array, pose: Array, covariance: Array) -> Flags:
+    """(k,) whether poses are others than the one found, and not what its covariance allows.
+
+    Along a corridor every place is as good as another, and the covariance says so: that is
+    imprecise, and no rival.
+    """
+    # A judgement: 10 cm and 3 degrees are beyond the noise of any match and within any guess.
+    other = ~_same(poses, pose, 0.1, 0.05)
+    apart = wrapped(poses - pose)
+    squared = (apart * np.linalg.solve(covariance, apart.T).T).sum(-1)
+    return np.asarray(other & (squared > CONTRADICTION), dtype=bool)
+
+
 def _again(reference: Prepared, moving: Prepared, starts: Array) -> Alignment:
     """Where disturbed starts end: most of the way with every other point, the rest with all.
 
@@ -230,29 +247,69 @@ def _prior(settings: MatchSettings) -> Array:
     return np.diag([length**2, length**2, angle**2])
 
 
+def _by_scans(
+    reference: Prepared,
+    moving: Prepared,
+    found: Alignment,
+    best: int,
+    guess: Array,
+    limits: JudgementSettings,
+    spread: Array,
+) -> tuple[Array, Array, Array]:
+    """Pose, covariance and information of what both scans say without the guess.
+
+    In the directions that they do not determine (`_undetermined`) the pose is put back to the
+    guess, wherever chance or a search has moved it, and the information is none.
+    """
+    free, determined = _undetermined(found, best, limits.real_share)
+    pose, covariance = found.pose[best], found.covariance[best]
+    if free.shape[1] and np.isfinite(covariance).all():
+        back = wrapped(pose + (np.eye(3) - determined) @ wrapped(guess - pose))
+        again = align(reference.surface, moving.surface, back, reach=0.15)
+        pose, covariance = again.pose[0], again.covariance[0]
+    pose, covariance = both_ways(reference.surface, moving.surface, pose, covariance)
+    if not np.isfinite(covariance).all():
+        return guess.copy(), np.diag(1 / NOTHING), np.zeros((3, 3))
+    if free.shape[1]:
+        pose = wrapped(pose + (np.eye(3) - determined) @ wrapped(guess - pose))
+        spread = determined @ spread @ determined.T
+    information = determined.T @ np.linalg.inv(covariance + spread) @ determined
+    covariance = np.linalg.inv(information + np.diag(NOTHING))
+    return pose, (covariance + covariance.T) / 2, information
+
+
+def _undetermined(found: Alignment, best: int, real_share: float) -> tuple[Array, Array]:
+    """(3, k) directions that the scans do not determine, and the (3, 3) projection along them.
+
+    In coordinates in which all information is the identity, they are those of which too little
+    is real: the rest is scatter of normals.
+    """
+    fake = found.fake[best]
+    total = found.information[best] + fake
+    total = total + (1e-9 * np.trace(total) + 1e-9) * np.eye(3)
+    whitener = np.linalg.inv(np.linalg.cholesky(total))
+    share, axes = np.linalg.eigh(whitener @ fake @ whitener.T)
+    free = (whitener.T @ axes)[:, share > 1 - real_share]
+    return free, np.eye(3) - free @ free.T @ total
+
+
 def _surprise(pose: Array, covariance: Array, guess: Array, settings: MatchSettings) -> float:
     """Squared distance of a pose from its guess in standard deviations of both."""
-    if not np.isfinite(covariance).all():
-        return 0.0
     difference = wrapped(pose - guess)
     return float(difference @ np.linalg.solve(covariance + _prior(settings), difference))
 
 
 def _with_guess(
-    pose: Array, covariance: Array, guess: Array, settings: MatchSettings
+    pose: Array, information: Array, guess: Array, settings: MatchSettings
 ) -> tuple[Array, Array]:
     """Pose and covariance of what the scans and the guess say together.
 
     Where the scans determine nothing (along a corridor), that is the guess; where they determine
     a direction to millimetres, the guess does not move it by a hundredth of that.
     """
-    prior = _prior(settings)
-    if not np.isfinite(covariance).all():
-        return guess.copy(), prior
-    gain = covariance @ np.linalg.inv(covariance + prior)
-    difference = wrapped(guess - pose)
-    joint = gain @ prior
-    together = wrapped(pose + gain @ difference)
+    known = np.linalg.inv(_prior(settings))
+    joint = np.linalg.inv(information + known)
+    together = wrapped(pose + joint @ known @ wrapped(guess - pose))
     return together, (joint + joint.T) / 2
 
 

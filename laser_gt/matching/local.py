@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from laser_gt.scans.noise import Residuals
 from laser_gt.scans.planar import rotation, wrapped
 from laser_gt.scans.scan import Indices
 from laser_gt.scans.surfaces import Surface
@@ -35,9 +36,9 @@ SHRINK = 0.4
 to the noise, in each of which the pose comes nearer by more than that."""
 MIN_PAIRS = 10
 """Fewer pairs determine nothing. A judgement: three unknowns, three times over."""
-MOSTLY_FAKE = 0.5
-"""No step is made in a direction in which more than this share of the information is fake:
-beyond one half, chance says more about it than the surfaces do."""
+MOSTLY_FAKE = 0.4
+"""No step is made in a direction in which more than this share of the information is fake: the
+judgement calls such a direction not determined, and leaves it to the guess."""
 
 
 @dataclass(frozen=True)
@@ -284,6 +285,22 @@ def influence(reference: Surface, moving: Surface, pose: Array) -> Influence:
     paired = pairing.weight[0] > 0
     variances[np.flatnonzero(moving.flat)[paired]] = _own_squares(pairing)[0, paired]
     return Influence(every, -solver @ by_reference[0], variances)
+
+
+WITHIN = 0.12
+"""Greatest distance in metres of points whose residuals are asked for. A judgement: ten times the
+noise of any scanner but the worst, less than what stands in front of a wall."""
+
+
+def residuals(reference: Surface, moving: Surface, pose: Array) -> Residuals:
+    """How far the moving sweep's ranges are off from the lines of the reference at a pose, (3,)."""
+    pairing = _pair(reference, moving.movable, pose[None], max(WITHIN, FINEST * moving.noise))
+    paired = pairing.weight[0] > 0
+    values = np.full(len(moving), np.nan)
+    place = np.flatnonzero(moving.flat)[paired]
+    cosine = np.abs((moving.normals * moving.beams).sum(-1)[place])
+    values[place] = pairing.model[0, 3, paired] / np.maximum(cosine, np.sqrt(0.1))
+    return Residuals(values, float(np.median(reference.window_lengths)))
 
 
 def _sandwich(information: Array, fake: Array, gradient: Array) -> Array:

@@ -1,6 +1,9 @@
-"""A match of two sweeps and the verdict on it: accept, look or reject, with the reasons."""
+"""A match of two sweeps and the verdict on it, with the reasons.
 
-from collections.abc import Sequence
+What is imprecise is not wrong: a match whose covariance says how little it knows goes into the
+graph with that covariance. Only what may be wrong has to be confirmed.
+"""
+
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -10,57 +13,65 @@ from laser_gt.scans.planar import CONTRADICTION
 from validation.poses.angles import Array
 from validation.shown import Shown
 
-Verdict = Literal["accept", "look", "reject"]
-VERDICTS: tuple[Verdict, ...] = ("accept", "look", "reject")
+Verdict = Literal["accepted", "imprecise", "may be wrong", "refuted"]
+VERDICTS: tuple[Verdict, ...] = ("accepted", "imprecise", "may be wrong", "refuted")
 """From the best to the worst: the worst of all checks is the verdict."""
+USED: tuple[Verdict, ...] = ("accepted", "imprecise")
+"""Verdicts of matches that go into the graph as they are."""
 
 
 @dataclass(frozen=True)
 class JudgementSettings:
-    """Limits between accept, look and reject; each pair is (accept up to, reject beyond).
+    """Limits of the verdicts.
 
     All are judgements where nothing else is said. How many wrong matches pass them together is
     measured: tests count them in simulated rooms.
 
     Parameters
     ----------
-    explained : (float, float)
-        Share of all points that lie on the other sweep: at least, and reject below.
+    explained : float
+        Share of all points that lie on the other sweep; with less a match is imprecise.
     agreement : (float, float)
-        Share of the points that the other sensor could see and that are explained.
+        Share of the points that the other sensor could see and that are explained: with less than
+        the first a match may be wrong, with less than the second it is refuted.
     violating : (float, float)
-        Share of the points where the other sensor's beams have passed.
-    intruder : (float, float)
+        Share of the points where the other sensor's beams have passed: above the first it may be
+        wrong, above the second it is refuted.
+    intruder : float
         Longest surface in metres that may stand where the other scanner saw free space: more
-        than a bin or a pair of legs; and beyond which loops do not outweigh it: walls are longer
-        than window panes and cupboards.
+        than a bin or a pair of legs.
     scale : (float, float)
-        Residuals over what noise explains.
+        Residuals over what noise explains: above the first it is imprecise, above the second it
+        may be wrong.
     sigma_length, sigma_angle : float
-        Largest standard deviation of an accepted match, metres and radians. 6 mm and 3 mrad
-        keep three standard deviations inside 20 mm and 10 mrad.
+        Largest standard deviation of an accepted match, metres and radians; above, it is
+        imprecise. 6 mm and 3 mrad keep three standard deviations inside 20 mm and 10 mrad.
     real_share : float
         Least share of the information, in every direction, that scattering normals do not fake.
+        A direction with less is left to the guess, and the match is imprecise.
     eigenvalue_ratio : float
-        Least ratio of the smallest to the largest eigenvalue of the information on position.
+        Least ratio of the smallest to the largest eigenvalue of the information on position;
+        below, it is imprecise.
     return_share : float
-        Least share of disturbed starts that come back to the same pose.
+        Least share of disturbed starts that come back to the same pose; below, it may be wrong.
     rival_margin : float
-        A different pose with a score less than this below the best makes the match ambiguous.
+        A different pose with a score less than this below the best makes the match ambiguous: it
+        may be wrong.
     contradiction : float
         Squared distance from the guess, in standard deviations of both, beyond which the match
-        contradicts it: exceeded by one right match in a thousand, for 3 degrees of freedom.
+        contradicts it, and may be wrong: exceeded by one right match in a thousand, for 3 degrees
+        of freedom.
     start_length, start_angle : float
         Size of the disturbances of the multi-start check.
     starts : int
         Their number.
     """
 
-    explained: tuple[float, float] = (0.45, 0.2)
+    explained: float = 0.45
     agreement: tuple[float, float] = (0.85, 0.5)
     violating: tuple[float, float] = (0.06, 0.25)
-    intruder: tuple[float, float] = (0.5, 2.5)
-    scale: tuple[float, float] = (1.6, 3.0)
+    intruder: float = 0.5
+    scale: tuple[float, float] = (2.0, 3.0)
     sigma_length: float = 0.006
     sigma_angle: float = 0.003
     real_share: float = 0.6
@@ -105,13 +116,15 @@ class Match(Shown):
         As the document has it, square metres: see `published_fitness`.
     rival_fitness : float
         That of the best different pose found, which is wrong where this one is right; nan for none.
-    verdict : {"accept", "look", "reject"}
-        What to do with it.
+    seen_pose, seen_covariance : (3,), (3, 3) arrays
+        What the scans alone say, without the guess; a standard deviation of ten metres or radians
+        where they say nothing.
+    verdict : {"accepted", "imprecise", "may be wrong", "refuted"}
+        Whether it goes into the graph, as it is or once it is confirmed.
     reasons : tuple of str
         What speaks against it, and what outweighs that.
-    changed : bool
-        Whether only things that one scan shows and the other does not hold it up, and no longer
-        ones than may have been moved or be glass.
+    precise : bool
+        Whether it would be accepted if it is right.
     """
 
     reference: str
@@ -132,9 +145,23 @@ class Match(Shown):
     surprise: float
     fitness: float = np.nan
     rival_fitness: float = np.nan
-    verdict: Verdict = "look"
+    seen_pose: Array | None = None
+    seen_covariance: Array | None = None
+    verdict: Verdict = "may be wrong"
     reasons: tuple[str, ...] = ()
-    changed: bool = False
+    precise: bool = False
+
+    @property
+    def used(self) -> bool:
+        """Whether it goes into the graph as it is."""
+        return self.verdict in USED
+
+    @property
+    def by_scans(self) -> tuple[Array, Array]:
+        """Pose and covariance without the guess, where they are known apart."""
+        if self.seen_pose is None or self.seen_covariance is None:
+            return self.pose, self.covariance
+        return self.seen_pose, self.seen_covariance
 
     @property
     def sigma_length(self) -> float:
@@ -149,64 +176,71 @@ class Match(Shown):
 
 def with_verdict(found: Match, limits: JudgementSettings) -> Match:
     """The match with its verdict: the worst of all checks, each with a sentence."""
-    not_explained = (
-        (found.explained, *limits.explained,
-         f"only {found.explained:.0%} of the points lie on the other scan"),
-        (-found.scale, -limits.scale[0], -limits.scale[1],
-         f"residuals are {found.scale:.1f} times what range noise explains"),
-    )  # fmt: skip
-    not_there = (
-        (found.agreement, *limits.agreement,
-         f"of the points that both could see, only {found.agreement:.0%} agree"),
-        (-found.violating, -limits.violating[0], -limits.violating[1],
-         f"{found.violating:.0%} of the points lie where the other scanner saw free space"),
-    )  # fmt: skip
-    different = _graded(not_there)
-    if found.intruder > limits.intruder[0]:
-        text = f"a surface of {found.intruder:.1f} m stands where the other scanner saw free space"
-        different.append(("look", text))
-    rest = _graded(not_explained) + [("look", text) for text in _doubts(found, limits)]
-    remarks = different + rest
-    verdicts: list[Verdict] = ["accept", *(verdict for verdict, _ in remarks)]
-    worst = max(verdicts, key=VERDICTS.index)
+    weaknesses = _weaknesses(found, limits)
+    remarks: list[tuple[Verdict, str]] = [
+        *(
+            ("refuted" if bad else "may be wrong", text)
+            for bad, text in _contradicted(found, limits)
+        ),
+        *(("may be wrong", text) for text in _doubts(found, limits)),
+        *(("imprecise", text) for text in weaknesses),
+    ]
+    verdicts: list[Verdict] = ["accepted", *(verdict for verdict, _ in remarks)]
     return replace(
         found,
-        verdict=worst,
+        verdict=max(verdicts, key=VERDICTS.index),
         reasons=tuple(text for _, text in remarks),
-        changed=worst == "look" and not rest and found.intruder <= limits.intruder[1],
+        precise=not weaknesses,
     )
 
 
-def _graded(
-    values: Sequence[tuple[float, float, float, str]],
-) -> list[tuple[Verdict, str]]:
-    """What is below the first limit of each (value, look, reject, text), and how bad it is."""
-    return [
-        ("reject" if value < bad else "look", text)
-        for value, good, bad, text in values
-        if value < good
-    ]
+def _contradicted(found: Match, limits: JudgementSettings) -> list[tuple[bool, str]]:
+    """What one scan shows and the other denies, and whether that refutes the match."""
+    agreement, violating = limits.agreement, limits.violating
+    checks = [
+        (found.agreement < agreement[0], found.agreement < agreement[1],
+         f"of the points that both could see, only {found.agreement:.0%} agree"),
+        (found.violating > violating[0], found.violating > violating[1],
+         f"{found.violating:.0%} of the points lie where the other scanner saw free space"),
+        (found.intruder > limits.intruder, False,
+         f"a surface of {found.intruder:.1f} m stands where the other scanner saw free space"),
+    ]  # fmt: skip
+    return [(bad, text) for doubtful, bad, text in checks if doubtful]
 
 
 def _doubts(found: Match, limits: JudgementSettings) -> list[str]:
-    """Reasons to look that no number of explained points can outweigh."""
-    corridor = found.real_share < limits.real_share
-    corridor |= found.eigenvalue_ratio < limits.eigenvalue_ratio
-    not_determined = (
-        "the scans do not determine one direction (a corridor?): "
-        f"eigenvalue ratio {found.eigenvalue_ratio:.3f}, real share {found.real_share:.0%}"
-    )
+    """Other reasons why a match may be wrong."""
     checks = [
-        (corridor, not_determined),
-        (found.sigma_length > limits.sigma_length,
-         f"standard deviation of the position {found.sigma_length * 1e3:.1f} mm"),
-        (found.sigma_angle > limits.sigma_angle,
-         f"standard deviation of the heading {found.sigma_angle * 1e3:.1f} mrad"),
+        (found.scale > limits.scale[1],
+         f"residuals are {found.scale:.1f} times what range noise explains"),
         (found.returned < limits.return_share,
          f"only {found.returned:.0%} of the disturbed starts come back to this pose"),
         (found.rival > -limits.rival_margin,
          "a different pose agrees about as well with what was seen"),
         (found.surprise > limits.contradiction,
          f"it contradicts its guess: {np.sqrt(found.surprise):.1f} standard deviations away"),
+    ]  # fmt: skip
+    return [text for bad, text in checks if bad]
+
+
+def _weaknesses(found: Match, limits: JudgementSettings) -> list[str]:
+    """Reasons why a match knows little, though what it knows is right."""
+    corridor = found.real_share < limits.real_share
+    corridor |= found.eigenvalue_ratio < limits.eigenvalue_ratio
+    not_determined = (
+        "the scans do not determine one direction (a corridor?): "
+        f"eigenvalue ratio {found.eigenvalue_ratio:.3f}, real share "
+        f"{max(found.real_share, 0.0):.0%}"
+    )
+    checks = [
+        (corridor, not_determined),
+        (found.explained < limits.explained,
+         f"only {found.explained:.0%} of the points lie on the other scan"),
+        (limits.scale[0] < found.scale <= limits.scale[1],
+         f"residuals are {found.scale:.1f} times what range noise explains"),
+        (found.sigma_length > limits.sigma_length,
+         f"standard deviation of the position {found.sigma_length * 1e3:.1f} mm"),
+        (found.sigma_angle > limits.sigma_angle,
+         f"standard deviation of the heading {found.sigma_angle * 1e3:.1f} mrad"),
     ]  # fmt: skip
     return [text for bad, text in checks if bad]

@@ -1,6 +1,6 @@
 """Surveyed stops: what places the laser frame, and what the mount is checked with."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,10 +40,16 @@ class Surveyed:
 
 
 def edges_of(stops: Sequence[str], matches: Sequence[Match]) -> list[Edge]:
-    """Accepted matches between some stops as edges of a graph."""
+    """Matches between some stops that are used, as edges of a graph: what the scans say alone."""
     where = {stop: number for number, stop in enumerate(stops)}
     return [
-        Edge(where[one.reference], where[one.moving], one.pose, one.covariance)
+        edge_of(where, one)
         for one in matches
-        if one.verdict == "accept" and one.reference in where and one.moving in where
+        if one.used and one.reference in where and one.moving in where
     ]
+
+
+def edge_of(where: Mapping[str, int], one: Match) -> Edge:
+    """A match as an edge between stops by their numbers."""
+    pose, covariance = one.by_scans
+    return Edge(where[one.reference], where[one.moving], pose, covariance, one.covariance)

@@ -11,10 +11,11 @@ from laser_gt.matching.genetic import GeneticSettings, genetic_match
 from laser_gt.matching.gpm import associate
 from laser_gt.matching.judgement import MatchSettings, judged, match
 from laser_gt.matching.kiss import register
-from laser_gt.matching.verdicts import VERDICTS, Match, Verdict
+from laser_gt.matching.verdicts import VERDICTS, JudgementSettings, Match, Verdict
 from laser_gt.placing.guesses import guess_deviations
 from laser_gt.placing.loops import Loop, with_loops
 from laser_gt.placing.pairs import bridges, nearest_pairs, parts_of
+from laser_gt.placing.switches import decided
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import between
 from laser_gt.scans.scan import Flags, Indices
@@ -43,6 +44,8 @@ class EngineSettings:
         Nearest neighbours of a stop that it matches first.
     seed : int
         Of its chance.
+    judgement : JudgementSettings
+        Limits of the verdicts.
 
     Notes
     -----
@@ -55,6 +58,7 @@ class EngineSettings:
     genetic: GeneticSettings = field(default_factory=GeneticSettings)
     genetic_pairs: int = 3
     seed: int = 1
+    judgement: JudgementSettings = field(default_factory=JudgementSettings)
 
 
 @dataclass(frozen=True)
@@ -80,8 +84,13 @@ class Matching:
 
     @property
     def accepted(self) -> list[Match]:
-        """Matches that the graph is made of."""
-        return self.of("accept")
+        """Matches that are right and precise."""
+        return self.of("accepted")
+
+    @property
+    def used(self) -> list[Match]:
+        """Matches that the graph is made of: accepted, or imprecise."""
+        return [match for match in self.matches if match.used]
 
     def of(self, verdict: Verdict) -> list[Match]:
         """Matches with a verdict."""
@@ -128,9 +137,9 @@ def match_pairs(
 
     Notes
     -----
-    The genetic aligner matches the nearest neighbours of each stop first. As long as its accepted
-    matches leave the stops in parts, it goes on with the shortest pairs between them, and, where
-    moved things or glass hold a match between parts up, with the pairs that may confirm it.
+    The genetic aligner matches the nearest neighbours of each stop first. As long as the matches
+    that are used leave the stops in parts, it goes on with the shortest pairs between them, and,
+    where a match between parts may be wrong, with the pairs that may confirm it.
     So it tries all pairs of which scan matching may have one that joins the parts.
     """
     generators = np.random.default_rng(settings.seed).spawn(len(pairs))
@@ -159,7 +168,9 @@ def match_pairs(
                 start = _start(sweeps[i], sweeps[j], guess, settings)
                 found[row] = match(sweeps[i], sweeps[j], guess, limits, start)
         told, loops = with_loops([found[row] for row in sorted(found)])
-        matches = [_obeying(one, decisions) for one in told]
+        obeying = [_obeying(one, decisions) for one in told]
+        stops = [sweep.name for sweep in sweeps]
+        matches = decided(stops, poses, obeying, settings.guess_sigmas)
         rows = _more(poses, pairs, tried, matches, settings.genetic_pairs)
         if not len(rows):
             return Matching(engine, matches, loops, convergence)
@@ -171,23 +182,25 @@ def _guess(
 ) -> tuple[Array, MatchSettings]:
     """Where a stop is seen from another before they are matched, and how well that is known."""
     if decision is not None and decision.guess is not None:
-        return decision.guess, BY_HAND
+        return decision.guess, replace(BY_HAND, judgement=settings.judgement)
     length, angle = guess_deviations(poses, i, j, settings.guess_sigmas).tolist()
-    return between(poses[i], poses[j]), MatchSettings(guess_length=length, guess_angle=angle)
+    return between(poses[i], poses[j]), MatchSettings(
+        guess_length=length, guess_angle=angle, judgement=settings.judgement
+    )
 
 
 def _more(poses: Array, pairs: Indices, tried: Flags, matches: list[Match], most: int) -> Indices:
-    """Rows of the pairs that may join what the accepted matches leave in parts; none if none do.
+    """Rows of the pairs that may join what the used matches leave in parts; none if none do.
 
     The matches are those of the pairs that were tried, in their order.
     """
     left = np.flatnonzero(~tried)
-    accepted = np.array([one.verdict == "accept" for one in matches], dtype=bool)
-    parts = parts_of(len(poses), pairs[tried][accepted])
+    used = np.array([one.used for one in matches], dtype=bool)
+    parts = parts_of(len(poses), pairs[tried][used])
     rows = left[bridges(poses, pairs[left], parts, most)]
     if len(rows):
         return rows
-    held_up = np.array([one.changed for one in matches], dtype=bool) & ~accepted
+    held_up = np.array([one.verdict == "may be wrong" for one in matches], dtype=bool)
     doubtful = pairs[tried][held_up]
     ends = doubtful[parts[doubtful[:, 0]] != parts[doubtful[:, 1]]]
     return np.asarray(left[np.isin(pairs[left], ends).any(1)])
@@ -205,9 +218,11 @@ def _start(
 def _obeying(found: Match, decisions: Mapping[tuple[str, str], Decision]) -> Match:
     """The match with the verdict that was decided on, where one was."""
     decision = decisions.get((found.reference, found.moving))
-    if decision is None or decision.kind == "guess":
+    if decision is None:
         return found
-    verdict: Verdict = "accept" if decision.kind == "accept" else "reject"
+    if decision.kind == "guess":  # what a person saw is not the odometry, which the graph has too
+        return replace(found, seen_pose=None, seen_covariance=None)
+    verdict: Verdict = "accepted" if decision.kind == "accept" else "refuted"
     who = f" by {decision.by}" if decision.by else ""
     return replace(
         found, verdict=verdict, reasons=(*found.reasons, f"decided: {decision.kind}{who}")

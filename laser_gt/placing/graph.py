@@ -46,12 +46,16 @@ class Edge:
         Laser frame at the end stop in the laser frame at the start stop.
     covariance : (3, 3) array
         Of the pose.
+    noise : (3, 3) array, optional
+        What of it is noise of the two scans, where a direction that they do not determine makes
+        the covariance large; all of it if not given.
     """
 
     start: int
     end: int
     pose: Array
     covariance: Array
+    noise: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -74,6 +78,9 @@ class Graph:
         Joint covariance of those poses.
     mount_covariance : (3, 3) array or None
         Of the measured mount; None where it is to be found without a measured one.
+    guesses : sequence of Edge
+        Motions between stops by odometry. They decide what the matches leave open, and do not
+        count in the misfit.
     """
 
     initial: Array
@@ -83,6 +90,12 @@ class Graph:
     prior_poses: Array
     prior_covariance: Array
     mount_covariance: Array | None
+    guesses: Sequence[Edge] = ()
+
+    @property
+    def every(self) -> list[Edge]:
+        """Matches, then guesses."""
+        return [*self.edges, *self.guesses]
 
 
 @dataclass(frozen=True)
@@ -142,7 +155,7 @@ def solve_graph(graph: Graph, robust_width: float = 4.0) -> GraphSolution:
     if not graph.edges or not len(graph.prior_stops):
         raise GtvalError("no accepted match, or no surveyed stop: nothing to place the scans with")
     poses, mount = graph.initial.copy(), graph.mount.copy()
-    weights = np.ones(len(graph.edges))
+    weights = np.ones(len(graph.every))
     for _ in range(MAX_STEPS):
         residuals, chi = _edge_residuals(graph, poses, mount)
         weights = 1 / (1 + chi / (3 * robust_width**2))
@@ -164,12 +177,14 @@ def _solution(graph: Graph, poses: Array, mount: Array, weights: Array) -> Graph
     stops (`_stop_noise`) and added to each of them.
     """
     residuals, chi = _edge_residuals(graph, poses, mount)
-    total = float((weights * chi).sum())
+    count = len(graph.edges)
+    total = float((weights * chi)[:count].sum())
     unknowns = 3 * (len(poses) - len(graph.prior_stops) + (graph.mount_covariance is None))
-    freedom = 3 * len(graph.edges) - unknowns
+    freedom = _determined(graph.edges) - unknowns
     misfit = total / freedom if freedom > 0 else 1.0
     scale = max(misfit, LEAST_MISFIT)
-    information, _ = _normal_equations(graph, poses, mount, residuals, weights / scale)
+    scaled = weights / np.where(np.arange(len(weights)) < count, scale, 1.0)
+    information, _ = _normal_equations(graph, poses, mount, residuals, scaled)
     try:
         covariance = np.linalg.inv(information.toarray())
     except np.linalg.LinAlgError:
@@ -179,7 +194,12 @@ def _solution(graph: Graph, poses: Array, mount: Array, weights: Array) -> Graph
         part = slice(3 * stop, 3 * stop + 3)
         covariance[part, part] += shared * noise
     covariance = (covariance + covariance.T) / 2
-    return GraphSolution(poses, mount, covariance, total, freedom, weights)
+    return GraphSolution(poses, mount, covariance, total, freedom, weights[:count])
+
+
+def _determined(edges: Sequence[Edge]) -> int:
+    """Number of directions that the edges determine to less than a metre, or a radian."""
+    return int((np.linalg.eigvalsh(np.array([edge.covariance for edge in edges])) < 1).sum())
 
 
 def _stop_noise(graph: Graph, poses: Array, mount: Array) -> dict[int, Array]:
@@ -187,26 +207,29 @@ def _stop_noise(graph: Graph, poses: Array, mount: Array) -> dict[int, Array]:
 
     Half of an edge's covariance is the noise of either of its two scans; seen from the other
     stop it needs turning only, for it acts at the stop's own laser frame. The mean over the
-    stop's edges, carried from laser frame to robot pose.
+    stop's edges, by their information, carried from laser frame to robot pose.
     """
     found: dict[int, list[Array]] = {}
     for edge in graph.edges:
         back = inverse(edge.pose)
-        turned_back = inverse_covariance_of(edge.pose, edge.covariance)
+        noise = edge.covariance if edge.noise is None else edge.noise
+        turned_back = inverse_covariance_of(edge.pose, noise)
         for stop, pose, covariance in (
-            (edge.end, edge.pose, edge.covariance),
+            (edge.end, edge.pose, noise),
             (edge.start, back, turned_back),
         ):
             turn = np.eye(3)
             turn[:2, :2] = rotation(pose[2]).T
-            found.setdefault(stop, []).append(turn @ covariance @ turn.T / 2)
+            information: Array = np.asarray(np.linalg.inv(turn @ covariance @ turn.T / 2))
+            found.setdefault(stop, []).append(information)
     result = {}
-    for stop, covariances in found.items():
+    for stop, informations in found.items():
         laser = compose(poses[stop], mount)
         _, by_offset = compose_jacobians(laser, np.zeros(3))
         by_laser, _ = compose_jacobians(laser, inverse(mount))
         jacobian = by_laser @ by_offset
-        result[stop] = jacobian @ np.mean(covariances, axis=0) @ jacobian.T
+        mean = np.linalg.inv(np.mean(informations, axis=0))
+        result[stop] = jacobian @ mean @ jacobian.T
     return result
 
 
@@ -222,10 +245,10 @@ def predicted(first: Array, second: Array, mount: Array) -> Array:
 
 def _edge_residuals(graph: Graph, poses: Array, mount: Array) -> tuple[Array, Array]:
     """(m, 3) predicted less matched poses, and their (m,) squared Mahalanobis lengths."""
-    start, end = ends_of(graph.edges).T
-    measured = np.array([edge.pose for edge in graph.edges])
+    start, end = ends_of(graph.every).T
+    measured = np.array([edge.pose for edge in graph.every])
     residual = wrapped(predicted(poses[start], poses[end], mount) - measured)
-    covariance = np.array([edge.covariance for edge in graph.edges])
+    covariance = np.array([edge.covariance for edge in graph.every])
     solved = np.linalg.solve(covariance, residual[..., None])[..., 0]
     return residual, (residual * solved).sum(-1)
 
@@ -251,8 +274,8 @@ def _normal_equations(
     from scipy import sparse  # noqa: PLC0415  (loaded when a graph is solved)
 
     n = len(poses)
-    start, end = ends_of(graph.edges).T
-    inverse_covariance = np.linalg.inv(np.array([edge.covariance for edge in graph.edges]))
+    start, end = ends_of(graph.every).T
+    inverse_covariance = np.linalg.inv(np.array([edge.covariance for edge in graph.every]))
     inverse_covariance *= weights[:, None, None]
     jacobians = np.stack(
         _edge_jacobians(poses[start], poses[end], np.broadcast_to(mount, (len(start), 3))), axis=1

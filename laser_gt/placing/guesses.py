@@ -103,7 +103,7 @@ def guess_scatter(matches: Sequence[Match], growth: npt.ArrayLike | None = None)
     From medians, so that a few wild guesses do not count. The accepted are the easier ones, and a
     guess that is far off is less likely to be among them: take it for a lower bound.
     """
-    accepted = np.array([one.verdict == "accept" for one in matches], dtype=bool)
+    accepted = np.array([one.verdict == "accepted" for one in matches], dtype=bool)
     if accepted.sum() < FEWEST:
         return None
     off = wrapped(np.array([one.pose - one.guess for one in matches])[accepted])

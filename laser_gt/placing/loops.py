@@ -19,9 +19,6 @@ from validation.poses.angles import Array
 FLOOR = np.diag([0.003**2, 0.003**2, 0.001**2])
 """Allowed for what the covariances leave out: 3 mm and 1 mrad of surfaces that are not flat.
 A judgement: half of the standard deviations up to which a match is accepted."""
-CONFIRMING = 2
-"""Loops through different third stops that confirm a match. A judgement: one may close by chance or
-share its third stop's fault; two that do so to millimetres do not."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +44,7 @@ class Loop:
 
 def triples(matches: Sequence[Match]) -> list[Loop]:
     """All loops of three among the matches that are not rejected."""
-    usable = {(m.reference, m.moving): m for m in matches if m.verdict != "reject"}
+    usable = {(m.reference, m.moving): m for m in matches if m.verdict != "refuted"}
     neighbours: dict[str, set[str]] = {}
     for a, b in usable:
         neighbours.setdefault(a, set()).add(b)
@@ -63,20 +60,25 @@ def triples(matches: Sequence[Match]) -> list[Loop]:
 def _edge(matches: dict[tuple[str, str], Match], start: str, end: str) -> tuple[Array, Array]:
     """Pose and covariance from one stop to another, in whichever direction it was matched."""
     if (start, end) in matches:
-        return matches[start, end].pose, matches[start, end].covariance
-    back = matches[end, start]
-    return inverse(back.pose), inverse_covariance_of(back.pose, back.covariance)
+        return matches[start, end].by_scans
+    pose, covariance = matches[end, start].by_scans
+    return inverse(pose), inverse_covariance_of(pose, covariance)
+
+
+def way(steps: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Pose and covariance at the end of steps, each seen from the end of the one before."""
+    pose, covariance = steps[0]
+    for step, step_covariance in steps[1:]:
+        by_first, by_second = compose_jacobians(pose, step)
+        covariance = by_first @ covariance @ by_first.T + by_second @ step_covariance @ by_second.T
+        pose = compose(pose, step)
+    return pose, covariance
 
 
 def _loop(matches: dict[tuple[str, str], Match], stops: tuple[str, str, str]) -> Loop:
     """The way from the first stop over the others back to it."""
     a, b, c = stops
-    pose, covariance = _edge(matches, a, b)
-    for start, end in ((b, c), (c, a)):
-        step, step_covariance = _edge(matches, start, end)
-        by_first, by_second = compose_jacobians(pose, step)
-        covariance = by_first @ covariance @ by_first.T + by_second @ step_covariance @ by_second.T
-        pose = compose(pose, step)
+    pose, covariance = way([_edge(matches, *ends) for ends in ((a, b), (b, c), (c, a))])
     chi_squared = float(pose @ np.linalg.solve(covariance + FLOOR, pose))
     return Loop(stops, chi_squared)
 
@@ -86,9 +88,7 @@ def with_loops(matches: Sequence[Match]) -> tuple[list[Match], list[Loop]]:
 
     Notes
     -----
-    A match that breaks most of its loops is no longer accepted. One that only moved things or
-    glass hold up is accepted if it closes `CONFIRMING` loops or more and breaks none: a wrong
-    pose would have to be wrong by the same in its neighbours' matches, to millimetres.
+    A match that breaks most of its loops may be wrong, whatever was said of it before.
     """
     loops = triples(matches)
     closed: dict[frozenset[str], list[bool]] = {}
@@ -102,12 +102,9 @@ def with_loops(matches: Sequence[Match]) -> tuple[list[Match], list[Loop]]:
 def _told(match: Match, outcome: list[bool]) -> Match:
     """The match after what its loops say, True for each that closes."""
     broken = outcome.count(False)
-    if broken > len(outcome) / 2:
-        reason = f"breaks {broken} of its {len(outcome)} loops of three scans"
-        verdicts: tuple[Verdict, Verdict] = (match.verdict, "look")
-        worse = max(verdicts, key=VERDICTS.index)
-        return replace(match, verdict=worse, reasons=(*match.reasons, reason))
-    if match.changed and broken == 0 and len(outcome) >= CONFIRMING:
-        reason = f"accepted, for it closes all of its {len(outcome)} loops of three scans"
-        return replace(match, verdict="accept", reasons=(*match.reasons, reason))
-    return match
+    if broken <= len(outcome) / 2:
+        return match
+    reason = f"breaks {broken} of its {len(outcome)} loops of three scans"
+    verdicts: tuple[Verdict, Verdict] = (match.verdict, "may be wrong")
+    worse = max(verdicts, key=VERDICTS.index)
+    return replace(match, verdict=worse, reasons=(*match.reasons, reason))

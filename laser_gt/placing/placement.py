@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from laser_gt.placing.graph import GraphSolution
-from laser_gt.scans.planar import CONTRADICTION, between, compose, compose_jacobians, wrapped
+from laser_gt.scans.planar import CONTRADICTION, compose, compose_jacobians, inverse, wrapped
+from laser_gt.scans.scan import Indices
 from validation.poses.angles import Array
 
 HELD = 1e6
@@ -23,17 +24,21 @@ class Placement:
         x, y, theta.
     joint : (3n, 3n) array
         Joint covariance.
-    frame : (3,) array
-        Frame of the graph's first anchor in the GTV frame.
+    frames : (g, 3) array
+        Frame of each part of the graph in the GTV frame.
     """
 
     poses: Array
     joint: Array
-    frame: Array
+    frames: Array
 
 
 def place(
-    solution: GraphSolution, anchors: list[int], surveyed: Array, covariance: Array
+    solution: GraphSolution,
+    anchors: list[int],
+    surveyed: Array,
+    covariance: Array,
+    parts: Indices | None = None,
 ) -> Placement:
     """The poses of a graph, moved rigidly so that its anchors fit their surveyed poses best.
 
@@ -48,6 +53,9 @@ def place(
         Their poses in the GTV frame.
     covariance : (3p, 3p) array
         Joint covariance of those poses.
+    parts : (n,) int array, optional
+        The part of the graph, from 0 on, that each stop belongs to. Each has a surveyed stop, and a
+        frame of its own; the mount and the survey are common to all. One if not given.
 
     Notes
     -----
@@ -64,42 +72,54 @@ def place(
     (B G) S (B G)' + (J - B G J) C (J - B G J)', C being that of the graph with its mount.
     """
     mount_information: Array = np.asarray(np.linalg.inv(solution.covariance[-3:, -3:]))
-    placement, mount = _fitted(solution, anchors, surveyed, covariance, mount_information)
+    parts = np.zeros(len(solution.poses), dtype=np.intp) if parts is None else parts
+    known = (solution, anchors, surveyed, covariance, parts)
+    placement, mount = _fitted(*known, mount_information)
     if mount @ mount_information @ mount > CONTRADICTION:
         held = mount_information * HELD
-        placement, _ = _fitted(solution, anchors, surveyed, covariance, held)
+        placement, _ = _fitted(*known, held)
     return placement
 
 
 def _fitted(
-    solution: GraphSolution, anchors: list[int], surveyed: Array, covariance: Array, known: Array
+    solution: GraphSolution,
+    anchors: list[int],
+    surveyed: Array,
+    covariance: Array,
+    parts: Indices,
+    known: Array,
 ) -> tuple[Placement, Array]:
     """The placement and the error of the mount, (3,), with the information on it that is known."""
     n = len(solution.poses)
     flat = (3 * np.array(anchors)[:, None] + np.arange(3)).ravel()
     graph_covariance = solution.covariance[: 3 * n, : 3 * n]
     by_mount = solution.covariance[: 3 * n, -3:] @ np.linalg.inv(solution.covariance[-3:, -3:])
-    prior = np.zeros((6, 6))
-    prior[3:, 3:] = known
-    frame = compose(surveyed[0], between(solution.poses[anchors[0]], np.zeros(3)))
+    count = int(parts.max()) + 1
+    first = [int(np.flatnonzero(parts[anchors] == part)[0]) for part in range(count)]
+    prior = np.zeros((3 * count + 3, 3 * count + 3))
+    prior[-3:, -3:] = known
+    origins = solution.poses[np.array(anchors)[first]]
+    frames = compose(surveyed[first], inverse(origins))
     mount = np.zeros(3)
     for _ in range(10):
         shape = solution.poses + (by_mount @ mount).reshape(n, 3)
-        by_frame, by_pose = compose_jacobians(np.broadcast_to(frame, (n, 3)), shape)
+        by_frame, by_pose = compose_jacobians(frames[parts], shape)
         turned = _block_diagonal(by_pose)
-        lever = np.hstack([by_frame.reshape(3 * n, 3), turned @ by_mount])
-        difference = wrapped(surveyed - compose(frame, shape[anchors]))
+        by_frames = np.zeros((n, 3, count, 3))
+        by_frames[np.arange(n), :, parts] = by_frame
+        lever = np.hstack([by_frames.reshape(3 * n, 3 * count), turned @ by_mount])
+        difference = wrapped(surveyed - compose(frames[parts], shape)[anchors])
         weighted = lever[flat].T / np.diagonal(covariance)
         solver = np.linalg.inv(weighted @ lever[flat] + prior)
-        step = solver @ (weighted @ difference.ravel() - prior[:, 3:] @ mount)
-        frame, mount = frame + step[:3], mount + step[3:]
+        step = solver @ (weighted @ difference.ravel() - prior[:, -3:] @ mount)
+        frames, mount = frames + step[:-3].reshape(count, 3), mount + step[-3:]
         if np.abs(step).max() < 1e-12:
             break
     shape = solution.poses + (by_mount @ mount).reshape(n, 3)
     from_survey = lever @ solver @ weighted
     from_graph = turned - from_survey @ turned[flat]
     joint = from_survey @ covariance @ from_survey.T + from_graph @ graph_covariance @ from_graph.T
-    return Placement(compose(frame, shape), (joint + joint.T) / 2, frame), mount
+    return Placement(compose(frames[parts], shape), (joint + joint.T) / 2, frames), mount
 
 
 def _block_diagonal(blocks: Array) -> Array:

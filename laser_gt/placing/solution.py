@@ -1,23 +1,44 @@
-"""Robot poses in the GTV frame, from accepted matches and surveyed stops."""
+"""Robot poses in the GTV frame, from matches and surveyed stops."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from laser_gt.placing.anchors import Surveyed, edges_of
+from laser_gt.matching.verdicts import Match
+from laser_gt.placing.anchors import Surveyed, edge_of
 from laser_gt.placing.engines import Matching
 from laser_gt.placing.graph import Edge, Graph, GraphSolution, ends_of, solve_graph
-from laser_gt.placing.pairs import connected_stops
+from laser_gt.placing.guesses import guess_deviations
+from laser_gt.placing.pairs import distances, parts_of
 from laser_gt.placing.placement import Placement, place
-from laser_gt.scans.planar import between, compose, inverse
-from laser_gt.scans.scan import Flags
+from laser_gt.placing.switches import GAUGE, WRONG_SHARE, guess_edges, spanning
+from laser_gt.scans.planar import CONTRADICTION, compose, inverse
+from laser_gt.scans.scan import Flags, Indices
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
-GAUGE = 1e-12
-"""Variance with which a graph is held at its first anchor: a micrometre and a microradian, a
-thousandth of any error that counts, and far enough from zero for the equations to be solved."""
+
+@dataclass(frozen=True)
+class Gap:
+    """Stops that no chain of matches joins with a surveyed stop.
+
+    Parameters
+    ----------
+    stops : tuple of str
+        Joined with each other, or one alone.
+    matches : tuple of Match
+        Between these and placed stops: a person may decide on one of them.
+    nearest : (str, str)
+        The stop and the placed one that are nearest to each other by the initial guess.
+    distance : float
+        Between the two, metres.
+    """
+
+    stops: tuple[str, ...]
+    matches: tuple[Match, ...]
+    nearest: tuple[str, str]
+    distance: float
 
 
 @dataclass(frozen=True)
@@ -34,18 +55,30 @@ class LaserSolution:
         Poses in the GTV frame of the stops in ``stops``.
     stops : tuple of str
         Stops with a pose: connected with an anchor.
-    lost : tuple of str
-        Stops without.
     anchors : tuple of str
         Surveyed stops that placed the laser frame.
+    parts : (n,) int array
+        The part of the graph that each stop belongs to.
+    hanging : tuple of (Match, tuple of str)
+        Matches that may be wrong, that nothing checks, and the stops that are placed by each
+        alone. Its covariance there counts in that one of some such matches is wrong.
+    gaps : tuple of Gap
+        Stops without a pose.
     """
 
     matching: Matching
     graph: GraphSolution
     placement: Placement
     stops: tuple[str, ...]
-    lost: tuple[str, ...]
     anchors: tuple[str, ...]
+    parts: Indices
+    hanging: tuple[tuple[Match, tuple[str, ...]], ...]
+    gaps: tuple[Gap, ...]
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """Stops without a pose."""
+        return tuple(stop for gap in self.gaps for stop in gap.stops)
 
 
 def solve(
@@ -55,6 +88,7 @@ def solve(
     trajectory: Array,
     matching: Matching,
     surveyed: Surveyed,
+    guess_sigmas: Sequence[float] = (0.15, 0.1),
 ) -> LaserSolution:
     """Robot poses in the GTV frame.
 
@@ -70,68 +104,133 @@ def solve(
         What was matched.
     surveyed : Surveyed
         Poses of the reference stops.
+    guess_sigmas : (float, float)
+        How good that guess is from stop to stop, metres and radians.
 
     Raises
     ------
     GtvalError
-        If no accepted match reaches a reference stop.
+        If no match that is used reaches a reference stop.
     """
-    root, reached = _reached(stops, edges_of(stops, matching.matches), surveyed.stops)
-    kept = [stop for stop, there in zip(stops, reached, strict=True) if there]
-    edges = edges_of(kept, matching.matches)
-    start = kept.index(stops[root])
-    robot = compose(compose(mount, trajectory[reached]), inverse(mount))
-    solution = solve_graph(
-        Graph(
-            initial=_spanning(between(robot[start], robot), edges, start, mount),
-            mount=mount,
-            edges=edges,
-            prior_stops=[start],
-            prior_poses=np.zeros((1, 3)),
-            prior_covariance=np.eye(3) * GAUGE,
-            mount_covariance=np.diag(mount_sigmas**2),
-        )
-    )
-    known = surveyed.select([stop for stop in surveyed.stops if stop in kept])
-    placement = place(
-        solution, [kept.index(stop) for stop in known.stops], known.poses, known.joint
-    )
-    lost = tuple(stop for stop in stops if stop not in kept)
-    return LaserSolution(matching, solution, placement, tuple(kept), lost, known.stops)
-
-
-def _reached(
-    stops: Sequence[str], edges: Sequence[Edge], anchors: Sequence[str]
-) -> tuple[int, Flags]:
-    """The anchor whose connected part of the graph is the largest, and that part."""
-    parts = {
-        root: connected_stops(len(stops), ends_of(edges), [root])
-        for root in (stops.index(anchor) for anchor in anchors if anchor in stops)
-    }
-    root = max(parts, key=lambda stop: int(parts[stop].sum()), default=None)
-    if root is None or parts[root].sum() < 2:
+    where = {stop: number for number, stop in enumerate(stops)}
+    roots = [where[stop] for stop in surveyed.stops if stop in where]
+    edges = [edge_of(where, one) for one in matching.used]
+    edges, hanging = _with_hanging(where, edges, matching, trajectory, roots, guess_sigmas)
+    parts = parts_of(len(stops), ends_of(edges))
+    kept = np.isin(parts, parts[roots]) & (np.bincount(parts, minlength=len(stops))[parts] > 1)
+    if not kept.any():
         raise GtvalError(
-            "no accepted match reaches a surveyed stop; look at the matches with "
+            "no match that can be used reaches a surveyed stop; look at the matches with "
             "`gtval laser inspect` and decide on some, or survey more stops"
         )
-    return root, parts[root]
+    names = tuple(np.array(stops, dtype=object)[kept].tolist())
+    _, numbers = np.unique(parts[kept], return_inverse=True)
+    known = surveyed.select([stop for stop in surveyed.stops if stop in names])
+    anchors = [names.index(stop) for stop in known.stops]
+    starts = [anchors[int((numbers[anchors] == one).argmax())] for one in range(numbers.max() + 1)]
+    inside = _renumbered(edges, kept)
+    robot = compose(compose(mount, trajectory[kept]), inverse(mount))
+    solution = solve_graph(
+        Graph(
+            initial=spanning(robot, inside, starts, mount),
+            mount=mount,
+            edges=inside,
+            prior_stops=starts,
+            prior_poses=robot[starts],
+            prior_covariance=np.eye(3 * len(starts)) * GAUGE,
+            mount_covariance=np.diag(mount_sigmas**2),
+            guesses=guess_edges(trajectory[kept], numbers, guess_sigmas),
+        )
+    )
+    return LaserSolution(
+        matching=matching,
+        graph=solution,
+        placement=place(solution, anchors, known.poses, known.joint, numbers),
+        stops=names,
+        anchors=known.stops,
+        parts=numbers,
+        hanging=_named(stops, edges, hanging, roots),
+        gaps=_gaps(stops, parts, kept, matching, trajectory),
+    )
 
 
-def _spanning(robot: Array, edges: Sequence[Edge], start: int, mount: Array) -> Array:
-    """First poses by following the most certain matches out from the start."""
-    poses = robot.copy()
-    poses[start] = 0.0
-    known = {start}
-    waiting = sorted(edges, key=lambda edge: float(np.trace(edge.covariance)))
+def _with_hanging(
+    where: dict[str, int],
+    edges: list[Edge],
+    matching: Matching,
+    trajectory: Array,
+    roots: Sequence[int],
+    sigmas: Sequence[float],
+) -> tuple[list[Edge], list[Match]]:
+    """The edges, and matches that may be wrong where nothing else joins stops with a root.
+
+    The one with the fewest doubts comes first. Parts that have surveyed stops of their own are
+    not joined, and what contradicts its guess joins nothing.
+    """
+    waiting = sorted(
+        (one for one in matching.of("may be wrong") if one.surprise <= CONTRADICTION),
+        key=lambda one: (len(one.reasons), float(np.trace(one.covariance))),
+    )
+    edges, taken = list(edges), []
     while True:
-        for edge in waiting:
-            if (edge.start in known) != (edge.end in known):
-                step = compose(compose(mount, edge.pose), inverse(mount))
-                if edge.start in known:
-                    poses[edge.end] = compose(poses[edge.start], step)
-                else:
-                    poses[edge.start] = compose(poses[edge.end], inverse(step))
-                known |= {edge.start, edge.end}
+        parts = parts_of(len(where), ends_of(edges))
+        rooted = np.isin(parts, parts[list(roots)])
+        for one in waiting:
+            start, end = where[one.reference], where[one.moving]
+            if rooted[start] != rooted[end]:
+                edge = edge_of(where, one)
+                prior = guess_deviations(trajectory, start, end, sigmas)[[0, 0, 1]] ** 2
+                widened = edge.covariance + WRONG_SHARE * np.diag(prior)
+                edges.append(Edge(start, end, edge.pose, widened, edge.noise))
+                taken.append(one)
                 break
         else:
-            return poses
+            return edges, taken
+
+
+def _renumbered(edges: Sequence[Edge], kept: Flags) -> list[Edge]:
+    """The edges between stops that are kept, with the numbers that these have among themselves."""
+    number = np.cumsum(kept) - 1
+    return [
+        Edge(int(number[one.start]), int(number[one.end]), one.pose, one.covariance, one.noise)
+        for one in edges
+        if kept[one.start]
+    ]
+
+
+def _named(
+    stops: Sequence[str], edges: Sequence[Edge], hanging: Sequence[Match], roots: Sequence[int]
+) -> tuple[tuple[Match, tuple[str, ...]], ...]:
+    """Each match that nothing checks, with the stops that have no pose without it."""
+    found = []
+    for one in hanging:
+        ends = {stops.index(one.reference), stops.index(one.moving)}
+        rest = [edge for edge in edges if {edge.start, edge.end} != ends]
+        parts = parts_of(len(stops), ends_of(rest))
+        apart = ~np.isin(parts, parts[list(roots)])
+        whole = parts_of(len(stops), ends_of(edges))
+        apart &= whole == whole[min(ends)]
+        found.append((one, tuple(stops[row] for row in np.flatnonzero(apart).tolist())))
+    return tuple(found)
+
+
+def _gaps(
+    stops: Sequence[str], parts: Indices, kept: Flags, matching: Matching, trajectory: Array
+) -> tuple[Gap, ...]:
+    """What is not placed, part by part, and what would close the gap."""
+    gaps = []
+    placed = np.flatnonzero(kept)
+    for part in dict.fromkeys(parts[~kept].tolist()):
+        rows = np.flatnonzero(parts == part)
+        names = tuple(stops[row] for row in rows.tolist())
+        between_them = tuple(
+            one
+            for one in matching.matches
+            if (one.reference in names) != (one.moving in names)
+            and {one.reference, one.moving} & {stops[row] for row in placed.tolist()}
+        )
+        pairs = np.array([(row, other) for row in rows.tolist() for other in placed.tolist()])
+        apart = distances(trajectory, pairs)
+        first, second = pairs[int(apart.argmin())].tolist()
+        gaps.append(Gap(names, between_them, (stops[first], stops[second]), float(apart.min())))
+    return tuple(gaps)

@@ -34,6 +34,9 @@ class Scan(Shown):
         Metres; a range outside is no return.
     sigma : float, optional
         Standard deviation of a range in metres; estimated from the scan where not given.
+    shared_sigma, shared_beams : float
+        What of it neighbouring beams share, in metres, and over how many beams that falls to
+        1 / e: see `laser_gt.scans.noise`.
     time : float
         Seconds; NaN where not recorded.
     sensor : str
@@ -53,6 +56,8 @@ class Scan(Shown):
     sigma: float | None = None
     time: float = float("nan")
     sensor: str = "laser"
+    shared_sigma: float = 0.0
+    shared_beams: float = 1.0
 
     def __post_init__(self) -> None:
         ranges = np.array(self.ranges, dtype=float)

@@ -5,7 +5,7 @@ allow: as long as the surface is straight. Narrow windows fake information: the 
 normals looks like structure, most of all along a corridor, where there is none.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -61,6 +61,10 @@ class Surface:
     scatter : (n,) array
         Variance of the points of the window about their line, as measured, square metres; 0
         where there is no line.
+    shared : (n,) array
+        Standard deviation of the ranges that neighbouring beams share, metres.
+    shared_beams : float
+        Over how many beams that falls to 1 / e; the longest of the sweep's scanners.
     """
 
     points: Array
@@ -75,6 +79,8 @@ class Surface:
     flat: Flags
     spacing: Array
     scatter: Array
+    shared: Array
+    shared_beams: float
 
     def __len__(self) -> int:
         return len(self.points)
@@ -90,6 +96,12 @@ class Surface:
         cosine = (self.normals * self.beams).sum(-1)
         across = self.sigmas**2 * np.maximum(cosine**2, 0.1) + MODEL_SIGMA**2
         return np.where(self.flat, across, self.sigmas**2 + MODEL_SIGMA**2)
+
+    @cached_property
+    def shared_across(self) -> Array:
+        """(n,) standard deviation across its surface that each point shares with its neighbours."""
+        cosine = (self.normals * self.beams).sum(-1)
+        return np.where(self.flat, self.shared * np.abs(cosine), self.shared)
 
     @cached_property
     def measured_variances(self) -> Array:
@@ -146,14 +158,18 @@ def surface(sweep: Sweep) -> Surface:
     away = points - origins
     ranges = np.sqrt((away**2).sum(-1))
     beams = away / np.maximum(ranges, 1e-9)[:, None]
-    sigmas = np.concatenate(
-        [np.full(len(view.scan.points), view.scan.range_sigma) for view in sweep.views]
-    )
+    count = [len(view.scan.points) for view in sweep.views]
+    sigmas = np.repeat([view.scan.range_sigma for view in sweep.views], count)
+    shared = np.repeat([view.scan.shared_sigma for view in sweep.views], count)
     run = _run_of(sweep, points, ranges, sigmas)
     first, last = _windows(run)
     moments = _window_moments(points, first, last)
     spacing = _spacing(points, run)
-    return _best_lines(points, beams, ranges, sigmas, first, last, moments, spacing)
+    return replace(
+        _best_lines(points, beams, ranges, sigmas, first, last, moments, spacing),
+        shared=shared,
+        shared_beams=max(view.scan.shared_beams for view in sweep.views),
+    )
 
 
 def _spacing(points: Array, run: Indices) -> Array:
@@ -250,6 +266,8 @@ def _best_lines(
         flat=flat,
         spacing=spacing,
         scatter=np.where(flat, (scatter / freedom)[pick], 0.0),
+        shared=np.zeros(len(points)),
+        shared_beams=1.0,
     )
 
 

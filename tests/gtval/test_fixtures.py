@@ -59,7 +59,7 @@ def test_scans_lie_where_the_truth_says(gtval_scans):
     ):
         found = gtval.match_scans(first, second, gtval_scans.guesses[row])
         off = found.pose - gtval_scans.truth[row]
-        if found.verdict == "accept":
+        if found.verdict == "accepted":
             # chi-squared with 3 degrees of freedom: beyond 21.1 once in 10,000 right matches.
             assert off @ np.linalg.solve(found.covariance, off) < 21.1
 

@@ -47,7 +47,7 @@ def measure(image: np.ndarray[tuple[int, int], np.dtype[np.uint8]]) -> gtval.Mar
         marking_sigma=0.001,
     )
     stops: tuple[str, ...] = table.ids + make_room(Path("room"), seed=2).truth.ids
-    assert match.verdict == "accept"
+    assert match.verdict == "accepted"
     assert solution.pose_table() is not None
     assert stops
     return places[0]

@@ -70,9 +70,10 @@ def test_a_pair_that_closes_no_loop_is_no_longer_accepted(tmp_path):
     matching = outcome.matchings["scanmatch"]
     in_loop = set(matching.loops[0].stops)
     good = sorted(matching.accepted, key=lambda m: not {m.reference, m.moving} <= in_loop)
-    wrong = replace(good[0], pose=good[0].pose + np.array([0.2, 0.0, 0.0]))
+    moved = good[0].pose + np.array([0.2, 0.0, 0.0])
+    wrong = replace(good[0], pose=moved, seen_pose=moved)
     found, _ = with_loops([wrong, *good[1:]])
-    assert found[0].verdict == "look"
+    assert found[0].verdict == "may be wrong"
     assert "loops" in found[0].reasons[-1]
     # the rest of the graph does without it
     matching = replace(matching, matches=found)
@@ -157,56 +158,6 @@ def test_the_published_way_with_a_wrong_mount_gives_the_documents_errors(tmp_pat
     assert left.std() < 0.2 * observed.std()
     assert not outcome.mount_check.agrees
     assert np.abs(outcome.mount_check.difference[:2] - [0.09, 0.05]).max() < 0.003
-
-
-def _ring(changed, intruder=1.0):
-    """Matches between all of four stops, right to a millimetre; the first is held up."""
-    from itertools import combinations
-
-    from laser_gt.matching.verdicts import JudgementSettings, Match, with_verdict
-    from laser_gt.scans.planar import between
-
-    rng = np.random.default_rng(3)
-    stops = {name: rng.uniform(-2, 2, 3) for name in "abcd"}
-    good = {
-        "explained": 0.8, "violating": 0.0, "hidden": 0.1, "agreement": 0.9, "intruder": 0.0,
-        "scale": 1.0, "real_share": 1.0, "eigenvalue_ratio": 0.5, "returned": 1.0,
-        "rival": -0.5, "surprise": 1.0,
-    }  # fmt: skip
-    made = []
-    for first, second in combinations(stops, 2):
-        pose = between(stops[first], stops[second]) + rng.normal(0, 0.001, 3)
-        values = good if made else good | changed | {"intruder": intruder}
-        found = Match(first, second, pose, pose, np.eye(3) * 0.001**2, **values)
-        made.append(with_verdict(found, JudgementSettings()))
-    return made
-
-
-def test_loops_confirm_a_match_that_only_moved_things_hold_up():
-    from laser_gt.placing.loops import with_loops
-
-    held_up = _ring({"violating": 0.1})
-    assert held_up[0].verdict == "look"
-    confirmed = with_loops(held_up)[0][0]
-    assert confirmed.verdict == "accept"
-    assert "closes all of its 2 loops" in confirmed.reasons[-1]
-
-
-@pytest.mark.parametrize(
-    ("doubt", "intruder"),
-    [
-        ({"violating": 0.1}, 3.0),  # a wall in free space
-        ({"violating": 0.1, "rival": -0.01}, 1.0),
-        ({"surprise": 30.0}, 0.0),
-        ({"violating": 0.3}, 1.0),
-    ],
-)
-def test_loops_do_not_outweigh_other_doubts(doubt, intruder):
-    from laser_gt.placing.loops import with_loops
-
-    held_up = _ring(doubt, intruder)
-    assert held_up[0].verdict != "accept"
-    assert with_loops(held_up)[0][0].verdict == held_up[0].verdict
 
 
 def test_glass_and_moved_bins_leave_few_matches_for_the_eye_and_none_wrong(tmp_path):

@@ -70,7 +70,7 @@ def _errors(truth, found, offset):
 
 
 def _accepted(found):
-    return np.array([one.verdict == "accept" for one in found])
+    return np.array([one.verdict == "accepted" for one in found])
 
 
 def test_the_relations_are_reproduced_and_the_bias_is_gone_with_the_offset(matched):
@@ -108,7 +108,7 @@ def test_scans_corrected_for_motion_are_nearer_to_the_relations(matched, matched
 
 def test_the_offset_of_the_laser_is_found_from_the_data(matched):
     truth, found = matched
-    kept = [i for i, one in enumerate(found) if one.verdict != "reject"]
+    kept = [i for i, one in enumerate(found) if one.verdict != "refuted"]
     covariance = np.tile(np.diag([0.02, 0.02, 0.005]) ** 2, (len(kept), 1, 1))
     motions = of_motions(
         truth[kept],

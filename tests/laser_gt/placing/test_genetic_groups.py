@@ -71,7 +71,7 @@ def test_stops_that_the_nearest_pairs_leave_in_groups_are_joined(tmp_path):
         assert match.fitness > 0
         assert not match.rival_fitness < match.fitness
     accepted, wrong = fitness_table(genetic.matching).rows
-    assert accepted[:2] == ["accept", len(genetic.matching.accepted)]
+    assert accepted[:2] == ["accepted", len(genetic.matching.accepted)]
     assert accepted[5] == 1
     assert wrong[5] > 5
 
@@ -87,11 +87,12 @@ def test_stops_in_a_group_of_their_own_are_named_with_what_is_so(tmp_path):
             append_decision(decisions, made, stops, "2026-01-01T00:00:00+00:00")
     outcome = solved(tmp_path, BOTH)
     assert set(outcome.surveyed.stops) == set(stops)  # so each group has a surveyed stop
-    told = [one for one in laser_findings(outcome) if one.code == "lost_stops"]
+    told = [one for one in laser_findings(outcome) if one.code == "groups"]
     assert [one.subject for one in told] == ["laser_scanmatch", "laser_genetic"]
-    for finding in told:
-        assert "no pose: 5, 7." in finding.text
-        assert "joins them with the 5 stops that are placed" in finding.text
+    for finding, solution in zip(told, outcome.solutions.values(), strict=True):
+        assert "in 2 groups, each by its own surveyed stops: 1, 2, 3, 4, 6; 5, 7." in finding.text
+        assert solution.stops == stops
+        assert solution.lost == ()
 
 
 @pytest.mark.full

@@ -13,7 +13,7 @@ from laser_gt.scans.planar import compose
 class Judged:
     pose: np.ndarray
     guess: np.ndarray
-    verdict: str = "accept"
+    verdict: str = "accepted"
 
 
 def _matches(seed, n, growth=1.0):
@@ -61,7 +61,7 @@ def test_a_chain_of_motions_is_as_uncertain_as_a_simulated_one():
 
 def test_wild_guesses_and_matches_not_accepted_do_not_count():
     right = _matches(3, 1000)
-    refused = [Judged(one.pose, one.guess + 1, "look") for one in _matches(4, 500)]
+    refused = [Judged(one.pose, one.guess + 1, "may be wrong") for one in _matches(4, 500)]
     assert (guess_scatter([*right, *refused]) == guess_scatter(right)).all()
     wild = [Judged(one.pose, one.guess + 1) for one in _matches(5, 100)]
     # a tenth of the sizes beyond moves the median to the 0.55 quantile: 12 %
