@@ -45,7 +45,7 @@ def demo(ctx: click.Context, /, folder: Path, *, as_json: bool, **choices: bool)
 @click.command()
 @click.argument("folder", type=PATH)
 @SEED
-@click.option("--stops", type=click.IntRange(1, 1000), default=26, show_default=True)
+@click.option("--stops", type=click.IntRange(1, 5000), default=26, show_default=True)
 @click.option("--world-points", type=click.IntRange(2, 500), default=16, show_default=True)
 @click.option("--pillars", type=click.IntRange(0, 10), default=0, show_default=True)
 @click.option(

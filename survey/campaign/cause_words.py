@@ -388,13 +388,11 @@ def cause_facts(outcome: SurveyOutcome, others: Sequence[Finding]) -> dict[str, 
     diagnosis = outcome.diagnosis
     if diagnosis is None:
         return None
-    searches = (*diagnosis.found, diagnosis.rest)
+    first = (*diagnosis.found, diagnosis.rest)[0]
+    used = _used(outcome, first)
     return {
         "found": [_as_facts(c, c.ranking.best, _used(outcome, c)) for c in diagnosis.found],
-        "hypotheses": [
-            _as_facts(searches[0], one, _used(outcome, searches[0]))
-            for one in searches[0].ranking.tried
-        ],
+        "hypotheses": [_as_facts(first, one, used) for one in first.ranking.tried],
         "m0": diagnosis.plain.m0,
         "m0_without": diagnosis.fit.m0,
         "poses_spoilt": {
@@ -407,6 +405,20 @@ def cause_facts(outcome: SurveyOutcome, others: Sequence[Finding]) -> dict[str, 
     }
 
 
+MOST_LINES = 300
+"""Lines that are listed each for itself; of more, from which to which they go."""
+
+
+def _lines(lines: list[int]) -> list[int] | str:
+    """Lines of readings: '12-24112, 30000' where they are many."""
+    if len(lines) <= MOST_LINES:
+        return lines
+    line = np.unique(lines)
+    ends = np.flatnonzero(np.diff(line) > 1)
+    runs = zip(line[[0, *(ends + 1)]].tolist(), line[[*ends, -1]].tolist(), strict=True)
+    return ", ".join(f"{a}-{b}" if a < b else str(a) for a, b in runs)
+
+
 def _as_facts(causes: Causes, one: Tried[Lead], used: Readings) -> dict[str, object]:
     lead = one.what
     return {
@@ -414,7 +426,7 @@ def _as_facts(causes: Causes, one: Tried[Lead], used: Readings) -> dict[str, obj
         "extent": lead.extent,
         "subject": list(lead.subject),
         "same_readings": list(lead.also),
-        "lines": [used.line[row] for row in lead.rows] if lead.extent != "all" else "all",
+        "lines": _lines([used.line[row] for row in lead.rows]) if lead.extent != "all" else "all",
         "sizes": [
             {"name": p.name, "unit": p.unit, "value": p.value, "low": p.low, "high": p.high}
             for p in one.parameters

@@ -6,6 +6,7 @@ import numpy as np
 
 from survey.campaign.outcome import SurveyOutcome
 from survey.campaign.result_files import adjusted_points
+from survey.estimation.network import Network
 from survey.estimation.robot_frames import RobotFrameFit
 from survey.estimation.solve import SurveySolution
 from survey.readings.levels import CRITICAL
@@ -237,8 +238,10 @@ def _reading_tables(solution: SurveySolution) -> Iterator[Table]:
             ("degrees of freedom", adjustment.degrees_of_freedom),
             ("m0", f"{adjustment.m0:.3f}"),
             ("rms residual of the readings [mm]", f"{np.sqrt(np.mean(residual**2)):.2f}"),
+            *_weights(adjustment.network),
         ],
-        note="Observations include marks, the rig and the nominal Vframe.",
+        note="m0 is that of all observations, each weighted by its standard deviation: the "
+        "readings by theirs, which the file of checked readings holds, the others by those above.",
     )
     worst = np.argsort(-np.nan_to_num(np.abs(solution.reliability.w)))[:15]
     yield Table(
@@ -264,6 +267,18 @@ def _reading_tables(solution: SurveySolution) -> Iterator[Table]:
         ("", "", ".3f", "+.1f", ".2f", "+.2f", ".1f"),
         note=f"|w| above {CRITICAL} happens by chance once in a thousand readings.",
     )
+
+
+def _weights(network: Network) -> Iterator[tuple[str, str]]:
+    """How many observations there are besides the readings, and their standard deviations."""
+    for what, count, sigma in (
+        ("coordinates of Vframe points", 2 * len(network.fixed), network.nominal_sigma),
+        ("coordinates of marks in the robot frame", 2 * len(network.mark), network.marking_sigma),
+        ("coordinates of rig points", 2 * len(network.rig_names), network.rig_sigma),
+        ("sides of the rig", len(network.side_length), network.side_sigma),
+    ):
+        if count:
+            yield f"{what}: number, sigma [mm]", f"{count}, {MM * sigma:.3g}"
 
 
 def readings_tables(solution: SurveySolution, outcome: SurveyOutcome) -> list[Table]:

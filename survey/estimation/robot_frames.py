@@ -151,7 +151,7 @@ def solve_robot_frames(
     estimates = dict(
         zip(
             single,
-            _refined(
+            refined(
                 [open_poses[k][1] for k in single], [solutions[k][0][0] for k in single], world, rig
             ),
             strict=True,
@@ -241,7 +241,7 @@ def _is_single(minima: Array, costs: Array) -> bool:
     return len(minima) > 0 and not (len(minima) > 1 and costs[1] - costs[0] < TIE)
 
 
-def _refined(
+def refined(
     fits: Sequence[PoseReadings], starts: Sequence[Array], world: WorldPoints, rig: RobotFrame
 ) -> list[Estimate]:
     """The filter's estimates with all that readings share, of many poses at once."""

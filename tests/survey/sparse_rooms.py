@@ -153,6 +153,9 @@ class Oracle:
     sigma: dict[str, Array]
     cost: float
     freedom: int
+    places: dict[str, Array]
+    place_sigma: dict[str, Array]
+    w: Array
 
     @property
     def determined(self) -> list[str]:
@@ -214,11 +217,17 @@ def oracle(room: SparseRoom) -> Oracle:
     poses = found.x[split[0] : split[1]].reshape(s, 3)
     names = list(room.stops)
     unread = len(found.x) - 2 * v - 2 * k
+    near = np.sqrt(np.diagonal(covariance))[: split[0]].reshape(-1, 2)
+    rows = found.jac[: len(first)]
+    redundancy = 1 - np.einsum("ou,uv,ov->o", rows, covariance, rows)
     return Oracle(
         dict(zip(names, poses, strict=True)),
         dict(zip(names, sigma, strict=True)),
         float(2 * found.cost),
         len(found.fun) - unread - len(found.x),
+        dict(zip(points, found.x[: split[0]].reshape(-1, 2), strict=True)),
+        dict(zip(points, near, strict=True)),
+        -found.fun[: len(first)] / np.sqrt(redundancy),
     )
 
 

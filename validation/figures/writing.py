@@ -20,6 +20,9 @@ its colour and the steps of its edges."""
 QUALITY = 85
 """Of photographs, in WebP. A judgement: no trace of the compression shows at the size shown."""
 
+MOST_PIXELS = 16383
+"""Along a side of a WebP image, by its format; a map of hundreds of stops may have more."""
+
 
 def write_figure(path: Path, figure: Figure) -> None:
     """Write one figure; the ending chooses between PNG and SVG.
@@ -80,7 +83,10 @@ def web_image(png: bytes) -> str:
 
     image = Image.open(io.BytesIO(png)).convert("RGBA")
     drawing = image.getcolors(COLOURS) is not None
-    stream = io.BytesIO()
-    image.save(stream, "WEBP", lossless=drawing, quality=QUALITY, method=4)
-    kind, held = min((("webp", stream.getvalue()), ("png", png)), key=lambda one: len(one[1]))
+    forms = [("png", png)]
+    if max(image.size) <= MOST_PIXELS:
+        stream = io.BytesIO()
+        image.save(stream, "WEBP", lossless=drawing, quality=QUALITY, method=4)
+        forms.insert(0, ("webp", stream.getvalue()))
+    kind, held = min(forms, key=lambda one: len(one[1]))
     return f"data:image/{kind};base64,{base64.b64encode(held).decode()}"

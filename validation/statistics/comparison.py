@@ -99,8 +99,14 @@ class Comparison(Shown):
         n, k = self.errors.shape
         if self.unavailable:
             return np.full(k, np.nan)
-        joint = (_joint(self.validation) + _joint(self.gt)).reshape(n, k, n, k)
-        return np.asarray(np.sqrt(np.einsum("ikjk->k", joint)) / n)
+        total = np.zeros(k)
+        for table in (self.validation, self.gt):
+            if table.factor is None:
+                total += np.einsum("ikjk->k", _joint(table).reshape(n, k, n, k))
+            else:
+                own, shared = _split(table)
+                total += np.einsum("ikk->k", own) + (shared.reshape(n, k, -1).sum(0) ** 2).sum(1)
+        return np.asarray(np.sqrt(total) / n)
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -215,9 +221,8 @@ def _test(
         total, method = float(scores[stated].sum()), "sum of NEES, poses taken as independent"
     else:
         ids = [validation.ids[row] for row in stated]
-        joint = _joint(validation.select(ids)) + _joint(gt.select(ids))
         try:
-            total = float(nees(errors[stated].ravel(), joint))
+            total = _joint_nees(errors[stated], validation.select(ids), gt.select(ids))
         except ValueError:
             raise GtvalError(
                 f"the joint covariance of '{validation.system}' and '{gt.system}' over all poses "
@@ -225,6 +230,41 @@ def _test(
             ) from None
         method = "joint NEES, with the stated correlations between poses"
     return sum_test(total, len(stated), k, confidence, method)
+
+
+def _joint_nees(errors: Array, validation: PoseTable, gt: PoseTable) -> float:
+    """Of all errors (n, k) together; where the tables have factors, without the whole matrix.
+
+    Notes
+    -----
+    With blocks B of single poses and a factor F, C = B + F F^T and, by Woodbury's identity,
+    e^T C^-1 e = e^T B^-1 e - |L^-1 F^T B^-1 e|^2, L L^T = 1 + F^T B^-1 F.
+    """
+    tables = (validation, gt)
+    if not any(table.factor is not None for table in tables) or any(
+        table.joint is not None for table in tables
+    ):
+        return float(nees(errors.ravel(), _joint(validation) + _joint(gt)))
+    n, k = errors.shape
+    parts = [_split(table) for table in tables]
+    try:
+        root = np.linalg.cholesky(parts[0][0] + parts[1][0])
+        factor = np.concatenate([shared for _, shared in parts], axis=1).reshape(n, k, -1)
+        white = np.linalg.solve(root, np.concatenate([errors[..., None], factor], axis=-1))
+        e, F = white[..., 0].ravel(), white[..., 1:].reshape(n * k, -1)
+        inner = np.linalg.cholesky(np.eye(F.shape[1]) + F.T @ F)
+    except np.linalg.LinAlgError:
+        raise ValueError("not positive definite") from None
+    return float(e @ e - (np.linalg.solve(inner, F.T @ e) ** 2).sum())
+
+
+def _split(table: PoseTable) -> tuple[Array, Array]:
+    """What each pose has for itself (n, k, k), and the factor (n k, r) of what poses share."""
+    n, k = table.poses.shape
+    if table.factor is None:
+        return table.covariances, np.zeros((n * k, 0))
+    rows = table.factor.reshape(n, k, -1)
+    return table.covariances - rows @ np.swapaxes(rows, 1, 2), table.factor
 
 
 def _joint(table: PoseTable) -> Array:

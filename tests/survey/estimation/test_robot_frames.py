@@ -1,10 +1,18 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from surveys import case
 
 from survey.estimation.geometry import rotate
-from survey.estimation.robot_frames import pose_readings, solve_robot_frames
+from survey.estimation.iterated_ekf import iterated_ekf
+from survey.estimation.robot_frames import (
+    full_model,
+    pose_readings,
+    refined,
+    solve_robot_frames,
+)
 from survey.estimation.world_points import WorldPoint, WorldPoints
 from survey.published.as_published import robot_frame_filter
 from survey.readings.readings import Readings
@@ -141,3 +149,25 @@ def test_the_filter_is_generalised_least_squares_with_shared_errors():
     assert np.abs((frame.state - oracle.x[:3]) / sigma).max() < 0.02
     assert np.sqrt(np.diag(frame.covariance)) == pytest.approx(sigma, rel=0.01)
     assert m - 3 == frame.redundancy
+
+
+def test_many_poses_at_once_are_each_what_the_filter_gives_alone():
+    rng = np.random.default_rng(8)
+    rig = RobotFrame()
+    known = known_world(ROOM, sigma=2e-3)
+    fits = []
+    for k, pose in enumerate([(0.3, 0.2, 0.1), (-2.0, 3.0, 3.1), (1.0, 1.0, -2.0)]):
+        exact = exact_readings(pose, ROOM, rig)
+        noisy = replace(exact, distance=exact.distance + rng.normal(0, 2e-3, len(exact)))
+        rows = rng.permutation(len(noisy))[: 15 - 3 * k]  # each with another number of them
+        fits.append(pose_readings("1", noisy.select(np.sort(rows)), known, rig))
+    starts = np.array([(0.3, 0.2, 0.1), (-2.0, 3.0, 3.1), (1.0, 1.0, -2.0)])
+    together = refined(fits, starts, known, rig)
+    for own, start, estimate in zip(fits, starts, together, strict=True):
+        alone = iterated_ekf(full_model(own, known, rig), start, own.prior_sigma)
+        assert estimate.state == pytest.approx(alone.state, abs=1e-9)
+        # Covariances are those of the last pass, which moved the state by 1e-9 or less.
+        assert estimate.covariance == pytest.approx(alone.covariance, rel=1e-6)
+        assert estimate.cost == pytest.approx(alone.cost, rel=1e-6)
+        assert estimate.converged
+        assert estimate.passes == alone.passes

@@ -1,12 +1,18 @@
 """The covariance kept in blocks and a factor is the inverse of the normal matrix."""
 
+import subprocess
+import sys
 import time
+import tracemalloc
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
 from sparse_rooms import sparse_room
 
+from survey.causes.diagnosis import diagnose
 from survey.estimation.least_squares.split_covariance import NotDeterminedError, split_inverse
 from survey.estimation.solve import solve_survey
 
@@ -91,8 +97,47 @@ def test_many_stops_take_as_much_more_time_as_they_are_more():
     assert np.allclose(table.joint_covariance, whole, rtol=1e-6, atol=1e-12)
 
 
+def test_nothing_of_the_square_of_the_stops_is_allocated():
+    room = sparse_room(1, stops=150, marks=16, missing=0.5, rough="none")
+    distance = room.readings.distance.copy()
+    distance[[700, 1100, 1500]] += [0.3, -0.2, 0.1]
+    readings = replace(room.readings, distance=distance)
+    tracemalloc.start()
+    solution = solve_survey(room.vframe, room.rig, readings, room.world_names)
+    diagnosis = diagnose(solution, room.vframe, room.rig, readings)
+    assert solution.pose_table().joint is None
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert {int(r) for r in diagnosis.rest.ranking.best.what.rows} == {700, 1100, 1500}
+    # It is 18 MB; the square of 1,440 unknowns has 17 MB, that of 3,600 readings 100 MB.
+    assert peak < 28e6
+
+
+PEAK = {500: (4.0, 400e3), 2000: (30.0, 1e6)}
+"""Seconds of processor time and kilobytes of memory by the number of stops."""
+
+
 @pytest.mark.full
-def test_five_hundred_stops_take_seconds():
-    taken, solution, _ = solved(500)
-    assert len(solution.used) > 24_000
-    assert taken < 4.0
+@pytest.mark.parametrize("stops", PEAK)
+def test_a_large_survey_takes_seconds_and_little_memory(stops, tmp_path):
+    folder = tmp_path / "campaign"
+    gtval = str(Path(sys.executable).with_name("gtval"))
+    run = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, stdout=-3); "
+    run += "u = resource.getrusage(resource.RUSAGE_CHILDREN); "
+    run += "print(u.ru_utime + u.ru_stime, u.ru_maxrss)"
+
+    def taken(*command):
+        told = subprocess.run(
+            [sys.executable, "-c", run, *command], check=True, capture_output=True, text=True
+        )
+        return [float(word) for word in told.stdout.split()]
+
+    taken(gtval, "simulate", str(folder), "--stops", str(stops), "--seed", "1")
+    libraries, _ = taken(sys.executable, "-c", "import numpy, pydantic, scipy.sparse.linalg")
+    seconds, kilobytes = taken(gtval, "survey", str(folder))
+    most, memory = PEAK[stops]
+    # A machine on which the libraries take more than half a second is slow, or busy.
+    assert seconds < most * max(libraries / 0.5, 1.0)
+    assert kilobytes < memory
+    results = sum(path.stat().st_size for path in (folder / "results").rglob("*.*"))
+    assert results < 20e6

@@ -167,6 +167,18 @@ READ = {
         lambda: ods(sheet_rows(number=lambda d: f"{d:.3f} m")),
         {"name": "readings.ods"},
     ),
+    "bars": (written(sep="|"), {}),
+    "a first column of numbers": (
+        "\n".join(
+            [f"nr,{HEAD}", *(f"{i},{line}" for i, line in enumerate(written().splitlines()[1:]))]
+        ),
+        {},
+    ),
+    "an inch mark of two apostrophes": (
+        written(lambda d: eighths(d, "{}' {} {}/16''")),
+        {"within": 0.0254 / 32},
+    ),
+    "no-break blanks": (written(lambda d: f"{d:.3f}\u00a0m"), {}),
     "a pair read twice in the same minute": (
         written() + "2026-03-04T09:00,O,X,2.504,A\n",
         {"more": [2.504]},
@@ -229,6 +241,27 @@ REFUSED = {
     ),
     "no sheet called xlsx": (b"PK\x03\x04 nothing", "save it as CSV UTF-8"),
     "an empty file": (b"", "empty"),
+    "blanks between the cells": (
+        written(sep=" "),
+        "write ',' or ';' between the cells",
+    ),
+    "cells in apostrophes": (written(quote="'"), "write it without quotes"),
+    "headings of another language": (
+        written(head="Zeit,von,nach,Distanz,wer"),
+        "the header has: .*rename the one that holds it to 'from'",
+    ),
+    "what a sheet says instead of a number": (
+        written(lambda d: "#N/A" if d == 0.812 else f"{d:.3f}"),
+        "leave the row out where nothing was measured",
+    ),
+    "thousands with their unit": (
+        written(lambda d: f"{1000 * d:,.0f} mm", quote='"'),
+        "write it without signs between the thousands",
+    ),
+    "formulas that nobody has computed": (
+        lambda: xlsx(sheet_rows(number=lambda d: f"={d}")),
+        "line 2: a formula whose value the file does not hold.*save it again",
+    ),
     "two sheets": (
         "two sheets",
         "2 sheets hold cells .*leave one, or save that one as CSV",
@@ -251,6 +284,7 @@ def two_sheets():
 def test_it_is_refused_with_what_to_do(load, spelling):
     content, words = REFUSED[spelling]
     content = two_sheets() if content == "two sheets" else content
+    content = content() if callable(content) else content
     toml = TOML + ('units = "ft"\n' if "units = ft" in spelling else "")
     with pytest.raises(GtvalError) as caught:
         load(content, toml=toml)

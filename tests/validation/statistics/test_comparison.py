@@ -1,5 +1,8 @@
 """Errors stop by stop: signs, wrapping, coverage, and what is not available."""
 
+import tracemalloc
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_campaigns import three_stops
@@ -140,6 +143,47 @@ def test_the_stated_sigma_of_the_mean_holds_what_all_stops_share():
     assert apart.mean_sigmas == pytest.approx(
         np.full(3, np.sqrt((common_offset**2 + 2 * own**2) / 3)), rel=1e-12
     )
+
+
+def many_stops(system, n, shared, rng, poses):
+    """A table of n stops that share as many errors as ``shared``, by their factor."""
+    factor = rng.normal(0, 1e-3, (3 * n, shared))
+    rows = factor.reshape(n, 3, shared)
+    own = rng.uniform(1e-6, 3e-6, (n, 3, 1)) * np.eye(3)
+    covariances = own + rows @ np.swapaxes(rows, 1, 2)
+    ids = tuple(str(i) for i in range(n))
+    return PoseTable(system, ids, poses, covariances, factor=factor if shared else None)
+
+
+@pytest.mark.parametrize("shared", [(5, 3), (5, 0), (0, 4)])
+def test_a_factor_says_the_same_as_the_whole_matrix(shared):
+    rng = np.random.default_rng(20)
+    poses = rng.normal(size=(30, 3))
+    tables = [
+        many_stops(name, 30, k, rng, poses + rng.normal(0, 2e-3, poses.shape))
+        for name, k in zip(("survey", "other"), shared, strict=True)
+    ]
+    whole = [
+        replace(t, factor=None, joint=t.joint_covariance) if t.factor is not None else t
+        for t in tables
+    ]
+    split, dense = compare(*tables), compare(*whole)
+    assert split.test.mean == pytest.approx(dense.test.mean, rel=1e-9)
+    assert split.mean_sigmas == pytest.approx(dense.mean_sigmas, rel=1e-12)
+
+
+def test_nothing_of_the_square_of_the_stops_is_allocated():
+    rng, n = np.random.default_rng(21), 1000
+    poses = rng.normal(size=(n, 3))
+    tables = [many_stops(name, n, 20, rng, poses) for name in ("survey", "other")]
+    tracemalloc.start()
+    compared = compare(*tables)
+    assert compared.test is not None
+    assert (compared.mean_sigmas > 0).all()
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    # The whole matrix would have 72 MB; factors of 40 columns have 1 MB.
+    assert peak < 10e6
 
 
 def test_the_stated_sigma_of_the_mean_needs_all_covariances(ad23_poses):
