@@ -19,6 +19,7 @@ from vision_gt.images.grey_fits import (
     MOST_AMOUNT,
     MOST_BLUR,
     SATURATED,
+    SHARPENING_WIDTHS,
     START_BLUR,
 )
 
@@ -40,9 +41,9 @@ _WORST_FIT, _LEAST_CONTRAST, _MOST_SIGMA = 0.25, 15.0, 0.3
 """Residuals over contrast from which on a corner is not one; grey levels between black and white
 that it needs; pixels that it may be uncertain by. Judgements: noise of 2 grey levels on a contrast
 of 100 is 0.02, and a marker's corner or a shadow's end leaves a third of the contrast."""
-_SHARPENED, _WIDTHS = 0.04, (0.7, 1.2, 2.0)
+_SHARPENED = 0.04
 """Median of the residuals over contrast from which on sharpening is tried, twice what noise of two
-grey levels leaves; and widths of the blurred copy, pixels: usual ones are near one of them."""
+grey levels leaves."""
 _NOISE_ALONE = 0.025
 """Residuals over contrast that are taken as noise."""
 _SHIFT_BY_MISFIT = 1.8
@@ -94,7 +95,7 @@ def refine_saddles(image: Image, start: Array, axes: Array, radius: float) -> Sa
     fit = _fitted(seen, first, 0.0)
     usable = fit.enough & (fit.contrast > _LEAST_CONTRAST)
     if usable.any() and float(np.median(fit.misfit[usable])) > _SHARPENED:
-        sharpened = (_fitted(seen, first, width) for width in _WIDTHS)
+        sharpened = (_fitted(seen, first, width) for width in SHARPENING_WIDTHS)
         fit = min([fit, *sharpened], key=lambda one: float(np.median(one.misfit[usable])))
     spread = fit.sigmas
     # What noise cannot explain is taken to have one sign along each of the two lines.
