@@ -20,10 +20,12 @@ FieldOfView = Annotated[float, Field(gt=1, lt=170)]
 
 
 class BoardSettings(Settings):
-    """A chessboard, or with ``family`` (of 4 x 4 codes, such as '4X4_100') a ChArUco board.
+    """A chessboard, or with ``family`` (such as '4X4_100') a ChArUco board.
 
     ``columns`` and ``rows`` count squares, ``square`` is the side of one in metres; the markers
-    of a ChArUco board have the ids from ``first_id`` on.
+    of a ChArUco board have the ids from ``first_id`` on and the side ``marker`` (three quarters
+    of a square's where it is not stated). ``inverted`` is white on black, ``legacy`` the layout
+    of OpenCV before 4.6.
     """
 
     columns: Count
@@ -31,6 +33,9 @@ class BoardSettings(Settings):
     square: Positive
     family: str = ""
     first_id: Annotated[int, Field(ge=0)] = 0
+    marker: Positive | None = None
+    inverted: bool = False
+    legacy: bool = False
 
 
 class Placement(Settings):

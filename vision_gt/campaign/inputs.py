@@ -31,7 +31,16 @@ def made_board(settings: BoardSettings | None) -> Board:
     """The board that settings describe."""
     board = stated(settings)
     family = Family(board.family) if board.family else None
-    return Board(board.columns, board.rows, board.square, family, board.first_id)
+    return Board(
+        board.columns,
+        board.rows,
+        board.square,
+        family,
+        board.first_id,
+        board.marker or 0.0,
+        board.inverted,
+        board.legacy,
+    )
 
 
 def placed(settings: Placement | None) -> RigidTransform:

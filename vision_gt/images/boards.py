@@ -1,6 +1,6 @@
 """Boards in images: corners found by OpenCV, their order made the board's own."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
+from vision_gt.images.charuco import OtherBoard, as_printed, charuco_corners, other_board
+from vision_gt.images.rejections import Rejection, rejected
 from vision_gt.images.saddles import refine_saddles
 from vision_gt.patterns.boards import Board
 
@@ -27,9 +29,16 @@ grey levels, the root mean square error was 0.3 to 2.6, in the middle 0.9."""
 _LEAST_SIGMA = 0.01
 """Pixels; what the print and the model of the blur add to each fitted corner: a judgement, a tenth
 of the usual noise of OpenCV's corners."""
-_CLEAR_OF_MARKERS, _CLEAR_OF_CORNERS = 0.16, 0.4
-"""Radius of the fit over the square's side. On a ChArUco board the next marker's corner is 0.177
-of it away, on a plain one the next corner a whole one."""
+_CLEAR, _CLEAR_OF_CORNERS = 0.64, 0.4
+"""Radius of the fit over the difference of the sides of square and marker, and over the square's
+side. On a ChArUco board the next marker's corner is 0.707 of that difference away, on a plain one
+the next corner a whole side."""
+_LEAST_SEEN = 4
+"""Corners of a ChArUco board, which are known by their ids: so many give a pose."""
+_WRONG, _WRONG_SHARE = 3.0, 0.08
+"""Pixels, and sides of a square, that a corner may be from where its neighbours have it."""
+_ROUGH = "it could not be fitted (glare, blur, something over it): 1 px is assumed"
+_ELSEWHERE = "it is not where its neighbours on the board have it; not used"
 _STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
 
 
@@ -52,6 +61,26 @@ class FoundBoard:
     sigmas: Array | None = None
 
 
+@dataclass(frozen=True)
+class BoardLook:
+    """What an image shows of some boards.
+
+    Parameters
+    ----------
+    found : tuple of FoundBoard or None
+        One for each board.
+    rejected : tuple of Rejection
+        Boards that are other ones, and corners that were not used or are rough.
+    instead : str
+        What the board is where it is not the stated one ('inverted', 'mirrored', ...), whether it
+        could be read or not; '' where all is as stated.
+    """
+
+    found: tuple[FoundBoard | None, ...]
+    rejected: tuple[Rejection, ...] = ()
+    instead: str = ""
+
+
 def find_board(image: Image, board: Board, detector: Detector = "fitted") -> FoundBoard | None:
     """Corners of a board in an image; None if it is not found.
 
@@ -70,7 +99,7 @@ def find_board(image: Image, board: Board, detector: Detector = "fitted") -> Fou
         standard deviation that they have, where no fit succeeds.
     """
     if board.family is not None:
-        return _find_charuco(image, board)
+        return _find_charuco(image, board)[0]
     numbers = np.arange(len(board.corners))
     if detector == "classic":
         pixels = _classic(image, board)
@@ -93,6 +122,62 @@ def find_board(image: Image, board: Board, detector: Detector = "fitted") -> Fou
         return None
     half = _half_window(stock, board)
     return FoundBoard(numbers, _refined(image, stock, half), np.full(len(stock), STOCK_SIGMA))
+
+
+def look_for_boards(
+    image: Image, boards: Sequence[Board], detector: Detector = "fitted"
+) -> BoardLook:
+    """The boards of an image, and what is there instead where none of them is.
+
+    Parameters
+    ----------
+    image : (h, w) array of uint8
+        Grey levels.
+    boards : sequence of Board
+        Any of which may be there.
+    detector : {"fitted", "classic", "sector"}
+        As for `find_board`.
+    """
+    found: list[FoundBoard | None] = []
+    left: list[Rejection] = []
+    for board in boards:
+        if board.family is None:
+            found.append(find_board(image, board, detector))
+            continue
+        one, rest = _find_charuco(image, board)
+        found.append(one)
+        left += rest
+    if any(one is not None for one in found):
+        return BoardLook(tuple(found), tuple(left))
+    for place, board in enumerate(boards):
+        instead = other_board(image, board) if board.family else circles(image, board)
+        if instead is None:
+            continue
+        if instead.board is not None:
+            one, rest = _find_charuco(image, instead.board)
+            if one is not None:
+                found[place] = one
+                return BoardLook(tuple(found), tuple(rest), instead.name)
+        left.append(rejected("board", instead.name, None, instead.outline))
+        return BoardLook(tuple(found), tuple(left), instead.name)
+    return BoardLook(tuple(found), tuple(left))
+
+
+def circles(image: Image, board: Board) -> OtherBoard | None:
+    """A grid of circles where a chessboard was stated; None if there is none of its size."""
+    nx, ny = board.inner
+    for columns, rows in ((nx, ny), (nx + 1, ny + 1)):
+        for flag, name in (
+            (cv2.CALIB_CB_SYMMETRIC_GRID, "a symmetric"),
+            (cv2.CALIB_CB_ASYMMETRIC_GRID, "an asymmetric"),
+        ):
+            for across, down in ((columns, rows), (rows, columns)):
+                seen, places = cv2.findCirclesGrid(image, (across, down), flags=flag)
+                if seen:
+                    outline = np.asarray(places, dtype=float).reshape(-1, 2)
+                    said = f"{name} grid of {across} x {down} circles, not a chessboard"
+                    return OtherBoard(said, None, outline)
+    return None
 
 
 def _starts(image: Image, board: Board) -> Iterator[Array]:
@@ -176,12 +261,12 @@ def _in_board_order(image: Image, pixels: Array, board: Board) -> Array:
     along, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
     if along[0] * down[1] - along[1] * down[0] < 0:
         grid = grid[::-1]
-    if not board.looks_the_same_turned and not _starts_black(image, grid):
+    if not board.looks_the_same_turned and not _starts_black(image, grid, board):
         grid = grid[::-1, ::-1]
     return grid.reshape(-1, 2)
 
 
-def _starts_black(image: Image, grid: Array) -> bool:
+def _starts_black(image: Image, grid: Array, board: Board) -> bool:
     """Whether the squares of the colour of the first inner one are black.
 
     The square between the first four inner corners has the colour of the outer corner square,
@@ -193,17 +278,68 @@ def _starts_black(image: Image, grid: Array) -> bool:
     y, x = np.mgrid[: middles.shape[0], : middles.shape[1]]
     like_first = ((x + y) % 2 == 0).ravel()[inside]
     grey = image[row[inside], column[inside]].astype(float)
-    return bool(grey[like_first].mean() < grey[~like_first].mean())
+    return bool((grey[like_first].mean() < grey[~like_first].mean()) != board.inverted)
 
 
-def _find_charuco(image: Image, board: Board) -> FoundBoard | None:
-    detector = cv2.aruco.CharucoDetector(board.charuco())
-    corners, ids, _markers, _marker_ids = detector.detectBoard(image)
-    if ids is None or len(ids) < _LEAST_CORNERS:
-        return None
-    start, numbers = np.array(corners, dtype=float).reshape(-1, 2), np.ravel(ids).astype(np.intp)
-    fitted = _fitted(image, numbers, start, board, _CLEAR_OF_MARKERS)
-    return fitted or FoundBoard(numbers, start, np.full(len(start), STOCK_SIGMA))
+def _find_charuco(image: Image, board: Board) -> tuple[FoundBoard | None, list[Rejection]]:
+    """A ChArUco board: OpenCV's corners, fitted; those that no fit explains are kept, rougher."""
+    start = charuco_corners(image, board)
+    if start is None:
+        return None, []
+    ids, stock = start.ids, start.pixels
+    axes = _square_sides(board.corners[ids, :2] / board.square, stock)
+    if axes is None:
+        return None, []
+    # A marker's corner is nearest along the diagonal of a square.
+    radius = min(_CLEAR * (board.square - board.marker_side) / board.square, _CLEAR_OF_CORNERS)
+    fit = refine_saddles(as_printed(image, board), stock, axes, radius)
+    pixels = np.where(fit.good[:, None], fit.pixels, stock)
+    sigmas = np.where(fit.good, np.hypot(fit.sigmas, _LEAST_SIGMA), STOCK_SIGMA)
+    side = float(np.linalg.norm(axes, axis=1).min())
+    off = _off_neighbours(board.corners[ids, :2] / board.square, pixels)
+    limit = max(_WRONG, _WRONG_SHARE * side)
+    again = _off_neighbours(board.corners[ids, :2] / board.square, stock)
+    # A fit that ran to something else: OpenCV's own corner may still be right.
+    back = (off > limit) & (again <= limit)
+    pixels[back], sigmas[back] = stock[back], STOCK_SIGMA
+    wrong = (off > limit) & ~back
+    left = [
+        rejected("corner", _ROUGH, int(ids[i]), pixels[i]) for i in np.flatnonzero(~fit.good | back)
+    ]
+    left += [rejected("corner", _ELSEWHERE, int(ids[i]), pixels[i]) for i in np.flatnonzero(wrong)]
+    kept = ~wrong
+    if kept.sum() < _LEAST_SEEN:
+        return None, left
+    return FoundBoard(ids[kept], pixels[kept], sigmas[kept]), left
+
+
+def _off_neighbours(squares: Array, pixels: Array) -> Array:
+    """(n,) pixels of corners from where their nearest neighbours on the board have them.
+
+    As even boards and lenses over a few squares are as good as a homography with a bend of the
+    second degree would be, the nearest twelve corners are enough; 0 where there are too few.
+    """
+    off = np.zeros(len(pixels))
+    if len(pixels) <= _LEAST_SEEN:
+        return off
+    H, _ = cv2.findHomography(squares, pixels, cv2.RANSAC, _WRONG)
+    if H is None:
+        return off
+    off = np.asarray(np.linalg.norm(_mapped(np.asarray(H, dtype=float), squares) - pixels, axis=1))
+    for i in np.flatnonzero(off > _WRONG / 2):
+        near = np.argsort(np.linalg.norm(squares - squares[i], axis=1))[1:13]
+        local, _ = cv2.findHomography(squares[near], pixels[near], cv2.LMEDS)
+        if local is not None:
+            off[i] = float(
+                np.linalg.norm(_mapped(np.asarray(local, dtype=float), squares[[i]]) - pixels[[i]])
+            )
+    return off
+
+
+def _mapped(H: Array, points: Array) -> Array:
+    """Points (n, 2) through a homography."""
+    ahead = points @ H[:, :2].T + H[:, 2]
+    return np.asarray(ahead[:, :2] / ahead[:, 2:], dtype=float)
 
 
 def _square_sides(squares: Array, pixels: Array) -> Array | None:

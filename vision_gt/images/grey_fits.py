@@ -17,6 +17,13 @@ BLUR_INFORMATION = 4 / 0.5**2
 of 2 grey levels that knows it to half a pixel. Keeps a saturated edge solvable."""
 LEAST_BLUR, MOST_BLUR = 0.3, 3.0
 """Pixels: the area of a pixel alone, and an image too blurred to be used."""
+AMOUNT_INFORMATION = 16.0
+"""On the amount of sharpening about none, for noise of one grey level: as of a pixel with noise of
+2 grey levels that knows it to a half. Keeps it solvable; a judgement."""
+SHARPENING_WIDTHS = (0.7, 1.2, 2.0)
+"""Of the blurred copy from which sharpening leads away, pixels: usual ones are near one of them."""
+MOST_AMOUNT = 8.0
+"""Of sharpening: beyond it an image is lines only."""
 _LEAST_CONTRAST = 12.0
 """Grey levels. A judgement: six times a usual noise."""
 _LEAST_KEPT = 0.5

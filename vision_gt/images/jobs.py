@@ -10,9 +10,10 @@ import numpy as np
 
 from validation.errors import InputError
 from validation.processes import in_processes
-from vision_gt.images.boards import Detector, FoundBoard, find_board
+from vision_gt.images.boards import Detector, FoundBoard, look_for_boards
 from vision_gt.images.files import Image, is_blank, read_image
 from vision_gt.images.markers import Detection, detect_markers
+from vision_gt.images.rejections import Rejection
 from vision_gt.optics.camera import Camera
 from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.boards import Board
@@ -88,7 +89,10 @@ class Found:
     fault : str
         Why nothing could be looked for ('truncated', ...); '' if all is well.
     note : str
-        What is odd about the image: 'blank', 'mirrored', or what went wrong as it was looked at.
+        What is odd about the image: 'blank', 'mirrored', what a board is that is not the stated
+        one, or what went wrong as the image was looked at.
+    rejected : tuple of Rejection
+        What was seen and not used, or is rough, and why.
     """
 
     path: Path
@@ -97,6 +101,7 @@ class Found:
     markers: Detection = field(default_factory=lambda: Detection(()))
     fault: str = ""
     note: str = ""
+    rejected: tuple[Rejection, ...] = ()
 
 
 Job = BoardJob | MarkerJob
@@ -148,11 +153,14 @@ def _looked_at(image: Image, size: tuple[int, int], job: Job) -> Found:
     if is_blank(image):
         return Found(job.path, size, note="blank")
     if isinstance(job, BoardJob):
-        found = [
-            (part, board, find_board(image, board, job.detector)) for part, board in job.boards
-        ]
-        seen = tuple(_view(job, part, board, one) for part, board, one in found if one is not None)
-        return Found(job.path, size, seen, note="" if seen else _mirrored_board(image, job))
+        look = look_for_boards(image, [board for _, board in job.boards], job.detector)
+        seen = tuple(
+            _view(job, part, board, one)
+            for (part, board), one in zip(job.boards, look.found, strict=True)
+            if one is not None
+        )
+        note = f"the board is {look.instead}" if look.instead else ""
+        return Found(job.path, size, seen, note=note, rejected=look.rejected)
     return _markers(image, size, job)
 
 
@@ -176,15 +184,4 @@ def _markers(image: Image, size: tuple[int, int], job: MarkerJob) -> Found:
             np.ascontiguousarray(image[:, ::-1]), job.family, None, job.wanted, fitted=False
         )
         note = "mirrored" if flipped.views else ""
-    return Found(job.path, size, markers=detection, note=note)
-
-
-def _mirrored_board(image: Image, job: BoardJob) -> str:
-    """'mirrored' where a ChArUco board is only found in the mirror image."""
-    flipped = np.ascontiguousarray(image[:, ::-1])
-    for _, board in job.boards:
-        if board.family is None:
-            continue
-        if find_board(flipped, board) is not None:
-            return "mirrored"
-    return ""
+    return Found(job.path, size, markers=detection, note=note, rejected=detection.rejected)

@@ -16,9 +16,11 @@ from validation.poses.angles import Array
 from validation.statistics.robust import SIGMA_OF_MEDIAN
 from vision_gt.images.edge_samples import Flat, Image
 from vision_gt.images.grey_fits import (
+    AMOUNT_INFORMATION,
     BLUR_INFORMATION,
     LEAST_BLUR,
     LEAST_VARIANCE,
+    MOST_AMOUNT,
     MOST_BLUR,
     SATURATED,
     START_BLUR,
@@ -50,7 +52,7 @@ _BLUR, _UNKNOWNS = 8, 15
 """Eight of the homography, the blur, three of the light on black, three of that on white, and for a
 large marker how that bends (three more); and for an image that was sharpened, how much."""
 _BENT_LIGHT = 800
-"""Pixels of a print from which on its light may bend: a lens that darkens to the corners of the image
+"""Pixels of a print from which on its light may bend: a lens that darkens to the image's corners
 by a third bends it by 4 % where a marker fills half of it, which moves corners by 0.03 pixels."""
 _MOST_STEPS = 8
 """A judgement: one that has not ended by then has found no print."""
@@ -64,9 +66,6 @@ _FLAT_ONES = 8
 """Of the pixels between boundaries every so many: they say how bright the light is."""
 _START_OFF = 0.4
 """Pixels that the blur is taken to be wider as boundaries are sought: how far off the start is."""
-_AMOUNT_INFORMATION = 1e4
-"""On the amount of sharpening about none, for noise of one grey level: as of a pixel with noise of
-2 grey levels and a contrast of 100 that knows it to a half. A judgement."""
 _ZONES = 4
 """Into which what lies beyond the rim of each side is divided: of half a pixel or more each."""
 _ALIKE, _NOISIER, _LEAST_NOISE = 3.5, 4.0, 0.5
@@ -75,8 +74,6 @@ than the print: more is another thing behind the rim. With less noise (grey leve
 nothing would pass, as grey levels are whole numbers."""
 _SETTLED = 0.15
 """Pixels that a corner moves when it is good enough to judge what lies beyond the rim."""
-MOST_AMOUNT = 8.0
-"""Of sharpening: beyond it an image is lines only."""
 
 
 @dataclass(frozen=True)
@@ -269,8 +266,8 @@ def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
         normal[_BLUR, _BLUR] += BLUR_INFORMATION
         right[_BLUR] += BLUR_INFORMATION * (START_BLUR - state.blur)
         if radius > 0:
-            normal[-1, -1] += _AMOUNT_INFORMATION
-            right[-1] -= _AMOUNT_INFORMATION * state.amount
+            normal[-1, -1] += AMOUNT_INFORMATION
+            right[-1] -= AMOUNT_INFORMATION * state.amount
         inverse = np.asarray(np.linalg.inv(normal), dtype=float)
         change = inverse @ right
         moved = np.abs(_corners(state.H)[1] @ change[:_BLUR]).max()
@@ -295,7 +292,7 @@ def _by_cell(moves: Array, lit: Array, cells: int) -> Array:
     side = cells + 2
     cell = np.clip(row + 1, 0, side - 1) * side + np.clip(column + 1, 0, side - 1)
     sums = [np.bincount(cell, one, minlength=side * side) for one in moves]
-    return np.asarray(sums)[:, np.bincount(cell, minlength=side * side) > 0]
+    return np.array(sums, dtype=float)[:, np.bincount(cell, minlength=side * side) > 0]
 
 
 def _excess(slopes: Array, spread: Array, moves: Array) -> float:
@@ -309,7 +306,7 @@ def _excess(slopes: Array, spread: Array, moves: Array) -> float:
     together = slopes @ (moves @ moves.T) @ np.swapaxes(slopes, 1, 2)
     single = slopes @ spread @ np.swapaxes(slopes, 1, 2)
     ratio = np.trace(together, axis1=1, axis2=2).sum() / np.trace(single, axis1=1, axis2=2).sum()
-    return max(float(ratio) * cells / max(cells - _UNKNOWNS, 1), 1.0)
+    return float(max(ratio * cells / max(cells - _UNKNOWNS, 1), 1.0))
 
 
 def _white_rim(zone: Ints, residual: Array, used: Mask) -> Mask:

@@ -84,7 +84,7 @@ def might_be_markers(image: Image, quads: Array, family: Family) -> Mask:
     )
 
 
-def read_codes(image: Image, quads: Array, family: Family) -> Reading:
+def read_codes(image: Image, quads: Array, family: Family, wrong: int | None = None) -> Reading:
     """The ids of those quadrangles that are markers of a family.
 
     Parameters
@@ -95,9 +95,11 @@ def read_codes(image: Image, quads: Array, family: Family) -> Reading:
         Corners, clockwise in the image, pixels.
     family : Family
         Whose codes are sought.
+    wrong : int, optional
+        Cells that may be wrong; by default so many that chance makes hardly any marker.
     """
     nothing = np.zeros(0, dtype=np.intp)
-    allowed = wrong_cells_allowed(family)
+    allowed = wrong_cells_allowed(family) if wrong is None else wrong
     if not len(quads) or allowed < 0:
         return Reading(*5 * (nothing,))
     cells = family.cells
@@ -128,10 +130,10 @@ def read_codes(image: Image, quads: Array, family: Family) -> Reading:
     codes = _codes(family)
     agree = bits.astype(np.float32) @ codes.T
     best = agree.argmax(1)
-    wrong = np.rint((bits.shape[1] - agree[np.arange(len(rows)), best]) / 2).astype(np.intp)
-    fine = wrong <= allowed
+    off = np.rint((bits.shape[1] - agree[np.arange(len(rows)), best]) / 2).astype(np.intp)
+    fine = off <= allowed
     turned, number = np.divmod(best[fine], len(codes) // 4)
-    return Reading(rows[fine], number.astype(np.intp), turned.astype(np.intp), wrong[fine], rows)
+    return Reading(rows[fine], number.astype(np.intp), turned.astype(np.intp), off[fine], rows)
 
 
 def wrong_cells_allowed(family: Family) -> int:

@@ -1,8 +1,8 @@
 """Board corners where black and white squares meet, fitted to the grey levels around them.
 
 Two blurred steps cross at a corner; their place, directions, width and levels are fitted to
-whole pixels. The part of the image that is used is given on the board, so it keeps clear of a
-ChArUco board's markers however the board is tilted.
+whole pixels, and where a camera has sharpened its images, how much. The part of the image that
+is used is given on the board, so it keeps clear of a ChArUco board's markers however it is tilted.
 """
 
 from dataclasses import dataclass
@@ -12,14 +12,23 @@ import numpy.typing as npt
 from scipy.special import ndtr
 
 from validation.poses.angles import Array
-from vision_gt.images.grey_fits import BLUR_INFORMATION, LEAST_VARIANCE, MOST_BLUR, START_BLUR
+from vision_gt.images.grey_fits import (
+    AMOUNT_INFORMATION,
+    BLUR_INFORMATION,
+    LEAST_VARIANCE,
+    MOST_AMOUNT,
+    MOST_BLUR,
+    SATURATED,
+    SHARPENING_WIDTHS,
+    START_BLUR,
+)
 
 Image = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
 
 _REACH = 7
 """Most pixels from a corner in each direction."""
-_LEAST_PIXELS, _UNKNOWNS = 20, 9
+_LEAST_PIXELS, _UNKNOWNS = 20, 10
 """Pixels that a fit needs: twice its unknowns and more."""
 _STEPS = 7
 """Gauss-Newton steps. A judgement: none moves a corner by more than a pixel, and it starts two
@@ -28,10 +37,18 @@ _LEAST_BLUR = 0.35
 """Pixels; narrower steps are seen as no slope at all between whole pixels."""
 _MOST_SHIFT = 2.5
 """Pixels that a corner may be from its start, which is known to about two."""
-_WORST_FIT, _LEAST_CONTRAST, _MOST_SIGMA = 0.12, 15.0, 0.3
+_WORST_FIT, _LEAST_CONTRAST, _MOST_SIGMA = 0.25, 15.0, 0.3
 """Residuals over contrast from which on a corner is not one; grey levels between black and white
 that it needs; pixels that it may be uncertain by. Judgements: noise of 2 grey levels on a contrast
 of 100 is 0.02, and a marker's corner or a shadow's end leaves a third of the contrast."""
+_SHARPENED = 0.04
+"""Median of the residuals over contrast from which on sharpening is tried, twice what noise of two
+grey levels leaves."""
+_NOISE_ALONE = 0.025
+"""Residuals over contrast that are taken as noise."""
+_SHIFT_BY_MISFIT = 1.8
+"""A residual of one sign beside a line, over the line's slope of 0.4 contrasts a width of the blur,
+shifts it by 2.5 widths; a coordinate has half of each of two lines."""
 
 
 @dataclass(frozen=True)
@@ -66,32 +83,69 @@ def refine_saddles(image: Image, start: Array, axes: Array, radius: float) -> Sa
         Sides of a square at each corner, in pixels: columns along the board's x and y.
     radius : float
         Share of a square's side within which pixels are used.
+
+    Notes
+    -----
+    Cameras that sharpen leave a bright and a dark line beside every edge. Where steps that are
+    blurred alone leave too much, the image is taken as led away from a blurred copy of itself, by
+    an amount that each corner finds and the width, of some, that explains most corners best.
     """
-    offsets, grey, weight = _patches(image, start, axes, radius)
-    values = _start_values(grey, weight, axes, offsets)
-    enough = weight.sum(1) >= _LEAST_PIXELS
-    for _ in range(_STEPS):
-        residual, jacobian = _model(values, offsets, grey)
-        change, _normal = _solve(residual, jacobian, weight)
+    seen = _patches(image, start, axes, radius)
+    first = _start_values(seen[1], seen[2], axes, seen[0])
+    fit = _fitted(seen, first, 0.0)
+    usable = fit.enough & (fit.contrast > _LEAST_CONTRAST)
+    if usable.any() and float(np.median(fit.misfit[usable])) > _SHARPENED:
+        sharpened = (_fitted(seen, first, width) for width in SHARPENING_WIDTHS)
+        fit = min([fit, *sharpened], key=lambda one: float(np.median(one.misfit[usable])))
+    spread = fit.sigmas
+    # What noise cannot explain is taken to have one sign along each of the two lines.
+    beyond = np.sqrt(np.maximum(fit.misfit**2 - _NOISE_ALONE**2, 0.0))
+    sigmas = np.hypot(spread, _SHIFT_BY_MISFIT * beyond * fit.values[:, 4])
+    good = (
+        fit.enough
+        & (np.linalg.norm(fit.values[:, :2], axis=1) < _MOST_SHIFT)
+        & (fit.misfit < _WORST_FIT)
+        & (fit.contrast > _LEAST_CONTRAST)
+        & (spread < _MOST_SIGMA)
+    )
+    return SaddleFit(start + fit.values[:, :2], sigmas, good)
+
+
+@dataclass(frozen=True)
+class _Saddles:
+    """Where the fits ended: unknowns (n, 10), and what is left of the grey levels (n,) each."""
+
+    values: Array
+    sigmas: Array
+    misfit: Array
+    contrast: Array
+    enough: Mask
+
+
+def _fitted(seen: tuple[Array, Array, Array], values: Array, width: float) -> _Saddles:
+    """Gauss-Newton steps from values (n, 10)."""
+    offsets, grey, patch = seen
+    enough = patch.sum(1) >= _LEAST_PIXELS
+    weight = patch
+    for step in range(_STEPS + 1):
+        residual, jacobian = _model(values, offsets, grey, width)
+        weight = patch * ~((grey >= SATURATED) & (residual < 0))
+        weight = weight * ~((grey <= 255 - SATURATED) & (residual > 0))
+        change, normal = _solve(residual, jacobian, weight, values)
+        if step == _STEPS:
+            break
         change[:, :2] = np.clip(change[:, :2], -1.0, 1.0)
         change[:, 2:4] = np.clip(change[:, 2:4], -0.2, 0.2)
         values = values + np.where(enough[:, None], change, 0.0)
         values[:, 4] = np.clip(values[:, 4], _LEAST_BLUR, MOST_BLUR)
-    residual, jacobian = _model(values, offsets, grey)
-    _change, normal = _solve(residual, jacobian, weight)
+        values[:, 9] = np.clip(values[:, 9], 0.0, MOST_AMOUNT if width > 0 else 0.0)
     count = np.maximum(weight.sum(1) - _UNKNOWNS, 1.0)
     variance = np.maximum((weight * residual**2).sum(1) / count, LEAST_VARIANCE)
     inverse = np.linalg.inv(normal)
     sigmas = np.sqrt(variance * np.maximum(inverse[:, 0, 0], inverse[:, 1, 1]))
     contrast = 2 * np.abs(values[:, 8])
-    good = (
-        enough
-        & (np.linalg.norm(values[:, :2], axis=1) < _MOST_SHIFT)
-        & (np.sqrt(variance) < _WORST_FIT * contrast)
-        & (contrast > _LEAST_CONTRAST)
-        & (sigmas < _MOST_SIGMA)
-    )
-    return SaddleFit(start + values[:, :2], sigmas, good)
+    misfit = np.sqrt(variance) / np.maximum(contrast, 1e-3)
+    return _Saddles(values, sigmas, misfit, contrast, enough)
 
 
 def _patches(image: Image, start: Array, axes: Array, radius: float) -> tuple[Array, Array, Array]:
@@ -110,7 +164,7 @@ def _patches(image: Image, start: Array, axes: Array, radius: float) -> tuple[Ar
 
 
 def _start_values(grey: Array, weight: Array, axes: Array, offsets: Array) -> Array:
-    """Unknowns (n, 9): shift, normals' angles, width, mean and its slopes, half the contrast.
+    """Unknowns (n, 10): shift, normals' angles, width, mean, its slopes, half contrast, sharpness.
 
     The normal of the line along the board's x axis, and that of the one along y.
     """
@@ -125,34 +179,49 @@ def _start_values(grey: Array, weight: Array, axes: Array, offsets: Array) -> Ar
     half = (weight * signs[0] * signs[1] * (grey - mean[:, None])).sum(1) / total
     none = np.zeros(len(grey))
     blur = np.full(len(grey), START_BLUR)
-    return np.column_stack([none, none, *angles, blur, mean, none, none, half])
+    return np.column_stack([none, none, *angles, blur, mean, none, none, half, none])
 
 
-def _model(values: Array, offsets: Array, grey: Array) -> tuple[Array, Array]:
-    """Grey minus model (n, p), and the model's derivative (n, p, 9)."""
-    x, y, first, second, blur, mean, gx, gy, half = (v[:, None] for v in values.T)
+def _step(distance: Array, blur: Array, amount: Array, width: float) -> tuple[Array, ...]:
+    """A sharpened, blurred step from -1 to 1; its derivatives by distance, blur and amount."""
+    z = distance / blur
+    plain = 2 * ndtr(z) - 1
+    slope = np.exp(-0.5 * z * z) * (np.sqrt(2 / np.pi) / blur)
+    if width <= 0:
+        return plain, slope, -slope * z, np.zeros_like(z)
+    wide = np.hypot(blur, width)
+    far = distance / wide
+    soft = 2 * ndtr(far) - 1
+    gentle = np.exp(-0.5 * far * far) * (np.sqrt(2 / np.pi) / wide)
+    return (
+        plain + amount * (plain - soft),
+        slope + amount * (slope - gentle),
+        -(1 + amount) * slope * z + amount * gentle * far * blur / wide,
+        plain - soft,
+    )
+
+
+def _model(values: Array, offsets: Array, grey: Array, width: float) -> tuple[Array, Array]:
+    """Grey minus model (n, p), and the model's derivative (n, p, 10)."""
+    x, y, first, second, blur, mean, gx, gy, half, amount = (v[:, None] for v in values.T)
     dx, dy = offsets[..., 0] - x, offsets[..., 1] - y
-    steps, slopes, alongs = [], [], []
+    sides = []
     for angle in (first, second):
         c, s = np.cos(angle), np.sin(angle)
-        z = (c * dx + s * dy) / blur
-        steps.append(2 * ndtr(z) - 1)
-        density = 2 * np.exp(-0.5 * z * z) / (np.sqrt(2 * np.pi) * blur)
-        slopes.append((density, c, s, z))
-        alongs.append(-s * dx + c * dy)
-    (d1, c1, s1, z1), (d2, c2, s2, z2) = slopes
-    one, two = steps
+        sides.append((_step(c * dx + s * dy, blur, amount, width), c, s, -s * dx + c * dy))
+    ((one, d1, b1, a1), c1, s1, along1), ((two, d2, b2, a2), c2, s2, along2) = sides
     jacobian = np.stack(
         [
             -half * (d1 * c1 * two + d2 * c2 * one),
             -half * (d1 * s1 * two + d2 * s2 * one),
-            half * d1 * alongs[0] * two,
-            half * d2 * alongs[1] * one,
-            -half * (d1 * z1 * two + d2 * z2 * one),
+            half * d1 * along1 * two,
+            half * d2 * along2 * one,
+            half * (b1 * two + b2 * one),
             np.ones_like(dx),
             offsets[..., 0],
             offsets[..., 1],
             one * two,
+            half * (a1 * two + a2 * one),
         ],
         -1,
     )
@@ -160,12 +229,15 @@ def _model(values: Array, offsets: Array, grey: Array) -> tuple[Array, Array]:
     return np.asarray(grey - model), jacobian
 
 
-def _solve(residual: Array, jacobian: Array, weight: Array) -> tuple[Array, Array]:
-    """Gauss-Newton steps (n, 9) and normal matrices (n, 9, 9), for noise of one grey level."""
+def _solve(residual: Array, jacobian: Array, weight: Array, values: Array) -> tuple[Array, Array]:
+    """Gauss-Newton steps (n, 10) and normal matrices (n, 10, 10), for noise of one grey level."""
     weighted = np.swapaxes(jacobian * weight[..., None], 1, 2)
     normal = weighted @ jacobian
     diagonal = np.arange(_UNKNOWNS)
     normal[:, diagonal, diagonal] += 1e-6 + 1e-6 * normal[:, diagonal, diagonal]
     normal[:, 4, 4] += BLUR_INFORMATION
-    change = np.linalg.solve(normal, (weighted @ residual[..., None]))[..., 0]
+    normal[:, 9, 9] += AMOUNT_INFORMATION
+    right = (weighted @ residual[..., None])[..., 0]
+    right[:, 9] -= AMOUNT_INFORMATION * values[:, 9]
+    change = np.linalg.solve(normal, right[..., None])[..., 0]
     return np.asarray(change), np.asarray(normal)

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 Ints = npt.NDArray[np.intp]
 
-CELLS_PER_SQUARE = 8
-"""A ChArUco square is drawn as 8 x 8 cells, its marker (with 4 x 4 code) as 6 x 6 of them."""
 MARKER_SHARE = 0.75
-"""Side of a ChArUco marker over that of its square."""
+"""Side of a ChArUco marker over that of its square, where nothing else is stated."""
+_MOST_CELLS = 400
+"""Into which a square is divided, to draw a marker of any size in it."""
 
 
 @dataclass(frozen=True)
@@ -38,14 +38,21 @@ class Board:
     square : float
         Side of a square, metres.
     family : Family, optional
-        Of the markers of a ChArUco board, with 4 x 4 codes; None for a plain chessboard.
+        Of the markers of a ChArUco board; None for a plain chessboard.
     first_id : int
         Id of the first marker; the others follow.
+    marker : float
+        Side of a marker, metres; 0 for three quarters of a square's.
+    inverted : bool
+        Whether it is printed white on black.
+    legacy : bool
+        Whether it is laid out as by OpenCV before 4.6: with an even number of rows it starts with
+        a white square.
 
     Raises
     ------
     GtvalError
-        For fewer than three squares a side.
+        For fewer than three squares a side, or markers that are no smaller than the squares.
     """
 
     columns: int
@@ -53,12 +60,15 @@ class Board:
     square: float
     family: Family | None = None
     first_id: int = 0
+    marker: float = 0.0
+    inverted: bool = False
+    legacy: bool = False
 
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 3 or self.square <= 0:
             raise GtvalError("a board needs at least 3 x 3 squares of a positive size")
-        if self.family is not None and self.family.cells != int(CELLS_PER_SQUARE * MARKER_SHARE):
-            raise GtvalError("ChArUco boards are made with families of 4 x 4 codes here")
+        if not 0 <= self.marker < self.square:
+            raise GtvalError("the markers of a board must be smaller than its squares")
 
     @property
     def inner(self) -> tuple[int, int]:
@@ -89,6 +99,11 @@ class Board:
         """Markers of a ChArUco board: its white squares."""
         return self.columns * self.rows // 2 if self.family else 0
 
+    @property
+    def marker_side(self) -> float:
+        """Side of a ChArUco marker, metres."""
+        return self.marker or MARKER_SHARE * self.square
+
     def charuco(self) -> "cv2.aruco.CharucoBoard":
         """The board as OpenCV has it, its origin being the outer corner."""
         import cv2  # noqa: PLC0415
@@ -96,19 +111,34 @@ class Board:
         if self.family is None:
             raise GtvalError("a plain chessboard has no markers")
         ids = np.arange(self.first_id, self.first_id + self.marker_count)
-        return cv2.aruco.CharucoBoard(
+        board = cv2.aruco.CharucoBoard(
             (self.columns, self.rows),
             self.square,
-            MARKER_SHARE * self.square,
+            self.marker_side,
             self.family.dictionary,
             ids,
         )
+        board.setLegacyPattern(self.legacy)
+        return board
 
     def cells(self) -> tuple[npt.NDArray[np.uint8], float]:
         """The print as cells, 1 where white, without a margin; and the side of a cell, metres."""
         if self.family is None:
             x, y = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
-            return ((x + y) % 2).astype(np.uint8), self.square
-        size = (CELLS_PER_SQUARE * self.columns, CELLS_PER_SQUARE * self.rows)
+            return ((x + y + self.inverted) % 2).astype(np.uint8), self.square
+        a_square = self._cells_a_square()
+        size = (a_square * self.columns, a_square * self.rows)
         image = self.charuco().generateImage(size, marginSize=0, borderBits=1)
-        return (np.asarray(image) > 127).astype(np.uint8), self.square / CELLS_PER_SQUARE
+        white = np.asarray(image) > 127
+        return (white != self.inverted).astype(np.uint8), self.square / a_square
+
+    def _cells_a_square(self) -> int:
+        """The fewest cells of a square that whole cells of a marker fit into, in its middle."""
+        if self.family is None:
+            return 1
+        of_marker, share = self.family.cells, self.marker_side / self.square
+        for times in range(1, _MOST_CELLS // of_marker):
+            cells = times * of_marker / share
+            if abs(cells - round(cells)) < 1e-6 and (round(cells) - times * of_marker) % 2 == 0:
+                return round(cells)
+        raise GtvalError("a marker of this side cannot be drawn in the squares; change it slightly")
