@@ -257,7 +257,8 @@ def _rows(lead: Lead, _: Sequence[Parameter], used: Readings) -> str:
             "one row off their place"
         )
     a, b = (int(row) for row in lead.rows)
-    return f"the readings {_named(used, a)} and {_named(used, b)} stand in each other's row"
+    text = f"the readings {_named(used, a)} and {_named(used, b)} stand in each other's row"
+    return f"{text}, or the names of their targets are exchanged" if lead.also else text
 
 
 def _targets(lead: Lead, _: Sequence[Parameter], used: Readings) -> str:

@@ -179,11 +179,26 @@ def new_stops(look: Look) -> Iterator[Lead]:
         # The laser stood elsewhere in between: what follows is all of the other stop.
         away = [k for k in range(1, first + 1) if rank[rows[k]] - rank[rows[k - 1]] > 1]
         first = away[-1] if away else first
-        marks = {m for r in rows[first:] for m in (look.net.first[r], look.net.second[r])}
+        if not LEAST_OF_A_STOP <= first <= len(rows) - LEAST_OF_A_STOP:
+            continue
+        others = rows[first:]
+        if _in_turn(look, stop, others) and not _in_turn(look, stop, rows[:first]):
+            others = rows[:first]
+        marks = {m for r in others for m in (look.net.first[r], look.net.second[r])}
         marks &= all_marks
-        if LEAST_OF_A_STOP <= first <= len(rows) - LEAST_OF_A_STOP and len(marks) > 1:
+        if len(marks) > 1:
             gain = float(np.minimum(look.misfit[rows] ** 2, 1e6).sum())
-            yield _new_stop_lead(look, stop, rows[first:], gain)
+            yield _new_stop_lead(look, stop, others, gain)
+
+
+def _in_turn(look: Look, stop: str, rows: Rows) -> bool:
+    """Whether readings of a stop stand in time beside those of the stop numbered next to it."""
+    order = look.log.order
+    rank = np.flatnonzero(np.isin(order, rows))
+    beside = [k for k in (int(rank[0]) - 1, int(rank[-1]) + 1) if 0 <= k < len(order)]
+    names = [look.log.station[order[k]] for k in beside]
+    numbers = [int(name) for name in names if name.isdecimal() and name in look.net.poses]
+    return stop.isdecimal() and any(abs(number - int(stop)) == 1 for number in numbers)
 
 
 LEAST_OF_A_STOP = 6

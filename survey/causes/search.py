@@ -14,6 +14,7 @@ from survey.causes.names import name_leads
 from survey.causes.places import place_leads
 from survey.causes.trial import Fit, Rows, Trial, fit
 from survey.causes.units import unit_leads
+from survey.estimation.network import Parameters
 from validation.statistics.hypotheses import Parameter, Ranking, Tried, ranked
 
 SOLVED_OF_A_KIND = 3
@@ -59,7 +60,20 @@ NOTHING = Lead("none", "all", (), np.empty(0, dtype=np.intp), 0.0, 1.0, lambda t
 
 
 def searched(trial: Trial, log: Log, rows: Rows) -> Causes:
-    """The hypotheses about one trial, ranked."""
+    """The hypotheses about one trial, ranked.
+
+    Where the best needs blunders beside it, points may have started in a wrong place: all is
+    searched once more from where they are without those.
+    """
+    causes, there = _searched_once(trial, log, rows)
+    if there is None or there.points.shape != trial.start.points.shape:
+        return causes
+    again, _ = _searched_once(replace(trial, start=there), log, rows)
+    return min(causes, again, key=lambda one: one.ranking.best.criterion)
+
+
+def _searched_once(trial: Trial, log: Log, rows: Rows) -> tuple[Causes, Parameters | None]:
+    """The same from one start, and the solution with blunders where the best needs them."""
     robust = fit(trial, robust=True)
     base = replace(trial, start=robust.at)
     linear = Linear(robust)
@@ -80,11 +94,14 @@ def searched(trial: Trial, log: Log, rows: Rows) -> Causes:
         )  # fmt: skip
         fits[id(lead)] = replace(solved)  # without its matrices
     common = [one for one in tried if one.what.kind not in SINGLE]
+    places: dict[int, Parameters] = {}
     for one in sorted(common, key=lambda one: one.chi_squared)[:SOLVED_WITH_BLUNDERS]:
-        beside = _with_blunders(one, fits[id(one.what)])
-        if beside is not None and beside.criterion < one.criterion:
+        beside, there = _with_blunders(one, fits[id(one.what)])
+        if beside.criterion < one.criterion:
             tried = [beside if other is one else other for other in tried]
-    return Causes(ranked(tried), fits, plain, rows, log)
+            places[id(one.what)] = there
+    ranking = ranked(tried)
+    return Causes(ranking, fits, plain, rows, log), places.get(id(ranking.best.what))
 
 
 SINGLE = {"none", "blunders"}
@@ -95,23 +112,24 @@ MOST_BESIDE = 5
 """Blunders beside a common cause: more would explain anything."""
 
 
-def _with_blunders(one: Tried[Lead], solved: Fit) -> Tried[Lead] | None:
+def _with_blunders(one: Tried[Lead], solved: Fit) -> tuple[Tried[Lead], Parameters]:
     """The hypothesis with the independent blunders that remain beside it, at their cost."""
     trial = continued(solved)
     leads = blunder_leads(trial, Linear(solved), MOST_BESIDE)
     if not leads:
-        return None
+        return one, solved.at
     lead = leads[0]
     both = fit(lead.build(trial))
     cost = sum(p.cost for p in lead.sizes(both)) + 2 * np.log(lead.places)
     parameters = _as_scattered(one.what.sizes(both), both)
-    return replace(
+    beside = replace(
         one,
         chi_squared=both.chi_squared,
         freedom=both.freedom,
         parameters=parameters,
         cost=one.cost + float(cost),
     )
+    return beside, both.at
 
 
 def _as_scattered(sizes: Sequence[Parameter], solved: Fit) -> tuple[Parameter, ...]:
@@ -187,7 +205,11 @@ def _keep(best: dict[object, Lead], lead: Lead) -> None:
     if other is None:
         best[same] = lead
         return
-    first, second = sorted((other, lead), key=lambda one: one.places)
+    # Two readings alone: that their rows are exchanged says the same as that their targets are.
+    first, second = sorted(
+        (other, lead), key=lambda one: (one.kind != "exchanged_rows", one.places)
+    )
+    first = replace(first, places=min(first.places, second.places))
     named = (*first.also, *second.also, f"{second.extent} {' '.join(second.subject)}".strip())
     best[same] = replace(first, also=named if second.extent not in BLOCKS else first.also)
 

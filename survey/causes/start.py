@@ -21,7 +21,7 @@ GOOD = 1.5
 """m0 up to which the joint adjustment is a start: whatever is wrong has moved no point far."""
 _ROUGH = 0.01
 """Metres that are no misfit yet while only starts are sought: five sigmas of a usual reading."""
-_ROUNDS = 2
+_ROUNDS = 3
 """Times that points not yet located are looked for, after the stops and after points of them."""
 
 
@@ -74,7 +74,8 @@ def located_trial(
         before = len(known)
         for name in missing:
             if name not in known:
-                place = robust_place(readings.touching([name], list(known)), known | marks)
+                own = readings.touching([name], [*known, *marks])
+                place = robust_place(own, known | marks)
                 if place is not None:
                     known[name] = place
         if poses and len(known) == before:

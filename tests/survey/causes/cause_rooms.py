@@ -127,6 +127,7 @@ KINDS = (
     "height_point", "height_stop", "height_walls",
     "moved", "vframe_point", "rig_mark",
     "exchanged_targets", "exchanged_rig_points", "stop_number", "new_stop", "exchanged_rows",
+    "exchanged_for_a_time", "stop_run",
     *(f"blunders_{k}" for k in range(1, 6)),
 )  # fmt: skip
 
@@ -282,6 +283,30 @@ def _new_stop(sample, rng, *_):
     return _starts(sample, swap, ("stop_number", (str(stop), ""), (), ()))
 
 
+def _exchanged_for_a_time(sample, rng, *_):
+    r = sample.readings
+    first, last = np.sort(rng.choice(np.arange(2, sample.stops), 2, replace=False))
+    a, b = (str(x) for x in rng.choice(sample.world, 2, replace=False))
+    swap, stops = {a: b, b: a}, {str(k) for k in range(first, last + 1)}
+    end = tuple(
+        swap.get(there, there) if here.split("/")[0] in stops and "/" in here else there
+        for here, there in zip(r.start, r.end, strict=True)
+    )
+    truth = ("exchanged_targets", (str(first), a, b, str(last)), (), ())
+    return replace(r, end=end), sample.exact.copy(), truth
+
+
+def _stop_run(sample, rng, *_):
+    stop, other = (str(k) for k in rng.choice(np.arange(1, sample.stops + 1), 2, replace=False))
+    rows = [i for i, name in enumerate(sample.readings.start) if name.startswith(f"{stop}/")]
+    rows = rows[int(rng.integers(0, len(rows) // 2)) :]
+    start = list(sample.readings.start)
+    for i in rows:
+        start[i] = f"{other}/{start[i].split('/')[1]}"
+    truth = ("stop_number", (), tuple(rows), ())
+    return replace(sample.readings, start=tuple(start)), sample.exact.copy(), truth
+
+
 def _exchanged_rows(sample, rng, _, sigmas, __):
     d = sample.exact.copy()
     i = j = 0
@@ -315,6 +340,8 @@ MAKERS = {
     "stop_number": _stop_number,
     "new_stop": _new_stop,
     "exchanged_rows": _exchanged_rows,
+    "exchanged_for_a_time": _exchanged_for_a_time,
+    "stop_run": _stop_run,
     "blunders": _blunders,
 }
 
@@ -368,12 +395,13 @@ def right(sample, best, readings_rows):
         return what.kind in names and rows == set(sample.rows)
     if what.kind != kind:
         return False
-    if kind in {"offset", "scale", "height"}:
+    if kind in {"offset", "scale", "height"} or (kind == "stop_number" and sample.rows):
         # A block may begin or end a few readings off: chance decides about them.
         return len(rows ^ set(sample.rows)) <= max(6, 0.25 * len(sample.rows))
     if kind in {"exchanged_targets", "exchanged_rig_points"}:
         named, truth = what.subject, sample.subject
-        return named[0] == truth[0] and {*named[1:]} == {*truth[1:]}
+        same = named[0] == truth[0] and named[3:] == truth[3:]
+        return same and {*named[1:3]} == {*truth[1:3]}
     if kind == "blunders":
         return set(sample.rows) <= rows
     return what.subject == sample.subject
