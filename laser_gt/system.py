@@ -39,11 +39,13 @@ class LaserSystem:
     def solve(self, campaign: "Campaign", progress: "Progress", **choices: Any) -> "SystemResult":
         """Poses by scan matching and by the genetic aligner, findings and report sections.
 
-        The choices are those of `laser_gt.campaign.solve.solve_campaign`.
+        Where no stop can be placed, the matches with their verdicts are a result all the same, with
+        an error among the findings. The choices are those of
+        `laser_gt.campaign.solve.solve_campaign`.
         """
         from laser_gt.campaign.solve import solve_campaign
 
-        return result_of(solve_campaign(campaign, progress, **choices))
+        return result_of(solve_campaign(campaign, progress, need_poses=False, **choices))
 
 
 def result_of(outcome: "LaserOutcome") -> "SystemResult":

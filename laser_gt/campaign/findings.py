@@ -9,7 +9,7 @@ from laser_gt.campaign.outcome import LaserOutcome
 from laser_gt.placing.guesses import GENEROUS, guess_deviations, guess_scatter
 from laser_gt.placing.solution import LaserSolution
 from laser_gt.placing.switches import WRONG_SHARE
-from validation.results import Finding
+from validation.results import Finding, Severity
 
 WORSE = 1.5
 """Guesses are called worse than stated beyond this factor: pairs share the motions that they are
@@ -24,7 +24,8 @@ does no harm to the poses."""
 
 def laser_findings(outcome: LaserOutcome) -> list[Finding]:
     """Findings in the order in which they should be read."""
-    found = [Finding("warning", text, "laser", "no_poses") for text in outcome.failures.values()]
+    severity: Severity = "warning" if outcome.solutions else "error"
+    found = [Finding(severity, text, "laser", "no_poses") for text in outcome.failures.values()]
     found += [Finding("note", text, "laser", "left_out") for text in outcome.inputs.left_out]
     found += [Finding("note", text, "laser", "assumed_mount") for text in outcome.inputs.assumed]
     for name, noise in outcome.noise.items():

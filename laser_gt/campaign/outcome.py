@@ -38,6 +38,8 @@ class LaserOutcome:
         Where it was asked for.
     noise : mapping of str to RangeNoise
         Of the scanners that neighbouring stops show it of.
+    keys : mapping of str to str
+        Hash of all that the matches of each engine depend on.
     """
 
     settings: LaserSettings
@@ -52,3 +54,4 @@ class LaserOutcome:
     mount_note: str
     published: Published | None
     noise: Mapping[str, RangeNoise] = field(default_factory=dict)
+    keys: Mapping[Engine, str] = field(default_factory=dict)

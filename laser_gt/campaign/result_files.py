@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from laser_gt.campaign.kept import kept_file, matching_text
 from laser_gt.campaign.outcome import LaserOutcome
 from laser_gt.placing.engines import Matching
 from validation.text_files.csv_text import csv_text
@@ -15,9 +16,18 @@ MATCH_COLUMNS = (
 
 
 def result_files(outcome: LaserOutcome) -> dict[str, str]:
-    """The matches of each engine."""
-    return {
+    """The matches of each engine: as a table, and as later commands use them again."""
+    tables = {
         f"laser_matches_{engine}.csv": matches_csv(matching)
+        for engine, matching in outcome.matchings.items()
+    }
+    return {**tables, **kept_files(outcome)}
+
+
+def kept_files(outcome: LaserOutcome) -> dict[str, str]:
+    """The matches of each engine as later commands use them again."""
+    return {
+        kept_file(engine): matching_text(matching, outcome.keys[engine])
         for engine, matching in outcome.matchings.items()
     }
 

@@ -1,5 +1,6 @@
 """Report sections and tables of laser GT."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from types import ModuleType
@@ -154,8 +155,8 @@ def fitness_table(matching: Matching) -> Table:
 
 
 def _kind(reason: str) -> str:
-    """A reason without its numbers."""
-    return " ".join(word for word in reason.split() if not any(map(str.isdigit, word)))
+    """A reason with N for its numbers."""
+    return re.sub(r"-?\d[\d.]*", "N", reason)
 
 
 def pose_table(solution: LaserSolution) -> Table:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from laser_gt.campaign.inputs import LaserInputs, load_inputs, references, surveyed_poses
+from laser_gt.campaign.kept import kept_file, key_of, read_matching
 from laser_gt.campaign.outcome import LaserOutcome
 from laser_gt.matching.genetic import GeneticSettings
 from laser_gt.matching.judgement import MatchSettings
@@ -64,10 +65,14 @@ def solve_campaign(
     inputs = replace(inputs, sweeps=with_noise(inputs.sweeps, noise, stated))
     both: tuple[Engine, ...] = ("scanmatch", "genetic") if settings.genetic else ("scanmatch",)
     wanted = tuple(dict.fromkeys(both if engines is None else engines))
-    matchings = {
-        engine: _matched(inputs, trajectory.poses, settings, engine, _part(progress, at, wanted))
+    kept = {
+        engine: _matched(
+            campaign, inputs, trajectory.poses, settings, engine, _part(progress, at, wanted)
+        )
         for at, engine in enumerate(wanted)
     }
+    keys = {engine: key for engine, (key, _) in kept.items()}
+    matchings = {engine: one for engine, (_, one) in kept.items()}
     mount = (inputs.mount, inputs.mount_sigmas)
     solutions, failures = {}, {}
     for engine, one in matchings.items():
@@ -100,6 +105,7 @@ def solve_campaign(
         mount_note=note,
         published=published,
         noise=noise,
+        keys=keys,
     )
 
 
@@ -113,9 +119,14 @@ def _part(progress: Report, at: int, engines: Sequence[Engine]) -> Report:
 
 
 def _matched(
-    inputs: LaserInputs, poses: Array, settings: LaserSettings, engine: Engine, progress: Report
-) -> Matching:
-    """All matches by one engine."""
+    campaign: Campaign,
+    inputs: LaserInputs,
+    poses: Array,
+    settings: LaserSettings,
+    engine: Engine,
+    progress: Report,
+) -> tuple[str, Matching]:
+    """All matches by one engine with their key, as they were kept or made anew."""
     limits = PairSettings(
         settings.pair_radius,
         settings.pair_heading,
@@ -131,7 +142,10 @@ def _matched(
         JudgementSettings(**settings.judgement.model_dump()),
     )
     pairs = find_pairs(poses, [one.sweep for one in inputs.sweeps], limits, inputs.decisions)
-    return match_pairs(inputs.sweeps, poses, pairs, inputs.decisions, form, engine, progress)
+    asked = (inputs.sweeps, poses, pairs, inputs.decisions, form, engine)
+    key = key_of(*asked)
+    kept = read_matching(campaign.results / kept_file(engine), key, engine)
+    return key, kept if kept is not None else match_pairs(*asked, progress)
 
 
 def _published(

@@ -68,15 +68,19 @@ laser.add_command(
 def _solved(
     folder: Path, engines: "tuple[Engine, ...]", *, need_poses: bool
 ) -> "tuple[Campaign, LaserOutcome]":
-    """The campaign and what laser GT makes of it."""
+    """The campaign and what laser GT makes of it, whose matches are kept for the next command."""
+    from laser_gt.campaign.result_files import kept_files
     from laser_gt.campaign.solve import solve_campaign
     from validation.campaign.folder import load_campaign
     from validation.solving import solve_validation
     from validation.systems import installed_systems
+    from validation.text_files.writing import write_files
 
     campaign = solve_validation(load_campaign(folder), installed_systems())
     with progress_bar("laser") as report:
-        return campaign, solve_campaign(campaign, report, engines=engines, need_poses=need_poses)
+        outcome = solve_campaign(campaign, report, engines=engines, need_poses=need_poses)
+    write_files(campaign.results, kept_files(outcome))
+    return campaign, outcome
 
 
 @laser.command()

@@ -22,15 +22,18 @@ A judgement: many times what such a guess is off, and less than from one wall to
 MOVED = (0.1, 0.05)
 """Metres and radians that a link may be away from such a guess: two thirds of the reach."""
 WORST = 3.0
-"""Largest ratio of the residuals to what noise explains: that from which on a match is rejected."""
+"""Largest ratio of the residuals to what noise explains: beyond it, a match may be wrong."""
 WIDEST = 8.0
 """Half width in metres of the largest search. A judgement: the length of a room, and what a drive
 of ten minutes is off by where its scans show little."""
 SEEN_TWICE = 0.7
-"""Share of the points that both could see and that agree, from which on a match that is to be
-looked at enters the graph with a switchable weight. A judgement: half-way from reject to accept."""
+"""Share of the points that both could see and that agree, from which on a match that may be
+wrong enters the graph with a switchable weight. A judgement: half-way from refuted to accepted."""
 IN_FREE_SPACE = 0.15
 """Largest share of points in free space of such a match; the same."""
+IN_COMMON = 0.2
+"""Least share of all points that lie on the other sweep, of a match that is searched for. A
+judgement: less than a fifth of two views is a corner, and buildings have many."""
 PART = 24
 """Pairs that a process takes at once: few enough to share the work evenly, enough to prepare each
 sweep for several of them."""
@@ -132,7 +135,9 @@ def _link(reference: Prepared, moving: Prepared, asked: Asked, *, judged: bool) 
         seen = match(reference, moving, guess, form)
         agrees = seen.agreement >= SEEN_TWICE and seen.violating <= IN_FREE_SPACE
         alone = seen.rival <= -form.judgement.rival_margin
-        if seen.verdict == "reject" or not (seen.verdict == "accept" or (agrees and alone)):
+        much = seen.explained >= IN_COMMON and seen.scale <= WORST
+        refused = seen.verdict == "refuted" or not much
+        if refused or not (seen.verdict == "accepted" or (agrees and alone)):
             return None
         guess, sure = seen.pose, False
     found = polished(reference, moving, guess)

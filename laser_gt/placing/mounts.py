@@ -22,6 +22,11 @@ MIN_TURN = 0.1
 match of 1 mm becomes one of 10 mm of the mount, no better than a tape measure."""
 
 
+OPEN = (0.1, 0.1, 0.1)
+"""Standard deviations, metres and radians, from which on a mount is not determined. A judgement: a
+tape measure is twenty times better, and a mount off by 0.1 rad is seen by eye."""
+
+
 @dataclass(frozen=True)
 class MountEstimate:
     """A mount from data.
@@ -85,7 +90,7 @@ def check_mount(
     matches: Sequence[Match],
     surveyed: Surveyed,
 ) -> MountCheck:
-    """The mount from the surveyed poses of all stops and the accepted matches between them.
+    """The mount from the surveyed poses of all stops and the matches between them.
 
     Parameters
     ----------
@@ -101,14 +106,12 @@ def check_mount(
     Raises
     ------
     GtvalError
-        If fewer than two accepted pairs join surveyed stops, or the robot never turned.
+        If fewer than two pairs join surveyed stops, or the robot never turned.
     """
     known = surveyed.select([stop for stop in stops if stop in surveyed.stops])
     edges = edges_of(known.stops, matches)
     if len(edges) < 2:
-        raise GtvalError(
-            "fewer than two accepted matches join surveyed stops; the mount cannot be checked"
-        )
+        raise GtvalError("fewer than two matches join surveyed stops; the mount cannot be checked")
     found = mount_of(known.poses, known.joint, edges, mount)
     return MountCheck(mount, mount_sigmas, found)
 
@@ -132,7 +135,7 @@ def mount_of(
     Raises
     ------
     GtvalError
-        If the robot never turned.
+        If the robot never turned, or the stops leave the mount open.
     """
     turn = float(np.sqrt(np.mean(wrap(np.array([edge.pose[2] for edge in edges])) ** 2)))
     if turn < MIN_TURN:
@@ -151,7 +154,15 @@ def mount_of(
         mount_covariance=None,
     )
     solution = solve_graph(graph)
-    return MountEstimate(wrapped(solution.mount), solution.covariance[-3:, -3:], turn, len(edges))
+    covariance = solution.covariance[-3:, -3:]
+    sigmas = np.sqrt(np.abs(np.diagonal(covariance)))
+    if not (np.isfinite(covariance).all() and (sigmas < OPEN).all()):
+        raise GtvalError(
+            "the mount is not determined by these stops: they leave its place open by more than "
+            f"{OPEN[0] * 1e2:.0f} cm or {OPEN[2]:.1f} rad. Survey more of the stops, with headings "
+            "that differ by a quarter turn"
+        )
+    return MountEstimate(wrapped(solution.mount), covariance, turn, len(edges))
 
 
 def _first_mount(poses: Array, edges: Sequence[Edge], stated: Array) -> Array:

@@ -5,7 +5,7 @@ allow: as long as the surface is straight. Narrow windows fake information: the 
 normals looks like structure, most of all along a corridor, where there is none.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -61,7 +61,7 @@ class Surface:
     scatter : (n,) array
         Variance of the points of the window about their line, as measured, square metres; 0
         where there is no line.
-    shared : (n,) array
+    shared : (n,) or (1,) array
         Standard deviation of the ranges that neighbouring beams share, metres.
     shared_beams : float
         Over how many beams that falls to 1 / e; the longest of the sweep's scanners.
@@ -79,8 +79,8 @@ class Surface:
     flat: Flags
     spacing: Array
     scatter: Array
-    shared: Array
-    shared_beams: float
+    shared: Array = field(default_factory=lambda: np.zeros(1))
+    shared_beams: float = 1.0
 
     def __len__(self) -> int:
         return len(self.points)
@@ -266,8 +266,6 @@ def _best_lines(
         flat=flat,
         spacing=spacing,
         scatter=np.where(flat, (scatter / freedom)[pick], 0.0),
-        shared=np.zeros(len(points)),
-        shared_beams=1.0,
     )
 
 

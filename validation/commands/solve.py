@@ -59,6 +59,7 @@ def solve_command(
         **choices: object,
     ) -> None:
         from validation.commands.output import end_of_command, print_result
+        from validation.errors import GtvalError
         from validation.solving import system_output
 
         with progress_bar(system) as report:
@@ -72,6 +73,9 @@ def solve_command(
         else:
             print_result(solved.result, findings, results, everything=everything)
         end_of_command(findings, failed=solved.failed, strict=strict)
+        if not (solved.result.tables or solved.result.trajectories):
+            errors = [one.text for one in findings if one.severity == "error"]
+            raise GtvalError("\n".join(errors) or f"{system} has no pose of this campaign")
 
     command.__doc__ = help_text
     decorated: Any = command

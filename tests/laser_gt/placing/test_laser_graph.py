@@ -127,3 +127,12 @@ def test_a_mount_that_contradicts_its_sigmas_stays_as_stated_and_shows():
     _, _, apart = _placed(5, np.array([0.09, 0.05, 0.0]))
     # 10 cm in directions that turn with the robot: 7 cm along each axis
     assert (apart[:, :2].std(0) > 0.05).all()
+
+
+def test_a_mount_that_the_stops_leave_open_is_not_determined():
+    rng = np.random.default_rng(6)
+    poses = _tour(rng, 2) * [1, 1, 0.1]
+    edges = [edge for edge in _edges(rng, poses) for _ in range(2)]
+    loose = np.kron(np.eye(2), np.diag([0.05, 0.05, 0.05]) ** 2)
+    with pytest.raises(GtvalError, match="not determined by these stops"):
+        mount_of(poses, loose, edges, MOUNT)
