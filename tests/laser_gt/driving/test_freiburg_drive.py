@@ -16,9 +16,12 @@ MOUNT = np.array([-0.04, 0.0, 0.0])
 
 
 @pytest.mark.skipif(not FR079.is_dir(), reason=f"no real scans at {FR079}; set GTVAL_REAL_DATA")
-@pytest.mark.parametrize("count", [120, pytest.param(1464, marks=pytest.mark.full)])
-def test_the_relations_of_freiburg_are_met_by_the_trajectory(count):
-    records = read_carmen(FR079 / "fr079.log.gz")[:count]
+@pytest.mark.parametrize(
+    "part", [slice(782, 882), pytest.param(slice(None), marks=pytest.mark.full)], ids=str
+)
+def test_the_relations_of_freiburg_are_met_by_the_trajectory(part):
+    """All of them; or a hundred scans, that 13 are between."""
+    records = read_carmen(FR079 / "fr079.log.gz")[part]
     times = np.array([record.scan.time for record in records])
     odometry = np.array([record.odometry for record in records])
     inputs = DriveInputs(
