@@ -18,6 +18,8 @@ REACH = 3.2
 """Widths of the blur to which a boundary is seen: beyond it a step is done to 0.07 %."""
 _MOST_BOUNDARIES = 5
 """A judgement: blur that reaches over more cells leaves no print to be seen."""
+PADDING = _MOST_BOUNDARIES + 1
+"""Cells of white around a print, so that all that blur reaches is in the table."""
 _ROOT = 1 / np.sqrt(2 * np.pi)
 
 
@@ -70,8 +72,8 @@ def whiteness(cells: Array, at: Places, blur: float, boundaries: tuple[int, int]
 
     Parameters
     ----------
-    cells : (c, c) array
-        1 where white, the first row at the print's top; around it all is white.
+    cells : (c + 12, c + 12) array
+        1 where white, the first row at the print's top, with six white cells on each side.
     at : Places
         Where.
     blur : float
@@ -84,15 +86,13 @@ def whiteness(cells: Array, at: Places, blur: float, boundaries: tuple[int, int]
     Blur is round in the image and an ellipse in the print. How far the ellipse is aslant is taken
     into account to second order, as heat would spread (Mehler's series).
     """
-    half = len(cells) / 2
+    half = len(cells) / 2 - PADDING
     columns, rows = boundaries
     first_x, step_x, slope_x, wide_x = _steps(at.x, blur * at.along_x, half, columns)
     first_y, step_y, slope_y, wide_y = _steps(at.y, blur * at.along_y, half, rows)
-    pad = _MOST_BOUNDARIES + 1
-    padded = np.pad(np.asarray(cells, dtype=float), pad, constant_values=1.0)
-    stride = padded.shape[1]
-    corner = (first_y + pad) * stride + first_x + pad
-    flat = padded.ravel()
+    stride = cells.shape[1]
+    corner = (first_y + PADDING) * stride + first_x + PADDING
+    flat = cells.ravel()
     white, by_x, by_y, wider_x, wider_y, both, bent = (np.zeros(len(at.x)) for _ in range(7))
     above: tuple[Array, Array, Array] | None = None
     for j in range(rows + 1):

@@ -18,16 +18,19 @@ from vision_gt.images.edge_samples import Flat, Image
 from vision_gt.images.grey_fits import (
     AMOUNT_INFORMATION,
     BLUR_INFORMATION,
+    HALO_FROM,
     LEAST_BLUR,
     LEAST_VARIANCE,
     MOST_AMOUNT,
     MOST_BLUR,
     SATURATED,
+    SHARPENING_WIDTHS,
     START_BLUR,
     believable,
     tukey_of_one,
 )
 from vision_gt.images.print_look import (
+    PADDING,
     REACH,
     Places,
     Whiteness,
@@ -92,6 +95,8 @@ class PrintFit:
         Its width, pixels.
     misfit : float
         What is left of the grey levels, standard deviation over the contrast.
+    halo : float
+        Which share of what is left looks as if the image had been sharpened.
     amount : float
         How much it was sharpened: the share that was added of the difference to a blurred copy.
     """
@@ -102,11 +107,12 @@ class PrintFit:
     blur: float = START_BLUR
     misfit: float = np.inf
     amount: float = 0.0
+    halo: float = 0.0
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """A print's cells (c, c), and the pixels around it.
+    """A print's cells (c + 12, c + 12) with all the white around it, and the pixels there.
 
     ``places`` (3, n) are undistorted pixels, homogeneous, ``grey`` (n,) their levels. ``zone`` (n,)
     is 0 on the print and its rim; further out it numbers the four sides and how far it is.
@@ -137,6 +143,8 @@ class _Fit:
     variance: float
     kept: float
     contrast: float
+    excess: float
+    halo: float
 
 
 def fit_print(
@@ -186,7 +194,8 @@ def fit_print(
     if not believable(*map(np.asarray, numbers)):
         return bad
     misfit = float(np.sqrt(fit.variance)) / fit.contrast
-    return PrintFit(corners, covariances, True, fit.state.blur, misfit, fit.state.amount)
+    covariances = covariances * fit.excess
+    return PrintFit(corners, covariances, True, fit.state.blur, misfit, fit.state.amount, fit.halo)
 
 
 def _around(image: Image, H: Array, bits: Array, rim: Rim, flat: Flat) -> _Seen:
@@ -203,7 +212,7 @@ def _around(image: Image, H: Array, bits: Array, rim: Rim, flat: Flat) -> _Seen:
     u, v, nearness = np.linalg.inv(H) @ places
     out = np.maximum(np.abs(u), np.abs(v)) / nearness
     used = np.flatnonzero((out < reach) & (nearness > 0))
-    cells = np.asarray(bits, dtype=float)
+    cells = np.pad(np.asarray(bits, dtype=float), PADDING, constant_values=1.0)
     grey = image[low[1] : high[1], low[0] : high[0]].reshape(-1)
     zone = np.zeros(len(used), dtype=np.intp)
     if reach > sure:
@@ -281,8 +290,21 @@ def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
             variance = float(weights @ left**2) / max(float(weights.sum()) - len(change), 1.0)
             spread = inverse[:_BLUR, :_BLUR] * max(variance, LEAST_VARIANCE)
             moves = inverse[:_BLUR] @ (weighted * left)
-            spread *= _excess(_corners(state.H)[1], spread, _by_cell(moves, lit, len(seen.cells)))
-            return _Fit(state, spread, variance, float(weights.sum()) / float(used.sum()), contrast)
+            cells = _by_cell(moves, lit, len(seen.cells) - 2 * PADDING)
+            excess = _excess(_corners(state.H)[1], spread, cells)
+            halo = 0.0
+            if radius <= 0 and np.sqrt(variance) > HALO_FROM * contrast:
+                soft = whiteness(
+                    seen.cells,
+                    at,
+                    float(np.hypot(state.blur, SHARPENING_WIDTHS[0])),
+                    _boundaries(at, 2.0, seen.cells),
+                ).white
+                halo = _share_explained(
+                    look.white - soft, (jacobian, weighted, inverse), weights, left
+                )
+            kept = float(weights.sum()) / float(used.sum())
+            return _Fit(state, spread, variance, kept, contrast, excess, halo)
     return None
 
 
@@ -325,18 +347,37 @@ def _white_rim(zone: Ints, residual: Array, used: Mask) -> Mask:
     return np.asarray(np.append(True, white.ravel())[zone])
 
 
+def _boundaries(at: Places, blur: float, cells: Array) -> tuple[int, int]:
+    """How many boundaries blur reaches along x and y."""
+    count = len(cells) - 2 * PADDING
+    along_x, along_y = (float(along.mean()) for along in (at.along_x, at.along_y))
+    return (
+        boundaries_in_reach(blur, along_x, count),
+        boundaries_in_reach(blur, along_y, count),
+    )
+
+
+def _share_explained(
+    change: Array, step: tuple[Array, Array, Array], weights: Array, left: Array
+) -> float:
+    """Which share of what is left (n,) one more unknown would explain, with a derivative (n,).
+
+    ``step`` is the Jacobian, the same with weights, and the inverse of the normal matrix.
+    """
+    jacobian, weighted, inverse = step
+    own = change - (inverse @ (weighted @ change)) @ jacobian
+    most = float(weights @ own**2) * float(weights @ left**2)
+    return float(weights @ (own * left)) ** 2 / most if most > 0 else 0.0
+
+
 def _look(state: _State, cells: Array, at: Places, radius: float) -> tuple[Whiteness, Array | None]:
     """The share of white, sharpened by the state's amount; and its derivative by that amount."""
     wide = float(np.hypot(state.blur, radius))
-    reach = max(state.blur, wide)
-    boundaries = tuple(
-        boundaries_in_reach(reach, float(along.mean()), len(cells))
-        for along in (at.along_x, at.along_y)
-    )
-    sharp = whiteness(cells, at, state.blur, (boundaries[0], boundaries[1]))
+    boundaries = _boundaries(at, wide, cells)
+    sharp = whiteness(cells, at, state.blur, boundaries)
     if radius <= 0:
         return sharp, None
-    soft = whiteness(cells, at, wide, (boundaries[0], boundaries[1]))
+    soft = whiteness(cells, at, wide, boundaries)
     a = state.amount
     mixed = Whiteness(
         (1 + a) * sharp.white - a * soft.white,
