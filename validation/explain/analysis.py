@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from validation.errors import GtvalError
+from validation.explain.fitting.models import FROM_THE_FIRST
 from validation.explain.fitting.noise import Mask
 from validation.explain.fitting.pairs import Pairs, make_pairs
 from validation.explain.fitting.selection import FALSE_ALARM as INVENTED
@@ -102,7 +103,7 @@ class SystemExplanation(Shown):
         """
         if self.selection is None:
             return "unknown"
-        name = self.selection.chosen.name
+        name = self.selection.chosen.name.replace(FROM_THE_FIRST, "drift")
         if self.reference is not None and self.reference.accepted:
             name = name.replace("frame_mount", "reference_mount")
         if self.wanders:

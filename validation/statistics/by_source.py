@@ -12,7 +12,7 @@ from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import MAKERS, Component
 from validation.results import Finding, Section, Table
 from validation.statistics.evaluation import Evaluation
-from validation.statistics.neighbours import EVIDENCE, weigh
+from validation.statistics.neighbours import is_said, weigh
 
 FEWEST = 2
 """Stops of a maker below which it is left out: one stop tells nothing of its scatter."""
@@ -203,7 +203,8 @@ class _Tested:
         left = self.values - self.member.T @ (self.sums[0] / self.counts[:, None])
         if len(left) <= len(self.known) + 2 or (np.ptp(left[:, same], axis=0) == 0).any():
             return False
-        return weigh(np.arange(len(left), dtype=float), left[:, same], slopes).gain > EVIDENCE
+        gain = weigh(np.arange(len(left), dtype=float), left[:, same], slopes).gain
+        return is_said(gain, len(left))
 
 
 def _splits(count: int) -> list[tuple[int, ...]]:

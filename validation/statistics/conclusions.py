@@ -10,6 +10,7 @@ from validation.statistics.error_statistics import (
     two_sided_quantile,
 )
 from validation.statistics.evaluation import Evaluation
+from validation.statistics.neighbours import RATE
 from validation.statistics.units import unit_of_points
 
 
@@ -59,7 +60,7 @@ def _neighbours(evaluation: Evaluation) -> list[Finding]:
     if told is None or not told.dependent:
         return []
     widened = [one for one in evaluation.statistics if one.method == "dependent"]
-    text = f"Errors depend on those of their neighbours in the order of the stops: {told.words}."
+    text = f"Errors depend on those of their neighbours in the order of the stops: {told.words}. {RATE}."
     if told.withheld:
         text += (
             " These stops are too few correlation lengths to tell a mean error from what lasts: "

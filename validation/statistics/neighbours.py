@@ -33,10 +33,15 @@ WITHOUT = 0.5
 FEWEST = 8
 """Poses from which on neighbours are tested: with fewer, errors of 0.8 are found in less than half
 of the tables."""
-EVIDENCE = 0.4
+BY_CHANCE = 0.05
+"""Share of the tables of independent errors, at most, of which neighbours are said to depend on
+each other: one in twenty, the level of all intervals. `EVIDENCE` holds it."""
+RATE = f"Of tables of independent errors, {100 * BY_CHANCE:.0f} % at most are told so"
+EVIDENCE, FOR_FEW = 0.4, 4.8
 """Logarithm of the odds (with over without memory, the priors apart) from which on neighbours are
-said to depend on each other. 300 tables each: so in 8 % of the tables of 20 independent poses and
-in 4 % of 40, in 94 % of 20 poses with a correlation of 0.5, in all of 20 with 0.8."""
+said to depend on each other: the first, and the second over the number of poses. 1,000 tables each:
+so in 5 % of the tables of 8, 12 and 20 independent poses, in 3 % of 30 and in 2 % of 60; in 92 % of
+20 poses with a correlation of 0.5, in all of 20 with 0.8."""
 SHORT = 3.6
 """Correlation lengths below which a record is too short to tell a constant from what lasts."""
 WITHHELD = 0.7
@@ -254,6 +259,11 @@ def joint_gain(kinds: Sequence[Weighed]) -> float:
     return float(special.logsumexp([*gains, gains.sum()]) - np.log(len(gains) + 1))
 
 
+def is_said(gain: float, n: int) -> bool:
+    """Whether the log of the odds over n poses says that neighbours depend on each other."""
+    return gain > EVIDENCE + FOR_FEW / max(n, 1)
+
+
 class Told(NamedTuple):
     """Whether neighbours depend on each other in a table, and how that is known.
 
@@ -267,7 +277,7 @@ class Told(NamedTuple):
     @property
     def dependent(self) -> bool:
         """Whether neighbours are said to depend on each other."""
-        return self.gain > EVIDENCE
+        return is_said(self.gain, max(len(one.steps) for one, _ in self.kinds.values()))
 
     @property
     def withheld(self) -> bool:

@@ -9,7 +9,8 @@ the GTV frame by one surveyed pose through the very mount that is used for all p
 "Validation of the laser-based GT system"). A is the correction of the mount: true mount = A .
 mount used, in the robot frame. The slip is the survey's own error at P, which shifts and turns
 all poses about P; it is no fault of the system but must not be taken for one. The drift is a shift
-and a turn of the pose that grow evenly from the first pose to the last.
+and a turn of the pose that change evenly from the first pose to the last, with none in the middle;
+the growth is one with none at the first pose.
 """
 
 from collections.abc import Sequence
@@ -28,6 +29,7 @@ PARTS = {
     "scale": ("scale",),
     "time": ("time",),
     "drift": ("drift_x", "drift_y", "drift_theta"),
+    "growth": ("growth_x", "growth_y", "growth_theta"),
     "slip": ("slip_x", "slip_y", "slip_theta"),
 }
 PARAMETERS = tuple(dict.fromkeys(name for names in PARTS.values() for name in names))
@@ -53,7 +55,7 @@ class ErrorModel:
         What it says, for a sentence.
     parts : tuple of str
         The systematic parts, of 'frame', 'mount', 'turn' (of the mount alone), 'shift' (of the
-        frame alone), 'scale', 'time', 'drift'.
+        frame alone), 'scale', 'time', 'drift', 'growth'.
     through_reference : bool
         Whether the mount also stands in P A P^-1.
     slip : bool
@@ -80,6 +82,11 @@ class ErrorModel:
     def columns(self) -> tuple[int, ...]:
         """Where the fitted parameters stand in PARAMETERS."""
         return tuple(PARAMETERS.index(name) for name in self.fitted)
+
+    @property
+    def drifts(self) -> bool:
+        """Whether it changes along the order of the poses."""
+        return bool({"drift", "growth"} & set(self.parts))
 
     def nested_in(self, other: "ErrorModel") -> bool:
         """Whether the other explains all that this one can, and more."""
@@ -111,8 +118,10 @@ SHIFT_MOUNT = ErrorModel(
 """What is left of 'frame_mount' where the robot turns on one spot: a turn of the frame and one of
 the mount look the same there, but the arm of the mount shows."""
 
+FROM_THE_FIRST = "growing_drift"
 DRIFTS = (
     ErrorModel("drift", "a drift", ("drift",)),
+    ErrorModel(FROM_THE_FIRST, "a drift that starts at the first pose", ("growth",)),
     ErrorModel("frame_drift", "a drift from the first pose on", ("frame", "drift")),
     ErrorModel("mount_drift", "a wrong mount and a drift", ("mount", "drift")),
     ErrorModel(
@@ -224,7 +233,9 @@ def correct(
     if "shift" in model.parts:
         chain.shift()
     if "drift" in model.parts:
-        chain.drift(np.zeros(len(poses)) if places is None else places)
+        chain.drift("drift", np.zeros(len(poses)) if places is None else places)
+    if "growth" in model.parts:
+        chain.drift("growth", np.zeros(len(poses)) if places is None else places + 0.5)
     return chain.result()
 
 
@@ -317,12 +328,12 @@ class _Chain:
         self.dz[..., self._column("frame_x")] += 1.0
         self.dz[..., self._column("frame_y")] += 1j
 
-    def drift(self, places: Array) -> None:
+    def drift(self, part: str, places: Array) -> None:
         """A shift and a turn in proportion to the place along the order."""
-        x, y, angle = (self.at[name] for name in PARTS["drift"])
+        x, y, angle = (self.at[name] for name in PARTS[part])
         self.z = self.z + places * (x + 1j * y)
         self.theta = self.theta + places * angle
-        columns = [self._column(name) for name in PARTS["drift"]]
+        columns = [self._column(name) for name in PARTS[part]]
         self.dz[..., columns[0]] += places
         self.dz[..., columns[1]] += 1j * places
         self.dtheta[..., columns[2]] += places

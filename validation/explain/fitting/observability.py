@@ -8,6 +8,9 @@ from validation.explain.fitting.fit import Fit
 from validation.poses.angles import Array
 from validation.statistics.hypotheses import LOST, TAKES_PART
 
+ONLY_HEADINGS = frozenset({"mount_theta", "drift_theta", "growth_theta"})
+"""Turns that move no position."""
+
 
 @dataclass(frozen=True)
 class Observability:
@@ -71,7 +74,9 @@ def single_pose_sizes(found: Fit) -> Array:
     extent = float(np.sqrt(positions.var(0).sum())) or 1.0
     sizes = []
     for name in found.model.fitted:
-        if name.endswith("theta"):
+        if name in ONLY_HEADINGS and not found.model.through_reference:
+            sizes.append(angle)
+        elif name.endswith("theta"):
             sizes.append(min(angle, length / extent))
         elif name == "scale":
             sizes.append(length / extent)

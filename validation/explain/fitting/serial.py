@@ -17,7 +17,6 @@ from validation.explain.fitting.pairs import Pairs
 from validation.poses.angles import Array
 from validation.statistics.dependence import Spread
 from validation.statistics.neighbours import (
-    EVIDENCE,
     FEWEST,
     WITHHELD,
     Weighed,
@@ -198,8 +197,3 @@ def says_dependent(criteria: Array, kinds: Sequence[Kinds | None]) -> float:
     if not without:
         return -np.inf
     return float(special.logsumexp(with_memory) - special.logsumexp(without))
-
-
-def is_dependent(odds: float) -> bool:
-    """Whether the log of the odds says that neighbours depend on each other."""
-    return odds > EVIDENCE

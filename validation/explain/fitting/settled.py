@@ -93,7 +93,7 @@ class Settled:
         pairs = self.pairs
         some = slice(None) if rows is None else np.asarray(rows)
         moving = None if pairs.velocities is None else pairs.velocities[some]
-        places = pairs.places[some] if "drift" in self.fit.model.parts else None
+        places = pairs.places[some] if self.fit.model.drifts else None
         tied, values = pairs.reference_pose, self.fit.parameters[0]
         made = correct(self.fit.model, values, poses, tied, moving, places)
         result = np.array(np.broadcast_to(made.poses, poses.shape))

@@ -59,7 +59,7 @@ class Agreement:
         for other in range(1, m):
             pick = np.zeros((3, 3 * m))
             pick[:, :3], pick[:, 3 * other : 3 * other + 3] = -np.eye(3), np.eye(3)
-            sigma = np.sqrt(np.diagonal(pick @ self.covariance @ pick.T))
+            sigma = np.sqrt(np.maximum(np.diagonal(pick @ self.covariance @ pick.T), 0.0))
             value = self.mounts[other] - self.mounts[0]
             half = self.interval_factor(confidence) * sigma
             rows.append(np.stack([value, value - half, value + half], -1))

@@ -24,7 +24,7 @@ from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable
 from validation.shown import Shown
 from validation.statistics.hypotheses import LOST, RIVAL, Parameter
-from validation.statistics.neighbours import EVIDENCE, weigh
+from validation.statistics.neighbours import is_said, weigh
 from validation.statistics.robust import sigma_from_median
 
 FALSE_ALARM = 0.02
@@ -333,7 +333,7 @@ def _effective(pairs: SpacePairs, found: _Fit, cells: Mask) -> Array:
             continue
         slopes = found.slopes[used][:, rows][:, :, list(found.columns)]
         memory = weigh(used.astype(float), residuals, slopes)
-        if memory.gain > EVIDENCE:
+        if is_said(memory.gain, len(used)):
             told[kind] = min(memory.effective(), told[kind])
     return np.asarray(told)
 

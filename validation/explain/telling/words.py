@@ -17,6 +17,7 @@ from validation.explain.telling.reference_words import (
 from validation.explain.telling.verdict_words import arbitration_findings
 from validation.poses.angles import Array
 from validation.results import Finding
+from validation.statistics.neighbours import RATE
 
 
 def findings(explanation: Explanation) -> list[Finding]:
@@ -184,7 +185,7 @@ def dependence_findings(selection: Selection, settled: Settled, system: str) -> 
     odds = times_text(float(np.exp(min(selection.memory, 700.0))))
     text = (
         f"Errors depend on those of their neighbours in order ({odds} as likely as that they do "
-        f"not): {said or 'neighbours are alike'}. {then} Repeat stops at another time, in another "
+        f"not): {said or 'neighbours are alike'}. {then} {RATE}. Repeat stops at another time, in another "
         "order."
     )
     return [Finding("warning", text, system, "dependent_errors")]
@@ -297,7 +298,7 @@ def measure(one: SystemExplanation, settled: Settled) -> str:
         )
     if "scale" in parts:
         advice.append("measure a long known distance, such as the pole, with the system")
-    if "drift" in parts:
+    if settled.fit.model.drifts:
         advice.append("return to the first stops after the last: the error there must have grown")
     if "time" in parts:
         advice.append("repeat with the robot at rest, where the error must vanish")

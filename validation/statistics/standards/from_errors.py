@@ -8,7 +8,7 @@ import numpy as np
 from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import Component
 from validation.statistics.evaluation import Evaluation
-from validation.statistics.neighbours import EVIDENCE, FEWEST, WITHHELD, weigh
+from validation.statistics.neighbours import FEWEST, WITHHELD, is_said, weigh
 from validation.statistics.standards.tolerance import (
     NOT_NORMAL,
     FreeBound,
@@ -81,7 +81,7 @@ def worth(values: Array) -> tuple[float, str]:
     if n < FEWEST or (np.ptp(values, axis=0) == 0).any():
         return float(n), ""
     found = weigh(np.arange(n, dtype=float), values - values.mean(0), np.ones((*values.shape, 1)))
-    if found.gain <= EVIDENCE:
+    if not is_said(found.gain, n):
         return float(n), ""
     effective = min(found.effective(), float(n))
     if found.short > WITHHELD:

@@ -86,7 +86,7 @@ def test_the_explanations_of_the_genetic_laser(page, explained):
     best = max(one.loo.score for one in selection.candidates)
     order = ["none", "scale", "frame", "frame_scale", "mount", "reference_mount", "frame_mount"]
     order += ["reference_mount_scale", "frame_mount_scale"]
-    order += ["drift", "frame_drift", "mount_drift", "frame_mount_drift"]
+    order += ["drift", "growing_drift", "frame_drift", "mount_drift", "frame_mount_drift"]
     told = rows(page, "| explanation | parameters")
     assert len(told) == len(order) == len(selection.candidates)
     for name, (_, count, bic, score, left_out) in zip(order, told, strict=True):
