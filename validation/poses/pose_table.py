@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from validation.errors import FaultyResultError, GtvalError, InputError, Problem, shown
 from validation.poses.angles import Array, wrap
+from validation.poses.covariances import all_sound, covariance_fault
 from validation.shown import Shown
 from validation.text_files.csv_tables import Column, read_csv
 from validation.text_files.csv_text import harmless
@@ -135,7 +136,7 @@ class PoseTable(Shown):
         if len(set(self.ids)) != n:
             twice = sorted({name for name in self.ids if self.ids.count(name) > 1})
             raise FaultyResultError(f"{who}: these ids occur more than once: {', '.join(twice)}")
-        if np.isfinite(self.poses).all() and _all_sound(self.covariances):
+        if np.isfinite(self.poses).all() and all_sound(self.covariances):
             return
         for name, pose, covariance in zip(self.ids, self.poses, self.covariances, strict=True):
             if not np.isfinite(pose).all():
@@ -221,39 +222,6 @@ def refuse_twice(systems: Sequence[str]) -> None:
     twice = sorted({name for name in systems if systems.count(name) > 1})
     if twice:
         raise GtvalError(f"these systems are given twice: {', '.join(twice)}")
-
-
-def _all_sound(covariances: Array) -> bool:
-    """Whether each matrix of many (n, k, k) is a covariance, or all NaN, as `covariance_fault`."""
-    stated = covariances[~np.isnan(covariances).all((1, 2))]
-    variance = np.diagonal(stated, axis1=1, axis2=2)
-    if not (np.isfinite(stated).all() and (variance > 0).all()):
-        return False
-    scale = np.sqrt(variance)
-    with np.errstate(over="ignore"):
-        correlation = stated / scale[:, :, None] / scale[:, None, :]
-    asymmetry = np.abs(correlation - np.swapaxes(correlation, 1, 2)).max(initial=0.0)
-    if not (asymmetry <= 1e-6 and np.abs(correlation).max(initial=0.0) <= 1 + 1e-6):
-        return False
-    return bool((np.linalg.eigvalsh(correlation) > 1e-12).all())
-
-
-def covariance_fault(covariance: Array) -> str | None:
-    """Why a matrix is not a covariance, in words; None if it is one or is all NaN."""
-    if np.isnan(covariance).all():
-        return None
-    if not np.isfinite(covariance).all():
-        return "has numbers that are missing or not finite"
-    scale = np.sqrt(np.abs(np.diagonal(covariance)))
-    if (np.diagonal(covariance) <= 0).any():
-        return "has a variance that is not positive"
-    with np.errstate(over="ignore"):
-        correlation = covariance / scale[:, None] / scale
-    if not np.allclose(correlation, correlation.T, rtol=0, atol=1e-6):
-        return "is not symmetric"
-    if np.abs(correlation).max() > 1 + 1e-6 or np.linalg.eigvalsh(correlation).min() <= 1e-12:
-        return "is not positive definite"
-    return None
 
 
 def _bad_place(names: Sequence[str], values: Array, covariance: Array) -> tuple[str, str | None]:

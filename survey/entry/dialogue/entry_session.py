@@ -103,7 +103,7 @@ class EntrySession(EntryView):
                 self.catch_up()
             behind = self.readings_file.problem or self.others
             if behind and not self.readings_file.edited:
-                self.readings_file.write(self.state)
+                self.readings_file.write(self.state, self.readings_file.held())
         self.journal.close()
 
     def prepare(self, *others: Callable[[], object]) -> threading.Thread:

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from survey.entry.record.readings_file import ReadingsFile
     from survey.entry.record.state import EntryState
 
+_TRIES = 5
+"""So often a file is looked at that somebody saves while it is taken over."""
+
 
 class Entering(Protocol):
     """What an entry session is to its files."""
@@ -50,15 +53,17 @@ def bring_together(entry_session: Entering, *, adopt: bool) -> None:
         If it was changed by hand and that is not to be taken over.
     """
     file, state = entry_session.readings_file, entry_session.state
-    if file.is_current(state):
-        return
-    changes = file.changes_by_hand(state)
-    if changes:
-        if state.pairs and not adopt:
-            raise refuse_hand_changes(file.path, changes)
-        adopt_changes(entry_session, changes)
-    if changes is not None or state.pairs:
-        file.write(state)
+    for _ in range(_TRIES):
+        if file.is_current(state):
+            return
+        seen = file.held()
+        changes = file.changes_by_hand(state)
+        if changes:
+            if state.pairs and not adopt:
+                raise refuse_hand_changes(file.path, changes)
+            adopt_changes(entry_session, changes)
+        if (changes is None and not state.pairs) or file.write(state, seen):
+            return
 
 
 def adopt_changes(entry_session: Entering, changes: HandChanges) -> None:
@@ -83,17 +88,20 @@ def take_edited_file(entry_session: Entering) -> str:
     GtvalError
         If the file cannot be read, or names points that are not there.
     """
+    file, state = entry_session.readings_file, entry_session.state
+    more = less = remarks = 0
     with entry_session.changing:
         entry_session.catch_up()
-        found = entry_session.readings_file.changes_by_hand(entry_session.state)
-        changes = found or HandChanges((), ())
-        adopt_changes(entry_session, changes)
-        entry_session.readings_file.write(entry_session.state)
+        for _ in range(_TRIES):
+            seen = file.held()
+            changes = file.changes_by_hand(state) or HandChanges((), ())
+            adopt_changes(entry_session, changes)
+            more, less = more + len(changes.added), less + len(changes.missing)
+            remarks += len(changes.remarks)
+            if file.write(state, seen):
+                break
         entry_session.version += 1
-    return (
-        f"taken into the journal: {len(changes.added)} row(s) more, {len(changes.missing)} less, "
-        f"{len(changes.remarks)} remark(s)"
-    )
+    return f"taken into the journal: {more} row(s) more, {less} less, {remarks} remark(s)"
 
 
 def put_edited_file_aside(entry_session: Entering) -> str:

@@ -46,10 +46,11 @@ def merge(campaign: Campaign, others: Sequence[Path]) -> tuple[Merged, Path]:
         lock.release()
     entry_session = EntrySession(campaign, Journal.open(path, "merge"))
     try:
+        seen = entry_session.readings_file.held()
         changes = entry_session.readings_file.changes_by_hand(entry_session.state)
         if changes:
             adopt_changes(entry_session, HandChanges(changes.added, (), changes.remarks))
-        entry_session.readings_file.write(entry_session.state)
+        entry_session.readings_file.write(entry_session.state, seen)
     finally:
         entry_session.close()
     return merged, kept

@@ -1,5 +1,6 @@
 """The readings file beside the journal, kept up to date while readings come in."""
 
+import contextlib
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -53,6 +54,9 @@ class ReadingsFile:
         self._before_edit: bytes | None = None
         self._left: bytes | None = None
         """What it held after the last write; None where that is not known."""
+        self._owed: list[str] = []
+        self._due: list[str] = []
+        """Lines to add and to take away that a file in another form could not be given yet."""
         self._shared = False
         """Whether another process writes to journal and file as well."""
         self._rows: dict[Pair, list[tuple[int, str]]] | None = None
@@ -70,11 +74,24 @@ class ReadingsFile:
         """How a person changed the file; None where nobody did."""
         return hand_changes(self.path, state, self._units)
 
-    def write(self, state: EntryState) -> None:
-        """Write it anew, whole or not at all, whatever it holds."""
-        self.edited = False
-        self._left = self._read()
+    def held(self) -> bytes | None:
+        """What it holds now, for `write`."""
+        return self._read()
+
+    def write(self, state: EntryState, seen: bytes | None) -> bool:
+        """Write it anew, whole or not at all; not where it no longer holds what was seen of it.
+
+        Returns
+        -------
+        bool
+            False where somebody saved it meanwhile: it must be looked at once more.
+        """
+        self.edited, self._left = False, seen
+        if self._read() != seen:
+            self.edited = True
+            return False
         self._try(lambda: self._replace(self._derived(state)))
+        return not self.edited
 
     def prepare(self, state: EntryState) -> dict[Pair, list[tuple[int, str]]]:
         """The lines of all pairs, which take a while when first made."""
@@ -112,7 +129,10 @@ class ReadingsFile:
         self.edited = self.edited or self._is_changed(held, state)
         if self.edited:
             self._before_edit = self._left
-            self._try(lambda: self._merge(gone, new, state))
+            for line in gone:
+                (self._owed.remove if line in self._owed else self._due.append)(line)
+            self._owed += new
+            self._try(lambda: self._merge(state))
         elif held is not None and self._left is not None and not gone:
             self._try(lambda: self._append("".join(new)))
         else:
@@ -152,10 +172,12 @@ class ReadingsFile:
     def put_aside(self, state: EntryState, name: str) -> Path:
         """Keep what was changed by hand under another name, and write the journal's readings."""
         aside = self.path.with_name(name)
-        held = self._read()
-        if held is not None:
-            write_files(aside.parent, {aside.name: held})
-        self.write(state)
+        for _ in range(_TRIES):
+            seen = self._read()
+            if seen is not None:
+                write_files(aside.parent, {aside.name: seen})
+            if self.write(state, seen):
+                break
         return aside
 
     def _derived(self, state: EntryState) -> bytes:
@@ -188,13 +210,35 @@ class ReadingsFile:
                 raise _ChangedError
 
         try:
-            write_files(self.path.parent, {self.path.name: text}, before=check)
+            saved = self._put(text, check)
         except _ChangedError:
+            saved = True
+        if saved:
             self.edited = not self._shared
-            raise OSError("somebody saves it at this moment") from None
+            raise OSError("somebody saves it at this moment")
         self._left = text
+        self._owed, self._due = [], []
 
-    def _merge(self, gone: Sequence[str], new: Sequence[str], state: EntryState) -> None:
+    def _put(self, text: bytes, check: Callable[[], None]) -> bool:
+        """Put the text in its place; whether the file was saved between the last look and that.
+
+        What was saved then is in its place again.
+        """
+        old = self.path.with_name(f".{self.path.name}.{os.getpid()}.seen.tmp")
+        old.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # no file yet, or a file system without hard links
+            old.hardlink_to(self.path)
+        try:
+            write_files(self.path.parent, {self.path.name: text}, before=check)
+            late = old.read_bytes() if old.exists() and self._left is not None else self._left
+            if late != self._left:
+                old.replace(self.path)  # the file itself: an editor may still be writing to it
+                return True
+        finally:
+            old.unlink(missing_ok=True)
+        return False
+
+    def _merge(self, state: EntryState) -> None:
         """Take away and add lines in a file that somebody else changed."""
         for _ in range(_TRIES):
             held = self._read()
@@ -209,11 +253,12 @@ class ReadingsFile:
                 raise OSError(said)
             if not lines[-1].endswith("\n"):
                 lines[-1] += "\n"
-            for line in gone:
+            for line in self._due:
                 if line in lines:
                     lines.remove(line)
             there = set(lines)
-            lines += [line for line in (*self._stale(lines, gone), *new) if line not in there]
+            stale = self._stale(lines, self._due)
+            lines += [line for line in (*stale, *self._owed) if line not in there]
             self._before_edit = self._left = held
             try:
                 self._replace("".join(lines).encode("utf-8", "surrogateescape"))

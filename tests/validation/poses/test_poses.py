@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from small_campaigns import three_stops
 
 from validation.errors import GtvalError, InputError
+from validation.poses.covariances import covariance_fault
 from validation.poses.pose_table import (
     PLANAR,
     SPATIAL,
     Component,
     PoseTable,
-    covariance_fault,
     from_csv,
     in_common,
     pose_difference,

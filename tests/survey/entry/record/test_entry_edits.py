@@ -20,6 +20,7 @@ from survey.entry.dialogue.file_changes import (
     warnings,
 )
 from survey.entry.dialogue.journal_merge import merge
+from survey.entry.record import readings_file
 from survey.entry.record.journal import NotRecordedError, read_journal
 from survey.readings.readings import load_readings
 from survey.settings import SurveySettings
@@ -119,6 +120,58 @@ def test_a_file_saved_in_another_form_is_left_alone_until_it_is_taken_over(entry
     assert "saved in another form" in " ".join(warnings(entry_session))
     take_edited_file(entry_session)
     assert rows(room) == Counter([*first, *then, frozenset(("1/Y", "7"))])
+
+
+def test_readings_entered_while_the_file_had_another_form_are_in_it_again_afterwards(
+    entry_session, room
+):
+    enter(entry_session, room, 4)
+    plain = room.readings.read_text()
+    room.readings.write_text("sep=;\n" + plain.replace(",", ";"))
+    enter(entry_session, room, 3)
+    entry_session.undo(ANN)
+    room.readings.write_text(plain + hand_row(room, "1/Y 7"))
+    enter(entry_session, room, 2)  # what was taken back is asked for once more
+    state = entry_session.state
+    entered = Counter(pair for pair in state.pairs for _ in state.counting(pair))
+    assert sum(entered.values()) == 4 + 3 - 1 + 2
+    there = entered + Counter([frozenset(("1/Y", "7"))])
+    assert rows(room) == there
+    take_edited_file(entry_session)
+    assert rows(room) == there
+    assert all(len(entry_session.state.counting(pair)) == 1 for pair in there)
+
+
+@pytest.mark.parametrize("moment", ["while it is taken over", "just before the new file"])
+def test_a_row_saved_at_the_very_moment_stays(entry_session, room, monkeypatch, moment):
+    first = enter(entry_session, room, 3)
+    with room.readings.open("a") as stream:
+        stream.write(hand_row(room, "1/Y 7"))
+    late = hand_row(room, "1/O 7")
+    done = []
+
+    def save():
+        if not done:
+            done.append(True)
+            with room.readings.open("a") as stream:  # an editor that keeps the file itself
+                stream.write(late)
+
+    if moment == "while it is taken over":
+        append = entry_session.append_only
+        monkeypatch.setattr(entry_session, "append_only", lambda e: (save(), append(e))[1])
+    else:
+        written = readings_file.write_files
+
+        def write(*args, before=lambda: None, **more):
+            return written(*args, before=lambda: (before(), save()), **more)
+
+        monkeypatch.setattr(readings_file, "write_files", write)
+    take_edited_file(entry_session)
+    take_edited_file(entry_session)
+    expected = Counter([*first, frozenset(("1/Y", "7")), frozenset(("1/O", "7"))])
+    assert rows(room) == expected
+    assert warnings(entry_session) == []
+    assert not list(room.readings.parent.glob(".*tmp"))
 
 
 def test_a_deleted_file_is_written_anew(entry_session, room):
