@@ -57,6 +57,8 @@ def merged(surfaces: Sequence[Surface], poses: Array) -> Surface:
         flat=joined("flat").astype(bool),
         spacing=joined("spacing"),
         scatter=joined("scatter"),
+        shared=joined("shared"),
+        shared_beams=max(one.shared_beams for one in surfaces),
     )
 
 
