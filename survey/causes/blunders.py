@@ -39,20 +39,17 @@ def blunder_leads(trial: Trial, linear: Linear, most: int = MOST) -> list[Lead]:
     n = len(trial.network.distance)
     q, v = linear.redundancy.copy(), linear.residual[:n].copy()
     live = (q > UNSEEN) & trial.used[:n]
-    scatter = _scatter(v[live] ** 2 / q[live])
-    spread = trial.network.sigma * np.sqrt(scatter)
-    cost = 2 * np.log(np.maximum(LENGTH_RANGE / (2.5 * spread), 1.0))
+    cost = 2 * np.log(np.maximum(LENGTH_RANGE / (2.5 * trial.network.sigma), 1.0))
     taken: list[Array] = []
-    gain, worth, rows = 0.0, 0.0, []
-    found: list[tuple[float, Lead]] = []
-    for k in range(1, most + 1):
-        w2 = np.where(live, v**2 / np.where(live, q, 1.0), 0.0) / scatter
+    rows: list[int] = []
+    w2_of, left = [], []
+    for _ in range(most):
+        w2 = np.where(live, v**2 / np.where(live, q, 1.0), 0.0)
         worst = int(w2.argmax())
         if not live.any() or w2[worst] < cost[worst]:
             break
-        gain += float(scatter * w2[worst])
-        # The redundancy that is left widens the interval of the blunder, which costs less.
-        worth += float(w2[worst] - cost[worst] - np.log(q[worst]) - 2 * np.log((n - k + 1) / k))
+        w2_of.append(float(w2[worst]))
+        left.append(float(q[worst]))
         rows.append(worst)
         column = linear.column(worst) - sum((one * one[worst] for one in taken), np.zeros(n))
         v = v - column * (v[worst] / column[worst])
@@ -60,11 +57,19 @@ def blunder_leads(trial: Trial, linear: Linear, most: int = MOST) -> list[Lead]:
         q = q - taken[-1] ** 2
         live &= q > UNSEEN
         live[worst] = False
-        found.append((worth, _lead(np.array(rows, dtype=np.intp), gain, n)))
-    if not found:
+    if not rows:
         return []
-    best = max(range(len(found)), key=lambda k: found[k][0])
-    return [found[k][1] for k in (best, best - 1, best + 1) if 0 <= k < len(found)]
+    # What all scatter by is seen where the blunders are gone.
+    scatter = _scatter(v[live] ** 2 / q[live])
+    each = np.array(w2_of) / scatter - cost[rows] + np.log(scatter)
+    # The redundancy that is left widens the interval of the blunder, which costs less.
+    each += -np.log(left) - 2 * np.log((n - np.arange(len(rows))) / np.arange(1, len(rows) + 1))
+    best, gain = int(each.cumsum().argmax()), np.cumsum(w2_of)
+    return [
+        _lead(np.array(rows[: k + 1], dtype=np.intp), float(gain[k]), n)
+        for k in (best, best - 1, best + 1)
+        if 0 <= k < len(rows)
+    ]
 
 
 def _scatter(squares: Array) -> float:

@@ -135,9 +135,21 @@ def _slipped_rows(look: Look) -> Iterator[Lead]:
             continue
         start, end = run
         rows = order[start:end]
-        # The last of the run has lost its own reading: another stands there, or none.
         gain = float((now - then)[start:end].sum())
-        yield _rows_lead(look, rows, order[source[start:end]], gain, 2.0 * n * n, "slipped")
+        lead = _rows_lead(look, rows, order[source[start:end]], gain, 2.0 * n * n, "slipped")
+        # At one end a row shows what belongs to its neighbour, and its own reading is lost.
+        lost = start - 1 if step < 0 else end
+        yield _without(lead, int(order[lost])) if 0 <= lost < n else lead
+
+
+def _without(lead: Lead, row: int) -> Lead:
+    """The same with one reading left out."""
+
+    def build(base: Trial) -> Trial:
+        made = lead.build(base)
+        return replace(made, dropped=made.dropped | {row})
+
+    return replace(lead, build=build)
 
 
 LEAST_SLIPPED = 3

@@ -101,7 +101,10 @@ def _searched_once(trial: Trial, log: Log, rows: Rows) -> tuple[Causes, Paramete
             tried = [beside if other is one else other for other in tried]
             places[id(one.what)] = there
     ranking = ranked(tried)
-    return Causes(ranking, fits, plain, rows, log), places.get(id(ranking.best.what))
+    best = ranking.best.what
+    if best.kind == "blunders" and len(best.rows) > MOST_BESIDE:
+        places[id(best)] = fits[id(best)].at
+    return Causes(ranking, fits, plain, rows, log), places.get(id(best))
 
 
 SINGLE = {"none", "blunders"}
