@@ -4,10 +4,12 @@ import contextlib
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
 from survey.entry.record.entries import Entry
+from survey.entry.record.late_rows import LateRows
 from survey.entry.record.readings_csv import (
     HandChanges,
     csv_line,
@@ -59,6 +61,7 @@ class ReadingsFile:
         """Lines to add and to take away that a file in another form could not be given yet."""
         self._shared = False
         """Whether another process writes to journal and file as well."""
+        self._late = LateRows(path.with_suffix(".late"))
         self._rows: dict[Pair, list[tuple[int, str]]] | None = None
         """Entries and lines by pair, so that a change of one need not format all anew."""
 
@@ -68,11 +71,20 @@ class ReadingsFile:
         if self._read() != text:
             return False
         self._left = text
+        self._complete()
         return True
+
+    def _complete(self) -> None:
+        """All readings are in it."""
+        if not self._shared:
+            self._late.clear()
 
     def changes_by_hand(self, state: EntryState) -> HandChanges | None:
         """How a person changed the file; None where nobody did."""
-        return hand_changes(self.path, state, self._units)
+        found = hand_changes(self.path, state, self._units)
+        if found and found.missing:
+            found = replace(found, missing=self._late.not_among(found.missing))
+        return found
 
     def held(self) -> bytes | None:
         """What it holds now, for `write`."""
@@ -91,6 +103,8 @@ class ReadingsFile:
             self.edited = True
             return False
         self._try(lambda: self._replace(self._derived(state)))
+        if not (self.edited or self.problem):
+            self._complete()
         return not self.edited
 
     def prepare(self, state: EntryState) -> dict[Pair, list[tuple[int, str]]]:
@@ -132,6 +146,7 @@ class ReadingsFile:
             for line in gone:
                 (self._owed.remove if line in self._owed else self._due.append)(line)
             self._owed += new
+            self._late.add(entry.number)  # until the lines are in it
             self._try(lambda: self._merge(state))
         elif held is not None and self._left is not None and not gone:
             self._try(lambda: self._append("".join(new)))
@@ -140,6 +155,8 @@ class ReadingsFile:
 
     def expect(self, entry: Entry, state: EntryState) -> None:
         """Take in an entry of another process, which writes it to the file by itself."""
+        if not self._shared:
+            self._late.add(entry.number, and_after=True)
         self._shared = True
         self.take_in(entry, state)
 
