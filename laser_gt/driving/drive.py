@@ -88,6 +88,8 @@ def _outcome(
         clock = clock_of(tracked.inputs, tracked.odometer, tracked.times, robot)
         if clock.verdict == "determined":
             trajectory, delay = trajectory.shifted(clock.delay_s), delay + clock.delay_s
+        else:  # what the way told before stands
+            clock = tracked.clock or clock
     noise = (np.nan, np.nan)
     if tracked.odometer is not None:
         at_metre = tracked.odometer.covariance(np.array([[1.0, 0.0, 0.0]]))[0]

@@ -44,6 +44,7 @@ class Way:
     track: Track
     delay: float
     nodes: Mapping[str, int]
+    clock: ClockEstimate | None = None
 
     @property
     def mount(self) -> Array:
@@ -55,7 +56,7 @@ def tracked_way(inputs: DriveInputs, report: Report) -> Way:
     """The way by submaps; again where the clock or the motion that it shows differ from before."""
     first = next(iter(inputs.sensors.values()))
     odometer = None if inputs.odometer is None else replace(inputs.odometer, worse=WORSE)
-    motion, delay = odometer, 0.0
+    motion, delay, clock = odometer, 0.0, None
     for turn in range(4):
         scans = _shifted(inputs.scans, delay)
         sweeps, corrected = sweeps_of(scans, inputs.sensors, motion, inputs.max_delay)
@@ -80,7 +81,10 @@ def tracked_way(inputs: DriveInputs, report: Report) -> Way:
             more = 0.0
             if inputs.own_clock:
                 more = _rough_delay(odometer, times, robot) if turn == 0 else 0.0
-                more = more or _delay(inputs, odometer, times, robot)
+                if not more:
+                    told = clock_of(inputs, odometer, times, robot)
+                    clock = told if told.verdict == "determined" else clock
+                    more = told.delay_s if told.verdict == "determined" else 0.0
             odometer = odometer.judged(times, robot)
             motion = odometer
             if abs(more) < SETTLED:
@@ -90,7 +94,7 @@ def tracked_way(inputs: DriveInputs, report: Report) -> Way:
             motion = Odometer(times, robot)
             if turn == 1:
                 break
-    return Way(inputs, odometer, sweeps, times, corrected, found, delay, nodes)
+    return Way(inputs, odometer, sweeps, times, corrected, found, delay, nodes, clock)
 
 
 def _shifted(scans: Mapping[str, Sequence[Scan]], delay: float) -> Mapping[str, Sequence[Scan]]:
@@ -139,9 +143,3 @@ def _rough_delay(odometer: Odometer, times: Array, robot: Array) -> float:
     inside = 0 < best < len(delays) - 1
     clear = costs[best] < CLEAR * np.median(costs)
     return float(delays[best]) if inside and clear else 0.0
-
-
-def _delay(inputs: DriveInputs, odometer: Odometer, times: Array, robot: Array) -> float:
-    """The delay, 0 where the motion does not tell it."""
-    clock = clock_of(inputs, odometer, times, robot)
-    return clock.delay_s if clock.verdict == "determined" else 0.0
