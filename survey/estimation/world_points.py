@@ -289,7 +289,8 @@ def place_at(name: str, position: Array, own: Readings, vframe: VframeEstimate) 
     """
     h, H, R = place_model(own, vframe)(position)
     weighted = np.linalg.solve(R, H).T
-    covariance = np.linalg.inv(weighted @ H)
+    # From the filter's own prior, so that a point in line with the frame is no division by zero.
+    covariance = np.linalg.inv(weighted @ H + np.diag(1 / PLACE_PRIOR_SIGMA**2))
     _, by_vframe = _by_frame(position, own, vframe)
     return WorldPoint(
         name=name,

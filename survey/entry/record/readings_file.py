@@ -162,6 +162,8 @@ class ReadingsFile:
 
     def _is_ours(self, held: bytes, gone: Sequence[str], state: EntryState) -> bool:
         """Whether all lines of a file that others write to are the journal's."""
+        if not held:  # an editor has emptied it and is about to write
+            return False
         known = {heading_line(state), *gone}
         known.update(line for rows in self.prepare(state).values() for _, line in rows)
         return set(held.decode(errors="replace").splitlines(keepends=True)) <= known

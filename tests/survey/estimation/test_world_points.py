@@ -6,7 +6,7 @@ from scipy.stats import chi2
 from surveys import AD23, ad23, case
 
 from survey.estimation.vframe import estimate_vframe
-from survey.estimation.world_points import locate_world_points
+from survey.estimation.world_points import locate_world_points, place_at
 from survey.published.as_published import world_point_filter
 from survey.readings.readings import Readings
 from validation.campaign.folder import Vframe
@@ -126,3 +126,12 @@ def test_a_place_on_the_line_of_its_points_is_not_located_where_they_are_all_it_
     world = locate(to_points(np.array([6.0, 0.0]), frame, ["A", "B", "C"]), frame)
     assert not world.points
     assert "measure it from a point off that line" in world.missing[0].reason
+
+
+def test_a_point_in_line_with_the_frame_has_a_place_whose_distance_from_the_line_is_open():
+    vframe = Vframe()
+    frame = estimate_vframe(vframe, Readings((), (), np.empty(0), 0.001))
+    own = Readings(("1", "1"), ("O", "X"), [6.0, 3.5], 0.001)
+    point = place_at("1", np.array([6.0, 0.0]), own, frame)
+    assert np.sqrt(point.covariance[0, 0]) < 0.01
+    assert np.sqrt(point.covariance[1, 1]) == pytest.approx(100.0, rel=1e-6)
