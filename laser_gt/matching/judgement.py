@@ -25,8 +25,23 @@ NOTHING = np.array([1e-2, 1e-2, 1e-2])
 ten, beyond any room and any heading, and near enough for the equations to be solved."""
 
 FINISH = 5
-"""Steps with all points at the end of a disturbed start. A judgement: with half of the points the
-start has ended within the noise of those, from where it is not far."""
+"""Steps with all points at the end of a disturbed start. A judgement: with a third of the points
+the start has ended within the noise of those, from where it is not far."""
+
+
+NEAR = 3e-4
+"""Steps of a disturbed start with a third of the points end below this, in metres and radians: a
+tenth of the standard deviation from which on a match is imprecise, or less. The rest of the way has
+all points."""
+
+
+TOGETHER = 3 * NEAR
+"""Starts that end within this of each other, in metres and radians, are at the same pose: what is
+left to each of them is about one more step."""
+
+POLISHED = 0.05
+"""Candidates come from a matcher that has polished them with all points; they are off by less than
+this, in metres."""
 
 
 @dataclass(frozen=True)
@@ -93,24 +108,23 @@ def judged(
     """The best of candidate poses, (k, 3), polished and judged, whatever engine found them."""
     limits = settings.judgement
     for _ in range(2):
-        found = align(reference.surface, moving.surface, candidates, reach=0.15)
+        found = align(reference.surface, moving.surface, candidates, reach=POLISHED)
         seen = evidence(reference, moving, found.pose)
         best = _preferred(found.pose, seen.score, guess, settings)
         starts = found.pose[best] + _disturbances(limits)
-        again = _again(reference, moving, starts)
-        again_seen = evidence(reference, moving, again.pose, stride=2)
+        again, again_score = _again(reference, moving, starts)
         # A judgement: a score higher by a tenth of all points is another pose, not noise.
-        if again_seen.score.max() < seen.score[best] + 0.1:
+        if again_score.max() < seen.score[best] + 0.1:
             break
-        candidates = np.concatenate([found.pose, again.pose[[again_seen.score.argmax()]]])
-    poses = np.concatenate([np.delete(found.pose, best, 0), again.pose])
-    scores = np.concatenate([np.delete(seen.score, best), again_seen.score])
+        candidates = np.concatenate([found.pose, again[[again_score.argmax()]]])
+    poses = np.concatenate([np.delete(found.pose, best, 0), again])
+    scores = np.concatenate([np.delete(seen.score, best), again_score])
     loose = 3 * np.sqrt(np.diagonal(found.covariance[best]))
     # Floors of "the same": a judgement, a little more than what an accepted match may be off.
-    same = _same(again.pose, found.pose[best], max(0.008, loose[:2].max()), max(0.004, loose[2]))
+    same = _same(again, found.pose[best], max(0.008, loose[:2].max()), max(0.004, loose[2]))
     # A judgement: scores this near differ by a few points, as noise makes them.
-    equal = again_seen.score > seen.score[best] - 0.03
-    spread = _spread(again.pose[equal], found.pose[best])
+    equal = again_score > seen.score[best] - 0.03
+    spread = _spread(again[equal], found.pose[best])
     seen_pose, seen_covariance, information = _by_scans(
         reference, moving, found, best, guess, limits, spread
     )
@@ -151,8 +165,7 @@ def judged(
 
 def _fitness(reference: Prepared, moving: Prepared, pose: Array) -> float:
     """The document's fitness of a pose, square metres."""
-    moved = transform(pose, moving.sweep.points)
-    return published_fitness(reference.sweep.points, moved)
+    return published_fitness(reference.tree, transform(pose, moving.sweep.points))
 
 
 def _candidates(
@@ -161,7 +174,7 @@ def _candidates(
     """(k, 3) poses worth a judgement: from the guess, and from a search if it is uncertain."""
     # Two standard deviations of the guess; at least 0.3 m, a judgement: half of a doorway.
     reach = max(0.3, 2 * settings.guess_length)
-    local = align(reference.surface, moving.surface, guess, reach=reach).pose
+    local = align(reference.surface, moving.surface, guess, reach=reach, covariance=False).pose
     sure = settings.guess_length <= settings.local_length
     sure &= settings.guess_angle <= settings.local_angle
     if sure:
@@ -223,14 +236,35 @@ def _rivals(poses: Array, pose: Array, covariance: Array) -> Flags:
     return np.asarray(other & (squared > CONTRADICTION), dtype=bool)
 
 
-def _again(reference: Prepared, moving: Prepared, starts: Array) -> Alignment:
-    """Where disturbed starts end: most of the way with every other point, the rest with all.
+def _again(reference: Prepared, moving: Prepared, starts: Array) -> tuple[Array, Array]:
+    """(k, 3), (k,) where disturbed starts end, and the score there.
 
-    With half of the points all the way, they would end elsewhere by the noise of those alone,
-    which is no sign of doubt.
+    Most of the way with every third point, the rest with all: with a third of them all the way,
+    they would end elsewhere by the noise of those alone, which is no sign of doubt. Starts that
+    have come together go the rest of the way as one.
     """
-    near = align(reference.surface, moving.surface, starts, reach=0.25, stride=2, max_steps=20)
-    return align(reference.surface, moving.surface, near.pose, reach=0.0, max_steps=FINISH)
+    near = align(
+        reference.surface,
+        moving.surface,
+        starts,
+        reach=0.25,
+        stride=3,
+        max_steps=20,
+        small_step=NEAR,
+        covariance=False,
+    ).pose
+    alike = np.abs(wrapped(near[:, None] - near)).max(-1) < TOGETHER
+    _, which = np.unique(alike.argmax(1), return_inverse=True)
+    first = np.unique(alike.argmax(1))
+    ends = align(
+        reference.surface,
+        moving.surface,
+        near[first],
+        reach=0.0,
+        max_steps=FINISH,
+        covariance=False,
+    ).pose
+    return ends[which], evidence(reference, moving, ends, stride=2).score[which]
 
 
 def _spread(poses: Array, pose: Array) -> Array:

@@ -107,6 +107,8 @@ def align(
     reach: float = 0.5,
     stride: int = 1,
     max_steps: int = MAX_STEPS,
+    small_step: float = SMALL_STEP,
+    covariance: bool = True,
 ) -> Alignment:
     """Poses of the moving sweep in the frame of the reference, one for each guess.
 
@@ -123,6 +125,10 @@ def align(
         Only every so many points of the moving sweep are used.
     max_steps : int
         Bound on the number of steps.
+    small_step : float
+        A step below this, in metres and radians, ends the iteration.
+    covariance : bool
+        Whether the covariance is wanted too; without, it is infinite.
 
     Notes
     -----
@@ -142,11 +148,15 @@ def align(
         pairing = _pair(reference, source, pose, gate)
         change = _gauss_newton(pairing)
         pose += change
-        if gate <= finest and (np.abs(change) < SMALL_STEP).all():
+        if gate <= finest and (np.abs(change) < small_step).all():
             break  # the pairing is of a place less than a small step away: good enough
         gate = max(gate * SHRINK, finest)
     else:
         pairing = _pair(reference, source, pose, gate)
+    if not covariance:
+        unknown = np.full((len(pose), 3, 3), np.inf)
+        known = pairing.moments[:, :3, :3] - pairing.fake
+        return Alignment(wrapped(pose), unknown, known, pairing.fake, np.full(len(pose), np.nan))
     return _alignment(reference, pose, pairing)
 
 

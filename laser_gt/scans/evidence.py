@@ -7,6 +7,7 @@ you hidden from the other sensor, outside of its view, or in a place that its be
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from laser_gt.scans.planar import inverse, transform
 from laser_gt.scans.scan import Flags, Sweep, View
 from laser_gt.scans.surfaces import Surface, surface
 from validation.poses.angles import Array, wrap
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 MARGIN = 0.06
 """Distances up to this plus 4 sigma count as explained, in metres. A judgement between skirting
@@ -45,6 +49,13 @@ class Prepared:
     def surface(self) -> Surface:
         """Its points with their lines."""
         return surface(self.sweep)
+
+    @cached_property
+    def tree(self) -> "cKDTree":
+        """Its points, for the exact distance to the nearest of them."""
+        from scipy.spatial import cKDTree  # noqa: PLC0415  (loaded when a match is judged)
+
+        return cKDTree(self.sweep.points)
 
     @cached_property
     def tolerance(self) -> float:
@@ -204,15 +215,6 @@ def measured_limits(view: View, points: Array) -> tuple[Array, Array, Flags]:
     turned = scan.angles[0] + np.mod(azimuth - scan.angles[0] + scan.step / 2, 2 * np.pi)
     beam = np.searchsorted(scan.angles, turned, side="right") - 1
     there = (beam >= 0) & (turned < scan.angles[-1] + scan.step)
-    near, far = _beam_limits(scan.ranges, scan.returned)
+    near, far = scan.beam_limits
     beam = np.clip(beam, 0, len(scan) - 1)
     return near[beam], far[beam], there
-
-
-def _beam_limits(ranges: Array, returned: Flags) -> tuple[Array, Array]:
-    """Least and greatest of each range and its two neighbours."""
-    low, high = np.where(returned, ranges, 0.0), np.where(returned, ranges, 0.0)
-    padded_low, padded_high = np.pad(low, 1, mode="edge"), np.pad(high, 1, mode="edge")
-    near = np.minimum(np.minimum(padded_low[:-2], padded_low[1:-1]), padded_low[2:])
-    far = np.maximum(np.maximum(padded_high[:-2], padded_high[1:-1]), padded_high[2:])
-    return near, far

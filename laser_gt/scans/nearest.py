@@ -1,12 +1,16 @@
 """Nearest points of a fixed set by table look-up: a distance transform with labels."""
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from laser_gt.scans.scan import Indices
 from validation.poses.angles import Array
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 
 class NearestGrid:
@@ -86,13 +90,15 @@ DROPPED = 5
 with a genetic algorithm"."""
 
 
-def published_fitness(reference: Array, moving: Array) -> float:
+def published_fitness(reference: "cKDTree", moving: Array) -> float:
     """The document's fitness of a match: the smaller the better.
 
     Parameters
     ----------
-    reference, moving : (n, 2), (m, 2) arrays
-        Points of both scans in one frame, metres.
+    reference : scipy.spatial.cKDTree
+        Points of the reference, metres.
+    moving : (m, 2) array
+        Points of the other scan, in the frame of the reference.
 
     Returns
     -------
@@ -100,7 +106,5 @@ def published_fitness(reference: Array, moving: Array) -> float:
         Sum of the squared distances of the moving points to the closest points of the reference,
         less the worst `DROPPED`, in square metres.
     """
-    from scipy.spatial import cKDTree  # noqa: PLC0415  (loaded when a match is judged)
-
-    squared = np.sort(cKDTree(reference).query(moving)[0] ** 2)
+    squared = np.sort(reference.query(moving)[0] ** 2)
     return float(squared[: max(len(squared) - DROPPED, 0)].sum())

@@ -16,9 +16,13 @@ LAGS = 40
 """Distances in beams up to which residuals are compared. A judgement: what is shared by more than
 forty neighbours, a tenth of half a turn, the pose takes up itself."""
 
-LENGTHS = (2.0, 4.0, 8.0, 16.0, 32.0)
-"""Correlation lengths tried, in beams: each twice the one before, as the sum of the correlations is
-what counts, and a step of two is as well as it is known."""
+LENGTHS = (5.0, 8.0, 16.0, 32.0)
+"""Correlation lengths tried, in beams: each some twice the one before, as the sum of the
+correlations is what counts, and a step of two is as well as it is known."""
+
+FAKED = 1.5
+"""Correlation length in beams of what the choice of windows fakes: the lines of independent noise
+are those that fit best. Measured: up to a fifth of the variance, gone after four beams."""
 
 CLIP = 4.0
 """Residuals beyond this many standard deviations are of other surfaces."""
@@ -97,7 +101,8 @@ def noise_from(residuals: Iterable[Residuals], limits: tuple[float, float]) -> R
     -----
     The mean product of residuals k beams apart has four parts: the point's own noise at k = 0, the
     noise that neighbours share, and both again from the line of the other scan, averaged over its
-    window. For each length the two variances are found by least squares without negative values.
+    window. For each length the variances are found by least squares without negative values, with
+    one more for what the choice of windows fakes, which counts as independent.
     """
     found = list(residuals)
     products, counts = np.zeros(LAGS + 1), np.zeros(LAGS + 1)
@@ -128,12 +133,14 @@ def _fitted(measured: Array, window: float, limits: tuple[float, float]) -> Rang
     for length in LENGTHS:
         averaged = float(np.exp(-inside / length).mean())
         shared = (1 + averaged) * np.exp(-lag / length)
-        variances, misfit = nnls(np.column_stack([own, shared]), measured)
-        tries.append((misfit, length, *variances.tolist()))
-    _, length, independent, shared = min(tries)
-    total = float(np.sqrt(independent + shared))
+        faked = np.exp(-lag / FAKED)
+        variances, misfit = nnls(np.column_stack([own, shared, faked]), measured)
+        tries.append((misfit, length, float(variances[0] + variances[2]), float(variances[1])))
+    _, length, own_variance, shared_variance = min(tries)
+    total = float(np.sqrt(own_variance + shared_variance))
     scale = float(np.clip(total, *limits)) / max(total, 1e-9)
-    return RangeNoise(scale * float(np.sqrt(independent)), scale * float(np.sqrt(shared)), length)
+    parts = scale * np.sqrt([own_variance, shared_variance])
+    return RangeNoise(float(parts[0]), float(parts[1]), length)
 
 
 def smeared(values: Array, length: float) -> Array:

@@ -85,6 +85,14 @@ class Scan(Shown):
         return np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=-1)
 
     @cached_property
+    def beam_limits(self) -> tuple[Array, Array]:
+        """(n,), (n,) least and greatest range of each beam and its two neighbours, 0 for none."""
+        ranges = np.where(self.returned, self.ranges, 0.0)
+        padded = np.pad(ranges, 1, mode="edge")
+        around = np.stack([padded[:-2], padded[1:-1], padded[2:]])
+        return around.min(0), around.max(0)
+
+    @cached_property
     def step(self) -> float:
         """Typical angle between neighbouring beams, in radians.
 

@@ -70,10 +70,11 @@ def test_stops_that_the_nearest_pairs_leave_in_groups_are_joined(tmp_path):
     for match in genetic.matching.accepted:
         assert match.fitness > 0
         assert not match.rival_fitness < match.fitness
-    accepted, wrong = fitness_table(genetic.matching).rows
+    accepted, *wrong = fitness_table(genetic.matching).rows
     assert accepted[:2] == ["accepted", len(genetic.matching.accepted)]
     assert accepted[5] == 1
-    assert wrong[5] > 5
+    # where a wrong pose of an accepted pair was found, it fits worse by far
+    assert all(row[5] > 5 for row in wrong)
 
 
 def test_stops_in_a_group_of_their_own_are_named_with_what_is_so(tmp_path):
