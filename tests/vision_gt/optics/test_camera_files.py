@@ -73,7 +73,7 @@ def test_kalibr_chain_with_two_cameras(tmp_path):
         ),
         (
             "distortion_model: equidistant\nimage_width: 640\nimage_height: 480\n",
-            "'equidistant' — expected 'plumb_bob'",
+            "'equidistant' — the coefficients of the Kannala-Brandt fisheye lens",
         ),
     ],
 )
