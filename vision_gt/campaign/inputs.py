@@ -14,6 +14,7 @@ from validation.systems import Progress, no_progress
 from vision_gt.images.files import CampaignImages, campaign_images, images_below
 from vision_gt.images.jobs import BoardJob, Found, Job, MarkerJob, detect_all
 from vision_gt.images.markers import Detection
+from vision_gt.images.rejections import Rejection
 from vision_gt.network.adjustment import KnownBody
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.camera_files import read_cameras
@@ -108,6 +109,8 @@ class VisionInputs:
         Processes; by default one for each processor.
     oddities : list of (str, str)
         Images and what is odd about them; grows while images are looked at.
+    rejections : list of (str, Rejection)
+        Images and what was seen in them and not used; grows while images are looked at.
     """
 
     campaign: Campaign
@@ -116,6 +119,7 @@ class VisionInputs:
     progress: Progress = no_progress
     workers: int | None = None
     oddities: list[tuple[str, str]] = field(default_factory=list)
+    rejections: list[tuple[str, Rejection]] = field(default_factory=list)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -295,7 +299,19 @@ class VisionInputs:
             "mirrored",
         }
         if found.note:
-            self.oddities.append((self._shown(found.path), said.get(found.note, found.note)))
+            self._odd_once(found.path, said.get(found.note, found.note), found.note)
+        for remark in found.remarks:
+            self._odd_once(found.path, remark, remark)
+        self.rejections.extend((self._shown(found.path), one) for one in found.rejected)
+
+    def _odd_once(self, path: Path, what: str, kind: str) -> None:
+        """Remember what is odd; once for each folder where it is the same in all its images."""
+        shown = self._shown(path)
+        same = any(
+            text == what and Path(one).parent == Path(shown).parent for one, text in self.oddities
+        )
+        if not same or kind == "blank":
+            self.oddities.append((shown, what))
 
     def _shown(self, path: Path) -> str:
         return str(path.relative_to(self.campaign.folder))

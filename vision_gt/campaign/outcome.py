@@ -9,6 +9,7 @@ from vision_gt.campaign.checks import Checks
 from vision_gt.campaign.detections import SeenMarkers
 from vision_gt.images.files import Image
 from vision_gt.images.markers import Detection
+from vision_gt.images.rejections import Rejection
 from vision_gt.network.intrinsics import Calibration
 from vision_gt.network.solution import NetworkSolution
 from vision_gt.network.steadiness import Steadiness
@@ -69,6 +70,8 @@ class VisionOutcome:
         By camera: an image of its calibration, and the board in it.
     checks : Checks
         Of the cameras by things at known places, and of the survey.
+    rejections : sequence of (str, Rejection)
+        Images, and what was seen in them and not used, or is rough.
     """
 
     settings: VisionSettings
@@ -83,3 +86,4 @@ class VisionOutcome:
     printed: SeenMarkers | None = None
     examples: Mapping[str, tuple[Image, BoardView]] = field(default_factory=dict)
     checks: Checks = field(default_factory=Checks)
+    rejections: Sequence[tuple[str, Rejection]] = ()

@@ -11,6 +11,7 @@ from vision_gt.campaign.check_sections import check_files
 from vision_gt.campaign.detections import success_csv
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.campaign.printed import seen_in
+from vision_gt.images.rejections import Rejection
 from vision_gt.network.adjustment import Network
 from vision_gt.optics.camera_files import write_camera
 from vision_gt.robot.marker_poses import Layout
@@ -25,6 +26,7 @@ def vision_files(outcome: VisionOutcome) -> dict[str, str | bytes]:
         "vision_camera_poses.csv": camera_poses_csv(outcome),
         "vision_detections.csv": detections_csv(outcome),
         "vision_success.csv": success_csv(seen_in(outcome), outcome.printed),
+        "vision_rejected.csv": rejected_csv(outcome.rejections),
         "vision_cameras.csv": cameras_csv(outcome.network.network),
         "vision_layout.csv": layout_csv(outcome.layout.layout),
     }
@@ -73,6 +75,15 @@ def detections_csv(outcome: VisionOutcome) -> str:
         for (camera, pose), detection in outcome.detections.items()
     ]
     return csv_text(["camera", "pose", "markers", *(str(n) for n in numbers)], rows)
+
+
+def rejected_csv(rejections: Sequence[tuple[str, Rejection]]) -> str:
+    """What was seen in images and not used, or is rough: where, and why."""
+    rows = [
+        [image, one.kind, "" if one.number is None else one.number, *one.place.tolist(), one.reason]
+        for image, one in rejections
+    ]
+    return csv_text(["image", "what", "number", "x", "y", "reason"], rows)
 
 
 def steadiness_csv(outcome: VisionOutcome) -> str:

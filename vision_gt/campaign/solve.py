@@ -94,6 +94,7 @@ def solve_campaign(
         campaign_checks(
             campaign, given.settings, solution.network, validation_table(campaign), workers
         ),
+        tuple(given.rejections),
     )
 
 

@@ -10,34 +10,69 @@ from validation.errors import GtvalError, InputError, Problem
 from validation.results import Table
 from validation.systems import Progress, no_progress
 from vision_gt.images.files import list_images, read_image
-from vision_gt.images.jobs import BoardJob, Found, detect_all
+from vision_gt.images.jobs import BoardJob, Found, detect_all, detect_in
+from vision_gt.images.pictures import VIDEOS, video_frames
 from vision_gt.network.intrinsics import Calibration, calibrate
 from vision_gt.optics.camera import PARAMETERS
 from vision_gt.patterns.boards import Board
 
+MOST_FRAMES = 80
+"""Of a video: more show the board in the same places again. A judgement."""
 
-def calibration_of_folder(
-    folder: Path, board: Board, workers: int | None = None, progress: Progress = no_progress
-) -> Calibration:
-    """The calibration that the images of a folder give.
+
+def calibration_of_images(
+    source: Path, board: Board, workers: int | None = None, progress: Progress = no_progress
+) -> tuple[Calibration, list[Found]]:
+    """The calibration that the images of a folder, or the frames of a video, give.
+
+    Parameters
+    ----------
+    source : Path
+        The folder, or the video.
+    board : Board
+        What the images show.
+    workers : int, optional
+        Processes; by default one for each processor.
+    progress : callable
+        Told what is being done.
+
+    Returns
+    -------
+    Calibration
+        Of the camera.
+    list of Found
+        What each image shows, and what in it was not used and why.
 
     Raises
     ------
     GtvalError
         If files are bad, sizes differ, or the board is not found often enough.
     """
-    paths = list_images(folder)
-    if not paths:
-        raise InputError([Problem(folder, "there are no images here")])
     report = partial(progress, "looking for boards")
-    found = _looked_through(paths, board, folder.name, None, workers, report)
+    if source.is_file() and source.suffix.lower() in VIDEOS:
+        found = _in_video(source, board)
+    else:
+        paths = list_images(source)
+        if not paths:
+            raise InputError([Problem(source, "there are no images here")])
+        found = _looked_through(paths, board, source.name, None, workers, report)
     views = [view for one in found for view in one.boards]
     if not views:
+        instead = sorted({one.note for one in found if one.note})
+        why = f" ({'; '.join(instead)})" if instead else ""
         raise GtvalError(
-            f"none of the {len(paths)} images in {folder} shows a board of {board.columns} x "
-            f"{board.rows} squares; count the squares, not the inner corners"
+            f"none of the {len(found)} images in {source} shows a board of {board.columns} x "
+            f"{board.rows} squares{why}; count the squares, not the inner corners"
         )
-    return calibrate(folder.name, found[0].size, views)
+    return calibrate(source.stem, found[0].size, views), found
+
+
+def _in_video(source: Path, board: Board) -> list[Found]:
+    """What the frames of a video show."""
+    return [
+        detect_in(image, BoardJob(source.with_name(name), source.stem, name, [(0, board)]))
+        for name, image in video_frames(source, MOST_FRAMES)
+    ]
 
 
 def _looked_through(
@@ -63,7 +98,23 @@ def _looked_through(
     return found
 
 
-def calibration_facts(found: Calibration) -> dict[str, object]:
+def remark_lines(looks: Sequence[Found]) -> list[str]:
+    """What is odd about the images: one line a kind, with the first image that has it."""
+    said: dict[str, list[str]] = {}
+    for one in looks:
+        for what in (*([one.note] if one.note else []), *one.remarks):
+            said.setdefault(what, []).append(one.path.name)
+    for one in looks:
+        for left in one.rejected:
+            number = "" if left.number is None else f" {left.number}"
+            said.setdefault(f"{left.kind}{number}: {left.reason}", []).append(one.path.name)
+    return [
+        f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {what}"
+        for what, names in said.items()
+    ]
+
+
+def calibration_facts(found: Calibration, looks: Sequence[Found] = ()) -> dict[str, object]:
     """Numbers for scripts."""
     return {
         "camera": found.camera.name,
@@ -76,6 +127,22 @@ def calibration_facts(found: Calibration) -> dict[str, object]:
         },
         "outliers": list(found.outliers),
         "coverage": found.coverage.share,
+        "remarks": {
+            one.path.name: [*([one.note] if one.note else []), *one.remarks]
+            for one in looks
+            if one.note or one.remarks
+        },
+        "rejected": [
+            {
+                "image": one.path.name,
+                "what": what.kind,
+                "number": what.number,
+                "place": None if np.isnan(what.place).any() else what.place.tolist(),
+                "reason": what.reason,
+            }
+            for one in looks
+            for what in one.rejected
+        ],
     }
 
 
@@ -108,14 +175,24 @@ def image_table(found: Calibration) -> Table:
     )
 
 
-def calibration_figures(found: Calibration, folder: Path) -> dict[str, bytes]:
-    """extrinsics.png, and corners_NAME.png for each image that was used, by their names."""
+def calibration_figures(found: Calibration, looks: Sequence[Found]) -> dict[str, bytes]:
+    """extrinsics.png, and corners_NAME.png for each image, by their names.
+
+    Images of a video are not drawn: they are no files.
+    """
     from validation.figures.writing import figure_bytes
-    from vision_gt.figures.boards import drawn_corners, extrinsics
+    from vision_gt.figures.boards import drawn_corners, drawn_rejections, extrinsics
 
     files = {"extrinsics.png": extrinsics({found.camera.name: found})}
-    for view in found.views:
-        image = read_image(folder / view.source)
-        shown = {view.source: (image, view, found.camera)}
-        files[f"corners_{Path(view.source).stem}.png"] = drawn_corners(shown)
+    views = {view.source: view for view in found.views}
+    for one in looks:
+        if not one.path.is_file():
+            continue
+        name, image = one.path.name, read_image(one.path)
+        picture = f"corners_{one.path.stem}.png"
+        if name in views:
+            shown = {name: (image, views[name], found.camera)}
+            files[picture] = drawn_corners(shown, {name: one.rejected})
+        elif one.rejected:
+            files[picture] = drawn_rejections(image, one.rejected, name)
     return {name: figure_bytes(figure, ".png", name) for name, figure in files.items()}

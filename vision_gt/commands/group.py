@@ -40,13 +40,23 @@ def board_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--square", type=click.FloatRange(0, min_open=True), help="Side of a square, metres."
         ),
         click.option("--family", default="", help="Of a ChArUco board's markers, such as 4X4_100."),
+        click.option(
+            "--marker",
+            type=click.FloatRange(0, min_open=True),
+            default=None,
+            help="Side of such a marker, metres; by default three quarters of a square's.",
+        ),
+        click.option("--inverted", is_flag=True, help="The board is printed white on black."),
+        click.option("--legacy", is_flag=True, help="Laid out as by OpenCV before 4.6."),
     )
     for option in reversed(options):
         command = option(command)
     return command
 
 
-def _board(columns: int | None, rows: int | None, square: float | None, family: str) -> "Board":
+def _board(
+    columns: int | None, rows: int | None, square: float | None, family: str, **more: Any
+) -> "Board":
     """The board that the options describe."""
     if columns is None or rows is None or square is None:
         raise click.UsageError(
@@ -55,7 +65,8 @@ def _board(columns: int | None, rows: int | None, square: float | None, family: 
     from vision_gt.patterns.boards import Board
     from vision_gt.patterns.dictionaries import Family
 
-    return Board(columns, rows, square, Family(family) if family else None)
+    more["marker"] = more["marker"] or 0.0
+    return Board(columns, rows, square, Family(family) if family else None, **more)
 
 
 @click.group(cls=CampaignGroup)
@@ -107,18 +118,19 @@ def calibrate(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Calibrate one camera from a folder of images of a board."""
+    """Calibrate one camera from a folder of images, or a video, of a board."""
     from validation.report.terminal import print_json, print_table
     from vision_gt.commands.calibration import (
         calibration_facts,
-        calibration_of_folder,
+        calibration_of_images,
         image_table,
         parameters_table,
+        remark_lines,
     )
 
     board = _board(**options)
     with progress_bar("calibration") as report:
-        found = calibration_of_folder(images, board, workers, report)
+        found, looks = calibration_of_images(images, board, workers, report)
     if target is not None:
         from validation.text_files.writing import write_files
         from vision_gt.optics.camera_files import write_camera
@@ -129,12 +141,14 @@ def calibrate(
         from validation.text_files.writing import write_files
         from vision_gt.commands.calibration import calibration_figures
 
-        write_files(figures, calibration_figures(found, images))
+        write_files(figures, calibration_figures(found, looks))
     if as_json:
-        print_json(calibration_facts(found))
+        print_json(calibration_facts(found, looks))
         return
     print_table(parameters_table(found))
     print_table(image_table(found))
+    for line in remark_lines(looks):
+        click.echo(line)
 
 
 @vision.command("convert-camera")

@@ -20,6 +20,9 @@ _LEAST_CORNERS = 4
 _LEAST_MARKERS = 4
 """Markers that have to agree before a board is said to be another one. A mirrored board of 30
 markers shows 3 ids of 4X4_50 by chance, and those do not agree on a place."""
+_LEAST_SHARE = 0.25
+"""Of the black quadrangles, which squares of a board are too, that have to be read as markers of a
+family: 4 x 4 codes of 1,000 ids read one in 16 of any."""
 _AGREES = 0.3
 """Sides of a marker that a corner of it may be from where the board has it: a board that is bent or
 seen through a wide lens is off by a tenth, another layout by more than a half."""
@@ -213,7 +216,8 @@ def _other_family(image: Image, quads: Array, board: Board) -> OtherBoard | None
         return None
     read = [(name, read_codes(image, quads, Family(name), 0)) for name in _FAMILIES]
     name, most = max(read, key=lambda one: len(set(one[1].numbers.tolist())))
-    if len(set(most.numbers.tolist())) < _LEAST_MARKERS or len(most.rows) < len(most.bordered) / 2:
+    least = max(_LEAST_MARKERS, _LEAST_SHARE * len(most.bordered))
+    if len(set(most.numbers.tolist())) < least:
         return None
     outline = _outline(_Markers(quads[most.rows], most.numbers))
     if board.family is None:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from validation.errors import InputError, Problem
 from validation.text_files.reading import file_bytes
+from vision_gt.images.pictures import Picture, decoded
 
 Image = npt.NDArray[np.uint8]
 
@@ -216,19 +217,29 @@ def read_image(path: Path) -> Image:
     Raises
     ------
     InputError
+        As `read_picture`.
+    """
+    return read_picture(path).grey
+
+
+def read_picture(path: Path) -> Picture:
+    """The grey levels of an image file, and what was done to get them.
+
+    Raises
+    ------
+    InputError
         If the file is missing, empty, truncated or no image.
     """
     data = file_bytes(path, MAX_BYTES, "an image")
     if not data or _is_cut(data):
         raise InputError([Problem(path, "the image is truncated or damaged; copy it again")])
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
-    if image is None:
+    picture = decoded(data)
+    if picture is None:
         raise InputError([Problem(path, "not an image that OpenCV can read")])
-    grey = np.asarray(image, dtype=np.uint8)
-    if data.startswith(_JPEG) and (rows := _filled_rows(grey)):
+    if data.startswith(_JPEG) and (rows := _filled_rows(picture.grey)):
         expected = f"its last {rows} rows are one even grey: it is truncated; copy it again"
         raise InputError([Problem(path, expected)])
-    return grey
+    return picture
 
 
 def _is_cut(data: bytes) -> bool:

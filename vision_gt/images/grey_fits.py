@@ -105,3 +105,39 @@ def believable(contrast: Array, kept: Array, sigma: Array, noise: Array) -> Mask
         & (sigma < _MOST_SIGMA)
         & (noise < _MOST_NOISE * contrast)
     )
+
+
+def by_cell(moves: Array, lit: Array, cells: int) -> Array:
+    """(8, c) what is left of the grey levels of each cell says that the homography should move."""
+    column, row = (np.floor((v + 1) * cells / 2).astype(np.intp) for v in lit[1:])
+    side = cells + 2
+    cell = np.clip(row + 1, 0, side - 1) * side + np.clip(column + 1, 0, side - 1)
+    sums = [np.bincount(cell, one, minlength=side * side) for one in moves]
+    return np.array(sums, dtype=float)[:, np.bincount(cell, minlength=side * side) > 0]
+
+
+def excess_of_cells(slopes: Array, spread: Array, moves: Array, unknowns: int) -> float:
+    """By how much the corners' variances are larger than noise of single pixels makes them.
+
+    Where what is left has the same sign along a boundary (the model of the blur, the light, the
+    print), whole cells err together: the sum of squares over cells has that, that over pixels
+    has not (Huber's sandwich, by cells).
+    """
+    cells = moves.shape[1]
+    together = slopes @ (moves @ moves.T) @ np.swapaxes(slopes, 1, 2)
+    single = slopes @ spread @ np.swapaxes(slopes, 1, 2)
+    ratio = np.trace(together, axis1=1, axis2=2).sum() / np.trace(single, axis1=1, axis2=2).sum()
+    return float(max(ratio * cells / max(cells - unknowns, 1), 1.0))
+
+
+def share_explained(
+    change: Array, step: tuple[Array, Array, Array], weights: Array, left: Array
+) -> float:
+    """Which share of what is left (n,) one more unknown would explain, with a derivative (n,).
+
+    ``step`` is the Jacobian, the same with weights, and the inverse of the normal matrix.
+    """
+    jacobian, weighted, inverse = step
+    own = change - (inverse @ (weighted @ change)) @ jacobian
+    most = float(weights @ own**2) * float(weights @ left**2)
+    return float(weights @ (own * left)) ** 2 / most if most > 0 else 0.0

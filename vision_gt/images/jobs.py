@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
@@ -11,7 +11,7 @@ import numpy as np
 from validation.errors import InputError
 from validation.processes import in_processes
 from vision_gt.images.boards import Detector, FoundBoard, look_for_boards
-from vision_gt.images.files import Image, is_blank, read_image
+from vision_gt.images.files import Image, is_blank, read_picture
 from vision_gt.images.markers import Detection, detect_markers
 from vision_gt.images.rejections import Rejection
 from vision_gt.optics.camera import Camera
@@ -93,6 +93,8 @@ class Found:
         one, or what went wrong as the image was looked at.
     rejected : tuple of Rejection
         What was seen and not used, or is rough, and why.
+    remarks : tuple of str
+        What was done to read the file: which bits, which turn, which alpha.
     """
 
     path: Path
@@ -102,6 +104,7 @@ class Found:
     fault: str = ""
     note: str = ""
     rejected: tuple[Rejection, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 Job = BoardJob | MarkerJob
@@ -135,11 +138,16 @@ def _one_thread() -> None:
 
 
 def detect_one(job: Job) -> Found:
-    """What one image shows; a bad file is a fault, and whatever goes wrong a note, no exception."""
+    """What the image of a file shows; a bad file is a fault, no exception."""
     try:
-        image = read_image(job.path)
+        picture = read_picture(job.path)
     except InputError as error:
         return Found(job.path, fault="; ".join(problem.expected for problem in error.problems))
+    return replace(detect_in(picture.grey, job), remarks=picture.remarks)
+
+
+def detect_in(image: Image, job: Job) -> Found:
+    """What an image that has been read shows; whatever goes wrong is a note, no exception."""
     size = (image.shape[1], image.shape[0])
     try:
         return _looked_at(image, size, job)

@@ -6,12 +6,14 @@ it, so only the few boundaries that blur reaches from a pixel are looked at.
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr
 
 from validation.poses.angles import Array
 
+Mask = npt.NDArray[np.bool_]
 Ints = npt.NDArray[np.intp]
 
 REACH = 3.2
@@ -20,6 +22,11 @@ _MOST_BOUNDARIES = 5
 """A judgement: blur that reaches over more cells leaves no print to be seen."""
 PADDING = _MOST_BOUNDARIES + 1
 """Cells of white around a print, so that all that blur reaches is in the table."""
+_FLAT_ONES = 3
+"""Of the rows and columns between boundaries every so many: they say how bright the light is."""
+_TOLD = 3
+"""Pixels from a boundary within which pixels tell where it is, four widths of a usual blur: what
+they say goes with the square of the slope, and the start is some tenths of a pixel off."""
 _ROOT = 1 / np.sqrt(2 * np.pi)
 
 
@@ -144,3 +151,39 @@ def _row(flat: Array, start: Ints, steps: tuple[Array, Array, Array]) -> tuple[A
         wide += steps[2][k] * rise
         before = after
     return level, slope, wide
+
+
+def places_in_print(H: Array, places: Array) -> tuple[Places, Array]:
+    """Points of the print that pixels (3, n) show, with how it is spread there; and 1, x, y."""
+    to_print = np.asarray(np.linalg.inv(H), dtype=float)
+    x, y, nearness = to_print @ places
+    nearness = 1 / nearness
+    x, y = x * nearness, y * nearness
+    (x_right, x_down), (y_right, y_down) = (
+        [(row[k] - place * to_print[2, k]) * nearness for k in (0, 1)]
+        for row, place in ((to_print[0], x), (to_print[1], y))
+    )
+    along_x = np.sqrt(x_right * x_right + x_down * x_down)
+    along_y = np.sqrt(y_right * y_right + y_down * y_down)
+    at = Places(x, y, along_x, along_y, x_right * y_right + x_down * y_down)
+    return at, np.stack([np.ones_like(x), x, y])
+
+
+def beside_boundaries(cells: Array, corners: Array, shape: tuple[int, ...]) -> Mask:
+    """Pixels (h, w) near boundaries between black and white, and a few of the others."""
+    side = len(cells) - 2 * PADDING
+    first, last = PADDING - 0.5, PADDING - 0.5 + side
+    table = np.array([[first, first], [last, first], [last, last], [first, last]])
+    M = cv2.getPerspectiveTransform(table.astype(np.float32), corners.astype(np.float32))
+    drawn = cv2.warpPerspective(
+        cells.astype(np.uint8),
+        M,
+        (shape[1], shape[0]),
+        flags=cv2.INTER_NEAREST,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=1,
+    )
+    window = np.ones((2 * _TOLD + 1, 2 * _TOLD + 1), dtype=np.uint8)
+    told = np.asarray(cv2.dilate(drawn, window) != cv2.erode(drawn, window))
+    told[::_FLAT_ONES, ::_FLAT_ONES] = True
+    return told

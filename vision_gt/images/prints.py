@@ -27,14 +27,18 @@ from vision_gt.images.grey_fits import (
     SHARPENING_WIDTHS,
     START_BLUR,
     believable,
+    by_cell,
+    excess_of_cells,
+    share_explained,
     tukey_of_one,
 )
 from vision_gt.images.print_look import (
     PADDING,
-    REACH,
     Places,
     Whiteness,
+    beside_boundaries,
     boundaries_in_reach,
+    places_in_print,
     whiteness,
 )
 
@@ -62,20 +66,18 @@ _MOST_STEPS = 8
 _CONVERGED, _DIVERGED = 0.05, 3.0
 """Pixels that a corner moves: as steps shrink fast, the one after would be far smaller; and more
 than the start is off, which is a pixel or two."""
-_ALL_LOOKED_AT = 1200
+_ALL_LOOKED_AT = 2000
 """Pixels up to which all are used; of more, those at the cells' boundaries are, for between them
 nothing says where the print is."""
-_FLAT_ONES = 8
-"""Of the pixels between boundaries every so many: they say how bright the light is."""
-_START_OFF = 0.4
-"""Pixels that the blur is taken to be wider as boundaries are sought: how far off the start is."""
 _ZONES = 4
 """Into which what lies beyond the rim of each side is divided: of half a pixel or more each."""
 _ALIKE, _NOISIER, _LEAST_NOISE = 3.5, 4.0, 0.5
 """Standard deviations that the mean of a zone may be off, and times that it may be more variable
 than the print: more is another thing behind the rim. With less noise (grey levels) than the third
 nothing would pass, as grey levels are whole numbers."""
-_SETTLED = 0.15
+_SAME_RIM, _MOST_ROUNDS = 0.03, 2
+"""Share of the pixels that may still come or go, and how often it is judged at most."""
+_SETTLED = 0.3
 """Pixels that a corner moves when it is good enough to judge what lies beyond the rim."""
 
 
@@ -206,46 +208,27 @@ def _around(image: Image, H: Array, bits: Array, rim: Rim, flat: Flat) -> _Seen:
     low = np.maximum(np.floor(np.nan_to_num(outline.min(0))).astype(int), 0)
     high = np.minimum(np.ceil(np.nan_to_num(outline.max(0))).astype(int) + 1, [width, height])
     high = np.maximum(high, low)
-    y, x = np.mgrid[low[1] : high[1], low[0] : high[0]].reshape(2, -1)
-    places = np.ones((3, len(x)))
-    places[:2] = flat.from_patch(np.stack([x, y], axis=1).astype(float)).T
-    u, v, nearness = np.linalg.inv(H) @ places
-    out = np.maximum(np.abs(u), np.abs(v)) / nearness
-    used = np.flatnonzero((out < reach) & (nearness > 0))
     cells = np.pad(np.asarray(bits, dtype=float), PADDING, constant_values=1.0)
-    grey = image[low[1] : high[1], low[0] : high[0]].reshape(-1)
+    part = image[low[1] : high[1], low[0] : high[0]]
+    if part.size > _ALL_LOOKED_AT:
+        corners = flat.to_image(_mapped(H, _SQUARE)) - low
+        y, x = np.nonzero(beside_boundaries(cells, corners, part.shape))
+    else:
+        y, x = np.mgrid[: part.shape[0], : part.shape[1]].reshape(2, -1)
+    grey = part[y, x]
+    places = np.ones((3, len(x)))
+    places[:2] = flat.from_patch(np.stack([x, y], axis=1) + low.astype(float)).T
+    u, v, nearness = np.linalg.inv(H) @ places
+    with np.errstate(divide="ignore", invalid="ignore"):
+        out = np.maximum(np.abs(u), np.abs(v)) / nearness
+    used = np.flatnonzero((out < reach) & (nearness > 0))
     zone = np.zeros(len(used), dtype=np.intp)
     if reach > sure:
         u, v, out = u[used], v[used], out[used]
         side = np.where(np.abs(u) > np.abs(v), 0, 2) + (np.where(np.abs(u) > np.abs(v), u, v) > 0)
         far = ((out - sure) / (reach - sure) * _ZONES).astype(np.intp)
         zone = np.where(out > sure, 1 + side * _ZONES + far, 0)
-    seen = _Seen(cells, places[:, used], grey[used].astype(float), zone)
-    if len(used) <= _ALL_LOOKED_AT:
-        return seen
-    at, _ = _places_in_print(H, seen.places)
-    wide = START_BLUR + _START_OFF
-    look = whiteness(cells, at, wide, (1, 1))
-    steep = np.hypot(look.by_x * at.along_x, look.by_y * at.along_y) * wide
-    told = steep > np.exp(-0.5 * REACH**2) / np.sqrt(2 * np.pi)
-    told[::_FLAT_ONES] = True
-    return _Seen(cells, seen.places[:, told], seen.grey[told], seen.zone[told])
-
-
-def _places_in_print(H: Array, places: Array) -> tuple[Places, Array]:
-    """Points of the print that pixels (3, n) show, with how it is spread there; and 1, x, y."""
-    to_print = np.asarray(np.linalg.inv(H), dtype=float)
-    x, y, nearness = to_print @ places
-    nearness = 1 / nearness
-    x, y = x * nearness, y * nearness
-    (x_right, x_down), (y_right, y_down) = (
-        [(row[k] - place * to_print[2, k]) * nearness for k in (0, 1)]
-        for row, place in ((to_print[0], x), (to_print[1], y))
-    )
-    along_x = np.sqrt(x_right * x_right + x_down * x_down)
-    along_y = np.sqrt(y_right * y_right + y_down * y_down)
-    at = Places(x, y, along_x, along_y, x_right * y_right + x_down * y_down)
-    return at, np.stack([np.ones_like(x), x, y])
+    return _Seen(cells, places[:, used], grey[used].astype(float), zone)
 
 
 def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
@@ -253,24 +236,33 @@ def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
     grey = seen.grey
     state = _State(H, START_BLUR, np.zeros(9 if len(grey) > _BENT_LIGHT else 6))
     used, judged, settled = np.ones(len(grey), dtype=bool), not seen.zone.any(), False
+    rounds = 0
+    # Large arrays are made once: fresh memory costs more than what is written into it.
+    rows = _BLUR + 1 + len(state.light) + (radius > 0)
+    jacobian, weighted = np.empty((rows, len(grey))), np.empty((rows, len(grey)))
+    by_light = jacobian[_BLUR + 1 : _BLUR + 1 + len(state.light)]
+    bright, dark = grey >= SATURATED, grey <= 255 - SATURATED
+    clipped = bool(bright.any() or dark.any())
     for step in range(1, _MOST_STEPS + 1):
-        at, lit = _places_in_print(state.H, seen.places)
+        at, lit = places_in_print(state.H, seen.places)
         look, sharper = _look(state, seen.cells, at, radius)
-        by_light = _by_light(lit, look.white, len(state.light))
+        _by_light(lit, look.white, by_light)
         if step == 1:
             # The light has no start of its own: it follows from the first look.
             light = np.linalg.solve(by_light @ by_light.T, by_light @ grey)
             state = replace(state, light=np.asarray(light, dtype=float))
         residual = grey - state.light @ by_light
-        jacobian = _jacobian(look, lit, state.light, by_light, sharper)
+        _jacobian(look, lit, state.light, sharper, jacobian)
         contrast = float(state.light[3] - state.light[0])
         if settled and not judged:
             white = _white_rim(seen.zone, residual, used)
-            judged, used = bool((white == used).all()), white
+            rounds += 1
+            changed = float((white != used).mean())
+            judged, used = changed < _SAME_RIM or rounds == _MOST_ROUNDS, white
         weights = tukey_of_one(residual, contrast, step) * used
-        weights *= ~((grey >= SATURATED) & (residual < 0))
-        weights *= ~((grey <= 255 - SATURATED) & (residual > 0))
-        weighted = jacobian * weights
+        if clipped:
+            weights *= ~((bright & (residual < 0)) | (dark & (residual > 0)))
+        np.multiply(jacobian, weights, out=weighted)
         normal, right = weighted @ jacobian.T, weighted @ residual
         normal[_BLUR, _BLUR] += BLUR_INFORMATION
         right[_BLUR] += BLUR_INFORMATION * (START_BLUR - state.blur)
@@ -285,50 +277,51 @@ def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
         state = _changed(state, change)
         settled = bool(moved < _SETTLED)
         if moved < _CONVERGED and judged:
-            # The last step was small: what it changed is linear.
-            left = residual - change @ jacobian
-            variance = float(weights @ left**2) / max(float(weights.sum()) - len(change), 1.0)
-            spread = inverse[:_BLUR, :_BLUR] * max(variance, LEAST_VARIANCE)
-            moves = inverse[:_BLUR] @ (weighted * left)
-            cells = _by_cell(moves, lit, len(seen.cells) - 2 * PADDING)
-            excess = _excess(_corners(state.H)[1], spread, cells)
-            halo = 0.0
-            if radius <= 0 and np.sqrt(variance) > HALO_FROM * contrast:
-                soft = whiteness(
-                    seen.cells,
-                    at,
-                    float(np.hypot(state.blur, SHARPENING_WIDTHS[0])),
-                    _boundaries(at, 2.0, seen.cells),
-                ).white
-                halo = _share_explained(
-                    look.white - soft, (jacobian, weighted, inverse), weights, left
-                )
-            kept = float(weights.sum()) / float(used.sum())
-            return _Fit(state, spread, variance, kept, contrast, excess, halo)
+            seen_last = (look, at, lit, used)
+            return _ended(
+                state,
+                seen,
+                seen_last,
+                (jacobian, weighted, inverse, change),
+                left=residual,
+                weights=weights,
+                radius=radius,
+            )
     return None
 
 
-def _by_cell(moves: Array, lit: Array, cells: int) -> Array:
-    """(8, c) what is left of the grey levels of each cell says that the homography should move."""
-    column, row = (np.floor((v + 1) * cells / 2).astype(np.intp) for v in lit[1:])
-    side = cells + 2
-    cell = np.clip(row + 1, 0, side - 1) * side + np.clip(column + 1, 0, side - 1)
-    sums = [np.bincount(cell, one, minlength=side * side) for one in moves]
-    return np.array(sums, dtype=float)[:, np.bincount(cell, minlength=side * side) > 0]
+def _ended(
+    state: _State,
+    seen: _Seen,
+    last: tuple[Whiteness, Places, Array, Mask],
+    step: tuple[Array, Array, Array, Array],
+    *,
+    left: Array,
+    weights: Array,
+    radius: float,
+) -> _Fit:
+    """What a fit says, once a step has moved it no more.
 
-
-def _excess(slopes: Array, spread: Array, moves: Array) -> float:
-    """By how much the corners' variances are larger than noise of single pixels makes them.
-
-    Where what is left has the same sign along a boundary (the model of the blur, the light, the
-    print), whole cells err together: the sum of squares over cells has that, that over pixels
-    has not (Huber's sandwich, by cells).
+    ``last`` is the last look (shares of white, places in the print, 1 with x and y, what is used),
+    ``step`` the Jacobian, the same with weights, the inverse of the normal matrix, and the step.
     """
-    cells = moves.shape[1]
-    together = slopes @ (moves @ moves.T) @ np.swapaxes(slopes, 1, 2)
-    single = slopes @ spread @ np.swapaxes(slopes, 1, 2)
-    ratio = np.trace(together, axis1=1, axis2=2).sum() / np.trace(single, axis1=1, axis2=2).sum()
-    return float(max(ratio * cells / max(cells - _UNKNOWNS, 1), 1.0))
+    look, at, lit, used = last
+    jacobian, weighted, inverse, change = step
+    contrast = float(state.light[3] - state.light[0])
+    # The last step was small: what it changed is linear.
+    left = left - change @ jacobian
+    variance = float(weights @ left**2) / max(float(weights.sum()) - len(change), 1.0)
+    spread = inverse[:_BLUR, :_BLUR] * max(variance, LEAST_VARIANCE)
+    moves = (inverse[:_BLUR] @ weighted) * left
+    cells = by_cell(moves, lit, len(seen.cells) - 2 * PADDING)
+    excess = excess_of_cells(_corners(state.H)[1], spread, cells, _UNKNOWNS)
+    halo = 0.0
+    if radius <= 0 and np.sqrt(variance) > HALO_FROM * contrast:
+        wide = float(np.hypot(state.blur, SHARPENING_WIDTHS[0]))
+        soft = whiteness(seen.cells, at, wide, _boundaries(at, wide, seen.cells)).white
+        halo = share_explained(look.white - soft, step[:3], weights, left)
+    kept = float(weights.sum()) / float(used.sum())
+    return _Fit(state, spread, variance, kept, contrast, excess, halo)
 
 
 def _white_rim(zone: Ints, residual: Array, used: Mask) -> Mask:
@@ -357,19 +350,6 @@ def _boundaries(at: Places, blur: float, cells: Array) -> tuple[int, int]:
     )
 
 
-def _share_explained(
-    change: Array, step: tuple[Array, Array, Array], weights: Array, left: Array
-) -> float:
-    """Which share of what is left (n,) one more unknown would explain, with a derivative (n,).
-
-    ``step`` is the Jacobian, the same with weights, and the inverse of the normal matrix.
-    """
-    jacobian, weighted, inverse = step
-    own = change - (inverse @ (weighted @ change)) @ jacobian
-    most = float(weights @ own**2) * float(weights @ left**2)
-    return float(weights @ (own * left)) ** 2 / most if most > 0 else 0.0
-
-
 def _look(state: _State, cells: Array, at: Places, radius: float) -> tuple[Whiteness, Array | None]:
     """The share of white, sharpened by the state's amount; and its derivative by that amount."""
     wide = float(np.hypot(state.blur, radius))
@@ -389,15 +369,14 @@ def _look(state: _State, cells: Array, at: Places, radius: float) -> tuple[White
 
 
 def _jacobian(
-    look: Whiteness, lit: Array, light: Array, by_light: Array, sharper: Array | None
-) -> Array:
-    """(u, n) derivative of the grey levels by the unknowns."""
+    look: Whiteness, lit: Array, light: Array, sharper: Array | None, full: Array
+) -> None:
+    """Fill in the derivative (u, n) of the grey levels by the unknowns, but that by the light."""
     black, white = _levels(light, lit)
     contrast = white - black
     x, y = lit[1:]
     across, down = -contrast * look.by_x, -contrast * look.by_y
     away = -(across * x + down * y)
-    full = np.empty((_BLUR + 1 + len(light) + (sharper is not None), len(x)))
     np.multiply(across, x, out=full[0])
     np.multiply(across, y, out=full[1])
     full[2] = across
@@ -407,18 +386,19 @@ def _jacobian(
     np.multiply(away, x, out=full[6])
     np.multiply(away, y, out=full[7])
     np.multiply(contrast, look.by_blur, out=full[_BLUR])
-    full[_BLUR + 1 : _BLUR + 1 + len(light)] = by_light
     if sharper is not None:
         np.multiply(contrast, sharper, out=full[-1])
-    return full
 
 
-def _by_light(lit: Array, white: Array, count: int) -> Array:
-    """(count, n) derivative of the grey levels by the light."""
-    if count > 6:
+def _by_light(lit: Array, white: Array, full: Array) -> None:
+    """Fill in the derivative (6 or 9, n) of the grey levels by the light."""
+    np.multiply(lit, white, out=full[3:6])
+    np.subtract(lit, full[3:6], out=full[:3])
+    if len(full) > 6:
         _, x, y = lit
-        return np.concatenate([lit * (1 - white), lit * white, [x * x, x * y, y * y] * white])
-    return np.concatenate([lit * (1 - white), lit * white])
+        np.multiply(x, full[4], out=full[6])
+        np.multiply(x, full[5], out=full[7])
+        np.multiply(y, full[5], out=full[8])
 
 
 def _levels(light: Array, lit: Array) -> tuple[Array, Array]:

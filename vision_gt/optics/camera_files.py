@@ -21,6 +21,21 @@ from vision_gt.optics.camera import Camera
 MAX_BYTES = 20_000_000
 """A judgement: camera files have some kilobytes, images and videos megabytes."""
 _PINHOLE_LENSES = {"plumb_bob", "radtan", "radial-tangential"}
+_NO_LENS = {"none", ""}
+_OTHER_LENSES = {
+    "equidistant": "the Kannala-Brandt fisheye lens",
+    "fisheye": "the Kannala-Brandt fisheye lens",
+    "kannala_brandt": "the Kannala-Brandt fisheye lens",
+    "kannala_brandt4": "the Kannala-Brandt fisheye lens",
+    "equi": "the Kannala-Brandt fisheye lens",
+    "rational_polynomial": "the rational lens",
+    "thin_prism_fisheye": "a fisheye lens with a thin prism",
+    "fov": "the field-of-view lens",
+    "omni": "an omnidirectional camera (Mei's)",
+    "eucm": "the extended unified camera",
+    "ds": "the double-sphere camera",
+}
+_BROWN = "here lenses are Brown's (plumb_bob, radtan)"
 _KEYS = (
     ("camera_matrix", "cameraMatrix", "K", "M1"),
     ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D", "D1"),
@@ -47,7 +62,7 @@ def read_cameras(path: Path) -> list[Camera]:
         return [_read_bouguet(path, data)]
     text = data.decode("utf-8-sig", errors="replace")
     root = _parsed(path, text)
-    if isinstance(root.get("cam0"), dict):
+    if any(re.fullmatch(r"cam\d+", str(key)) and isinstance(root[key], dict) for key in root):
         return _read_kalibr(path, root)
     if isinstance(root.get("distortion_model"), str):
         return [_read_ros(path, root)]
@@ -100,9 +115,9 @@ def _bytes_of(path: Path) -> bytes:
 
 
 def _parsed(path: Path, text: str) -> dict[str, Any]:
-    """What a YAML or XML file says, by OpenCV's own parser."""
-    if not text.lstrip().startswith(("<", "%YAML")):
-        text = "%YAML:1.0\n---\n" + re.sub(r"^---\s*$", "", text, count=1, flags=re.MULTILINE)
+    """What a YAML or XML file says: OpenCV's own by its parser, others by a YAML library."""
+    if not text.lstrip().startswith("<") and "opencv-matrix" not in text:
+        return _parsed_yaml(path, text)
     try:
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         found = _plain(storage.root())
@@ -112,6 +127,37 @@ def _parsed(path: Path, text: str) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise _bad(path, "not a camera file: nothing is named in it")
     return found
+
+
+def _parsed_yaml(path: Path, text: str) -> dict[str, Any]:
+    import yaml  # noqa: PLC0415  (OpenCV's and Bouguet's files do without)
+
+    # OpenCV writes '%YAML:1.0', which is no YAML.
+    text = re.sub(r"\A\s*%YAML[^\n]*\n", "", text)
+    try:
+        found = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        said = getattr(error, "problem", None) or "it is no YAML"
+        line = None if mark is None else mark.line + 1
+        raise InputError([Problem(path, f"not a camera file: {said}", line)]) from None
+    if not isinstance(found, dict):
+        raise _bad(path, "not a camera file: nothing is named in it")
+    return {str(key): _as_read(value) for key, value in found.items()}
+
+
+def _as_read(value: Any) -> Any:
+    """Values as OpenCV's parser gives them: dicts, lists, strings and floats."""
+    if isinstance(value, dict):
+        return {str(key): _as_read(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_as_read(one) for one in value]
+    if isinstance(value, str):
+        try:
+            return float(value)  # '1e-3' is a string in YAML 1.1
+        except ValueError:
+            return value
+    return float(value) if isinstance(value, int | float) else None
 
 
 def _plain(node: Any) -> Any:
@@ -146,11 +192,33 @@ def _whole(path: Path, value: Any, field: str) -> int:
 
 def _lens(path: Path, values: Array, field: str) -> Array:
     """(5,) coefficients; more than five are another lens model unless they are zero."""
-    padded = np.zeros(max(5, len(values)))
+    padded = np.zeros(max(14, len(values)))
     padded[: len(values)] = values
-    if padded[5:].any():
-        raise _bad(path, "the rational and thin-prism lens models are not supported", field)
+    for first, last, what in (
+        (5, 8, "the rational lens"),
+        (8, 12, "a lens with a thin prism"),
+        (12, 14, "a lens with a tilted sensor"),
+    ):
+        if padded[first:last].any():
+            raise _bad(path, f"coefficients of {what}; {_BROWN}", field)
     return padded[:5]
+
+
+def _no_other_lens(path: Path, node: Mapping[str, Any], where: str = "") -> None:
+    """Raise where a file says that its lens, or camera, is another one than Brown's."""
+    for key in ("camera_model", "distortion_model", "model", "model_type", "lens_model"):
+        model = node.get(key)
+        if not isinstance(model, str):
+            continue
+        what = next(
+            (said for name, said in _OTHER_LENSES.items() if model.lower().startswith(name)), None
+        )
+        if what is not None:
+            raise _bad(path, f"the coefficients of {what}; {_BROWN}", where + key, model)
+    for key in ("fisheye", "is_fisheye", "xi"):
+        if node.get(key) not in (None, 0.0, "", "false", "False"):
+            what = "an omnidirectional camera" if key == "xi" else "the Kannala-Brandt fisheye lens"
+            raise _bad(path, f"the coefficients of {what}; {_BROWN}", where + key, str(node[key]))
 
 
 def _made(path: Path, name: str, size: tuple[int, int], parameters: Array) -> Camera:
@@ -162,7 +230,11 @@ def _made(path: Path, name: str, size: tuple[int, int], parameters: Array) -> Ca
 
 def _read_opencv(path: Path, root: Mapping[str, Any]) -> Camera:
     field, lens_field = (next((key for key in keys if key in root), keys[0]) for keys in _KEYS)
+    _no_other_lens(path, root)
+    if root.get("nframes") is not None and "M2" in root:
+        raise _bad(path, "a file of two cameras; give each camera its own", "M2")
     K = _numbers(path, root.get(field), field, (9,)).reshape(3, 3)
+    _check_matrix(path, K, field)
     lens = _numbers(path, root.get(lens_field), lens_field, (4, 5, 8, 12, 14))
     width, height = (_whole(path, root.get(key), key) for key in ("image_width", "image_height"))
     name = root.get("camera_name")
@@ -176,7 +248,16 @@ def _read_opencv(path: Path, root: Mapping[str, Any]) -> Camera:
     return replace(camera, covariance=_numbers(path, root[field], field, (81,)).reshape(9, 9))
 
 
+def _check_matrix(path: Path, K: Array, field: str) -> None:
+    """Raise for a camera matrix that is none, or is one of square or slanted pixels."""
+    if abs(K[0, 1]) > 1e-9 * K[0, 0]:
+        raise _bad(path, "a skew is not supported", field, f"{K[0, 1]:g}")
+    if np.abs(K[[1, 2, 2], [0, 0, 1]]).max() > 1e-9 or abs(K[2, 2] - 1) > 1e-9:
+        raise _bad(path, "expected a camera matrix: fx 0 cx, 0 fy cy, 0 0 1", field)
+
+
 def _read_ros(path: Path, root: Mapping[str, Any]) -> Camera:
+    _no_other_lens(path, root)
     model = root["distortion_model"]
     if model not in _PINHOLE_LENSES:
         raise _bad(path, "expected 'plumb_bob'", "distortion_model", model)
@@ -184,24 +265,31 @@ def _read_ros(path: Path, root: Mapping[str, Any]) -> Camera:
 
 
 def _read_kalibr(path: Path, root: Mapping[str, Any]) -> list[Camera]:
-    cameras: list[Camera] = []
-    while isinstance(node := root.get(f"cam{len(cameras)}"), dict):
-        field = f"cam{len(cameras)}"
-        for key, good in (("camera_model", {"pinhole"}), ("distortion_model", _PINHOLE_LENSES)):
-            if node.get(key) not in good:
-                wanted = " or ".join(sorted(good))
-                raise _bad(path, f"expected {wanted}", f"{field}.{key}", str(node.get(key, "")))
-        focal, lens, size = (
-            _numbers(path, node.get(key), f"{field}.{key}", counts)
-            for key, counts in (
-                ("intrinsics", (4,)),
-                ("distortion_coeffs", (4, 5)),
-                ("resolution", (2,)),
-            )
-        )
-        parameters = np.concatenate([focal, _lens(path, lens, field)])
-        cameras.append(_made(path, field, (int(size[0]), int(size[1])), parameters))
-    return cameras
+    named = sorted(
+        (key for key in root if re.fullmatch(r"cam\d+", key)), key=lambda key: int(key[3:])
+    )
+    return [_kalibr_camera(path, field, root[field]) for field in named]
+
+
+def _kalibr_camera(path: Path, field: str, node: Any) -> Camera:
+    """One camera of a chain."""
+    if not isinstance(node, dict):
+        raise _bad(path, "expected the parameters of a camera", field)
+    _no_other_lens(path, node, f"{field}.")
+    model, lens_model = node.get("camera_model"), str(node.get("distortion_model") or "").lower()
+    if model != "pinhole":
+        raise _bad(path, "expected pinhole", f"{field}.camera_model", str(model or ""))
+    if lens_model not in _PINHOLE_LENSES | _NO_LENS:
+        wanted = " or ".join(sorted(_PINHOLE_LENSES))
+        raise _bad(path, f"expected {wanted}", f"{field}.distortion_model", lens_model)
+    focal = _numbers(path, node.get("intrinsics"), f"{field}.intrinsics", (4,))
+    size = _numbers(path, node.get("resolution"), f"{field}.resolution", (2,))
+    lens = np.zeros(5)
+    if lens_model not in _NO_LENS:
+        key = f"{field}.distortion_coeffs"
+        lens = _lens(path, _numbers(path, node.get("distortion_coeffs"), key, (4, 5)), key)
+    parameters = np.concatenate([focal, lens])
+    return _made(path, field, (int(size[0]), int(size[1])), parameters)
 
 
 def _read_bouguet(path: Path, data: bytes) -> Camera:

@@ -1,11 +1,13 @@
 """Image files that were cut short are errors, also where an end mark was put back."""
 
+import struct
+
 import cv2
 import numpy as np
 import pytest
 
 from validation.errors import InputError
-from vision_gt.images.files import read_image
+from vision_gt.images.files import read_image, read_picture
 
 ENDS = {".png": b"\0\0\0\0IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".bmp": b""}
 
@@ -51,3 +53,44 @@ def test_black_and_saturated_rows_are_no_sign_of_a_cut(tmp_path):
         path = tmp_path / "rim.jpg"
         cv2.imwrite(str(path), image)
         assert read_image(path).shape == image.shape
+
+
+@pytest.mark.parametrize(("bits", "shift"), [(10, 0), (12, 0), (14, 0), (16, 0), (12, 4)])
+def test_deep_images_are_read_by_the_bits_that_they_use(tmp_path, bits, shift):
+    plain = photograph()
+    deep = (plain.astype(np.uint16) << (bits - 8)) << shift
+    path = tmp_path / "deep.png"
+    cv2.imwrite(str(path), deep)
+    picture = read_picture(path)
+    scale = 8 - int(plain.max()).bit_length()
+    np.testing.assert_array_equal(picture.grey, plain << scale)
+    assert f"of which {bits + shift - scale} are used" in picture.remarks[0]
+
+
+def test_what_is_transparent_is_white_and_said(tmp_path):
+    plain = photograph()
+    cover = np.full_like(plain, 255)
+    cover[:, :100] = 0
+    path = tmp_path / "alpha.png"
+    cv2.imwrite(str(path), np.dstack([plain, plain, plain, cover]))
+    picture = read_picture(path)
+    assert (picture.grey[:, :100] == 255).all()
+    np.testing.assert_array_equal(picture.grey[:, 100:], plain[:, 100:])
+    assert "alpha" in picture.remarks[0]
+
+
+@pytest.mark.parametrize("order", ["II", "MM"])
+def test_a_turn_by_a_tag_is_said_and_pixels_stay_as_stored(tmp_path, order):
+    plain = tmp_path / "plain.jpg"
+    cv2.imwrite(str(plain), photograph())
+    data, sign = plain.read_bytes(), {"II": "<", "MM": ">"}[order]
+    tiff = order.encode() + struct.pack(sign + "HIHHHIHHI", 42, 8, 1, 0x0112, 3, 1, 6, 0, 0)
+    block = b"Exif\x00\x00" + tiff
+    turned = tmp_path / "turned.jpg"
+    turned.write_bytes(
+        data[:2] + b"\xff\xe1" + struct.pack(">H", len(block) + 2) + block + data[2:]
+    )
+    picture = read_picture(turned)
+    np.testing.assert_array_equal(picture.grey, read_picture(plain).grey)
+    assert "a quarter turn" in picture.remarks[0]
+    assert read_picture(plain).remarks == ()

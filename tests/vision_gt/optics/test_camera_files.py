@@ -73,7 +73,7 @@ def test_kalibr_chain_with_two_cameras(tmp_path):
         ),
         (
             "distortion_model: equidistant\nimage_width: 640\nimage_height: 480\n",
-            "'equidistant' — expected 'plumb_bob'",
+            "'equidistant' — the coefficients of the Kannala-Brandt fisheye lens",
         ),
     ],
 )
@@ -83,6 +83,42 @@ def test_bad_files_are_errors_that_name_them(tmp_path, text, said):
     with pytest.raises(InputError, match=r"bad\.yaml") as caught:
         read_cameras(path)
     assert said in str(caught.value)
+
+
+SIZED = "image_width: 640\nimage_height: 480\n"
+BRACKETS = "camera_matrix: {rows: 3, cols: 3, data: [500, %s, 320, 0, 500, 240, 0, 0, 1]}\n"
+FOUR = "distortion_coefficients: {rows: 1, cols: 4, data: [-0.01, 0.01, 0.0, 0.0]}\n"
+EIGHT = "distortion_coefficients: {rows: 1, cols: 8, data: [0.1, 0.01, 0, 0, 0, 0.2, 0, 0]}\n"
+CHAIN = "cam0:\n  camera_model: %s\n  distortion_model: %s\n  intrinsics: [500, 500, 320, 240]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (SIZED + BRACKETS % 0 + FOUR + "fisheye: 1\n", "Kannala-Brandt"),
+        (SIZED + BRACKETS % 0 + FOUR + "distortion_model: fisheye\n", "Kannala-Brandt"),
+        (SIZED + BRACKETS % 0 + FOUR + "distortion_model: rational_polynomial\n", "rational"),
+        (SIZED + BRACKETS % 0 + EIGHT, "rational"),
+        (SIZED + BRACKETS % 3 + FOUR, "skew"),
+        (SIZED + BRACKETS % 0 + FOUR + "xi: 1.2\n", "omnidirectional"),
+        (CHAIN % ("pinhole", "equidistant"), "Kannala-Brandt"),
+        (CHAIN % ("pinhole", "fov"), "field-of-view"),
+        (CHAIN % ("omni", "radtan"), "omnidirectional"),
+        (CHAIN % ("ds", "none"), "double-sphere"),
+    ],
+)
+def test_other_lenses_are_refused_by_their_names(tmp_path, text, said):
+    path = tmp_path / "lens.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_cameras(path)
+
+
+def test_a_rational_lens_without_its_own_coefficients_is_browns(tmp_path):
+    path = tmp_path / "plain.yaml"
+    lens = "distortion_coefficients: {data: [-0.1, 0.01, 0, 0, 1.0e-3, 0, 0, 0]}\n"
+    path.write_text(SIZED + BRACKETS % 0 + lens)
+    assert read_cameras(path)[0].parameters[4:].tolist() == [-0.1, 0.01, 0, 0, 1e-3]
 
 
 def test_a_missing_file_and_a_broken_mat(tmp_path):

@@ -1,0 +1,136 @@
+"""Boards that are not the stated ones are read, or named for what they are."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from vision_gt.images.boards import look_for_boards
+from vision_gt.images.jobs import BoardJob, detect_in
+from vision_gt.patterns.boards import Board
+from vision_gt.patterns.dictionaries import Family
+
+STATED = Board(8, 6, 0.05, Family("4X4_100"))
+PIXELS = 56
+
+
+def photograph(board, *, mirrored=False, cover=0.0, sharpen=0.0):
+    """A board seen a little from the side, its inner corners where they are."""
+    cells, side = board.cells()
+    times = round(PIXELS * side / board.square * 4)
+    texture = np.kron(np.pad(cells, 3, constant_values=1), np.ones((times, times))) * 165.0 + 40
+    if mirrored:
+        texture = texture[:, ::-1]
+    if cover:
+        texture[:, : int(cover * texture.shape[1])] = 110.0
+    height, width = texture.shape
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], dtype=np.float32)
+    seen = np.array([[60, 50], [600, 80], [580, 440], [90, 420]], dtype=np.float32) * 4
+    H = cv2.getPerspectiveTransform(corners, seen)
+    large = cv2.warpPerspective(texture.astype(np.float32), H, (640 * 4, 480 * 4), borderValue=110)
+    image = cv2.GaussianBlur(
+        cv2.resize(large, (640, 480), interpolation=cv2.INTER_AREA), (0, 0), 0.6
+    )
+    image += sharpen * (image - cv2.GaussianBlur(image, (0, 0), 1.0))
+    image += 2 * np.random.default_rng(1).standard_normal(image.shape)
+    points = (board.corners[:, :2] + board.square) / side + 3
+    ahead = cv2.perspectiveTransform((points * times - 0.5)[None].astype(np.float64), H)[0]
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8), (ahead + 0.5) / 4 - 0.5
+
+
+def missed(found, true):
+    return np.linalg.norm(found.pixels - true[found.ids], axis=1)
+
+
+@pytest.mark.parametrize(
+    ("shown", "said"),
+    [
+        (STATED, ""),
+        (replace(STATED, inverted=True), "inverted"),
+        (replace(STATED, legacy=True), "legacy layout"),
+        (replace(STATED, inverted=True, legacy=True), "inverted, legacy layout"),
+    ],
+)
+def test_inverted_boards_and_those_of_the_older_layout_are_read(shown, said):
+    image, true = photograph(shown)
+    look = look_for_boards(image, [STATED])
+    assert look.instead == said
+    assert len(look.found[0].ids) == len(true)
+    assert missed(look.found[0], true).max() < 0.2
+    # Stated as it is there is nothing to say.
+    assert look_for_boards(image, [shown]).instead == ""
+
+
+@pytest.mark.parametrize(
+    ("shown", "mirrored", "said"),
+    [
+        (STATED, True, "mirrored"),
+        (Board(6, 8, 0.05, STATED.family), False, "rows and columns exchanged"),
+        (Board(8, 6, 0.05, Family("5X5_100")), False, "5X5_50 where 4X4_100 was stated"),
+        (Board(8, 6, 0.05, Family("6X6_250")), False, "6X6_50 where 4X4_100 was stated"),
+        (Board(8, 6, 0.05, Family("APRILTAG_36h11")), False, "APRILTAG_36H11 where"),
+    ],
+)
+def test_other_boards_are_named_and_not_used(shown, mirrored, said):
+    image, _ = photograph(shown, mirrored=mirrored)
+    look = look_for_boards(image, [STATED])
+    assert look.found == (None,)
+    assert said in look.instead
+    assert [one.kind for one in look.rejected] == ["board"]
+    assert 0 < look.rejected[0].place[0] < 640
+
+
+@pytest.mark.parametrize("family", ["5X5_250", "7X7_50", "ARUCO_MIP_36h12", "APRILTAG_25h9"])
+def test_boards_of_any_family_are_read_as_stated(family):
+    board = Board(6, 5, 0.06, Family(family), marker=0.045)
+    image, true = photograph(board)
+    look = look_for_boards(image, [board])
+    assert look.instead == ""
+    assert len(look.found[0].ids) == len(true)
+
+
+def test_a_partly_covered_board_keeps_what_is_seen():
+    image, true = photograph(STATED, cover=0.45)
+    look = look_for_boards(image, [STATED])
+    assert 10 <= len(look.found[0].ids) < len(true)
+    assert missed(look.found[0], true).max() < 0.3
+
+
+@pytest.mark.parametrize("amount", [0.5, 1.5])
+def test_sharpened_corners_are_kept_with_sigmas_that_hold(amount):
+    image, true = photograph(STATED, sharpen=amount)
+    found = look_for_boards(image, [STATED]).found[0]
+    assert len(found.ids) == len(true)
+    off = missed(found, true)
+    assert off.max() < 0.2
+    # Length of two coordinates, each with its sigma: neither far too good nor far too bad.
+    assert 0.1 < np.mean((off / found.sigmas) ** 2) / 2 < 3
+
+
+def test_circles_are_named():
+    image = np.full((480, 640), 210, dtype=np.uint8)
+    for x in range(9):
+        for y in range(6):
+            cv2.circle(image, (100 + 50 * x, 90 + 50 * y), 15, 40, -1, cv2.LINE_AA)
+    look = look_for_boards(image, [Board(10, 7, 0.05)])
+    assert "circles" in look.instead
+    assert look.rejected[0].kind == "board"
+
+
+def test_whatever_goes_wrong_in_an_image_is_its_note(monkeypatch, tmp_path):
+    def fails(*_):
+        raise cv2.error("more than 32,767 in a row")
+
+    monkeypatch.setattr("vision_gt.images.jobs.look_for_boards", fails)
+    job = BoardJob(tmp_path / "a.png", "1", "a", [(0, STATED)])
+    image, _ = photograph(STATED)
+    assert "32,767" in detect_in(image, job).note
+
+
+def test_a_board_of_another_family_is_no_fault_of_one_that_is_there():
+    image, _ = photograph(STATED)
+    other = Board(8, 6, 0.05, Family("4X4_100"), first_id=50)
+    look = look_for_boards(image, [STATED, other])
+    assert look.instead == ""
+    assert [one is not None for one in look.found] == [True, False]
