@@ -7,6 +7,7 @@ from validation.campaign.folder import Campaign, line_of
 from validation.campaign.provenance import input_hashes, relative
 from validation.errors import FaultyResultError, GtvalError, InputError, Problem
 from validation.explain.telling.section import ExplainParts, explain_campaign
+from validation.explain.telling.sizes import told_once
 from validation.in_time import TimeParts, time_parts
 from validation.poses.pose_table import SPATIAL, PoseTable
 from validation.published.systems import published_systems
@@ -156,7 +157,9 @@ def run_campaign(
         raise
     except Exception as error:  # noqa: BLE001  (what is compared stands without its explanation)
         failures.append(unexpected(EXPLANATION, error))
-    findings += more
+    findings = told_once(
+        [*findings, *more], evaluations, explained.explanation if explained else None
+    )
     progress("comparing in time", 0.94)
     in_time = None
     try:

@@ -85,7 +85,7 @@ def make_statements(
     """
     comparison = campaign.settings.comparison
     pairs = paired_errors(evaluations, comparison.confidence)
-    sections, files, new = [], {}, list(_paired_findings(pairs))
+    sections, files, new = [], {}, list(_paired_findings(pairs, evaluations))
     if pairs:
         sections.append(paired_section(pairs))
         files["paired.csv"] = _paired_csv(pairs)
@@ -128,9 +128,12 @@ def _errors_of(comparison: Comparison) -> dict[tuple[str, str], float]:
     }
 
 
-def _paired_findings(pairs: Sequence[PairedErrors]) -> list[Finding]:
+def _paired_findings(
+    pairs: Sequence[PairedErrors], evaluations: Sequence[Evaluation]
+) -> list[Finding]:
     """One sentence for every two systems."""
     findings = []
+    placed = {one.system: one.comparison.follows for one in evaluations}
     for names in dict.fromkeys((one.first, one.second) for one in pairs):
         own = [one for one in pairs if (one.first, one.second) == names and not one.without]
         shown = [f"{one.better} errs less in {one.component}" for one in own if one.better]
@@ -145,6 +148,9 @@ def _paired_findings(pairs: Sequence[PairedErrors]) -> list[Finding]:
             f"{told[:1].upper()}{told[1:]}: sizes of the errors of {first} less those of {second} "
             f"at the {own[0].n} stops that both have: {numbers}."
         )
+        helped = [name for name in names if placed.get(name) is not None]
+        if len(helped) == 1:
+            text += f" The survey placed {helped[0]}, so that no error of its frame is in these."
         findings.append(Finding("note", text, f"{first}, {second}", "errs_less"))
     return findings
 

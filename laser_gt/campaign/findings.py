@@ -90,9 +90,8 @@ def _of_solution(solution: LaserSolution) -> Iterator[Finding]:
         yield Finding("warning", text, who, "graph_misfit")
     if len(solution.anchors) > 1:
         text = (
-            f"{len(solution.anchors)} surveyed stops placed the laser frame. The mean errors "
-            "against the survey are near zero for that reason and say nothing about a bias. Name "
-            'one stop ([laser] reference = ["6"]) to do as the document does'
+            f"{len(solution.anchors)} surveyed stops placed the laser frame, so that a wrong frame "
+            'cannot show. Name one stop ([laser] reference = ["6"]) to do as the document does'
         )
         yield Finding("note", text, who, "anchors")
 

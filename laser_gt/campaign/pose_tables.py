@@ -1,8 +1,12 @@
 """Poses of laser GT as pose tables."""
 
+import numpy as np
+
 from laser_gt.campaign.outcome import LaserOutcome
 from laser_gt.placing.solution import LaserSolution
+from validation.poses.follows import Follows
 from validation.poses.pose_table import PoseTable
+from validation.results import VALIDATION_SYSTEM
 
 
 def pose_tables(outcome: LaserOutcome) -> list[PoseTable]:
@@ -17,6 +21,12 @@ def pose_tables(outcome: LaserOutcome) -> list[PoseTable]:
                 poses=published.poses,
                 sources=(f"match with {published.reference}",) * len(published.stops),
                 provenance={"reference": [published.reference]},
+                follows=Follows(
+                    VALIDATION_SYSTEM,
+                    (published.reference,),
+                    published.by_reference,
+                    np.eye(3),
+                ),
             )
         )
     return tables
@@ -44,6 +54,13 @@ def _table(solution: LaserSolution) -> PoseTable:
             "accepted": len(matching.accepted),
             "matches": len(matching.matches),
         },
+        follows=Follows(
+            VALIDATION_SYSTEM,
+            solution.anchors,
+            solution.placement.by,
+            solution.placement.of,
+            "frame and mount",
+        ),
     )
 
 

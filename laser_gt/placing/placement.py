@@ -26,11 +26,17 @@ class Placement:
         Joint covariance.
     frames : (g, 3) array
         Frame of each part of the graph in the GTV frame.
+    by : (3n, 3g + 3) array
+        How the poses follow the frames and the error of the mount.
+    of : (3g + 3, 3p) array
+        How these follow the anchors' surveyed poses.
     """
 
     poses: Array
     joint: Array
     frames: Array
+    by: Array
+    of: Array
 
 
 def place(
@@ -116,10 +122,12 @@ def _fitted(
         if np.abs(step).max() < 1e-12:
             break
     shape = solution.poses + (by_mount @ mount).reshape(n, 3)
-    from_survey = lever @ solver @ weighted
+    of = solver @ weighted
+    from_survey = lever @ of
     from_graph = turned - from_survey @ turned[flat]
     joint = from_survey @ covariance @ from_survey.T + from_graph @ graph_covariance @ from_graph.T
-    return Placement(compose(frames[parts], shape), (joint + joint.T) / 2, frames), mount
+    joint = (joint + joint.T) / 2
+    return Placement(compose(frames[parts], shape), joint, frames, lever, of), mount
 
 
 def _block_diagonal(blocks: Array) -> Array:

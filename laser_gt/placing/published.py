@@ -7,7 +7,7 @@ import numpy as np
 
 from laser_gt.matching.genetic import GeneticSettings, genetic_match
 from laser_gt.scans.evidence import Prepared
-from laser_gt.scans.planar import between, compose, inverse
+from laser_gt.scans.planar import between, compose, compose_jacobians, inverse
 from validation.poses.angles import Array
 
 
@@ -25,12 +25,15 @@ class Published:
         Of the winner, square metres; 0 for the reference.
     reference : str
         The surveyed stop.
+    by_reference : (3n, 3) array
+        How the poses follow its surveyed pose.
     """
 
     stops: tuple[str, ...]
     poses: Array
     fitness: Array
     reference: str
+    by_reference: Array
 
 
 def published_poses(
@@ -80,4 +83,6 @@ def published_poses(
         found = genetic_match(sweeps[root], sweeps[number], rng, [guess], form, middle=guess)
         poses.append(compose(compose(laser, found.pose), back))
         fitness.append(found.fitness)
-    return Published(stops, np.array(poses), np.array(fitness), reference)
+    apart = between(surveyed, np.array(poses))
+    by, _ = compose_jacobians(np.broadcast_to(surveyed, apart.shape), apart)
+    return Published(stops, np.array(poses), np.array(fitness), reference, by.reshape(-1, 3))

@@ -155,7 +155,8 @@ class Published(Settings):
     (pose, from, to); without it the standstills are found. ``frame`` is 'own' where the
     coordinates are not those of the GTV frame; ``judged = false`` keeps odometry and the like out
     of the comparison at stops; ``format``, ``unit``, ``body`` and ``topic`` say
-    what a file does not say itself.
+    what a file does not say itself. ``placed_by`` are the surveyed stops ('all') by which its frame
+    was placed, and with ``placed_mount`` its mount too: its errors then follow the survey's there.
     """
 
     system: Annotated[str, Field(pattern=SYSTEM)]
@@ -164,6 +165,8 @@ class Published(Settings):
     sigmas: tuple[Positive, ...] | None = None
     stops: str = ""
     frame: Literal["gtv", "own"] = "gtv"
+    placed_by: list[Name] | Literal["all"] = Field(default_factory=list)
+    placed_mount: bool = False
     judged: bool = True
     format: str = ""
     unit: Literal["s", "ms", "us", "ns"] | None = None

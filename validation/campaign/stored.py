@@ -16,6 +16,7 @@ from validation.campaign.provenance import (
     out_of_date,
 )
 from validation.errors import InputError, Problem
+from validation.poses.common_origin import with_stored_follows
 from validation.poses.joint import with_stored_joint
 from validation.poses.pose_table import PLANAR, SPATIAL, Component, PoseTable, from_csv
 from validation.results import Finding
@@ -64,7 +65,7 @@ def read_tables(paths: Sequence[Path], names: Sequence[str] = ()) -> StoredTable
         try:
             refuse_degrees(path)
             table = from_csv(path, system=name, components=components_of(path))
-            tables.append(with_stored_joint(table, path))
+            tables.append(with_stored_follows(with_stored_joint(table, path), path))
         except InputError as error:
             problems += error.problems
     if problems:

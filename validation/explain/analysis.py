@@ -8,7 +8,7 @@ import numpy as np
 from validation.errors import GtvalError
 from validation.explain.fitting.models import FROM_THE_FIRST
 from validation.explain.fitting.noise import Mask
-from validation.explain.fitting.pairs import Pairs, make_pairs
+from validation.explain.fitting.pairs import Pairs, make_pairs, own_reference
 from validation.explain.fitting.selection import FALSE_ALARM as INVENTED
 from validation.explain.fitting.selection import Selection, select
 from validation.explain.fitting.settled import Settled, settle
@@ -230,7 +230,7 @@ def explain(
     question = question or Question()
     _check(validation, systems, question)
     pairs = [
-        make_pairs(validation, one, _stated_reference(question, one.system), question.times)
+        make_pairs(validation, one, _stated_reference(question, one, validation), question.times)
         for one in systems
     ]
     share = question.invented / max(len(systems), 1)
@@ -239,7 +239,7 @@ def explain(
     apart = _settled(pairs, selections, everything, aside=True)
     # The first arbitration takes the robust fits, which no gross error has moved.
     first = _sources(validation, systems, pairs, _robust(selections), apart, question)
-    copies = find_copies(first.names, first.poses, question.independent)
+    copies = find_copies(first.names, first.poses, question.independent, pairs)
     judged = judge(_as_one(first, copies), question.false_alarm)
     for _ in range(_ROUNDS):
         apart = _settled(pairs, selections, [_cells(p, judged.result) for p in pairs], aside=True)
@@ -294,9 +294,9 @@ def _check(validation: PoseTable, systems: Sequence[PoseTable], question: Questi
             )
 
 
-def _stated_reference(question: Question, system: str) -> str:
-    """The reference stop of a system; empty where it is not known which."""
-    stop = question.references.get(system, "")
+def _stated_reference(question: Question, table: PoseTable, validation: PoseTable) -> str:
+    """The reference stop of a system, as stated or its own; empty where it is not known which."""
+    stop = question.references.get(table.system, own_reference(validation, table))
     return "" if stop == UNKNOWN_STOP else stop
 
 

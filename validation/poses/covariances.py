@@ -1,5 +1,7 @@
 """What makes a matrix a covariance."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from validation.poses.angles import Array
@@ -36,3 +38,15 @@ def all_sound(covariances: Array) -> bool:
     if not (asymmetry <= 1e-6 and np.abs(correlation).max(initial=0.0) <= 1 + 1e-6):
         return False
     return bool((np.linalg.eigvalsh(correlation) > 1e-12).all())
+
+
+def bad_place(names: Sequence[str], values: Array, covariance: Array) -> tuple[str, str | None]:
+    """The columns of a covariance that is none, and the value where one alone is to blame."""
+    variances = np.diagonal(covariance)
+    if (bad := np.flatnonzero(variances <= 0)).size:
+        # Where row i of the upper triangle begins: its own diagonal element.
+        first = int(bad[0] * (2 * len(variances) - bad[0] + 1) // 2)
+        return names[first], f"{values[first]:g}"
+    if (bad := np.flatnonzero(~np.isfinite(values))).size:
+        return names[int(bad[0])], None
+    return f"{names[0]} to {names[-1]}", None

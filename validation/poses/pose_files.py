@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterable
 
 from validation.errors import FaultyResultError, GtvalError, shown
+from validation.poses.common_origin import follows_files
 from validation.poses.joint import joint_files
 from validation.poses.pose_table import PoseTable, to_csv, to_tum
 
@@ -30,7 +31,7 @@ def pose_files(tables: Iterable[PoseTable]) -> dict[str, str]:
         if f"poses_{table.system}.csv" in files:
             raise FaultyResultError(f"two tables are called '{table.system}'")
         files[f"poses_{table.system}.csv"] = to_csv(table)
-        files |= joint_files(table)
+        files |= joint_files(table) | follows_files(table)
         # Stops without numbers have no time to stand in a trajectory.
         with contextlib.suppress(GtvalError):
             files[f"poses_{table.system}.tum"] = to_tum(table)

@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations_with_replacement
@@ -13,7 +14,8 @@ import numpy.typing as npt
 
 from validation.errors import FaultyResultError, GtvalError, InputError, Problem, shown
 from validation.poses.angles import Array, wrap
-from validation.poses.covariances import all_sound, covariance_fault
+from validation.poses.covariances import all_sound, bad_place, covariance_fault
+from validation.poses.follows import Follows
 from validation.shown import Shown
 from validation.text_files.csv_tables import Column, read_csv
 from validation.text_files.csv_text import harmless
@@ -86,6 +88,8 @@ class PoseTable(Shown):
         `joint_covariance` gives the matrix of either.
     provenance : mapping
         Facts of the whole table for results/run.json.
+    follows : Follows, optional
+        How its errors follow those of another table, where its frame or mount came from that.
 
     Raises
     ------
@@ -103,6 +107,7 @@ class PoseTable(Shown):
     joint: Array | None = None
     factor: Array | None = None
     provenance: Mapping[str, object] = field(default_factory=dict)
+    follows: Follows | None = None
 
     def __post_init__(self) -> None:
         n, k = len(self.ids), len(self.components)
@@ -134,7 +139,7 @@ class PoseTable(Shown):
         if bad or "" in self.ids:
             raise FaultyResultError(f"{who}: not a name for a stop: {shown(bad[0] if bad else '')}")
         if len(set(self.ids)) != n:
-            twice = sorted({name for name in self.ids if self.ids.count(name) > 1})
+            twice = sorted(name for name, count in Counter(self.ids).items() if count > 1)
             raise FaultyResultError(f"{who}: these ids occur more than once: {', '.join(twice)}")
         if np.isfinite(self.poses).all() and all_sound(self.covariances):
             return
@@ -156,6 +161,8 @@ class PoseTable(Shown):
                 raise FaultyResultError(f"{who}: give the joint covariance or its factor, not both")
             if self.factor.ndim != 2 or len(self.factor) != size:
                 raise FaultyResultError(f"{who}: factor {self.factor.shape}, not {size} rows")
+        if self.follows is not None and len(self.follows.by) != size:
+            raise FaultyResultError(f"{who}: follows by {len(self.follows.by)} rows, not {size}")
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -182,8 +189,10 @@ class PoseTable(Shown):
 
     def select(self, ids: Iterable[str]) -> Self:
         """The rows of the named stops, in that order."""
-        where = {name: row for row, name in enumerate(self.ids)}
         chosen = tuple(ids)
+        if chosen == self.ids:
+            return self
+        where = {name: row for row, name in enumerate(self.ids)}
         missing = [name for name in chosen if name not in where]
         if missing:
             raise GtvalError(f"system '{self.system}' has no pose {', '.join(missing)}")
@@ -198,6 +207,7 @@ class PoseTable(Shown):
             sources=tuple(self.sources[row] for row in rows),
             joint=None if self.joint is None else self.joint[np.ix_(flat, flat)],
             factor=None if self.factor is None else self.factor[flat],
+            follows=None if self.follows is None else self.follows.rows(flat),
         )
 
     def only(self, components: Sequence[Component]) -> Self:
@@ -214,6 +224,7 @@ class PoseTable(Shown):
             components=tuple(components),
             joint=None if self.joint is None else self.joint[np.ix_(flat, flat)],
             factor=None if self.factor is None else self.factor[flat],
+            follows=None if self.follows is None else self.follows.rows(flat),
         )
 
 
@@ -222,18 +233,6 @@ def refuse_twice(systems: Sequence[str]) -> None:
     twice = sorted({name for name in systems if systems.count(name) > 1})
     if twice:
         raise GtvalError(f"these systems are given twice: {', '.join(twice)}")
-
-
-def _bad_place(names: Sequence[str], values: Array, covariance: Array) -> tuple[str, str | None]:
-    """The columns of a covariance that is none, and the value where one alone is to blame."""
-    variances = np.diagonal(covariance)
-    if (bad := np.flatnonzero(variances <= 0)).size:
-        # Where row i of the upper triangle begins: its own diagonal element.
-        first = int(bad[0] * (2 * len(variances) - bad[0] + 1) // 2)
-        return names[first], f"{values[first]:g}"
-    if (bad := np.flatnonzero(~np.isfinite(values))).size:
-        return names[int(bad[0])], None
-    return f"{names[0]} to {names[-1]}", None
 
 
 def pose_difference(a: Array, b: Array, components: Sequence[Component] = PLANAR) -> Array:
@@ -328,24 +327,24 @@ def from_csv(
     n, k = len(csv), len(components)
     upper = np.triu_indices(k)
     covariances = np.full((n, k, k), np.nan)
-    for row in range(n):
-        values = np.array([csv.numbers[name][row] for name in names])
-        if np.isnan(values).all():
-            if sigmas is not None:
-                covariances[row] = np.diag(np.square(sigmas))
-            continue
-        covariances[row][upper] = values
-        covariances[row].T[upper] = values
+    values = np.column_stack([csv.numbers[name] for name in names]).reshape(n, len(names))
+    covariances[:, upper[0], upper[1]] = values
+    covariances[:, upper[1], upper[0]] = values
+    blank = np.isnan(values).all(1)
+    if sigmas is not None:
+        covariances[blank] = np.diag(np.square(sigmas))
+    for row in () if all_sound(covariances) else np.flatnonzero(~blank):
         fault = covariance_fault(covariances[row])
-        if fault:
-            csv.problems.append(
-                Problem(
-                    path,
-                    f"the covariance of pose {csv.text['pose'][row]} {fault}",
-                    csv.lines[row],
-                    *_bad_place(names, values, covariances[row]),
-                )
+        if fault is None:
+            continue
+        csv.problems.append(
+            Problem(
+                path,
+                f"the covariance of pose {csv.text['pose'][row]} {fault}",
+                csv.lines[row],
+                *bad_place(names, values[row], covariances[row]),
             )
+        )
     if n == 0:
         csv.problems.append(Problem(path, "the file has a header but no pose", 1))
     csv.raise_problems()

@@ -10,6 +10,7 @@ from validation.campaign.folder import Published
 from validation.campaign.stored import system_of
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array, wrap
+from validation.poses.common_origin import placed_by
 from validation.poses.pose_table import PLANAR, PoseTable
 from validation.poses.trajectory import Trajectory
 from validation.results import Finding, Section, SystemResult, Table
@@ -194,10 +195,11 @@ def _laid_onto(table: PoseTable, validation: PoseTable) -> tuple[PoseTable, Find
         poses[:, 2] = wrap(poses[:, 2] + turn)
     text = (
         f"The frame of '{table.system}' is its own: it was turned by {np.degrees(turn):.3f} "
-        f"degrees and shifted so that its {len(common)} stops fit the survey. Its mean error in x "
-        "and y is therefore zero by construction; a wrong frame cannot be seen."
+        f"degrees and shifted so that its {len(common)} stops fit the survey; a wrong frame "
+        "cannot be seen."
     )
     moved = replace(table, poses=poses, covariances=whole @ table.covariances @ whole.T)
+    moved = placed_by(moved, validation, common, headings=False)
     return moved, Finding("note", text, table.system, "frame_fitted")
 
 

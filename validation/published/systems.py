@@ -6,8 +6,9 @@ from pathlib import Path
 from validation.campaign.folder import Campaign, Published, line_of
 from validation.campaign.stored import components_of, refuse_degrees
 from validation.errors import InputError, Problem
-from validation.poses.pose_table import PoseTable, from_csv
-from validation.results import VALIDATION_SYSTEM, Finding, SystemResult
+from validation.poses.common_origin import placed_by
+from validation.poses.pose_table import PLANAR, PoseTable, from_csv
+from validation.results import VALIDATION_SYSTEM, Finding, SystemResult, listed_ids
 
 
 def published_systems(
@@ -69,9 +70,43 @@ def _published(campaign: Campaign, entry: Published, validation: PoseTable | Non
         said = f"there is no such file for '{entry.system}'; put it there, or correct the key"
         raise InputError([Problem(campaign.toml, said, place, "published.file", entry.file)])
     if entry.stops or entry.format or not entry.judged or is_trajectory(path):
-        return moving_result(campaign.folder, entry, validation)
-    table = published_table(campaign.folder, entry)
+        result = moving_result(campaign.folder, entry, validation)
+        tables = [_placed(campaign, entry, one, validation) for one in result.tables]
+        return replace(result, tables=tables)
+    table = _placed(campaign, entry, published_table(campaign.folder, entry), validation)
     return SystemResult([table], findings=assumed_sigmas(table))
+
+
+def _placed(
+    campaign: Campaign, entry: Published, table: PoseTable, validation: PoseTable | None
+) -> PoseTable:
+    """The table with what its frame, and its mount, took over from surveyed stops, as stated.
+
+    Raises
+    ------
+    InputError
+        Naming the stops that one of both lacks, or why that cannot be.
+    """
+    asked = entry.placed_by
+    if not asked or validation is None or table.follows is not None:
+        return table
+    shared = [name for name in table.ids if name in set(validation.ids)]
+    stops = shared if asked == "all" else asked
+    lost = [name for name in stops if name not in shared]
+    said = ""
+    if lost:
+        said = f"poses of {listed_ids(lost)} are missing in the survey or in {entry.file}"
+    elif table.components not in {PLANAR, PLANAR[:2]} or table.components != validation.components:
+        said = "only poses in the plane, or positions, can be placed by the survey"
+    elif len(stops) < 2 and len(table.components) < 3:
+        said = "positions need two stops"
+    if said or not stops:
+        place = line_of(campaign.toml, ("published", "placed_by"))
+        problem = said or "no stop is in common with the survey"
+        raise InputError(
+            [Problem(campaign.toml, problem, place, "published.placed_by", str(asked))]
+        )
+    return placed_by(table, validation, stops, mount=entry.placed_mount)
 
 
 def published_table(folder: Path, entry: Published) -> PoseTable:

@@ -26,6 +26,13 @@ def evaluation_json(evaluation: Evaluation) -> dict[str, object]:
         "nees_test": comparison.test,
         "missing_in_gt": comparison.missing_in_gt,
         "missing_in_validation": comparison.missing_in_validation,
+        "follows": None
+        if comparison.follows is None
+        else {"stops": comparison.follows.ids, "what": comparison.follows.what},
+        "zero_by_construction": {
+            "stops": comparison.constructed,
+            "means": comparison.constructed_means,
+        },
         "mean_sigmas_stated": dict(zip(names, comparison.mean_sigmas, strict=True)),
         "statistics": {
             one.component.name: {

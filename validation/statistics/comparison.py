@@ -1,11 +1,13 @@
 """Errors of a ground truth: validation poses minus GT poses, stop by stop."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.poses.common_origin import CONSTRUCTED_MEAN, apart, joint_of
+from validation.poses.follows import Follows
 from validation.poses.pose_table import (
     PLANAR,
     SPATIAL,
@@ -19,6 +21,7 @@ from validation.statistics.consistency import (
     ConsistencyTest,
     Interval,
     chi_squared_interval,
+    joint_square,
     nees,
     normalised_errors,
     sum_test,
@@ -32,11 +35,12 @@ class Comparison(Shown):
     Parameters
     ----------
     validation, gt : PoseTable
-        Both at the n stops that they have in common, in the order of the validation.
+        Both at the n stops that they have in common, in the order of the validation, with the
+        covariances of their independent parts (`validation.poses.common_origin.apart`).
     errors : (n, k) array
         Validation minus GT, metres and radians, angles in (-pi, pi], in the GTV frame.
     covariances : (n, k, k) array
-        Both covariances added; NaN where one of them is not stated.
+        Of the errors; NaN where one of both is not stated.
     nees : (n,) array
         Normalised error squared; NaN where not available.
     nees_interval : Interval
@@ -49,6 +53,11 @@ class Comparison(Shown):
         All NEES taken together; None where there is none.
     left_out : tuple of str
         Components that only one of both has: "z of 'survey'".
+    constructed : tuple of str
+        Stops whose error is zero by construction, as the system took its pose over.
+    mean_share : (k,) array
+        Share of its variance that a mean error keeps where the system took its frame over from
+        the validation; NaN where it did not.
     """
 
     validation: PoseTable
@@ -62,6 +71,19 @@ class Comparison(Shown):
     unavailable: str
     test: ConsistencyTest | None
     left_out: tuple[str, ...] = ()
+    constructed: tuple[str, ...] = ()
+    mean_share: Array = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def follows(self) -> Follows | None:
+        """What the system took over from the validation, where that is known."""
+        return self.gt.follows if np.isfinite(self.mean_share).any() else None
+
+    @property
+    def constructed_means(self) -> tuple[str, ...]:
+        """Components whose mean error is zero by construction."""
+        shares = zip(self.components, self.mean_share, strict=False)
+        return tuple(one.name for one, share in shares if share < CONSTRUCTED_MEAN)
 
     @property
     def system(self) -> str:
@@ -101,11 +123,13 @@ class Comparison(Shown):
             return np.full(k, np.nan)
         total = np.zeros(k)
         for table in (self.validation, self.gt):
-            if table.factor is None:
-                total += np.einsum("ikjk->k", _joint(table).reshape(n, k, n, k))
-            else:
-                own, shared = _split(table)
-                total += np.einsum("ikk->k", own) + (shared.reshape(n, k, -1).sum(0) ** 2).sum(1)
+            if table.joint is not None:
+                total += np.einsum("ikjk->k", table.joint.reshape(n, k, n, k))
+                continue
+            total += np.einsum("ikk->k", table.covariances)
+            if table.factor is not None:  # the covariances have its own part already
+                shared = table.factor.reshape(n, k, -1)
+                total += np.square(shared.sum(0)).sum(1) - np.square(shared).sum((0, 2))
         return np.asarray(np.sqrt(total) / n)
 
     def __len__(self) -> int:
@@ -122,7 +146,7 @@ def compare(validation: PoseTable, gt: PoseTable, confidence: float = 0.95) -> C
     gt : PoseTable
         The system under test, in the same frame. Compared is what both have: positions where one
         of them knows no heading; a pose in space beside one in the plane is seen from above. It is
-        taken as independent of the validation: covariances are added.
+        taken as independent of the validation but for what it says to have taken over from it.
     confidence : float
         Of the intervals.
 
@@ -152,10 +176,11 @@ def compare(validation: PoseTable, gt: PoseTable, confidence: float = 0.95) -> C
     validation, gt = validation.only(shared), gt.only(shared)
     ids = in_common([validation, gt])
     both = set(ids)
-    ours, theirs = validation.select(ids), gt.select(ids)
+    ours, theirs, constructed, share, _ = apart(validation, gt)
     errors = pose_difference(ours.poses, theirs.poses, ours.components)
     covariances = ours.covariances + theirs.covariances
     scores = nees(errors, covariances)
+    scores[[ids.index(name) for name in constructed]] = np.nan
     return Comparison(
         validation=ours,
         gt=theirs,
@@ -168,6 +193,8 @@ def compare(validation: PoseTable, gt: PoseTable, confidence: float = 0.95) -> C
         unavailable=_why_unavailable(ours, theirs),
         test=_test(ours, theirs, errors, scores, confidence),
         left_out=left_out,
+        constructed=constructed,
+        mean_share=share,
     )
 
 
@@ -216,20 +243,26 @@ def _test(
     stated = np.flatnonzero(np.isfinite(scores))
     if not stated.size:
         return None
-    k = errors.shape[1]
+    k, n = errors.shape[1], len(stated)
     if not (validation.is_correlated or gt.is_correlated):
-        total, method = float(scores[stated].sum()), "sum of NEES, poses taken as independent"
-    else:
-        ids = [validation.ids[row] for row in stated]
-        try:
-            total = _joint_nees(errors[stated], validation.select(ids), gt.select(ids))
-        except ValueError:
-            raise GtvalError(
-                f"the joint covariance of '{validation.system}' and '{gt.system}' over all poses "
-                "is not positive definite"
-            ) from None
-        method = "joint NEES, with the stated correlations between poses"
-    return sum_test(total, len(stated), k, confidence, method)
+        method = "sum of NEES, poses taken as independent"
+        return sum_test(float(scores[stated].sum()), n, k, confidence, method)
+    ids = [validation.ids[row] for row in stated]
+    ours, theirs = validation.select(ids), gt.select(ids)
+    method = "joint NEES, with the stated correlations between poses"
+    if gt.follows is not None:
+        joint = joint_of(ours) + joint_of(theirs)
+        total, freedom = joint_square(errors[stated].ravel(), joint, every=k)
+        method += f" and with the survey, {n * k - freedom} of {n * k} numbers being fitted"
+        return sum_test(total, n, freedom / n, confidence, method) if freedom else None
+    try:
+        total = _joint_nees(errors[stated], ours, theirs)
+    except ValueError:
+        raise GtvalError(
+            f"the joint covariance of '{validation.system}' and '{gt.system}' over all poses "
+            "is not positive definite"
+        ) from None
+    return sum_test(total, n, k, confidence, method)
 
 
 def _joint_nees(errors: Array, validation: PoseTable, gt: PoseTable) -> float:
@@ -244,7 +277,7 @@ def _joint_nees(errors: Array, validation: PoseTable, gt: PoseTable) -> float:
     if not any(table.factor is not None for table in tables) or any(
         table.joint is not None for table in tables
     ):
-        return float(nees(errors.ravel(), _joint(validation) + _joint(gt)))
+        return float(nees(errors.ravel(), joint_of(validation) + joint_of(gt)))
     n, k = errors.shape
     parts = [_split(table) for table in tables]
     try:
@@ -265,15 +298,3 @@ def _split(table: PoseTable) -> tuple[Array, Array]:
         return table.covariances, np.zeros((n * k, 0))
     rows = table.factor.reshape(n, k, -1)
     return table.covariances - rows @ np.swapaxes(rows, 1, 2), table.factor
-
-
-def _joint(table: PoseTable) -> Array:
-    """(n k, n k) covariance of all poses together; zero between poses where it is not stated."""
-    whole = table.joint_covariance
-    if whole is not None:
-        return whole
-    n, k = table.poses.shape
-    blocks = np.zeros((n, k, n, k))
-    rows = np.arange(n)
-    blocks[rows, :, rows, :] = table.covariances
-    return blocks.reshape(n * k, n * k)

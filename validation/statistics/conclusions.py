@@ -4,6 +4,7 @@ import numpy as np
 
 from validation.results import Finding, Severity, listed_ids
 from validation.statistics.comparison import Comparison
+from validation.statistics.consistency import ConsistencyTest
 from validation.statistics.error_statistics import (
     ComponentStatistics,
     by_magnitude,
@@ -25,7 +26,9 @@ def conclusions(evaluation: Evaluation) -> list[Finding]:
             for statistics, stated in zip(
                 evaluation.statistics, comparison.mean_sigmas, strict=True
             )
+            if statistics.component.name not in comparison.constructed_means
         ),
+        *_constructed_means(evaluation),
         *_neighbours(evaluation),
         _consistency(comparison),
         _coverage(comparison),
@@ -130,6 +133,33 @@ def _bias(statistics: ComponentStatistics, stated: float, system: str) -> Findin
     return Finding(severity, f"{first} {second}", system, code)
 
 
+def _constructed_means(evaluation: Evaluation) -> list[Finding]:
+    """Means that say nothing, as the survey has placed the frame by the same stops."""
+    comparison = evaluation.comparison
+    names, follows = comparison.constructed_means, comparison.follows
+    if not names or follows is None:
+        return []
+    found = {one.component.name: one for one in evaluation.statistics}
+    said = ", ".join(
+        f"{name} {1e3 * found[name].mean:+.2f} m{found[name].component.unit}" for name in names
+    )
+    text = (
+        f"The mean error is zero by construction in {', '.join(names)} (it is {said}): the "
+        f"{follows.what} of {comparison.system} came from {len(follows.ids)} surveyed stops. It "
+        "says nothing about a bias; stops that took no part would."
+    )
+    return [Finding("note", text, comparison.system, "mean_by_construction")]
+
+
+def measured_nees(test: ConsistencyTest) -> str:
+    """The mean NEES with the interval in which it should fall."""
+    return (
+        f"mean NEES {test.mean:.2f} of {test.poses} poses, expected {test.per_pose:.3g}, "
+        f"{100 * test.confidence:.3g} % interval {test.interval.low:.2f} to "
+        f"{test.interval.high:.2f} ({test.method})"
+    )
+
+
 def _consistency(comparison: Comparison) -> Finding:
     """Whether the errors fit the stated covariances, and in which direction they do not."""
     test = comparison.test
@@ -139,11 +169,7 @@ def _consistency(comparison: Comparison) -> Finding:
             "fit the stated uncertainty cannot be told."
         )
         return Finding("note", text, comparison.system, "nees_unavailable")
-    measured = (
-        f"mean NEES {test.mean:.2f} of {test.poses} poses, expected {test.per_pose}, "
-        f"{100 * test.confidence:.3g} % interval {test.interval.low:.2f} to "
-        f"{test.interval.high:.2f} ({test.method})"
-    )
+    measured = measured_nees(test)
     part = f" Left out: {comparison.unavailable}." if comparison.unavailable else ""
     if test.verdict == "above":
         text = (

@@ -7,6 +7,7 @@ import numpy.typing as npt
 from scipy import special
 
 from validation.poses.angles import Array
+from validation.poses.common_origin import LEAST_SHARE
 
 Verdict = Literal["below", "inside", "above"]
 
@@ -22,14 +23,14 @@ class ConsistencyTest(NamedTuple):
     """A weighted sum of squares against the interval in which it should fall.
 
     ``mean`` is the sum divided by the number of poses and ``interval`` the one for the mean,
-    with ``per_pose`` degrees of freedom each (its expected value). ``method`` says what was
-    summed.
+    with ``per_pose`` degrees of freedom each (its expected value; no whole number where some
+    were spent on a fit). ``method`` says what was summed.
     """
 
     mean: float
     interval: Interval
     poses: int
-    per_pose: int
+    per_pose: float
     p_value: float
     confidence: float
     verdict: Verdict
@@ -78,6 +79,39 @@ def nees(errors: npt.ArrayLike, covariances: npt.ArrayLike) -> Array:
     return np.asarray(np.where(stated, np.square(whitened).sum(-1), np.nan))
 
 
+def joint_square(
+    errors: Array, covariance: Array, slopes: Array | None = None, every: int = 1
+) -> tuple[float, int]:
+    """The normalised square of errors, and over how many directions that are free to err.
+
+    Parameters
+    ----------
+    errors : (m,) array
+        All together.
+    covariance : (m, m) array
+        Of them, of any rank: directions with less than `LEAST_SHARE` of a variance are zero by
+        construction.
+    slopes : (m, p) array, optional
+        Of parameters that were fitted to the errors: what they could take away does not count.
+    every : int
+        Numbers of a pose: errors of one unit come again after so many.
+    """
+    variances = np.diagonal(covariance).reshape(-1, every)
+    # Else a number that is zero by construction would be as large as its rounding.
+    size = np.sqrt(np.maximum(variances, 0.01 * np.median(variances, axis=0))).ravel()
+    values, vectors = np.linalg.eigh(covariance / size[:, None] / size)
+    kept = values > LEAST_SHARE
+    white = (vectors[:, kept] / np.sqrt(values[kept])).T
+    left = white @ (errors / size)
+    freedom = int(kept.sum())
+    if slopes is not None and slopes.shape[1]:
+        basis, sizes, _ = np.linalg.svd(white @ (slopes / size[:, None]), full_matrices=False)
+        basis = basis[:, sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300)]
+        left = left - basis @ (basis.T @ left)
+        freedom -= basis.shape[1]
+    return float(left @ left), max(freedom, 0)
+
+
 def normalised_errors(errors: npt.ArrayLike, covariances: npt.ArrayLike) -> Array:
     """Each component's error in units of its own standard deviation; NaN where not stated.
 
@@ -92,12 +126,12 @@ def normalised_errors(errors: npt.ArrayLike, covariances: npt.ArrayLike) -> Arra
     return np.asarray(np.asarray(errors, dtype=float) / np.sqrt(variances))
 
 
-def chi_squared_interval(dof: int, confidence: float = 0.95, n: int = 1) -> Interval:
+def chi_squared_interval(dof: float, confidence: float = 0.95, n: int = 1) -> Interval:
     """Where the mean of n chi-squared values falls with the given probability.
 
     Parameters
     ----------
-    dof : int
+    dof : float
         Degrees of freedom of each.
     confidence : float
         Probability; the same share is left out at both ends.
@@ -109,7 +143,7 @@ def chi_squared_interval(dof: int, confidence: float = 0.95, n: int = 1) -> Inte
     ValueError
         If dof or n is not positive.
     """
-    if dof < 1 or n < 1:
+    if dof <= 0 or n < 1:
         raise ValueError(f"degrees of freedom and number must be positive, not {dof} and {n}")
     tail = (1 - confidence) / 2
     # chdtri inverts the survival function.
@@ -138,7 +172,9 @@ def verdict(value: float, interval: Interval) -> Verdict:
     return "above" if value > interval.high else "inside"
 
 
-def sum_test(total: float, poses: int, dof: int, confidence: float, method: str) -> ConsistencyTest:
+def sum_test(
+    total: float, poses: int, dof: float, confidence: float, method: str
+) -> ConsistencyTest:
     """The test of a sum of squares that should be chi-squared with ``poses * dof`` degrees.
 
     Parameters
@@ -147,8 +183,8 @@ def sum_test(total: float, poses: int, dof: int, confidence: float, method: str)
         Sum of NEES over the poses, or the joint NEES.
     poses : int
         Number of poses.
-    dof : int
-        Components of each.
+    dof : float
+        Components of each, less what was spent on a fit.
     confidence : float
         Of the interval.
     method : str

@@ -168,8 +168,16 @@ def read_csv(path: Path, columns: Sequence[Column], *, max_bytes: int = MAX_BYTE
     table = CsvTable(path)
     for column in columns:
         table.raw[column.name] = []
-    for line, cells in rows[1:]:
-        _add_row(table, line, cells, header)
+    if all(len(cells) == len(header) for _, cells in rows[1:]):
+        table.lines.extend(line for line, _ in rows[1:])
+        by_name = dict(
+            zip(header, zip(*(cells for _, cells in rows[1:]), strict=True), strict=False)
+        )
+        for name, found in table.raw.items():
+            found.extend(by_name.get(name, [""] * len(table.lines)))
+    else:
+        for line, cells in rows[1:]:
+            _add_row(table, line, cells, header)
     for column in columns:
         _read_column(table, column, units.get(column.name, ""))
     return table
@@ -285,20 +293,42 @@ def _add_row(table: CsvTable, line: int, cells: list[str], header: Sequence[str]
 
 def _read_column(table: CsvTable, column: Column, heading_unit: str) -> None:
     """Fill `text` or `numbers` from the raw cells."""
-    if column.kind != "number":
-        table.text[column.name] = [meant(" ".join(raw.split())) for raw in table.raw[column.name]]
-        for row, raw in enumerate(table.raw[column.name]):
-            bad = _bad_text(raw.strip(), column)
-            if bad is not None:
-                table.flag(row, column.name, bad)
+    cells = table.raw[column.name]
+    if (column.blank or not column.required) and not any(cells):
+        table.text[column.name] = [""] * len(cells)
+        table.numbers[column.name] = [math.nan] * len(cells)
+        table.own_unit[column.name] = [bool(heading_unit)] * len(cells)
+    elif column.kind == "number":
+        _read_numbers(table, column, heading_unit)
+    else:
+        _read_text(table, column)
+
+
+def _read_text(table: CsvTable, column: Column) -> None:
+    """Fill `text` from the raw cells."""
+    cells = table.raw[column.name]
+    table.text[column.name] = [meant(" ".join(raw.split())) for raw in cells]
+    filled = column.blank or not column.required or all(table.text[column.name])
+    if filled and _is_plain("".join(cells)):
         return
+    for row, raw in enumerate(cells):
+        bad = _bad_text(raw.strip(), column)
+        if bad is not None:
+            table.flag(row, column.name, bad)
+
+
+def _read_numbers(table: CsvTable, column: Column, heading_unit: str) -> None:
+    """Fill `numbers` from the raw cells."""
     written_in = heading_unit or column.written_in
     numbers = table.numbers[column.name] = [math.nan] * len(table)
     stated = [bool(heading_unit)] * len(table)
     if column.unit == "m":
         table.own_unit[column.name] = stated
-        if not heading_unit and _is_of_smaller_unit(table, column):
-            return
+    if (good := _all_numbers(table.raw[column.name], column, written_in)) is not None:
+        table.numbers[column.name] = good
+        return
+    if column.unit == "m" and not heading_unit and _is_of_smaller_unit(table, column):
+        return
     for row, raw in enumerate(table.raw[column.name]):
         cell = raw.strip()
         bad = _bad_text(cell, column)
@@ -307,6 +337,23 @@ def _read_column(table: CsvTable, column: Column, heading_unit: str) -> None:
             stated[row] = stated[row] or own
         if bad is not None:
             table.flag(row, column.name, bad)
+
+
+def _all_numbers(cells: Sequence[str], column: Column, written_in: str) -> list[float] | None:
+    """A column of numbers in which nothing is wrong or missing, at once; None for any other."""
+    stripped = [raw.strip() for raw in cells]
+    if column.unit == "m" and written_in != "m":
+        return None
+    if not all(map(_NUMBER.fullmatch, stripped)):
+        return None
+    numbers = [float(cell.replace(",", ".")) for cell in stripped]
+    good = not numbers or (column.low <= min(numbers) and max(numbers) <= column.high)
+    return numbers if good and all(map(math.isfinite, numbers)) else None
+
+
+def _is_plain(text: str) -> bool:
+    """Whether no character of a text can be wrong."""
+    return text.isascii() and not any(one in text for one in "\0\n\r")
 
 
 def _is_of_smaller_unit(table: CsvTable, column: Column) -> bool:

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from laser_rooms import of_motions
+from scipy import stats
 
 from laser_gt.placing.graph import Edge, Graph, predicted, solve_graph
 from laser_gt.placing.mounts import linear_hand_eye, mount_of
@@ -8,6 +9,9 @@ from laser_gt.placing.placement import place
 from laser_gt.scans.planar import between, compose, inverse
 from validation.errors import GtvalError
 from validation.poses.angles import wrap
+from validation.poses.follows import Follows
+from validation.poses.pose_table import PoseTable
+from validation.statistics.comparison import compare
 
 MOUNT = np.array([0.178, 0.1915, np.pi / 2])
 NOISE = np.diag([1e-3, 1e-3, 3e-4]) ** 2
@@ -87,7 +91,15 @@ SURVEY_SIGMAS = np.array([0.002, 0.002, 0.002])
 
 
 def _placed(seed, mount_error):
-    """Errors of placed poses, their joint covariance, and their mean distance from the survey."""
+    """Errors of placed poses, their joint covariance, and their distances from the survey."""
+    poses, surveyed, found = _solved(seed, mount_error)[:3]
+    error, apart = found.poses - poses, surveyed - found.poses
+    error[:, 2], apart[:, 2] = wrap(error[:, 2]), wrap(apart[:, 2])
+    return error, found.joint, apart
+
+
+def _solved(seed, mount_error, anchors=26, common=0.0):
+    """True poses, surveyed ones with their joint covariance, and where the laser was placed."""
     rng = np.random.default_rng(seed)
     poses = _tour(rng, 26)
     robot = between(poses[0], poses)
@@ -102,10 +114,12 @@ def _placed(seed, mount_error):
     )
     surveyed = poses + rng.normal(0, SURVEY_SIGMAS, poses.shape)
     covariance = np.kron(np.eye(len(poses)), np.diag(SURVEY_SIGMAS**2))
-    found = place(solve_graph(graph), list(range(len(poses))), surveyed, covariance)
-    error, apart = found.poses - poses, surveyed - found.poses
-    error[:, 2], apart[:, 2] = wrap(error[:, 2]), wrap(apart[:, 2])
-    return error, found.joint, apart
+    shared = np.tile([common, common, 0.0], len(poses))
+    surveyed += rng.normal() * shared.reshape(-1, 3)
+    covariance += np.outer(shared, shared)
+    known = covariance[: 3 * anchors, : 3 * anchors]
+    found = place(solve_graph(graph), list(range(anchors)), surveyed[:anchors], known)
+    return poses, surveyed, found, covariance
 
 
 def test_all_surveyed_headings_together_show_an_error_of_the_mount_within_its_sigmas():
@@ -136,3 +150,31 @@ def test_a_mount_that_the_stops_leave_open_is_not_determined():
     loose = np.kron(np.eye(2), np.diag([0.05, 0.05, 0.05]) ** 2)
     with pytest.raises(GtvalError, match="not determined by these stops"):
         mount_of(poses, loose, edges, MOUNT)
+
+
+@pytest.mark.parametrize("anchors", [26, 8, 1])
+def test_differences_from_the_survey_that_placed_the_laser_are_as_large_as_stated(anchors):
+    total, freedom, levels = 0.0, 0, []
+    for seed in range(24):
+        mount_error = np.random.default_rng(2000 + seed).normal(0, MOUNT_SIGMAS)
+        _, surveyed, found, covariance = _solved(seed, mount_error, anchors, common=0.003)
+        ids = tuple(map(str, range(26)))
+        tables = [
+            PoseTable(
+                name, ids, poses, joint.reshape(26, 3, 26, 3)[range(26), :, range(26)],
+                joint=joint, follows=follows,
+            )
+            for name, poses, joint, follows in (
+                ("survey", surveyed, covariance, None),
+                ("laser", found.poses, found.joint,
+                 Follows("survey", ids[:anchors], found.by, found.of)),
+            )
+        ]  # fmt: skip
+        test = compare(*tables).test
+        total += test.mean * test.poses
+        freedom += round(test.per_pose * test.poses)
+        levels.append(test.p_value)
+    low, high = stats.chi2.ppf([0.0005, 0.9995], freedom)
+    assert low < total < high
+    # Of 24 right ones, 99.9 % have at most 6 outside their 95 % interval.
+    assert sum(level < 0.05 for level in levels) <= 6

@@ -9,7 +9,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 
 from validation.poses.pose_table import PoseTable
-from validation.report.latex import CHARACTER, PAGE, latex_table
+from validation.report.latex import PAGE, latex_table
 from validation.report.markdown import escaped
 from validation.report.summary.first_page import first_lines, three_sentences, verdict
 from validation.report.summary.to_do import sentences, to_do
@@ -122,7 +122,6 @@ def test_a_wide_long_table_gets_columns_that_share_the_line():
     tex = latex_table(table)
     assert width(tex) <= PAGE
     assert overfull(tex) == []
-    assert set(CHARACTER) >= {r"\footnotesize"}
 
 
 def test_on_paper_what_is_closed_says_where_it_is(ad23_run):

@@ -245,7 +245,10 @@ def test_a_table_in_latex():
         r"{[8]} & 1.00 & 2.0 \\",
         r"{*9*} & -- & 3.0 \\",
         r"\bottomrule",
-        r"\multicolumn{3}{p{0.9\linewidth}}{\footnotesize n \textless{} 3 \textasciitilde{} 5} \\",
+        (
+            r"\multicolumn{3}{>{\raggedright\arraybackslash}p{0.9\linewidth}}"
+            r"{\footnotesize n \textless{} 3 \textasciitilde{} 5} \\"
+        ),
         r"\end{longtable}",
     ]
 

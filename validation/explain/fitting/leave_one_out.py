@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from validation.explain.fitting.fit import SMALLEST_SCALE, Fit, covariance_of, known_part
-from validation.explain.fitting.noise import precision, weigh
+from validation.explain.fitting.noise import Precision, precision, weigh
 from validation.poses.angles import Array
 
 ALONE = 1e-10
@@ -66,7 +66,8 @@ def leave_one_out(fit: Fit) -> LeaveOneOut:
     residuals, noise = fit.residuals[0], fit.covariances[0]
     slopes = fit.corrected.by_parameters
     slopes = np.broadcast_to(slopes, (1, *residuals.shape, fit.parameters.shape[1]))[0]
-    used = _weights_matrix(fit)
+    known = precision(noise)
+    used = weigh(residuals, known).precision  # with which each pose entered the fit
     weighted = np.einsum("nij,njk->nik", used, slopes)
     whole = fit.information[0]
     information = whole - np.einsum("nik,nil->nkl", slopes, weighted)
@@ -78,23 +79,17 @@ def leave_one_out(fit: Fit) -> LeaveOneOut:
     step = np.einsum("nkl,nil,ni->nk", finite, weighted, residuals)
     predicted = residuals + np.einsum("nik,nk->ni", slopes, step)
     spread = np.einsum("nik,nkl,njl->nij", slopes, finite, slopes)
-    others = noise * _scale_without(fit)
+    others = noise * _scale_without(fit, known)
     total = others + spread
     found = weigh(predicted, precision(total))
     return LeaveOneOut(predicted, total, found.log_density)
 
 
-def _weights_matrix(fit: Fit) -> Array:
-    """(n, 3, 3) precision with which each pose entered the fit."""
-    return weigh(fit.residuals[0], precision(fit.covariances[0])).precision
-
-
-def _scale_without(fit: Fit) -> Array:
+def _scale_without(fit: Fit, known: Precision) -> Array:
     """(n, 3, 3) factors on the noise: without the pose itself, and for the parameters fitted."""
     n = len(fit.residuals[0])
     if not fit.estimated:
         return np.ones((n, 3, 3))
-    known = precision(fit.covariances[0])
     residuals = fit.residuals[0]
     position = residuals[:, :2]
     own = np.stack(

@@ -10,6 +10,8 @@ from validation.errors import GtvalError
 from validation.explain.fitting.angle_unit import angle_unit_doubt
 from validation.explain.fitting.conventions import NONE, Convention, convention_of
 from validation.poses.angles import Array
+from validation.poses.common_origin import apart, own_part
+from validation.poses.follows import Follows
 from validation.poses.pose_table import PLANAR, PoseTable, in_common, pose_difference
 
 CONSTRUCTED = np.array([2e-4, 2e-4, 2e-4])
@@ -53,6 +55,8 @@ class Pairs:
         How the GT table was read; its poses here are in the convention of the validation.
     steps : (n,) array, optional
         Where the poses are along their time, or their order in the validation, in steps.
+    follows : Follows, optional
+        What the system took over from the validation: covariances allow for it.
     """
 
     system: str
@@ -71,6 +75,7 @@ class Pairs:
     unit_doubt: str = ""
     convention: Convention = NONE
     steps: Array | None = None
+    follows: Follows | None = None
 
     @property
     def order(self) -> Array:
@@ -136,7 +141,9 @@ def make_pairs(
                 f"'{table.system}': only planar poses (x, y, theta) can be explained so far"
             )
     ids = in_common([validation, gt])
-    ours, theirs = validation.select(ids), gt.select(ids)
+    ours, theirs, copied, *_ = apart(validation, gt)
+    if reference:  # what it took over is a parameter of its own: the slip
+        ours, theirs, copied = validation.select(ids), own_part(validation, gt).select(ids), ()
     stated = bool(ours.has_covariance.all() and theirs.has_covariance.all())
     unit_doubt = angle_unit_doubt(ours, theirs)
     steps = _steps(ids, validation, times)
@@ -157,8 +164,20 @@ def make_pairs(
         unit_doubt=unit_doubt,
         convention=convention,
         steps=steps,
+        follows=gt.follows if gt.follows and gt.follows.system == validation.system else None,
     )
+    if copied:
+        kept = [name not in copied for name in ids]
+        pairs = replace(pairs.select(kept), constructed=copied)
     return _with_reference(pairs, validation, reference) if reference else pairs
+
+
+def own_reference(validation: PoseTable, gt: PoseTable) -> str:
+    """The one stop of the validation that placed a system, as its table says; else empty."""
+    follows = gt.follows
+    if follows is None or follows.system != validation.system or len(follows.ids) != 1:
+        return ""
+    return follows.ids[0] if follows.ids[0] in validation.ids else ""
 
 
 def _with_reference(pairs: Pairs, validation: PoseTable, reference: str) -> Pairs:

@@ -13,6 +13,7 @@ from validation.explain.fitting.pairs import Pairs
 from validation.explain.fitting.serial import Serial, serial
 from validation.explain.fitting.shared import shared_covariance
 from validation.poses.angles import Array, wrap
+from validation.statistics.consistency import joint_square
 from validation.statistics.hypotheses import Parameter
 
 _KIND = np.array([0, 0, 1])
@@ -185,11 +186,14 @@ class Settled:
     def misfit(self) -> Array:
         """(2, 3) noise of positions and headings over the stated one, with a 99 % interval.
 
-        NaN where the noise is not stated or no freedom is left.
+        NaN where the noise is not stated or no freedom is left. Where poses share errors, by all
+        of a kind together, what could be fitted left out.
         """
         result = np.full((2, 3), np.nan)
         if self.fit.estimated:
             return result
+        if self.pairs.between is not None:
+            return self._joint_misfit(self.pairs.between)
         residuals, known = self.fit.residuals[0], precision(self.fit.covariances[0])
         position = residuals[:, :2]
         squares = np.stack(
@@ -204,6 +208,25 @@ class Settled:
             if dof >= 1:
                 bounds = special.chdtri(dof, np.array([0.005, 0.995]))
                 result[kind] = np.sqrt(total / np.array([dof, *bounds]))
+        return result
+
+    def _joint_misfit(self, between: Array) -> Array:
+        """The misfit with the stated covariance of all poses together."""
+        n, k = len(self.cells), self._k
+        whole = np.array(between)
+        whole[np.arange(n), :, np.arange(n)] += self.fit.covariances[0]
+        slopes = np.broadcast_to(self.fit.corrected.by_parameters, (1, n, 3, k))[0]
+        slopes = slopes.reshape(3 * n, k)
+        residuals, joint = self.fit.residuals[0].ravel(), whole.reshape(3 * n, 3 * n)
+        result = np.full((2, 3), np.nan)
+        for kind in range(2):
+            rows = np.flatnonzero((self.cells[:, _KIND] & (kind == _KIND)).ravel())
+            if not rows.size:
+                continue
+            total, freedom = joint_square(residuals[rows], joint[np.ix_(rows, rows)], slopes[rows])
+            if freedom:
+                bounds = special.chdtri(freedom, np.array([0.005, 0.995]))
+                result[kind] = np.sqrt(total / np.array([freedom, *bounds]))
         return result
 
     @property

@@ -6,6 +6,8 @@ from itertools import combinations
 
 import numpy as np
 
+from validation.explain.fitting.noise import MEDIANS
+from validation.explain.fitting.pairs import Pairs
 from validation.poses.angles import Array, wrap
 
 ALIKE = 0.2
@@ -14,6 +16,9 @@ source are implausibly small. A judgement: two independent sources that differ s
 seven times better than every other one."""
 EXACT = 0.02
 """The same where positions or headings alone are as alike."""
+PLAUSIBLE = 0.4
+"""Differences above this part of what both sources state are no sign of a copy, however much better
+both are than the rest. A judgement: stated deviations are seldom too large by 2.5."""
 FEWEST = 6
 """Stops in common from which on tables are compared after a frame and a mount are taken out, which
 take six of their eighteen numbers."""
@@ -39,7 +44,10 @@ class Copies:
 
 
 def find_copies(
-    names: Sequence[str], poses: Array, independent: Sequence[Sequence[str]] = ()
+    names: Sequence[str],
+    poses: Array,
+    independent: Sequence[Sequence[str]] = (),
+    pairs: Sequence[Pairs] = (),
 ) -> tuple[Copies, ...]:
     """Groups of sources whose differences are implausibly small.
 
@@ -51,6 +59,8 @@ def find_copies(
         Of each at the same stops; NaN where missing.
     independent : sequence of sequence of str
         Sources of which somebody has stated that they are independent.
+    pairs : sequence of Pairs, optional
+        Of the first source with those that follow, for what two should differ by as they state.
     """
     size = len(names)
     if size < 3:
@@ -58,10 +68,12 @@ def find_copies(
     apart = np.full((size, size, 2), np.inf)
     for a, b in combinations(range(size), 2):
         apart[a, b] = apart[b, a] = _apart(poses[a], poses[b])
-    stated = [set(group) for group in independent]
+    apart_by = [set(group) for group in independent]
+    typical = _stated_differences(pairs, size) * np.sqrt(MEDIANS)
+    plausible = (apart > PLAUSIBLE * typical).all(-1)
     joined: list[set[int]] = []
     for a, b in combinations(range(size), 2):
-        if any({names[a], names[b]} <= group for group in stated):
+        if any({names[a], names[b]} <= group for group in apart_by) or plausible[a, b]:
             continue
         if _are_copies(apart, a, b):
             group = {a, b}
@@ -70,6 +82,29 @@ def find_copies(
                 joined.remove(other)
             joined.append(group)
     return tuple(_told(group, names, apart) for group in joined)
+
+
+def _stated_differences(pairs: Sequence[Pairs], size: int) -> Array:
+    """(S, S, 2) what the validation and systems should differ by; NaN where that is not stated.
+
+    The validation is the first source, the systems follow in the order of their pairs.
+    """
+    result = np.full((size, size, 2), np.nan)
+    own = np.full((len(pairs), 2), np.nan)
+    for row, one in enumerate(pairs):
+        if one.stated and len(one):
+            both = _variances(one.validation_covariances + one.gt_covariances)
+            result[0, row + 1] = result[row + 1, 0] = np.sqrt(both)
+            own[row] = _variances(one.gt_covariances)
+    systems = slice(1, len(pairs) + 1)
+    result[systems, systems] = np.sqrt(own[:, None] + own)
+    return result
+
+
+def _variances(covariances: Array) -> Array:
+    """(2,) median variance of a coordinate and of a heading."""
+    diagonal = np.median(np.diagonal(covariances, axis1=-2, axis2=-1), axis=0)
+    return np.array([diagonal[:2].mean(), diagonal[2]])
 
 
 def _are_copies(apart: Array, a: int, b: int) -> bool:

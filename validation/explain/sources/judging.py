@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy import special
 
 from validation.explain.fitting.noise import DIMENSIONS, ROUNDING, Mask, regular
@@ -27,6 +28,8 @@ MARGIN = 6.0
 """Two culprits are told apart if one's removal leaves a chi-squared this much smaller: odds of 20
 to 1, as 2 log 20 = 5.99. The level of one in twenty is that of all intervals."""
 
+Rows = npt.NDArray[np.intp] | slice
+EVERY = slice(None)
 _FEW = 4.0
 """Degrees of freedom of a noise level that the suspect's own other stops do not show. A judgement:
 as little as two stops would show, so that only a gross error is taken for one."""
@@ -107,9 +110,10 @@ class JudgedTable:
         values = differences(sources.poses, sources.poses[:1], kind)
         return np.where(there[..., None], values, 0.0), np.asarray(weights)
 
-    def _gains(self, kind: int, there: Mask) -> _Gains:
-        """What each suspect explains, among the sources (S, n) that are there."""
-        values, weights = self._prepared[kind]
+    def _gains(self, kind: int, there: Mask, stops: Rows = EVERY) -> _Gains:
+        """What each suspect explains, among the sources (S, n) that are there, at some stops."""
+        values, weights = (one[:, stops] for one in self._prepared[kind])
+        there = there[:, stops]
         weights = weights * there[..., None, None]
         pulls = np.einsum("snij,snj->sni", weights, values)
         own = np.einsum("gs,snij->gnij", self._member, weights)
@@ -208,10 +212,10 @@ class JudgedTable:
             return one.table_p_value
         return min(max(float((own[asked] / share[asked]).min()), one.table_p_value), 1.0)
 
-    def _tails(self, kind: int, gain: Array) -> Array:
-        """(G, n) chance of the gains by noise alone."""
+    def _tails(self, kind: int, gain: Array, stops: Rows = EVERY) -> Array:
+        """(G, n) chance of the gains at some stops by noise alone."""
         d = float(DIMENSIONS[kind])
-        scaled, dof = gain / self._factor[..., kind], self._dof[..., kind]
+        scaled, dof = gain / self._factor[:, stops, kind], self._dof[:, stops, kind]
         exact = np.isinf(dof)
         tail = special.fdtrc(d, np.where(exact, 1.0, dof), scaled / d)
         return np.asarray(np.where(exact, special.chdtrc(d, scaled), tail))
@@ -245,11 +249,15 @@ class JudgedTable:
         for kind in range(2):
             open_stops = np.ones(shape[1], dtype=bool)
             while open_stops.any():
-                gains = self._gains(kind, there[..., kind])
-                tails = np.where(gains.valid, self._tails(kind, gains.gain), 1.0)
-                open_stops &= (tails < level[..., kind]).any(0)
-                for stop in np.flatnonzero(open_stops):
-                    one, members = self._judge(int(stop), kind, there[..., kind], gains, tails)
+                stops = np.flatnonzero(open_stops)
+                gains = self._gains(kind, there[..., kind], stops)
+                tails = np.where(gains.valid, self._tails(kind, gains.gain, stops), 1.0)
+                open_stops[stops] = (tails < level[:, stops, kind]).any(0)
+                for row in np.flatnonzero(open_stops[stops]):
+                    stop = stops[row]
+                    at = _Gains(gains.gain[:, row], gains.valid[:, row], gains.size[:, row])
+                    asked = there[..., kind]
+                    one, members = self._judge(int(stop), kind, asked, at, tails[:, row])
                     found.append((int(stop), kind, one))
                     mark = doubtful if one.certainty == "undecided" else bad
                     mark[list(members), stop, kind] = True
@@ -262,8 +270,8 @@ class JudgedTable:
         self, stop: int, kind: int, there: Mask, gains: _Gains, tails: Array
     ) -> tuple[Verdict, tuple[int, ...]]:
         """The verdict on a cell that does not fit, and the sources that it falls on."""
-        asked = np.flatnonzero(gains.valid[:, stop])
-        gain, present = gains.gain[:, stop], np.flatnonzero(there[:, stop])
+        asked = np.flatnonzero(gains.valid)
+        gain, present = gains.gain, np.flatnonzero(there[:, stop])
         best = int(asked[np.argmax(gain[asked])])
         close = [int(g) for g in asked if gain[g] > gain[best] - MARGIN]
         if len(close) == 1:
@@ -273,7 +281,7 @@ class JudgedTable:
             culprits, certainty, about = tuple(sorted(several)), "undecided", best
         names = self.sources.names
         share = self.share[:, stop, kind]
-        whole = np.where(share > 0, tails[:, stop] / np.where(share > 0, share, 1.0), 1.0)
+        whole = np.where(share > 0, tails / np.where(share > 0, share, 1.0), 1.0)
         first = int(asked[np.argmin(whole[asked])])
         culprits = tuple(s for s in culprits if s in present)
         blamed = tuple(names[s] for s in culprits)
@@ -283,7 +291,7 @@ class JudgedTable:
             cell=CELLS[kind],
             blamed=blamed,
             certainty=certainty,  # type: ignore[arg-type]
-            p_value=float(tails[first, stop]),
+            p_value=float(tails[first]),
             table_p_value=min(float(whole[first]), 1.0),
             size=self._distance(stop, kind, there, about),
             witnesses=witnesses,

@@ -103,17 +103,17 @@ def revisits(
 
 def _close_pairs(positions: Array, radius: float) -> list[tuple[int, int]]:
     """Pairs of rows closer than the radius, the closest first, no row twice."""
-    distance = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
-    first, second = np.triu_indices(len(positions), 1)
-    order = np.argsort(distance[first, second], kind="stable")
-    used: set[int] = set()
+    from scipy.spatial import cKDTree  # noqa: PLC0415  (slow to import, and used for reports only)
+
+    close = np.sort(cKDTree(positions).query_pairs(radius, output_type="ndarray"), axis=1)
+    distance = np.linalg.norm(positions[close[:, 0]] - positions[close[:, 1]], axis=-1)
+    used = np.zeros(len(positions), dtype=bool)
     pairs = []
-    for a, b in zip(first[order], second[order], strict=True):
-        if distance[a, b] > radius:
-            break
-        if a not in used and b not in used:
-            used |= {int(a), int(b)}
-            pairs.append((int(a), int(b)))
+    # Among equal distances the order of the stops decides.
+    for a, b in close[np.lexsort((close[:, 1], close[:, 0], distance))].tolist():
+        if not (used[a] or used[b]):
+            used[[a, b]] = True
+            pairs.append((a, b))
     return pairs
 
 

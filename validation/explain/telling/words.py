@@ -14,6 +14,7 @@ from validation.explain.telling.reference_words import (
     reference_findings,
     slip_findings,
 )
+from validation.explain.telling.sizes import left_findings
 from validation.explain.telling.verdict_words import arbitration_findings
 from validation.poses.angles import Array
 from validation.results import Finding
@@ -81,6 +82,7 @@ def _cause(
             f"No systematic error is shown. Of the causes tried, {best.model.words} fits best, but "
             f"errors without a cause fit as well with the chance p = {p:.2g}, and a cause is "
             f"claimed only below {selection.threshold:.2g}.{_hidden(selection)}"
+            f"{_cannot_show(selection)}"
         )
         return Finding("good", text, one.system, "no_systematic_error")
     values = [p for p in settled.parameters(confidence) if p.name in model.parameters]
@@ -127,14 +129,26 @@ def _or(selection: Selection) -> str:
 def _hidden(selection: Selection) -> str:
     """How large a frame or mount error would have to be to be claimed in 95 % of campaigns."""
     said = []
+    follows = None if selection.pairs.reference else selection.pairs.follows
     for name in ("frame", "mount"):
         one = selection.candidate(name)
+        if follows is not None and name in follows.what:
+            continue
         if one.observability.complete:
             shift, turn = smallest_shown(one.fit, selection.threshold)
             said.append(f"of the {name} from {1000 * shift:.1f} mm or {1000 * turn:.1f} mrad on")
     if not said:
         return ""
     return f" With these poses only errors {' and '.join(said)} are found reliably."
+
+
+def _cannot_show(selection: Selection) -> str:
+    """What the survey itself took out of the errors."""
+    follows = selection.pairs.follows
+    if follows is None or selection.pairs.reference:
+        return ""
+    stops = f"{len(follows.ids)} surveyed stop{'s' if len(follows.ids) > 1 else ''}"
+    return f" Its {follows.what} came from {stops}, so that it cannot show whether it is wrong."
 
 
 def _named(one: SystemExplanation, model: ErrorModel) -> str:
@@ -292,7 +306,14 @@ def measure(one: SystemExplanation, settled: Settled) -> str:
             "the error must vanish at the heading of the reference pose and be largest, "
             f"{2 * float(np.hypot(values['mount_x'], values['mount_y'])):.3f} m, opposite to it"
         )
-    if {"frame", "shift"} & set(parts) and not through:
+    assert one.selection is not None
+    placed = one.selection.pairs.follows
+    if {"frame", "shift"} & set(parts) and not through and placed is not None:
+        advice.append(
+            f"the frame came from {len(placed.ids)} surveyed stops: place it again without those "
+            "that are flagged"
+        )
+    elif {"frame", "shift"} & set(parts) and not through:
         advice.append(
             "let the system locate the marks of the Vframe itself; they must be off by this much"
         )
@@ -383,34 +404,9 @@ def _noise(selection: Selection, settled: Settled) -> list[Finding]:
     )
     if selection.pairs.stated:
         found = [Finding("note", told, selection.pairs.system, "left")]
-        return found + _misfit(settled)
+        return found + left_findings(settled)
     text = (
         "No covariances are stated on both sides, so the noise level is estimated from the errors "
         f"themselves, one for positions and one for headings. {told}"
     )
     return [Finding("note", text, selection.pairs.system, "noise_estimated")]
-
-
-def _misfit(settled: Settled) -> list[Finding]:
-    """Whether what is left agrees with the stated covariances."""
-    told = []
-    for name, (factor, low, high) in zip(("positions", "headings"), settled.misfit, strict=True):
-        if low > 1:
-            text = (
-                f"What remains of the {name} is {factor:.2g} times as large as the stated "
-                f"covariances say (99 % interval {low:.2g} to {high:.2g}). Either they are too "
-                "small, or poses share errors (of cameras, of a frame), or the errors have a cause "
-                "that is not among the explanations. Intervals are too narrow by this factor, and "
-                "p-values too small. Leave the covariances out of the tables, and the noise is "
-                "estimated instead."
-            )
-            told.append(Finding("warning", text, settled.pairs.system, "covariance_too_small"))
-        elif high < 1:
-            text = (
-                f"What remains of the {name} is only {factor:.2g} times as large as the stated "
-                f"covariances say (99 % interval {low:.2g} to {high:.2g}): they are too large, or "
-                "poses and survey share errors that cancel in the differences (as with a frame "
-                "that is placed by all surveyed stops). Small causes of error stay hidden."
-            )
-            told.append(Finding("note", text, settled.pairs.system, "covariance_too_large"))
-    return told

@@ -185,10 +185,11 @@ def _best(lines: Sequence[Line]) -> str:
     }  # fmt: skip
     others = [one.evaluation.system for one in ranked[1:]]
     shown = [name for name in others if {(best.system, name), (name, best.system)} & beaten]
-    if len(shown) == len(others):
-        return f"{text}; that it errs less is shown."
     rest = ", ".join(name for name in others if name not in shown)
-    return f"{text}; that it errs less than {rest} is not shown."
+    than = f"less than {rest} is not" if rest else "less is"
+    own = ranked[0].evaluation.comparison.follows
+    placed = f"; the survey placed its {own.what}, which helps it here" if own is not None else ""
+    return f"{text}; that it errs {than} shown{placed}."
 
 
 def _enough(lines: Sequence[Line]) -> str:
@@ -272,6 +273,7 @@ def errors_table(lines: Sequence[Line]) -> Table:
         for line in lines
         if any(one.method == "dependent" for one in line.evaluation.statistics)
     ]
+    placed = placed_words(lines)
     wider = f"; wider where neighbours depend on each other ({', '.join(dependent)})"
     unit = first.component.unit
     return Table(
@@ -283,8 +285,21 @@ def errors_table(lines: Sequence[Line]) -> Table:
         rows,
         ["", "d", ".1f", ".1f", *[""] * len(components)],
         f"Validation minus GT. Mean ± half of its {100 * first.confidence:.3g} % interval: "
-        f"Student's t, for independent, nearly Gaussian errors{wider if dependent else ''}.",
+        f"Student's t, for independent, nearly Gaussian errors{wider if dependent else ''}."
+        f"{placed}",
     )
+
+
+def placed_words(lines: Sequence[Line]) -> str:
+    """Which means are zero by construction; empty if none is."""
+    said = [
+        f"{line.evaluation.system} ({', '.join(line.evaluation.comparison.constructed_means)})"
+        for line in lines
+        if line.evaluation.comparison.constructed_means
+    ]
+    if not said:
+        return ""
+    return f" Zero by construction, as the survey placed the frame: means of {', '.join(said)}."
 
 
 def _mean(mean: float, low: float, high: float) -> str:

@@ -1,0 +1,140 @@
+"""Whether errors are as large as stated: one place for all that a report says of it."""
+
+from collections.abc import Sequence
+
+from validation.explain.analysis import Explanation, SystemExplanation
+from validation.explain.fitting.settled import Settled
+from validation.results import Finding, Severity
+from validation.statistics.conclusions import measured_nees
+from validation.statistics.evaluation import Evaluation
+
+KINDS = ("positions", "headings")
+OF_SIZES = frozenset({
+    "nees_above", "nees_inside", "nees_below", "covariance_too_small", "covariance_too_large",
+})  # fmt: skip
+"""Codes of findings on the size of errors: where errors are explained too, one stands for all."""
+
+
+def left_findings(settled: Settled) -> list[Finding]:
+    """Whether what is left agrees with the stated covariances, where nothing else says so."""
+    told, system = [], settled.pairs.system
+    for name, (factor, low, high) in zip(KINDS, settled.misfit, strict=True):
+        if low > 1:
+            text = (
+                f"What remains of the {name} is {factor:.2g} times as large as the stated "
+                f"covariances say (99 % interval {low:.2g} to {high:.2g}). Either they are too "
+                "small, or poses share errors (of cameras, of a frame), or the errors have a cause "
+                "that is not among the explanations. Intervals are too narrow by this factor, and "
+                "p-values too small. Leave the covariances out of the tables, and the noise is "
+                "estimated instead."
+            )
+            told.append(Finding("warning", text, system, "covariance_too_small"))
+        elif high < 1:
+            text = (
+                f"What remains of the {name} is only {factor:.2g} times as large as the stated "
+                f"covariances say (99 % interval {low:.2g} to {high:.2g}): they are too large"
+                f"{_or_shared(settled)}. Small causes of error stay hidden."
+            )
+            told.append(Finding("note", text, system, "covariance_too_large"))
+    return told
+
+
+def _or_shared(settled: Settled) -> str:
+    """Why else errors may be small: not where that is known and counted."""
+    if settled.pairs.follows is not None:
+        return " (what the survey placed is counted)"
+    return (
+        ", or poses and survey share errors that cancel in the differences (as with a frame that "
+        "is placed by surveyed stops: state placed_by)"
+    )
+
+
+def told_once(
+    findings: Sequence[Finding], evaluations: Sequence[Evaluation], explanation: Explanation | None
+) -> list[Finding]:
+    """The findings, with one on the size of each system's errors where there were several.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+        Of the comparison and of the explanation.
+    evaluations : sequence of Evaluation
+        The comparisons.
+    explanation : Explanation, optional
+        For what is left.
+    """
+    told = {one.system: one for one in explanation.systems} if explanation is not None else {}
+    made = {
+        one.system: size_finding(one, told[one.system]) for one in evaluations if one.system in told
+    }
+    result: list[Finding] = []
+    done = set()
+    for one in findings:
+        ours = made.get(one.subject) if one.code in OF_SIZES else None
+        if ours is None:
+            result.append(one)
+        elif one.subject not in done:
+            result.append(ours)
+            done.add(one.subject)
+    return result
+
+
+def size_finding(evaluation: Evaluation, one: SystemExplanation) -> Finding | None:
+    """How large errors are against what is stated, as they came and as far as they are explained.
+
+    None where nothing is stated or explained.
+    """
+    test, settled = evaluation.comparison.test, one.settled
+    if test is None or settled is None:
+        return None
+    known = [(name, *row) for name, row in zip(KINDS, settled.misfit.tolist(), strict=True)]
+    known = [row for row in known if row[1] == row[1]]
+    if not known:
+        return None
+    larger = any(low > 1 for _, _, low, _ in known)
+    smaller = not larger and any(high < 1 for *_, high in known)
+    out = _taken_out(settled)
+    left = " and ".join(
+        f"{factor:.2g} times in the {name} (99 % interval {low:.2g} to {high:.2g})"
+        for name, factor, low, high in known
+    )
+    came = {
+        "above": "larger than the stated covariances allow",
+        "inside": "as large as the stated covariances say",
+        "below": "smaller than the stated covariances say",
+    }[test.verdict]
+    first = f"The errors are {came}: {measured_nees(test)}."
+    then = f"{out or 'By kind'}, they are {left} as large as stated."
+    end = _conclusion(test.verdict, larger=larger, smaller=smaller, out=out, settled=settled)
+    text = " ".join(part for part in (first, then, end) if part)
+    severity: Severity = "warning" if larger or test.verdict == "above" else "good"
+    if severity == "good" and (smaller or test.verdict == "below"):
+        severity = "note"
+    return Finding(severity, text, one.system, f"nees_{test.verdict}")
+
+
+def _taken_out(settled: Settled) -> str:
+    """'Without a wrong mount and 2 cells that do not fit'; empty if nothing is taken out."""
+    model, cells = settled.fit.model, settled.cells
+    flagged = int((~cells).sum())
+    parts = [model.words] if model.parts else []
+    parts += [f"{flagged} {'cell' if flagged == 1 else 'cells'} in doubt"] if flagged else []
+    return f"Without {' and '.join(parts)}" if parts else ""
+
+
+def _conclusion(came: str, *, larger: bool, smaller: bool, out: str, settled: Settled) -> str:
+    """What follows from both."""
+    if larger:
+        return (
+            "The stated covariances are too small, or poses share errors, or there is a cause that "
+            "was not found; intervals are too narrow by this factor. Leave the covariances out of "
+            "the tables, and the noise is estimated instead."
+        )
+    end = ""
+    if came == "above" and out:
+        end = "What was taken out accounts for the excess."
+    elif came == "above":
+        end = "The covariances are too small, or there is a systematic error."
+    if smaller:
+        end += f" The stated covariances are too large{_or_shared(settled)}."
+    return end.strip()
