@@ -32,9 +32,9 @@ def all_sound(covariances: Array) -> bool:
     if not (np.isfinite(stated).all() and (variance > 0).all()):
         return False
     scale = np.sqrt(variance)
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         correlation = stated / scale[:, :, None] / scale[:, None, :]
-    asymmetry = np.abs(correlation - np.swapaxes(correlation, 1, 2)).max(initial=0.0)
+        asymmetry = np.abs(correlation - np.swapaxes(correlation, 1, 2)).max(initial=0.0)
     if not (asymmetry <= 1e-6 and np.abs(correlation).max(initial=0.0) <= 1 + 1e-6):
         return False
     return bool((np.linalg.eigvalsh(correlation) > 1e-12).all())
