@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
-from vision_gt.images.sampling import sampled
+from vision_gt.images.edge_samples import sampled
 from vision_gt.patterns.dictionaries import Family
 
 Image = npt.NDArray[np.uint8]
