@@ -35,6 +35,13 @@ if TYPE_CHECKING:
     help="Systems that use the same sensor.",
 )
 @click.option(
+    "--independent",
+    "independent",
+    multiple=True,
+    metavar="SYSTEM,SYSTEM",
+    help="Tables that look like copies of one another, and are none.",
+)
+@click.option(
     "--witness",
     "witnesses",
     multiple=True,
@@ -51,6 +58,7 @@ def explain(
     gt: tuple[Path, ...],
     references: tuple[str, ...],
     sensors: tuple[str, ...],
+    independent: tuple[str, ...],
     witnesses: tuple[Path, ...],
     output: Path | None,
     figures: bool,
@@ -74,7 +82,7 @@ def explain(
     from validation.commands.output import end_of_command
 
     if gt and (moves(validation) or _without_plane(validation, gt)):
-        if references or sensors or witnesses or figures or output:
+        if references or sensors or independent or witnesses or figures or output:
             raise click.UsageError(
                 "trajectories, poses in space and positions take no options but --json, --all and "
                 "--strict"
@@ -85,15 +93,17 @@ def explain(
     folder, campaign = output, None
     with progress_bar("explaining") as progress:
         if validation.is_dir() or validation.name == "campaign.toml":
-            if gt or references or sensors or witnesses:
+            if gt or references or sensors or independent or witnesses:
                 raise click.UsageError(
-                    "with a campaign folder, references, sensors and witnesses are stated in the "
-                    "table [explain] of its campaign.toml"
+                    "with a campaign folder, references, sensors, independent tables and witnesses "
+                    "are stated in the table [explain] of its campaign.toml"
                 )
             campaign, explanation, found, sections = _of_campaign(validation, progress)
             folder = output or campaign.results
         elif gt:
-            explanation, found, sections = _of_files(validation, gt, references, sensors, witnesses)
+            explanation, found, sections = _of_files(
+                validation, gt, references, sensors, independent, witnesses
+            )
         else:
             raise click.UsageError(
                 "give at least one GT table to explain with the validation table"
@@ -182,6 +192,7 @@ def _of_files(
     gt: tuple[Path, ...],
     references: tuple[str, ...],
     sensors: tuple[str, ...],
+    independent: tuple[str, ...],
     witnesses: tuple[Path, ...],
 ) -> "tuple[Explanation, Sequence[Finding], Sequence[Section]]":
     """The explanation of single tables."""
@@ -199,11 +210,17 @@ def _of_files(
     moving = [at_stops(path, truth) for path in gt if moves(path)]
     systems += [table for one in moving for table in one.tables]
     groups = {name: tuple(value.split(",")) for name, value in _assignments(sensors)}
+    stated = tuple(tuple(name.strip() for name in row.split(",")) for row in independent)
+    there = [truth.system, *(one.system for one in systems)]
+    if unknown := [name for row in stated for name in row if name not in there]:
+        said = f"{', '.join(unknown)} is not there; there are {', '.join(there)}"
+        raise click.UsageError(f"--independent: {said}")
     question = Question(
         references=dict(_assignments(references)),
         sensors=groups,
         times=read_times(still),
         witnesses=read_tables(witnesses, [path.stem for path in witnesses]).tables,
+        independent=stated,
     )
     explanation = explained(truth, systems, question)
     sections = explain_sections(explanation, asked_limits(Comparison()), repeatability(explanation))

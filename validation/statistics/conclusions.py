@@ -147,7 +147,7 @@ def _constructed_means(evaluation: Evaluation) -> list[Finding]:
         f"{name} {1e3 * found[name].mean:+.2f} m{found[name].component.unit}" for name in names
     )
     text = (
-        f"The mean error is zero by construction in {', '.join(names)} (it is {said}): the "
+        f"The mean error is next to zero by construction in {', '.join(names)} (it is {said}): the "
         f"{follows.what} of {comparison.system} came from {len(follows.ids)} surveyed stops. It "
         "says nothing about a bias; stops that took no part would."
     )

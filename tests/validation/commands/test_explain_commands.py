@@ -139,6 +139,7 @@ def test_bad_tables_end_in_a_plain_error(files, edit, said):
         (("--reference", "other=1"), "system 'other', which is not there"),
         (("--reference", "rig"), "not of the form"),
         (("--shared-sensor", "laser=rig,other"), "shared by other"),
+        (("--independent", "rig,other"), "other is not there"),
         (("--figures",), "--figures needs --output"),
     ],
 )
@@ -146,6 +147,21 @@ def test_bad_options_end_in_a_plain_error(files, options, said):
     result = run(files / "truth.csv", files / "rig.csv", *options)
     assert result.exit_code == 2
     assert said in result.output
+
+
+def test_copies_count_as_witnesses_of_their_own_only_where_that_is_stated(tmp_path):
+    rng = np.random.default_rng(2)
+    truth = np.column_stack([rng.uniform(-3, 3, (12, 2)), rng.uniform(-3, 3, 12)])
+    rig = truth + rng.normal(0, 0.02, (12, 3))
+    for name, poses in (("survey", truth), ("rig", rig), ("again", rig + 1e-6)):
+        rows = "".join(f"{k},{x},{y},{t}\n" for k, (x, y, t) in enumerate(poses))
+        (tmp_path / f"{name}.csv").write_text("pose,x,y,theta\n" + rows)
+    paths = [tmp_path / f"{name}.csv" for name in ("survey", "rig", "again")]
+    codes = [
+        {one["code"] for one in json.loads(run(*paths, *more, "--json").stdout)["findings"]}
+        for more in ((), ("--independent", "rig,again"))
+    ]
+    assert ["copies" in some for some in codes] == [True, False]
 
 
 def test_an_unknown_key_of_the_table_is_an_error(ad23_folder, tmp_path):

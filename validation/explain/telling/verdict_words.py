@@ -39,7 +39,8 @@ def _copies(result: Arbitration) -> list[Finding]:
             f"{listed(one.names)} differ by {_size(one.apart)} only (typically, a frame and a "
             f"mount taken out), but by {_size(one.others)} or more from any other source. That is "
             "too little for independent errors: one is a copy of another, or derived from it. They "
-            "count as one witness; if they are independent, state it in [explain] independent."
+            "count as one witness; if they are independent, state it: [explain] independent, or "
+            "--independent with single tables."
         )
         told.append(Finding("warning", text, listed(one.names), "copies"))
     return told
