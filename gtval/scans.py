@@ -35,8 +35,9 @@ def match_scans(
     Returns
     -------
     Match
-        ``pose`` (3,) and ``covariance`` (3, 3) in the reference frame; ``verdict`` 'accept',
-        'look' or 'reject' with its ``reasons``. A match without 'accept' is no measurement.
+        ``pose`` (3,) and ``covariance`` (3, 3) in the reference frame; ``verdict`` 'accepted',
+        'imprecise', 'may be wrong' or 'refuted' with its ``reasons``. The first two are
+        measurements: what an imprecise one lacks stands in its covariance.
 
     Raises
     ------
@@ -48,7 +49,7 @@ def match_scans(
     >>> room = gtval.testing.make_scans(seed=1)
     >>> found = gtval.match_scans(room.scans[0], room.scans[1], room.guesses[0])
     >>> found.verdict, bool(abs(found.pose - room.truth[0]).max() < 0.02)
-    ('accept', True)
+    ('accepted', True)
     """
     settings = MatchSettings(guess_length=guess_length, guess_angle=guess_angle)
     first, second = Prepared(sweep(reference)), Prepared(sweep(moving))
