@@ -60,7 +60,10 @@ def _neighbours(evaluation: Evaluation) -> list[Finding]:
     if told is None or not told.dependent:
         return []
     widened = [one for one in evaluation.statistics if one.method == "dependent"]
-    text = f"Errors depend on those of their neighbours in the order of the stops: {told.words}. {RATE}."
+    text = (
+        f"Errors depend on those of their neighbours in the order of the stops: {told.words}. "
+        f"{RATE}."
+    )
     if told.withheld:
         text += (
             " These stops are too few correlation lengths to tell a mean error from what lasts: "
