@@ -83,8 +83,6 @@ def judged_by_tails(judged: Judged) -> Arbitration:
     good poses is larger, and what such tails would show by chance is not called sure.
     """
     tails = judged.table.weigh_tails(judged.screened)
-    if tails is None:
-        return judged.result
     found = []
     for one in judged.result.verdicts:
         chance = judged.table.chance_by_tails(one, tails)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy import special
 
 from validation.explain.fitting.noise import DIMENSIONS, ROUNDING, Mask, regular
-from validation.explain.sources.tails import Tails, weigh_tails
+from validation.explain.sources.tails import NORMAL, STATED, Tails, weigh_tails
 from validation.explain.sources.verdicts import (
     CELLS,
     Sources,
@@ -163,14 +163,12 @@ class JudgedTable:
             self._dof[..., kind] = np.where(known, np.maximum(dof, 1.0), _FEW)
         self._factor = np.maximum(self._factor, 1e-12)
 
-    def weigh_tails(self, bad: Mask) -> Tails | None:
+    def weigh_tails(self, bad: Mask) -> Tails:
         """Tails, by all cells: those left out for their size are what tails are of.
 
         A cell (S, n, 2) that is ``bad`` counts itself, but not in what the others at its stop are
-        compared with. None where all noise is stated: an error beyond it is what is asked for.
+        compared with.
         """
-        if self.sources.stated.all():
-            return None
         gains, valid = [], []
         for kind in range(2):
             there = self.sources.present & ~bad[..., kind]
@@ -185,7 +183,8 @@ class JudgedTable:
             gains.append(gain)
             valid.append(asked)
         both = np.stack(gains, -1), np.stack(valid, -1)
-        return weigh_tails(*both, len(self.sources.names))
+        prior = STATED if self.sources.stated.all() else NORMAL
+        return weigh_tails(*both, len(self.sources.names), prior)
 
     def rate(self, tails: Tails) -> float:
         """Chance of any verdict in a table without gross errors whose tails are such."""

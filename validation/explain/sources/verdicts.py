@@ -124,7 +124,7 @@ class Arbitration:
     questions : int
         Asked of the table.
     tails : Tails, optional
-        How heavy the tails of errors are, where noise is not stated.
+        How heavy the tails of errors are.
     copies : tuple of Copies
         Sources that are copies of one another, each group one witness.
     rate : float

@@ -199,8 +199,8 @@ def dependence_findings(selection: Selection, settled: Settled, system: str) -> 
     odds = times_text(float(np.exp(min(selection.memory, 700.0))))
     text = (
         f"Errors depend on those of their neighbours in order ({odds} as likely as that they do "
-        f"not): {said or 'neighbours are alike'}. {then} {RATE}. Repeat stops at "
-        "another time, in another order."
+        f"not): {said or 'neighbours are alike'}. {then} {RATE}. "
+        "Repeat stops at another time, in another order."
     )
     return [Finding("warning", text, system, "dependent_errors")]
 
