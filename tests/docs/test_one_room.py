@@ -37,6 +37,7 @@ INDOOR = {
 ELSEWHERE = {
     "demo": "the campaign of AD2.3 itself",
     "simulate": "what makes the room",
+    "laser drive": "a robot that drives, which `gtval simulate-motion --laser` makes",
     "journal-merge": "the journals of two writers, which `gtval enter` makes",
 }
 DRIVING = ("convert", "fuse", "rtk", "simulate-drive", "simulate-motion", "sync")

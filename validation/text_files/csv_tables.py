@@ -295,9 +295,11 @@ def _read_column(table: CsvTable, column: Column, heading_unit: str) -> None:
     """Fill `text` or `numbers` from the raw cells."""
     cells = table.raw[column.name]
     if (column.blank or not column.required) and not any(cells):
-        table.text[column.name] = [""] * len(cells)
-        table.numbers[column.name] = [math.nan] * len(cells)
-        table.own_unit[column.name] = [bool(heading_unit)] * len(cells)
+        if column.kind == "number":
+            table.numbers[column.name] = [math.nan] * len(cells)
+            table.own_unit[column.name] = [bool(heading_unit)] * len(cells)
+        else:
+            table.text[column.name] = [""] * len(cells)
     elif column.kind == "number":
         _read_numbers(table, column, heading_unit)
     else:

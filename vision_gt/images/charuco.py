@@ -81,7 +81,7 @@ def charuco_corners(image: Image, board: Board) -> CharucoCorners | None:
     corners, ids, outlines, numbers = detector.detectBoard(as_printed(image, board))
     if ids is None or len(ids) < _LEAST_CORNERS:
         return None
-    markers = _Markers.of(outlines, numbers)
+    markers = _Markers.of(outlines, numbers).of_board(board)
     if _agreement(board, markers) < _MOST_AGREE * len(markers.numbers):
         return None
     return CharucoCorners(
@@ -139,6 +139,11 @@ class _Markers:
         ids = np.ravel(np.asarray(numbers)).astype(np.intp)
         return cls(np.array(outlines, dtype=float).reshape(-1, 4, 2), ids)
 
+    def of_board(self, board: Board) -> "_Markers":
+        """Those with ids of a board: another one may be in the image."""
+        own = np.isin(self.numbers, board.first_id + np.arange(board.marker_count))
+        return _Markers(self.outlines[own], self.numbers[own])
+
 
 def _markers(image: Image, family: Family | None) -> tuple[_Markers, Array]:
     """Markers of a family, and all quadrangles (n, 4, 2) that might be some of any."""
@@ -184,7 +189,8 @@ def _layouts(board: Board) -> Iterator[tuple[str, Board, bool]]:
 
 
 def _best_layout(markers: _Markers, board: Board) -> OtherBoard | None:
-    """The layout that most of the markers agree with; None if too few do."""
+    """The layout that most of the board's markers agree with; None if too few do."""
+    markers = markers.of_board(board)
     if len(markers.numbers) < _LEAST_MARKERS:
         return None
     ranked = [

@@ -134,3 +134,12 @@ def test_a_board_of_another_family_is_no_fault_of_one_that_is_there():
     look = look_for_boards(image, [STATED, other])
     assert look.instead == ""
     assert [one is not None for one in look.found] == [True, False]
+
+
+def test_two_boards_of_one_family_in_an_image_are_both_read():
+    other = Board(8, 6, 0.05, STATED.family, first_id=30)
+    both = np.concatenate([photograph(STATED)[0], photograph(other)[0]], axis=1)
+    look = look_for_boards(both, [STATED, other])
+    assert [len(one.ids) for one in look.found] == [35, 35]
+    mirrored = look_for_boards(np.ascontiguousarray(both[:, ::-1]), [STATED, other])
+    assert (mirrored.instead, mirrored.found) == ("mirrored", (None, None))

@@ -110,7 +110,8 @@ def size_finding(evaluation: Evaluation, one: SystemExplanation) -> Finding | No
     severity: Severity = "warning" if larger or test.verdict == "above" else "good"
     if severity == "good" and (smaller or test.verdict == "below"):
         severity = "note"
-    return Finding(severity, text, one.system, f"nees_{test.verdict}")
+    sized = {"above": "nees_above", "below": "nees_below"}.get(test.verdict, "nees_inside")
+    return Finding(severity, text, one.system, sized)
 
 
 def _taken_out(settled: Settled) -> str:
