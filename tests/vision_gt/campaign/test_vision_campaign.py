@@ -297,7 +297,11 @@ def test_a_mirrored_board_is_told_from_one_that_is_not_there(rendered, tmp_path)
         cv2.imwrite(str(path), image)
         found = detect_one(BoardJob(path, "2", name, boards))
         notes[name] = found.note, bool(found.boards)
-    assert notes == {"as_is": ("", True), "mirrored": ("mirrored", False), "none": ("", False)}
+    assert notes == {
+        "as_is": ("", True),
+        "mirrored": ("the board is mirrored", False),
+        "none": ("", False),
+    }
 
 
 def show_a_marker_twice(path) -> int:

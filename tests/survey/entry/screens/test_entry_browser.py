@@ -223,6 +223,7 @@ def test_a_page_goes_on_after_the_laptop_died(browsers, served, tmp_path):
     before = len(recorded(room))
     first = type_reading(browser, room)
     wait(lambda: len(recorded(room)) == before + 1)
+    wait(lambda: text(browser, "link") == "connected")  # the answer has come, too
     port = served.url.rpartition(":")[2]
     served.kill()
     second = type_reading(browser, room)
