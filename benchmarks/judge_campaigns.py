@@ -37,6 +37,7 @@ NAMED = {
     "degrees": {"degrees"},
     "motion": {"direction_of_motion"},
     "drift": {"drift"},
+    "growing": {"drift"},
     "time": {"time"},
 }
 """What each cause of the simulation is to be called."""
@@ -68,15 +69,18 @@ def clean(seeds: range, noises: Sequence[str], stops: Sequence[int]) -> None:
     """What is invented where nothing is wrong."""
     for kind in kinds_of(noises, stops):
         names: Counter[str] = Counter()
-        flags, told = 0, 0.0
+        flags, told, dependent = 0, 0.0, 0
         for seed in seeds:
             found = explained(kind, seed)
             names[found.systems[0].name] += 1
             flags += bool(found.arbitration.verdicts)
             told += found.arbitration.rate / len(seeds)
+            one = found.systems[0].selection
+            dependent += one is not None and one.dependent
         extra = len(seeds) - names["none"] - names["drift"]
         print(f"  {kind.name:32} invented {rate(extra, len(seeds))} drift {names['drift']}"
-              f"  flags {rate(flags, len(seeds))} told {told:.3f}", flush=True)  # fmt: skip
+              f"  flags {rate(flags, len(seeds))} told {told:.3f}"
+              f"  called dependent {rate(dependent, len(seeds))}", flush=True)  # fmt: skip
 
 
 def intervals(seeds: range, noises: Sequence[str], stops: Sequence[int]) -> None:
@@ -111,7 +115,7 @@ def _missed(ends: np.ndarray, truth: np.ndarray) -> np.ndarray:
 def causes(seeds: range, noises: Sequence[str], stops: Sequence[int]) -> None:
     """Each cause by its name."""
     for cause, wanted in NAMED.items():
-        moving = cause in {"motion", "drift", "time"}
+        moving = cause in {"motion", "drift", "growing", "time"}
         for noise in noises:
             for n in stops:
                 kind = Kind(noise=noise, cause=cause, n=n, path="drive" if moving else "room")

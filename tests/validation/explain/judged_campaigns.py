@@ -100,6 +100,8 @@ def spoiled(cause, truth, size=1.0):  # noqa: C901, PLR0912  (one branch a cause
     elif cause == "drift":
         steps = np.arange(n)[:, None] - (n - 1) / 2
         out -= size * steps * np.array([0.2, -0.1, 0.02]) / n
+    elif cause == "growing":
+        out -= size * np.arange(n)[:, None] * np.array([0.2, -0.1, 0.02]) / n
     elif cause == "time":
         velocity = np.gradient(np.column_stack([out[:, :2], np.unwrap(out[:, 2])]), axis=0)
         out += size * 0.15 * velocity

@@ -39,13 +39,14 @@ NAMES = {
     "lever": "mount",
     "scale": "scale",
     "drift": "drift",
+    "growing": "drift",
     "time": "time",
 }
 
 
 @pytest.mark.parametrize("cause", NAMES)
 def test_a_cause_is_named(cause):
-    path = "drive" if cause in {"motion", "drift", "time"} else "room"
+    path = "drive" if cause in {"motion", "drift", "growing", "time"} else "room"
     names = [judged(Kind(cause=cause, n=24, path=path), s).systems[0].name for s in range(2)]
     # In a large one a part of the mount may come on top by chance, in 2 % of all.
     assert names.count(NAMES[cause]) >= 1
@@ -143,6 +144,38 @@ def test_lasting_errors_are_no_cause(path):
     assert invented <= stats.binom.ppf(0.999, len(names), 0.05)
 
 
+def named_beside_chance(n, seeds):
+    """Campaigns of n independent stops in which a frame of four standard deviations is named."""
+    names = [judged(Kind(cause="frame", n=n), seed).systems[0].name for seed in range(seeds)]
+    return sum(name.startswith("frame") for name in names)
+
+
+@pytest.mark.parametrize("n", [12, 20])
+def test_a_clear_frame_is_named_whatever_neighbours_look_like(n):
+    # One in twenty such tables is told, by chance, that neighbours depend on each other.
+    assert named_beside_chance(n, 8) >= stats.binom.ppf(0.001, 8, 0.95)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("n", [12, 20])
+def test_a_clear_frame_is_named_over_many_seeds(n):
+    assert named_beside_chance(n, 200) >= stats.binom.ppf(0.001, 200, 0.95)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("rho", [0.5, 0.8, 0.95])
+@pytest.mark.parametrize("n", [20, 60])
+def test_lasting_errors_invent_no_cause_over_many_seeds(rho, n):
+    kind, seeds = Kind(noise=f"ar{rho}", n=n), 200
+    names = [judged(kind, seed).systems[0].name for seed in range(seeds)]
+    invented = sum(name not in {"none", "drift"} for name in names)
+    assert invented <= stats.binom.ppf(0.999, seeds, 0.05)
+    missed, withheld, told = missed_and_withheld(f"ar{rho}", n, seeds)
+    assert missed <= stats.binom.ppf(0.999, seeds, 0.1)
+    assert told >= stats.binom.ppf(0.001, seeds, 0.9)
+    assert rho > 0.5 or withheld <= stats.binom.ppf(0.999, seeds, 0.2)
+
+
 def test_a_wandering_source_is_called_a_drift_and_no_mount():
     rng = np.random.default_rng(3)
     survey, _, _ = campaign(Kind(n=80, path="drive"), 3)
@@ -194,6 +227,8 @@ def test_heavy_tails_are_told_with_the_rate_that_they_make():
     # Nine in ten such tables have a flag; what is told is within a factor of 1.5.
     assert 0.6 < np.mean([one.rate for one in told]) <= 1
     assert sum(one.tails.heavy > 0.5 for one in told) >= 4
+    stated = [judged(Kind(noise="t3", n=60, stated=True), seed).arbitration for seed in range(3)]
+    assert np.mean([one.rate for one in stated]) > 0.6
     normal = [judged(Kind(n=60), seed).arbitration for seed in range(3)]
     assert np.mean([one.rate for one in normal]) < 0.15
 
