@@ -7,12 +7,11 @@ step by step less so; links that contradict the others lose their weight on the 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from laser_gt.driving.links import Link, ends_of
+from laser_gt.driving.links import Link
+from laser_gt.placing.equations import Equations, ends_of
 from laser_gt.scans.planar import (
     CONTRADICTION,
     between,
@@ -24,7 +23,6 @@ from laser_gt.scans.planar import (
     wrapped,
 )
 from laser_gt.scans.scan import Flags, Indices
-from validation.errors import GtvalError
 from validation.poses.angles import Array
 
 MAX_STEPS = 100
@@ -36,6 +34,10 @@ SMALL = 1e-6
 """A step below this, in metres and radians, ends the iteration."""
 LEAST_MISFIT = 0.02
 """Least factor on the covariances of the links, as in `laser_gt.placing.graph`."""
+HELD = 1e12
+"""Information with which a graph without surveyed poses is held at its first: a micrometre and a
+microradian."""
+_OPEN = "the scans and the odometry do not determine the poses"
 COLUMNS = 256
 """Columns of the inverse that are solved for at once: 10 MB for a thousand poses."""
 
@@ -155,8 +157,8 @@ def solve_drive(graph: DriveGraph) -> DrivePoses:
     worst = float(squares[doubted].max(initial=0.0))
     convexity = max(2 * worst / CONTRADICTION - 1, 1e-3) if worst > CONTRADICTION else 0.0
     for _ in range(MAX_STEPS):
-        matrix, gradient = _equations(graph, links, steps, weights, poses, mount)
-        step = _factor(matrix).solve(-gradient)
+        equations = _equations(graph, links, steps, weights, poses, mount)
+        step = -equations.factor(_OPEN).solve(equations.gradient)
         poses = wrapped(poses + step[:-3].reshape(-1, 3))
         mount = mount + step[-3:]
         _, squares = links.residuals(poses)
@@ -187,63 +189,35 @@ def _weights(squares: Array, convexity: float) -> Array:
 
 def _equations(
     graph: DriveGraph, links: _Terms, steps: _Terms, weights: Array, poses: Array, mount: Array
-) -> tuple[Any, Array]:
-    """Information matrix (sparse) of the poses and, last, the mount, and gradient."""
-    from scipy import sparse  # noqa: PLC0415  (loaded when a graph is solved)
-
+) -> Equations:
+    """All terms of the poses and, last, the mount."""
     n = len(poses)
-    rows, columns, values = [], [], []
-    gradient = np.zeros((n + 1, 3))
-
-    def add(where: Indices, jacobians: Array, information: npt.ArrayLike, off: Array) -> None:
-        weighted = np.swapaxes(jacobians, -1, -2) @ np.asarray(information)[:, None]
-        blocks = weighted[:, :, None] @ jacobians[:, None]
-        offsets = np.arange(3)
-        row = 3 * where[:, :, None, None, None] + offsets[:, None]
-        column = 3 * where[:, None, :, None, None] + offsets
-        rows.append(np.broadcast_to(row, blocks.shape).ravel())
-        columns.append(np.broadcast_to(column, blocks.shape).ravel())
-        values.append(blocks.ravel())
-        np.add.at(gradient, where, (weighted @ off[:, None, :, None])[..., 0])
-
+    equations = Equations(n + 1)
     for terms, weight in ((links, weights), (steps, np.ones(len(graph.steps)))):
         residual, _ = terms.residuals(poses)
-        add(terms.ends, terms.jacobians(poses), terms.information * weight[:, None, None], residual)
+        information = terms.information * weight[:, None, None]
+        equations.add(terms.ends, terms.jacobians(poses), information, residual)
     nodes = np.array([one.node for one in graph.anchors], dtype=np.intp)
     if len(nodes):
         stated = np.array([one.pose for one in graph.anchors])
         stated_covariances = np.array([one.covariance for one in graph.anchors], dtype=float)
-        information = np.linalg.inv(stated_covariances)
         robot = compose(poses[nodes], inverse(mount))
         by_pose, by_inverse = compose_jacobians(poses[nodes], inverse(mount))
         jacobians = np.stack([by_pose, by_inverse @ inverse_jacobian(mount)], axis=1)
         ends = np.column_stack([nodes, np.full(len(nodes), n)])
-        add(ends, jacobians, information, wrapped(robot - stated))
+        information = np.linalg.inv(stated_covariances)
+        equations.add(ends, jacobians, information, wrapped(robot - stated))
     else:
-        held = np.eye(3)[None] * 1e12
-        off = wrapped(poses[:1] - graph.initial[:1])
-        add(np.zeros((1, 1), np.intp), np.eye(3)[None, None], held, off)
-    measured = np.linalg.inv(graph.mount_covariance)[None]
-    add(np.array([[n]]), np.eye(3)[None, None], measured, wrapped(mount - graph.mount)[None])
-    parts = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    matrix = sparse.coo_array(parts, shape=(3 * n + 3, 3 * n + 3)).tocsc()
-    return matrix, gradient.ravel()
-
-
-def _factor(matrix: Any) -> Any:
-    """The factored equations."""
-    from scipy.sparse.linalg import splu  # noqa: PLC0415
-
-    try:
-        return splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-    except RuntimeError:
-        raise GtvalError("the scans and the odometry do not determine the poses") from None
+        equations.add_known([0], np.eye(3) * HELD, wrapped(poses[0] - graph.initial[0]))
+    measured = np.linalg.inv(graph.mount_covariance)
+    equations.add_known([n], measured, wrapped(mount - graph.mount))
+    return equations
 
 
 def own_noise(graph: DriveGraph, believed: Flags) -> Array:
     """(n, 3, 3) covariance of each pose from the noise of its own scan.
 
-    Half of a link's covariance is the noise of either of its scans, seen from the other; the median
+    Half of a link's covariance is the noise of either of its scans, seen from the other; the mean
     over a pose's links, each turned to the pose's own frame and then to that of the graph.
     """
     found: list[list[Array]] = [[] for _ in graph.initial]
@@ -294,8 +268,8 @@ def marginals(graph: DriveGraph, solved: DrivePoses, scale: float) -> Marginals:
     """Covariances of the poses, the links taken as good to ``scale`` times their covariances."""
     links, steps = _Terms.of(graph.links), _Terms.of(graph.steps)
     weights = np.where(solved.weights > 0.5, 1.0, 0.0) / scale
-    matrix, _ = _equations(graph, links, steps, weights, solved.poses, solved.mount)
-    factor, n = _factor(matrix), len(solved.poses)
+    equations = _equations(graph, links, steps, weights, solved.poses, solved.mount)
+    factor, n = equations.factor(_OPEN), len(solved.poses)
     poses, size = np.empty((n, 3, 3)), 3 * n + 3
     last = factor.solve(np.eye(size, 3, -3 * n))
     for first in range(0, n, COLUMNS // 3):

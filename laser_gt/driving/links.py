@@ -12,7 +12,7 @@ from laser_gt.matching.local import MOSTLY_FAKE, align
 from laser_gt.matching.search import SearchSettings
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import wrapped
-from laser_gt.scans.scan import Indices, Sweep
+from laser_gt.scans.scan import Sweep
 from validation.poses.angles import Array
 from validation.processes import in_processes
 
@@ -169,8 +169,3 @@ def polished(reference: Prepared, moving: Prepared, guess: Array) -> tuple[Array
         along = information @ axis
         information = information - np.outer(along, along) / max(float(axis @ along), 1e-12)
     return pose, (information + information.T) / 2
-
-
-def ends_of(links: Sequence[Link]) -> Indices:
-    """(m, 2) sweeps of each link."""
-    return np.array([(link.start, link.end) for link in links], dtype=np.intp).reshape(-1, 2)

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from laser_gt.driving.links import Asked, Link, ends_of
+from laser_gt.driving.links import Asked, Link
+from laser_gt.placing.equations import ends_of
 from laser_gt.scans.planar import between
 from laser_gt.scans.scan import Indices
 from validation.poses.angles import Array, wrap

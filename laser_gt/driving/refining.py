@@ -9,7 +9,7 @@ from laser_gt.driving.local_map import merged, on_map
 from laser_gt.driving.tracking import LOST
 from laser_gt.matching.local import align
 from laser_gt.scans.evidence import MARGIN
-from laser_gt.scans.planar import between, compose, compose_jacobians, transform, wrapped
+from laser_gt.scans.planar import compose, compose_jacobians, transform, wrapped
 from laser_gt.scans.scan import Sweep
 from laser_gt.scans.surfaces import surface
 from validation.poses.angles import Array
@@ -123,8 +123,3 @@ def carried(base: Array, covariance: Array, own: Placed) -> tuple[Array, Array]:
     by_base, by_own = compose_jacobians(base, own.pose)
     spread = by_base @ covariance @ by_base.T + by_own @ own.covariance @ by_own.T
     return compose(base, own.pose), spread
-
-
-def seen_from(base: Array, poses: Array) -> Array:
-    """Poses in the frame of another."""
-    return between(base, poses)

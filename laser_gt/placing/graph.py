@@ -8,10 +8,10 @@ the poses in it).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from laser_gt.placing.equations import Equations, ends_of
 from laser_gt.scans.planar import (
     between,
     compose,
@@ -22,7 +22,6 @@ from laser_gt.scans.planar import (
     rotation,
     wrapped,
 )
-from laser_gt.scans.scan import Indices
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
@@ -32,6 +31,7 @@ any chain of matches; the bound ends what weights that change to and fro would k
 LEAST_MISFIT = 0.02
 """Least factor on the edges' covariances: no loop closes perfectly but by chance. A judgement: a
 seventh of the stated standard deviations; the rest is then noise of the stops."""
+_OPEN = "the matches do not determine the poses and the mount: turn the robot between stops"
 
 
 @dataclass(frozen=True)
@@ -159,8 +159,8 @@ def solve_graph(graph: Graph, robust_width: float = 4.0) -> GraphSolution:
     for _ in range(MAX_STEPS):
         residuals, chi = _edge_residuals(graph, poses, mount)
         weights = 1 / (1 + chi / (3 * robust_width**2))
-        information, gradient = _normal_equations(graph, poses, mount, residuals, weights)
-        step = _solve(information, gradient)
+        equations = _equations(graph, poses, mount, residuals, weights)
+        step = -equations.factor(_OPEN).solve(equations.gradient)
         poses = wrapped(poses + step[:-3].reshape(-1, 3))
         mount = mount + step[-3:]
         if np.abs(step).max() < 1e-9:
@@ -184,7 +184,7 @@ def _solution(graph: Graph, poses: Array, mount: Array, weights: Array) -> Graph
     misfit = total / freedom if freedom > 0 else 1.0
     scale = max(misfit, LEAST_MISFIT)
     scaled = weights / np.where(np.arange(len(weights)) < count, scale, 1.0)
-    information, _ = _normal_equations(graph, poses, mount, residuals, scaled)
+    information = _equations(graph, poses, mount, residuals, scaled).matrix()
     try:
         covariance = np.linalg.inv(information.toarray())
     except np.linalg.LinAlgError:
@@ -233,11 +233,6 @@ def _stop_noise(graph: Graph, poses: Array, mount: Array) -> dict[int, Array]:
     return result
 
 
-def ends_of(edges: Sequence[Edge]) -> Indices:
-    """(m, 2) stops of each edge."""
-    return np.array([(edge.start, edge.end) for edge in edges], dtype=np.intp).reshape(-1, 2)
-
-
 def predicted(first: Array, second: Array, mount: Array) -> Array:
     """Laser frame at the second stop in the laser frame at the first: (R_i X)^-1 R_j X."""
     return between(compose(first, mount), compose(second, mount))
@@ -267,63 +262,23 @@ def _edge_jacobians(first: Array, second: Array, mount: Array) -> tuple[Array, A
     )
 
 
-def _normal_equations(
+def _equations(
     graph: Graph, poses: Array, mount: Array, residuals: Array, weights: Array
-) -> tuple[Any, Array]:
-    """Information matrix (sparse) and gradient of all terms."""
-    from scipy import sparse  # noqa: PLC0415  (loaded when a graph is solved)
-
+) -> Equations:
+    """All terms: matches and guesses, surveyed poses, the measured mount."""
     n = len(poses)
     start, end = ends_of(graph.every).T
-    inverse_covariance = np.linalg.inv(np.array([edge.covariance for edge in graph.every]))
-    inverse_covariance *= weights[:, None, None]
+    information = np.linalg.inv(np.array([edge.covariance for edge in graph.every]))
     jacobians = np.stack(
         _edge_jacobians(poses[start], poses[end], np.broadcast_to(mount, (len(start), 3))), axis=1
     )
     where = np.stack([start, end, np.full(len(start), n)], axis=1)
-    weighted = np.swapaxes(jacobians, -1, -2) @ inverse_covariance[:, None]
-    blocks = weighted[:, :, None] @ jacobians[:, None]
-    offsets = np.arange(3)
-    rows = (3 * where[:, :, None, None, None] + offsets[:, None]) + np.zeros((1, 1, 3, 1, 3), int)
-    columns = (3 * where[:, None, :, None, None] + offsets) + np.zeros((1, 3, 1, 3, 1), int)
-    rows, columns = np.broadcast_arrays(rows, columns)
-    size = 3 * n + 3
-    matrix = sparse.coo_array(
-        (blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)
-    ).tolil()
-    gradient = np.zeros(size)
-    np.add.at(
-        gradient,
-        (3 * where[..., None] + offsets).ravel(),
-        (weighted @ residuals[:, None, :, None])[..., 0].ravel(),
-    )
-    _add_priors(graph, poses, mount, matrix, gradient)
-    return matrix.tocsc(), gradient
-
-
-def _add_priors(graph: Graph, poses: Array, mount: Array, matrix: Any, gradient: Array) -> None:
-    """Add surveyed poses and the measured mount."""
-    n = len(poses)
-    flat = (3 * np.asarray(graph.prior_stops)[:, None] + np.arange(3)).ravel()
-    information = np.linalg.inv(graph.prior_covariance)
-    difference = wrapped(poses[list(graph.prior_stops)] - graph.prior_poses)
-    matrix[np.ix_(flat, flat)] += information
-    gradient[flat] += information @ difference.ravel()
+    equations = Equations(n + 1)
+    equations.add(where, jacobians, information * weights[:, None, None], residuals)
+    stops = list(graph.prior_stops)
+    off = wrapped(poses[stops] - graph.prior_poses)
+    equations.add_known(stops, np.linalg.inv(graph.prior_covariance), off)
     if graph.mount_covariance is not None:
-        last = slice(3 * n, 3 * n + 3)
-        information = np.linalg.inv(graph.mount_covariance)
-        difference = wrapped(mount - graph.mount)
-        matrix[last, last] += information
-        gradient[last] += information @ difference
-
-
-def _solve(information: Any, gradient: Array) -> Array:
-    """Step of Gauss-Newton."""
-    from scipy.sparse.linalg import splu  # noqa: PLC0415
-
-    try:
-        return np.asarray(-splu(information).solve(gradient))
-    except RuntimeError:
-        raise GtvalError(
-            "the matches do not determine the poses and the mount: turn the robot between stops"
-        ) from None
+        off = wrapped(mount - graph.mount)
+        equations.add_known([n], np.linalg.inv(graph.mount_covariance), off)
+    return equations

@@ -12,7 +12,8 @@ import numpy as np
 
 from laser_gt.matching.verdicts import Match
 from laser_gt.placing.anchors import Surveyed, edges_of
-from laser_gt.placing.graph import Edge, Graph, ends_of, solve_graph
+from laser_gt.placing.equations import ends_of
+from laser_gt.placing.graph import Edge, Graph, solve_graph
 from laser_gt.scans.planar import CONTRADICTION, between, compose, wrapped
 from validation.errors import GtvalError
 from validation.poses.angles import Array, wrap

@@ -8,7 +8,8 @@ import numpy as np
 from laser_gt.matching.verdicts import Match
 from laser_gt.placing.anchors import Surveyed, edge_of
 from laser_gt.placing.engines import Matching
-from laser_gt.placing.graph import Edge, Graph, GraphSolution, ends_of, solve_graph
+from laser_gt.placing.equations import ends_of
+from laser_gt.placing.graph import Edge, Graph, GraphSolution, solve_graph
 from laser_gt.placing.guesses import guess_deviations
 from laser_gt.placing.pairs import distances, parts_of
 from laser_gt.placing.placement import Placement, place

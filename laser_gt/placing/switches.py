@@ -13,7 +13,8 @@ import numpy as np
 
 from laser_gt.matching.verdicts import Match, Verdict
 from laser_gt.placing.anchors import edge_of
-from laser_gt.placing.graph import Edge, Graph, GraphSolution, ends_of, solve_graph
+from laser_gt.placing.equations import ends_of
+from laser_gt.placing.graph import Edge, Graph, GraphSolution, solve_graph
 from laser_gt.placing.guesses import guess_deviations
 from laser_gt.placing.loops import FLOOR, way
 from laser_gt.placing.pairs import parts_of
