@@ -104,7 +104,6 @@ class Equations:
         from scipy.sparse.linalg import splu  # noqa: PLC0415
 
         try:
-            # the matrix is symmetric and positive definite: no pivot is sought off its diagonal
-            return splu(self.matrix(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+            return splu(self.matrix(), permc_spec="MMD_AT_PLUS_A")
         except RuntimeError:
             raise GtvalError(otherwise) from None

@@ -154,15 +154,19 @@ def mount_of(
         prior_covariance=covariance,
         mount_covariance=None,
     )
-    solution = solve_graph(graph)
+    left_open = (
+        "the mount is not determined by these stops: they leave its place open by more than "
+        f"{OPEN[0] * 1e2:.0f} cm or {OPEN[2]:.1f} rad. Survey more of the stops, with headings "
+        "that differ by a quarter turn"
+    )
+    try:
+        solution = solve_graph(graph)
+    except GtvalError:  # all poses are known: what has no solution is the mount
+        raise GtvalError(left_open) from None
     covariance = solution.covariance[-3:, -3:]
     sigmas = np.sqrt(np.abs(np.diagonal(covariance)))
     if not (np.isfinite(covariance).all() and (sigmas < OPEN).all()):
-        raise GtvalError(
-            "the mount is not determined by these stops: they leave its place open by more than "
-            f"{OPEN[0] * 1e2:.0f} cm or {OPEN[2]:.1f} rad. Survey more of the stops, with headings "
-            "that differ by a quarter turn"
-        )
+        raise GtvalError(left_open)
     return MountEstimate(wrapped(solution.mount), covariance, turn, len(edges))
 
 
