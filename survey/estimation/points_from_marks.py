@@ -81,5 +81,5 @@ def _known(
             arm = rotate(frame.state[2], np.asarray(nominal, dtype=float))
             by_pose = np.array([[1.0, 0.0, -arm[1]], [0.0, 1.0, arm[0]]])
             variance = np.trace(by_pose @ frame.covariance @ by_pose.T) / 2
-            variance += rig.marking_sigma**2 + rig.shape_sigma**2
+            variance += rig.mark_variance
             yield f"{frame.pose}/{name}", (frame.state[:2] + arm, float(np.sqrt(variance)))

@@ -183,7 +183,7 @@ def _readings_of_all(
                 rows[mark[0]].append((i, place[there], rig_row[mark[1]]))
     body = np.array(list(rig.points.values()), dtype=float)
     known_sigma = coordinate_sigma(world.covariance)
-    body_sigma = float(np.hypot(rig.marking_sigma, rig.shape_sigma))
+    body_sigma = float(np.sqrt(rig.mark_variance))
     positions = world.positions
     for pose, own in rows.items():
         row, world_index, rig_index = np.array(own, dtype=np.intp).reshape(-1, 3).T
@@ -354,11 +354,6 @@ def _starts(own: PoseReadings, closed: Array, guess: Array | None) -> Array:
     return np.concatenate(starts)
 
 
-def rig_covariance(rig: RobotFrame) -> Array:
-    """(2 k, 2 k) covariance of a stop's marks in the robot frame: marking and shape of the rig."""
-    return np.eye(2 * len(rig.points)) * (rig.marking_sigma**2 + rig.shape_sigma**2)
-
-
 def full_model(own: PoseReadings, world: WorldPoints, rig: RobotFrame) -> Model:
     """State (3,) -> h (m,), H (m, 3), R (m, m), world points and marks shared by readings."""
     stacked = _stacked_model([own], world, rig)
@@ -394,7 +389,7 @@ def _stacked_model(
     mark = filled([np.asarray(fit.rig_index, dtype=float) for fit in fits], 0.0).astype(np.intp)
     k = len(world.covariance) // 2
     of_points = world.covariance.reshape(k, 2, k, 2).transpose(0, 2, 1, 3)
-    of_mark = rig.marking_sigma**2 + rig.shape_sigma**2
+    of_mark = rig.mark_variance
 
     def model(states: Array, rows: npt.NDArray[np.intp]) -> tuple[Array, Array, Array]:
         at = linearise(states, known[rows], body[rows], distance[rows])

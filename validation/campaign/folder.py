@@ -138,6 +138,14 @@ class RobotFrame(Settings):
     sides: dict[str, Positive] = {}
     sides_sigma: Positive = 0.001
 
+    @property
+    def mark_variance(self) -> float:
+        """Variance of a coordinate of a mark on the floor in the robot frame, square metres.
+
+        From the marking and from the shape of the rig.
+        """
+        return self.marking_sigma**2 + self.shape_sigma**2
+
     @model_validator(mode="after")
     def _heading_is_determined(self) -> "RobotFrame":
         if len(set(self.points.values())) < 2:

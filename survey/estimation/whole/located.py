@@ -218,7 +218,7 @@ class _Search:
         for point, body in self.rig.points.items():
             arm = rotate(state[2], np.asarray(body, dtype=float))
             spread = (sigma[:2] ** 2).mean() + arm @ arm * sigma[2] ** 2
-            spread += self.rig.marking_sigma**2 + self.rig.shape_sigma**2
+            spread += self.rig.mark_variance
             self.fixed[f"{name}{point}"] = state[:2] + arm, float(np.sqrt(spread))
 
     def _extend(self) -> None:

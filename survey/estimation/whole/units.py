@@ -234,7 +234,7 @@ def make_units(
     of_stop = {name: len(unit) + i for i, name in enumerate(stops)}
     variance = np.zeros(len(names))
     variance[: len(fixed)] = [sigma**2 for _, sigma in fixed.values()]
-    variance[len(unit) :] = rig.marking_sigma**2 + rig.shape_sigma**2
+    variance[len(unit) :] = rig.mark_variance
     nowhere = np.zeros(2)
     body = {name: np.asarray(point, dtype=float) for name, point in rig.points.items()}
 
