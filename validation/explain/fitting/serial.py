@@ -18,6 +18,7 @@ from validation.poses.angles import Array
 from validation.statistics.dependence import Spread
 from validation.statistics.neighbours import (
     FEWEST,
+    HALF_STEP,
     WITHHELD,
     Weighed,
     correlation,
@@ -160,7 +161,7 @@ def _parts(order: Array, gains: Array, sizes: Array, good: Mask, one: Weighed) -
         for column in range(scaled.shape[1]):
             part = scaled[:, column]
             total += one.variances[row, column] * (part.T @ between.times(part))
-        result.append(total)
+        result.append(total * (HALF_STEP**2 if memory.length else 1.0))
     return np.array(result)
 
 

@@ -45,9 +45,9 @@ is just not flagged would hide others. Of the 208 good cells of 26 stops and fou
 takes one in every fifth table: too few to make the noise look smaller."""
 
 
-SURE = 0.05
-"""A verdict is not called sure where a table with tails as this one's has such an entry by chance
-more often: the level of `FALSE_ALARM`."""
+SURE = 0.01
+"""A verdict is not called sure where more of the tables of good poses with tails as this one's have
+such an entry by chance: of a hundred campaigns, at most one has an innocent source called so."""
 
 
 def arbitrate(
@@ -86,12 +86,19 @@ def judged_by_tails(judged: Judged) -> Arbitration:
     found = []
     for one in judged.result.verdicts:
         chance = judged.table.chance_by_tails(one, tails)
-        weak = chance > SURE and tails.heavy > HEAVY and one.certainty == "sure"
-        reason = one.reason + ("; but errors of this size come by chance here" if weak else "")
+        weak = chance > SURE and one.certainty == "sure"
+        reason = one.reason + (f"; {_by_chance(chance, tails.heavy)}" if weak else "")
         certainty = "likely" if weak else one.certainty
         found.append(replace(one, table_p_value=chance, certainty=certainty, reason=reason))
     rate = judged.table.rate(tails)
     return replace(judged.result, verdicts=tuple(found), tails=tails, rate=rate)
+
+
+def _by_chance(chance: float, heavy: float) -> str:
+    """Why a verdict is not called sure."""
+    if heavy > HEAVY and chance > FALSE_ALARM:
+        return "but errors of this size come by chance here"
+    return f"but {100 * chance:.1g} in 100 tables of good poses show as much by chance"
 
 
 def judge(sources: Sources, false_alarm: float = FALSE_ALARM) -> Judged:
