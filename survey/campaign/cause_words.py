@@ -244,7 +244,7 @@ def cause_facts(outcome: SurveyOutcome, others: Sequence[Finding]) -> dict[str, 
     return {
         "found": [
             _as_facts(c, c.ranking.best, _used(outcome, c))
-            | {"ties": [_as_facts(c, one, _used(outcome, c)) for one in ties(c)]}
+            | {"ties": _tie_facts(c, _used(outcome, c))}
             for c in diagnosis.found
         ],
         "hypotheses": [_as_facts(first, one, used) for one in first.ranking.tried],
@@ -258,6 +258,23 @@ def cause_facts(outcome: SurveyOutcome, others: Sequence[Finding]) -> dict[str, 
         else {},
         "others": [f"{one.subject}: {one.text}" for one in others],
     }
+
+
+def _tie_facts(causes: Causes, used: Readings) -> list[dict[str, object]]:
+    """Causes as likely as the best, and those that are the same readings in other words."""
+    equal = ties(causes)
+    same = [other for one in (causes.ranking.best, *equal) for other in one.what.equal]
+    return [_as_facts(causes, one, used) for one in equal] + [
+        {
+            "kind": lead.kind,
+            "extent": lead.extent,
+            "subject": list(lead.subject),
+            "lines": _lines([used.line[row] for row in lead.rows]),
+            "odds_against": 1.0,
+            "text": short(lead, used),
+        }
+        for lead in same
+    ]
 
 
 MOST_LINES = 300

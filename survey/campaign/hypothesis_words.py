@@ -158,7 +158,8 @@ def _targets(lead: Lead, _: Sequence[Parameter], used: Readings) -> str:
     at = f"at stop {station}" if stop else f"from Vframe point {station}"
     if last:
         at = f"from {station} to {last[0]}, in all places where the laser stood between them"
-    return f"the names {a} and {b} are exchanged {at} ({len(lead.rows)} readings)"
+    text = f"the names {a} and {b} are exchanged {at} ({len(lead.rows)} readings)"
+    return f"{text}, or, which is the same, everywhere else" if lead.also and last else text
 
 
 _SAID: Mapping[str, Callable[[Lead, Sequence[Parameter], Readings], str]] = {
