@@ -1,9 +1,10 @@
 """One cause in one line: what it is, how large, how sure, what it spoils, how to confirm it."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from survey.campaign.hypothesis_words import MM, named, said, short
 from survey.campaign.outcome import SurveyOutcome
 from survey.causes.diagnosis import Diagnosis, blunders
 from survey.causes.lead import Lead
@@ -11,12 +12,8 @@ from survey.causes.search import SINGLE, Causes
 from survey.readings.readings import Readings
 from validation.poses.angles import Array, wrap
 from validation.results import Finding
-from validation.statistics.hypotheses import Parameter, Tried
-from validation.statistics.units import unit_of_ratio
+from validation.statistics.hypotheses import Tried
 
-MM = 1e3
-OTHER_EDGE = (0.06, 0.16)
-"""Offsets, in metres, that are the length of a hand laser: from one edge of it to the other."""
 SPOILT = 1.0
 """Shift of a pose, in its standard deviations, from which it is called spoilt: more than chance
 moves it."""
@@ -46,19 +43,17 @@ def folded(
 def _line(outcome: SurveyOutcome, diagnosis: Diagnosis, k: int, others: int) -> Finding:
     causes = diagnosis.found[k]
     best, used = causes.ranking.best, _used(outcome, causes)
-    text = f"{'besides, ' if k else ''}{said(best, used)}. "
-    rivals = [
-        one
-        for one in causes.ranking.rivals()
-        if one.what.kind not in SINGLE and not _alike(one.what, best.what)
-    ]
+    text = f"{'besides, ' if k else ''}{_as_likely(causes, used)}. "
+    rivals = _others(causes, causes.ranking.rivals())[len(ties(causes)) :]
     if rivals:
         text += "These readings cannot tell it from another cause: "
         text += "; or ".join(
             f"{said(one, used)} (odds {_odds(causes.ranking.odds(one))})" for one in rivals[:2]
         )
         text += ". "
-    text += f"{_against(causes)}. m0 would be {best.m0:.2f} instead of {causes.plain.m0:.2f}. "
+    text += (
+        f"{_against(causes, used)}. m0 would be {best.m0:.2f} instead of {causes.plain.m0:.2f}. "
+    )
     if k == 0:
         text += _spoils(outcome, diagnosis)
         if others:
@@ -67,16 +62,39 @@ def _line(outcome: SurveyOutcome, diagnosis: Diagnosis, k: int, others: int) -> 
     return Finding("error", text, _subject(best.what), "cause")
 
 
+def _others(causes: Causes, some: Sequence[Tried[Lead]]) -> list[Tried[Lead]]:
+    """Those of some hypotheses that are another common cause than the best."""
+    best = causes.ranking.best.what
+    return [one for one in some if one.what.kind not in SINGLE and not _alike(one.what, best)]
+
+
+def ties(causes: Causes) -> list[Tried[Lead]]:
+    """Other common causes that are as likely as the best, as far as the readings tell."""
+    return _others(causes, causes.ranking.ties())
+
+
+def _as_likely(causes: Causes, used: Readings) -> str:
+    """The best hypothesis, and those that are as likely, as one statement."""
+    equal = ties(causes)
+    text = "; or ".join(said(one, used) for one in (causes.ranking.best, *equal[:MOST_TIES]))
+    return f"{text} (as likely: the readings cannot tell which)" if equal else text
+
+
+MOST_TIES = 2
+"""Causes as likely as the best that its line names; all are in the JSON."""
+
+
 def cause_of_failure(diagnosis: Diagnosis, readings: Readings) -> str | None:
     """The cause for which a survey cannot be solved, in one sentence; None if there is none."""
     if not diagnosis.found:
         return None
     causes = diagnosis.found[0]
     best = causes.ranking.best
-    text = said(best, readings.select(causes.rows))
+    used = readings.select(causes.rows)
+    text = _as_likely(causes, used)
     return (
-        f"the survey cannot be solved, and one cause explains it: {text}. {_against(causes)}. m0 "
-        f"would be {best.m0:.2f}. To confirm it: {_confirm(best.what)}"
+        f"the survey cannot be solved, and one cause explains it: {text}. "
+        f"{_against(causes, used)}. m0 would be {best.m0:.2f}. To confirm it: {_confirm(best.what)}"
     )
 
 
@@ -97,7 +115,7 @@ def _odds(value: float) -> str:
     return "more than 1e9 to 1" if value > 1e9 else f"{value:.2g} to 1"
 
 
-def _against(causes: Causes) -> str:
+def _against(causes: Causes, used: Readings) -> str:
     """Odds against independent blunders, against none, and against the next cause."""
     ranking = causes.ranking
     told = []
@@ -112,9 +130,8 @@ def _against(causes: Causes) -> str:
         if one.what.kind not in SINGLE and not any(_alike(one.what, other.what) for other in close)
     ]
     if following:
-        told.append(
-            f"{_odds(ranking.odds(following[0]))} against the next ({_short(following[0].what)})"
-        )
+        name = short(following[0].what, used)
+        told.append(f"{_odds(ranking.odds(following[0]))} against the next ({name})")
     none = next(one for one in ranking.tried if one.what.kind == "none")
     if alone is None:
         told.append(f"{_odds(ranking.odds(none))} against nothing wrong")
@@ -131,171 +148,6 @@ def _alike(a: Lead, b: Lead) -> bool:
 ALIKE = 0.8
 """Share of the readings that two hypotheses of a kind have in common from which on they are one: a
 block that begins some readings later is no other cause."""
-NAMES: Mapping[str, str] = {
-    "offset": "an offset", "scale": "a scale", "height": "a height", "moved": "a point that moved",
-    "vframe_point": "a Vframe point off its place", "rig_mark": "a wrong mark of the rig",
-    "rig_point": "a rig point off its place", "exchanged_targets": "two targets exchanged",
-    "exchanged_rig_points": "two rig points exchanged", "stop_number": "a wrong stop number",
-    "exchanged_rows": "rows exchanged", "blunders": "independent blunders", "none": "nothing wrong",
-}  # fmt: skip
-"""Kinds of causes in words."""
-
-
-def _short(lead: Lead) -> str:
-    where = " ".join(lead.subject[:2])
-    return f"{NAMES[lead.kind]}, {lead.extent} {where}".strip()
-
-
-def said(one: Tried[Lead], used: Readings) -> str:
-    """A hypothesis as a statement, with its size and interval."""
-    lead = one.what
-    return _SAID[lead.kind](lead, one.parameters, used)
-
-
-def _where(lead: Lead, used: Readings) -> str:
-    """Which readings a common error is in."""
-    n = len(lead.rows)
-    also = f" (the same readings: {', '.join(lead.also)})" if lead.also else ""
-    if lead.extent == "all":
-        return f"all {n} readings"
-    if lead.extent == "walls":
-        return f"the {n} readings between floor and walls"
-    if lead.extent in {"from", "until", "block"}:
-        lines = [used.line[r] for r in lead.rows]
-        first, last = int(lead.rows[0]), int(lead.rows[-1])
-        ends = f"{used.start[first]}–{used.end[first]} to {used.start[last]}–{used.end[last]}"
-        return f"the {n} readings from line {lines[0]} to line {lines[-1]} ({ends})"
-    name = lead.subject[0]
-    what = {
-        "station": f"of stop {name}" if any(s.startswith(f"{name}/") for s in used.start)
-        else f"at Vframe point {name}",
-        "observer": f"of observer {name}",
-        "day": f"of {name}",
-        "point": f"to point {name}",
-    }[lead.extent]  # fmt: skip
-    return f"the {n} readings {what}{also}"
-
-
-def _offset(lead: Lead, parameters: Sequence[Parameter], used: Readings) -> str:
-    (b,) = parameters
-    size, low, high = _turned(b, MM)
-    what = f"{_where(lead, used)} are too {'long' if b.value > 0 else 'short'} by {size:.1f} mm"
-    edge = OTHER_EDGE[0] < abs(b.value) < OTHER_EDGE[1]
-    hint = ", as if measured from the other edge of the instrument" if edge else ""
-    return f"{what} (95 %: {low:.1f} to {high:.1f}){hint}: one offset"
-
-
-def _turned(b: Parameter, unit: float) -> tuple[float, float, float]:
-    """Size and interval as a person says them, of the absolute value."""
-    ends = sorted((b.low * np.sign(b.value) * unit, b.high * np.sign(b.value) * unit))
-    return abs(b.value) * unit, float(ends[0]), float(ends[1])
-
-
-def _scale(lead: Lead, parameters: Sequence[Parameter], used: Readings) -> str:
-    (b,) = parameters
-    factor = 1 + b.value
-    unit = unit_of_ratio(factor)
-    if unit:
-        return f"{_where(lead, used)} are in {unit}, not in metres (factor {factor:.4f})"
-    size, low, high = _turned(b, 1e2)
-    return (
-        f"{_where(lead, used)} are too {'long' if b.value > 0 else 'short'} by {size:.3f} % "
-        f"(95 %: {low:.3f} to {high:.3f}): one scale, of a stretched tape or of the instrument"
-    )
-
-
-def _height(lead: Lead, parameters: Sequence[Parameter], used: Readings) -> str:
-    (h,) = parameters
-    return (
-        f"{_where(lead, used)} run between heights that differ by {MM * h.value:.0f} mm "
-        f"(95 %: {MM * h.low:.0f} to {MM * h.high:.0f})"
-    )
-
-
-def _shift(parameters: Sequence[Parameter]) -> str:
-    whole = MM * float(np.linalg.norm([p.value for p in parameters]))
-    each = [
-        f"{p.name} {MM * p.value:+.1f} mm (95 %: {MM * p.low:+.1f} to {MM * p.high:+.1f})"
-        for p in parameters
-    ]
-    return f"{whole:.1f} mm: {', '.join(each)}"
-
-
-def _moved(lead: Lead, parameters: Sequence[Parameter], used: Readings) -> str:
-    before, after = (int(lead.rows[k]) for k in (0, 1))
-    return (
-        f"point {lead.subject[0]} moved between the readings {_named(used, before)} and "
-        f"{_named(used, after)} by {_shift(parameters)}"
-    )
-
-
-def _named(used: Readings, row: int) -> str:
-    line = f" (line {used.line[row]})" if used.line[row] else ""
-    return f"{used.start[row]}–{used.end[row]}{line}"
-
-
-def _numbers(lead: Lead, _: Sequence[Parameter], used: Readings) -> str:
-    lines = f"lines {used.line[lead.rows[0]]} to {used.line[lead.rows[-1]]}"
-    wrong, right = lead.subject[:2]
-    if not right:
-        return (
-            f"the {len(lead.rows)} readings of {lines}, written as stop {wrong}, are of another "
-            "stop that has no readings of that number"
-        )
-    points = lead.subject[2].split()
-    written, meant = (", ".join(f"{stop}/{p}" for p in points) for stop in (wrong, right))
-    return (
-        f"the {len(lead.rows)} readings of {lines}, written {written}, are of stop {right}: {meant}"
-    )
-
-
-def _rows(lead: Lead, _: Sequence[Parameter], used: Readings) -> str:
-    if lead.extent == "slipped":
-        first, last = int(lead.rows[0]), int(lead.rows[-1])
-        return (
-            f"the {len(lead.rows)} readings {_named(used, first)} to {_named(used, last)} stand "
-            "one row off their place"
-        )
-    a, b = (int(row) for row in lead.rows)
-    text = f"the readings {_named(used, a)} and {_named(used, b)} stand in each other's row"
-    return f"{text}, or the names of their targets are exchanged" if lead.also else text
-
-
-def _targets(lead: Lead, _: Sequence[Parameter], used: Readings) -> str:
-    station, a, b, *last = lead.subject
-    stop = any(s.startswith(f"{station}/") for s in (*used.start, *used.end))
-    at = f"at stop {station}" if stop else f"from Vframe point {station}"
-    if last:
-        at = f"from {station} to {last[0]}, in all places where the laser stood between them"
-    return f"the names {a} and {b} are exchanged {at} ({len(lead.rows)} readings)"
-
-
-_SAID: Mapping[str, Callable[[Lead, Sequence[Parameter], Readings], str]] = {
-    "offset": _offset,
-    "scale": _scale,
-    "height": _height,
-    "moved": _moved,
-    "vframe_point": lambda lead, p, _: (
-        f"Vframe point {lead.subject[0]} is off its place by {_shift(p)}"
-    ),
-    "rig_mark": lambda lead, p, _: (
-        f"point {lead.subject[1]} of the rig is marked wrong at stop {lead.subject[0]}, off by "
-        f"{_shift(p)}, in the robot frame"
-    ),
-    "rig_point": lambda lead, p, _: (
-        f"rig point {lead.subject[0]} is not where campaign.toml says, at all stops, off by "
-        f"{_shift(p)}"
-    ),
-    "exchanged_targets": _targets,
-    "exchanged_rig_points": lambda lead, _, __: (
-        f"the rig points {lead.subject[1]} and {lead.subject[2]} are exchanged at stop "
-        f"{lead.subject[0]}"
-    ),
-    "stop_number": _numbers,
-    "exchanged_rows": _rows,
-    "blunders": lambda lead, _, __: f"{lead.subject[0]} independent blunders",
-    "none": lambda *_: "nothing is wrong",
-}
 
 
 def _confirm(lead: Lead) -> str:
@@ -377,9 +229,7 @@ def _single(outcome: SurveyOutcome, diagnosis: Diagnosis) -> Iterator[Finding]:
     if best.what.kind != "blunders":
         return
     for row, size in zip(best.what.rows, best.parameters, strict=True):
-        text = (
-            f"besides, probable blunder in {_named(used, int(row))}: {used.distance[row]:.3f} m, "
-        )
+        text = f"besides, probable blunder in {named(used, int(row))}: {used.distance[row]:.3f} m, "
         text += f"off by {MM * size.value:+.0f} mm. Measure it again"
         yield Finding("error", text, used.start[row], "blunder")
 
@@ -392,7 +242,11 @@ def cause_facts(outcome: SurveyOutcome, others: Sequence[Finding]) -> dict[str, 
     first = (*diagnosis.found, diagnosis.rest)[0]
     used = _used(outcome, first)
     return {
-        "found": [_as_facts(c, c.ranking.best, _used(outcome, c)) for c in diagnosis.found],
+        "found": [
+            _as_facts(c, c.ranking.best, _used(outcome, c))
+            | {"ties": _tie_facts(c, _used(outcome, c))}
+            for c in diagnosis.found
+        ],
         "hypotheses": [_as_facts(first, one, used) for one in first.ranking.tried],
         "m0": diagnosis.plain.m0,
         "m0_without": diagnosis.fit.m0,
@@ -404,6 +258,23 @@ def cause_facts(outcome: SurveyOutcome, others: Sequence[Finding]) -> dict[str, 
         else {},
         "others": [f"{one.subject}: {one.text}" for one in others],
     }
+
+
+def _tie_facts(causes: Causes, used: Readings) -> list[dict[str, object]]:
+    """Causes as likely as the best, and those that are the same readings in other words."""
+    equal = ties(causes)
+    same = [other for one in (causes.ranking.best, *equal) for other in one.what.equal]
+    return [_as_facts(causes, one, used) for one in equal] + [
+        {
+            "kind": lead.kind,
+            "extent": lead.extent,
+            "subject": list(lead.subject),
+            "lines": _lines([used.line[row] for row in lead.rows]),
+            "odds_against": 1.0,
+            "text": short(lead, used),
+        }
+        for lead in same
+    ]
 
 
 MOST_LINES = 300
@@ -427,6 +298,7 @@ def _as_facts(causes: Causes, one: Tried[Lead], used: Readings) -> dict[str, obj
         "extent": lead.extent,
         "subject": list(lead.subject),
         "same_readings": list(lead.also),
+        "tie": any(one is other for other in (causes.ranking.best, *ties(causes))),
         "lines": _lines([used.line[row] for row in lead.rows]) if lead.extent != "all" else "all",
         "sizes": [
             {"name": p.name, "unit": p.unit, "value": p.value, "low": p.low, "high": p.high}

@@ -1,7 +1,7 @@
 """Errors that many readings share: an offset, a scale, a height."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -15,14 +15,14 @@ from validation.poses.angles import Array
 
 LEAST_ROWS = 4
 """Readings that a block in time has at least: fewer are blunders by nature."""
-RARE = {"offset": 0.0, "scale": 0.5, "height": 2.0}
+RARE = {"offset": 0.0, "scale": 0.5, "height": 3.0}
 """What it costs to say that some readings have an offset, a scale or a height of their own. At
 eight of its sigmas a height of a stop's readings lengthens them nearly as an offset does, which
 lies between it and a scale: were all three as likely before, three of four such offsets would be
 told as one of the others."""
 ROWS_TRIED = 1500
-"""Readings up to which a block may begin and end at any; of more, it does so where the laser is
-moved to another mark."""
+"""Readings up to which all blocks are tried; of more, those that begin and end where the laser is
+moved, and then those near the best of them (`FINER`)."""
 
 
 def common_error_leads(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
@@ -76,13 +76,45 @@ def _blocks(kind: Law, columns: Array, linear: Linear, log: Log) -> Iterator[Lea
     """The best blocks in time: until a reading, from one on, from one to another."""
     order, n = log.order, len(log.order)
     if n <= ROWS_TRIED:
-        edge = np.arange(n + 1)
+        regions = _regions(columns, linear, log, np.arange(n + 1))
+    else:
+        moved = np.flatnonzero(aligned([log.station[row] for row in order]))
+        regions = _regions(columns, linear, log, moved)
+        near = _edges_near(regions, moved)
+        if len(near) > len(moved):
+            regions = _regions(columns, linear, log, near)
+    for extent, (region, edge) in regions.items():
+        if region.found:
+            a, b, gain, size = region.found
+            yield _lead(kind, extent, (), order[edge[a] : edge[b]], gain, size, region.places)
+
+
+def _edges_near(regions: Mapping[str, tuple["_Spread", Rows]], moved: Rows) -> Rows:
+    """Edges with all readings of the stations in which the best blocks may begin and end."""
+    edges = [moved]
+    for region, _ in regions.values():
+        if region.found and region.found[2] > FINER:
+            for end in region.found[:2]:
+                first, last = max(end - 1, 0), min(end + 1, len(moved) - 1)
+                edges.append(np.arange(moved[first], moved[last]))
+    return np.unique(np.concatenate(edges))
+
+
+FINER = 40.0
+"""Gain of a block of whole stations from which it is looked whether it begins or ends within one:
+what a block of `ROWS_TRIED` readings costs at least."""
+
+
+def _regions(
+    columns: Array, linear: Linear, log: Log, edge: Rows
+) -> dict[str, tuple["_Spread", Rows]]:
+    """The blocks between some edges of the readings in their order, and those edges."""
+    order, n = log.order, len(log.order)
+    if len(edge) == n + 1:
         Q = linear.block(order)
         some_rows = _rows_of(Q * columns[order] * columns[order][:, None])
         score = columns[order] * linear.residual[order]
     else:
-        moved = [i for i in range(1, n) if log.station[order[i]] != log.station[order[i - 1]]]
-        edge = np.array([0, *moved, n])
         score, some_rows = linear.between_sets(columns, np.split(order, edge[1:-1]))
     whole = np.concatenate([[0.0], np.cumsum(columns[order] ** 2)])[edge]
     s = np.concatenate([[0.0], np.cumsum(score)])
@@ -106,11 +138,7 @@ def _blocks(kind: Law, columns: Array, linear: Linear, log: Log) -> Iterator[Lea
         evidence = np.where(long, gain - np.log(np.where(long, of_block, 1.0)), -np.inf)
         for region in regions.values():
             region.add(first, evidence, gain, size)
-    for extent, region in regions.items():
-        if region.found:
-            a, b, of_best, b_of_best = region.found
-            rows = order[edge[a] : edge[b]]
-            yield _lead(kind, extent, (), rows, of_best, b_of_best, region.places)
+    return {extent: (region, edge) for extent, region in regions.items()}
 
 
 class _Spread:

@@ -48,6 +48,8 @@ class Lead:
         What it cannot be told from, because it is the same readings.
     cost : float
         Of freedom that is not in ``sizes``, as `Parameter.cost`.
+    equal : tuple of Lead
+        Those that ``also`` names.
     """
 
     kind: str
@@ -60,6 +62,7 @@ class Lead:
     sizes: Sizes = field(default=lambda _: [])
     also: tuple[str, ...] = ()
     cost: float = 0.0
+    equal: tuple["Lead", ...] = ()
 
 
 @dataclass(frozen=True)

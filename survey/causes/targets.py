@@ -1,6 +1,7 @@
 """Two targets that stand for each other, at a station or for a time."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,10 +39,24 @@ def exchanged_targets(look: Look) -> Iterator[Lead]:
         if 1 < last - first < len(stations):
             found.append((float(of_pair[first:last].sum()), first, last, int(i), int(j)))
     found.sort(key=lambda one: -one[0])
+    held = {int(point) for point in look.net.fixed}
     for worth, first, last, i, j in found[: 2 * MOST_OF_A_KIND]:
         pair = (int(targets[i]), int(targets[j]))
-        some = stations[first:last]
-        yield _lead(look, worth, some, pair, places * (1 if len(some) == 1 else len(stations)))
+        some, rest = stations[first:last], stations[:first] + stations[last:]
+        alike = places * (1 if len(some) == 1 else len(stations))
+        lead = _lead(look, worth, some, pair, alike)
+        if len(rest) > 1 and (first == 0 or last == len(stations)) and not {*pair} & held:
+            yield _or_elsewhere(lead, _lead(look, worth, rest, pair, alike))
+        else:
+            yield lead
+
+
+def _or_elsewhere(one: Lead, other: Lead) -> Lead:
+    """Two marks exchanged until a time or after it: the same readings, of which fewer are named."""
+    fewer, more = sorted((one, other), key=lambda lead: len(lead.rows))
+    if not len(fewer.rows):
+        return one
+    return replace(fewer, equal=(more,), also=("at all other places",))
 
 
 MOST_TARGETS = 40

@@ -120,10 +120,10 @@ def convergence_findings(found: list[Explored]) -> list[Finding]:
         if not results:
             continue
         any_heading = smallest_region(results)
-        text = f"Every start {_region_words(any_heading)} led to the solution, for every {kind}"
+        text = f"{_region_words(any_heading)}, for every {kind}"
         if kind == "pose":
             limited = smallest_region(results, pi / 3)
-            text += f"; with the heading within ±60°, every start {_region_words(limited)}"
+            text += f"; with the heading within ±60°: {_region_words(limited)}"
         severity: Severity = "good" if any_heading.radius > 0 else "warning"
         findings.append(Finding(severity, f"{text}.", f"{kind}s", "convergence"))
     for unknown, result in found:
@@ -144,10 +144,11 @@ def convergence_findings(found: list[Explored]) -> list[Finding]:
 
 def _region_words(region: Region) -> str:
     if region.radius == 0:
-        return "within 0 m (a start failed already inside the smallest radius tested)"
+        return "A start failed inside the smallest radius tested"
     more = ", the largest tested," if region.limited_by_test else ""
     return (
-        f"within {region.radius:.2g} m{more} (at worst {region.starts} starts: below "
+        f"Every start within {region.radius:.2g} m{more} led to the solution (at worst "
+        f"{region.starts} starts: below "
         f"{region.failures_below:.2g} of such starts fail, at 95 % confidence)"
     )
 

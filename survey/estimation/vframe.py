@@ -142,7 +142,9 @@ def _right_angle_checks(vframe: Vframe, inner: Readings) -> list[FrameCheck]:
             slope = np.array([1 / q - cosine / p, 1 / p - cosine / q, -across[0] / (p * q)])
             of_readings = float(np.linalg.norm(slope * [sp, sq, across[1]]))
             of_marks = vframe.sigma * np.sqrt(2 / p**2 + 2 / q**2)
-            angle, sigma = float(np.arccos(cosine)), float(np.hypot(of_readings, of_marks))
+            # Lengths that make no triangle are an angle of 0 or pi: wrong by as much as can be.
+            angle = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+            sigma = float(np.hypot(of_readings, of_marks))
             checks.append(
                 _check(
                     f"right angle at {corner} ({a}–{corner}–{b})",

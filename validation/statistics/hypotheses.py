@@ -17,6 +17,9 @@ the words only."""
 RIVAL = 6.0
 """A difference of the information criterion below this does not rule out: odds of 20 to
 1, as 2 log 20 = 5.99."""
+TIE = 2 * math.log(3.0)
+"""A difference below this speaks for neither: odds of 3 to 1, "not worth more than a bare mention"
+(Kass and Raftery, Bayes Factors, J. Am. Stat. Assoc. 90, 1995, section 3.2)."""
 T = TypeVar("T")
 ANY_NOISE = 2 * math.log(20.0)
 """What it costs to say that all scatter more than stated: one number, known to some per cent, from
@@ -145,6 +148,11 @@ class Ranking(Generic[T]):
     def rivals(self) -> list[Tried[T]]:
         """Others that cannot be ruled out (`RIVAL`)."""
         limit = self.best.criterion + RIVAL
+        return [one for one in self.tried[1:] if one.criterion < limit]
+
+    def ties(self) -> list[Tried[T]]:
+        """Others that are as likely as the best, as far as the observations tell (`TIE`)."""
+        limit = self.best.criterion + TIE
         return [one for one in self.tried[1:] if one.criterion < limit]
 
 

@@ -22,7 +22,7 @@ from validation.text_files.lengths import (
     unit_of_word,
     with_unit,
 )
-from validation.text_files.table_rows import MAX_BYTES, Row, table_rows
+from validation.text_files.table_rows import MAX_BYTES, SEPARATORS, Row, table_rows
 
 __all__ = ["MAX_BYTES", "Column", "CsvTable", "expected", "header_of", "read_csv"]
 
@@ -284,6 +284,10 @@ def _add_row(table: CsvTable, line: int, cells: list[str], header: Sequence[str]
                 ",".join(cells),
             )
         )
+        return
+    if len(cells) == 1 < len(header) and sum(map(cells[0].count, SEPARATORS)) > 1:
+        said = "its cells are not divided as those of the header are: use the same character"
+        table.add(Problem(table.path, said, line, header[0], cells[0]))
         return
     table.lines.append(line)
     by_name = dict(zip(header, cells + [""] * (len(header) - len(cells)), strict=True))

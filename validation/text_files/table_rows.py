@@ -6,6 +6,7 @@ import re
 import zipfile
 from collections.abc import Iterable
 from datetime import date, datetime, time
+from itertools import pairwise
 from pathlib import Path
 
 from validation.errors import GtvalError, InputError, Problem
@@ -20,6 +21,8 @@ _UNCOMPUTED = re.compile(
     rb'<c (?![^>]*t="str")[^>]*r="[A-Z]+(\d+)"[^>]*><f[^>]*>[^<]*</f>(<v ?/>|<v></v>)?</c>'
 )
 """A cell of a workbook with a formula and no value, unless that is an empty text."""
+SEPARATORS = ",;\t|"
+"""Characters that may stand between cells."""
 _ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 Row = tuple[int, list[str]]
 """The line (of a sheet, the row) on which it starts, from 1, and its cells."""
@@ -55,7 +58,7 @@ def _csv_rows(path: Path, text: str) -> list[Row]:
     first = lines[0].strip().strip('"').lower()
     stated = first.removeprefix("sep=") if first.startswith("sep=") else ""
     header = lines[1] if stated and len(lines) > 1 else lines[0]
-    delimiter = stated if len(stated) == 1 else max(",;\t|", key=header.count)
+    delimiter = stated if len(stated) == 1 else max(SEPARATORS, key=header.count)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
     rows: list[Row] = []
     start = 1
@@ -64,10 +67,30 @@ def _csv_rows(path: Path, text: str) -> list[Row]:
             if any(cell.strip() for cell in cells):
                 rows.append((start, cells))
             start = reader.line_num + 1
+        if first.startswith("sep="):
+            rows = rows[1:]
+        width = len(rows[0][1]) if rows else 0
+        rows = [(line, _resplit(cells, width, delimiter)) for line, cells in rows]
     except csv.Error as error:
         hint = " (an inch mark inside quotes is written twice)" if "after" in str(error) else ""
         raise InputError([Problem(path, f"not a CSV table: {error}{hint}", start)]) from error
-    return rows[1:] if first.startswith("sep=") else rows
+    return rows
+
+
+def _resplit(cells: list[str], width: int, delimiter: str) -> list[str]:
+    """The cells of a row; of one that was added with another separator than the file's, those.
+
+    Only a row that no separator of the file is in, and that another divides into as many cells as
+    there are headings; not where two whole numbers beside each other may be one decimal comma.
+    """
+    if len(cells) != 1 or width == 1:
+        return cells
+    for other in SEPARATORS.replace(delimiter, ""):
+        found = next(csv.reader(cells, delimiter=other), [])
+        doubtful = any(a.strip().isdecimal() and b.strip().isdecimal() for a, b in pairwise(found))
+        if len(found) == width and not (other == "," and doubtful):
+            return found
+    return cells
 
 
 def _sheet_rows(path: Path, data: bytes) -> list[Row]:

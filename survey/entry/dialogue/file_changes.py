@@ -53,6 +53,7 @@ def bring_together(entry_session: Entering, *, adopt: bool) -> None:
         If it was changed by hand and that is not to be taken over.
     """
     file, state = entry_session.readings_file, entry_session.state
+    file.cut_torn(state)
     for _ in range(_TRIES):
         if file.is_current(state):
             return

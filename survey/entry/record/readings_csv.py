@@ -100,7 +100,7 @@ def hand_changes(path: Path, state: EntryState, units: str = "m") -> HandChanges
     if not path.exists():
         return None
     text = path.read_text(encoding="utf-8-sig", errors="replace")
-    if text == csv_text(state) or _was_derived(text, state):
+    if not text.strip("\0 \r\n") or text == csv_text(state) or _was_derived(text, state):
         return None
     rows = _rows(path, units)
     last = max((int(row[-1]) for row in rows if row[-1].isdecimal()), default=0)

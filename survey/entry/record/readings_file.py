@@ -74,6 +74,21 @@ class ReadingsFile:
         self._complete()
         return True
 
+    def cut_torn(self, state: EntryState) -> None:
+        """Take away a last line that was never finished: the journal has that reading.
+
+        Power went, or the process was killed, while the line was written. A line that somebody
+        else left unfinished is not touched.
+        """
+        held = self._read()
+        if not held or held.endswith(b"\n"):
+            return
+        whole, _, torn = held.rstrip(b"\0").rpartition(b"\n")
+        rows = chain.from_iterable(self.prepare(state).values())
+        lines = [heading_line(state).encode(), *(line.encode() for _, line in rows)]
+        if any(line.startswith(torn) and line != torn + b"\n" for line in lines):
+            os.truncate(self.path, len(whole) + 1 if whole else 0)
+
     def _complete(self) -> None:
         """All readings are in it."""
         if not self._shared:

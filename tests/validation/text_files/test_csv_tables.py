@@ -58,6 +58,8 @@ def message(folder: Path, content: str | bytes) -> str:
         "Pose,X\n1,1.5\n2,-2\n",
         "pose,x [cm]\n1,150\n2,-200\n",
         "pose,x\n1,1.5 m\n2,-200 cm\n",
+        "sep=;\npose;x;y\n1;1,5;0\n2,-2.0,0\n",
+        "pose,x\n1,1.5\n2;-2\n",
     ],
 )
 def test_the_same_table_in_many_dresses(tmp_path, content):
@@ -212,3 +214,9 @@ def test_few_lengths_out_of_range_are_told_one_by_one(tmp_path):
     with pytest.raises(InputError) as caught:
         read_csv(path, COLUMNS).raise_problems()
     assert [one.line for one in caught.value.problems] == [42, 43]
+
+
+def test_a_row_that_is_divided_otherwise_is_told_where_it_may_mean_two_things(tmp_path):
+    # 2,801 may be a decimal comma, and then the row has two cells.
+    with pytest.raises(InputError, match=r"line 3.* not divided"):
+        read(tmp_path, "pose;x;y\n1;1,5;0\n2,2,801\n")

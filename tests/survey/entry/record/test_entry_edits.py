@@ -207,6 +207,31 @@ def test_a_reading_that_the_file_did_not_get_before_a_kill_is_no_deletion(room):
     assert rows(room) == Counter([*first, frozenset(("1/Y", "7"))])
 
 
+def test_a_line_that_was_torn_anywhere_never_refuses_the_start(room):
+    opened = room.open()
+    first = enter(opened, room, 4)
+    opened.close()
+    whole = room.readings.read_bytes()
+    last = whole.rindex(b"\n", 0, -1) + 1
+    for kept in (0, 5, last - 3, *range(last + 1, len(whole), 5), len(whole) - 1):
+        room.readings.write_bytes(whole[:kept])
+        room.open().close()
+        assert rows(room) == Counter(first)
+    room.readings.write_bytes(whole[: last + 20] + bytes(300))
+    room.open().close()
+    assert room.readings.read_bytes() == whole
+
+
+def test_a_row_added_with_another_separator_than_the_file_has_is_taken_over(room):
+    opened = room.open()
+    first = enter(opened, room, 4)
+    opened.close()
+    text = "sep=;\n" + room.readings.read_text().replace(",", ";") + hand_row(room, "1/Y 7")
+    room.readings.write_text(text)
+    EntrySession.open(load_campaign(room.folder), adopt=True).close()
+    assert rows(room) == Counter([*first, frozenset(("1/Y", "7"))])
+
+
 def test_a_readings_sheet_is_not_left_behind(room):
     (room.folder / "survey" / "readings.xlsx").write_bytes(b"PK")
     with pytest.raises(InputError, match=r"save it as readings\.csv"):
