@@ -91,8 +91,7 @@ def cramer_rao(room: Panels, scanner: Scanner, first: Array, second: Array) -> A
     lines = information[3:, 3:] + 1e-6 * np.eye(size - 3)
     cross = information[:3, 3:]
     left = information[:3, :3] - cross @ np.linalg.solve(lines, cross.T)
-    bound: Array = np.linalg.inv(left)
-    return bound
+    return np.asarray(np.linalg.inv(left), dtype=float)
 
 
 def judged(pair: ScanPair) -> Array:
