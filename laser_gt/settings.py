@@ -79,7 +79,8 @@ class LaserSettings(Settings):
     """
 
     scans: str = "laser/scans.csv"
-    format: Literal["csv", "carmen", "rawseeds_sick", "rawseeds_hokuyo", "bag"] = "csv"
+    format: Literal["csv", "carmen", "rawseeds_sick", "rawseeds_hokuyo", "bag", "csm",
+                    "breezyslam", "rawlog"] = "csv"  # fmt: skip
     stops: str = "laser/stops.csv"
     odometry: str = "laser/odometry.csv"
     odometry_format: Literal["csv", "rawseeds"] = "csv"
@@ -140,7 +141,7 @@ class DriveSettings(Settings):
 
     scans: str = "laser/drive/scans.csv"
     format: Literal["csv", "carmen", "rawseeds_sick", "rawseeds_hokuyo", "bag", "csm",
-                    "breezyslam"] = "csv"  # fmt: skip
+                    "breezyslam", "rawlog"] = "csv"  # fmt: skip
     odometry: str | None = None
     odometry_topic: str | None = None
     odometry_body: str | None = None

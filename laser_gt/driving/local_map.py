@@ -58,6 +58,7 @@ def merged(surfaces: Sequence[Surface], poses: Array) -> Surface:
         spacing=joined("spacing"),
         scatter=joined("scatter"),
         shared=joined("shared"),
+        widths=joined("widths"),
         shared_beams=max(one.shared_beams for one in surfaces),
     )
 

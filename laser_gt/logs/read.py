@@ -12,6 +12,7 @@ from laser_gt.logs.breezyslam import read_breezyslam
 from laser_gt.logs.carmen import read_carmen
 from laser_gt.logs.csm_json import read_csm
 from laser_gt.logs.motion import MirrorTiming, undistorted_records
+from laser_gt.logs.rawlog import read_rawlog
 from laser_gt.logs.rawseeds import (
     read_rawseeds_hokuyo,
     read_rawseeds_odometry,
@@ -32,6 +33,7 @@ READERS: dict[str, Callable[[Path], list[ScanRecord]]] = {
     "bag": read_bag,
     "csm": read_csm,
     "breezyslam": read_breezyslam,
+    "rawlog": read_rawlog,
 }
 LOGS = READERS | {"csv": partial(read_scan_csv, stops=False)}
 """Readers of the logs of drives."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from laser_gt.matching.both_ways import both_ways
 from laser_gt.matching.local import align
 from laser_gt.matching.search import distinct, thinned
 from laser_gt.scans.evidence import Prepared, evidence
@@ -79,7 +80,7 @@ class GeneticMatch:
     convergence : (generations + 1,) array
         Best fitness of each generation.
     finalists : (m, 3) array
-        Distinct good individuals of the last population, polished, the winner among them.
+        Distinct good individuals of the last population, polished one way, the winner's among them.
     """
 
     pose: Array
@@ -117,7 +118,8 @@ def genetic_match(
     normal mutation whose width shrinks over the generations from a tenth of the window to
     millimetres, elitism. The improved form trims by the expected overlap instead of by five
     points, looks distances up in a distance transform, limits them, and polishes the best
-    distinct individuals, of which the one that agrees best with all that was seen wins.
+    distinct individuals, of which the one that agrees best with all that was seen wins. The winner
+    ends as a match does, in the mean of both ways (`laser_gt.matching.both_ways`).
     """
     settings = settings or GeneticSettings()
     if settings.as_published:
@@ -155,8 +157,14 @@ def genetic_match(
     polished = align(reference.surface, moving.surface, few, reach=0.15)
     score = evidence(reference, moving, polished.pose).score
     best_row = int(score.argmax())
-    return GeneticMatch(
+    pose, _ = both_ways(
+        reference.surface,
+        moving.surface,
         polished.pose[best_row],
+        polished.covariance[best_row],
+    )
+    return GeneticMatch(
+        pose,
         convergence[-1],
         np.array(convergence),
         polished.pose,

@@ -174,7 +174,9 @@ def _candidates(
     """(k, 3) poses worth a judgement: from the guess, and from a search if it is uncertain."""
     # Two standard deviations of the guess; at least 0.3 m, a judgement: half of a doorway.
     reach = max(0.3, 2 * settings.guess_length)
-    local = align(reference.surface, moving.surface, guess, reach=reach, covariance=False).pose
+    local = align(
+        reference.surface, moving.surface, guess, reach=reach, small_step=NEAR, covariance=False
+    ).pose
     sure = settings.guess_length <= settings.local_length
     sure &= settings.guess_angle <= settings.local_angle
     if sure:
@@ -262,6 +264,7 @@ def _again(reference: Prepared, moving: Prepared, starts: Array) -> tuple[Array,
         near[first],
         reach=0.0,
         max_steps=FINISH,
+        small_step=NEAR / 3,
         covariance=False,
     ).pose
     return ends[which], evidence(reference, moving, ends, stride=2).score[which]

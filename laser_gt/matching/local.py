@@ -196,12 +196,18 @@ def _gauss_newton(pairing: Pairing) -> Array:
     """
     hessian, gradient = pairing.moments[:, :3, :3], pairing.moments[:, :3, 3:]
     damping = 1e-9 * np.trace(hessian, axis1=-2, axis2=-1) + 1e-9
-    whitener = np.linalg.inv(np.linalg.cholesky(hessian + damping[:, None, None] * np.eye(3)))
-    whitener_t = whitener.transpose(0, 2, 1)
-    share, axes = np.linalg.eigh(whitener @ pairing.fake @ whitener_t)
-    along = axes.transpose(0, 2, 1) @ (whitener @ gradient)
-    along *= (share < MOSTLY_FAKE)[..., None]
-    change = -(whitener_t @ (axes @ along))[..., 0]
+    hessian = hessian + damping[:, None, None] * np.eye(3)
+    inverse = np.linalg.inv(hessian)
+    change = -(inverse @ gradient)[..., 0]
+    # The shares of all directions add up to this: mostly, no single one can be too large.
+    faked = (inverse * pairing.fake).sum((-2, -1)) >= MOSTLY_FAKE
+    if faked.any():
+        whitener = np.linalg.inv(np.linalg.cholesky(hessian[faked]))
+        whitener_t = whitener.transpose(0, 2, 1)
+        share, axes = np.linalg.eigh(whitener @ pairing.fake[faked] @ whitener_t)
+        along = axes.transpose(0, 2, 1) @ (whitener @ gradient[faked])
+        along *= (share < MOSTLY_FAKE)[..., None]
+        change[faked] = -(whitener_t @ (axes @ along))[..., 0]
     change[(pairing.weight > 0).sum(-1) < MIN_PAIRS] = 0.0
     return np.asarray(np.maximum(np.minimum(change, 0.5), -0.5))
 

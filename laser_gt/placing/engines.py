@@ -12,10 +12,12 @@ from laser_gt.matching.gpm import associate
 from laser_gt.matching.judgement import MatchSettings, judged, match
 from laser_gt.matching.kiss import register
 from laser_gt.matching.verdicts import VERDICTS, JudgementSettings, Match, Verdict
+from laser_gt.placing.anchors import edge_of
 from laser_gt.placing.guesses import guess_deviations
 from laser_gt.placing.loops import Loop, with_loops
 from laser_gt.placing.pairs import bridges, nearest_pairs, parts_of
-from laser_gt.placing.switches import decided
+from laser_gt.placing.submaps import matched_as_submaps, sees_half
+from laser_gt.placing.switches import decided, graph_of
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import between
 from laser_gt.scans.scan import Flags, Indices
@@ -167,14 +169,64 @@ def match_pairs(
             else:
                 start = _start(sweeps[i], sweeps[j], guess, settings)
                 found[row] = match(sweeps[i], sweeps[j], guess, limits, start)
-        told, loops = with_loops([found[row] for row in sorted(found)])
-        obeying = [_obeying(one, decisions) for one in told]
-        stops = [sweep.name for sweep in sweeps]
-        matches = decided(stops, poses, obeying, settings.guess_sigmas)
+        matches, loops = _told(sweeps, poses, found, decisions, settings)
         rows = _more(poses, pairs, tried, matches, settings.genetic_pairs)
         if not len(rows):
-            return Matching(engine, matches, loops, convergence)
+            break
         tried[rows] = True
+    order = sorted(found)
+    better = _as_submaps(sweeps, poses, matches, decisions, settings)
+    if better:
+        found |= {order[at]: one for at, one in better.items()}
+        matches, loops = _told(sweeps, poses, found, decisions, settings)
+    return Matching(engine, matches, loops, convergence)
+
+
+def _told(
+    sweeps: Sequence[Prepared],
+    poses: Array,
+    found: Mapping[int, Match],
+    decisions: Mapping[tuple[str, str], Decision],
+    settings: EngineSettings,
+) -> tuple[list[Match], list[Loop]]:
+    """The matches in the order of their pairs, with what loops, decisions and the graph say."""
+    told, loops = with_loops([found[row] for row in sorted(found)])
+    obeying = [_obeying(one, decisions) for one in told]
+    stops = [sweep.name for sweep in sweeps]
+    return decided(stops, poses, obeying, settings.guess_sigmas), loops
+
+
+def _as_submaps(
+    sweeps: Sequence[Prepared],
+    poses: Array,
+    matches: Sequence[Match],
+    decisions: Mapping[tuple[str, str], Decision],
+    settings: EngineSettings,
+) -> dict[int, Match]:
+    """Matches by their place that are used once scans of half a turn are merged into submaps.
+
+    Only those that may be wrong and that would join what the used ones leave in parts.
+    """
+    where = {one.name: number for number, one in enumerate(sweeps)}
+    half = [sees_half(one.sweep) for one in sweeps]
+    open_ones = [
+        (at, where[one.reference], where[one.moving])
+        for at, one in enumerate(matches)
+        if one.verdict == "may be wrong" and (one.reference, one.moving) not in decisions
+    ]
+    open_ones = [(at, i, j) for at, i, j in open_ones if half[i] and half[j]]
+    if not open_ones:
+        return {}
+    used = [edge_of(where, one) for one in matches if one.used]
+    part = graph_of(poses, used, settings.guess_sigmas)
+    better = {}
+    for at, i, j in open_ones:
+        if part.parts[i] != part.parts[j]:
+            guess, limits = _guess(poses, i, j, None, settings)
+            one = matched_as_submaps(sweeps, part, (i, j), guess, limits)
+            if one is not None and one.used:
+                better[at] = one
+    return better
 
 
 def _guess(

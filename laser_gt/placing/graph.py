@@ -111,7 +111,7 @@ class GraphSolution:
     covariance : (3n + 3, 3n + 3) array
         Joint covariance of the poses and, last, the mount.
     chi_squared : float
-        Of the edges, with their robust weights.
+        Of the edges, with their robust weights, and of the surveyed poses.
     degrees_of_freedom : int
         Of the edges.
     weights : (m,) array
@@ -131,7 +131,9 @@ class GraphSolution:
         return float(np.sqrt(max(self.chi_squared / max(self.degrees_of_freedom, 1), 1.0)))
 
 
-def solve_graph(graph: Graph, robust_width: float = 4.0) -> GraphSolution:
+def solve_graph(
+    graph: Graph, robust_width: float = 4.0, least_misfit: float = LEAST_MISFIT
+) -> GraphSolution:
     """Poses and mount that explain the matches and what was surveyed best.
 
     Parameters
@@ -140,6 +142,9 @@ def solve_graph(graph: Graph, robust_width: float = 4.0) -> GraphSolution:
         What is known.
     robust_width : float
         Edges whose residual exceeds so many standard deviations are weighed down (Cauchy).
+    least_misfit : float
+        Least factor on the edges' covariances; 1 where these are right and the noise that edges
+        of one stop share is in the covariance of the surveyed poses.
 
     Raises
     ------
@@ -165,24 +170,28 @@ def solve_graph(graph: Graph, robust_width: float = 4.0) -> GraphSolution:
         mount = mount + step[-3:]
         if np.abs(step).max() < 1e-9:
             break
-    return _solution(graph, poses, mount, weights)
+    return _solution(graph, poses, mount, weights, least_misfit)
 
 
-def _solution(graph: Graph, poses: Array, mount: Array, weights: Array) -> GraphSolution:
+def _solution(
+    graph: Graph, poses: Array, mount: Array, weights: Array, least_misfit: float
+) -> GraphSolution:
     """The solution with its covariance, the edges scaled by their misfit.
 
     Matches of one scan with many others share that scan's noise: loops close better than the
     covariances of the edges say, and the pose is *not* known better by having many edges. The
     share of the covariance that the misfit of the loops does not show is taken as noise of the
-    stops (`_stop_noise`) and added to each of them.
+    stops (`stop_noise`) and added to each of them.
     """
     residuals, chi = _edge_residuals(graph, poses, mount)
     count = len(graph.edges)
+    off = wrapped(poses[list(graph.prior_stops)] - graph.prior_poses).ravel()
     total = float((weights * chi)[:count].sum())
+    total += float(off @ np.linalg.solve(graph.prior_covariance, off))
     unknowns = 3 * (len(poses) - len(graph.prior_stops) + (graph.mount_covariance is None))
     freedom = _determined(graph.edges) - unknowns
     misfit = total / freedom if freedom > 0 else 1.0
-    scale = max(misfit, LEAST_MISFIT)
+    scale = max(misfit, least_misfit)
     scaled = weights / np.where(np.arange(len(weights)) < count, scale, 1.0)
     information = _equations(graph, poses, mount, residuals, scaled).matrix()
     try:
@@ -190,7 +199,7 @@ def _solution(graph: Graph, poses: Array, mount: Array, weights: Array) -> Graph
     except np.linalg.LinAlgError:
         raise GtvalError("the matches do not determine the poses") from None
     shared = max(1.0 - scale, 0.0)
-    for stop, noise in _stop_noise(graph, poses, mount).items():
+    for stop, noise in stop_noise(graph.edges, poses, mount).items():
         part = slice(3 * stop, 3 * stop + 3)
         covariance[part, part] += shared * noise
     covariance = (covariance + covariance.T) / 2
@@ -202,7 +211,7 @@ def _determined(edges: Sequence[Edge]) -> int:
     return int((np.linalg.eigvalsh(np.array([edge.covariance for edge in edges])) < 1).sum())
 
 
-def _stop_noise(graph: Graph, poses: Array, mount: Array) -> dict[int, Array]:
+def stop_noise(edges: Sequence[Edge], poses: Array, mount: Array) -> dict[int, Array]:
     """Covariance of each stop's robot pose from the noise of its own scans.
 
     Half of an edge's covariance is the noise of either of its two scans; seen from the other
@@ -210,7 +219,7 @@ def _stop_noise(graph: Graph, poses: Array, mount: Array) -> dict[int, Array]:
     stop's edges, by their information, carried from laser frame to robot pose.
     """
     found: dict[int, list[Array]] = {}
-    for edge in graph.edges:
+    for edge in edges:
         back = inverse(edge.pose)
         noise = edge.covariance if edge.noise is None else edge.noise
         turned_back = inverse_covariance_of(edge.pose, noise)

@@ -6,14 +6,16 @@ and left it open. Here all pairs are used at once, and the result comes with its
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from laser_gt.matching.verdicts import Match
 from laser_gt.placing.anchors import Surveyed, edges_of
 from laser_gt.placing.equations import ends_of
-from laser_gt.placing.graph import Edge, Graph, solve_graph
+from laser_gt.placing.graph import LEAST_MISFIT, Edge, Graph, solve_graph, stop_noise
+from laser_gt.placing.pairs import parts_of
+from laser_gt.placing.switches import GAUGE
 from laser_gt.scans.planar import CONTRADICTION, between, compose, wrapped
 from validation.errors import GtvalError
 from validation.poses.angles import Array, wrap
@@ -137,6 +139,12 @@ def mount_of(
     ------
     GtvalError
         If the robot never turned, or the stops leave the mount open.
+
+    Notes
+    -----
+    Matches of one stop with many others share the noise of its scan. What part of their noise they
+    share shows in their loops, which close better than the matches' covariances say; it counts as
+    noise of the stops, beside that of the survey, and the rest as the matches' own.
     """
     turn = float(np.sqrt(np.mean(wrap(np.array([edge.pose[2] for edge in edges])) ** 2)))
     if turn < MIN_TURN:
@@ -145,22 +153,28 @@ def mount_of(
             "turns the place of the laser on the robot cannot be seen. Add stops with other "
             "headings"
         )
-    graph = Graph(
-        initial=poses,
-        mount=_first_mount(poses, edges, stated),
-        edges=edges,
-        prior_stops=range(len(poses)),
-        prior_poses=poses,
-        prior_covariance=covariance,
-        mount_covariance=None,
-    )
     left_open = (
         "the mount is not determined by these stops: they leave its place open by more than "
         f"{OPEN[0] * 1e2:.0f} cm or {OPEN[2]:.1f} rad. Survey more of the stops, with headings "
         "that differ by a quarter turn"
     )
+    first = _first_mount(poses, edges, stated)
+    own = _own_share(poses, edges, first)
+    survey = covariance.copy()
+    for stop, noise in stop_noise(edges, poses, first).items():
+        part = slice(3 * stop, 3 * stop + 3)
+        survey[part, part] += (1 - own) * noise
+    graph = Graph(
+        initial=poses,
+        mount=first,
+        edges=[replace(edge, covariance=own * edge.covariance) for edge in edges],
+        prior_stops=range(len(poses)),
+        prior_poses=poses,
+        prior_covariance=survey,
+        mount_covariance=None,
+    )
     try:
-        solution = solve_graph(graph)
+        solution = solve_graph(graph, least_misfit=1.0)
     except GtvalError:  # all poses are known: what has no solution is the mount
         raise GtvalError(left_open) from None
     covariance = solution.covariance[-3:, -3:]
@@ -168,6 +182,27 @@ def mount_of(
     if not (np.isfinite(covariance).all() and (sigmas < OPEN).all()):
         raise GtvalError(left_open)
     return MountEstimate(wrapped(solution.mount), covariance, turn, len(edges))
+
+
+def _own_share(poses: Array, edges: Sequence[Edge], mount: Array) -> float:
+    """Share of the matches' noise that differs from match to match: how loops close without survey.
+
+    One of each part of the stops is held. Where there is no loop, the least: then nothing speaks
+    for more, and to share all is what scans do.
+    """
+    _, first = np.unique(parts_of(len(poses), ends_of(edges)), return_index=True)
+    graph = Graph(
+        initial=poses,
+        mount=mount,
+        edges=edges,
+        prior_stops=first.tolist(),
+        prior_poses=poses[first],
+        prior_covariance=np.eye(3 * len(first)) * GAUGE,
+        mount_covariance=np.eye(3) * GAUGE,
+    )
+    found = solve_graph(graph)
+    misfit = found.chi_squared / max(found.degrees_of_freedom, 1)
+    return float(np.clip(misfit, LEAST_MISFIT, 1.0))
 
 
 def _first_mount(poses: Array, edges: Sequence[Edge], stated: Array) -> Array:

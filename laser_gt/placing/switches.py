@@ -96,7 +96,7 @@ def decided(
         used = [edge_of(where, one) for one in found if one.used]
         if not open_rows:
             return found
-        part = _solved(poses, used, sigmas)
+        part = graph_of(poses, used, sigmas)
         told = _inside(part, found, where, open_rows) or _across(part, found, where, open_rows)
         if not told:
             return found
@@ -115,7 +115,7 @@ def guess_edges(poses: Array, parts: Indices, sigmas: Sequence[float]) -> list[E
     return edges
 
 
-def _solved(poses: Array, used: Sequence[Edge], sigmas: Sequence[float]) -> Part:
+def graph_of(poses: Array, used: Sequence[Edge], sigmas: Sequence[float]) -> Part:
     """The graph of laser frames from the matches that are used, each part held at one stop."""
     parts = parts_of(len(poses), ends_of(used))
     if not used:

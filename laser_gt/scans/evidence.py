@@ -145,9 +145,11 @@ def intruder(reference: Prepared, moving: Prepared, pose: Array) -> float:
     tolerance = max(reference.tolerance, moving.tolerance)
     longest = 0.0
     for target, source, motion in ((reference, moving, pose), (moving, reference, inverse(pose))):
-        points = transform(motion[None], source.sweep.points)
-        violating = _asked(target, points, tolerance)[1][0]
-        index = np.flatnonzero(violating)
+        points = transform(motion, source.sweep.points)
+        index = np.flatnonzero(_crossed(target, points, tolerance))
+        if index.size < 2:
+            continue
+        index = index[~_on_surface(target.surface, points[index], tolerance)]
         if index.size < 2:
             continue
         row = source.sweep.points[index]
@@ -172,6 +174,16 @@ def _asked(target: Prepared, points: Array, tolerance: float) -> tuple[Flags, Fl
         seen |= there & (distance < far + tolerance)
     violating = crossed & ~explained
     return explained, violating, ~explained & ~violating & ~seen
+
+
+def _crossed(target: Prepared, points: Array, tolerance: float) -> Flags:
+    """(n,) which points a sweep's beams have passed, whether or not a surface is there."""
+    crossed = np.zeros(points.shape[:-1], dtype=bool)
+    for view in target.sweep.views:
+        near, _, there = measured_limits(view, points)
+        distance = np.hypot(*np.moveaxis(points - view.mount[:2], -1, 0))
+        crossed |= there & (distance < near - tolerance)
+    return crossed
 
 
 def _on_surface(target: Surface, points: Array, tolerance: float) -> Flags:

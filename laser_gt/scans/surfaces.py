@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from laser_gt.scans.nearest import NearestGrid
-from laser_gt.scans.scan import Flags, Indices, Sweep
+from laser_gt.scans.scan import MIN_RETURNS, Flags, Indices, Sweep
 from validation.poses.angles import Array
 
 LAGS = (2, 4, 7, 12, 20)
@@ -31,6 +31,29 @@ SELECTION = 1.3
 
 Measured: normals of straight walls scatter by 1.15 to 1.3 times the formula's value.
 """
+
+
+WITHIN_BEAM = 1 / np.sqrt(12)
+"""Standard deviation of where within its step a beam is answered, in steps: anywhere. Measured on
+scans of a SICK LMS of half degrees: across walls at 60 to 75 degrees from the beam points scatter
+by what 2.6 to 3.7 mrad make beyond their range noise, 0.30 to 0.42 of a step."""
+
+
+def variance_across(sigmas: Array, widths: Array, cosine: Array) -> Array:
+    """Variance of points across their surfaces, square metres.
+
+    Parameters
+    ----------
+    sigmas : array
+        Standard deviation of the ranges, metres.
+    widths : array
+        Standard deviation of where across its beam the point was met, metres.
+    cosine : array
+        Of the incidence.
+    """
+    squared = cosine**2
+    beam = widths**2 * (1 - squared)
+    return np.asarray(sigmas**2 * np.maximum(squared, 0.1) + beam + MODEL_SIGMA**2)
 
 
 @dataclass(frozen=True)
@@ -65,6 +88,8 @@ class Surface:
         Standard deviation of the ranges that neighbouring beams share, metres.
     shared_beams : float
         Over how many beams that falls to 1 / e; the longest of the sweep's scanners.
+    widths : (n,) or (1,) array
+        Standard deviation of where across its beam each point was met, metres.
     """
 
     points: Array
@@ -81,6 +106,7 @@ class Surface:
     scatter: Array
     shared: Array = field(default_factory=lambda: np.zeros(1))
     shared_beams: float = 1.0
+    widths: Array = field(default_factory=lambda: np.zeros(1))
 
     def __len__(self) -> int:
         return len(self.points)
@@ -94,7 +120,7 @@ class Surface:
     def normal_variances(self) -> Array:
         """(n,) variance of each point across its surface, in square metres."""
         cosine = (self.normals * self.beams).sum(-1)
-        across = self.sigmas**2 * np.maximum(cosine**2, 0.1) + MODEL_SIGMA**2
+        across = variance_across(self.sigmas, self.widths, cosine)
         return np.where(self.flat, across, self.sigmas**2 + MODEL_SIGMA**2)
 
     @cached_property
@@ -161,15 +187,49 @@ def surface(sweep: Sweep) -> Surface:
     count = [len(view.scan.points) for view in sweep.views]
     sigmas = np.repeat([view.scan.range_sigma for view in sweep.views], count)
     shared = np.repeat([view.scan.shared_sigma for view in sweep.views], count)
+    steps = np.repeat([view.scan.step for view in sweep.views], count)
+    widths = WITHIN_BEAM * steps * ranges
     run = _run_of(sweep, points, ranges, sigmas)
     first, last = _windows(run)
-    moments = _window_moments(points, first, last)
-    spacing = _spacing(points, run)
-    return replace(
-        _best_lines(points, beams, ranges, sigmas, first, last, moments, spacing),
-        shared=shared,
-        shared_beams=max(view.scan.shared_beams for view in sweep.views),
-    )
+    windows = (first, last, _window_moments(points, first, last), _spacing(points, run))
+    found = _best_lines(points, beams, ranges, sigmas, 0.0 * widths, *windows)
+    share = _beam_share(found, widths)
+    if share > 0:
+        found = _best_lines(points, beams, ranges, sigmas, widths * np.sqrt(share), *windows)
+    shared_beams = max(view.scan.shared_beams for view in sweep.views)
+    return replace(found, shared=shared, shared_beams=shared_beams)
+
+
+FAKED, SHOWN = 0.1, 0.3
+"""Factors on the variance within the beam: up to the first the choice of windows fakes it, from the
+second on it is there. Measured where lines were chosen as if beams had no width: scans of such
+beams show 0.06 in the median and 0.2 in one of four, those of two buildings by a SICK LMS 0.8 in
+the median and 0.3 or more in three of four."""
+
+
+def _beam_share(found: Surface, widths: Array) -> float:
+    """How much of `WITHIN_BEAM` the scatter about the lines shows, 0 to 1, as a variance.
+
+    Least squares in two numbers: factors on the variance that the ranges make, and on that within
+    the beam.
+    """
+    flat = found.flat
+    if flat.sum() < MIN_RETURNS:
+        return 0.0
+    cosine = (found.normals * found.beams).sum(-1)[flat]
+    by_range = variance_across(found.sigmas[flat], 0.0 * widths[flat], cosine)
+    by_beam = variance_across(found.sigmas[flat], widths[flat], cosine) - by_range
+    weight = (found.window_lengths[flat] - 2) / (by_range + by_beam) ** 2
+    design = np.stack([by_range, by_beam])
+    normal = (design * weight) @ design.T
+    right = (design * weight) @ found.scatter[flat]
+    determinant = normal[0, 0] * normal[1, 1] - normal[0, 1] ** 2
+    if determinant <= 1e-9 * normal[0, 0] * normal[1, 1]:
+        return 0.0
+    share = (normal[0, 0] * right[1] - normal[0, 1] * right[0]) / determinant
+    ranges = (normal[1, 1] * right[0] - normal[0, 1] * right[1]) / determinant
+    share /= max(ranges, 1.0)  # what is faked grows with all noise
+    return float(np.clip((share - FAKED) / (SHOWN - FAKED), 0.0, 1.0))
 
 
 def _spacing(points: Array, run: Indices) -> Array:
@@ -229,6 +289,7 @@ def _best_lines(
     beams: Array,
     ranges: Array,
     sigmas: Array,
+    widths: Array,
     first: Indices,
     last: Indices,
     moments: tuple[Array, ...],
@@ -240,7 +301,7 @@ def _best_lines(
     root = np.sqrt(half_difference**2 + xy**2)
     spread, scatter = half_sum + root, np.maximum(half_sum - root, 0.0)
     cosine = _incidence(half_difference, xy, root, beams)
-    variance = sigmas**2 * np.maximum(cosine**2, 0.1) + MODEL_SIGMA**2
+    variance = variance_across(sigmas, widths, cosine)
     freedom = np.maximum(count - 2, 1.0)
     bound = variance * (freedom + 3 * np.sqrt(2 * freedom))
     good = (last > first) & (scatter <= bound) & (spread <= count * MAX_WINDOW**2 / 12)
@@ -266,6 +327,7 @@ def _best_lines(
         flat=flat,
         spacing=spacing,
         scatter=np.where(flat, (scatter / freedom)[pick], 0.0),
+        widths=widths,
     )
 
 

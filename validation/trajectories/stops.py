@@ -53,6 +53,10 @@ MOST_HIDDEN = 0.8
 POOLED_POSES = 8
 """Independent poses that the scatter of all stops counts for in that of one: a stop of eight
 correlation times has a scatter that is a third off by itself. A judgement."""
+LONGEST_MEMORY = 0.5
+"""Of the length of a stop: the longest correlation that its poses can show. An error that lasts
+longer is the same all through the stop; what slow motion within it looks like, with half the size
+of the noise, would otherwise be taken for errors of a thousand times the variance."""
 _MEMORIES = 1 - np.geomspace(1.0, 0.002, 30)
 _WHITE_SHARES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 0.95)
 """Correlation of neighbours, up to 500 poses long, and the share of white noise that are tried."""
@@ -350,7 +354,9 @@ def _inflation(groups: Sequence[Array]) -> Array:
         return np.full(powers.shape[1], np.nan)
     white_alone = len(omega) * np.log(np.maximum(powers.mean(0), 1e-30))
     best, found = white_alone - CORRELATED_GAIN, np.ones(powers.shape[1])
-    for memory, white in itertools.product(_MEMORIES, _WHITE_SHARES):
+    longest = LONGEST_MEMORY * float(np.median([len(values) for values in groups]))
+    memories = _MEMORIES[np.exp(-1 / max(longest, 1e-9)) >= _MEMORIES]
+    for memory, white in itertools.product(memories, _WHITE_SHARES):
         coloured = (1 - memory**2) / (1 - 2 * memory * np.cos(omega) + memory**2)
         shape = (1 - white) * coloured + white
         scale = (powers / shape[:, None]).mean(0)

@@ -125,3 +125,52 @@ def test_bad_stops_name_their_places(tmp_path):
     assert "stops.csv" in str(error.value)
     with pytest.raises(InputError, match="overlaps the stop 'a'"):
         check_stops([Stop("a", 0, 10), Stop("b", 5, 12)], path)
+
+
+def _at_stops_with(rng, errors, count=12, poses=26):
+    """A trajectory that stands `count` times, with errors of a millimetre made by a function."""
+    truth = rng.uniform(-3, 3, (count, 3)) * [1, 1, 0.3]
+    seen = np.concatenate([one + 1e-3 * errors(rng, poses) for one in truth])
+    starts = 20.0 * np.arange(count)
+    times = (starts[:, None] + 0.2 * np.arange(poses)).ravel()
+    stops = [Stop(str(k), float(a) - 0.05, float(a) + 0.2 * poses) for k, a in enumerate(starts)]
+    return truth, poses_at_stops(Trajectory("r", times, seen), stops)
+
+
+def _correlated(memory):
+    def errors(rng, poses):
+        values = rng.normal(size=(poses, 3))
+        for at in range(1, poses):
+            values[at] = memory * values[at - 1] + np.sqrt(1 - memory**2) * values[at]
+        return values
+
+    return errors
+
+
+def _sliding(rng, poses):
+    """White noise, and a slide by half of its size to either side of the middle."""
+    slide = 0.5 * np.linspace(-1, 1, poses)[:, None] * rng.normal(size=3)
+    return rng.normal(size=(poses, 3)) + slide
+
+
+@pytest.mark.parametrize(
+    ("errors", "low", "high"),
+    [
+        (_correlated(0.0), 0.75, 1.25),
+        (_correlated(0.5), 0.75, 1.35),
+        (_correlated(0.9), 0.5, 1.8),
+        (_sliding, 0.1, 1.2),
+    ],
+)
+def test_means_of_stops_are_as_uncertain_as_they_are_off(errors, low, high):
+    squared, largest = [], 1.0
+    for seed in range(15):
+        truth, found = _at_stops_with(np.random.default_rng(seed), errors)
+        off = found.table.poses - truth
+        solved = np.linalg.solve(found.table.covariances, off[..., None])[..., 0]
+        squared.append(float((off * solved).sum(1).mean()) / 3)
+        largest = max(largest, float(found.inflation.max()))
+    # 540 squared numbers: 99.9 % of white ones within 0.2 of 1; what correlates is known worse
+    assert low < np.mean(squared) < high
+    # An error that is correlated as long as a stop makes the mean as uncertain as one of its poses.
+    assert largest < 2 * 26
