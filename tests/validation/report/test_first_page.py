@@ -13,8 +13,8 @@ from validation.poses.pose_table import PoseTable
 from validation.report.latex import PAGE, latex_table
 from validation.report.markdown import escaped
 from validation.report.summary.first_page import first_lines, mean_text, three_sentences, verdict
-from validation.report.summary.to_do import sentences, shown_by, to_do
-from validation.results import Finding, Table, listed_ids
+from validation.report.summary.to_do import shown_by, to_do
+from validation.results import Finding, Table, listed_ids, sentences
 from validation.statistics.evaluation import evaluate
 
 

@@ -28,7 +28,6 @@ stops, but only half the spread."""
 FEWEST_TO_PLAN = 9
 """Stops from which on a spread is known to a factor of two: the upper end of its 95 % interval is
 1.9 times what was found with 9, 2.04 times with 8, 6.3 times with 3 (chi squared)."""
-_END_OF_SENTENCE = re.compile(r"(?<=[.!?])\s+(?=[A-Z'`])")
 _BRACKETS = re.compile(r"\s*\([^()]*\)")
 TOLD = frozenset({
     "wrong_pose", "likely_wrong_pose", "disputed_pose", "systematic_error", "dependent_errors",
@@ -59,12 +58,6 @@ class ToDo:
     rank: tuple[int, float] = (9, 0.0)
 
 
-def sentences(text: str) -> tuple[str, str]:
-    """The first sentence of a text, and the reasoning that follows."""
-    first, *rest = _END_OF_SENTENCE.split(text, maxsplit=1)
-    return first, " ".join(rest)
-
-
 def to_do(
     findings: Sequence[Finding], lines: Sequence[Line], explanation: Explanation | None
 ) -> list[ToDo]:
@@ -82,7 +75,7 @@ def to_do(
     told = [*_errors(findings), *_stops(lines, explanation), *_causes(findings, explanation)]
     told += [*_neighbours(findings), *_more_stops(lines), *_missing(lines), *_covariances(findings)]
     told += [
-        ToDo(one.subject, f"Look at this: {sentences(one.text)[0]}", FINDINGS, (5, 1.0))
+        ToDo(one.subject, f"Look at this: {one.sentence}", FINDINGS, (5, 1.0))
         for one in findings
         if one.severity == "warning" and not _own_line(one, explanation)
     ]
@@ -98,7 +91,7 @@ def _own_line(one: Finding, explanation: Explanation | None) -> bool:
 def _errors(findings: Iterable[Finding]) -> list[ToDo]:
     """What must be settled before any number is used."""
     return [
-        ToDo(one.subject, f"Settle this first: {sentences(one.text)[0]}", FINDINGS, (0, 0.0))
+        ToDo(one.subject, f"Settle this first: {one.sentence}", FINDINGS, (0, 0.0))
         for one in findings
         if one.severity == "error"
     ]
