@@ -131,11 +131,27 @@ def _fitted(target: Plane, columns: Plane) -> tuple[float, Plane]:
     weights = np.ones(len(target))
     for _ in range(_ROUNDS):
         root = np.sqrt(weights)
-        found = np.linalg.lstsq(columns * root[:, None], target * root, rcond=1e-9)[0]
+        found = _solved(columns * root[:, None], target * root)
         sizes = np.abs(target - columns @ found)
         typical = max(float(np.median(sizes)), 1e-12)
         weights = 1 / (1 + (sizes / (2 * typical)) ** 2)
     return typical, np.asarray(found)
+
+
+def _solved(columns: Plane, target: Plane) -> Plane:
+    """Least squares: by the normal equations where these lose less than four digits of sixteen."""
+    size = np.linalg.norm(columns, axis=0)
+    if (size > 0).all():
+        scaled = columns / size
+        normal = scaled.conj().T @ scaled
+        if np.linalg.cond(normal) < WELL_POSED:
+            return np.asarray(np.linalg.solve(normal, scaled.conj().T @ target) / size)
+    return np.asarray(np.linalg.lstsq(columns, target, rcond=1e-9)[0])
+
+
+WELL_POSED = 1e4
+"""Condition of normal equations, columns of length one, up to which they are solved: an error of
+1e-16 grows to 1e-12, far below any median residual that is compared."""
 
 
 def _positions(validation: Array, gt: Array) -> tuple[float, complex, str]:
