@@ -52,7 +52,7 @@ def test_three_sentences_answer_three_questions():
     )
     assert best.startswith("good has the smallest position errors")
     assert best.endswith("that it errs less is shown.")
-    assert "for 20 mm, good enough: good, not good enough: bad" in enough
+    assert "For 20 mm, good enough: good; not good enough: bad." in enough
     assert following == "Next: survey."
 
 

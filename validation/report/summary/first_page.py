@@ -187,11 +187,17 @@ def _best(lines: Sequence[Line]) -> str:
     }  # fmt: skip
     others = [one.evaluation.system for one in ranked[1:]]
     shown = [name for name in others if {(best.system, name), (name, best.system)} & beaten]
-    rest = ", ".join(name for name in others if name not in shown)
+    rest = _any_of([name for name in others if name not in shown])
     than = f"less than {rest} is not" if rest else "less is"
     own = ranked[0].evaluation.comparison.follows
     placed = f"; the survey placed its {own.what}, which helps it here" if own is not None else ""
     return f"{text}; that it errs {than} shown{placed}."
+
+
+def _any_of(names: Sequence[str]) -> str:
+    """'a, b or c'."""
+    *first, last = names or [""]
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 def _enough(lines: Sequence[Line]) -> str:
@@ -203,12 +209,12 @@ def _enough(lines: Sequence[Line]) -> str:
         groups = []
         for answer, told in (("yes", "good enough"), ("no", "not good enough")):
             names = [one.evaluation.system for one in lines if one.verdicts[place] == answer]
-            groups += [f"{told}: {', '.join(names)}"] if names else []
+            every = len(names) == len(lines) > 1
+            groups += [f"{told}: {'all' if every else ', '.join(names)}"] if names else []
         unknown = [o.evaluation.system for o in lines if o.verdicts[place] == NOT_SHOWN]
         groups += [f"not shown either way: {', '.join(unknown)}"] if unknown else []
-        parts.append(f"for {words}, {', '.join(groups)}")
-    text = "; ".join(parts)
-    return f"{text[0].upper()}{text[1:]} (as the systems came, nothing corrected)."
+        parts.append(f"For {words}, {'; '.join(groups)}.")
+    return f"{' '.join(parts)} (As the systems came, nothing corrected.)"
 
 
 def first_section(

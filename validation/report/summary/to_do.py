@@ -108,11 +108,14 @@ def _stops(lines: Sequence[Line], explanation: Explanation | None) -> list[ToDo]
     for stop in dict.fromkeys(one.stop for one, _ in certain):
         cells = [(one, sure) for one, sure in certain if one.stop == stop]
         named = {name for one, _ in cells for name in one.blamed}
+        told_of: dict[tuple[str, str, str], list[str]] = {}
+        for one, sure in cells:
+            chance = not sure or one.table_p_value > found.false_alarm
+            who, how, end = _cell(one, chance=chance)
+            told_of.setdefault((who, how, end), []).append(_off(one))
         said = "; ".join(
-            dict.fromkeys(
-                _cell(one, chance=not sure or one.table_p_value > found.false_alarm)
-                for one, sure in cells
-            )
+            f"{who} {how} off by {' and '.join(dict.fromkeys(sizes))}{end}"
+            for (who, how, end), sizes in told_of.items()
         )
         again = (
             "Survey this stop again" if VALIDATION_SYSTEM in named else "Look at this stop again"
@@ -125,16 +128,21 @@ def _stops(lines: Sequence[Line], explanation: Explanation | None) -> list[ToDo]
     return told
 
 
-def _cell(one: Verdict, *, chance: bool) -> str:
-    """'survey is probably off by 167 mm in the position'."""
+def _off(one: Verdict) -> str:
+    """'167 mm in the position'."""
     unit = "mm" if one.cell == "position" else "mrad"
-    off = f"off by {MILLI * one.size:.0f} {unit} in the {one.cell}"
+    return f"{MILLI * one.size:.0f} {unit} in the {one.cell}"
+
+
+def _cell(one: Verdict, *, chance: bool) -> tuple[str, str, str]:
+    """Who, how sure, and what to add: 'survey', 'is probably', ''."""
+    either = " or ".join(one.blamed)
     if chance:
-        return f"{' or '.join(one.blamed)} may be {off} (chance can do that too)"
+        return either, "may be", " (chance can do that too)"
     if one.certainty == "undecided":
-        return f"{' or '.join(one.blamed)} is {off}, undecided which"
-    sure = "is" if one.certainty == "sure" else "is probably"
-    return f"{' and '.join(one.blamed)} {sure} {off}"
+        return either, "is", ", undecided which"
+    names = " and ".join(one.blamed)
+    return names, "is" if one.certainty == "sure" else "is probably", ""
 
 
 def _causes(findings: Iterable[Finding], explanation: Explanation | None) -> list[ToDo]:
