@@ -126,7 +126,7 @@ HEADINGS = {
 }
 
 
-def _fitted(target: Plane, columns: Plane) -> tuple[float, Plane]:
+def plane_fit(target: Plane, columns: Plane) -> tuple[float, Plane]:
     """Median residual of a complex least-squares fit that gross errors hardly move."""
     weights = np.ones(len(target))
     for _ in range(_ROUNDS):
@@ -159,9 +159,9 @@ def _positions(validation: Array, gt: Array) -> tuple[float, complex, str]:
     z, w = (one[:, 0] + 1j * one[:, 1] for one in (validation, gt))
     n, ones = len(z), np.ones(len(z))
     arms = [np.exp(1j * validation[:, 2])] if n > FEWEST + 2 else []
-    straight, found = _fitted(w, np.column_stack([z, ones, *arms]))
+    straight, found = plane_fit(w, np.column_stack([z, ones, *arms]))
     # A mirrored sensor sees its own arm mirrored, too.
-    turned, image = _fitted(w, np.column_stack([np.conj(z), ones, *map(np.conj, arms)]))
+    turned, image = plane_fit(w, np.column_stack([np.conj(z), ones, *map(np.conj, arms)]))
     freedom = 2 * n - 4 - 2 * len(arms)
     is_image = turned * BETTER < straight and freedom * np.log(straight / turned) > SURE
     factor, left = (image[0], turned) if is_image else (found[0], straight)

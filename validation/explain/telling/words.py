@@ -52,7 +52,7 @@ def system_findings(
             "survey at least four stops at different headings, better twenty."
         )
         return [Finding("warning", text, one.system, "too_few_poses", (_in_common(one),))]
-    told = _convention(one.selection)
+    told = [*_convention(one.selection), *_covariance_unit(one.selection)]
     told.append(_cause(one, one.selection, one.settled, confidence, others))
     told += dependence_findings(one.selection, one.settled, one.system)
     if one.settled.fit.model.parts:
@@ -192,6 +192,19 @@ def _convention(selection: Selection) -> list[Finding]:
     if "direction_of_motion" in read.name:
         text += " Headings of motion say nothing of the robot's; compare its positions alone."
     return [Finding("error", text, selection.pairs.system, "convention")]
+
+
+def _covariance_unit(selection: Selection) -> list[Finding]:
+    """Covariances in another unit than the positions."""
+    slip, system = selection.pairs.covariance_unit, selection.pairs.system
+    if not slip.words:
+        return []
+    text = (
+        f"By the size of the errors, {slip.words}. They were read so. Write covariances in the "
+        "square of the unit of the positions."
+    )
+    size = Size("what is left over what is stated", slip.ratio)
+    return [Finding("error", text, system, "covariance_unit", (size,))]
 
 
 def dependence_findings(selection: Selection, settled: Settled, system: str) -> list[Finding]:
