@@ -69,7 +69,8 @@ def _of_solution(solution: LaserSolution) -> Iterator[Finding]:
         f"{count['imprecise']} are right but imprecise, {count['refuted']} are refuted, and "
         f"{count['may be wrong']} may be wrong (`gtval laser inspect`)"
     )
-    yield Finding("note" if count["may be wrong"] else "good", text, who, "verdicts")
+    doubt = (Size("matches that may be wrong", count["may be wrong"], "matches"),)
+    yield Finding("note" if count["may be wrong"] else "good", text, who, "verdicts", doubt)
     yield from _of_hanging(solution, who)
     yield from _of_gaps(solution, who)
     if solution.parts.max() > 0:
@@ -113,7 +114,8 @@ def _of_hanging(solution: LaserSolution, who: str) -> Iterator[Finding]:
             f"one of {1 / WRONG_SHARE:.0f} such matches is. Look at it (`gtval laser inspect`) and "
             "decide, or survey one of them"
         )
-        yield Finding("warning", text, who, "hanging_stops")
+        size = (Size("stops placed by it", len(stops), "stops"),)
+        yield Finding("warning", text, who, "hanging_stops", size)
 
 
 def _of_gaps(solution: LaserSolution, who: str) -> Iterator[Finding]:
@@ -134,7 +136,8 @@ def _of_gaps(solution: LaserSolution, who: str) -> Iterator[Finding]:
                 f"Add a stop between {gap.nearest[0]} and {gap.nearest[1]}, {gap.distance:.1f} m "
                 "apart, or survey one"
             )
-        yield Finding("warning", text, who, "lost_stops")
+        size = (Size("stops without a pose", len(gap.stops), "stops"),)
+        yield Finding("warning", text, who, "lost_stops", size)
 
 
 def _mount(outcome: LaserOutcome) -> Finding:
