@@ -20,6 +20,8 @@ from validation.statistics.error_statistics import ComponentStatistics
 MILLI = 1e3
 SOURCES = "Where the errors come from"
 FINDINGS = "Findings"
+_FIRST = {"blunder": "Measure this again", "covariance_unit": "Correct this table"}
+"""What to do about an error, where it is one thing."""
 MOST_STOPS = 100
 """Stops beyond which something else is more useful than more of them. A stop takes about 12 minutes
 (three rig points, three world points each, a minute a reading at most, three to the next stop): 40
@@ -91,7 +93,12 @@ def _own_line(one: Finding, explanation: Explanation | None) -> bool:
 def _errors(findings: Iterable[Finding]) -> list[ToDo]:
     """What must be settled before any number is used."""
     return [
-        ToDo(one.subject, f"Settle this first: {one.sentence}", FINDINGS, (0, 0.0))
+        ToDo(
+            one.subject,
+            f"{_FIRST.get(one.code, 'Settle this first')}: {one.sentence}",
+            FINDINGS,
+            (0, 0.0),
+        )
         for one in findings
         if one.severity == "error"
     ]
