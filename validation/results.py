@@ -1,5 +1,7 @@
 """What a system hands over: poses, findings, and blocks for the report."""
 
+import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, get_args
@@ -33,6 +35,41 @@ def listed_ids(ids: Sequence[str], most: int = MOST_LISTED) -> str:
     return f"{', '.join(ids[:10])} and {len(ids) - 10} more"
 
 
+_END_OF_SENTENCE = re.compile(r"(?<=[.!?])\s+(?=[A-Z'`])")
+
+
+def sentences(text: str) -> tuple[str, str]:
+    """The first sentence of a text, and the reasoning that follows."""
+    first, *rest = _END_OF_SENTENCE.split(text, maxsplit=1)
+    return first, " ".join(rest)
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large something that was found is.
+
+    Parameters
+    ----------
+    of : str
+        What is measured: 'mean error in x', 'mount x'.
+    value : float
+        How large it is.
+    unit : str
+        'm', 'rad', 's', 'poses'; empty for a ratio.
+    low, high : float
+        Its interval; NaN where none is given.
+    confidence : float
+        Of the interval; NaN without one.
+    """
+
+    of: str
+    value: float
+    unit: str = ""
+    low: float = math.nan
+    high: float = math.nan
+    confidence: float = math.nan
+
+
 @dataclass(frozen=True)
 class Finding:
     """One sentence that a person should read.
@@ -47,6 +84,11 @@ class Finding:
         What it is about: 'pose 7', 'vframe', 'vision'.
     code : str
         Stable short name for scripts: 'blunder', 'mirror', ...
+    sizes : tuple of Size
+        How large it is, the most important first; empty where nothing was measured, as of a file
+        that is missing.
+    sentence : str
+        The first sentence of the text: what was found. The rest says why, and what to do.
 
     Raises
     ------
@@ -58,8 +100,11 @@ class Finding:
     text: str
     subject: str = ""
     code: str = ""
+    sizes: tuple[Size, ...] = ()
+    sentence: str = field(init=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "sentence", sentences(self.text)[0])
         if self.severity not in get_args(Severity):
             raise ValueError(f"a finding is {', '.join(get_args(Severity))}, not '{self.severity}'")
 

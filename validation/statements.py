@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from validation.campaign.folder import Campaign
 from validation.explain.analysis import Explanation
 from validation.explain.telling.budgets import system_budgets
-from validation.results import Finding, Section
+from validation.results import Finding, Section, Size
 from validation.statistics.by_source import (
     SourceDifference,
     source_differences,
@@ -85,7 +85,7 @@ def make_statements(
     """
     comparison = campaign.settings.comparison
     pairs = paired_errors(evaluations, comparison.confidence)
-    sections, files, new = [], {}, list(_paired_findings(pairs, evaluations))
+    sections, files, new = [], {}, list(_paired_findings(pairs, evaluations, comparison.confidence))
     if pairs:
         sections.append(paired_section(pairs))
         files["paired.csv"] = _paired_csv(pairs)
@@ -129,7 +129,7 @@ def _errors_of(comparison: Comparison) -> dict[tuple[str, str], float]:
 
 
 def _paired_findings(
-    pairs: Sequence[PairedErrors], evaluations: Sequence[Evaluation]
+    pairs: Sequence[PairedErrors], evaluations: Sequence[Evaluation], confidence: float
 ) -> list[Finding]:
     """One sentence for every two systems."""
     findings = []
@@ -151,7 +151,12 @@ def _paired_findings(
         helped = [name for name in names if placed.get(name) is not None]
         if len(helped) == 1:
             text += f" The survey placed {helped[0]}, so that no error of its frame is in these."
-        findings.append(Finding("note", text, f"{first}, {second}", "errs_less"))
+        sizes = tuple(
+            Size(f"{one.component} of {first} less {second}", one.mean, one.unit, one.low, one.high,
+                 confidence)
+            for one in own
+        )  # fmt: skip
+        findings.append(Finding("note", text, f"{first}, {second}", "errs_less", sizes))
     return findings
 
 

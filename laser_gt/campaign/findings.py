@@ -9,7 +9,7 @@ from laser_gt.campaign.outcome import LaserOutcome
 from laser_gt.placing.guesses import GENEROUS, guess_deviations, guess_scatter
 from laser_gt.placing.solution import LaserSolution
 from laser_gt.placing.switches import WRONG_SHARE
-from validation.results import Finding, Severity
+from validation.results import Finding, Severity, Size
 
 WORSE = 1.5
 """Guesses are called worse than stated beyond this factor: pairs share the motions that they are
@@ -34,7 +34,11 @@ def laser_findings(outcome: LaserOutcome) -> list[Finding]:
             f"beam to beam, and by {noise.shared * 1e3:.1f} mm that some {noise.length:.0f} "
             "neighbouring beams share, as neighbouring stops laid over each other show"
         )
-        found.append(Finding("note", text, "laser", "range_noise"))
+        sizes = (
+            Size("noise of single beams", noise.independent, "m"),
+            Size("noise that neighbouring beams share", noise.shared, "m"),
+        )
+        found.append(Finding("note", text, "laser", "range_noise", sizes))
     if outcome.survey.assumed:
         text = (
             f"the surveyed poses of the stops {', '.join(outcome.survey.assumed)} have no "
@@ -65,7 +69,8 @@ def _of_solution(solution: LaserSolution) -> Iterator[Finding]:
         f"{count['imprecise']} are right but imprecise, {count['refuted']} are refuted, and "
         f"{count['may be wrong']} may be wrong (`gtval laser inspect`)"
     )
-    yield Finding("note" if count["may be wrong"] else "good", text, who, "verdicts")
+    doubt = (Size("matches that may be wrong", count["may be wrong"], "matches"),)
+    yield Finding("note" if count["may be wrong"] else "good", text, who, "verdicts", doubt)
     yield from _of_hanging(solution, who)
     yield from _of_gaps(solution, who)
     if solution.parts.max() > 0:
@@ -77,23 +82,27 @@ def _of_solution(solution: LaserSolution) -> Iterator[Finding]:
             f"the stops are placed in {solution.parts.max() + 1} groups, each by its own surveyed "
             f"stops: {groups}. No match that can be used joins them"
         )
-        yield Finding("note", text, who, "groups")
+        size = (Size("groups", int(solution.parts.max()) + 1, "groups"),)
+        yield Finding("note", text, who, "groups", size)
     if matching.loops:
         closed = len(matching.loops) - matching.open_loops
         text = f"{closed} of {len(matching.loops)} loops of three scans close"
-        yield Finding("warning" if matching.open_loops else "good", text, who, "loops")
+        size = (Size("loops that do not close", matching.open_loops, "loops"),)
+        yield Finding("warning" if matching.open_loops else "good", text, who, "loops", size)
     if solution.graph.scale > MISFIT:
         text = (
             f"the matches contradict each other {solution.graph.scale:.1f} times more "
             "than their covariances allow. The covariances of the poses are widened by that factor"
         )
-        yield Finding("warning", text, who, "graph_misfit")
+        size = (Size("misfit over the stated one", float(solution.graph.scale)),)
+        yield Finding("warning", text, who, "graph_misfit", size)
     if len(solution.anchors) > 1:
         text = (
             f"{len(solution.anchors)} surveyed stops placed the laser frame, so that a wrong frame "
             'cannot show. Name one stop ([laser] reference = ["6"]) to do as the document does'
         )
-        yield Finding("note", text, who, "anchors")
+        size = (Size("surveyed stops", len(solution.anchors), "stops"),)
+        yield Finding("note", text, who, "anchors", size)
 
 
 def _of_hanging(solution: LaserSolution, who: str) -> Iterator[Finding]:
@@ -105,7 +114,8 @@ def _of_hanging(solution: LaserSolution, who: str) -> Iterator[Finding]:
             f"one of {1 / WRONG_SHARE:.0f} such matches is. Look at it (`gtval laser inspect`) and "
             "decide, or survey one of them"
         )
-        yield Finding("warning", text, who, "hanging_stops")
+        size = (Size("stops placed by it", len(stops), "stops"),)
+        yield Finding("warning", text, who, "hanging_stops", size)
 
 
 def _of_gaps(solution: LaserSolution, who: str) -> Iterator[Finding]:
@@ -126,7 +136,8 @@ def _of_gaps(solution: LaserSolution, who: str) -> Iterator[Finding]:
                 f"Add a stop between {gap.nearest[0]} and {gap.nearest[1]}, {gap.distance:.1f} m "
                 "apart, or survey one"
             )
-        yield Finding("warning", text, who, "lost_stops")
+        size = (Size("stops without a pose", len(gap.stops), "stops"),)
+        yield Finding("warning", text, who, "lost_stops", size)
 
 
 def _mount(outcome: LaserOutcome) -> Finding:
@@ -140,14 +151,20 @@ def _mount(outcome: LaserOutcome) -> Finding:
         f"stated less found {difference[0] * 1e3:+.1f} mm, {difference[1] * 1e3:+.1f} mm, "
         f"{difference[2] * 1e3:+.2f} mrad"
     )
+    kinds = zip(("mount x", "mount y", "mount theta"), ("m", "m", "rad"), strict=True)
+    sizes = tuple(
+        Size(f"{name}: stated less found", float(value), unit)
+        for (name, unit), value in zip(kinds, difference, strict=True)
+    )
     if check.agrees:
-        return Finding("good", f"the stated laser mount fits the data: {values}", "laser", "mount")
+        text = f"the stated laser mount fits the data: {values}"
+        return Finding("good", text, "laser", "mount", sizes)
     text = (
         f"the stated laser mount does not fit the surveyed poses and the scans: {values}. "
         "It makes errors of the laser poses that change with the robot's heading. See "
         "`gtval laser check-mount`"
     )
-    return Finding("warning", text, "laser", "mount")
+    return Finding("warning", text, "laser", "mount", sizes)
 
 
 def _guesses(outcome: LaserOutcome) -> Iterator[Finding]:

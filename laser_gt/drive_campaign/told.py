@@ -6,7 +6,7 @@ from types import ModuleType
 import numpy as np
 
 from laser_gt.driving.log import DriveOutcome
-from validation.results import Figure, Finding, Section, Table, Text
+from validation.results import Figure, Finding, Section, Size, Table, Text
 
 SYSTEM = "laser_drive"
 FEW_PLACED = 0.95
@@ -27,7 +27,8 @@ def drive_findings(outcome: DriveOutcome) -> Iterator[Finding]:
             ". The others are carried on by odometry, or left out where they have hardly any "
             "return; their covariances say how far they can be trusted"
         )
-    yield Finding("good" if share >= FEW_PLACED else "warning", text, SYSTEM, "drive_placed")
+    size = (Size("share of scans placed", share),)
+    yield Finding("good" if share >= FEW_PLACED else "warning", text, SYSTEM, "drive_placed", size)
     if outcome.loops == 0:
         text = (
             "no place was passed twice, so nothing holds the drift of the trajectory but the "
@@ -39,14 +40,16 @@ def drive_findings(outcome: DriveOutcome) -> Iterator[Finding]:
             f"{outcome.switched_off} of {outcome.links + outcome.switched_off} matches contradict "
             "the others and are switched off"
         )
-        yield Finding("note", text, SYSTEM, "drive_switched_off")
+        size = (Size("matches switched off", outcome.switched_off, "matches"),)
+        yield Finding("note", text, SYSTEM, "drive_switched_off", size)
     if outcome.misfit > MISFIT:
         text = (
             f"the matches contradict each other {np.sqrt(outcome.misfit):.1f} times more than "
             "their noise allows: a wrong time of the beams, floors that are not flat, or things "
             "that move. The covariances are widened by that"
         )
-        yield Finding("warning", text, SYSTEM, "drive_misfit")
+        size = (Size("misfit over the stated one", float(np.sqrt(outcome.misfit))),)
+        yield Finding("warning", text, SYSTEM, "drive_misfit", size)
     yield from _clock(outcome)
     if not outcome.anchors:
         text = (
@@ -60,11 +63,13 @@ def drive_findings(outcome: DriveOutcome) -> Iterator[Finding]:
             f"{len(outcome.anchors)} surveyed stops hold the drive. Errors at these say nothing "
             "about a bias; name some of them ([laser_drive] reference) and judge it by the others"
         )
-        yield Finding("note", text, SYSTEM, "drive_anchors")
+        size = (Size("surveyed stops", len(outcome.anchors), "stops"),)
+        yield Finding("note", text, SYSTEM, "drive_anchors", size)
     if outcome.corrected < outcome.scans:
         missing = outcome.scans - outcome.corrected
         text = f"{missing} scans are not corrected for the motion of the robot: it is not known"
-        yield Finding("note", text, SYSTEM, "drive_motion_unknown")
+        size = (Size("scans not corrected", missing, "scans"),)
+        yield Finding("note", text, SYSTEM, "drive_motion_unknown", size)
 
 
 def _clock(outcome: DriveOutcome) -> Iterator[Finding]:
@@ -77,14 +82,16 @@ def _clock(outcome: DriveOutcome) -> Iterator[Finding]:
             f"how late the scanner's stamps are against the odometry's cannot be told: "
             f"{clock.reason}. They are taken as {outcome.delay_s * 1e3:+.0f} ms off, by their turns"
         )
-        yield Finding("warning", text, SYSTEM, "drive_clock")
+        size = (Size("delay", outcome.delay_s, "s"),)
+        yield Finding("warning", text, SYSTEM, "drive_clock", size)
         return
     half = (clock.high_s - clock.low_s) / 2
     text = (
         f"the scanner's stamps need {outcome.delay_s * 1e3:+.1f} ms to be the odometry's "
         f"(+- {half * 1e3:.1f} ms); the trajectory is on the clock of the odometry"
     )
-    yield Finding("note", text, SYSTEM, "drive_clock")
+    size = (Size("delay", outcome.delay_s, "s", outcome.delay_s - half, outcome.delay_s + half),)
+    yield Finding("note", text, SYSTEM, "drive_clock", size)
 
 
 def drive_facts(outcome: DriveOutcome) -> dict[str, object]:

@@ -9,10 +9,12 @@ from rtk_gt.offsets.checks import differences_said
 from rtk_gt.offsets.estimate import distance_names
 from rtk_gt.path.vehicle_path import heading_span, tilt_spread
 from validation.poses.angles import Array
-from validation.results import Finding
+from validation.results import Finding, Severity, Size
 
 SUBJECT = "rtk"
 AXES = ("x", "y", "z")
+TWO_SIDED = 1.96
+"""Standard deviations of a two-sided 95 % interval of a normal error."""
 LARGEST_SLIP = np.radians(1.0)
 """Radians that the body of a vehicle stands off its wheels at most: a judgement; loads and springs
 make some tenths of a degree."""
@@ -80,8 +82,9 @@ def _coverage(outcome: RtkOutcome) -> Iterator[Finding]:
             f"{gap.start - found.start:.1f} on. Gaps hold no ground truth; nothing is "
             "interpolated across them."
         )
+    size = (Size("share of the time with ground truth", share),)
     # A judgement: with less than half of the drive, results may not be of the whole of it.
-    yield Finding("note" if share > 0.5 else "warning", text, SUBJECT, "coverage")
+    yield Finding("note" if share > 0.5 else "warning", text, SUBJECT, "coverage", size)
 
 
 def _offsets(outcome: RtkOutcome) -> Iterator[Finding]:
@@ -94,7 +97,8 @@ def _offsets(outcome: RtkOutcome) -> Iterator[Finding]:
     if not open_directions:
         worst = outcome.offsets.offset_sigmas.max()
         text = f"The drive determines all offsets, the weakest to {1000 * worst:.1f} mm ({drive})."
-        yield Finding("good", text, SUBJECT, "offsets_determined")
+        size = (Size("weakest sigma of an offset", float(worst), "m"),)
+        yield Finding("good", text, SUBJECT, "offsets_determined", size)
         return
     listed = "; ".join(
         f"{direction_words(direction, outcome.offsets.receivers)}: "
@@ -107,6 +111,7 @@ def _offsets(outcome: RtkOutcome) -> Iterator[Finding]:
         f"{1000 * outcome.settings.largest_offset_sigma:.0f} mm), as {drive}: {listed}. "
     )
     worst = float(outcome.offsets.offset_sigmas.max())
+    weakest = (Size("weakest sigma of an offset", worst, "m"),)
     if worst > outcome.settings.largest_offset_sigma:
         text += (
             f"{_beforehand(outcome)} The sigmas are up to {_metres(worst)}, which makes up to "
@@ -114,7 +119,11 @@ def _offsets(outcome: RtkOutcome) -> Iterator[Finding]:
             "drive with turns and slopes, or be stated in [rtk.known_offsets]."
         )
         yield Finding(
-            "error" if worst > HOPELESS else "warning", text, SUBJECT, "offsets_undetermined"
+            "error" if worst > HOPELESS else "warning",
+            text,
+            SUBJECT,
+            "offsets_undetermined",
+            weakest,
         )
     else:
         text += (
@@ -123,7 +132,7 @@ def _offsets(outcome: RtkOutcome) -> Iterator[Finding]:
             else f"No single offset is worse than {_metres(worst)}; "
         )
         text += f"their error makes up to {_degrees_of(outcome)} degrees of attitude at all poses."
-        yield Finding("warning", text, SUBJECT, "offsets_from_prior")
+        yield Finding("warning", text, SUBJECT, "offsets_from_prior", weakest)
 
 
 def _beforehand(outcome: RtkOutcome) -> str:
@@ -152,7 +161,8 @@ def _prior(outcome: RtkOutcome) -> Iterator[Finding]:
             f"{100 * outcome.stated.probability:.2g} %): {said or 'in their combination'}. "
             "Their sigma may be too small, or they belong to another drive or frame."
         )
-        yield Finding("warning", text, SUBJECT, "offsets_differ")
+        size = (Size("p", float(outcome.stated.probability)),)
+        yield Finding("warning", text, SUBJECT, "offsets_differ", size)
     known = outcome.settings.known_distances
     if known is None:
         return
@@ -169,7 +179,9 @@ def _prior(outcome: RtkOutcome) -> Iterator[Finding]:
                 f"{abs(off) / sigma:.1f} standard deviations: check the tape measure's reading, "
                 "the known offsets, and the time of the receivers."
             )
-            yield Finding("warning", text, SUBJECT, "distance_differs")
+            ends = float(off - TWO_SIDED * sigma), float(off + TWO_SIDED * sigma)
+            size = (Size(f"distance {name}: found less measured", float(off), "m", *ends, 0.95),)
+            yield Finding("warning", text, SUBJECT, "distance_differs", size)
 
 
 def _motion(outcome: RtkOutcome) -> Iterator[Finding]:
@@ -192,7 +204,9 @@ def _motion(outcome: RtkOutcome) -> Iterator[Finding]:
             f"{100 * length * abs(np.tan(angle)):.0f} cm would do that, or stated antenna "
             "positions that are; the antenna distances cannot show it."
         )
-        yield Finding("warning", text, SUBJECT, "nose_off_motion")
+        ends = float(angle - TWO_SIDED * sigma), float(angle + TWO_SIDED * sigma)
+        size = (Size(f"{what} angle to the motion", float(angle), "rad", *ends, 0.95),)
+        yield Finding("warning", text, SUBJECT, "nose_off_motion", size)
 
 
 def _antennas(outcome: RtkOutcome) -> Iterator[Finding]:
@@ -202,7 +216,8 @@ def _antennas(outcome: RtkOutcome) -> Iterator[Finding]:
             f"The distances do not fit antennas on a rigid body: {1000 * worst:.0f} mm are left. "
             "One antenna moved, or an offset is wrong."
         )
-        yield Finding("warning", text, SUBJECT, "antennas_misfit")
+        size = (Size("largest misfit of a distance", worst, "m"),)
+        yield Finding("warning", text, SUBJECT, "antennas_misfit", size)
     heights = ", ".join(f"{z:.3f}" for z in outcome.antennas.positions[:3, 2])
     text = (
         f"The heights of the first three antennas on the vehicle ({heights} m) are stated, not "
@@ -220,6 +235,7 @@ def _consistency(outcome: RtkOutcome) -> Iterator[Finding]:
         f"{found.bound:.2f} that {100 * (1 - found.confidence):.0f} % should pass.",
         SUBJECT,
         "consistency",
+        (Size("share of poses beyond the bound", float(found.share_beyond)),),
     )
     if not low <= found.mean_square <= high:
         side = "smaller" if found.mean_square < low else "larger"
@@ -227,13 +243,16 @@ def _consistency(outcome: RtkOutcome) -> Iterator[Finding]:
             f"The noise is {side} than assumed: the mean of q^2 is {found.mean_square:.2f} times "
             f"what it should be ({low:.2f} to {high:.2f})."
         )
-        yield Finding("note" if side == "smaller" else "warning", text, SUBJECT, "noise_level")
+        size = (Size("mean square over the assumed one", float(found.mean_square)),)
+        severity: Severity = "note" if side == "smaller" else "warning"
+        yield Finding(severity, text, SUBJECT, "noise_level", size)
     if found.correlation_time > 2:
         text = (
             f"Neighbouring poses have similar errors: {found.correlation_time:.1f} poses are worth "
             "one independent one. Averages over neighbours gain less than their number says."
         )
-        yield Finding("note", text, SUBJECT, "correlated")
+        size = (Size("poses worth one", float(found.correlation_time), "poses"),)
+        yield Finding("note", text, SUBJECT, "correlated", size)
     names = distance_names(outcome.offsets.receivers)
     for name, off, bad in zip(names, found.bias, found.biased, strict=True):
         if bad:
@@ -241,11 +260,13 @@ def _consistency(outcome: RtkOutcome) -> Iterator[Finding]:
                 f"The distance {name} is {1000 * off:+.1f} mm from its constant value on "
                 "average, more than chance allows: offsets or distances do not fit this drive."
             )
-            yield Finding("warning", text, SUBJECT, "distance_biased")
+            size = (Size(f"mean error of the distance {name}", float(off), "m"),)
+            yield Finding("warning", text, SUBJECT, "distance_biased", size)
     false = int((outcome.offsets.weights == 0).sum())
     if false:
         text = f"The antenna distances show a false fix in {false} steps, which give no pose."
-        yield Finding("note", text, SUBJECT, "false_fixes")
+        size = (Size("steps with a false fix", false, "steps"),)
+        yield Finding("note", text, SUBJECT, "false_fixes", size)
 
 
 def _leaps(outcome: RtkOutcome) -> Iterator[Finding]:

@@ -11,7 +11,7 @@ from survey.causes.lead import Lead
 from survey.causes.search import SINGLE, Causes
 from survey.readings.readings import Readings
 from validation.poses.angles import Array, wrap
-from validation.results import Finding
+from validation.results import Finding, Size
 from validation.statistics.hypotheses import Tried
 
 SPOILT = 1.0
@@ -59,7 +59,8 @@ def _line(outcome: SurveyOutcome, diagnosis: Diagnosis, k: int, others: int) -> 
         if others:
             text += f"{others} other findings follow from it (others, under causes in the JSON). "
     text += f"To confirm it: {_confirm(best.what)}"
-    return Finding("error", text, _subject(best.what), "cause")
+    sizes = tuple(Size(p.name, p.value, p.unit, p.low, p.high) for p in best.parameters)
+    return Finding("error", text, _subject(best.what), "cause", sizes)
 
 
 def _others(causes: Causes, some: Sequence[Tried[Lead]]) -> list[Tried[Lead]]:

@@ -14,7 +14,7 @@ from survey.estimation.solve import SurveySolution
 from survey.published.check import worst
 from survey.readings.hardware import assumed_sigmas
 from survey.readings.readings import Readings
-from validation.results import Finding
+from validation.results import Finding, Size
 from validation.statistics.consistency import unit_weight_interval
 from validation.statistics.units import unit_of_points
 
@@ -140,6 +140,13 @@ def _frame(solution: SurveySolution) -> Iterator[Finding]:
             "anew",
             "vframe",
             "frame-shape",
+            (
+                Size(
+                    f"{check.name}: measured less expected",
+                    check.measured - check.expected,
+                    check.unit,
+                ),
+            ),
         )
     if checks and not off:
         yield Finding(
@@ -149,6 +156,7 @@ def _frame(solution: SurveySolution) -> Iterator[Finding]:
             f"{min(check.p_value for check in checks):.2f})",
             "vframe",
             "frame-shape",
+            tuple(Size(c.name, c.measured - c.expected, c.unit) for c in checks),
         )
 
 
@@ -161,6 +169,7 @@ def _world_points(solution: SurveySolution) -> Iterator[Finding]:
             "Their places in the joint adjustment come from the robot's marks as well",
             "world points",
             "world-point-from-marks",
+            (Size("world points", len(late), "points"),),
         )
     for lost in solution.world.missing:
         if lost.name in solution.from_marks:
@@ -181,6 +190,7 @@ def _world_points(solution: SurveySolution) -> Iterator[Finding]:
                 f"one place within the stated sigmas (chi-squared {point.cost:.1f}, {_chance(p)})",
                 f"world point {point.name}",
                 "world-point-misfit",
+                (Size("chi-squared per degree of freedom", point.cost / point.redundancy),),
             )
 
 
@@ -204,6 +214,7 @@ def _published(outcome: SurveyOutcome) -> Iterator[Finding]:
             f"{remedy.label} would explain it",
             f"world point {name}",
             "published-inconsistent",
+            (Size("off in x", dx / 1e3, "m"), Size("off in y", dy / 1e3, "m")),
         )
     fine = [i for i, bad in enumerate(comparison.inconsistent) if not bad]
     if fine:
@@ -214,6 +225,7 @@ def _published(outcome: SurveyOutcome) -> Iterator[Finding]:
             f"readings within {most:.2f} mm in each coordinate",
             "world points",
             "published-consistent",
+            (Size("largest difference in a coordinate", most / 1e3, "m"),),
         )
 
 
@@ -232,6 +244,7 @@ def _from_origin(outcome: SurveyOutcome) -> Iterator[Finding]:
         f"{sum(off <= RETURNED for off in own.values())} of {total} from there",
         "world points",
         "from_origin",
+        (Size("world points not found", len(lost), "points"),),
     )
 
 
@@ -262,6 +275,7 @@ def _poses(outcome: SurveyOutcome, solution: SurveySolution) -> Iterator[Finding
                 f"degrees of freedom, {_chance(p)})",
                 f"pose {frame.pose}",
                 "pose-misfit",
+                (Size("chi-squared per degree of freedom", frame.cost / frame.redundancy),),
             )
 
 
@@ -280,6 +294,7 @@ def _left_out(solution: SurveySolution) -> Iterator[Finding]:
             f"no position: {_named(solution.left_out)}",
             "survey",
             "readings-left-out",
+            (Size("readings not used", len(solution.left_out), "readings"),),
         )
 
 
@@ -297,6 +312,8 @@ def _unit_weight(solution: SurveySolution) -> Iterator[Finding]:
         return
     m0 = adjustment.m0
     low, high = np.sqrt(unit_weight_interval(dof))
+    # The interval of the true factor: m0 over the quantiles between which m0 falls if it is 1.
+    sizes = (Size("m0", m0, "", m0 / float(high), m0 / float(low), 0.95),)
     said = f"m0 = {m0:.3f} with {dof} degrees of freedom (95 %: {low:.3f} to {high:.3f})"
     fitting = fitted_reading_sigma(solution)
     n = len(adjustment.network.sigma)
@@ -316,6 +333,7 @@ def _unit_weight(solution: SurveySolution) -> Iterator[Finding]:
             "value: all covariances are too small now",
             "survey",
             "m0",
+            sizes,
         )
     elif m0 < low:
         yield Finding(
@@ -325,9 +343,10 @@ def _unit_weight(solution: SurveySolution) -> Iterator[Finding]:
             "are larger than they need to be",
             "survey",
             "m0",
+            sizes,
         )
     else:
-        yield Finding("good", f"the {n} readings scatter as stated: {said}", "survey", "m0")
+        yield Finding("good", f"the {n} readings scatter as stated: {said}", "survey", "m0", sizes)
 
 
 def fitted_reading_sigma(solution: SurveySolution) -> float:
@@ -350,6 +369,10 @@ def _blunders(solution: SurveySolution) -> Iterator[Finding]:
             _suspicion_text(solution.used, suspicion),
             solution.used.start[suspicion.candidates[0]],
             "blunder",
+            tuple(
+                Size(f"{solution.used.start[i]}-{solution.used.end[i]} off by", float(size), "m")
+                for i, size in zip(suspicion.candidates, suspicion.size, strict=True)
+            ),
         )
     reading_redundancy = solution.adjustment.redundancy[: len(solution.used)]
     weak = np.flatnonzero(reading_redundancy < WEAK_REDUNDANCY)
@@ -361,6 +384,7 @@ def _blunders(solution: SurveySolution) -> Iterator[Finding]:
             f"{WEAK_REDUNDANCY:g}), so a blunder in them may not be found: {shown}",
             "survey",
             "unchecked",
+            (Size("readings checked little", len(weak), "readings"),),
         )
 
 
@@ -393,7 +417,8 @@ def _set_aside(outcome: SurveyOutcome) -> Iterator[Finding]:
             f"{len(lines)} row(s) of the readings say the same as an earlier one, time and value "
             f"(line {shown}): they were used as repeats. Delete them if they were pasted twice"
         )
-        yield Finding("note", text, "survey", "readings-repeated")
+        size = Size("rows that repeat an earlier one", len(lines), "readings")
+        yield Finding("note", text, "survey", "readings-repeated", (size,))
     if outcome.inputs.file is None or not len(outcome.inputs.file.set_aside):
         return
     aside = outcome.inputs.file.set_aside

@@ -22,7 +22,7 @@ from survey.studies.accuracy import (
 from validation.campaign.folder import Campaign
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable
-from validation.results import Finding, Section, SystemResult, Table
+from validation.results import Finding, Section, Severity, Size, SystemResult, Table
 from validation.text_files.csv_tables import Column, read_csv
 from validation.text_files.csv_text import csv_text
 
@@ -205,13 +205,17 @@ def motion_findings(motion: Motion, check: MotionCheck) -> list[Finding]:
         f"A shift in any direction is seen from {1e3 * float(seen.any_direction):.1f} mm, a "
         f"turn from {degrees(seen.components[2]):.2f}°."
     )
-    findings = [Finding("good" if agrees else "warning", f"{verdict} {sees}", subject, "motion")]
+    parts = zip(("x", "y", "theta"), ("m", "m", "rad"), check.error, strict=True)
+    sizes = tuple(Size(f"error in {name}", float(value), unit) for name, unit, value in parts)
+    severity: Severity = "good" if agrees else "warning"
+    findings = [Finding(severity, f"{verdict} {sees}", subject, "motion", sizes)]
     size = float(check.measured @ np.linalg.solve(check.covariance, check.measured))
     p_none, seen_at_all = float(chdtrc(3, size)), "is told from none"
     if p_none >= 0.05:  # usual, as above
         seen_at_all = "is not told from none"
     text = f"The motion {seen_at_all} (chi-squared {size:.0f}, p = {p_none:.2g})."
-    findings.append(Finding("good" if p_none < 0.05 else "note", text, subject, "motion_seen"))
+    severity = "good" if p_none < 0.05 else "note"
+    findings.append(Finding(severity, text, subject, "motion_seen", (Size("chi-squared", size),)))
     if not check.correlated:
         text = (
             "The correlation between the two poses is not known and was taken as none; poses of "

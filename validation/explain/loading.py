@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from validation.campaign.stored import read_tables
-from validation.errors import GtvalError, Problem
+from validation.errors import GtvalError, InputError, Problem
 from validation.explain.analysis import Question
 from validation.poses.pose_table import PoseTable
 from validation.results import VALIDATION_SYSTEM, Finding
@@ -61,9 +61,16 @@ def split_validation(
 def unknown_systems(
     campaign: "Campaign", settings: "ExplainSettings", present: Sequence[str]
 ) -> list[Finding]:
-    """A warning for each reference and shared sensor of a system that gives no poses."""
+    """A warning for each reference and shared sensor of a system that gives no poses.
+
+    Raises
+    ------
+    InputError
+        Naming each system that is called independent and that nothing can give poses of.
+    """
     from validation.campaign.folder import line_of  # noqa: PLC0415  (pydantic is slow)
 
+    _refuse_unknown_witnesses(campaign, settings, present)
     stated = [("references", name) for name in settings.references]
     stated += [("sensors", name) for names in settings.sensors.values() for name in names]
     said = f"no system of this name gives poses; correct it to one of {', '.join(present)}, or "
@@ -74,6 +81,33 @@ def unknown_systems(
         if name not in present
     ]
     return [Finding("warning", str(one), "explain", "unknown_system") for one in bad]
+
+
+def _refuse_unknown_witnesses(
+    campaign: "Campaign", settings: "ExplainSettings", present: Sequence[str]
+) -> None:
+    """Raise for systems that are called independent, of which there are no poses and can be none.
+
+    A name that says nothing would leave copies to be one witness while a person believes
+    otherwise. Systems that are installed or named in the campaign may have no poses today.
+    """
+    from validation.campaign.folder import line_of  # noqa: PLC0415  (pydantic is slow)
+    from validation.systems import installed_systems  # noqa: PLC0415  (they are found once needed)
+
+    there = [VALIDATION_SYSTEM, *present, *settings.witnesses]
+    there += [one.system for one in campaign.settings.published]
+    installed = [one.name for one in installed_systems()]
+    line = line_of(campaign.toml, ("explain", "independent"))
+    there = list(dict.fromkeys(there))
+    said = f"no system of this name; write one of {', '.join(there)}, or take it out"
+    problems = [
+        Problem(campaign.toml, said, line, "explain.independent", name)
+        for name in dict.fromkeys(name for row in settings.independent for name in row)
+        if name not in there
+        and not any(name == one or name.startswith(f"{one}_") for one in installed)
+    ]
+    if problems:
+        raise InputError(problems)
 
 
 def campaign_question(

@@ -32,11 +32,13 @@ def maps(evaluations: Sequence[Evaluation], walls: Walls, landmarks: Landmarks) 
     across, up = [k for k, kind in enumerate(kinds) if kind == "length"][:2]
     places = [one.validation.poses[:, [across, up]] for one in compared]
     arrows = [-one.errors[:, [across, up]] for one in compared]
-    everything = np.vstack([*places, *(np.array(wall) for wall in walls if wall)])
+    drawn = [np.array(wall) for wall in walls if wall]
+    drawn += [np.array(list(landmarks.values()))] if landmarks else []
+    everything = np.vstack([*places, *drawn])
     extent = np.ptp(everything, axis=0)
     scale = arrow_scale(np.linalg.norm(np.vstack(arrows), axis=1), float(extent.max()))
     wide = 9.0 / len(compared)
-    tall = min(max(wide * float(extent[1] / max(extent[0], 1e-9)), 2.0), 4.0) + 0.7
+    tall = min(max(wide * float(extent[1] / max(extent[0], 1e-9)), 2.0), 4.0) + 0.8
     figure = Figure(figsize=(9, tall), layout="constrained")
     panels = np.atleast_1d(figure.subplots(1, len(compared), sharex=True, sharey=True))
     for axes, one, points, off in zip(panels, compared, places, arrows, strict=True):

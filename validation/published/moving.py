@@ -13,7 +13,7 @@ from validation.poses.angles import Array, wrap
 from validation.poses.common_origin import placed_by
 from validation.poses.pose_table import PLANAR, PoseTable
 from validation.poses.trajectory import Trajectory
-from validation.results import Finding, Section, SystemResult, Table
+from validation.results import Finding, Section, Size, SystemResult, Table
 from validation.text_files.csv_text import csv_text
 from validation.trajectories.alignment import umeyama
 from validation.trajectories.formats import read_trajectory
@@ -209,11 +209,13 @@ def _of_standstills(system: str, stops: _Stops) -> list[Finding]:
         return []
     named, whole = len(stops.named), len(stops.named) + stops.nameless
     advice = "A file of stops (pose, from, to) says which is which: key `stops` of [[published]]."
+    counted = (Size("standstills without a name", stops.nameless, "stops"),)
     if not named:
         text = f"'{system}' stands still {whole} times, and none of them could be given the name of"
-        return [Finding("warning", f"{text} a surveyed stop. {advice}", system, "standstills")]
+        text = f"{text} a surveyed stop. {advice}"
+        return [Finding("warning", text, system, "standstills", counted)]
     text = f"'{system}' stands still {whole} times; {named} of them are surveyed stops by their "
-    return [Finding("note", f"{text}place. {advice}", system, "standstills")]
+    return [Finding("note", f"{text}place. {advice}", system, "standstills", counted)]
 
 
 def _of_stops(table: PoseTable, found: StopPoses, trajectory: Trajectory) -> list[Finding]:
@@ -223,14 +225,16 @@ def _of_stops(table: PoseTable, found: StopPoses, trajectory: Trajectory) -> lis
         listed = "; ".join(f"{name}: {why}" for name, why in list(found.missing.items())[:5])
         more = f"; and {len(found.missing) - 5} more" if len(found.missing) > 5 else ""
         text = f"'{system}' has no pose at {len(found.missing)} stops ({listed}{more})."
-        findings.append(Finding("warning", text, system, "stops_missing"))
+        count = Size("stops without a pose", len(found.missing), "stops")
+        findings.append(Finding("warning", text, system, "stops_missing", (count,)))
     if found.moved:
         listed = ", ".join(f"{name} ({1000 * way:.0f} mm)" for name, way in found.moved.items())
         text = (
             f"'{system}' moves while it stands at: {listed}. Check the times of these stops; their "
             "poses are taken as that much less certain."
         )
-        findings.append(Finding("warning", text, system, "stop_moved"))
+        ways = tuple(Size(f"way at {name}", way, "m") for name, way in found.moved.items())
+        findings.append(Finding("warning", text, system, "stop_moved", ways))
     if not trajectory.has_covariance.all():
         text = (
             f"The covariances of '{system}' at stops come from the scatter of its poses. An error "

@@ -221,7 +221,10 @@ def _evaluation_section(run: RunResult, evaluation: Evaluation) -> Section:
     dependence = dependence_table(evaluation, known.get(system))
     blocks += [dependence] if dependence is not None else []
     lengths = [component for component in comparison.components if component.kind == "length"]
-    if len(lengths) >= 2:
+    own = known.get(system)
+    # The explanation draws both, with what it takes away.
+    drawn = own is not None and own.settled is not None
+    if len(lengths) >= 2 and not drawn:
         walls, landmarks = run.campaign.settings.room.walls, run.landmarks
         blocks.append(
             Figure(
@@ -234,7 +237,8 @@ def _evaluation_section(run: RunResult, evaluation: Evaluation) -> Section:
                 folded=True,
             )
         )
-    if any(component.name in {"theta", "yaw"} for component in comparison.components):
+    turns = any(component.name in {"theta", "yaw"} for component in comparison.components)
+    if turns and not drawn:
         blocks.append(
             Figure(
                 f"error_heading_{system}",

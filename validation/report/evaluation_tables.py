@@ -78,7 +78,8 @@ def statistics_table(evaluation: Evaluation) -> Table:
         ["", "d", *[NUMBER] * 9],
         f"std: around the mean, which is not in it. Interval of the mean: "
         f"{interval_name(evaluation.statistics[0])}. 'bias below': the smallest bound on the bias "
-        f"that can be claimed with {confidence} confidence (two one-sided t-tests)."
+        f"that can be claimed with {confidence} confidence (two one-sided t-tests). Both hold "
+        f"for nearly normal errors."
         f"{''.join(sorted(reasons))}",
     )
 
@@ -98,7 +99,10 @@ def pose_table(comparison: Comparison) -> Table:
     columns.append("NEES")
     rows = [_pose_row(comparison, row, has_source) for row in range(len(comparison))]
     low, high = comparison.nees_interval
-    note = f"Error = validation minus GT, angles wrapped. A NEES should be {low:.2f} to {high:.2f}."
+    note = (
+        "Error = validation minus GT, angles wrapped. Of normal errors, a NEES should be "
+        f"{low:.2f} to {high:.2f}."
+    )
     if comparison.unavailable:
         note += f" NEES not available: {comparison.unavailable}."
     lead = ["", ""] if has_source else [""]

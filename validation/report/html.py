@@ -9,10 +9,10 @@ from markupsafe import Markup
 from validation.report.cells import is_number_column, rows_of_text
 from validation.report.document import SHORT, Document
 from validation.report.layout import tied
-from validation.report.summary.to_do import FINDINGS, sentences
+from validation.report.summary.to_do import FINDINGS
 from validation.report.svg import inline_svg
 from validation.report.terminal import SEVERITIES
-from validation.results import Figure, Finding, Table, Text
+from validation.results import Figure, Finding, Table, Text, sentences
 
 LONG = 8
 """Rows of a table beyond which it is closed until it is opened. A judgement: closed are three

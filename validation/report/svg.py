@@ -13,6 +13,7 @@ from typing import Any
 import matplotlib as mpl
 import matplotlib.figure
 import numpy as np
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.lines import Line2D
 
@@ -58,8 +59,11 @@ def drawn_svg(figure: Figure) -> str:
     with mpl.rc_context({"svg.hashsalt": figure.name, "svg.fonttype": "none"}):
         drawn = figure.draw()
         _clouds_as_images(drawn)
-        metadata = {"Date": None, "Creator": None}
-        drawn.savefig(stream, format="svg", metadata=metadata, dpi=DOTS_PER_INCH)
+        drawn.set_dpi(DOTS_PER_INCH)
+        # Not by savefig, which draws everything twice to find the size, which is known.
+        FigureCanvasSVG(drawn).print_svg(  # type: ignore[no-untyped-call]
+            stream, metadata={"Date": None, "Creator": None}
+        )
     svg = _PROLOGUE.sub("", stream.getvalue(), count=1)
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r"<!--.*?-->\s*", "", svg, flags=re.DOTALL)
@@ -69,8 +73,10 @@ def drawn_svg(figure: Figure) -> str:
 
 def _clouds_as_images(drawn: matplotlib.figure.Figure) -> None:
     """Artists of many points are to be drawn as images."""
-    for artist in drawn.findobj(lambda one: _points_of(one) > DENSE):
-        artist.set_rasterized(True)
+    for axes in drawn.axes:
+        for artist in (*axes.lines, *axes.collections):
+            if _points_of(artist) > DENSE:
+                artist.set_rasterized(True)
 
 
 def _points_of(artist: Any) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from validation.report.characters import as_shown
 from validation.report.layout import table_lines, wrapped
-from validation.results import Finding, Severity, Table
+from validation.results import Finding, Severity, Table, sentences
 from validation.text_files.json_text import as_json, json_text
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ wider than what is typed in a dialogue."""
 
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note", "good")
 _INDENT = max(map(len, SEVERITIES)) + 2
-_END_OF_SENTENCE = re.compile(r"(?<=[.!?])\s+(?=[A-Z'`])")
 _BRACKETS = re.compile(r"\s*\([^()]*\)")
 _STYLES = {"error": "bold red", "warning": "bold yellow", "note": "cyan", "good": "green"}
 
@@ -98,7 +97,7 @@ def print_findings(
 
 def in_short(text: str) -> str:
     """The first sentence without what it says in brackets: not how sure it is, nor what to do."""
-    short = _END_OF_SENTENCE.split(text, maxsplit=1)[0]
+    short = sentences(text)[0]
     return _BRACKETS.sub("", _BRACKETS.sub("", short))
 
 

@@ -10,7 +10,7 @@ from scipy import special
 
 from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import MAKERS, Component
-from validation.results import Finding, Section, Table
+from validation.results import Finding, Section, Size, Table
 from validation.statistics.evaluation import Evaluation
 from validation.statistics.neighbours import is_said, weigh
 
@@ -232,6 +232,14 @@ def source_findings(found: Sequence[SourceDifference]) -> list[Finding]:
             _sentence(one),
             one.system,
             "differs_by_source" if one.verdict == "shown" else "source_hint",
+            tuple(
+                Size(
+                    f"mean error in {one.component.name} of {' and '.join(names)}",
+                    float(mean),
+                    one.component.unit,
+                )
+                for names, mean in zip(one.split, one.split_means, strict=True)
+            ),
         )
         for one in found
         if one.verdict

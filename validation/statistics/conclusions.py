@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from validation.results import Finding, Severity, listed_ids
+from validation.results import Finding, Severity, Size, listed_ids
 from validation.statistics.comparison import Comparison
 from validation.statistics.consistency import ConsistencyTest
 from validation.statistics.error_statistics import (
@@ -42,7 +42,8 @@ def _left_out(comparison: Comparison) -> list[Finding]:
     if not comparison.left_out:
         return []
     text = f"Compared is what both tables have; left out: {', '.join(comparison.left_out)}."
-    return [Finding("note", text, comparison.system, "components_left_out")]
+    count = Size("components left out", len(comparison.left_out), "components")
+    return [Finding("note", text, comparison.system, "components_left_out", (count,))]
 
 
 def _units(comparison: Comparison) -> list[Finding]:
@@ -78,7 +79,11 @@ def _neighbours(evaluation: Evaluation) -> list[Finding]:
             f" The {len(evaluation.comparison)} stops tell a mean as well as so many "
             f"independent ones: {said}. Intervals and tests allow for that."
         )
-    return [Finding("warning", text, evaluation.system, "dependent_errors")]
+    alike = tuple(
+        Size(f"correlation of neighbouring {name}", one.neighbours)
+        for name, (one, _) in told.kinds.items()
+    )
+    return [Finding("warning", text, evaluation.system, "dependent_errors", alike)]
 
 
 def interval_name(statistics: ComponentStatistics) -> str:
@@ -97,12 +102,14 @@ def _bias(statistics: ComponentStatistics, stated: float, system: str) -> Findin
     ``stated`` is the standard deviation of the mean by the stated covariances, or NaN.
     """
     name, unit = statistics.component.name, statistics.component.unit
+    ends = statistics.ci_low, statistics.ci_high
+    size = Size(f"mean error in {name}", statistics.mean, unit, *ends, statistics.confidence)
     if statistics.reason:
         text = (
             f"The bias in {name} cannot be judged: {statistics.reason} (n = {statistics.n}). "
             "Survey more stops."
         )
-        return Finding("warning", text, system, "bias_unknown")
+        return Finding("warning", text, system, "bias_unknown", (size,))
     measured = (
         f"{statistics.mean:+.4f} {unit} ({interval_name(statistics)}: "
         f"{statistics.ci_low:+.4f} to {statistics.ci_high:+.4f} {unit})"
@@ -133,7 +140,7 @@ def _bias(statistics: ComponentStatistics, stated: float, system: str) -> Findin
             f"{stated:.4f} {unit}): it may be an error that all validation poses share, such as "
             "one of the Vframe, and not an error of the system."
         )
-    return Finding(severity, f"{first} {second}", system, code)
+    return Finding(severity, f"{first} {second}", system, code, (size,))
 
 
 def _constructed_means(evaluation: Evaluation) -> list[Finding]:
@@ -151,7 +158,18 @@ def _constructed_means(evaluation: Evaluation) -> list[Finding]:
         f"{follows.what} of {comparison.system} came from {len(follows.ids)} surveyed stops. It "
         "says nothing about a bias; stops that took no part would."
     )
-    return [Finding("note", text, comparison.system, "mean_by_construction")]
+    means = tuple(
+        Size(f"mean error in {name}", found[name].mean, found[name].component.unit)
+        for name in names
+    )
+    return [Finding("note", text, comparison.system, "mean_by_construction", means)]
+
+
+def nees_size(test: ConsistencyTest) -> Size:
+    """Mean square of the errors over the stated one; its interval holds 1 where they agree."""
+    mean, expected = test.mean, test.interval
+    ratio, low, high = mean / test.per_pose, mean / expected.high, mean / expected.low
+    return Size("mean square over the stated one", ratio, "", low, high, test.confidence)
 
 
 def measured_nees(test: ConsistencyTest) -> str:
@@ -172,22 +190,22 @@ def _consistency(comparison: Comparison) -> Finding:
             "fit the stated uncertainty cannot be told."
         )
         return Finding("note", text, comparison.system, "nees_unavailable")
-    measured = measured_nees(test)
+    measured, size = measured_nees(test), (nees_size(test),)
     part = f" Left out: {comparison.unavailable}." if comparison.unavailable else ""
     if test.verdict == "above":
         text = (
             f"The errors are larger than the stated covariances allow: {measured}. The "
             "covariances are too small, or there is a systematic error."
         )
-        return Finding("warning", text + part, comparison.system, "nees_above")
+        return Finding("warning", text + part, comparison.system, "nees_above", size)
     if test.verdict == "below":
         text = (
             f"The errors are smaller than the stated covariances say: {measured}. The covariances "
             "are too large, or both systems share errors."
         )
-        return Finding("note", text + part, comparison.system, "nees_below")
+        return Finding("note", text + part, comparison.system, "nees_below", size)
     text = f"The errors fit the stated covariances: {measured}."
-    return Finding("good", text + part, comparison.system, "nees_inside")
+    return Finding("good", text + part, comparison.system, "nees_inside", size)
 
 
 def _coverage(comparison: Comparison) -> Finding:
@@ -201,14 +219,15 @@ def _coverage(comparison: Comparison) -> Finding:
         if extra
         else ""
     )
+    lost = Size("poses missing", len(missing), "poses")
     if not missing:
         text = f"There is a pose for each of the {total} validation poses.{also}"
-        return Finding("good", text, comparison.system, "coverage")
+        return Finding("good", text, comparison.system, "coverage", (lost,))
     text = (
         f"Poses were given for {n} of the {total} validation poses; missing: "
         f"{listed_ids(missing)}.{also} The statistics hold only for those given."
     )
-    return Finding("note", text, comparison.system, "coverage")
+    return Finding("note", text, comparison.system, "coverage", (lost,))
 
 
 def _largest(evaluation: Evaluation) -> Finding:
@@ -221,7 +240,11 @@ def _largest(evaluation: Evaluation) -> Finding:
         for column, (component, row) in enumerate(zip(comparison.components, first, strict=True))
     ]
     text = f"The largest errors: {', '.join(said)}."
-    return Finding("note", text, comparison.system, "largest_errors")
+    sizes = tuple(
+        Size(f"largest error in {one.name}", float(comparison.errors[row, column]), one.unit)
+        for column, (one, row) in enumerate(zip(comparison.components, first, strict=True))
+    )
+    return Finding("note", text, comparison.system, "largest_errors", sizes)
 
 
 def almost_zero(comparison: Comparison) -> tuple[str, ...]:
@@ -247,4 +270,5 @@ def _zero_errors(comparison: Comparison) -> list[Finding]:
         "probably taken over from the validation, as the reference of a frame is. It is counted in "
         "the statistics and makes them look better than they are."
     )
-    return [Finding("note", text, comparison.system, "zero_error")]
+    count = Size("poses with next to no error", len(poses), "poses")
+    return [Finding("note", text, comparison.system, "zero_error", (count,))]

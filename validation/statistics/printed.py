@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from validation.poses.angles import Array
-from validation.results import Finding, Table
+from validation.results import Finding, Size, Table
 from validation.statistics.error_statistics import two_sided_quantile
 from validation.statistics.evaluation import Evaluation
 from validation.text_files.csv_tables import Column, read_csv
@@ -140,7 +140,13 @@ def printed_findings(
         text = f"{len(own) - len(off)} of {len(own)} printed numbers follow from the printed table"
         said = f"; these do not: {', '.join(off)}." if off else ", to the last digit printed."
         findings.append(
-            Finding("warning" if off else "good", text + said, system, "printed_statistics")
+            Finding(
+                "warning" if off else "good",
+                text + said,
+                system,
+                "printed_statistics",
+                (Size("numbers that do not follow", len(off), "numbers"),),
+            )
         )
     used: dict[str, set[int]] = {}
     for one in numbers:
@@ -153,7 +159,8 @@ def printed_findings(
                 f"The printed intervals of the mean are mean ± 1.96 s / √n with n = {said}, but "
                 f"the table has n = {sizes[system]} poses. Student's t with that n is wider."
             )
-            findings.append(Finding("note", text, system, "printed_interval"))
+            size = Size("poses in the table", sizes[system], "poses")
+            findings.append(Finding("note", text, system, "printed_interval", (size,)))
     return findings
 
 
@@ -226,7 +233,8 @@ def errors_finding(
         )
     if wrong:
         text += f" These do not follow: {', '.join(wrong)}."
-    return [Finding("warning" if wrong else "good", text, system, "printed_errors")]
+    count = Size("errors that do not follow", len(wrong), "errors")
+    return [Finding("warning" if wrong else "good", text, system, "printed_errors", (count,))]
 
 
 MOST_UNITS = 1.5

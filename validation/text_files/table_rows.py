@@ -6,6 +6,7 @@ import re
 import zipfile
 from collections.abc import Iterable
 from datetime import date, datetime, time
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,6 +24,9 @@ _UNCOMPUTED = re.compile(
 """A cell of a workbook with a formula and no value, unless that is an empty text."""
 SEPARATORS = ",;\t|"
 """Characters that may stand between cells."""
+MOST_KEPT = 2_000_000
+"""Characters of a table whose rows are kept: a command asks the same few tables for their columns,
+their units and their numbers. Some 20,000 rows; four such tables take 40 MB."""
 _ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 Row = tuple[int, list[str]]
 """The line (of a sheet, the row) on which it starts, from 1, and its cells."""
@@ -39,7 +43,8 @@ def table_rows(path: Path, max_bytes: int = MAX_BYTES) -> list[Row]:
     data = file_bytes(path, max_bytes, "a table")
     if data.startswith((_ZIP, _OLE)) or path.suffix.lower() in SHEETS:
         return _sheet_rows(path, data)
-    return _csv_rows(path, decoded(data))
+    text = decoded(data)
+    return list(_kept_rows(path, text)) if len(text) <= MOST_KEPT else _csv_rows(path, text)
 
 
 def decoded(data: bytes) -> str:
@@ -50,6 +55,12 @@ def decoded(data: bytes) -> str:
         low = bool(data[0:100:2].strip(b"\0"))
         return data.decode("utf-16-le" if low else "utf-16-be", errors="replace")
     return data.decode("utf-8-sig", errors="surrogateescape")
+
+
+@lru_cache(maxsize=4)
+def _kept_rows(path: Path, text: str) -> list[Row]:
+    """Rows of CSV text, which nobody changes; those of the last few tables are kept."""
+    return _csv_rows(path, text)
 
 
 def _csv_rows(path: Path, text: str) -> list[Row]:

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from validation.errors import GtvalError
-from validation.results import Finding, Severity
+from validation.results import Finding, Severity, Size
+from validation.statistics.conclusions import nees_size
 from validation.statistics.dependence import UNSEEN
 from validation.statistics.units import unit_of_points
 from validation.trajectories.alignment import align, moved_positions
@@ -95,6 +96,7 @@ def _limit(comparison: TimeComparison, limit: float) -> Iterator[Finding]:
         limit_sentence(comparison, answer),
         comparison.system,
         {"yes": "limit_held", "no": "limit_exceeded"}.get(answer.verdict, "limit_open"),
+        (_rms(comparison),),
     )
 
 
@@ -118,7 +120,8 @@ def _coverage(comparison: TimeComparison) -> Iterator[Finding]:
         "interpolated across a gap, and of the rest nothing is known."
     )
     severity: Severity = "warning" if covered.share < LEAST_COVERAGE else "note"
-    yield Finding(severity, text, comparison.system, "little_coverage")
+    size = Size("share of the reference with pairs", covered.share)
+    yield Finding(severity, text, comparison.system, "little_coverage", (size,))
 
 
 def _frame(comparison: TimeComparison) -> Iterator[Finding]:
@@ -137,20 +140,26 @@ def _frame(comparison: TimeComparison) -> Iterator[Finding]:
             f"{millimetres(after)} in place of {millimetres(before)} after a rotation and a "
             "translation. If the two need not share a frame, use --align frame."
         )
-        yield Finding("warning", text, comparison.system, "other_frame")
+        size = Size("rms position in another frame", after, "m")
+        yield Finding("warning", text, comparison.system, "other_frame", (_rms(comparison), size))
+
+
+def _rms(comparison: TimeComparison) -> Size:
+    rms = comparison.rms_position
+    return Size("rms position", rms.rms, "m", rms.low, rms.high, comparison.confidence)
 
 
 def _intervals(comparison: TimeComparison) -> Iterator[Finding]:
     rms = comparison.rms_position
     if rms.reason:
         text = f"No interval of the position error can be given: {rms.reason}. Record longer."
-        yield Finding("warning", text, comparison.system, "interval_withheld")
+        yield Finding("warning", text, comparison.system, "interval_withheld", (_rms(comparison),))
     elif rms.short:
         text = (
             f"The record may be shorter than ten times the time over which errors are alike: its "
             f"interval may be too narrow, and {UNSEEN}. Record longer."
         )
-        yield Finding("warning", text, comparison.system, "short_record")
+        yield Finding("warning", text, comparison.system, "short_record", (_rms(comparison),))
 
 
 def _worst(comparison: TimeComparison, limit: float) -> Iterator[Finding]:
@@ -167,7 +176,8 @@ def _worst(comparison: TimeComparison, limit: float) -> Iterator[Finding]:
         f"The errors are worst at {told} after the start of the reference: above the limit of "
         f"{millimetres(limit)} there."
     )
-    yield Finding("warning", text, comparison.system, "worst_stretches")
+    sizes = tuple(Size("rms position of the stretch", one.rms_m, "m") for one in bad)
+    yield Finding("warning", text, comparison.system, "worst_stretches", sizes)
 
 
 def _delay(comparison: TimeComparison) -> Iterator[Finding]:
@@ -182,7 +192,8 @@ def _delay(comparison: TimeComparison) -> Iterator[Finding]:
         f"{1000 * abs(delay):.0f} ms {'late' if delay < 0 else 'early'} (delay {delay:+.3f} s, "
         f"{spread.low:+.3f} to {spread.high:+.3f} s). Find the delay, or use --align frame+time."
     )
-    yield Finding("warning", text, comparison.system, "delay_suspected")
+    size = Size("delay", float(delay), "s", spread.low, spread.high, spread.confidence)
+    yield Finding("warning", text, comparison.system, "delay_suspected", (size,))
 
 
 def _biases(comparison: TimeComparison, limit: float) -> Iterator[Finding]:
@@ -193,6 +204,8 @@ def _biases(comparison: TimeComparison, limit: float) -> Iterator[Finding]:
 
 def _bias(one: ComponentInTime, system: str) -> Finding:
     unit, mean = one.component.unit, one.mean
+    name, ends = f"mean error in {one.component.name}", (mean.low, mean.high)
+    sizes = (Size(name, mean.mean, unit, *ends, mean.confidence),)
     measured = (
         f"{mean.mean:+.4f} {unit} ({100 * mean.confidence:g} % interval {mean.low:+.4f} to "
         f"{mean.high:+.4f} {unit}, {mean.n_effective:.0f} effective of {mean.n} poses)"
@@ -205,25 +218,26 @@ def _bias(one: ComponentInTime, system: str) -> Finding:
     )
     if mean.low <= 0 <= mean.high:
         text = f"No bias in {one.component.name} is shown: {measured} holds zero. {below}"
-        return Finding("good" if one.bias.holds else "note", text, system, "no_bias_shown")
+        return Finding("good" if one.bias.holds else "note", text, system, "no_bias_shown", sizes)
     text = f"There is a bias in {one.component.name}: {measured}. {below}"
-    return Finding("note" if one.bias.holds else "warning", text, system, "bias")
+    return Finding("note" if one.bias.holds else "warning", text, system, "bias", sizes)
 
 
 def _consistency(comparison: TimeComparison) -> Iterator[Finding]:
     test = comparison.nees_test
     if test is None:
         return
+    size = (nees_size(test),)
     text = (
         f"The mean NEES is {test.mean:.3g}, expected {test.per_pose} ({test.interval.low:.3g} to "
         f"{test.interval.high:.3g} for {test.poses} effective poses)"
     )
     if test.verdict == "inside":
         text = f"{text}: errors and covariances agree."
-        yield Finding("good", text, comparison.system, "nees_inside")
+        yield Finding("good", text, comparison.system, "nees_inside", size)
     elif test.verdict == "above":
         text = f"{text}: the errors are larger than the stated covariances allow."
-        yield Finding("warning", text, comparison.system, "nees_above")
+        yield Finding("warning", text, comparison.system, "nees_above", size)
     else:
         text = f"{text}: the stated covariances are larger than the errors."
-        yield Finding("note", text, comparison.system, "nees_below")
+        yield Finding("note", text, comparison.system, "nees_below", size)

@@ -13,7 +13,7 @@ import numpy as np
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.pose_table import PoseTable
-from validation.results import Finding
+from validation.results import Finding, Size
 from vision_gt.campaign.inputs import OF_CHECKS, made_board, missing_facts
 from vision_gt.checks.displacement import Displacement, known_displacement
 from vision_gt.checks.known_places import (
@@ -385,11 +385,12 @@ def displacement_verdict(one: Displacement) -> Finding:
         f"{one.expected:.4f} m: off by {1e3 * one.off:+.1f} mm, sigma {1e3 * one.off_sigma:.1f} mm "
         f"(p = {one.p_value:.2g})."
     )
-    subject = f"camera {one.camera}"
+    subject, half = f"camera {one.camera}", 1.96 * one.off_sigma
+    size = (Size("moved by less expected", one.off, "m", one.off - half, one.off + half, 0.95),)
     if one.agrees:
-        return Finding("good", f"{said} That is chance.", subject, "displacement_agrees")
+        return Finding("good", f"{said} That is chance.", subject, "displacement_agrees", size)
     text = (
         f"{said} That is no chance. Measure the distance again, and the square of the board; else "
         "calibrate the camera again."
     )
-    return Finding("error", text, subject, "displacement_differs")
+    return Finding("error", text, subject, "displacement_differs", size)

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from validation.results import Finding, Severity
+from validation.results import Finding, Severity, Size
 from vision_gt.campaign.inputs import placed
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.optics.transforms import change_between
@@ -69,7 +69,9 @@ def _coverage(outcome: VisionOutcome, surveyed: Sequence[str]) -> Iterator[Findi
     if unseen:
         text += f" No camera has an image of {_listed(unseen)}. Are they out of view?"
     severity: Severity = "good" if not missing and not unseen else "note" if known else "error"
-    yield Finding(severity, text, SUBJECT, "coverage")
+    yield Finding(
+        severity, text, SUBJECT, "coverage", (Size("stops without a pose", len(missing), "stops"),)
+    )
 
 
 def _assumed(settings: VisionSettings) -> Iterator[Finding]:
@@ -118,6 +120,7 @@ def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
                 "the robot. The covariance of the pose is enlarged.",
                 f"pose {stop.pose}",
                 "poor_fit",
+                (Size("chi-squared per degree of freedom", best.chi_square / best.freedom),),
             )
         if chosen.floor_p < _POOR_FLOOR:
             yield Finding(
@@ -127,6 +130,7 @@ def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
                 "not even.",
                 f"pose {stop.pose}",
                 "off_floor",
+                (Size("p", float(chosen.floor_p)),),
             )
 
 
@@ -141,6 +145,7 @@ def _calibrations(outcome: VisionOutcome) -> Iterator[Finding]:
                 f"{_listed(list(calibration.outliers))}.",
                 subject,
                 "calibration_outliers",
+                (Size("images left out", len(calibration.outliers), "images"),),
             )
         coverage = calibration.coverage
         if coverage.share < _LEAST_COVERAGE:
@@ -150,6 +155,7 @@ def _calibrations(outcome: VisionOutcome) -> Iterator[Finding]:
                 "image. Show it in all parts: elsewhere the distortion is not known.",
                 subject,
                 "calibration_coverage",
+                (Size("share of the image", coverage.share),),
             )
         if float(np.max(coverage.tilts)) < _LEAST_TILT:
             yield Finding(
@@ -159,6 +165,7 @@ def _calibrations(outcome: VisionOutcome) -> Iterator[Finding]:
                 "of 30 degrees and more.",
                 subject,
                 "calibration_tilt",
+                (Size("largest tilt", float(coverage.tilts.max()), "rad"),),
             )
 
 
@@ -174,6 +181,7 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
                 "bar moved between the two exposures.",
                 f"cameras {link.first}-{link.second}",
                 "snapshot_outliers",
+                (Size("snapshots left out", len(link.outliers), "images"),),
             )
     if solution.bar_outliers:
         yield Finding(
@@ -183,6 +191,7 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
             "vision.bar.second_on_first right?",
             "bar",
             "bar_outliers",
+            (Size("images left out", len(solution.bar_outliers), "images"),),
         )
     if solution.bar_single:
         yield Finding(
@@ -191,6 +200,7 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
             f"{_listed(list(solution.bar_single))}. These images say nothing about the bar.",
             "bar",
             "bar_single",
+            (Size("images with one board", len(solution.bar_single), "images"),),
         )
     if solution.unused:
         yield Finding(
@@ -200,6 +210,7 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
             "same moment, or the board gives no pose.",
             SUBJECT,
             "network_unused",
+            (Size("images not used", len(solution.unused), "images"),),
         )
     network = solution.network
     if network.bar_covariance.any() and network is not solution.averaged:
@@ -213,6 +224,10 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
             f"{1e3 * sigma[:3].max():.2f} mm and {np.rad2deg(sigma[3:].max()):.3f} degrees.",
             "bar",
             "bar",
+            (
+                Size("length off", float(np.linalg.norm(off[:3])), "m"),
+                Size("turned", float(np.linalg.norm(off[3:])), "rad"),
+            ),
         )
 
 
@@ -226,6 +241,7 @@ def _layout(outcome: VisionOutcome) -> Iterator[Finding]:
             f"so they are not used: {_listed(list(outcome.layout.left_out))}.",
             SUBJECT,
             "layout_unused",
+            (Size("images not used", len(outcome.layout.left_out), "images"),),
         )
     for name, hand in outcome.settings.markers.hand_measured.items():
         T = layout.T_robot_marker[layout.index(int(name))]
@@ -238,6 +254,7 @@ def _layout(outcome: VisionOutcome) -> Iterator[Finding]:
                 "where it was measured by hand. Check its id, its side and the hand measurement.",
                 f"marker {name}",
                 "hand_measured",
+                (Size("length off", float(length), "m"), Size("turned", float(angle), "rad")),
             )
 
 
@@ -271,4 +288,5 @@ def _oddities(outcome: VisionOutcome) -> Iterator[Finding]:
     for image, what in outcome.oddities:
         kinds.setdefault(what, []).append(image)
     for what, images in kinds.items():
-        yield Finding("warning", f"{_listed(images, 6)}: {what}.", SUBJECT, "image")
+        count = Size("images", len(images), "images")
+        yield Finding("warning", f"{_listed(images, 6)}: {what}.", SUBJECT, "image", (count,))

@@ -8,7 +8,7 @@ from validation.campaign.stored import stored_tables
 from validation.errors import GtvalError
 from validation.poses.pose_table import PoseTable
 from validation.published.systems import published_table
-from validation.results import VALIDATION_SYSTEM, Finding, Section, SystemResult
+from validation.results import VALIDATION_SYSTEM, Finding, Section, Size, SystemResult
 from validation.text_files.csv_tables import Column, read_csv
 from vision_gt.campaign.detections import (
     SeenMarkers,
@@ -64,6 +64,7 @@ def printed_result(campaign: Campaign, settings: VisionSettings) -> SystemResult
     stops = rates(seen, "pose")
     some = sum(rate.recognised > 0 for rate in stops.values())
     low, high = whole.interval
+    size = Size("share of images with a marker", whole.share, "", low, high, 0.95)
     text = (
         f"As printed, a marker was recognised in {whole.recognised} of {whole.images} images "
         f"({100 * whole.share:.0f} %, {100 * low:.0f} to {100 * high:.0f} %) and at {some} of "
@@ -71,7 +72,7 @@ def printed_result(campaign: Campaign, settings: VisionSettings) -> SystemResult
     )
     return SystemResult(
         findings=[
-            Finding("note", text, "vision", "success_rate"),
+            Finding("note", text, "vision", "success_rate", (size,)),
             *_not_used(campaign, seen),
             *table.findings,
         ],

@@ -14,7 +14,7 @@ from validation.campaign.folder import Campaign, line_of
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable
-from validation.results import Finding, Section, SystemResult, Table, Text
+from validation.results import Finding, Section, Severity, Size, SystemResult, Table, Text
 from validation.statistics.error_statistics import mean_interval
 from validation.statistics.printed import (
     Judged,
@@ -275,7 +275,9 @@ def _marker_against_board(things: list[OnTable]) -> list[Finding]:
         f"{1e3 * off.mean():+.0f} mm, {1e3 * float(low):+.0f} to {1e3 * float(high):+.0f} mm "
         f"(95 %, in pairs). That the marker is worse is {'' if worse else 'not '}shown."
     )
-    return [Finding("good" if worse else "note", text, "vision", "marker_against_board")]
+    size = Size("marker less board", float(off.mean()), "m", float(low), float(high), 0.95)
+    severity: Severity = "good" if worse else "note"
+    return [Finding(severity, text, "vision", "marker_against_board", (size,))]
 
 
 def _csv(things: list[OnTable]) -> str:

@@ -194,3 +194,16 @@ def test_the_analysis_does_without_the_slow_parts_of_scipy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_system_that_is_not_there_is_not_called_independent(files):
+    (files / "results").mkdir()
+    for name, source in (("survey", "truth"), ("rig", "rig")):
+        (files / f"results/poses_{name}.csv").write_text((files / f"{source}.csv").read_text())
+    stated = '[explain]\nindependent = [["rig", "survey"], ["rig", "rigg"]]\n'
+    (files / "campaign.toml").write_text(f'name = "room"\n\n{stated}')
+    result = run(files)
+    assert result.exit_code == 2
+    place = "campaign.toml, line 4, field 'explain.independent': 'rigg'"
+    for part in (place, "write one of survey, rig, or take it out"):
+        assert part in result.output

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
+from scipy import stats
 
 from validation.poses.pose_table import PoseTable
 from validation.report.latex import PAGE, latex_table
 from validation.report.markdown import escaped
-from validation.report.summary.first_page import first_lines, three_sentences, verdict
-from validation.report.summary.to_do import sentences, to_do
-from validation.results import Finding, Table, listed_ids
+from validation.report.summary.first_page import first_lines, mean_text, three_sentences, verdict
+from validation.report.summary.to_do import shown_by, to_do
+from validation.results import Finding, Table, listed_ids, sentences
 from validation.statistics.evaluation import evaluate
 
 
@@ -51,7 +52,7 @@ def test_three_sentences_answer_three_questions():
     )
     assert best.startswith("good has the smallest position errors")
     assert best.endswith("that it errs less is shown.")
-    assert "for 20 mm, good enough: good, not good enough: bad" in enough
+    assert "For 20 mm, good enough: good; not good enough: bad." in enough
     assert following == "Next: survey."
 
 
@@ -70,6 +71,51 @@ def test_the_reasoning_is_apart_from_the_sentence():
         "Off by 3 mm (95 %: 1.2 to 4.8).",
         "It may turn. See.",
     )
+
+
+@pytest.mark.parametrize(
+    ("mean", "half", "expected"),
+    [
+        (-0.00002, 0.1179, "0 ± 118"),
+        (0.0804, 0.0569, "+80 ± 57"),
+        (-0.00004, 0.00996, "0 ± 10"),
+        (0.0012345, 0.0002, "+1.23 ± 0.20"),
+        (0.0, 1e-7, "0.000 ± 0.000"),
+        (-0.00001, np.nan, "0.0 ± withheld"),
+        (np.nan, np.nan, "–"),
+    ],
+)
+def test_a_mean_has_the_digits_of_its_interval_and_zero_no_sign(mean, half, expected):
+    assert mean_text(mean, mean - half, mean + half) == expected
+
+
+def advice(**kinds):
+    """What to do about the only system, where nothing else was found."""
+    return [one.text for one in to_do([], first_lines([evaluation(**kinds)]), None)]
+
+
+def test_more_stops_are_advised_where_they_help_and_something_else_where_they_do_not():
+    (few,) = advice(sigma=0.018, n=3)
+    assert few == (
+        "Survey 9 stops or more: 3 tell the spread of the errors only to a factor of 6.3."
+    )
+    (some,) = advice(sigma=0.046, n=12)
+    assert re.match(r"Survey (1[3-9]|[2-9]\d|100) stops instead of 12: ", some)
+    (spread,) = advice(sigma=0.044, n=20, seed=2)
+    assert spread.startswith("More stops are not what helps: x ")
+    (shifted,) = advice(sigma=0.01, bias=0.048, n=20, seed=2)
+    assert shifted.startswith("Find what shifts its errors by +49 mm in x, and take it out: 20 ")
+
+
+def test_what_a_hundred_stops_would_show_is_shown_as_often_as_said():
+    (planned,) = evaluation(0.05, 0.01, n=100).statistics[:1]
+    # With its own mean and spread as the truth: the farther of both bounds holds nine times of ten.
+    limit, rng = shown_by(planned, 100), np.random.default_rng(3)
+    runs = rng.normal(planned.mean, planned.std, (400, 100))
+    bias = np.abs(runs.mean(1)) + stats.t.ppf(0.95, 99) * runs.std(1, ddof=1) / 10
+    deviation = runs.std(1, ddof=1) * np.sqrt(99 / stats.chi2.ppf(0.05, 99))
+    shown = np.mean((bias < limit) & (deviation < limit))
+    assert abs(shown - 0.9) < 3.3 * np.sqrt(0.9 * 0.1 / 400)
 
 
 def test_a_thousand_ids_are_counted():

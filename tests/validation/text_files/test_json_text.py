@@ -45,7 +45,17 @@ class Pair(NamedTuple):
         (Pair(1.0, 2.0), {"low": 1.0, "high": 2.0}),
         (date(2008, 8, 6), "2008-08-06"),
         (iter([1, 2]), [1, 2]),
-        (Finding("note", "x"), {"severity": "note", "text": "x", "subject": "", "code": ""}),
+        (
+            Finding("note", "X. Y."),
+            {
+                "severity": "note",
+                "text": "X. Y.",
+                "subject": "",
+                "code": "",
+                "sizes": [],
+                "sentence": "X.",
+            },
+        ),
         (
             Figure("f", "c", "a", print),
             {"name": "f", "caption": "c", "alternative": "a", "folded": False},

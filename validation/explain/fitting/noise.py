@@ -74,7 +74,7 @@ def regular(matrices: Array) -> Array:
     correlations = matrices / size[..., :, None] / size[..., None, :]
     missing = np.zeros(matrices.shape[:-2])
     # Eigenvalues are slow, and far from zero where the determinant is.
-    close = np.linalg.det(correlations) < CLOSE
+    close = determinant(correlations) < CLOSE
     least = np.linalg.eigvalsh(correlations[close])[..., 0]
     missing[close] = np.maximum(ROUNDING - least, 0.0)
     if not missing.any():
@@ -92,6 +92,38 @@ above the root of u, 1.5e-8. In correlations it makes a difference beyond 0.9999
 CLOSE = 1e-3
 """Determinant of correlations below which eigenvalues are looked at. Rounding makes eigenvalues
 negative by far less than 0.03, the size that two of them need for a product above this."""
+
+
+def determinant(matrices: Array) -> Array:
+    """Determinants (...) of symmetric matrices (..., d, d), in formulas where they are small.
+
+    Cramer's rule for d up to 3: ten times quicker for thousands of them, and as exact as an
+    elimination where they are `regular`.
+    """
+    size = matrices.shape[-1]
+    if size > 3:
+        return np.asarray(np.linalg.det(matrices))
+    a = matrices[..., 0, 0]
+    if size == 1:
+        return np.asarray(a)
+    b, c = matrices[..., 0, 1], matrices[..., 1, 1]
+    if size == 2:
+        return np.asarray(a * c - b * b)
+    d, e, f = matrices[..., 0, 2], matrices[..., 1, 2], matrices[..., 2, 2]
+    return np.asarray(a * (c * f - e * e) - b * (b * f - e * d) + d * (b * e - c * d))
+
+
+def inverse(matrices: Array) -> Array:
+    """Inverses of symmetric, `regular` matrices (..., d, d); by Cramer's rule for d up to 2."""
+    size = matrices.shape[-1]
+    if size > 2:
+        return np.asarray(np.linalg.inv(matrices))
+    if size == 1:
+        return np.asarray(1 / matrices)
+    turned = np.empty(matrices.shape)
+    turned[..., 0, 0], turned[..., 1, 1] = matrices[..., 1, 1], matrices[..., 0, 0]
+    turned[..., 0, 1] = turned[..., 1, 0] = -matrices[..., 0, 1]
+    return np.asarray(turned / determinant(matrices)[..., None, None])
 
 
 def precision(covariance: Array) -> Precision:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from validation.errors import GtvalError
 from validation.explain.fitting.angle_unit import angle_unit_doubt
 from validation.explain.fitting.conventions import NONE, Convention, convention_of
+from validation.explain.fitting.covariance_unit import AS_STATED, CovarianceUnit, covariance_unit
 from validation.poses.angles import Array
 from validation.poses.common_origin import apart, own_part
 from validation.poses.follows import Follows
@@ -53,6 +54,8 @@ class Pairs:
         Why the headings of one table are perhaps in degrees, in words; empty if nothing says so.
     convention : Convention
         How the GT table was read; its poses here are in the convention of the validation.
+    covariance_unit : CovarianceUnit
+        How the covariances were read, where they are in another unit than the positions.
     steps : (n,) array, optional
         Where the poses are along their time, or their order in the validation, in steps.
     follows : Follows, optional
@@ -74,6 +77,7 @@ class Pairs:
     between: Array | None = None
     unit_doubt: str = ""
     convention: Convention = NONE
+    covariance_unit: CovarianceUnit = AS_STATED
     steps: Array | None = None
     follows: Follows | None = None
 
@@ -150,19 +154,29 @@ def make_pairs(
     walk = np.argsort(steps, kind="stable")
     convention = convention_of(ours.poses[walk], theirs.poses[walk])
     read = convention.read(theirs.poses)
+    between = shared_part([ours, theirs]) if stated else None
     unit, nothing = np.broadcast_to(np.eye(3), (len(ids), 3, 3)), np.zeros((len(ids), 3, 3))
+    first, second = (
+        (ours.covariances, convention.read_covariances(theirs.covariances))
+        if stated
+        else (unit, nothing)
+    )
+    slip = AS_STATED
+    if stated and between is None:
+        slip = covariance_unit(ours.poses, read, first, second, convention.shrink)
     pairs = Pairs(
         system=gt.system,
         ids=tuple(ids),
         validation=ours.poses,
         gt=read,
-        validation_covariances=ours.covariances if stated else unit,
-        gt_covariances=convention.read_covariances(theirs.covariances) if stated else nothing,
+        validation_covariances=slip.read(first, slip.validation),
+        gt_covariances=slip.read(second, slip.gt),
         stated=stated,
         velocities=None if times is None else _velocities(ids, read, times),
-        between=shared_part([ours, theirs]) if stated else None,
+        between=between,
         unit_doubt=unit_doubt,
         convention=convention,
+        covariance_unit=slip,
         steps=steps,
         follows=gt.follows if gt.follows and gt.follows.system == validation.system else None,
     )
@@ -188,7 +202,9 @@ def _with_reference(pairs: Pairs, validation: PoseTable, reference: str) -> Pair
             f"there are {', '.join(validation.ids)}"
         )
     row = validation.ids.index(reference)
-    covariance = validation.covariances[row] if pairs.stated else np.eye(3)
+    slip, covariance = pairs.covariance_unit, np.eye(3)
+    if pairs.stated:
+        covariance = slip.read(validation.covariances[row], slip.validation)
     constructed = np.array([name == reference for name in pairs.ids])
     constructed &= (np.abs(pairs.errors) <= CONSTRUCTED).all(1)
     left_out = tuple(name for name, out in zip(pairs.ids, constructed, strict=True) if out)

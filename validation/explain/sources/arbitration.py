@@ -171,7 +171,7 @@ def _same_stop(
                     certainty="likely",
                     witnesses=(*others, *one.witnesses),
                     reason=f"this cell alone does not tell which of {listed(one.blamed)} it is, "
-                    f"but {guilty[0]} is wrong in the {CELLS[1 - kind]} of the same stop",
+                    f"but {guilty[0]} is blamed for the {CELLS[1 - kind]} of the same stop",
                 )
         result.append(one)
     return result, bad, doubtful

@@ -13,7 +13,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from validation.explain.fitting.noise import DIMENSIONS, ROUNDING, Mask, regular
+from validation.explain.fitting.noise import (
+    DIMENSIONS,
+    ROUNDING,
+    Mask,
+    determinant,
+    inverse,
+    regular,
+)
 from validation.explain.sources.tails import NORMAL, STATED, Tails, weigh_tails
 from validation.explain.sources.verdicts import (
     CELLS,
@@ -106,7 +113,7 @@ class JudgedTable:
         covariances[stated] = sources.covariances[stated][..., part, part]
         there = sources.present
         covariances[~there] = np.eye(d)
-        weights = np.linalg.inv(regular(covariances)) * there[..., None, None]
+        weights = inverse(regular(covariances)) * there[..., None, None]
         values = differences(sources.poses, sources.poses[:1], kind)
         return np.where(there[..., None], values, 0.0), np.asarray(weights)
 
@@ -123,13 +130,13 @@ class JudgedTable:
         need = np.array([min(len(group), 2) for group in self.groups])[:, None]
         valid = (inside >= need) & (inside < count)
         eye = np.eye(values.shape[-1])
-        own_covariance = np.linalg.inv(regular(np.where(valid[..., None, None], own, eye)))
-        rest_covariance = np.linalg.inv(regular(np.where(valid[..., None, None], rest, eye)))
+        own_covariance = inverse(regular(np.where(valid[..., None, None], own, eye)))
+        rest_covariance = inverse(regular(np.where(valid[..., None, None], rest, eye)))
         apart = np.einsum("gnij,gnj->gni", own_covariance, own_pull)
         apart = apart - np.einsum("gnij,gnj->gni", rest_covariance, rest_pull)
         both = regular(own_covariance + rest_covariance)
-        gain = np.einsum("gni,gnij,gnj->gn", apart, np.linalg.inv(both), apart)
-        size = np.sqrt(np.linalg.det(both))
+        gain = np.einsum("gni,gnij,gnj->gn", apart, inverse(both), apart)
+        size = np.sqrt(determinant(both))
         return _Gains(np.where(valid, gain, 0.0), valid, np.where(valid, size, 0.0))
 
     def _asked(self, found: _Gains) -> Array:
@@ -216,7 +223,13 @@ class JudgedTable:
         d = float(DIMENSIONS[kind])
         scaled, dof = gain / self._factor[:, stops, kind], self._dof[:, stops, kind]
         exact = np.isinf(dof)
-        tail = special.fdtrc(d, np.where(exact, 1.0, dof), scaled / d)
+        if exact.all():
+            return np.asarray(special.chdtrc(d, scaled))
+        some = np.where(exact, 1.0, dof)
+        if kind == 0:  # of two dimensions in closed form, ten times quicker
+            tail = np.exp(-some / 2 * np.log1p(scaled / some))
+        else:
+            tail = special.fdtrc(d, some, scaled / d)
         return np.asarray(np.where(exact, special.chdtrc(d, scaled), tail))
 
     def verdicts(
@@ -326,12 +339,12 @@ class JudgedTable:
             counted = weights * ~excluded[..., kind, None, None]
             pulls = np.einsum("snij,snj->sni", counted, values)
             total, pull = _without(np.eye(len(values)), counted, pulls)
-            known = self.sources.present & (np.linalg.det(total) > 0)
+            known = self.sources.present & (determinant(total) > 0)
             eye = np.eye(2 - kind)
-            others = np.linalg.inv(regular(np.where(known[..., None, None], total, eye)))
-            own = np.linalg.inv(regular(np.where(known[..., None, None], weights, eye)))
+            others = inverse(regular(np.where(known[..., None, None], total, eye)))
+            own = inverse(regular(np.where(known[..., None, None], weights, eye)))
             left = values - np.einsum("snij,snj->sni", others, pull)
-            square = np.einsum("sni,snij,snj->sn", left, np.linalg.inv(regular(own + others)), left)
+            square = np.einsum("sni,snij,snj->sn", left, inverse(regular(own + others)), left)
             square = square / self._factor[: len(square), :, kind]
             result[..., kind] = np.where(known, np.sqrt(square), np.nan)
         return result

@@ -73,6 +73,8 @@ class SpaceExplanation(Shown):
         it is not stated.
     credible : bool
         Whether what is left is as small as stated; True where nothing is stated.
+    confidence : float
+        Of the intervals of the parameters.
     """
 
     pairs: SpacePairs
@@ -87,6 +89,7 @@ class SpaceExplanation(Shown):
     effective: Array
     misfit: float
     credible: bool
+    confidence: float
 
     @property
     def system(self) -> str:
@@ -204,6 +207,7 @@ def explain_in_space(
         effective=effective,
         misfit=misfit,
         credible=credible,
+        confidence=confidence,
     )
 
 

@@ -179,7 +179,8 @@ def arrows_before_after(one: SystemExplanation) -> Figure:
 def source_matrix(explanation: Explanation) -> Figure:
     """Every source at every pose: distance from the others in standard deviations, and flags."""
     result = explanation.arbitration
-    count, n = len(result.sources), len(result.ids)
+    stops = _shown_stops(result)
+    count, n = len(result.sources), len(stops)
     width = max(7.0, 2.5 + 0.3 * n)
     figure = Figure(figsize=(width, 1.6 + 0.75 * count), layout="constrained")
     panels = figure.subplots(2, 1, sharex=True)
@@ -187,16 +188,22 @@ def source_matrix(explanation: Explanation) -> Figure:
     for kind, axes in enumerate(panels):
         scores = result.scores[..., kind]
         picture = axes.imshow(
-            np.ma.masked_invalid(scores), cmap=_SCORES, vmin=0, vmax=_FULL_SCORE, aspect="auto"
+            np.ma.masked_invalid(scores[:, stops]),
+            cmap=_SCORES,
+            vmin=0,
+            vmax=_FULL_SCORE,
+            aspect="auto",
         )
         axes.set_facecolor("#E4E4E4")
         for s in range(count):
-            for stop in range(n):
-                _mark_cell(axes, result, (s, stop, kind), scores)
+            for place, stop in enumerate(stops):
+                _mark_cell(axes, result, (s, stop, kind), place)
         axes.set_yticks(range(count), result.sources, fontsize=8)
         axes.set_title(CELLS[kind], fontsize=9, loc="left")
-    panels[1].set_xticks(range(n), result.ids, fontsize=7, rotation=90 if n > 30 else 0)
-    panels[1].set_xlabel("pose")
+    names = [result.ids[stop] for stop in stops]
+    panels[1].set_xticks(range(n), names, fontsize=7, rotation=90 if n > 30 else 0)
+    left = len(result.ids) - n
+    panels[1].set_xlabel(f"pose ({left} more, nothing flagged there)" if left else "pose")
     assert picture is not None
     bar = figure.colorbar(picture, ax=list(panels), shrink=0.9, extend="max")
     bar.set_label("distance from the other sources [standard deviations]", fontsize=8)
@@ -207,24 +214,40 @@ def source_matrix(explanation: Explanation) -> Figure:
     return figure
 
 
-def _mark_cell(
-    axes: "Axes", result: Arbitration, cell: tuple[int, int, int], scores: Array
-) -> None:
-    """A frame and a letter on a flagged cell, a letter on a suspect."""
+def _shown_stops(result: Arbitration) -> list[int]:
+    """All stops; of many, those with anything flagged, then the farthest off, in their order."""
+    n = len(result.ids)
+    if n <= MOST_STOPS:
+        return list(range(n))
+    named = {one.stop for one in (*result.verdicts, *result.suspects)}
+    flagged = [stop for stop in range(n) if result.ids[stop] in named]
+    far = np.nan_to_num(result.scores, nan=-1.0).max((0, 2))
+    far[flagged] = np.inf
+    most = max(MOST_STOPS, len(flagged))
+    return sorted(np.argsort(-far, kind="stable")[:most].tolist())
+
+
+MOST_STOPS = 100
+"""Columns of the matrix of sources and poses: one takes 0.3 inches, so that names can be read;
+a hundred are 32 inches, four screens to scroll through. More than that only if all are flagged."""
+
+
+def _mark_cell(axes: "Axes", result: Arbitration, cell: tuple[int, int, int], place: int) -> None:
+    """A frame and a letter on a flagged cell, a letter on a suspect, at its place on the axis."""
     s, stop, kind = cell
     name, where = result.sources[s], (result.ids[stop], CELLS[kind])
     suspect = any((v.stop, v.cell) == where and name in v.blamed for v in result.suspects)
     flagged = result.bad[cell] or result.doubtful[cell]
     if not flagged:
         if suspect:
-            axes.text(stop, s, "s", ha="center", va="center", fontsize=8)
+            axes.text(place, s, "s", ha="center", va="center", fontsize=8)
         return
     axes.add_patch(
-        Rectangle((stop - 0.5, s - 0.5), 1, 1, fill=False, edgecolor="black", linewidth=1.2)
+        Rectangle((place - 0.5, s - 0.5), 1, 1, fill=False, edgecolor="black", linewidth=1.2)
     )
-    dark = scores[s, stop] > _FULL_SCORE / 2
+    dark = result.scores[cell] > _FULL_SCORE / 2
     axes.text(
-        stop, s, "X" if result.bad[cell] else "?", ha="center", va="center", fontsize=8,
+        place, s, "X" if result.bad[cell] else "?", ha="center", va="center", fontsize=8,
         fontweight="bold", color="white" if dark else "black",
     )  # fmt: skip
 

@@ -6,8 +6,8 @@ from importlib.metadata import version
 import numpy as np
 
 from validation.explain.space.explanation import SpaceExplanation, words_of
-from validation.explain.telling.number_words import parameter_text, table_of_parameters
-from validation.results import Finding, Section, Table
+from validation.explain.telling.number_words import parameter_text, sizes_of, table_of_parameters
+from validation.results import Finding, Section, Size, Table
 
 TITLE = "Where the errors come from, in space"
 
@@ -30,8 +30,9 @@ def space_findings(one: SpaceExplanation) -> list[Finding]:
     out = [name for name, good in zip(one.pairs.ids, one.cells, strict=True) if not good[0]]
     if out:
         some = ", ".join(out[:5]) + (f" and {len(out) - 5} more" if len(out) > 5 else "")
+        count = Size("positions left out", len(out), "poses")
         text = f"Positions that fit neither this nor any other explanation, left out: {some}."
-        found.append(Finding("warning", text, one.system, "stops_left_out"))
+        found.append(Finding("warning", text, one.system, "stops_left_out", (count,)))
     return found
 
 
@@ -40,22 +41,25 @@ def _first(one: SpaceExplanation) -> Finding:
     left = f"{1000 * one.after[0]:.1f} mm"
     if np.isfinite(one.after[1]):
         left += f" and {1000 * one.after[1]:.1f} mrad"
+    rms = Size("rms of what is left of positions", float(one.after[0]), "m")
     if not one.credible:
+        ratio = Size("what is left over what is stated", one.misfit)
         text = (
             f"Not explained: with {one.words} there remain {left}, {one.misfit:.2g} times what is "
             "stated. Either the stated covariances are too small, or the cause is none of frame, "
             "mount, scale and time."
         )
-        return Finding("warning", text, one.system, "not_explained")
+        return Finding("warning", text, one.system, "not_explained", (rms, ratio))
     if not one.parts:
         text = f"No systematic error is shown in {len(one.pairs)} stops: what is left is {left}."
-        return Finding("good", text, one.system, "no_systematic_error")
+        return Finding("good", text, one.system, "no_systematic_error", (rms,))
     said = ", ".join(parameter_text(value) for value in one.parameters)
     text = (
         f"{one.words.capitalize()}: {said}. It takes positions from {1000 * one.before[0]:.1f} to "
         f"{left} (root mean square of {int(one.cells[:, 0].sum())} stops that fit)."
     )
-    return Finding("warning", text, one.system, "systematic_error")
+    sizes = sizes_of(one.parameters, one.confidence)
+    return Finding("warning", text, one.system, "systematic_error", sizes)
 
 
 def _positions(one: SpaceExplanation) -> str:

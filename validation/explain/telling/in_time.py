@@ -5,8 +5,8 @@ from importlib.metadata import version
 
 import numpy as np
 
-from validation.explain.telling.number_words import parameter_text, table_of_parameters
-from validation.results import Finding, Table
+from validation.explain.telling.number_words import parameter_text, sizes_of, table_of_parameters
+from validation.results import Finding, Size, Table
 from validation.trajectories.causes.chain import CAUSES, WORDS
 from validation.trajectories.causes.explanation import Cause, TimeExplanation
 
@@ -21,17 +21,27 @@ def time_findings(one: TimeExplanation, elsewhere: Collection[str] = ()) -> list
     elsewhere : collection of str
         Names of causes that are told elsewhere.
     """
+    left = (
+        Size("what is left in x and y", one.position.sigma, "m"),
+        Size("what is left in theta", one.heading.sigma, "rad"),
+    )
     told = [
-        Finding("warning", _cause(one, cause), one.system, "systematic_error")
+        Finding(
+            "warning",
+            _cause(one, cause),
+            one.system,
+            "systematic_error",
+            sizes_of(cause.parameters, one.confidence),
+        )
         for cause in one.causes
         if cause.name not in elsewhere
     ]
     if not one.causes:
-        told.append(Finding("good", _nothing(one), one.system, "no_systematic_error"))
+        told.append(Finding("good", _nothing(one), one.system, "no_systematic_error", left))
     if one.rivals:
         told.append(Finding("warning", _rivals(one), one.system, "rivals"))
     told += _blind(one)
-    told.append(Finding("note", _noise(one), one.system, "left"))
+    told.append(Finding("note", _noise(one), one.system, "left", left))
     return told
 
 

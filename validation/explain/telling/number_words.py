@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from validation.results import Table
+from validation.results import Size, Table
 from validation.statistics.hypotheses import Parameter
 
 ALL_ODDS = 1e6
@@ -29,6 +29,20 @@ def parameter_text(one: Parameter) -> str:
         return f"{one.name.replace('_', ' ')} {number_text(one.value, one.unit)}"
     low, high = (number_text(value, one.unit).split(" ")[0] for value in (one.low, one.high))
     return f"{one.name.replace('_', ' ')} {number_text(one.value, one.unit)} ({low} to {high})"
+
+
+def sizes_of(parameters: Iterable[Parameter], confidence: float) -> tuple[Size, ...]:
+    """Parameters as the sizes of a finding."""
+    return tuple(
+        Size(one.name.replace("_", " "), one.value, one.unit, one.low, one.high, confidence)
+        for one in parameters
+    )
+
+
+def noise_sizes(values: Iterable[float], what: str) -> tuple[Size, ...]:
+    """Noise or rms in x, y and theta as the sizes of a finding."""
+    units = zip(("x", "y", "theta"), ("m", "m", "rad"), values, strict=True)
+    return tuple(Size(f"{what} in {name}", float(value), unit) for name, unit, value in units)
 
 
 def times_text(odds: float) -> str:

@@ -12,9 +12,10 @@ from validation.explain.telling.number_words import (
     ALL_ODDS,
     number_text,
     parameter_text,
+    sizes_of,
     times_text,
 )
-from validation.results import Finding
+from validation.results import Finding, Size
 
 SLIP = 0.01
 """A slip of the reference pose is told below this p-value. A judgement: it is a note, and one of
@@ -30,9 +31,12 @@ def reference_findings(one: SystemExplanation) -> list[Finding]:
         f"If one reference stop tied the frame to the Vframe through the mount, its heading was "
         f"{evidence.heading:+.2f} rad (standard deviation {evidence.heading_sigma:.2f})"
     )
+    half = 1.96 * evidence.heading_sigma
+    ends = evidence.heading - half, evidence.heading + half
+    size = (Size("heading of the reference", evidence.heading, "rad", *ends, 0.95),)
     if not evidence.possible:
         text = f"{heading}. No stop has that heading, so no reference explains the frame error."
-        return [Finding("note", text, one.system, "no_reference")]
+        return [Finding("note", text, one.system, "no_reference", size)]
     text = f"{heading}. {_possible(evidence)} "
     if evidence.certain:
         text += "That there is a reference was stated in campaign.toml; the errors do not show it."
@@ -45,7 +49,7 @@ def reference_findings(one: SystemExplanation) -> list[Finding]:
             f"{more.capitalize()} is {times_text(larger)} as likely as {less}"
             f"{'.' if larger > 3 else ': this table alone cannot tell.'}"
         )
-    return [Finding("note", text, one.system, "inferred_reference")]
+    return [Finding("note", text, one.system, "inferred_reference", size)]
 
 
 def _possible(evidence: ReferenceEvidence) -> str:
@@ -72,7 +76,8 @@ def slip_findings(selection: Selection, settled: Settled, confidence: float) -> 
         f"wrong itself: {', '.join(parameter_text(p) for p in slip)}. This shifted all poses of "
         "this system, and is taken out together with the explanation."
     )
-    return [Finding("note", text, selection.pairs.system, "reference_slip")]
+    sizes = sizes_of(slip, confidence)
+    return [Finding("note", text, selection.pairs.system, "reference_slip", sizes)]
 
 
 def agreement_finding(one: Agreement, confidence: float) -> Finding:
@@ -92,15 +97,19 @@ def agreement_finding(one: Agreement, confidence: float) -> Finding:
         )
         for system, rows in zip(one.systems[1:], differences, strict=True)
     )
-    names = listed(one.systems)
+    names, units = listed(one.systems), ("m", "m", "rad")
+    sizes = tuple(
+        Size(name.replace("_", " "), float(v), unit, float(v - h), float(v + h), confidence)
+        for name, unit, v, h in zip(MOUNT, units, one.joint, half, strict=True)
+    )
     if one.p_value >= 1 - confidence:
         text = (
             f"{names} agree on the same mount error (p = {one.p_value:.2g}; {apart}). Fitted "
             f"together: {joint}."
         )
-        return Finding("note", text, one.sensor, "same_mount")
+        return Finding("note", text, one.sensor, "same_mount", sizes)
     text = (
         f"{names} do not agree on one mount error (p = {one.p_value:.2g}; {apart}): the mount is "
         "not the whole cause, or a wrong pose that is not flagged changes one of them."
     )
-    return Finding("warning", text, one.sensor, "different_mounts")
+    return Finding("warning", text, one.sensor, "different_mounts", sizes)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from validation.explain.analysis import Explanation, SystemExplanation
 from validation.explain.fitting.settled import Settled
-from validation.results import Finding, Severity
-from validation.statistics.conclusions import measured_nees
+from validation.results import Finding, Severity, Size
+from validation.statistics.conclusions import measured_nees, nees_size
 from validation.statistics.evaluation import Evaluation
 
 KINDS = ("positions", "headings")
@@ -19,6 +19,7 @@ def left_findings(settled: Settled) -> list[Finding]:
     """Whether what is left agrees with the stated covariances, where nothing else says so."""
     told, system = [], settled.pairs.system
     for name, (factor, low, high) in zip(KINDS, settled.misfit, strict=True):
+        size = _ratio(name, factor, low, high)
         if low > 1:
             text = (
                 f"What remains of the {name} is {factor:.2g} times as large as the stated "
@@ -28,15 +29,19 @@ def left_findings(settled: Settled) -> list[Finding]:
                 "p-values too small. Leave the covariances out of the tables, and the noise is "
                 "estimated instead."
             )
-            told.append(Finding("warning", text, system, "covariance_too_small"))
+            told.append(Finding("warning", text, system, "covariance_too_small", (size,)))
         elif high < 1:
             text = (
                 f"What remains of the {name} is only {factor:.2g} times as large as the stated "
                 f"covariances say (99 % interval {low:.2g} to {high:.2g}): they are too large"
                 f"{_or_shared(settled)}. Small causes of error stay hidden."
             )
-            told.append(Finding("note", text, system, "covariance_too_large"))
+            told.append(Finding("note", text, system, "covariance_too_large", (size,)))
     return told
+
+
+def _ratio(name: str, factor: float, low: float, high: float) -> Size:
+    return Size(f"what remains of the {name} over what is stated", factor, "", low, high, 0.99)
 
 
 def _or_shared(settled: Settled) -> str:
@@ -111,7 +116,8 @@ def size_finding(evaluation: Evaluation, one: SystemExplanation) -> Finding | No
     if severity == "good" and (smaller or test.verdict == "below"):
         severity = "note"
     sized = {"above": "nees_above", "below": "nees_below"}.get(test.verdict, "nees_inside")
-    return Finding(severity, text, one.system, sized)
+    sizes = nees_size(test), *(_ratio(*row) for row in known)
+    return Finding(severity, text, one.system, sized, sizes)
 
 
 def _taken_out(settled: Settled) -> str:

@@ -45,14 +45,18 @@ def candidate_table(one: SystemExplanation) -> Table:
         rows,
         ["", "d", ".1f", ".1f", ".1f", ".1f", ".1g", ""],
         note=f"Left-out: median error of poses predicted from the others. A part counts if its p "
-        f"is below {selection.threshold:.2g} and left-out poses are predicted better.",
+        f"is below {selection.threshold:.2g} and left-out poses are predicted better. p: of normal "
+        "errors with a few gross ones, allowed for neighbours that are alike.",
     )
 
 
 def parameter_table(one: SystemExplanation, confidence: float) -> Table:
     """Fitted parameters of the chosen explanation."""
     assert one.settled is not None
-    note = f"{100 * confidence:.3g} % intervals. Flagged cells are left out."
+    note = (
+        f"{100 * confidence:.3g} % intervals, for nearly normal errors; wider where neighbours "
+        "depend on each other. p: chance of such a value, were it zero. Flagged cells are left out."
+    )
     found = one.settled.parameters(confidence)
     return table_of_parameters(one.system, one.name, found, note, ".5f")
 
@@ -121,7 +125,10 @@ def before_after_table(systems: Sequence[SystemExplanation]) -> Table:
 def verdict_table(explanation: Explanation) -> Table:
     """All cells that do not fit."""
     result = explanation.arbitration
-    note = f"Chance of any entry in a table of good poses: {100 * result.false_alarm:.3g} %."
+    note = (
+        f"Chance of any entry in a table of good poses: {100 * result.false_alarm:.3g} %, if "
+        f"errors are normal; about {100 * result.rate:.2g} % by the tails that this table shows."
+    )
     title = "Poses that do not fit, and the source that is wrong"
     return _verdict_table(title, result.verdicts, note)
 
@@ -132,7 +139,8 @@ def suspect_table(explanation: Explanation) -> Table | None:
         return None
     note = (
         "No source is called wrong for these, and nothing is left out. One such entry is normal, "
-        "even if all poses are good. p: the share of good tables that have one as large."
+        "even if all poses are good. p: the share of good tables with normal errors "
+        "that have one as large."
     )
     # How sure it would be of the culprit says nothing about whether there is one.
     suspects = explanation.arbitration.suspects
@@ -174,6 +182,7 @@ def noise_table(explanation: Explanation) -> Table:
         rows,
         ["", "", ".4f", ".4f", ".4f"],
         note="From the differences between sources that share no sensor, flagged cells left out. "
+        f"{100 * explanation.question.confidence:.3g} % intervals for normal, independent errors. "
         "Zero: the data allow that the source has no noise.",
     )
 
@@ -220,7 +229,8 @@ def good_enough_table(
         ["", "", "d", ".3g", ".4f", ".4f", "", "d", "d"],
         note=f"All poses as they came, {100 * confidence:.3g} % confidence; bias by two one-sided "
         "tests. Needed: to show both with a chance of 90 %, if bias and standard deviation are as "
-        "they are here, or as the corrected poses leave them; none where no number would do.",
+        "they are here, or as the corrected poses leave them; none where no number would do. "
+        "All for independent, normal errors.",
     )
 
 
@@ -256,7 +266,8 @@ def paired_table(pairs: Sequence[PairedComparison]) -> Table:
         rows,
         ["", "", "d", *([".4f"] * 6), *([".2f"] * 3), ".4f"],
         note="A difference of |errors| below zero: the first is the better one. 'Equivalent "
-        "within': least d for which two one-sided tests show the same bias.",
+        "within': least d for which two one-sided tests show the same bias. Student's t and F, for "
+        "independent stops with normal errors.",
     )
 
 
@@ -271,6 +282,6 @@ def repeatability_table(found: Sequence[tuple[str, str, Repeatability]]) -> Tabl
         ["system", "from", "component", "standard deviation", "low", "high", "freedom"],
         rows,
         ["", "", "", ".4f", ".4f", ".4f", "d"],
-        note="Of a single measurement, with 95 % intervals. Revisits hold the validation's noise "
-        "too, and whatever changes with the heading.",
+        note="Of a single measurement, with 95 % intervals (chi squared, normal errors). "
+        "Revisits hold the validation's noise too, and whatever changes with the heading.",
     )

@@ -2,15 +2,17 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from validation.explain.sources.tails import HEAVY
 from validation.explain.sources.verdicts import Arbitration, Verdict, listed
-from validation.results import Finding, Severity
+from validation.results import Finding, Severity, Size, listed_ids
 
 
 def arbitration_findings(result: Arbitration) -> list[Finding]:
     """Who is wrong where, and the noise of each source."""
     told = _copies(result)
-    told += [_verdict(one, result.sources[0]) for one in result.verdicts]
+    told += [_verdict(one, result) for one in result.verdicts]
     cells = int((result.present.sum(0) > 1).sum()) * 2
     text = (
         f"{len(result.verdicts)} of {cells} cells (position and heading of each stop) do not fit. "
@@ -24,7 +26,8 @@ def arbitration_findings(result: Arbitration) -> list[Finding]:
             f"tails the chance is about {100 * result.rate:.2g} %, and a flag says that a pose is "
             "off, not that somebody made a mistake."
         )
-    told.append(Finding("note", text, "all sources", "arbitration"))
+    count = Size("cells that do not fit", len(result.verdicts), "cells")
+    told.append(Finding("note", text, "all sources", "arbitration", (count,)))
     told += _suspects(result)
     told += _pairs_only(result)
     told.append(_hat(result))
@@ -42,7 +45,8 @@ def _copies(result: Arbitration) -> list[Finding]:
             "count as one witness; if they are independent, state it: [explain] independent, or "
             "--independent with single tables."
         )
-        told.append(Finding("warning", text, listed(one.names), "copies"))
+        size = Size("distance from each other", one.apart, "m")
+        told.append(Finding("warning", text, listed(one.names), "copies", (size,)))
     return told
 
 
@@ -56,19 +60,37 @@ def _suspects(result: Arbitration) -> list[Finding]:
         return []
     said = "; ".join(
         f"pose {one.stop}, {one.cell} ({' or '.join(one.blamed)}, off by {one.size:.3f} "
-        f"{'m' if one.cell == 'position' else 'rad'})"
+        f"{_unit(one)})"
         for one in result.suspects
     )
     text = (
         f"Look again at {said}. No source is called wrong there, and nothing is left out. One "
         "such entry is normal, even if all poses are good."
     )
-    return [Finding("note", text, "all sources", "suspects")]
+    sizes = tuple(_off(one, result) for one in result.suspects)
+    return [Finding("note", text, "all sources", "suspects", sizes)]
 
 
-def _verdict(one: Verdict, validation: str) -> Finding:
+def _unit(one: Verdict) -> str:
+    return "m" if one.cell == "position" else "rad"
+
+
+def _off(one: Verdict, result: Arbitration) -> Size:
+    """How far off a cell is; with an interval by the noise of the sources where one is blamed."""
+    half = np.nan
+    if len(one.blamed) == 1 and one.blamed[0] in result.sources:
+        row, column = result.sources.index(one.blamed[0]), result.ids.index(one.stop)
+        score = float(result.scores[row, column, int(one.cell == "heading")])
+        half = TWO_SIDED * one.size / score if score > 0 else np.nan
+    name = f"{one.cell} of pose {one.stop}"
+    if np.isnan(half):
+        return Size(name, one.size, _unit(one))
+    return Size(name, one.size, _unit(one), max(one.size - half, 0.0), one.size + half, 0.95)
+
+
+def _verdict(one: Verdict, result: Arbitration) -> Finding:
     """One flagged cell."""
-    size = f"{one.size:.3f} {'m' if one.cell == 'position' else 'rad'}"
+    size, validation = f"{one.size:.3f} {_unit(one)}", result.sources[0]
     code = {"sure": "wrong_pose", "likely": "likely_wrong_pose"}.get(one.certainty, "disputed_pose")
     if one.certainty == "undecided":
         text = (
@@ -83,7 +105,7 @@ def _verdict(one: Verdict, validation: str) -> Finding:
         if validation in one.blamed:
             text += " Survey this stop again."
     severity: Severity = "warning"
-    return Finding(severity, text, f"pose {one.stop}", code)
+    return Finding(severity, text, f"pose {one.stop}", code, (_off(one, result),))
 
 
 def _pairs_only(result: Arbitration) -> list[Finding]:
@@ -91,12 +113,13 @@ def _pairs_only(result: Arbitration) -> list[Finding]:
     two = [name for name, n in zip(result.ids, result.present.sum(0), strict=True) if n == 2]
     if not two:
         return []
-    where = "all stops" if len(two) == len(result.ids) else f"pose {', '.join(two)}"
+    where = "all stops" if len(two) == len(result.ids) else f"pose {listed_ids(two)}"
     text = (
         f"At {where} there are only two sources. Where they disagree, one is wrong, but nothing "
         "tells which. A third source tells it, even a rough one."
     )
-    return [Finding("note", text, "all sources", "two_sources")]
+    count = Size("stops with two sources", len(two), "stops")
+    return [Finding("note", text, "all sources", "two_sources", (count,))]
 
 
 def _hat(result: Arbitration) -> Finding:
@@ -116,7 +139,19 @@ def _hat(result: Arbitration) -> Finding:
         "Noise of each source alone, from the differences between independent ones (standard "
         f"deviation of a coordinate and of the heading, 95 % intervals): {said}."
     )
-    return Finding("note", text, "all sources", "three_cornered_hat")
+    kinds = (("a coordinate", "m"), ("the heading", "rad"))
+    sizes = tuple(
+        Size(
+            f"noise of {name} in {what}", _middle(ends), unit, float(ends[0]), float(ends[1]), 0.95
+        )
+        for name, rows in zip(result.sources, intervals, strict=True)
+        for (what, unit), ends in zip(kinds, rows, strict=True)
+    )
+    return Finding("note", text, "all sources", "three_cornered_hat", sizes)
+
+
+def _middle(ends: Sequence[float]) -> float:
+    return float(ends[0] + ends[1]) / 2
 
 
 def _range(ends: Sequence[float], unit: str) -> str:
@@ -125,5 +160,7 @@ def _range(ends: Sequence[float], unit: str) -> str:
     return f"{1000 * ends[0]:.1f} to {1000 * ends[1]:.1f} {unit}"
 
 
+TWO_SIDED = 1.96
+"""Standard deviations of a two-sided 95 % interval of a normal error."""
 SHOWN = 0.1
 """Millimetres and milliradians below which no figure is told: the digits of printed tables."""

@@ -8,7 +8,12 @@ from validation.explain.analysis import Explanation, SystemExplanation
 from validation.explain.fitting.models import ErrorModel
 from validation.explain.fitting.selection import Candidate, Selection, smallest_shown
 from validation.explain.fitting.settled import Settled
-from validation.explain.telling.number_words import parameter_text, times_text
+from validation.explain.telling.number_words import (
+    noise_sizes,
+    parameter_text,
+    sizes_of,
+    times_text,
+)
 from validation.explain.telling.reference_words import (
     agreement_finding,
     reference_findings,
@@ -17,7 +22,7 @@ from validation.explain.telling.reference_words import (
 from validation.explain.telling.sizes import left_findings
 from validation.explain.telling.verdict_words import arbitration_findings
 from validation.poses.angles import Array
-from validation.results import Finding
+from validation.results import Finding, Size
 from validation.statistics.neighbours import RATE
 
 
@@ -46,13 +51,14 @@ def system_findings(
             "There are too few poses in common with the validation to explain the errors; "
             "survey at least four stops at different headings, better twenty."
         )
-        return [Finding("warning", text, one.system, "too_few_poses")]
-    told = _convention(one.selection)
+        return [Finding("warning", text, one.system, "too_few_poses", (_in_common(one),))]
+    told = [*_convention(one.selection), *_covariance_unit(one.selection)]
     told.append(_cause(one, one.selection, one.settled, confidence, others))
     told += dependence_findings(one.selection, one.settled, one.system)
     if one.settled.fit.model.parts:
         evidence = f"{_sureness(one.selection)} {_taken_away(one.settled)}"
-        told.append(Finding("note", evidence, one.system, "evidence"))
+        left = noise_sizes(_rms(one.settled, one.settled.after), "rms left")
+        told.append(Finding("note", evidence, one.system, "evidence", left))
     told += reference_findings(one)
     told += slip_findings(one.selection, one.settled, confidence)
     told += _rivals(one.selection)
@@ -60,6 +66,12 @@ def system_findings(
     told += _blind(one.selection)
     told += _noise(one.selection, one.settled)
     return told
+
+
+def _in_common(one: SystemExplanation) -> Size:
+    """How many poses there are to explain."""
+    n = 0 if one.selection is None else len(one.selection.pairs)
+    return Size("poses in common", n, "poses")
 
 
 def _cause(
@@ -72,10 +84,13 @@ def _cause(
     """Which explanation, how large, how sure, what it takes away, what to measure."""
     model = settled.fit.model
     if one.wanders:
-        return Finding("warning", _wandering(settled), one.system, "drift")
+        spread = noise_sizes(settled.spread(settled.before), "spread")
+        return Finding("warning", _wandering(settled), one.system, "drift", spread)
     if not model.parts:
+        left = noise_sizes(settled.noise, "noise")
         if selection.dependent and selection.taken_out.model.parts:
-            return Finding("note", _hidden_by_lasting(selection), one.system, "no_systematic_error")
+            text = _hidden_by_lasting(selection)
+            return Finding("note", text, one.system, "no_systematic_error", left)
         best = min(selection.candidates[1:], key=lambda item: item.criterion)
         p = best.p_values.get("none", 1.0)
         text = (
@@ -84,23 +99,24 @@ def _cause(
             f"claimed only below {selection.threshold:.2g}.{_hidden(selection)}"
             f"{_cannot_show(selection)}"
         )
-        return Finding("good", text, one.system, "no_systematic_error")
+        return Finding("good", text, one.system, "no_systematic_error", left)
     values = [p for p in settled.parameters(confidence) if p.name in model.parameters]
     said = ", ".join(parameter_text(value) for value in values)
     withheld = settled.serial is not None and settled.serial.withheld
     how = f"no intervals: {withheld}" if withheld else f"{100 * confidence:.3g} % intervals"
     credible = one.credible(others)
     begin = "Explained by" if credible else "In part, at most, by"
-    left = 1000 * settled.noise
+    rest = 1000 * settled.noise
     doubt = "" if credible else (
-        f" What is left (x {left[0]:.1f} mm, y {left[1]:.1f} mm) is more than noise would be: "
+        f" What is left (x {rest[0]:.1f} mm, y {rest[1]:.1f} mm) is more than noise would be: "
         "there is another cause, or the noise is larger than is known."
     )  # fmt: skip
     text = (
         f"{begin} {_named(one, model)}{_or(selection)}: {said} ({how}). {_change(settled)}{doubt} "
         f"{measure(one, settled)}"
     )
-    return Finding("warning", text, one.system, "systematic_error")
+    sizes = sizes_of(values, confidence)
+    return Finding("warning", text, one.system, "systematic_error", sizes)
 
 
 def _hidden_by_lasting(selection: Selection) -> str:
@@ -178,6 +194,19 @@ def _convention(selection: Selection) -> list[Finding]:
     return [Finding("error", text, selection.pairs.system, "convention")]
 
 
+def _covariance_unit(selection: Selection) -> list[Finding]:
+    """Covariances in another unit than the positions."""
+    slip, system = selection.pairs.covariance_unit, selection.pairs.system
+    if not slip.words:
+        return []
+    text = (
+        f"By the size of the errors, {slip.words}. They were read so. Write covariances in the "
+        "square of the unit of the positions."
+    )
+    size = Size("what is left over what is stated", slip.ratio)
+    return [Finding("error", text, system, "covariance_unit", (size,))]
+
+
 def dependence_findings(selection: Selection, settled: Settled, system: str) -> list[Finding]:
     """Whether errors depend on those of their neighbours, and what that does."""
     if not selection.dependent or settled.serial is None:
@@ -202,7 +231,9 @@ def dependence_findings(selection: Selection, settled: Settled, system: str) -> 
         f"not): {said or 'neighbours are alike'}. {then} {RATE}. "
         "Repeat stops at another time, in another order."
     )
-    return [Finding("warning", text, system, "dependent_errors")]
+    alike = zip(("positions", "headings"), settled.serial.kinds, strict=True)
+    sizes = tuple(Size(f"correlation of neighbouring {n}", kind.neighbours) for n, kind in alike)
+    return [Finding("warning", text, system, "dependent_errors", sizes)]
 
 
 def _wandering(settled: Settled) -> str:
@@ -340,7 +371,9 @@ def _rivals(selection: Selection) -> list[Finding]:
         f"(headings spread by {spread:.0f} degrees). {_why(selection)}Survey stops at other "
         "headings and farther apart."
     )
-    return [Finding("warning", text, selection.pairs.system, "rivals")]
+    chosen = selection.chosen.criterion
+    sizes = tuple(Size(f"BIC of {o.model.words}", o.criterion - chosen) for o in selection.rivals)
+    return [Finding("warning", text, selection.pairs.system, "rivals", sizes)]
 
 
 def _why(selection: Selection) -> str:
@@ -368,7 +401,8 @@ def _more(selection: Selection) -> list[Finding]:
         f"({best.criterion - chosen.criterion:+.1f}), but what it adds has p = {p:.2g} and is "
         f"claimed only below {selection.threshold:.2g}. Take it as a hint."
     )
-    return [Finding("note", text, selection.pairs.system, "hint")]
+    size = Size(f"BIC of {best.model.words}", best.criterion - chosen.criterion)
+    return [Finding("note", text, selection.pairs.system, "hint", (size,))]
 
 
 def _blind(selection: Selection) -> list[Finding]:
@@ -386,7 +420,8 @@ def _blind(selection: Selection) -> list[Finding]:
         f"These {n} poses (headings spread by {spread:.0f} degrees) cannot test every explanation. "
         f"They do not determine, of {said}."
     )
-    return [Finding("warning", text, selection.pairs.system, "not_observable")]
+    size = Size("spread of the headings", lost[0].observability.heading_spread, "rad")
+    return [Finding("warning", text, selection.pairs.system, "not_observable", (size,))]
 
 
 def _directions(one: Candidate) -> str:
@@ -402,11 +437,12 @@ def _noise(selection: Selection, settled: Settled) -> list[Finding]:
         f"y {1000 * left[1]:.1f} mm, theta {1000 * left[2]:.1f} mrad (root mean square of the "
         "cells that are not flagged; it contains the noise of the validation)."
     )
+    sizes = noise_sizes(left, "what remains")
     if selection.pairs.stated:
-        found = [Finding("note", told, selection.pairs.system, "left")]
+        found = [Finding("note", told, selection.pairs.system, "left", sizes)]
         return found + left_findings(settled)
     text = (
         "No covariances are stated on both sides, so the noise level is estimated from the errors "
         f"themselves, one for positions and one for headings. {told}"
     )
-    return [Finding("note", text, selection.pairs.system, "noise_estimated")]
+    return [Finding("note", text, selection.pairs.system, "noise_estimated", sizes)]

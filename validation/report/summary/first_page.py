@@ -25,6 +25,8 @@ ALSO_ASKED = 0.02
 FEWEST_IN_COMMON = 3
 """Stops that all systems must share to be ranked by them. A judgement: with fewer, by their own."""
 NOT_SHOWN = "not shown"
+MOST_DIGITS = 3
+"""Decimals of millimetres: micrometres, a thousandth of what a hand laser shows."""
 MOST_MAPS = 4
 """Systems on the picture of the first page: more would be too small to see an arrow."""
 
@@ -185,11 +187,17 @@ def _best(lines: Sequence[Line]) -> str:
     }  # fmt: skip
     others = [one.evaluation.system for one in ranked[1:]]
     shown = [name for name in others if {(best.system, name), (name, best.system)} & beaten]
-    rest = ", ".join(name for name in others if name not in shown)
+    rest = _any_of([name for name in others if name not in shown])
     than = f"less than {rest} is not" if rest else "less is"
     own = ranked[0].evaluation.comparison.follows
     placed = f"; the survey placed its {own.what}, which helps it here" if own is not None else ""
     return f"{text}; that it errs {than} shown{placed}."
+
+
+def _any_of(names: Sequence[str]) -> str:
+    """'a, b or c'."""
+    *first, last = names or [""]
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 def _enough(lines: Sequence[Line]) -> str:
@@ -201,12 +209,12 @@ def _enough(lines: Sequence[Line]) -> str:
         groups = []
         for answer, told in (("yes", "good enough"), ("no", "not good enough")):
             names = [one.evaluation.system for one in lines if one.verdicts[place] == answer]
-            groups += [f"{told}: {', '.join(names)}"] if names else []
+            every = len(names) == len(lines) > 1
+            groups += [f"{told}: {'all' if every else ', '.join(names)}"] if names else []
         unknown = [o.evaluation.system for o in lines if o.verdicts[place] == NOT_SHOWN]
-        groups += [f"neither is shown of {', '.join(unknown)}"] if unknown else []
-        parts.append(f"for {words}, {', '.join(groups)}")
-    text = "; ".join(parts)
-    return f"{text[0].upper()}{text[1:]} (as the systems came, nothing corrected)."
+        groups += [f"not shown either way: {', '.join(unknown)}"] if unknown else []
+        parts.append(f"For {words}, {'; '.join(groups)}.")
+    return f"{' '.join(parts)} (As the systems came, nothing corrected.)"
 
 
 def first_section(
@@ -266,7 +274,7 @@ def errors_table(lines: Sequence[Line]) -> Table:
         row += [MILLI * line.rms, MILLI * angle]
         for component in components:
             one = own.get(component.name)
-            row.append(None if one is None else _mean(one.mean, one.ci_low, one.ci_high))
+            row.append(None if one is None else mean_text(one.mean, one.ci_low, one.ci_high))
         rows.append(row)
     dependent = [
         line.evaluation.system
@@ -302,12 +310,35 @@ def placed_words(lines: Sequence[Line]) -> str:
     return f" Zero by construction, as the survey placed the frame: means of {', '.join(said)}."
 
 
-def _mean(mean: float, low: float, high: float) -> str:
-    """'+80.4 ± 56.9'; without the interval where it is withheld."""
+def mean_text(mean: float, low: float, high: float) -> str:
+    """'+80 ± 57': as many digits as the interval lets one know; nothing where it is withheld."""
     if np.isnan(mean):
         return "–"
-    half = "withheld" if np.isnan(low) else f"{MILLI * (high - low) / 2:.1f}"
-    return f"{MILLI * mean:+.1f} ± {half}"
+    half = MILLI * (high - low) / 2
+    if np.isnan(half):
+        return f"{signed(MILLI * mean, 1)} ± withheld"
+    digits = digits_of(half)
+    return f"{signed(MILLI * mean, digits)} ± {half:.{digits}f}"
+
+
+def digits_of(half: float) -> int:
+    """Decimals that leave two digits of half an interval (GUM, 7.2.6), three at most.
+
+    Parameters
+    ----------
+    half : float
+        Half of the interval, not negative.
+    """
+    if half <= 0:
+        return MOST_DIGITS
+    place = int(np.floor(np.log10(float(f"{half:.1e}"))))
+    return min(max(1 - place, 0), MOST_DIGITS)
+
+
+def signed(value: float, digits: int) -> str:
+    """The number with its sign; zero has none."""
+    text = f"{value:+.{digits}f}"
+    return text if float(text) else text[1:]
 
 
 def verdicts_table(lines: Sequence[Line]) -> Table:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from validation.results import Finding, Severity, Table
+from validation.results import Finding, Severity, Size, Table
 from validation.trajectories.clock.result import ClockEstimate
 from validation.trajectories.clock.telling import (
     ambiguous_by,
@@ -87,18 +87,25 @@ def clock_findings(one: ClockEstimate, tolerance: Tolerance) -> list[Finding]:
             f"Its delay of {1e3 * one.delay_s:.1f} ms is one of several that fit: {one.reason}. "
             "Give a smaller --window if you know better, or drive a way that does not repeat."
         )
-        findings = [Finding("warning", text, one.source, "clock_ambiguous")]
+        findings = [Finding("warning", text, one.source, "clock_ambiguous", (_delay_size(one),))]
     if name := named_offset(one.delay_s):
         text = f"Its delay of {one.delay_s:.3f} s is next to an offset that has a name: {name}."
-        findings.append(Finding("warning", text, one.source, "clock_named_offset"))
+        size = (_delay_size(one),)
+        findings.append(Finding("warning", text, one.source, "clock_named_offset", size))
     if one.drift_low_ppm > 0 or one.drift_high_ppm < 0:
         text = (
             f"Its clock runs away by {one.drift_ppm:.1f} ppm ({one.drift_low_ppm:.1f} to "
             f"{one.drift_high_ppm:.1f}): the delay holds for {one.at_s + one.epoch:.1f} s, and "
             f"changes by {60e-3 * abs(one.drift_ppm):.2g} ms a minute."
         )
-        findings.append(Finding("note", text, one.source, "clock_drift"))
+        ends = one.drift_low_ppm, one.drift_high_ppm
+        size = (Size("drift of the clock", one.drift_ppm, "ppm", *ends, one.confidence),)
+        findings.append(Finding("note", text, one.source, "clock_drift", size))
     return findings
+
+
+def _delay_size(one: ClockEstimate) -> Size:
+    return Size("delay", one.delay_s, "s", one.low_s, one.high_s, one.confidence)
 
 
 def _delay(one: ClockEstimate, tolerance: Tolerance) -> Finding:
@@ -136,6 +143,7 @@ def _delay(one: ClockEstimate, tolerance: Tolerance) -> Finding:
         text,
         one.source,
         {"over": "clock_over", "open": "clock_open"}.get(answer, "clock_within"),
+        (_delay_size(one),),
     )
 
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from validation.poses.angles import Array
 from validation.poses.trajectory import Clock, Trajectory
-from validation.results import Finding
+from validation.results import Finding, Size
 from validation.trajectories.smoothing.asked import at_times
 from validation.trajectories.smoothing.equations import Solved, solve
 from validation.trajectories.smoothing.gathering import (
@@ -384,16 +384,19 @@ def _findings(told: Sequence[SourceNoise], work: _Work, supported: Mask) -> tupl
                 f"{one.outliers:.0%} of its poses agree with nothing else and were left out. Look "
                 "for a wrong frame, delay or mount."
             )
-            found.append(Finding("warning", text, one.system, "many_outliers"))
+            size = Size("share of poses left out", float(one.outliers))
+            found.append(Finding("warning", text, one.system, "many_outliers", (size,)))
         turned = int((work.flips[own] & (work.trusted[own] > 0.5)).sum())
         if turned:
             text = f"{turned} headings were off by half a turn, and were turned back."
-            found.append(Finding("note", text, one.system, "half_turns"))
+            size = Size("headings turned back", turned, "poses")
+            found.append(Finding("note", text, one.system, "half_turns", (size,)))
     share = float(np.mean(supported)) if len(supported) else 0.0
     if share < 1:
         text = (
             f"{1 - share:.0%} of the fused poses have no data on both sides. Their covariance "
             "tells how far they may be off."
         )
-        found.append(Finding("note", text, "fused", "not_supported"))
+        size = Size("share of poses without data on both sides", 1 - share)
+        found.append(Finding("note", text, "fused", "not_supported", (size,)))
     return tuple(found)
