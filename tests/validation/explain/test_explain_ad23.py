@@ -98,7 +98,7 @@ def test_the_flagged_cells_and_who_is_held_responsible(ad23):
     found = flags(ad23)
     assert found["11", "heading"] == (("laser_genetic",), "sure")
     assert found["12", "heading"] == (("survey",), "likely")
-    assert found["23", "heading"] == (("survey",), "sure")
+    assert found["23", "heading"] == (("survey",), "likely")
     # Vision has no pose 14, and both laser systems use the same scan: one witness.
     both = ("survey", "laser_genetic", "laser_scanmatch")
     assert found["14", "position"] == (both, "undecided")

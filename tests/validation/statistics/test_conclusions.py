@@ -35,8 +35,8 @@ def test_a_bias_is_told_with_its_interval_and_the_bound_that_holds(ad23_poses):
     assert first.subject == "vision"
     assert first.text == (
         "There is a bias in x: +0.0804 m (95 % interval, wider than Student's t, as neighbours "
-        "depend on each other, n = 20: +0.0235 to +0.1373 m). It cannot be claimed with 95 % "
-        "confidence that it is below 0.05 m, only that it is below 0.1233 m."
+        "depend on each other, n = 20: +0.0056 to +0.1551 m). It cannot be claimed with 95 % "
+        "confidence that it is below 0.05 m, only that it is below 0.1332 m."
     )
     # Student's own is from +0.0633 to +0.0975 m, and holds for independent errors only.
     assert "dependent_errors" in codes(findings)
