@@ -8,8 +8,14 @@ import numpy.typing as npt
 
 from validation.errors import GtvalError
 from validation.explain.fitting.angle_unit import angle_unit_doubt
-from validation.explain.fitting.conventions import NONE, Convention, convention_of
-from validation.explain.fitting.covariance_unit import AS_STATED, CovarianceUnit, covariance_unit
+from validation.explain.fitting.conventions import (
+    AS_STATED,
+    NONE,
+    Convention,
+    CovarianceUnit,
+    convention_of,
+    covariance_unit,
+)
 from validation.poses.angles import Array
 from validation.poses.common_origin import apart, own_part
 from validation.poses.follows import Follows
