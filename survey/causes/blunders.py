@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import gammaln
 
 from survey.causes.lead import LENGTH_RANGE, Lead, blunder_sizes
 from survey.causes.linear import UNSEEN, Linear
@@ -10,7 +11,8 @@ from survey.causes.trial import Rows, Trial
 from validation.poses.angles import Array
 
 MOST = 25
-"""Blunders looked for: a room with more has another cause, or nobody to trust."""
+"""Blunders looked for one after the other. Where more stand out from what all others agree on, as
+1 % of a large survey does, those are the blunders, as one hypothesis of as many numbers."""
 
 
 def blunder_leads(trial: Trial, linear: Linear, most: int = MOST) -> list[Lead]:
@@ -40,6 +42,9 @@ def blunder_leads(trial: Trial, linear: Linear, most: int = MOST) -> list[Lead]:
     q, v = linear.redundancy.copy(), linear.residual[:n].copy()
     live = (q > UNSEEN) & trial.used[:n]
     cost = 2 * np.log(np.maximum(LENGTH_RANGE / (2.5 * trial.network.sigma), 1.0))
+    many = _outstanding(trial, linear, cost)
+    if len(many) > most == MOST:
+        return [_many_lead(many, linear)]
     taken: list[Array] = []
     rows: list[int] = []
     w2_of, left = [], []
@@ -72,6 +77,23 @@ def blunder_leads(trial: Trial, linear: Linear, most: int = MOST) -> list[Lead]:
     ]
 
 
+def _outstanding(trial: Trial, linear: Linear, cost: Array) -> Rows:
+    """Readings that fit too badly by far at the robust solution, each by itself."""
+    n = len(cost)
+    q = np.maximum(linear.redundancy, UNSEEN)
+    w2 = linear.at_start[:n] ** 2 / q
+    return np.flatnonzero((w2 > cost + 2 * np.log(n)) & trial.used[:n])
+
+
+def _many_lead(rows: Rows, linear: Linear) -> Lead:
+    """More blunders than are looked for one after the other, all that stand out."""
+    n, k = len(linear.redundancy), len(rows)
+    q = np.maximum(linear.redundancy[rows], UNSEEN)
+    gain = float((linear.at_start[rows] ** 2 / q).sum())
+    choices = gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1)
+    return replace(_lead(rows, gain, 0), places=1.0, cost=2 * float(choices))
+
+
 def _scatter(squares: Array) -> float:
     """How many times the readings' variance exceeds what is stated, by the better half of them."""
     return max(float(np.median(squares)) / MEDIAN, 1.0) if len(squares) else 1.0
@@ -87,6 +109,6 @@ def _lead(rows: Rows, gain: float, n: int) -> Lead:
 
     k = len(rows)
     places = 1.0
-    for i in range(k):
+    for i in range(min(k, n)):
         places *= (n - i) / (i + 1)
     return Lead("blunders", "rows", (str(k),), rows, gain, places, build, blunder_sizes(rows))

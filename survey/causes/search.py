@@ -9,7 +9,7 @@ from scipy.special import erfc
 from survey.causes.blunders import blunder_leads
 from survey.causes.common_errors import common_error_leads
 from survey.causes.lead import Lead, Log
-from survey.causes.linear import Linear
+from survey.causes.linear import UNSEEN, Linear
 from survey.causes.names import name_leads
 from survey.causes.places import place_leads
 from survey.causes.trial import Fit, Rows, Trial, fit
@@ -80,8 +80,10 @@ def _searched_once(trial: Trial, log: Log, rows: Rows) -> tuple[Causes, Paramete
     plain = fit(base)
     tried = [Tried(NOTHING, plain.chi_squared, plain.freedom)]
     fits = {id(NOTHING): plain}
-    least = plain.chi_squared
+    least, enough = plain.chi_squared, -np.inf
     for lead in sorted(_worth_solving(base, linear, log), key=lambda one: -one.gain):
+        if lead.gain < enough and not (lead.kind == "blunders" and _has_no(tried, "blunders")):
+            continue
         solved = fit(lead.build(base), hopeless=HOPELESS * least)
         least = min(least, solved.chi_squared)
         if not np.isfinite(solved.chi_squared):
@@ -93,18 +95,43 @@ def _searched_once(trial: Trial, log: Log, rows: Rows) -> tuple[Causes, Paramete
             )
         )  # fmt: skip
         fits[id(lead)] = replace(solved)  # without its matrices
+        if len(rows) > MANY and _fits(solved):
+            enough = max(enough, BEHIND * lead.gain)
     common = [one for one in tried if one.what.kind not in SINGLE]
     places: dict[int, Parameters] = {}
     for one in sorted(common, key=lambda one: one.chi_squared)[:SOLVED_WITH_BLUNDERS]:
+        if len(rows) > MANY and not _may_hold_blunders(fits[id(one.what)], linear):
+            continue
         beside, there = _with_blunders(one, fits[id(one.what)])
         if beside.criterion < one.criterion:
             tried = [beside if other is one else other for other in tried]
             places[id(one.what)] = there
     ranking = ranked(tried)
     best = ranking.best.what
-    if best.kind == "blunders" and len(best.rows) > MOST_BESIDE:
+    explained = len(rows) > MANY and _fits(fits[id(best)])
+    if best.kind == "blunders" and len(best.rows) > MOST_BESIDE and not explained:
         places[id(best)] = fits[id(best)].at
     return Causes(ranking, fits, plain, rows, log), places.get(id(best))
+
+
+BEHIND = 0.5
+"""Share of the gain of a cause that explains all of a large survey (`MANY`) from which on another
+is solved: what gains half cannot explain it as well. A judgement, to save time."""
+
+
+def _has_no(tried: Sequence[Tried[Lead]], kind: str) -> bool:
+    return all(one.what.kind != kind for one in tried)
+
+
+def _fits(solved: Fit) -> bool:
+    """Whether the readings scatter no more than stated."""
+    return bool(solved.chi_squared < solved.freedom + WIDE * np.sqrt(2.0 * max(solved.freedom, 1)))
+
+
+def _may_hold_blunders(solved: Fit, linear: Linear) -> bool:
+    """Whether a reading fits so badly that it might pay to call it a blunder."""
+    q = np.maximum(linear.redundancy, UNSEEN)
+    return bool((solved.residual[: len(q)] ** 2 / q).max(initial=0.0) > LEAST_GAIN)
 
 
 SINGLE = {"none", "blunders"}
@@ -142,8 +169,7 @@ def _with_blunders(one: Tried[Lead], solved: Fit) -> tuple[Tried[Lead], Paramete
 
 def _as_scattered(sizes: Sequence[Parameter], solved: Fit) -> tuple[Parameter, ...]:
     """Sizes with the intervals that they have where all readings scatter more than is stated."""
-    freedom = max(solved.freedom, 1)
-    if solved.chi_squared < freedom + WIDE * np.sqrt(2.0 * freedom):
+    if _fits(solved):
         return tuple(sizes)
     m0 = solved.m0
     return tuple(

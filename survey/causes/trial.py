@@ -200,6 +200,7 @@ def fit(trial: Trial, *, robust: bool = False, hopeless: float = np.inf) -> Fit:
     at, values = trial.start, np.array([effect.value for effect in trial.effects])
     residual, jacobian = trial.equations(at, values)
     damping, cost = 0.0, _cost(residual, robust=robust)
+    settled: SplitCovariance | None = None
     for _ in range(_PASSES):
         weight = 1 / (1 + (residual / CAUCHY) ** 2) if robust else np.ones_like(residual)
         weighted = csr_array(jacobian.multiply(np.sqrt(weight)[:, None]))
@@ -218,11 +219,15 @@ def fit(trial: Trial, *, robust: bool = False, hopeless: float = np.inf) -> Fit:
             continue
         at, values, residual, jacobian, cost = there, size, ahead, slope, cost - gained
         if gained < _ENOUGH * max(1.0, 1e-3 * cost) and damping == 0.0:
+            settled = None if robust else inverse
             break
         if cost > hopeless and gained < cost / 2:
             break
         damping = damping / 10 if damping > 1e-4 else 0.0
-    return Fit(trial, at, values, residual)
+    found = Fit(trial, at, values, residual)
+    if settled is not None:  # of a step before that brought nothing: the same to a part in 1e3
+        found.__dict__["cofactors"] = settled
+    return found
 
 
 def _cost(residual: Array, *, robust: bool) -> float:
