@@ -92,7 +92,9 @@ def _path(
 ) -> tuple[Array, Array, list[tuple[float, float]]]:
     """Times, poses, 100 a second, and when the robot stood."""
     step, now = 0.01, np.array([*LOOP[0], 0.0])
-    poses, stops, goal, speed, turn = [], [], 1, 0.0, 0.0
+    poses: list[Array] = []
+    stops: list[tuple[float, float]] = []
+    goal, speed, turn = 1, 0.0, 0.0
     rest = 3.0
     while len(poses) * step < seconds:
         time = len(poses) * step
@@ -110,7 +112,7 @@ def _path(
                 rest = 3.0 if rng.random() < 0.3 else 0.0
         now = now + step * np.array([speed * np.cos(now[2]), speed * np.sin(now[2]), turn])
         poses.append(now.copy())
-    return np.arange(len(poses)) * step, np.array(poses), stops
+    return np.asarray(np.arange(len(poses)) * step, dtype=float), np.array(poses), stops
 
 
 def _odometry(rng: np.random.Generator, times: Array, poses: Array) -> tuple[Array, Array]:
