@@ -16,7 +16,7 @@ from laser_gt.driving.odometer import Odometer
 from laser_gt.driving.sweeps import Sensor
 from laser_gt.logs.motion import MirrorTiming
 from laser_gt.scans.planar import compose, wrapped
-from laser_gt.scans.scan import Scan
+from laser_gt.scans.scan import Flags, Scan
 from validation.poses.angles import Array
 
 TURN_TIME, RATE = 0.025, 8.0
@@ -46,7 +46,7 @@ class OtherDrive:
         return wrapped(np.column_stack([np.interp(times, self.times, one) for one in track.T]))
 
 
-def _segments(rng: np.random.Generator) -> tuple[Array, Array]:
+def _segments(rng: np.random.Generator) -> tuple[Array, Flags]:
     """(m, 4) segments x1 y1 x2 y2 of walls, and which are panes."""
     outline = [(0, 0), (13, 0), (13, 6), (6, 6), (6, 12.2), (0, 12), (0, 0)]
     walls, glass = [], []
@@ -66,7 +66,7 @@ def _segments(rng: np.random.Generator) -> tuple[Array, Array]:
     return np.array(walls), np.array(glass)
 
 
-def _cast(origins: Array, headings: Array, walls: Array, glass: Array, circles: Array) -> Array:
+def _cast(origins: Array, headings: Array, walls: Array, glass: Flags, circles: Array) -> Array:
     """(n,) ranges of beams with origins of their own; infinite for nothing."""
     beams = np.column_stack([np.cos(headings), np.sin(headings)])
     along = walls[:, 2:] - walls[:, :2]
