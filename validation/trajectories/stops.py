@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scipy.fft import dct
 from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
@@ -16,6 +15,7 @@ from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import PoseTable
 from validation.poses.trajectory import Trajectory
 from validation.text_files.csv_tables import Column, read_csv
+from validation.trajectories.memory import inflation_of
 
 SHORTEST_STANDSTILL = 2.0
 """Seconds. A judgement: people leave a robot standing for longer while they measure; a robot that
@@ -42,24 +42,11 @@ OUTLIER_SIGMAS = 5.0
 normal noise loses one of 1.7 million poses."""
 FEWEST = 3
 """Poses within a stop; fewer have no scatter to speak of."""
-MOST_FREQUENCIES, FEWEST_FREQUENCIES = 400, 30
-"""Of a stop's spectrum, and of all stops together. Two numbers are fitted to them: thirty tell the
-long-run variance to a factor of about two."""
-CORRELATED_GAIN = 6.0
-"""By which correlated noise must fit better than white noise, in twice the logarithm of the
-likelihood: two more numbers reach it in one of twenty campaigns with white noise."""
 MOST_HIDDEN = 0.8
 """Of the variance of an error that lasts as long as a stop, which a stop's own scatter lacks."""
 POOLED_POSES = 8
 """Independent poses that the scatter of all stops counts for in that of one: a stop of eight
 correlation times has a scatter that is a third off by itself. A judgement."""
-LONGEST_MEMORY = 0.5
-"""Of the length of a stop: the longest correlation that its poses can show. An error that lasts
-longer is the same all through the stop; what slow motion within it looks like, with half the size
-of the noise, would otherwise be taken for errors of a thousand times the variance."""
-_MEMORIES = 1 - np.geomspace(1.0, 0.002, 30)
-_WHITE_SHARES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 0.95)
-"""Correlation of neighbours, up to 500 poses long, and the share of white noise that are tried."""
 
 
 @dataclass(frozen=True)
@@ -279,7 +266,7 @@ def poses_at_stops(trajectory: Trajectory, stops: Sequence[Stop]) -> StopPoses:
         first = f"; {next(iter(missing))}: {next(iter(missing.values()))}" if missing else ""
         raise GtvalError(f"'{trajectory.system}' saw none of the {len(stops)} stops{first}")
     steady = [inside[name] for name in kept if ways[name][0] < max(5 * ways[name][1], SLOWEST)]
-    inflation = _inflation(steady or list(inside.values()))
+    inflation = inflation_of(steady or list(inside.values()))
     slow = float(np.sqrt(np.nanmax([1.0, *inflation[:2]])))
     moved = {
         name: path
@@ -334,37 +321,6 @@ def _movement(deviations: Array) -> tuple[float, float]:
         for part, middle in zip(parts, middles, strict=True)
     )
     return float(np.linalg.norm(middles[0] - middles[1])), 1.25 * spread * np.sqrt(2 / quarter)
-
-
-def _inflation(groups: Sequence[Array]) -> Array:
-    """(m,) long-run variance of the poses of a stop over their variance, of all stops together.
-
-    The spectra of all stops, each in units of its variance, are fitted by one of a first-order
-    autoregression with white noise, by Whittle's likelihood; its value at frequency zero is the
-    long-run variance (Whittle 1953; the cosines are those of Mueller and Watson 2008).
-    """
-    power, frequency = [np.empty((0, groups[0].shape[1]))], [np.empty(0)]
-    for values in groups:
-        n = len(values)
-        spectrum = dct(values - values.mean(0), axis=0, norm="ortho")[1 : MOST_FREQUENCIES + 1] ** 2
-        power.append(spectrum / np.maximum(values.var(0), 1e-30))
-        frequency.append(np.pi * np.arange(1, len(spectrum) + 1) / n)
-    powers, omega = np.vstack(power), np.concatenate(frequency)
-    if len(omega) < FEWEST_FREQUENCIES:
-        return np.full(powers.shape[1], np.nan)
-    white_alone = len(omega) * np.log(np.maximum(powers.mean(0), 1e-30))
-    best, found = white_alone - CORRELATED_GAIN, np.ones(powers.shape[1])
-    longest = LONGEST_MEMORY * float(np.median([len(values) for values in groups]))
-    memories = _MEMORIES[np.exp(-1 / max(longest, 1e-9)) >= _MEMORIES]
-    for memory, white in itertools.product(memories, _WHITE_SHARES):
-        coloured = (1 - memory**2) / (1 - 2 * memory * np.cos(omega) + memory**2)
-        shape = (1 - white) * coloured + white
-        scale = (powers / shape[:, None]).mean(0)
-        misfit = np.log(shape).sum() + len(omega) * np.log(np.maximum(scale, 1e-30))
-        at_zero = scale * ((1 - white) * (1 + memory) / (1 - memory) + white)
-        found = np.where(misfit < best, at_zero, found)
-        best = np.minimum(best, misfit)
-    return np.maximum(found, 1.0)
 
 
 def _table(
