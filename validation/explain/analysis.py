@@ -437,7 +437,7 @@ def _with_mount(one: SystemExplanation, pairs: Pairs, result: Arbitration) -> Se
 
     None where the cells that are not flagged do not determine it.
     """
-    if one.selection is None or one.settled is None:
+    if one.selection is None or one.settled is None or pairs.convention.headings_lost:
         return None
     found = one.settled
     if "mount" not in found.fit.model.parts:

@@ -63,6 +63,11 @@ class Convention:
     turn: float = 0.0
     radians: float = 1.0
 
+    @property
+    def headings_lost(self) -> bool:
+        """Whether headings are not those of the robot, and nobody knows what these were."""
+        return ALONG in self.name
+
     def read(self, poses: Array) -> Array:
         """Poses (n, 3) in the convention of the other table."""
         if not self.name:
@@ -82,9 +87,14 @@ class Convention:
         change = np.zeros((3, 3))
         change[:2, :2] = self.shrink * np.array(part)
         change[2, 2] = self.sign * self.radians
-        return np.asarray(change @ covariances @ change.T)
+        made = np.asarray(change @ covariances @ change.T)
+        if self.headings_lost:
+            made[:, 2, 2] += np.pi**2 / 3  # of a heading that may be any
+        return made
 
 
+ALONG = "direction_of_motion"
+"""Name of headings that are the direction of motion."""
 NONE = Convention()
 
 
@@ -113,7 +123,7 @@ def convention_of(validation: Array, gt: Array) -> Convention:
         words.append(HEADINGS[heading])
     found = Convention("", "", shrink, mirror, sign, turn, radians)
     if not heading and along_the_path(validation, gt, found):
-        names.append("direction_of_motion")
+        names.append(ALONG)
         words.append("headings that are the direction of motion and not those of the robot")
     return Convention("+".join(names), " and ".join(words), shrink, mirror, sign, turn, radians)
 

@@ -157,7 +157,7 @@ def select(pairs: Pairs, false_alarm: float = FALSE_ALARM) -> Selection:
     An explanation counts only if each of its parts is needed: against every simpler explanation
     contained in it the likelihood must gain more than chance would (at ``false_alarm`` shared
     equally among the candidates), and left-out poses must be predicted better. Among those the
-    one with the least BIC is chosen.
+    one with the least BIC is chosen. Headings that are the direction of motion tell no mount.
 
     Parameters
     ----------
@@ -169,14 +169,17 @@ def select(pairs: Pairs, false_alarm: float = FALSE_ALARM) -> Selection:
     models = candidates(
         reference=pairs.reference_pose is not None, moving=pairs.velocities is not None
     )
+    lost = pairs.convention.headings_lost
+    if lost:
+        models = tuple(one for one in models if not {"mount", "turn"} & set(one.parts))
     fits = fit_all(pairs, models)
-    both = next(one for one in fits if one.model.name == "frame_mount")
-    if not observability(both).complete:
+    both = next((one for one in fits if one.model.name == "frame_mount"), None)
+    if both is not None and not observability(both).complete:
         fits += fit_all(pairs, [FRAME_TURN, SHIFT_MOUNT], fits)
     known: Memories = {}
     odds = _odds(pairs, fits, known)
     dependent = is_said(odds, len(pairs))
-    if dependent:  # perhaps by a drift
+    if dependent and not lost:  # perhaps by a drift
         fits += fit_all(pairs, DRIFTS, fits)
         odds = _odds(pairs, fits, known)
         dependent = is_said(odds, len(pairs))
@@ -185,7 +188,8 @@ def select(pairs: Pairs, false_alarm: float = FALSE_ALARM) -> Selection:
     made = _all_judged(fits, [], asked)
     chosen = _best(made, dependent)
     unlike = any(one.alone and one.model.parts for one in made)
-    if unlike and not any(one.model.drifts for one in made) and _lasting(known, len(pairs)):
+    tried = lost or any(one.model.drifts for one in made)
+    if unlike and not tried and _lasting(known, len(pairs)):
         # A drift along a smooth path looks like many a cause.
         made = _all_judged(fit_all(pairs, DRIFTS, fits), made, asked)
         chosen = _best(made, dependent)
@@ -262,7 +266,7 @@ def _odds(pairs: Pairs, fits: Sequence[Fit], known: Memories) -> float:
     mount leave.
     """
     if pairs.between is not None:
-        fits = [one for one in fits if one.model.name == "frame_mount"]
+        fits = [one for one in fits if one.model.name == "frame_mount"] or list(fits)
     criteria = np.array([_criterion(one) for one in fits])
     least = criteria.min()
     far = _FAR if len(pairs) < MANY else 0.0

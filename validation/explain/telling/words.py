@@ -146,9 +146,9 @@ def _hidden(selection: Selection) -> str:
     """How large a frame or mount error would have to be to be claimed in 95 % of campaigns."""
     said = []
     follows = None if selection.pairs.reference else selection.pairs.follows
-    for name in ("frame", "mount"):
-        one = selection.candidate(name)
-        if follows is not None and name in follows.what:
+    for one in selection.candidates:
+        name = one.name
+        if name not in {"frame", "mount"} or (follows is not None and name in follows.what):
             continue
         if one.observability.complete:
             shift, turn = smallest_shown(one.fit, selection.threshold)
