@@ -107,3 +107,22 @@ def test_a_survey_that_cannot_be_solved_names_its_cause(tmp_path):
 
     with pytest.raises(GtvalError):
         told(tmp_path, survey, change)
+
+
+def test_names_exchanged_at_a_vframe_point_are_told_with_rows_exchanged(tmp_path):
+    # One reading of each: both are the same readings, and no program can tell them apart.
+    _, survey = simulated(4)
+
+    def change(_, start, end):
+        rows = [i for i, pair in enumerate(zip(start, end, strict=True)) if pair[0] == "O"]
+        swap = {"3": "5", "5": "3"}
+        for i in rows:
+            end[i] = swap.get(end[i], end[i])
+
+    findings, facts = told(tmp_path, survey, change)
+    (error,) = [one for one in findings if one.code == "cause"]
+    assert "stand in each other's row, or the names of their targets are exchanged" in error.text
+    (found,) = json.loads(json.dumps(facts["causes"]))["found"]
+    assert found["kind"] == "exchanged_rows"
+    ties = [(tie["kind"], tie["subject"], tie["odds_against"]) for tie in found["ties"]]
+    assert ("exchanged_targets", ["O", "3", "5"], 1.0) in ties

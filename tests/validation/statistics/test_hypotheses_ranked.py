@@ -37,3 +37,9 @@ def test_noise_of_any_size_costs_less_than_far_misfit():
     # cost, not 400.
     plain = Tried("none", 400.0, 100)
     assert plain.criterion == pytest.approx(100 * (1 + np.log(4)) + 2 * np.log(20))
+
+
+def test_a_hypothesis_within_odds_of_three_to_one_is_a_tie():
+    tried = [Tried(name, chi, 100) for name, chi in (("a", 90.0), ("b", 92.0), ("c", 92.5))]
+    assert [one.what for one in ranked(tried).ties()] == ["b"]
+    assert [one.what for one in ranked(tried).rivals()] == ["b", "c"]
