@@ -106,6 +106,5 @@ def published_fitness(reference: "cKDTree", moving: Array) -> float:
         Sum of the squared distances of the moving points to the closest points of the reference,
         less the worst `DROPPED`, in square metres.
     """
-    squared = reference.query(moving)[0] ** 2
-    kept = max(len(squared) - DROPPED, 0)
-    return float(np.partition(squared, min(kept, len(squared) - 1))[:kept].sum())
+    squared = np.sort(reference.query(moving)[0] ** 2)
+    return float(squared[: max(len(squared) - DROPPED, 0)].sum())
