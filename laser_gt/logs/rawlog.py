@@ -5,9 +5,6 @@ refused with what makes a file of it that can be read. Layouts are those of the 
 MRPT (`CObservation2DRangeScan` to version 7, `CObservationOdometry` to 2, `CPose3D` to 3).
 """
 
-import gzip
-import struct
-import zlib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -16,18 +13,15 @@ import numpy as np
 from laser_gt.logs.records import MAX_LOG_BYTES, Line, ScanRecord, checked
 from laser_gt.scans.planar import wrapped
 from laser_gt.scans.scan import Scan
-from validation.errors import GtvalError, InputError, Problem
+from validation.errors import GtvalError, InputError
 from validation.poses.angles import Array
-from validation.text_files.reading import file_bytes
+from validation.trajectories.formats.rawlog_objects import Objects, unpacked
 
-FILETIME_TO_UNIX = 11644473600.0
-"""Seconds from 1601-01-01, from which MRPT counts, to 1970-01-01."""
 MOST_BEAMS = 100_000
 """Beams of a scan beyond which the file is damaged. A judgement: a hundred times a usual scan."""
 FAR = 0.5
 """Seconds between odometry and a scan beyond which the scan gets none. A judgement: a robot whose
 wheels are read less often has no use of them."""
-END = 0x88
 CONVERT = (
     "make a log of observations of it (RawLogViewer: Edit, 'Convert to observation-only format'; "
     "rawlog-edit --keep-label LABELS leaves other sensors out), or export the scans "
@@ -52,65 +46,17 @@ def read_rawlog(path: Path) -> list[ScanRecord]:
     InputError
         Where the file is cut or damaged, or holds an object that is not known here.
     """
-    place = _Place(path, _unpacked(path))
+    place = _Place(path, unpacked(path, MAX_LOG_BYTES))
     log = _Log()
-    while place.at < len(place.data):
+    while not place.at_end:
         _observation(place, log)
     return checked(path, _with_odometry(log), [])
 
 
-def _unpacked(path: Path) -> bytes:
-    data = file_bytes(path, MAX_LOG_BYTES, "a log")
-    if data[:2] != b"\x1f\x8b":
-        return data
-    try:
-        return gzip.decompress(data)
-    except (EOFError, OSError, zlib.error) as error:
-        raise InputError([Problem(path, f"the compressed log is damaged: {error}")]) from None
+class _Place(Objects):
+    """A place in the bytes of a rawlog, with the number of the observation."""
 
-
-class _Place:
-    """A place in the bytes of a rawlog."""
-
-    def __init__(self, path: Path, data: bytes) -> None:
-        self.path, self.data, self.at, self.number = path, data, 0, 0
-
-    def bad(self, text: str) -> InputError:
-        return InputError([Problem(self.path, text, None, f"byte {self.at}")])
-
-    def bytes(self, size: int) -> bytes:
-        if self.at + size > len(self.data):
-            raise self.bad("the file ends in the middle of an object; it was cut")
-        self.at += size
-        return self.data[self.at - size : self.at]
-
-    def numbers(self, layout: str) -> tuple[float, ...]:
-        return struct.unpack("<" + layout, self.bytes(struct.calcsize("<" + layout)))
-
-    def count(self, most: int) -> int:
-        (value,) = self.numbers("I")
-        if value > most:
-            raise self.bad(f"a count of {value}; the file is damaged")
-        return int(value)
-
-    def text(self) -> str:
-        return self.bytes(self.count(10_000_000)).decode("latin-1")
-
-    def time(self) -> float:
-        return self.numbers("Q")[0] / 1e7 - FILETIME_TO_UNIX
-
-    def head(self) -> tuple[str, int]:
-        """Class, its namespace left out, and version of the object that begins here."""
-        (length,) = self.bytes(1)
-        name = self.bytes(length & 0x7F) if length & 0x80 else b""
-        if not name.replace(b"::", b"").replace(b"_", b"").isalnum():
-            raise self.bad("no object of an MRPT rawlog begins here")
-        return name.decode("ascii").rpartition("::")[2], self.bytes(1)[0]
-
-    def end(self, name: str) -> None:
-        if self.bytes(1)[0] != END:
-            self.at -= 1
-            raise self.bad(f"the {name} does not end where its version says; the file is damaged")
+    number = 0
 
     def unknown(self, name: str, version: int) -> InputError:
         text = f"an object of class {name}, version {version}, which cannot be stepped over"
