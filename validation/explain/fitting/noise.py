@@ -129,11 +129,8 @@ def inverse(matrices: Array) -> Array:
 def precision(covariance: Array) -> Precision:
     """Inverses that `weigh` needs, from covariances (..., 3, 3) of x, y, theta."""
     covariance = regular(covariance)
-    a, b, c = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
-    heading = covariance[..., 2, 2]
-    determinant = a * c - b * b
-    position = np.stack([np.stack([c, -b], -1), np.stack([-b, a], -1)], -2)
-    position = position / determinant[..., None, None]
+    plane, heading = covariance[..., :2, :2], covariance[..., 2, 2]
+    position = inverse(plane)
     # The joint inverse from the blocks (Schur complement of the position).
     cross = covariance[..., :2, 2]
     gain = (position @ cross[..., None])[..., 0]
@@ -142,7 +139,7 @@ def precision(covariance: Array) -> Precision:
     joint[..., :2, :2] = position + gain[..., :, None] * gain[..., None, :] / rest[..., None, None]
     joint[..., :2, 2] = joint[..., 2, :2] = -gain / rest[..., None]
     joint[..., 2, 2] = 1 / rest
-    log_position = np.log(determinant)
+    log_position = np.log(determinant(plane))
     return Precision(
         joint, position, 1 / heading, log_position + np.log(rest), log_position, np.log(heading)
     )
