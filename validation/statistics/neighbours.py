@@ -248,6 +248,13 @@ def weigh(steps: Array, residuals: Array, slopes: Array) -> Weighed:
     return Weighed(steps, tried, weights, variances, float(rest - logs[0]))
 
 
+def no_memory(steps: Array, residuals: Array) -> Weighed:
+    """What is known of errors (n, c) that tell nothing of their memory."""
+    tried, _ = memories(float(steps[-1] - steps[0]))
+    variances = np.full((len(tried), residuals.shape[1]), float(np.mean(residuals**2)) + 1e-300)
+    return Weighed(steps, tried, np.eye(len(tried))[0], variances, 0.0)
+
+
 def _basis(slopes: Array) -> Array:
     """(n, r) independent columns that span the slopes (n, k)."""
     size = np.linalg.norm(slopes, axis=0)

@@ -11,6 +11,7 @@ from validation.explain.fitting.models import candidates
 from validation.explain.fitting.pairs import make_pairs
 from validation.explain.fitting.starts import fit_all
 from validation.explain.telling.words import findings
+from validation.poses.pose_table import PoseTable
 from validation.statistics.conclusions import conclusions
 from validation.statistics.evaluation import evaluate
 from validation.statistics.neighbours import Correlation, Memory
@@ -42,6 +43,21 @@ NAMES = {
     "growing": "drift",
     "time": "time",
 }
+
+
+@pytest.mark.parametrize("stated", [False, True])
+@pytest.mark.parametrize("columns", [(), (0, 1), (2,)])
+def test_equal_numbers_have_no_memory(columns, stated):
+    rng = np.random.default_rng(3)
+    poses = np.column_stack([rng.uniform(-4, 4, (20, 2)), rng.uniform(-3, 3, 20)])
+    gt = poses.copy()
+    gt[:, list(columns)] += rng.normal(0, 0.005, (20, len(columns)))
+    covariances = np.tile(np.diag([2e-5, 2e-5, 2e-5]), (20, 1, 1)) if stated else np.empty(0)
+    ids = tuple(map(str, range(20)))
+    tables = [PoseTable(one, ids, p, covariances) for one, p in (("a", poses), ("b", gt))]
+    found = explain(tables[0], tables[1:]).systems[0]
+    assert found.name == "none"
+    assert not found.selection.dependent
 
 
 @pytest.mark.parametrize("cause", NAMES)

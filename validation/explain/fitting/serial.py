@@ -23,11 +23,14 @@ from validation.statistics.neighbours import (
     Weighed,
     correlation,
     joint_gain,
+    no_memory,
     weigh,
 )
 
 GOOD = 0.5
 """Weight of a cell from which on it counts: more good than bad."""
+NO_ERROR = 1e-9
+"""Metres or radians below which what is left are the last digits of equal numbers, which last."""
 RARE = 1e-3
 """Weight of a memory below which it is left out: it moves no end of an interval by a percent."""
 Kinds = tuple[Weighed, Weighed]
@@ -102,7 +105,11 @@ def memory_of(pairs: Pairs, found: Fit, cells: Mask | None = None) -> Kinds | No
         if (np.diff(steps) <= 0).any():
             return None
         size = np.sqrt(np.diagonal(found.covariances[0], axis1=-2, axis2=-1))[rows, part]
-        residuals = found.residuals[0][rows, part] / size
+        left = found.residuals[0][rows, part]
+        if np.abs(left).max() < NO_ERROR:
+            kinds.append(no_memory(steps, left))
+            continue
+        residuals = left / size
         own = slopes[rows][:, part] / size[..., None]
         kinds.append(weigh(steps, residuals, own))
     return kinds[0], kinds[1]
