@@ -161,8 +161,8 @@ def judged(
                 part.first_s,
                 part.last_s,
                 float(sign * part.delay_s),
-                float(sign * part.delay_s - quantile * part.high_s),
-                float(sign * part.delay_s + quantile * part.high_s),
+                float(sign * part.delay_s - wider * quantile * part.high_s),
+                float(sign * part.delay_s + wider * quantile * part.high_s),
             )
             for part in parts
         )
