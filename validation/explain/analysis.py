@@ -11,7 +11,7 @@ from validation.explain.fitting.noise import Mask
 from validation.explain.fitting.pairs import Pairs, make_pairs, own_reference
 from validation.explain.fitting.selection import FALSE_ALARM as INVENTED
 from validation.explain.fitting.selection import Selection, select
-from validation.explain.fitting.settled import Settled, settle
+from validation.explain.fitting.settled import Settled, by_level, settle
 from validation.explain.sources.agreement import Agreement, agreement
 from validation.explain.sources.arbitration import FALSE_ALARM, judge, judged_by_tails
 from validation.explain.sources.copies import Copies, find_copies
@@ -235,6 +235,7 @@ def explain(
     ]
     share = question.invented / max(len(systems), 1)
     selections = [select(one, share) if len(one) >= FEWEST else None for one in pairs]
+    pairs = [p if one is None else one.pairs for p, one in zip(pairs, selections, strict=True)]
     everything = [np.ones((len(one), 2), dtype=bool) for one in pairs]
     apart = _settled(pairs, selections, everything, aside=True)
     # The first arbitration takes the robust fits, which no gross error has moved.
@@ -350,6 +351,9 @@ def _sources(
     covariances = np.full((len(tables), len(ids), 3, 3), np.nan)
     lost = np.zeros((len(tables), 2))
     poses[0], covariances[0] = validation.poses, validation.covariances
+    levels = [one.fit.scale[0] for one in fits if one is not None and one.pairs.contradicted]
+    if len(levels) == len(systems):  # nobody knows whose covariances are wrong
+        covariances[0] *= by_level(np.median(levels, axis=0))
     for number, (one, fit, done) in enumerate(zip(pairs, fits, settled, strict=True), 1):
         rows = [row[name] for name in one.ids]
         poses[number, rows] = one.gt if fit is None else fit.corrected_poses(one.gt)
@@ -369,6 +373,7 @@ def _sources(
         covariances,
         {sensor: tuple(names) for sensor, names in question.sensors.items()},
         lost,
+        contradicted=bool(levels),
     )
 
 

@@ -134,7 +134,7 @@ def fit(
     model : ErrorModel
         What to fit.
     estimate_scale : bool, optional
-        Whether the noise level is estimated; by default where it is not stated.
+        Whether the noise level is estimated; by default where it is not stated, or contradicted.
     include : (B, n) array of bool, optional
         Pairs that each of B fits uses; all by default.
     cells : (n, 2) array of bool, optional
@@ -158,7 +158,7 @@ def fit(
         model,
         include,
         cells,
-        estimated=not pairs.stated if estimate_scale is None else estimate_scale,
+        estimated=pairs.estimated if estimate_scale is None else estimate_scale,
     )
     batch, limits = len(include), _limits(pairs, model)
     parameters = np.zeros((batch, len(model.fitted)))

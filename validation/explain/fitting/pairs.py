@@ -66,6 +66,9 @@ class Pairs:
         Where the poses are along their time, or their order in the validation, in steps.
     follows : Follows, optional
         What the system took over from the validation: covariances allow for it.
+    contradicted : bool
+        Whether errors are of another size than the stated covariances say: their level is
+        estimated then, and only their shapes count.
     """
 
     system: str
@@ -86,6 +89,12 @@ class Pairs:
     covariance_unit: CovarianceUnit = AS_STATED
     steps: Array | None = None
     follows: Follows | None = None
+    contradicted: bool = False
+
+    @property
+    def estimated(self) -> bool:
+        """Whether the level of the noise is estimated."""
+        return self.contradicted or not self.stated
 
     @property
     def order(self) -> Array:

@@ -1,7 +1,7 @@
 """Which explanation: by a test of every part, an information criterion, and prediction."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +9,7 @@ from scipy import special
 
 from validation.explain.fitting.fit import LEAST_P, MOST_SCALE, Fit
 from validation.explain.fitting.leave_one_out import LeaveOneOut, leave_one_out
+from validation.explain.fitting.level import contradicts
 from validation.explain.fitting.models import (
     DRIFTS,
     FRAME_TURN,
@@ -173,6 +174,9 @@ def select(pairs: Pairs, false_alarm: float = FALSE_ALARM) -> Selection:
     if lost:
         models = tuple(one for one in models if not {"mount", "turn"} & set(one.parts))
     fits = fit_all(pairs, models)
+    if contradicts(fits, pairs):
+        pairs = replace(pairs, contradicted=True)
+        fits = fit_all(pairs, models)
     both = next((one for one in fits if one.model.name == "frame_mount"), None)
     if both is not None and not observability(both).complete:
         fits += fit_all(pairs, [FRAME_TURN, SHIFT_MOUNT], fits)

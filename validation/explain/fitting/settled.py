@@ -108,6 +108,8 @@ class Settled:
         by = np.broadcast_to(made.by_pose, (1, *self.before.shape, 3))[0]
         finite = known_part(self.full_covariance)
         own = by @ self.pairs.gt_covariances @ np.swapaxes(by, -1, -2)
+        if self.pairs.contradicted:
+            own = own * by_level(self.fit.scale[0])
         return regular(own + np.einsum("nik,kl,njl->nij", slopes, finite, slopes))
 
     @property
@@ -190,10 +192,11 @@ class Settled:
         of a kind together, what could be fitted left out.
         """
         result = np.full((2, 3), np.nan)
-        if self.fit.estimated:
+        if not self.pairs.stated:
             return result
         if self.pairs.between is not None:
             return self._joint_misfit(self.pairs.between)
+        level = self.fit.scale[0]  # 1 unless it was estimated
         residuals, known = self.fit.residuals[0], precision(self.fit.covariances[0])
         position = residuals[:, :2]
         squares = np.stack(
@@ -207,7 +210,7 @@ class Settled:
             dof, total = float(self.dof[kind]), float(squares[self.cells[:, kind], kind].sum())
             if dof >= 1:
                 bounds = special.chdtri(dof, np.array([0.005, 0.995]))
-                result[kind] = np.sqrt(total / np.array([dof, *bounds]))
+                result[kind] = level[kind] * np.sqrt(total / np.array([dof, *bounds]))
         return result
 
     def _joint_misfit(self, between: Array) -> Array:
@@ -252,6 +255,12 @@ def _deviation(values: Array, angle: bool) -> float:
         middle = np.angle(np.exp(1j * values).mean())
         values = wrap(values - middle)
     return float(values.std(ddof=1))
+
+
+def by_level(level: Array) -> Array:
+    """(3, 3) factors on covariances for those (2,) on standard deviations of both kinds."""
+    size = level[_KIND]
+    return np.asarray(size[:, None] * size)
 
 
 def settle(pairs: Pairs, robust: Fit, cells: Mask, *, dependent: bool = False) -> Settled:

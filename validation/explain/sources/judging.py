@@ -157,7 +157,7 @@ class JudgedTable:
         """Mean square of every suspect's distance at the other stops, and its freedom (G, n, 2)."""
         shape = self.share.shape
         self._factor, self._dof = np.ones(shape), np.full(shape, np.inf)
-        if used is None or self.sources.stated.all():
+        if used is None or self.sources.known:
             return
         for kind in range(2):
             found = self._gains(kind, used[..., kind])
@@ -190,7 +190,7 @@ class JudgedTable:
             gains.append(gain)
             valid.append(asked)
         both = np.stack(gains, -1), np.stack(valid, -1)
-        prior = STATED if self.sources.stated.all() else NORMAL
+        prior = STATED if self.sources.known else NORMAL
         return weigh_tails(*both, len(self.sources.names), prior)
 
     def rate(self, tails: Tails) -> float:

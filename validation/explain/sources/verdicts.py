@@ -34,6 +34,8 @@ class Sources:
         Sources that share a sensor, by its name.
     lost_freedom : (S, 2) array
         Degrees of freedom that taking out the systematic part cost.
+    contradicted : bool
+        Whether stated covariances were scaled to the errors, so that their level is not known.
     """
 
     names: tuple[str, ...]
@@ -42,6 +44,12 @@ class Sources:
     covariances: Array
     sensors: Mapping[str, tuple[str, ...]]
     lost_freedom: Array
+    contradicted: bool = False
+
+    @property
+    def known(self) -> bool:
+        """Whether all noise is known beforehand."""
+        return bool(self.stated.all()) and not self.contradicted
 
     @property
     def present(self) -> Mask:

@@ -12,6 +12,11 @@ ALL_ODDS = 1e6
 table shows."""
 
 
+SHOWN = 0.05
+"""p-value above which a number whose interval is withheld may as well be zero, and is told so: one
+in twenty, the level of all intervals."""
+
+
 def number_text(value: float, unit: str) -> str:
     """A value as people read it: mm and mrad below a metre or radian, per mille for scale."""
     if unit in {"m", "rad"}:
@@ -25,8 +30,9 @@ def number_text(value: float, unit: str) -> str:
 
 def parameter_text(one: Parameter) -> str:
     """'mount x -89.3 mm (-92.8 to -85.8)'."""
-    if np.isnan(one.low):
-        return f"{one.name.replace('_', ' ')} {number_text(one.value, one.unit)}"
+    if np.isnan(one.low):  # withheld, as errors last
+        chance = f" (p = {one.p_value:.1g} by errors that last)" if one.p_value > SHOWN else ""
+        return f"{one.name.replace('_', ' ')} {number_text(one.value, one.unit)}{chance}"
     low, high = (number_text(value, one.unit).split(" ")[0] for value in (one.low, one.high))
     return f"{one.name.replace('_', ' ')} {number_text(one.value, one.unit)} ({low} to {high})"
 

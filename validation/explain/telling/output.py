@@ -141,6 +141,7 @@ def _system(one: SystemExplanation, confidence: float) -> Mapping[str, object]:
         "left_out_as_constructed": selection.pairs.constructed,
         "reference": selection.pairs.reference or None,
         "noise_stated": selection.pairs.stated,
+        "noise_estimated": selection.pairs.estimated,
         "parameters": settled.parameters(confidence),
         "covariance": settled.covariance,
         "threshold": selection.threshold,

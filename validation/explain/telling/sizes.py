@@ -25,19 +25,35 @@ def left_findings(settled: Settled) -> list[Finding]:
                 f"What remains of the {name} is {factor:.2g} times as large as the stated "
                 f"covariances say (99 % interval {low:.2g} to {high:.2g}). Either they are too "
                 "small, or poses share errors (of cameras, of a frame), or the errors have a cause "
-                "that is not among the explanations. Intervals are too narrow by this factor, and "
-                "p-values too small. Leave the covariances out of the tables, and the noise is "
-                "estimated instead."
+                f"that is not among the explanations. {_what_then(settled)}"
             )
             told.append(Finding("warning", text, system, "covariance_too_small", (size,)))
         elif high < 1:
             text = (
                 f"What remains of the {name} is only {factor:.2g} times as large as the stated "
                 f"covariances say (99 % interval {low:.2g} to {high:.2g}): they are too large"
-                f"{_or_shared(settled)}. Small causes of error stay hidden."
+                f"{_or_shared(settled)}. {_hidden(settled)}"
             )
             told.append(Finding("note", text, system, "covariance_too_large", (size,)))
     return told
+
+
+BY_ERRORS = "Their level was estimated from the errors instead; intervals and p-values are by that."
+
+
+def _what_then(settled: Settled) -> str:
+    """What covariances that are too small do to the rest."""
+    if settled.pairs.contradicted:
+        return BY_ERRORS
+    return (
+        "Intervals are too narrow by this factor, and p-values too small. Leave the covariances "
+        "out of the tables, and the noise is estimated instead."
+    )
+
+
+def _hidden(settled: Settled) -> str:
+    """What covariances that are too large do to the rest."""
+    return BY_ERRORS if settled.pairs.contradicted else "Small causes of error stay hidden."
 
 
 def _ratio(name: str, factor: float, low: float, high: float) -> Size:
@@ -134,8 +150,7 @@ def _conclusion(came: str, *, larger: bool, smaller: bool, out: str, settled: Se
     if larger:
         return (
             "The stated covariances are too small, or poses share errors, or there is a cause that "
-            "was not found; intervals are too narrow by this factor. Leave the covariances out of "
-            "the tables, and the noise is estimated instead."
+            f"was not found. {_what_then(settled)}"
         )
     end = ""
     if came == "above" and out:

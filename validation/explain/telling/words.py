@@ -346,7 +346,8 @@ def measure(one: SystemExplanation, settled: Settled) -> str:
         )
     elif {"frame", "shift"} & set(parts) and not through:
         advice.append(
-            "let the system locate the marks of the Vframe itself; they must be off by this much"
+            "let the system locate the marks of the Vframe itself (the numbers are what its poses "
+            "must be moved by, along the axes of the validation; the marks are off the other way)"
         )
     if "scale" in parts:
         advice.append("measure a long known distance, such as the pole, with the system")
