@@ -254,7 +254,7 @@ class _Problem:
     def corrected(self, parameters: Array) -> Corrected:
         """Corrected poses of all pairs."""
         pairs = self.pairs
-        tied, moving = pairs.reference_pose, pairs.velocities
+        tied, moving = pairs.reference_pose, pairs.motion
         return correct(self.model, parameters, pairs.gt, tied, moving, pairs.places)
 
     def rows(self, parameters: Array, scale: Array) -> tuple[Corrected, Array, Array, Array]:

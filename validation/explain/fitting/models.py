@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from validation.poses.angles import Array
 
@@ -91,6 +92,39 @@ class ErrorModel:
     def nested_in(self, other: "ErrorModel") -> bool:
         """Whether the other explains all that this one can, and more."""
         return set(self.parameters) < set(other.parameters)
+
+
+class Motion(NamedTuple):
+    """How the robot moves at n poses: a cubic in time before each and one after it.
+
+    ``velocities`` (n, 3) in m/s and rad/s, ``accelerations`` (n, 3) in m/s^2 and rad/s^2, ``jerks``
+    (n, 2, 3) in m/s^3 and rad/s^3, and ``reach`` (n, 2) seconds up to which each cubic holds;
+    beyond, the velocity stays.
+    """
+
+    velocities: Array
+    accelerations: Array
+    jerks: Array
+    reach: Array
+
+    @classmethod
+    def steady(cls, velocities: Array) -> "Motion":
+        """Of poses (n, 3) whose velocities stay."""
+        n = len(velocities)
+        return cls(velocities, np.zeros((n, 3)), np.zeros((n, 2, 3)), np.zeros((n, 2)))
+
+    def select(self, rows: npt.ArrayLike | slice) -> "Motion":
+        """Of some poses."""
+        some = rows if isinstance(rows, slice) else np.asarray(rows)
+        return Motion(*(one[some] for one in self))
+
+    def later(self, time: Array) -> tuple[Array, Array]:
+        """(..., n, 3) way within times (..., 1, 1), and the velocity after it."""
+        near = np.clip(time, -self.reach[:, :1], self.reach[:, 1:])
+        jerk = np.where(time < 0, self.jerks[:, 0], self.jerks[:, 1])
+        rate = self.velocities + self.accelerations * near + jerk * near**2 / 2
+        way = self.velocities * near + self.accelerations * near**2 / 2 + jerk * near**3 / 6
+        return way + rate * (time - near), rate
 
 
 class Corrected(NamedTuple):
@@ -188,7 +222,7 @@ def correct(
     parameters: Array,
     poses: Array,
     reference: Array | None = None,
-    velocities: Array | None = None,
+    motion: Motion | None = None,
     places: Array | None = None,
 ) -> Corrected:
     """GT poses as they would be without the systematic error.
@@ -203,8 +237,8 @@ def correct(
         GT poses in the GTV frame.
     reference : (3,) array, optional
         The reference pose P; needed by models that go through it or let it slip.
-    velocities : (n, 3) array, optional
-        Metres and radians per second, along the axes of the GTV frame.
+    motion : Motion, optional
+        Of the poses, along the axes of the GTV frame; without it no time offset.
     places : (n,) array, optional
         Of the poses between the first and the last, from -1/2 to 1/2; without them no drift.
 
@@ -219,7 +253,7 @@ def correct(
     pivot = np.zeros(3) if reference is None else np.asarray(reference, dtype=float)
     centre = complex(pivot[0], pivot[1])
     if "time" in model.parts:
-        chain.move(np.zeros_like(poses) if velocities is None else velocities)
+        chain.move(Motion.steady(np.zeros_like(poses)) if motion is None else motion)
     if "scale" in model.parts:
         chain.stretch(centre)
     if "mount" in model.parts or "turn" in model.parts:
@@ -262,14 +296,14 @@ class _Chain:
         self.dz = self.dz * turn[..., None]
         self.by_x, self.by_theta = self.by_x * turn, self.by_theta * turn
 
-    def move(self, velocities: Array) -> None:
+    def move(self, motion: Motion) -> None:
         """Where the robot was a time offset later."""
         column = self._column("time")
-        rate = velocities[:, 0] + 1j * velocities[:, 1]
-        self.z = self.z + self.at["time"] * rate
-        self.theta = self.theta + self.at["time"] * velocities[:, 2]
-        self.dz[..., column] = rate
-        self.dtheta[..., column] = velocities[:, 2]
+        way, rate = motion.later(self.at["time"][..., None])
+        self.z = self.z + way[..., 0] + 1j * way[..., 1]
+        self.theta = self.theta + way[..., 2]
+        self.dz[..., column] = rate[..., 0] + 1j * rate[..., 1]
+        self.dtheta[..., column] = rate[..., 2]
 
     def stretch(self, centre: complex) -> None:
         """Scale positions about a centre."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy import interpolate
 
 from validation.errors import GtvalError
 from validation.explain.fitting.angle_unit import angle_unit_doubt
@@ -16,6 +17,7 @@ from validation.explain.fitting.conventions import (
     convention_of,
     covariance_unit,
 )
+from validation.explain.fitting.models import Motion
 from validation.poses.angles import Array
 from validation.poses.common_origin import apart, own_part
 from validation.poses.follows import Follows
@@ -52,8 +54,8 @@ class Pairs:
         Its covariance, unit if not stated.
     constructed : tuple of str
         Stops left out because their error is zero by construction.
-    velocities : (n, 3) array, optional
-        Of the GT poses, in m/s and rad/s, where times are known.
+    motion : Motion, optional
+        At the GT poses, where times are known.
     between : (n, 3, n, 3) array, optional
         Covariance between the errors of different stops, where the tables state one.
     unit_doubt : str
@@ -82,7 +84,7 @@ class Pairs:
     reference_pose: Array | None = None
     reference_covariance: Array | None = None
     constructed: tuple[str, ...] = ()
-    velocities: Array | None = None
+    motion: Motion | None = None
     between: Array | None = None
     unit_doubt: str = ""
     convention: Convention = NONE
@@ -125,7 +127,7 @@ class Pairs:
             gt=self.gt[chosen],
             validation_covariances=self.validation_covariances[chosen],
             gt_covariances=self.gt_covariances[chosen],
-            velocities=None if self.velocities is None else self.velocities[chosen],
+            motion=None if self.motion is None else self.motion.select(chosen),
             between=None if self.between is None else self.between[chosen][:, :, chosen],
             steps=self.order[chosen],
         )
@@ -187,7 +189,7 @@ def make_pairs(
         validation_covariances=slip.read(first, slip.validation),
         gt_covariances=slip.read(second, slip.gt),
         stated=stated,
-        velocities=None if times is None else _velocities(ids, read, times),
+        motion=None if times is None else _motion(ids, read, times),
         between=between,
         unit_doubt=unit_doubt,
         convention=convention,
@@ -246,8 +248,11 @@ def _steps(ids: list[str], validation: PoseTable, times: Mapping[str, float] | N
     return stamp / float(np.median(apart)) if apart.size else np.arange(len(ids), dtype=float)
 
 
-def _velocities(ids: list[str], poses: Array, times: Mapping[str, float]) -> Array:
-    """(n, 3) velocities from the neighbours in time, in m/s and rad/s.
+def _motion(ids: list[str], poses: Array, times: Mapping[str, float]) -> Motion:
+    """A cubic spline through the poses in time.
+
+    Along a smooth path its velocities are off by the third power of the time between poses,
+    those from the two neighbours by the second: of a robot that turns, a third of the way.
 
     Raises
     ------
@@ -263,9 +268,10 @@ def _velocities(ids: list[str], poses: Array, times: Mapping[str, float]) -> Arr
         raise GtvalError("a time offset needs at least two poses, all at different times")
     path = poses[order].copy()
     path[:, 2] = np.unwrap(path[:, 2])
-    result = np.empty_like(path)
-    result[order] = np.gradient(path, stamp[order], axis=0)
-    return result
+    spline = interpolate.CubicSpline(stamp[order], path)
+    pieces = np.clip(np.argsort(order)[:, None] + [-1, 0], 0, len(ids) - 2)
+    reach, jerks = np.diff(stamp[order])[pieces], 6 * spline.c[0][pieces]
+    return Motion(spline(stamp, 1), spline(stamp, 2), jerks, reach)
 
 
 def shared_part(tables: Sequence[PoseTable]) -> Array | None:

@@ -167,9 +167,7 @@ def select(pairs: Pairs, false_alarm: float = FALSE_ALARM) -> Selection:
     false_alarm : float
         Chance that a clean system gets any explanation but 'none'.
     """
-    models = candidates(
-        reference=pairs.reference_pose is not None, moving=pairs.velocities is not None
-    )
+    models = candidates(reference=pairs.reference_pose is not None, moving=pairs.motion is not None)
     lost = pairs.convention.headings_lost
     if lost:
         models = tuple(one for one in models if not {"mount", "turn"} & set(one.parts))

@@ -93,7 +93,7 @@ class Settled:
         """
         pairs = self.pairs
         some = slice(None) if rows is None else np.asarray(rows)
-        moving = None if pairs.velocities is None else pairs.velocities[some]
+        moving = None if pairs.motion is None else pairs.motion.select(some)
         places = pairs.places[some] if self.fit.model.drifts else None
         tied, values = pairs.reference_pose, self.fit.parameters[0]
         made = correct(self.fit.model, values, poses, tied, moving, places)

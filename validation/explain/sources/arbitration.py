@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from validation.explain.fitting.hat_values import source_variances
 from validation.explain.fitting.noise import DIMENSIONS, MEDIANS, Mask
 from validation.explain.sources.copies import Copies
+from validation.explain.sources.hat_values import source_variances
 from validation.explain.sources.judging import JudgedTable
 from validation.explain.sources.tails import HEAVY
 from validation.explain.sources.verdicts import (

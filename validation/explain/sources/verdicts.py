@@ -6,9 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-from validation.explain.fitting.hat_values import SourceVariances
 from validation.explain.fitting.noise import Mask
 from validation.explain.sources.copies import Copies
+from validation.explain.sources.hat_values import SourceVariances
 from validation.explain.sources.tails import Tails
 from validation.poses.angles import Array, wrap
 

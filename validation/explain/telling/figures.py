@@ -13,7 +13,7 @@ from matplotlib.ticker import MultipleLocator
 from scipy import special
 
 from validation.explain.analysis import Explanation, SystemExplanation
-from validation.explain.fitting.models import correct
+from validation.explain.fitting.models import Motion, correct
 from validation.explain.fitting.noise import Mask
 from validation.explain.fitting.settled import Settled
 from validation.explain.sources.verdicts import CELLS, Arbitration
@@ -123,15 +123,16 @@ def _predicted(settled: Settled, headings: Array) -> Array:
     """(m, 3) errors that the explanation makes at the middle of the poses, by heading."""
     middle = settled.pairs.gt[:, :2].mean(0)
     poses = np.column_stack([np.broadcast_to(middle, (len(headings), 2)), headings])
-    velocities = None
-    if settled.pairs.velocities is not None:
-        velocities = np.broadcast_to(settled.pairs.velocities.mean(0), poses.shape)
+    motion = None
+    if settled.pairs.motion is not None:
+        typical = np.broadcast_to(settled.pairs.motion.velocities.mean(0), poses.shape)
+        motion = Motion.steady(typical)
     made = correct(
         settled.fit.model,
         settled.fit.parameters[0],
         poses,
         settled.pairs.reference_pose,
-        velocities,
+        motion,
     )
     change = np.broadcast_to(made.poses, poses.shape) - poses
     change[:, 2] = wrap(change[:, 2])

@@ -37,7 +37,7 @@ def corrected_csv(one: SystemExplanation) -> str:
     settled = one.settled
     assert settled is not None
     table, pairs = one.table, settled.pairs
-    if pairs.velocities is not None or settled.fit.model.drifts:
+    if pairs.motion is not None or settled.fit.model.drifts:
         table = table.select([name for name in table.ids if name in pairs.ids])
         order = [pairs.ids.index(name) for name in table.ids]
         poses = settled.corrected_poses(pairs.convention.read(table.poses), order)

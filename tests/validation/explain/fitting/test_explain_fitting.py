@@ -24,9 +24,7 @@ NAMES = {"reference_mount": "6"}
 
 
 def model_named(name, pairs):
-    models = candidates(
-        reference=pairs.reference_pose is not None, moving=pairs.velocities is not None
-    )
+    models = candidates(reference=pairs.reference_pose is not None, moving=pairs.motion is not None)
     return next(model for model in models if model.name == name)
 
 

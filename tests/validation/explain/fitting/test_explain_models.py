@@ -4,13 +4,18 @@ import numpy as np
 import pytest
 from explain_campaigns import matrix, pose, random_stops
 
-from validation.explain.fitting.models import candidates, correct
+from validation.explain.fitting.models import Motion, candidates, correct
 from validation.poses.angles import wrap
 
 RNG = np.random.default_rng(1)
 STOPS = random_stops(RNG, 12)
 REFERENCE = np.array([0.7, -1.1, 2.2])
-VELOCITIES = RNG.normal(size=(12, 3))
+MOTION = Motion(
+    RNG.normal(size=(12, 3)),
+    RNG.normal(size=(12, 3)),
+    RNG.normal(size=(12, 2, 3)),
+    np.full((12, 2), 0.6),
+)
 MODELS = {
     model.name: model
     for reference in (True, False)
@@ -25,7 +30,10 @@ def by_matrices(model, values, stops):
     def part(name):
         return matrix([at.get(f"{name}_{axis}", 0.0) for axis in ("x", "y", "theta")])
 
-    moved = stops + at.get("time", 0.0) * VELOCITIES
+    late = at.get("time", 0.0)
+    jerk = MOTION.jerks[:, int(late > 0)]
+    powers = late ** np.arange(1, 4) / np.array([1, 2, 6])
+    moved = stops + np.tensordot(powers, [MOTION.velocities, MOTION.accelerations, jerk], 1)
     pivot = REFERENCE[:2]
     moved[:, :2] = pivot + (1 + at.get("scale", 0.0)) * (moved[:, :2] - pivot)
     done = matrix(moved) @ np.linalg.inv(part("mount"))
@@ -43,7 +51,7 @@ def by_matrices(model, values, stops):
 def test_the_chain_is_the_product_of_matrices(name):
     model = MODELS[name]
     values = RNG.normal(size=len(model.fitted)) * 0.2
-    made = correct(model, values, STOPS, REFERENCE, VELOCITIES)
+    made = correct(model, values, STOPS, REFERENCE, MOTION)
     difference = np.broadcast_to(made.poses, STOPS.shape) - by_matrices(model, values, STOPS)
     difference[:, 2] = wrap(difference[:, 2])
     assert np.abs(difference).max() < 1e-12
@@ -53,17 +61,15 @@ def test_the_chain_is_the_product_of_matrices(name):
 def test_derivatives_are_those_of_the_chain(name):
     model, h = MODELS[name], 1e-6
     values = RNG.normal(size=len(model.fitted)) * 0.2
-    made = correct(model, values, STOPS, REFERENCE, VELOCITIES)
+    made = correct(model, values, STOPS, REFERENCE, MOTION)
     for column, step in enumerate(h * np.eye(len(values))):
         up, down = (
-            correct(model, values + sign * step, STOPS, REFERENCE, VELOCITIES).poses
-            for sign in (1, -1)
+            correct(model, values + sign * step, STOPS, REFERENCE, MOTION).poses for sign in (1, -1)
         )
         assert np.allclose((up - down) / (2 * h), made.by_parameters[..., column], atol=1e-8)
     for column, step in enumerate(h * np.eye(3)):
         up, down = (
-            correct(model, values, STOPS + sign * step, REFERENCE, VELOCITIES).poses
-            for sign in (1, -1)
+            correct(model, values, STOPS + sign * step, REFERENCE, MOTION).poses for sign in (1, -1)
         )
         assert np.allclose((up - down) / (2 * h), made.by_pose[..., column], atol=1e-8)
 
@@ -81,3 +87,11 @@ def test_without_parameters_nothing_changes():
     assert np.array_equal(
         np.broadcast_to(correct(model, np.zeros(0), STOPS).poses, STOPS.shape), STOPS
     )
+
+
+@pytest.mark.parametrize("time", [-2.0, -0.61, 0.61, 3.0])
+def test_beyond_the_next_pose_the_velocity_stays(time):
+    way, rate = MOTION.later(np.array([[[time]]]))
+    edge, at_edge = MOTION.later(np.array([[[0.6 * np.sign(time)]]]))
+    assert np.allclose(rate, at_edge)
+    assert np.allclose(way, edge + rate * (time - 0.6 * np.sign(time)))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from validation.explain.fitting.hat_values import source_variances
 from validation.explain.sources.arbitration import arbitrate
+from validation.explain.sources.hat_values import source_variances
 from validation.explain.sources.verdicts import CELLS, Sources
 
 NAMES = ("survey", "vision", "genetic", "scanmatch")
