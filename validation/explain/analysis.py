@@ -11,12 +11,13 @@ from validation.explain.fitting.noise import Mask
 from validation.explain.fitting.pairs import Pairs, make_pairs, own_reference
 from validation.explain.fitting.selection import FALSE_ALARM as INVENTED
 from validation.explain.fitting.selection import Selection, select
-from validation.explain.fitting.settled import Settled, by_level, settle
+from validation.explain.fitting.settled import Settled, settle
 from validation.explain.sources.agreement import Agreement, agreement
 from validation.explain.sources.arbitration import FALSE_ALARM, judge, judged_by_tails
-from validation.explain.sources.copies import Copies, find_copies
+from validation.explain.sources.copies import find_copies
+from validation.explain.sources.gathered import as_one, gathered
 from validation.explain.sources.reference import ReferenceEvidence, infer_reference
-from validation.explain.sources.verdicts import Arbitration, Sources
+from validation.explain.sources.verdicts import Arbitration
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable, refuse_twice
 from validation.shown import Shown
@@ -236,17 +237,18 @@ def explain(
     share = question.invented / max(len(systems), 1)
     selections = [select(one, share) if len(one) >= FEWEST else None for one in pairs]
     pairs = [p if one is None else one.pairs for p, one in zip(pairs, selections, strict=True)]
+    known = question.sensors, question.witnesses
     everything = [np.ones((len(one), 2), dtype=bool) for one in pairs]
     apart = _settled(pairs, selections, everything, aside=True)
     # The first arbitration takes the robust fits, which no gross error has moved.
-    first = _sources(validation, systems, pairs, _robust(selections), apart, question)
+    first = gathered(validation, systems, pairs, _robust(selections), apart, *known)
     copies = find_copies(first.names, first.poses, question.independent, pairs)
-    judged = judge(_as_one(first, copies), question.false_alarm)
+    judged = judge(as_one(first, copies), question.false_alarm)
     for _ in range(_ROUNDS):
         apart = _settled(pairs, selections, [_cells(p, judged.result) for p in pairs], aside=True)
         before = judged.result
-        again = _sources(validation, systems, pairs, apart, apart, question)
-        judged = judge(_as_one(again, copies), question.false_alarm)
+        again = gathered(validation, systems, pairs, apart, apart, *known)
+        judged = judge(as_one(again, copies), question.false_alarm)
         same = (before.bad == judged.result.bad).all()
         if same and (before.doubtful == judged.result.doubtful).all():
             break
@@ -333,61 +335,6 @@ def _robust(selections: Sequence[Selection | None]) -> list[Settled | None]:
         )
         for one in selections
     ]
-
-
-def _sources(
-    validation: PoseTable,
-    systems: Sequence[PoseTable],
-    pairs: Sequence[Pairs],
-    fits: Sequence[Settled | None],
-    settled: Sequence[Settled | None],
-    question: Question,
-) -> Sources:
-    """All sources at all stops of the validation, systematic parts taken out."""
-    ids = validation.ids
-    row = {name: number for number, name in enumerate(ids)}
-    tables = [validation, *systems, *question.witnesses]
-    poses = np.full((len(tables), len(ids), 3), np.nan)
-    covariances = np.full((len(tables), len(ids), 3, 3), np.nan)
-    lost = np.zeros((len(tables), 2))
-    poses[0], covariances[0] = validation.poses, validation.covariances
-    levels = [one.fit.scale[0] for one in fits if one is not None and one.pairs.contradicted]
-    if len(levels) == len(systems):  # nobody knows whose covariances are wrong
-        covariances[0] *= by_level(np.median(levels, axis=0))
-    for number, (one, fit, done) in enumerate(zip(pairs, fits, settled, strict=True), 1):
-        rows = [row[name] for name in one.ids]
-        poses[number, rows] = one.gt if fit is None else fit.corrected_poses(one.gt)
-        if one.stated:
-            covariances[number, rows] = (
-                one.gt_covariances if fit is None else fit.corrected_covariances()
-            )
-        lost[number] = 0 if done is None else done.used_freedom
-    for number, table in enumerate(question.witnesses, len(pairs) + 1):
-        rows = [row[name] for name in table.ids if name in row]
-        known = table.select([name for name in table.ids if name in row])
-        poses[number, rows], covariances[number, rows] = known.poses, known.covariances
-    return Sources(
-        tuple(table.system for table in tables),
-        ids,
-        poses,
-        covariances,
-        {sensor: tuple(names) for sensor, names in question.sensors.items()},
-        lost,
-        contradicted=bool(levels),
-    )
-
-
-def _as_one(sources: Sources, copies: Sequence[Copies]) -> Sources:
-    """The sources, copies of one another counted as of one sensor."""
-    if not copies:
-        return sources
-    sensors = dict(sources.sensors)
-    for group in copies:
-        names = set(group.names)
-        for sensor in [one for one, inside in sensors.items() if set(inside) & names]:
-            names |= set(sensors.pop(sensor))
-        sensors[" = ".join(group.names)] = tuple(n for n in sources.names if n in names)
-    return replace(sources, sensors=sensors)
 
 
 def _cells(pairs: Pairs, result: Arbitration) -> Mask:
