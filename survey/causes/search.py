@@ -8,7 +8,7 @@ from scipy.special import erfc
 
 from survey.causes.blunders import blunder_leads
 from survey.causes.common_errors import common_error_leads
-from survey.causes.lead import Lead, Log
+from survey.causes.lead import MANY, Lead, Log, look_elsewhere
 from survey.causes.linear import UNSEEN, Linear
 from survey.causes.names import name_leads
 from survey.causes.places import place_leads
@@ -125,7 +125,7 @@ is solved: what gains half cannot explain it as well. A judgement, to save time.
 
 
 def _is_needed(lead: Lead, tried: Sequence[Tried[Lead]]) -> bool:
-    """Whether a lead of little gain is solved: names, which are told otherwise, and one of blunders.
+    """Whether a lead of little gain is solved: one of blunders, and all of names.
 
     What an exchange gains is seen before the places that it spoils have settled.
     """
@@ -213,17 +213,6 @@ def continued(solved: Fit) -> Trial:
         for effect, value in zip(solved.trial.effects, solved.values, strict=True)
     )
     return replace(solved.trial, start=solved.at, effects=effects)
-
-
-def look_elsewhere(trial: Trial, places: float) -> float:
-    """What a lead of a large survey (`MANY`) must gain besides, for its places; else nothing."""
-    return 2 * float(np.log(max(places, 1.0))) if len(trial.network.distance) > MANY else 0.0
-
-
-MANY = 3000
-"""Distances above which a lead that cannot pay for its places is not solved: some of a thousand
-stops and marks always fit better by chance, and each solution takes as long as the survey's. A
-judgement: 26 stops of the document have 1,248, and 60 would have 3,000."""
 
 
 def _worth_solving(base: Trial, linear: Linear, log: Log) -> list[Lead]:

@@ -230,8 +230,7 @@ def fit(trial: Trial, *, robust: bool = False, hopeless: float = np.inf) -> Fit:
         at, values, residual, jacobian, cost = there, size, ahead, slope, cost - gained
         little = _ENOUGH * max(1.0, 1e-3 * cost)
         if damping == 0.0 and (
-            gained < little
-            or (not robust and _left(inverse, step, jacobian, residual) < little)
+            gained < little or (not robust and _left(inverse, step, jacobian, residual) < little)
         ):
             settled = None if robust else inverse
             break
