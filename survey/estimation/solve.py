@@ -170,7 +170,9 @@ def solve_survey(
     located = search.separately(world)
     if search.leaves_open(located):
         progress("the whole network", 0.45)
-        located = search.together(located)
+        # What single steps leave open in a large survey is sought among what they found: only
+        # where all that does not fit is everything sought anew.
+        located = search.together(located, trusting=len(readings) > _LARGE)
     if not located.places:
         reasons = "; ".join(f"{p.name}: {p.reason}" for p in located.world.missing[:5])
         raise UnsettledError(f"no world point can be located ({reasons or 'no readings'})")
@@ -207,7 +209,7 @@ def _adjusted(
         first = _adjusted_from(vframe, search, located, robust=robust)
     except GtvalError as error:
         fault = error
-    if located.is_whole or (first and _fits(first[0])):
+    if located.is_whole or (first and _fits(first[0], located)):
         if first is None:
             raise fault or GtvalError("the joint adjustment fails")
         return located, *first
@@ -220,11 +222,11 @@ def _adjusted(
     return whole, *second
 
 
-def _fits(found: Adjustment) -> bool:
+def _fits(found: Adjustment, located: Located) -> bool:
     """Whether a solution is where the readings are, but for single ones that are wrong.
 
     In a large survey some always are. A point or a stop in a wrong place has most of its readings
-    off by far.
+    off by far; one that was sought by itself, all others being known, is no better sought again.
     """
     n = len(found.network.distance)
     if found.chi_squared < BAD_FIT * len(found.residual):
@@ -237,8 +239,10 @@ def _fits(found: Adjustment) -> bool:
     unit[net.mark] = len(net.points) + net.mark_pose
     ends = unit[np.concatenate([net.first, net.second])]
     of_unit = np.bincount(ends)
-    share = np.bincount(ends, np.tile(off, 2)) / np.maximum(of_unit, 1)
-    return bool(share.max(initial=0.0) < _MOSTLY)
+    astray = np.bincount(ends, np.tile(off, 2)) >= _MOSTLY * np.maximum(of_unit, 1)
+    names = (*net.points, *net.poses)
+    late = {**located.from_marks, **located.late_poses}
+    return all(names[k] in late for k in np.flatnonzero(astray))
 
 
 _LARGE = 3000

@@ -9,8 +9,10 @@ from scipy.stats import binom
 
 from survey.causes.common_errors import common_error_leads
 from survey.causes.diagnosis import diagnose, diagnose_unsolved
-from survey.causes.lead import log_of, spread_places
+from survey.causes.lead import MANY, log_of, spread_places
 from survey.causes.linear import Linear
+from survey.causes.look import Look
+from survey.causes.names import name_leads
 from survey.causes.trial import Effect, fit
 from survey.estimation.adjustment import UnsettledError
 from validation.statistics.hypotheses import RIVAL
@@ -227,3 +229,40 @@ def test_a_hundred_clean_rooms_invent_nothing():
         sample = clean(np.random.default_rng([6, seed]), missing=0.2 * (seed % 2))
         found += bool(diagnose(sample.solved(), sample.vframe, sample.rig, sample.readings).found)
     assert found <= binom.ppf(0.99, 100, 0.05)
+
+
+@pytest.fixture(scope="module")
+def large():
+    """More readings than `MANY`, of which a cause must explain all."""
+    return clean(np.random.default_rng(12), stops=80, marks=14)
+
+
+def test_exchanged_rig_points_of_a_large_survey_are_no_wrong_mark(large):
+    # Turned about by half, the rig fits but for one mark, which gains more where all is linear.
+    swap = {"7/X": "7/Y", "7/Y": "7/X"}
+    start = tuple(swap.get(name, name) for name in large.readings.start)
+    spoiled_room = replace(large, readings=replace(large.readings, start=start))
+    assert len(spoiled_room.readings) > MANY
+    solution = spoiled_room.solved()
+    best = diagnose(solution, large.vframe, large.rig, spoiled_room.readings).found[0].ranking.best
+    assert (best.what.kind, best.what.subject) == ("exchanged_rig_points", ("7", "X", "Y"))
+    # The stop is sought by itself: no other is moved by it.
+    others = [k for k, name in enumerate(solution.poses) if name != "7"]
+    alone = large.solved()
+    place = {name: k for k, name in enumerate(alone.poses)}
+    same = alone.adjustment.parameters.poses[[place[solution.poses[k]] for k in others]]
+    assert np.abs(solution.adjustment.parameters.poses[others] - same).max() < 0.003
+
+
+def test_what_a_cause_changes_is_taken_out_before_names_are_looked_for(large):
+    # An offset of ten readings' sigmas is allowed for: then no reading fits another stop better.
+    base = base_trial(large)
+    rows = np.arange(len(large.readings) // 2)
+    shown = base.network.distance.copy()
+    shown[rows] += 0.03
+    network = replace(base.network, distance=shown)
+    solved = fit(replace(base, network=network, effects=(Effect("offset", rows),)))
+    log = log_of(large.readings, list(large.vframe.points))
+    look = Look(solved.trial, Linear(solved), log)
+    assert look.net.distance == pytest.approx(base.network.distance, abs=0.001)
+    assert not list(name_leads(solved.trial, Linear(solved), log))
