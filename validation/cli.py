@@ -71,6 +71,9 @@ class DiscoveredGroup(click.Group):
         is an end like any other.
         """
         never_fail()
+        # Most matrices here are small: threads that wait for one another take more processor
+        # time than the products. numpy is not loaded yet; who sets the variable decides.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         if sys.stdout is None:
             click.echo("Error: the standard output is closed", err=True)
             sys.exit(UNEXPECTED)

@@ -6,10 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array
 from scipy.special import logsumexp
 
 from survey.causes.trial import Fit, Rows, Trial
 from survey.estimation.geometry import rotate
+from survey.estimation.network import design
 from survey.readings.point_names import robot_point
 from survey.readings.readings import Readings
 from validation.poses.angles import Array
@@ -197,12 +199,10 @@ def blunder_sizes(rows: Rows) -> Sizes:
 
     def sizes(fit: Fit) -> list[Parameter]:
         net = fit.trial.network
-        from survey.estimation.network import design  # noqa: PLC0415
-
         residual, jacobian = design(net, fit.at)
-        by = np.zeros((len(rows), fit.trial.unknowns))
-        by[:, : jacobian.shape[1]] = jacobian[rows].toarray()
-        variance = np.diagonal(fit.covariance(by)) + 1
+        by = csr_array(jacobian[rows])
+        by.resize(len(rows), fit.trial.unknowns)
+        variance = fit.cofactors.leverage(by) + 1
         sigma = net.sigma[rows]
         return [
             parameter(f"row {row}", "m", float(v * s), float(np.sqrt(q) * s), LENGTH_RANGE)
@@ -210,6 +210,17 @@ def blunder_sizes(rows: Rows) -> Sizes:
         ]
 
     return sizes
+
+
+def look_elsewhere(trial: Trial, places: float) -> float:
+    """What a lead of a large survey (`MANY`) must gain besides, for its places; else nothing."""
+    return 2 * float(np.log(max(places, 1.0))) if len(trial.network.distance) > MANY else 0.0
+
+
+MANY = 3000
+"""Distances above which a lead that cannot pay for its places is not solved: some of a thousand
+stops and marks always fit better by chance, and each solution takes as long as the survey's. A
+judgement: 26 stops of the document have 1,248, and 60 would have 3,000."""
 
 
 def aligned(station: Sequence[str]) -> npt.NDArray[np.bool_]:

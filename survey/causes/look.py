@@ -1,10 +1,13 @@
 """How badly each reading fits where most of them agree, and how it would fit elsewhere."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from survey.causes.lead import Log
 from survey.causes.linear import Linear
-from survey.causes.trial import Rows, Trial
+from survey.causes.trial import Fit, Rows, Trial, length
+from survey.estimation.network import Network
 from survey.readings.point_names import robot_point
 from validation.poses.angles import Array
 
@@ -19,11 +22,14 @@ CAPPED = 1e8
 
 
 class Look:
-    """Distances between all points at the robust solution, and how badly the readings fit them."""
+    """Distances between all points at the robust solution, and how badly the readings fit them.
+
+    The readings in ``net`` are those without the common errors that the trial allows for.
+    """
 
     def __init__(self, trial: Trial, linear: Linear, log: Log) -> None:
         self.trial, self.log = trial, log
-        self.net, self.at = trial.network, linear.fit.at
+        self.net, self.at = _freed(linear.fit), linear.fit.at
         n = len(self.net.distance)
         # The true misfit of a reading is what the others say of it.
         self.misfit = linear.at_start[:n] * trial.used[:n]
@@ -43,7 +49,8 @@ class Look:
 
     def cost_of(self, rows: Rows, first: Array, second: Array) -> Array:
         """(r,) squared standardised misfit of distances, were they between these places (r, 2)."""
-        off = self.net.distance[rows] - np.linalg.norm(first - second, axis=-1)
+        apart = first - second
+        off = self.net.distance[rows] - np.sqrt(apart[..., 0] ** 2 + apart[..., 1] ** 2)
         return np.asarray((off / self.net.sigma[rows]) ** 2)
 
     def here_and_there(self, station: str, rows: Rows) -> tuple[Rows, Rows]:
@@ -51,3 +58,14 @@ class Look:
         a, b = self.net.first[rows], self.net.second[rows]
         own = np.array([self.station_of[i] == station for i in a])
         return np.where(own, a, b), np.where(own, b, a)
+
+
+def _freed(fit: Fit) -> Network:
+    """The network with each common error taken out of its readings, the last one first."""
+    net = fit.trial.network
+    distance, sigma = net.distance.copy(), net.sigma.copy()
+    for effect, b in reversed(list(zip(fit.trial.effects, fit.values, strict=True))):
+        rows = effect.rows
+        distance[rows], slope = length(effect.law, distance[rows], float(b))
+        sigma[rows] *= slope
+    return replace(net, distance=distance, sigma=sigma) if fit.trial.effects else net

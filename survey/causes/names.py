@@ -107,7 +107,7 @@ def _rows_lead(
 ) -> Lead:
     def build(base: Trial) -> Trial:
         distance = base.network.distance.copy()
-        distance[rows] = look.net.distance[source]
+        distance[rows] = look.trial.network.distance[source]
         changed = replace(base, network=replace(base.network, distance=distance))
         for stop in {look.log.station[row] for row in rows}:
             if stop in changed.network.poses:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from survey.causes.lead import Lead, longest_gain
+from survey.causes.lead import Lead, longest_gain, look_elsewhere
 from survey.causes.look import CAPPED, FAR, WORTH, Look
 from survey.causes.start import restarted
 from survey.causes.trial import CAUCHY, Rows, Trial, renamed, with_point
@@ -20,6 +20,7 @@ def stop_numbers(look: Look) -> Iterator[Lead]:
         return
     runs = look.rows_of_marks()
     places = float(sum(len(rows) > 1 for rows in runs) * max(len(net.poses) - 1, 1))
+    worth = WORTH + look_elsewhere(look.trial, places)
     marks = {net.points[mark]: q for q, mark in enumerate(net.mark)}
     for q, (mark, rows) in enumerate(zip(net.mark.tolist(), runs, strict=True)):
         target = np.where(net.first[rows] == mark, net.second[rows], net.first[rows])
@@ -30,25 +31,29 @@ def stop_numbers(look: Look) -> Iterator[Lead]:
         arms = rotate(look.at.poses[:, 2], np.broadcast_to(net.rig[body], (len(net.poses), 2)))
         stands = look.at.poses[:, :2] + arms
         cost = np.minimum(look.cost_of(rows, stands[:, None], P[target]), CAPPED)
-        for t in _possible(now, cost, int(net.mark_pose[q])):
+        for t in _possible(now, cost, int(net.mark_pose[q]), worth):
             stop = net.poses[t]
             part = longest_gain(now - cost[t])
             if part is None:
                 continue
             start, end = part
             gain = float((now - cost[t])[start:end].sum())
-            fits = float(np.median(cost[t][start:end]))
-            if gain > WORTH and fits < 100 * CAUCHY**2 and end - start >= 2:
+            if gain > worth and end - start >= 2 and _fits(cost[t][start:end]):
                 other = marks.get(f"{stop}/{net.rig_names[body]}")
                 yield _number_lead(look, q, rows[start:end], t, other, gain, places)
 
 
-def _possible(now: Array, then: Array, own: int) -> list[int]:
+def _fits(cost: Array) -> bool:
+    """Whether most of some readings fit within some centimetres."""
+    return float(np.median(cost)) < 100 * CAUCHY**2
+
+
+def _possible(now: Array, then: Array, own: int, least: float) -> list[int]:
     """Stops t, but ``own``, at which some of the costs ``then`` (t, m) are so much less than now.
 
     No run of readings gains more than all those together that gain.
     """
-    worth = np.maximum(now - then, 0.0).sum(1) > WORTH
+    worth = np.maximum(now - then, 0.0).sum(1) > least
     worth[own] = False
     return np.flatnonzero(worth).tolist()
 
@@ -90,6 +95,7 @@ def stop_runs(look: Look) -> Iterator[Lead]:
     bodies[net.mark] = net.mark_rig
     marks = {net.points[mark]: int(mark) for mark in net.mark}
     places = RUN_PLACES * len(net.poses) * max(len(net.poses) - 1, 1)
+    worth = WORTH + look_elsewhere(look.trial, places)
     for s, stop in enumerate(net.poses):
         rows = look.stations.get(stop, np.empty(0, dtype=np.intp))
         first, second = net.first[rows], net.second[rows]
@@ -103,13 +109,13 @@ def stop_runs(look: Look) -> Iterator[Lead]:
             continue
         there = poses[:, None, :2] + rotate(poses[:, None, 2], arms[None])
         cost = np.minimum(look.cost_of(rows[None], there, P[target][None]), CAPPED)
-        for t in _possible(cost[s], cost, s):
+        for t in _possible(cost[s], cost, s, worth):
             run = longest_gain(cost[s] - cost[t])
             if run is None or len(set(own[slice(*run)].tolist())) < 2:
                 continue
             some = slice(*run)
             gain = float((cost[s] - cost[t])[some].sum())
-            if gain > WORTH and np.median(cost[t][some]) < 100 * CAUCHY**2:
+            if gain > worth and _fits(cost[t][some]):
                 yield _run_lead(look, rows[some], own[some], (s, t), marks, gain, places)
 
 

@@ -8,7 +8,7 @@ from scipy.special import erfc
 
 from survey.causes.blunders import blunder_leads
 from survey.causes.common_errors import common_error_leads
-from survey.causes.lead import Lead, Log
+from survey.causes.lead import MANY, Lead, Log, look_elsewhere
 from survey.causes.linear import UNSEEN, Linear
 from survey.causes.names import name_leads
 from survey.causes.places import place_leads
@@ -22,6 +22,9 @@ SOLVED_OF_A_KIND = 3
 best of its kind."""
 HOPELESS = 10.0
 """A solution that stays so many times above the best chi-squared is not followed to its end."""
+EXPLAINED = 1.2
+"""The same once a cause explains all of a large survey: no blunders beside another make up for a
+fifth of the chi-squared of `MANY` readings."""
 LEAST_GAIN = 15.0
 """Decrease of chi-squared below which nothing pays for itself."""
 
@@ -82,9 +85,10 @@ def _searched_once(trial: Trial, log: Log, rows: Rows) -> tuple[Causes, Paramete
     fits = {id(NOTHING): plain}
     least, enough = plain.chi_squared, -np.inf
     for lead in sorted(_worth_solving(base, linear, log), key=lambda one: -one.gain):
-        if lead.gain < enough and not (lead.kind == "blunders" and _has_no(tried, "blunders")):
+        if lead.gain < enough and not _is_needed(lead, tried):
             continue
-        solved = fit(lead.build(base), hopeless=HOPELESS * least)
+        far = HOPELESS if enough == -np.inf else EXPLAINED
+        solved = fit(lead.build(base), hopeless=far * least)
         least = min(least, solved.chi_squared)
         if not np.isfinite(solved.chi_squared):
             continue
@@ -100,7 +104,8 @@ def _searched_once(trial: Trial, log: Log, rows: Rows) -> tuple[Causes, Paramete
     common = [one for one in tried if one.what.kind not in SINGLE]
     places: dict[int, Parameters] = {}
     for one in sorted(common, key=lambda one: one.chi_squared)[:SOLVED_WITH_BLUNDERS]:
-        if len(rows) > MANY and not _may_hold_blunders(fits[id(one.what)], linear):
+        behind = one.criterion - min(other.criterion for other in tried)
+        if len(rows) > MANY and _by_blunders(fits[id(one.what)], linear) < max(behind, LEAST_GAIN):
             continue
         beside, there = _with_blunders(one, fits[id(one.what)])
         if beside.criterion < one.criterion:
@@ -119,8 +124,18 @@ BEHIND = 0.5
 is solved: what gains half cannot explain it as well. A judgement, to save time."""
 
 
-def _has_no(tried: Sequence[Tried[Lead]], kind: str) -> bool:
-    return all(one.what.kind != kind for one in tried)
+def _is_needed(lead: Lead, tried: Sequence[Tried[Lead]]) -> bool:
+    """Whether a lead of little gain is solved: one of blunders, and all of names.
+
+    What an exchange gains is seen before the places that it spoils have settled.
+    """
+    if lead.kind in NAMES:
+        return True
+    return lead.kind == "blunders" and all(one.what.kind != "blunders" for one in tried)
+
+
+NAMES = {"exchanged_targets", "exchanged_rig_points", "exchanged_rows", "stop_number"}
+"""Kinds whose gain is no score of the linearised survey."""
 
 
 def _fits(solved: Fit) -> bool:
@@ -128,10 +143,14 @@ def _fits(solved: Fit) -> bool:
     return bool(solved.chi_squared < solved.freedom + WIDE * np.sqrt(2.0 * max(solved.freedom, 1)))
 
 
-def _may_hold_blunders(solved: Fit, linear: Linear) -> bool:
-    """Whether a reading fits so badly that it might pay to call it a blunder."""
+def _by_blunders(solved: Fit, linear: Linear) -> float:
+    """Decrease of chi-squared that as many blunders beside a cause as are allowed would bring.
+
+    About twice that of each by itself, where they hide one another.
+    """
     q = np.maximum(linear.redundancy, UNSEEN)
-    return bool((solved.residual[: len(q)] ** 2 / q).max(initial=0.0) > LEAST_GAIN)
+    worst = np.sort(solved.residual[: len(q)] ** 2 / q)[-MOST_BESIDE:]
+    return float(worst[-1] if worst[-1] < LEAST_GAIN else 2 * worst.sum())
 
 
 SINGLE = {"none", "blunders"}
@@ -194,17 +213,6 @@ def continued(solved: Fit) -> Trial:
         for effect, value in zip(solved.trial.effects, solved.values, strict=True)
     )
     return replace(solved.trial, start=solved.at, effects=effects)
-
-
-def look_elsewhere(trial: Trial, places: float) -> float:
-    """What a lead of a large survey (`MANY`) must gain besides, for its places; else nothing."""
-    return 2 * float(np.log(max(places, 1.0))) if len(trial.network.distance) > MANY else 0.0
-
-
-MANY = 3000
-"""Distances above which a lead that cannot pay for its places is not solved: some of a thousand
-stops and marks always fit better by chance, and each solution takes as long as the survey's. A
-judgement: 26 stops of the document have 1,248, and 60 would have 3,000."""
 
 
 def _worth_solving(base: Trial, linear: Linear, log: Log) -> list[Lead]:

@@ -131,6 +131,16 @@ def law(kind: Law, D: Array, b: float) -> tuple[Array, Array, Array]:
     return shown, D / shown, 0.5 / shown
 
 
+def length(kind: Law, shown: Array, b: float) -> tuple[Array, Array]:
+    """Distances D at which a meter shows these values, and their derivatives by what is shown."""
+    if kind == "offset":
+        return shown - b, np.ones_like(shown)
+    if kind == "scale":
+        return shown / (1 + b), np.full_like(shown, 1 / (1 + b))
+    D = np.sqrt(np.maximum(shown**2 - b, 1e-6))
+    return D, shown / D
+
+
 @dataclass(frozen=True)
 class Fit:
     """A trial solved.
@@ -218,7 +228,10 @@ def fit(trial: Trial, *, robust: bool = False, hopeless: float = np.inf) -> Fit:
                 break
             continue
         at, values, residual, jacobian, cost = there, size, ahead, slope, cost - gained
-        if gained < _ENOUGH * max(1.0, 1e-3 * cost) and damping == 0.0:
+        little = _ENOUGH * max(1.0, 1e-3 * cost)
+        if damping == 0.0 and (
+            gained < little or (not robust and _left(inverse, step, jacobian, residual) < little)
+        ):
             settled = None if robust else inverse
             break
         if cost > hopeless and gained < cost / 2:
@@ -228,6 +241,18 @@ def fit(trial: Trial, *, robust: bool = False, hopeless: float = np.inf) -> Fit:
     if settled is not None:  # of a step before that brought nothing: the same to a part in 1e3
         found.__dict__["cofactors"] = settled
     return found
+
+
+def _left(inverse: SplitCovariance, step: Array, jacobian: csr_array, residual: Array) -> float:
+    """What one more step would gain, by the inverse of a step before that hardly moved anything."""
+    if np.abs(step).max(initial=0.0) > _NEAR:
+        return np.inf
+    slope = jacobian.T @ residual
+    return float(slope @ inverse.times(slope))
+
+
+_NEAR = 0.003
+"""Metres and radians of a step that changes the normal matrix by a part in 1e3: that of 3 m."""
 
 
 def _cost(residual: Array, *, robust: bool) -> float:

@@ -31,12 +31,14 @@ def unit_leads(trial: Trial, linear: Linear, log: Log) -> Iterator[Lead]:
     far = np.abs(linear.at_start[:n]) > HOPELESS_MISFIT
     if far.sum() < LEAST_OF_A_UNIT:
         return
+    # All readings may fit one another, and not the frames that they are to fit.
+    bent = bool((np.abs(linear.at_start[n:]) > HOPELESS_MISFIT).any())
     now = _robust_cost(trial, trial.network.distance)
     alone: dict[float, list[str]] = {per_metre: [] for per_metre in PER_METRE.values()}
     for extent, subject, rows, places in sets_of(log):
         if extent == "station" and far[rows].sum() < LEAST_OF_A_UNIT:
             continue
-        if extent not in {"all", "station"} and not _mostly_far(far, rows):
+        if extent != "station" and not _mostly_far(far, rows) and not (extent == "all" and bent):
             continue
         stop = subject[0] if extent == "station" and subject[0] in trial.network.poses else None
         for per_metre, distance in _in_units(trial, rows):

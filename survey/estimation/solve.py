@@ -170,7 +170,9 @@ def solve_survey(
     located = search.separately(world)
     if search.leaves_open(located):
         progress("the whole network", 0.45)
-        located = search.together(located)
+        # What single steps leave open in a large survey is sought among what they found: only
+        # where all that does not fit is everything sought anew.
+        located = search.together(located, trusting=len(readings) > _LARGE)
     if not located.places:
         reasons = "; ".join(f"{p.name}: {p.reason}" for p in located.world.missing[:5])
         raise UnsettledError(f"no world point can be located ({reasons or 'no readings'})")
@@ -207,7 +209,7 @@ def _adjusted(
         first = _adjusted_from(vframe, search, located, robust=robust)
     except GtvalError as error:
         fault = error
-    if located.is_whole or (first and first[0].chi_squared < BAD_FIT * len(first[0].residual)):
+    if located.is_whole or (first and _fits(first[0], located)):
         if first is None:
             raise fault or GtvalError("the joint adjustment fails")
         return located, *first
@@ -218,6 +220,40 @@ def _adjusted(
             raise fault or GtvalError("the joint adjustment fails")
         return located, *first
     return whole, *second
+
+
+def _fits(found: Adjustment, located: Located) -> bool:
+    """Whether a solution is where the readings are, but for single ones that are wrong.
+
+    In a large survey some always are. A point or a stop in a wrong place has most of its readings
+    off by far; one that was sought by itself, all others being known, is no better sought again.
+    """
+    n = len(found.network.distance)
+    if found.chi_squared < BAD_FIT * len(found.residual):
+        return True
+    if n < _LARGE:
+        return False
+    net = found.network
+    off = np.abs(found.residual[:n]) > _ASTRAY
+    unit = np.arange(len(net.points))
+    unit[net.mark] = len(net.points) + net.mark_pose
+    ends = unit[np.concatenate([net.first, net.second])]
+    of_unit = np.bincount(ends)
+    astray = np.bincount(ends, np.tile(off, 2)) >= _MOSTLY * np.maximum(of_unit, 1)
+    names = (*net.points, *net.poses)
+    late = {**located.from_marks, **located.late_poses}
+    return all(names[k] in late for k in np.flatnonzero(astray))
+
+
+_LARGE = 3000
+"""Readings from which single wrong ones are told from wrong places: the search elsewhere takes
+longer than all else. A judgement."""
+_ASTRAY = 20.0
+"""Standardised residual that no wrong reading gives its neighbours: one of a metre among the 48 of
+a stop shifts it by 9 sigmas."""
+_MOSTLY = 0.3
+"""Share of such readings of a point or stop in a wrong place, at least. A judgement: where one of
+three rig points is wrong it is a third."""
 
 
 def _adjusted_from(

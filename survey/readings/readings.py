@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Self
+from unicodedata import normalize
 
 import numpy as np
 import numpy.typing as npt
@@ -230,11 +231,14 @@ def _without_blanks(names: list[str], campaign: Campaign, settings: SurveySettin
     known = {*campaign.settings.vframe.points, *settings.labels, *settings.world_points}
     bare: dict[str, set[str]] = {}
     for name in known:
-        bare.setdefault(re.sub("[-_]", "", name), set()).add(name)
+        bare.setdefault(re.sub("[-_]", "", normalize("NFC", name)), set()).add(name)
 
     def meant(name: str) -> str:
         name = re.sub(" ?/ ?", "/", name)
-        alike = bare.get(re.sub("[- _]", "", name), set()) if " " in name else set()
+        if name in known or (" " not in name and name.isascii()):
+            return name
+        name = normalize("NFC", name)  # a Mac may write ü as u and a sign of its own
+        alike = bare.get(re.sub("[- _]", "", name), set())
         return next(iter(alike)) if len(alike) == 1 else name
 
     return [meant(name) for name in names]
@@ -259,6 +263,8 @@ def _check_names(table: CsvTable, campaign: Campaign, settings: SurveySettings) 
 
 
 def _unknown_point(name: str, known: set[str]) -> str:
+    if re.match(r"\d{4}-\d\d-\d\d", name):
+        return "unknown point; where a spreadsheet made a date of it, write it as text"
     near = [one for one in sorted(known) if one.lower() == name.lower()]
     near = near or difflib.get_close_matches(name, known, 1, cutoff=0.5)
     hint = f"; did you mean '{near[0]}'?" if near else ""

@@ -32,7 +32,7 @@ so many by hand."""
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 _WITH_UNIT = re.compile(rf"{_NUMBER.pattern}\s*([^\W\d_]{{1,6}}|['\"°])")
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(([.,' \u00a0\u2009\u202f’])\d{3})+([.,]\d+)?")
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(([.,' \u00a0\u2009\u202f’])\d{3})+([.,]\d+)?(\s*[^\W\d_]+)?")
 _TITLE_LINES = 20
 """So many lines may stand above the header for it to be found, and the fix named."""
 
@@ -403,25 +403,31 @@ def _number(cell: str, column: Column, written_in: str) -> tuple[float, str | No
             value = in_metres(value, written_in)
     else:
         length = with_unit(cell) if column.unit == "m" else None
+        own = length is not None
+        if column.unit == "m" and written_in == "in" and not own:
+            length = with_unit(f"{cell} in")  # 136 1/2
         if length is None:
-            return math.nan, f"not a number{_hint(cell)}; expected {expected(column)}", False
-        value, own = length[0], True
+            hint = _hint(cell, is_length=column.unit == "m")
+            return math.nan, f"not a number{hint}; expected {expected(column)}", False
+        value = length[0]
     if not column.low <= value <= column.high or not math.isfinite(value):
         return math.nan, f"out of range; expected {expected(column)}", own
     return value, None, own
 
 
-def _hint(cell: str) -> str:
+def _hint(cell: str, *, is_length: bool) -> str:
     """What to do about a cell that is no number."""
     if len(cell) > 2 and cell[0] == cell[-1] and cell[0] in "'`":
         return "; write it without quotes"
     if not any(character.isdigit() for character in cell):
         return "; leave the row out where nothing was measured"
-    if _THOUSANDS.match(cell):
-        return "; write it without signs between the thousands"
     if cell.startswith("="):
         return "; write the value of the formula"
-    return "; write it without the unit" if _WITH_UNIT.fullmatch(cell) else ""
+    unit = _WITH_UNIT.fullmatch(cell)
+    like = "; write it like 2.504, 2.504 m or 8' 2 9/16\"" if is_length else ""
+    if unit and not (is_length and unit_of_word(unit[unit.re.groups])):
+        return f"; write it without the unit{', in m, cm, mm, ft or in' * is_length}"
+    return "; write it without signs between the thousands" if _THOUSANDS.fullmatch(cell) else like
 
 
 def expected(column: Column) -> str:

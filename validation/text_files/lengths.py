@@ -24,7 +24,7 @@ _SPELT = {
 }
 _UNIT_OF = {word: unit for unit, words in _SPELT.items() for word in words}
 _PLAIN = r"(?:\d+(?:[.,]\d*)?|[.,]\d+)"
-_METRIC = re.compile(rf"([+-]?{_PLAIN}(?:[eE][+-]?\d+)?)\s*([^\W\d_]+\.?)")
+_METRIC = re.compile(rf"([+-]?{_PLAIN}(?:[eE][+-]?\d+)?)\s*(\[?)([^\W\d_]+\.?)(\]?)")
 _FEET = "|".join(re.escape(word) for word in sorted(_SPELT["ft"], key=len, reverse=True))
 _INCH = "|".join(re.escape(word) for word in sorted(_SPELT["in"], key=len, reverse=True))
 _FRACTION = r"(\d+)\s*[/⁄]\s*(\d+)"
@@ -41,7 +41,7 @@ _LONGEST_TEXT = 60
 def unit_of_word(word: str) -> str:
     """The unit that a word or sign stands for: 'mm' for 'Millimetres'; '' if it is none."""
     word = word.strip().lower()
-    return _UNIT_OF.get(word, "")
+    return _UNIT_OF.get(word, "") or _UNIT_OF.get(word.removesuffix("."), "")
 
 
 def with_unit(text: str) -> tuple[float, str] | None:
@@ -62,8 +62,8 @@ def with_unit(text: str) -> tuple[float, str] | None:
     if len(text) > _LONGEST_TEXT:
         return None
     metric = _METRIC.fullmatch(text)
-    if metric is not None and unit_of_word(metric[2]):
-        unit = unit_of_word(metric[2])
+    if metric is not None and unit_of_word(metric[3]) and len(metric[2]) == len(metric[4]):
+        unit = unit_of_word(metric[3])
         return in_metres(_number(metric[1]), unit), unit
     found = _FEET_INCHES.fullmatch(text) or _ONLY_INCHES.fullmatch(text)
     if found is None:

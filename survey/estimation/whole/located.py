@@ -30,6 +30,8 @@ with 100 points takes 0.1 s, and the time grows with the cube) and make nothing 
 GUESS_SIGMA = np.array([0.5, 0.5, 0.5])
 """Standard deviations, in metres and radians, granted to rough values of stops. A judgement: by
 steps and by eye; they decide between solutions that are metres apart."""
+TRUSTED_SIGMA = np.full(3, 0.005)
+"""Standard deviations, in metres and radians, of what was found otherwise: of a usual survey."""
 _GRAVE = 1 / 3
 """Share of a unit's readings that do not fit from which it has no place: what is left would not
 check it."""
@@ -82,6 +84,8 @@ def locate_whole(
     world_points: Sequence[str],
     evidence: Evidence,
     starts: Mapping[str, Array],
+    *,
+    trusting: bool = False,
 ) -> Whole:
     """Places and poses from all readings together.
 
@@ -99,8 +103,14 @@ def locate_whole(
         Rough values: starts, and what decides between solutions that fit equally well.
     starts : mapping of str to array
         Places (2,) and poses (3,) found otherwise: one more start.
+    trusting : bool
+        In a network of more than one group these starts are right, and only what is open is
+        looked for.
     """
-    return _Search(vframe, rig, readings, world_points, evidence, starts).run()
+    search = _Search(vframe, rig, readings, world_points, evidence, starts)
+    if trusting and len(search.places) + 3 * len(search.stops) > MOST_POINTS:
+        search.trust()
+    return search.run()
 
 
 class _Search:
@@ -127,6 +137,11 @@ class _Search:
         self.places = [name for name in world_points if name in self.partners]
         self.stops = [stop_key(pose) for pose in readings.poses]
         self.tried: dict[str, tuple[Group, int]] = {}
+
+    def trust(self) -> None:
+        """Take over all that was found otherwise."""
+        for name in [name for name in (*self.places, *self.stops) if name in self.starts]:
+            self._take(name, self.starts[name], TRUSTED_SIGMA, is_place=name in self.places)
 
     def run(self) -> Whole:
         """Groups until nothing more is found."""

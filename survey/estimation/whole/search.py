@@ -161,8 +161,11 @@ class Search:
         marks = [name for name in self.world_points if name not in located.places]
         return bool(located.not_posed) or any(name in read for name in marks)
 
-    def together(self, before: Located) -> Located:
-        """All from all readings; what single steps found is one start of several."""
+    def together(self, before: Located, *, trusting: bool = False) -> Located:
+        """All from all readings; what single steps found is one start of several.
+
+        Of a large survey, ``trusting``, only what single steps left open.
+        """
         whole = locate_whole(
             self.frame,
             self.rig,
@@ -170,6 +173,7 @@ class Search:
             self.world_points,
             self.evidence,
             {**before.places, **{stop_key(pose): at for pose, at in before.poses.items()}},
+            trusting=trusting,
         )
         places, poses = dict(whole.places), {key[:-1]: at for key, at in whole.poses.items()}
         weak = {name for name, why in whole.open.items() if why.is_weak}
@@ -197,5 +201,5 @@ class Search:
             {name: places[name] for name in self.world_points if name in places},
             poses,
             whole.sigma,
-            is_whole=True,
+            is_whole=not trusting,
         )

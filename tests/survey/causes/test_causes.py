@@ -9,10 +9,13 @@ from scipy.stats import binom
 
 from survey.causes.common_errors import common_error_leads
 from survey.causes.diagnosis import diagnose, diagnose_unsolved
-from survey.causes.lead import log_of, spread_places
+from survey.causes.lead import MANY, log_of, spread_places
 from survey.causes.linear import Linear
+from survey.causes.look import Look
+from survey.causes.names import name_leads
 from survey.causes.trial import Effect, fit
 from survey.estimation.adjustment import UnsettledError
+from validation.statistics.hypotheses import RIVAL
 
 SEEDS = 50
 NEAR = (*(f"{law}_{of}" for law in ("offset", "scale") for of in SETS[1:]), "height_stop")
@@ -32,10 +35,10 @@ def first(sample):
     return (*found.found, found.rest)[0]
 
 
-def made(kind, seed, *, large=False, sigmas=8.0, stops=None):
+def made(kind, seed, *, large=False, sigmas=8.0, stops=None, size=None):
     rng = np.random.default_rng([20260304, seed, KINDS.index(kind)])
     sample = clean(rng, stops=stops, missing=0.15 * (seed % 2))
-    size = LARGE.get(kind.split("_")[0]) if large else None
+    size = LARGE.get(kind.split("_")[0]) if large else size
     return spoiled(sample, kind, rng, sigmas=sigmas, size=size)
 
 
@@ -147,6 +150,39 @@ def test_neighbours_that_fit_as_well_share_the_places_that_were_searched():
     assert spread_places(np.full(3, -np.inf), np.ones(3, dtype=bool)) is None
 
 
+def gap_to_opposite(kind, seed, sample):
+    """Chi-squared by which the truth should beat its opposite in all other readings.
+
+    Both say the same of how the readings differ; what lies between them is an error of all by
+    the whole size, which only the Vframe tells. Infinite where all others are no set of their
+    own: observers and days are, where there are two.
+    """
+    r = sample.readings
+    n, column = len(r), r.observer if kind.endswith("observer") else [t[:10] for t in r.time]
+    if not kind.endswith(("_observer", "_day")) or len(set(column)) > 2:
+        return np.inf
+    others = np.setdiff1d(np.arange(n), sample.rows)
+    base = base_trial(made(kind, seed, size=0.0))
+    both = tuple(Effect(sample.kind, rows) for rows in (np.arange(n), others))
+    solved = fit(replace(base, effects=both))
+    by = np.zeros((1, solved.trial.unknowns))
+    by[0, -2] = 1.0
+    return sample.sizes[0] ** 2 / float(solved.covariance(by)[0, 0])
+
+
+def told_at_sixteen(kind, seed):
+    """Whether the truth is first, or named where the survey cannot tell it from its opposite."""
+    sample = made(kind, seed, sigmas=16.0)
+    if sample is None:
+        return None
+    causes = first(sample)
+    named = [causes.ranking.best]
+    if gap_to_opposite(kind, seed, sample) < RIVAL:
+        # Less often than one in a hundred chance turns a gap g to -6: (6 + g) / (2 sqrt g) > 2.4.
+        named += causes.ranking.rivals()
+    return any(right(sample, one, causes.rows) for one in named)
+
+
 @pytest.mark.full
 def test_what_eight_sigmas_do_not_tell_is_said_and_sixteen_tell():
     every, among = 0, 0
@@ -160,13 +196,9 @@ def test_what_eight_sigmas_do_not_tell_is_said_and_sixteen_tell():
         # As of first places: 95 % over all kinds (odds of 20 to 1 make a rival), 88 % in each.
         assert told >= 0.88 * len(samples), (kind, told, len(samples))
         every, among = every + len(samples), among + told
-        samples = [made(kind, seed, sigmas=16.0) for seed in range(SEEDS)]
-        samples = [one for one in samples if one is not None]
-        ok = sum(
-            right(one, causes.ranking.best, causes.rows)
-            for one, causes in ((one, first(one)) for one in samples)
-        )
-        assert ok >= 0.88 * len(samples), (kind, ok, len(samples))
+        told = [told_at_sixteen(kind, seed) for seed in range(SEEDS)]
+        told = [one for one in told if one is not None]
+        assert sum(told) >= 0.88 * len(told), (kind, sum(told), len(told))
     assert among >= 0.95 * every, (among, every)
 
 
@@ -197,3 +229,40 @@ def test_a_hundred_clean_rooms_invent_nothing():
         sample = clean(np.random.default_rng([6, seed]), missing=0.2 * (seed % 2))
         found += bool(diagnose(sample.solved(), sample.vframe, sample.rig, sample.readings).found)
     assert found <= binom.ppf(0.99, 100, 0.05)
+
+
+@pytest.fixture(scope="module")
+def large():
+    """More readings than `MANY`, of which a cause must explain all."""
+    return clean(np.random.default_rng(12), stops=80, marks=14)
+
+
+def test_exchanged_rig_points_of_a_large_survey_are_no_wrong_mark(large):
+    # Turned about by half, the rig fits but for one mark, which gains more where all is linear.
+    swap = {"7/X": "7/Y", "7/Y": "7/X"}
+    start = tuple(swap.get(name, name) for name in large.readings.start)
+    spoiled_room = replace(large, readings=replace(large.readings, start=start))
+    assert len(spoiled_room.readings) > MANY
+    solution = spoiled_room.solved()
+    best = diagnose(solution, large.vframe, large.rig, spoiled_room.readings).found[0].ranking.best
+    assert (best.what.kind, best.what.subject) == ("exchanged_rig_points", ("7", "X", "Y"))
+    # The stop is sought by itself: no other is moved by it.
+    others = [k for k, name in enumerate(solution.poses) if name != "7"]
+    alone = large.solved()
+    place = {name: k for k, name in enumerate(alone.poses)}
+    same = alone.adjustment.parameters.poses[[place[solution.poses[k]] for k in others]]
+    assert np.abs(solution.adjustment.parameters.poses[others] - same).max() < 0.003
+
+
+def test_what_a_cause_changes_is_taken_out_before_names_are_looked_for(large):
+    # An offset of ten readings' sigmas is allowed for: then no reading fits another stop better.
+    base = base_trial(large)
+    rows = np.arange(len(large.readings) // 2)
+    shown = base.network.distance.copy()
+    shown[rows] += 0.03
+    network = replace(base.network, distance=shown)
+    solved = fit(replace(base, network=network, effects=(Effect("offset", rows),)))
+    log = log_of(large.readings, list(large.vframe.points))
+    look = Look(solved.trial, Linear(solved), log)
+    assert look.net.distance == pytest.approx(base.network.distance, abs=0.001)
+    assert not list(name_leads(solved.trial, Linear(solved), log))

@@ -55,6 +55,11 @@ def eighths(d, form="{}' {} {}/16\""):
     return form.format(sixteenths // 192, sixteenths % 192 // 16, sixteenths % 16)
 
 
+def inches(d):
+    sixteenths = round(d / 0.0254 * 16)
+    return f"{sixteenths // 16} {sixteenths % 16}/16"
+
+
 def xlsx(rows):
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
@@ -168,6 +173,19 @@ READ = {
         {"name": "readings.ods"},
     ),
     "bars": (written(sep="|"), {}),
+    "distance (mm.)": (
+        written(lambda d: f"{1000 * d:.0f}", HEAD.replace("distance", "distance (mm.)")),
+        {},
+    ),
+    "2.504 [m]": (written(lambda d: f"{d:.3f} [m]"), {}),
+    "units = in, with fractions": (
+        written(inches),
+        {"units": "in", "within": 0.0254 / 32},
+    ),
+    "ü as a Mac writes it": (
+        written().replace("mark_3", "tu\u0308r"),
+        {"names": {"mark_3": "tür"}},
+    ),
     "a first column of numbers": (
         "\n".join(
             [f"nr,{HEAD}", *(f"{i},{line}" for i, line in enumerate(written().splitlines()[1:]))]
@@ -191,11 +209,16 @@ def test_it_is_read_rightly(load, spelling):
     content, how = READ[spelling]
     content = content() if callable(content) else content
     toml = TOML + (f'units = "{how["units"]}"\n' if "units" in how else "")
+    names = how.get("names", {})
+    for old, new in names.items():
+        toml = toml.replace(old, new)
     used = load(content, how.get("name", "readings.csv"), toml).used
     true = [d for *_, d in TRUE] + how.get("more", [])
     # Feet with four decimals and inches with three round by 15 and 13 micrometres.
     assert used.distance == pytest.approx(true, abs=how.get("within", 2e-5))
-    assert list(zip(used.start, used.end, strict=True))[: len(TRUE)] == [t[:2] for t in TRUE]
+    assert list(zip(used.start, used.end, strict=True))[: len(TRUE)] == [
+        (a, names.get(b, b)) for a, b, _ in TRUE
+    ]
 
 
 REFUSED = {
@@ -257,6 +280,22 @@ REFUSED = {
     "thousands with their unit": (
         written(lambda d: f"{1000 * d:,.0f} mm", quote='"'),
         "write it without signs between the thousands",
+    ),
+    "a unit that is none here": (
+        written(lambda d: f"{d / 0.9144:.4f} yd"),
+        "write it without the unit, in m, cm, mm, ft or in",
+    ),
+    "a tolerance behind the number": (
+        written(lambda d: f"{d:.3f} ± 0.001"),
+        "write it like 2.504, 2.504 m or",
+    ),
+    "metres and centimetres": (
+        written(lambda d: f"{int(d)} m {100 * (d % 1):.1f} cm"),
+        "write it like 2.504, 2.504 m or",
+    ),
+    "a mark that a spreadsheet made a date": (
+        written().replace("7/O", "2026-07-01"),
+        "made a date of it, write it as text",
     ),
     "formulas that nobody has computed": (
         lambda: xlsx(sheet_rows(number=lambda d: f"={d}")),
