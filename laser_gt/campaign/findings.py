@@ -198,5 +198,7 @@ def _guesses(outcome: LaserOutcome) -> Iterator[Finding]:
                 f". They are worse than {stated}, so the right pose of some pairs may lie outside "
                 f"the search: set [laser] guess_sigmas = [{wider[0]:.2g}, {wider[1]:.2g}]"
             )
-        yield Finding("warning" if worse else "note", text, "laser", "guess_sigmas")
+        off = zip(("position", "heading"), scatter.tolist(), ("m", "rad"), strict=True)
+        sizes = tuple(Size(f"scatter of the guesses in {of}", size, unit) for of, size, unit in off)
+        yield Finding("warning" if worse else "note", text, "laser", "guess_sigmas", sizes)
         return

@@ -284,7 +284,8 @@ def _leaps(outcome: RtkOutcome) -> Iterator[Finding]:
         f"{seconds}{more}. A false fix that moves an antenna up or down does that and keeps all "
         "distances; so does a kerb. Such poses stay in the path, marked 'leaps' in its sources."
     )
-    yield Finding("warning", text, SUBJECT, "leaps")
+    count = Size("poses that leap", len(rows), "poses")
+    yield Finding("warning", text, SUBJECT, "leaps", (count,))
 
 
 def _assumed(outcome: RtkOutcome) -> Iterator[Finding]:

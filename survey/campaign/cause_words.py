@@ -232,7 +232,8 @@ def _single(outcome: SurveyOutcome, diagnosis: Diagnosis) -> Iterator[Finding]:
     for row, size in zip(best.what.rows, best.parameters, strict=True):
         text = f"besides, probable blunder in {named(used, int(row))}: {used.distance[row]:.3f} m, "
         text += f"off by {MM * size.value:+.0f} mm. Measure it again"
-        yield Finding("error", text, used.start[row], "blunder")
+        off = Size("off by", size.value, "m", size.low, size.high, 0.95)
+        yield Finding("error", text, used.start[row], "blunder", (off,))
 
 
 def cause_facts(outcome: SurveyOutcome, others: Sequence[Finding]) -> dict[str, object] | None:

@@ -29,7 +29,7 @@ from survey.studies.planning_files import load_planned_places
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError
 from validation.poses.angles import Array
-from validation.results import Finding, Section, SystemResult, Table, TableColumn
+from validation.results import Finding, Section, Size, SystemResult, Table, TableColumn
 from validation.systems import Progress, no_progress
 from validation.text_files.csv_text import csv_text
 
@@ -225,7 +225,8 @@ def plan_findings(prediction: Prediction) -> list[Finding]:
     what = "a rig point" if prediction.motions else "a world point"
     text = f"{what.capitalize()} is known to {now * 1e3:.1f} mm (1 sigma in the plane, mean square)"
     source = "from the readings there are" if prediction.measured else "as planned"
-    findings = [Finding("note", f"{text}, {source}.", "survey", "uncertainty")]
+    size = Size(f"standard deviation of {what} in the plane", now, "m")
+    findings = [Finding("note", f"{text}, {source}.", "survey", "uncertainty", (size,))]
     if prediction.extra:
         last = prediction.extra[-1]
         gain = 1 - last.after / now

@@ -14,7 +14,7 @@ from survey.estimation.iterated_ekf import PASSES
 from survey.studies.convergence import Convergence, Region, explore_convergence, smallest_region
 from survey.studies.convergence_problems import Unknown, unknowns_of
 from validation.errors import GtvalError
-from validation.results import Figure, Finding, Section, Severity, SystemResult, Table
+from validation.results import Figure, Finding, Section, Severity, Size, SystemResult, Table
 from validation.systems import Progress, no_progress
 from validation.text_files.csv_text import csv_text
 
@@ -40,12 +40,16 @@ def regions_chapter(outcome: SurveyOutcome) -> SystemResult:
             f"where starts lead is not tried for more than {MOST_UNKNOWNS} points and stops "
             "together: it would take longer than all else"
         )
-        return SystemResult(findings=[Finding("note", f"{said}.", "survey", "convergence")])
+        count = Size("points and stops", len(solution.world.points) + len(solution.frames))
+        note = Finding("note", f"{said}.", "survey", "convergence", (count,))
+        return SystemResult(findings=[note])
     unknowns = unknowns_of(solution, file.used, outcome.campaign.settings.robot_frame)
     try:
         found = explore(unknowns, starts, RADIUS, PASSES, SEED, no_progress)
     except GtvalError as error:
-        return SystemResult(findings=[Finding("warning", f"{error}.", "survey", "convergence")])
+        tried = Size("starts of each", starts)
+        warned = Finding("warning", f"{error}.", "survey", "convergence", (tried,))
+        return SystemResult(findings=[warned])
     if not found:
         return SystemResult()
     worst = min(found, key=lambda one: (one[1].regions[0].radius, one[1].counts[0]))
@@ -125,7 +129,8 @@ def convergence_findings(found: list[Explored]) -> list[Finding]:
             limited = smallest_region(results, pi / 3)
             text += f"; with the heading within ±60°: {_region_words(limited)}"
         severity: Severity = "good" if any_heading.radius > 0 else "warning"
-        findings.append(Finding(severity, f"{text}.", f"{kind}s", "convergence"))
+        size = Size("radius from which all starts lead back", any_heading.radius, "m")
+        findings.append(Finding(severity, f"{text}.", f"{kind}s", "convergence", (size,)))
     for unknown, result in found:
         other = result.better_elsewhere
         if other is not None:
@@ -137,6 +142,7 @@ def convergence_findings(found: list[Explored]) -> list[Finding]:
                     f"(cost {other.cost:.1f} instead of {result.cost:.1f}); check its readings.",
                     f"{unknown.kind} {unknown.name}",
                     "better_elsewhere",
+                    (Size("cost there less cost here", other.cost - result.cost),),
                 )
             )
     return findings

@@ -7,7 +7,7 @@ from scipy.special import chdtri
 
 from survey.studies.instrument_check import CONFIDENCE, InstrumentCheck
 from validation.campaign.folder import Instrument
-from validation.results import Finding, Severity
+from validation.results import Finding, Severity, Size
 
 NOISE_FACTOR = 2.0
 """'Within specification' is said only where the noise is surely below so many times the stated. A
@@ -40,13 +40,15 @@ def verdict(check: InstrumentCheck, lines: Sequence[int] = ()) -> list[Finding]:
         return [_misfit_finding(check, lines)]
     found = [*_origin_findings(check), *_noise_findings(check)]
     missing = list(_missing_evidence(check))
+    count = Size("readings", check.readings, "readings")
     if found:
         if missing:
-            found.append(_finding("note", f"Beyond this: {'; '.join(missing)}.", "too_few"))
+            text = f"Beyond this: {'; '.join(missing)}."
+            found.append(_finding("note", text, "too_few", count))
         return found
     if missing:
         text = f"Not enough readings to tell: {'; '.join(missing)}."
-        return [_finding("warning", text, "too_few")]
+        return [_finding("warning", text, "too_few", count)]
     return [
         _finding(
             "good",
@@ -55,6 +57,8 @@ def verdict(check: InstrumentCheck, lines: Sequence[int] = ()) -> list[Finding]:
             f"({CONFIDENCE:.0%} confidence; stated ±{_mm(check.tolerance)}), the noise "
             f"{_mm(check.noise)} (expected {_mm(check.expected_noise)}).",
             "within",
+            Size("largest systematic error", check.largest_error, "m"),
+            Size("noise", check.noise, "m", *check.noise_interval, CONFIDENCE),
         )
     ]
 
@@ -72,7 +76,8 @@ def _misfit_finding(check: InstrumentCheck, lines: Sequence[int]) -> Finding:
             f"{len(misfit.bad_rows)} reading(s) do not belong to the others: {named}. The numbers "
             "are those of the others. Measure these lengths again, or delete the rows"
         )
-        return _finding("error", f"{text}; then check once more.", "instrument-rows")
+        count = Size("readings that do not belong", len(misfit.bad_rows), "readings")
+        return _finding("error", f"{text}; then check once more.", "instrument-rows", count)
     if misfit.step_row is not None:
         text = (
             f"From {place(misfit.step_row)} on the readings are "
@@ -82,13 +87,15 @@ def _misfit_finding(check: InstrumentCheck, lines: Sequence[int]) -> Finding:
             "for all would be wrong everywhere. Measure all lengths anew with one edge, or check "
             "the two parts by themselves."
         )
-        return _finding("error", text, "instrument-step")
+        step = _normal("step", misfit.step, misfit.step_sigma, "m")
+        return _finding("error", text, "instrument-step", step)
     text = (
         "The errors differ from length to length by more than readings of one length do "
         f"(p = {misfit.p_lengths:.2g}): they are neither an offset nor a scale error. Check the "
         "known lengths, and measure each from the same place."
     )
-    return _finding("error", text, "instrument-lengths")
+    chance = Size("p-value of one offset and scale", misfit.p_lengths)
+    return _finding("error", text, "instrument-lengths", chance)
 
 
 def _origin_findings(check: InstrumentCheck) -> Iterator[Finding]:
@@ -101,12 +108,13 @@ def _origin_findings(check: InstrumentCheck) -> Iterator[Finding]:
         if check.largest_error <= check.tolerance
         else f"It may reach {_mm(check.largest_error)}, beyond the stated ±{_mm(check.tolerance)}."
     )
+    offset = _normal("offset", check.offset, _sigma(check, 0), "m")
     if np.isnan(check.p_scale):
         text = (
             f"Readings are off by {_mm(check.offset, sign=True)} at {check.longest:.2f} m "
             f"(p = {check.p_joint:.2g}); one length cannot tell an offset from a scale error. "
         )
-        yield _finding("warning", text + inside, "offset")
+        yield _finding("warning", text + inside, "offset", offset)
         return
     separate = False
     if check.p_offset < level:
@@ -116,7 +124,7 @@ def _origin_findings(check: InstrumentCheck) -> Iterator[Finding]:
             f"{_mm(abs(check.offset))} ± {_mm(_sigma(check, 0))} (1 sigma, "
             f"p = {check.p_offset:.2g}). "
         )
-        yield _finding("warning", text + inside, "offset")
+        yield _finding("warning", text + inside, "offset", offset)
     if check.p_scale < level:
         separate = True
         text = (
@@ -124,13 +132,15 @@ def _origin_findings(check: InstrumentCheck) -> Iterator[Finding]:
             f"{abs(check.scale_error) * 1e6:.0f} ± {_sigma(check, 1) * 1e6:.0f} ppm (1 sigma, "
             f"p = {check.p_scale:.2g}). "
         )
-        yield _finding("warning", text + inside, "scale")
+        scale = _normal("scale error", check.scale_error, _sigma(check, 1))
+        yield _finding("warning", text + inside, "scale", scale)
     if not separate:
         text = (
             f"Readings are significantly off (joint test, p = {check.p_joint:.2g}), but these "
             "lengths cannot tell an offset from a scale error; add short and long ones. "
         )
-        yield _finding("warning", text + inside, "offset_or_scale")
+        size = Size("largest systematic error", check.largest_error, "m")
+        yield _finding("warning", text + inside, "offset_or_scale", size)
 
 
 def _noise_findings(check: InstrumentCheck) -> Iterator[Finding]:
@@ -143,6 +153,7 @@ def _noise_findings(check: InstrumentCheck) -> Iterator[Finding]:
             f"of {_mm(check.expected_noise)} (p = {check.p_noise:.2g}). Look for single bad "
             "readings first; if there are none, enter setup_sigma.",
             "noise",
+            Size("noise", check.noise, "m", low, high, CONFIDENCE),
         )
 
 
@@ -167,8 +178,17 @@ def _missing_evidence(check: InstrumentCheck) -> Iterator[str]:
         )
 
 
-def _finding(severity: Severity, text: str, code: str) -> Finding:
-    return Finding(severity, text.strip(), "instrument", code)
+def _finding(severity: Severity, text: str, code: str, *sizes: Size) -> Finding:
+    return Finding(severity, text.strip(), "instrument", code, sizes)
+
+
+def _normal(of: str, value: float, sigma: float, unit: str = "") -> Size:
+    """A size with its 95 % interval."""
+    return Size(of, value, unit, value - TWO_SIDED * sigma, value + TWO_SIDED * sigma, 0.95)
+
+
+TWO_SIDED = 1.96
+"""Standard deviations of a two-sided 95 % interval of a normal error."""
 
 
 def _sigma(check: InstrumentCheck, which: int) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import chdtrc, ndtr, ndtri
 
 from validation.poses.angles import Array
-from validation.results import Finding
+from validation.results import Finding, Size
 
 SIGNIFICANT = 0.05
 """p-value below which walls are called not parallel, and not straight: usual."""
@@ -124,6 +124,8 @@ def wall_findings(pair: WallPair) -> Iterator[Finding]:
         f"{np.degrees(pair.angle):+.3f}° ± {np.degrees(pair.sigma):.3f}° (1 sigma), "
         f"{np.tan(pair.angle) * pair.span * 1000:+.1f} mm over the {pair.span:.2f} m measured"
     )
+    half = 1.96 * pair.sigma
+    angle = Size("angle", pair.angle, "rad", pair.angle - half, pair.angle + half, 0.95)
     if pair.p_value < SIGNIFICANT:
         yield Finding(
             "warning",
@@ -131,6 +133,7 @@ def wall_findings(pair: WallPair) -> Iterator[Finding]:
             "frame; lay one on the floor.",
             who,
             "not_parallel",
+            (angle,),
         )
     else:
         yield Finding(
@@ -147,4 +150,5 @@ def wall_findings(pair: WallPair) -> Iterator[Finding]:
             "not straight, or a reading is wrong, and the angle means little.",
             who,
             "not_straight",
+            (Size("p-value of a straight line", pair.p_straight),),
         )

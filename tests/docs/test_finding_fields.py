@@ -19,22 +19,12 @@ NOTHING_MEASURED = {
     # That something cannot be known.
     *("nees_unavailable", "no_three_cornered_hat", "positions_only", "not_observable", "rivals"),
     *("clock_not_determinable", "compared_in_part", "scatter_only", "steadiness_unknown"),
-    *("no_uncertainty", "no_correlation", "pose-open", "world-point-open", "too_few", "m0"),
+    *("no_uncertainty", "no_correlation", "pose-open", "world-point-open", "m0"),
     *("no_angle_seen", "one_position", "ambiguous", "plan_ambiguous", "trajectory"),
     # A convention, an exchange or a state: there is one, or there is none.
     *("convention", "perhaps_degrees", "mirror", "camera_moved", "frame_fitted"),
 }
 """Codes of findings in which no number is at stake, wherever they are made without a size."""
-ONLY_IN_WORDS = {
-    "blunder", "better_elsewhere", "convergence", "entry-agrees", "entry-disagrees",
-    "entry-doubtful", "entry-file-differs", "entry-kept", "entry-plan", "guess_sigmas",
-    "instrument-lengths", "instrument-rows", "instrument-step", "leaps", "noise", "not_parallel",
-    "not_straight", "offset", "offset_or_scale", "plan_accuracy", "plan_field", "plan_good",
-    "plan_holes", "plan_stops", "printed_statistics", "scale", "survey_check_agrees",
-    "survey_check_differs", "table_agrees", "table_differs", "uncertainty", "within",
-}  # fmt: skip
-"""Codes that are still made somewhere with their numbers in the sentence only. Take one out when it
-has its size; none may be added."""
 
 
 def made():
@@ -56,9 +46,9 @@ def test_every_finding_has_a_subject_a_code_and_a_size_where_there_is_one():
     assert len(places) > 200
     assert [place for place, subject, codes, _ in places if subject is None or not codes] == []
     without = {code for _, _, codes, sizes in places if sizes is None for code in codes}
-    assert without - NOTHING_MEASURED - ONLY_IN_WORDS == set()
-    # Nothing stands in the lists that has its size everywhere by now.
-    assert (NOTHING_MEASURED | ONLY_IN_WORDS) - without == set()
+    assert without - NOTHING_MEASURED == set()
+    # Nothing stands in the list that has its size everywhere by now.
+    assert NOTHING_MEASURED - without == set()
 
 
 def test_the_sentence_is_the_first_of_the_text():

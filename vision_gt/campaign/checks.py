@@ -344,20 +344,26 @@ def _worst(readings: Sequence[PlaceReading]) -> str:
     )
 
 
+def _largest(readings: Sequence[PlaceReading]) -> tuple[Size, ...]:
+    """The largest difference of a place."""
+    most = max(float(np.linalg.norm(one.difference[:2])) for one in readings)
+    return (Size("largest difference in the plane", most, "m"),)
+
+
 def table_verdicts(readings: Sequence[PlaceReading]) -> Iterator[Finding]:
     """Whether each camera sees things on the table where they are."""
     for name in dict.fromkeys(one.camera for one in readings):
         own = [one for one in readings if one.camera == name]
         if all(one.agrees for one in own):
             text = f"Camera {name} sees all {len(own)} things on the table where they should be."
-            yield Finding("good", text, f"camera {name}", "table_agrees")
+            yield Finding("good", text, f"camera {name}", "table_agrees", _largest(own))
         else:
             text = (
                 f"Camera {name} does not see things on the table where they should be (should be "
                 f"minus seen): {_worst(own)}. Was the table at the right stop, the board turned "
                 "right, its place on the table right? Else the camera has moved."
             )
-            yield Finding("error", text, f"camera {name}", "table_differs")
+            yield Finding("error", text, f"camera {name}", "table_differs", _largest(own))
 
 
 def survey_verdicts(readings: Sequence[PlaceReading]) -> Iterator[Finding]:
@@ -368,14 +374,14 @@ def survey_verdicts(readings: Sequence[PlaceReading]) -> Iterator[Finding]:
             f"Survey and camera agree: {len(readings)} readings of a board at known places differ "
             f"by at most {1e3 * most:.1f} mm, no more than by chance."
         )
-        yield Finding("good", text, "survey", "survey_check_agrees")
+        yield Finding("good", text, "survey", "survey_check_agrees", _largest(readings))
     else:
         text = (
             "Survey and camera do not agree (known place minus camera): "
             f"{_worst(readings)}. Lay the board again; if it stays, one of the two has a bias: "
             "compare the marks of the Vframe, and the place of the reference pattern."
         )
-        yield Finding("error", text, "survey", "survey_check_differs")
+        yield Finding("error", text, "survey", "survey_check_differs", _largest(readings))
 
 
 def displacement_verdict(one: Displacement) -> Finding:

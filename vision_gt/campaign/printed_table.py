@@ -230,7 +230,8 @@ def _followed(
             yield _not_followed(one, name, off, len(own), printed)
             continue
         text = f"All {len(own)} printed statistics of {name} follow from the printed table."
-        yield Finding("good", text, name, "printed_statistics")
+        size = Size("printed statistics that differ", 0, "numbers")
+        yield Finding("good", text, name, "printed_statistics", (size,))
 
 
 def _not_followed(
@@ -250,7 +251,8 @@ def _not_followed(
         f"of the printed table. The fewest cells whose mean, standard deviation and largest "
         f"absolute value are the printed ones: {'; '.join(found)}."
     )
-    return Finding("note", text, name, "printed_statistics")
+    size = Size("printed statistics that differ", off, "numbers")
+    return Finding("note", text, name, "printed_statistics", (size,))
 
 
 def _marker_against_board(things: list[OnTable]) -> list[Finding]:

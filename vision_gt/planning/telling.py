@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from validation.poses.angles import Array
-from validation.results import Finding, Table, TableColumn
+from validation.results import Finding, Size, Table, TableColumn
 from vision_gt.planning.floor import area_of
 from vision_gt.planning.plan import CameraPlan, over_headings, place_sigma, rows_of
 
@@ -178,7 +178,8 @@ def plan_findings(plan: CameraPlan) -> list[Finding]:
     found = [*_coverage(plan), *_fields(plan), *_accuracy(plan)]
     if not any(one.severity == "warning" for one in found):
         text = "Every place of the floor and every stop is seen and has a pose as good as wanted."
-        found.append(Finding("good", text, SUBJECT, "plan_good"))
+        seen = Size("part of the floor that is seen", plan.share(1))
+        found.append(Finding("good", text, SUBJECT, "plan_good", (seen,)))
     return found
 
 
@@ -191,12 +192,14 @@ def _coverage(plan: CameraPlan) -> Iterator[Finding]:
             for one in named
         )
         text = f"{100 * (1 - plan.share(1)):.1f} % of the floor is seen by no camera: {listed}."
-        yield Finding("warning", text, SUBJECT, "plan_holes")
+        size = Size("part of the floor that no camera sees", 1 - plan.share(1))
+        yield Finding("warning", text, SUBJECT, "plan_holes", (size,))
     poses = plan.at_stops.cameras_with_pose
     blind = [name for name, count in zip(plan.given.stops, poses, strict=True) if not count]
     if blind:
         text = f"No camera will have a sure pose of the robot at stop {', '.join(blind)}."
-        yield Finding("warning", text, SUBJECT, "plan_stops")
+        count = Size("stops without a pose", len(blind), "stops")
+        yield Finding("warning", text, SUBJECT, "plan_stops", (count,))
 
 
 def _fields(plan: CameraPlan) -> Iterator[Finding]:
@@ -208,7 +211,8 @@ def _fields(plan: CameraPlan) -> Iterator[Finding]:
                 f"{np.rad2deg(one.needed_field):.0f} degrees down the image; its lens has "
                 f"{np.rad2deg(one.vertical_field):.0f}. Hang it lower, or take a shorter lens."
             )
-            yield Finding("warning", text, f"camera {one.camera.name}", "plan_field")
+            size = Size("field of view that is needed", one.needed_field, "rad")
+            yield Finding("warning", text, f"camera {one.camera.name}", "plan_field", (size,))
 
 
 def _accuracy(plan: CameraPlan) -> Iterator[Finding]:
@@ -222,7 +226,8 @@ def _accuracy(plan: CameraPlan) -> Iterator[Finding]:
             f"wanted {MM * plan.given.wanted:g} mm. Larger or more markers, a longer lens or a "
             "nearer camera help; vision.on_floor = true does most for far markers."
         )
-        yield Finding("warning", text, SUBJECT, "plan_accuracy")
+        size = Size("part of the floor above what is wanted", poor)
+        yield Finding("warning", text, SUBJECT, "plan_accuracy", (size,))
     views = plan.over_floor.views
     alike = np.mean([one.ambiguous.mean() for one in views])
     if alike > 0:

@@ -17,7 +17,7 @@ from survey.entry.record.numbers import plain
 from survey.entry.record.readings_csv import csv_text
 from survey.settings import SurveySettings
 from validation.campaign.folder import Campaign
-from validation.results import Finding, Section, SystemResult, Table
+from validation.results import Finding, Section, Size, SystemResult, Table
 
 PAUSE = 300.0
 """Seconds without a reading that are a break. A judgement: readings follow within a minute, and
@@ -151,14 +151,20 @@ def _behind(entry_session: EntrySession) -> Iterable[Finding]:
     """The readings file must be what the journal says."""
     path = entry_session.readings_file.path
     text = path.read_text(encoding="utf-8-sig", errors="replace") if path.exists() else ""
-    if text != csv_text(entry_session.state):
+    told = csv_text(entry_session.state)
+    if text != told:
         yield Finding(
             "error",
             f"{path.name} is not what the journal says: it is behind, or was changed by hand. "
             "Start `gtval enter` once: it brings the file up to date, or says what was changed.",
             SUBJECT,
             "entry-file-differs",
+            (Size("lines of the file less those of the journal", _lines(text) - _lines(told)),),
         )
+
+
+def _lines(text: str) -> int:
+    return len(text.splitlines())
 
 
 def _doubtful(entry_session: EntrySession) -> Iterable[Finding]:
@@ -172,6 +178,7 @@ def _doubtful(entry_session: EntrySession) -> Iterable[Finding]:
             f"again: {readings_text(entry_session, numbers)}.",
             SUBJECT,
             "entry-doubtful",
+            (Size("doubtful readings", len(numbers), "readings"),),
         )
     if kept:
         yield Finding(
@@ -180,6 +187,7 @@ def _doubtful(entry_session: EntrySession) -> Iterable[Finding]:
             f"{readings_text(entry_session, kept)}.",
             SUBJECT,
             "entry-kept",
+            (Size("readings kept", len(kept), "readings"),),
         )
 
 
@@ -196,6 +204,7 @@ def _left(entry_session: EntrySession) -> Iterable[Finding]:
             f"{progress.left} planned pair(s) have no reading yet, {progress.done} have.",
             SUBJECT,
             "entry-plan",
+            (Size("planned pairs without a reading", progress.left, "pairs"),),
         )
 
 
@@ -270,6 +279,7 @@ def _agreement(entry_session: EntrySession, double: Sequence[_Double]) -> Findin
             f"measured: {shown}.",
             SUBJECT,
             "entry-disagrees",
+            (Size("pairs whose entries disagree", len(open_pairs), "pairs"),),
         )
     agreed = sum(d.agreed_at_once for d in double)
     total = len(double)
@@ -280,6 +290,7 @@ def _agreement(entry_session: EntrySession, double: Sequence[_Double]) -> Findin
         f"{agreed} agreed at once, all others after a further reading.",
         SUBJECT,
         "entry-agrees",
+        (Size("pairs that agreed at once", agreed, "pairs"),),
     )
 
 
