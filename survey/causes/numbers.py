@@ -7,7 +7,7 @@ import numpy as np
 
 from survey.causes.lead import Lead, longest_gain, look_elsewhere
 from survey.causes.look import CAPPED, FAR, WORTH, Look
-from survey.causes.start import restarted
+from survey.causes.start import place_from, restarted
 from survey.causes.trial import CAUCHY, Rows, Trial, renamed, with_point
 from survey.estimation.geometry import rotate
 from validation.poses.angles import Array
@@ -184,7 +184,7 @@ def new_stops(look: Look) -> Iterator[Lead]:
             seen.add(pair)
         # The laser stood elsewhere in between: what follows is all of the other stop.
         away = [k for k in range(1, first + 1) if rank[rows[k]] - rank[rows[k - 1]] > 1]
-        first = away[-1] if away else first
+        first = away[-1] if away else _parted(look, stop, rows, first)
         if not LEAST_OF_A_STOP <= first <= len(rows) - LEAST_OF_A_STOP:
             continue
         others = rows[first:]
@@ -195,6 +195,31 @@ def new_stops(look: Look) -> Iterator[Lead]:
         if len(marks) > 1:
             gain = float(np.minimum(look.misfit[rows] ** 2, 1e6).sum())
             yield _new_stop_lead(look, stop, others, gain)
+
+
+def _parted(look: Look, stop: str, rows: Rows, first: int) -> int:
+    """Where readings of two stops are parted best, if a pair read before comes again at ``first``.
+
+    There, or where the laser went to another mark.
+    """
+    if not first:
+        return 0
+    own, target = look.here_and_there(stop, rows)
+    moved = (np.flatnonzero(own[1:] != own[:-1]) + 1).tolist()
+    last = len(rows) - LEAST_OF_A_STOP
+    edges = [k for k in dict.fromkeys([first, *moved]) if LEAST_OF_A_STOP <= k <= last]
+
+    def misfit(some: slice) -> float:
+        total = 0.0
+        for mark in set(own[some].tolist()):
+            ours = np.arange(len(rows))[some][own[some] == mark]
+            ends = look.at.points[target[ours]]
+            place = place_from(ends, look.net.distance[rows[ours]])
+            if place is not None:
+                total += float(np.minimum(look.cost_of(rows[ours], place, ends), CAPPED).sum())
+        return total
+
+    return min(edges, key=lambda k: misfit(slice(k)) + misfit(slice(k, None)), default=0)
 
 
 def _in_turn(look: Look, stop: str, rows: Rows) -> bool:

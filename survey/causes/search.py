@@ -232,16 +232,16 @@ def _worth_solving(base: Trial, linear: Linear, log: Log) -> list[Lead]:
     for alike in found.values():
         alike.sort(key=lambda one: -one.gain)
         for lead in alike[:SOLVED_OF_A_KIND]:
-            _keep(best, lead)
+            _keep(best, lead, base)
     return list(best.values())
 
 
-def _keep(best: dict[object, Lead], lead: Lead) -> None:
+def _keep(best: dict[object, Lead], lead: Lead, base: Trial) -> None:
     """Add a lead; of those that say the same of the same readings the one with fewest places."""
     same = object()
     if lead.kind in {"offset", "scale"}:
         same = (lead.kind, lead.rows.tobytes())
-    elif lead.kind.startswith("exchanged") and len(lead.rows) == 2:
+    elif lead.kind.startswith("exchanged") and _from_one_point(lead.rows, base):
         same = ("exchanged", np.sort(lead.rows).tobytes())
     other = best.get(same)
     if other is None:
@@ -257,6 +257,15 @@ def _keep(best: dict[object, Lead], lead: Lead) -> None:
         also, equal = (*first.also, *second.also, named), (*first.equal, *second.equal, second)
         first = replace(first, also=also, equal=equal)
     best[same] = first
+
+
+def _from_one_point(rows: Rows, base: Trial) -> bool:
+    """Whether there are two readings, and a point at which both end.
+
+    Then their rows may as well be exchanged as the names of their targets.
+    """
+    ends = {*base.network.first[rows].tolist()}, {*base.network.second[rows].tolist()}
+    return len(rows) == 2 and min(len(ends[0]), len(ends[1])) == 1
 
 
 BLOCKS = {"from", "until", "block"}

@@ -261,21 +261,33 @@ def _rows_of_points(trial: Trial, points: Rows) -> list[Rows]:
 
 
 def relocated(trial: Trial, distance: Array) -> Trial:
-    """The trial with all world points and stops located anew from corrected distances (n,)."""
+    """The trial with all world points and stops located anew from corrected distances (n,).
+
+    World points that the Vframe leaves open are located from the stops that the others give.
+    """
     net, points = trial.network, trial.start.points.copy()
     points[net.fixed] = net.nominal
-    held = {*net.fixed.tolist()}
-    marks = {*net.mark.tolist()}
-    for point in range(len(net.points)):
-        if point in held or point in marks:
-            continue
-        rows = distances_of(trial, point)
-        other = np.where(net.first[rows] == point, net.second[rows], net.first[rows])
-        fixed = np.isin(other, net.fixed)
-        place = place_from(points[other[fixed]], distance[rows[fixed]])
-        points[point] = points[point] if place is None else place
-    made = replace(trial, start=replace(trial.start, points=points))
-    return all_restarted(made, net.poses, distance)
+    known = np.zeros(len(net.points), dtype=bool)
+    known[net.fixed] = True
+    world = np.setdiff1d(np.arange(len(net.points)), np.concatenate([net.fixed, net.mark]))
+    for _ in range(_ROUNDS):
+        lost = world[~known[world]]
+        rows_of = _rows_of_points(trial, lost)
+        many = []
+        for point, rows in zip(lost, rows_of, strict=True):
+            other = np.where(net.first[rows] == point, net.second[rows], net.first[rows])
+            use = known[other]
+            many.append((points[other[use]], distance[rows[use]]))
+        for point, place in zip(lost, places_from(many), strict=True):
+            if place is not None:
+                points[point], known[point] = place, True
+        made = replace(trial, start=replace(trial.start, points=points))
+        made = all_restarted(made, net.poses, distance)
+        points = made.start.points.copy()
+        known[net.mark] = True
+        if known[world].all():
+            break
+    return made
 
 
 def placed(trial: Trial, point: int) -> Trial:

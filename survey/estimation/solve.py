@@ -211,15 +211,20 @@ def _adjusted(
         fault = error
     if located.is_whole or (first and _fits(first[0], located)):
         if first is None:
-            raise fault or GtvalError("the joint adjustment fails")
+            raise _unsettled(fault)
         return located, *first
     whole = search.together(located)
     second = _adjusted_from(vframe, search, whole, robust=robust) if whole.places else None
     if second is None or (first and not _better(first[0], second[0])):
         if first is None:
-            raise fault or GtvalError("the joint adjustment fails")
+            raise _unsettled(fault)
         return located, *first
     return whole, *second
+
+
+def _unsettled(fault: GtvalError | None) -> UnsettledError:
+    """What fails where all was located: readings that contradict leave too few of the others."""
+    return UnsettledError(str(fault or "the joint adjustment fails"))
 
 
 def _fits(found: Adjustment, located: Located) -> bool:

@@ -213,13 +213,15 @@ def out_of_date(
     now = dict(written or {})
     if hashes is None:
         hashes = input_hashes(campaign.folder, sources_of(campaign, steps.values()))
-    found = []
+    found, ever = [], {name for made in steps.values() for name in made.outputs}
     for step, made in steps.items():
         for name in (*made.uses, *made.outputs):
             if name not in now and (campaign.results / name).is_file():
                 now[name] = digest_of(campaign.results / name)
         changed = _different(made.inputs, below(hashes, made.sources))
-        changed += [f"results/{name}" for name in _different(made.uses, now, only=made.uses)]
+        # What a step computed for itself, and no step has written, cannot have changed.
+        used = [name for name in made.uses if name in now or name in ever]
+        changed += [f"results/{name}" for name in _different(made.uses, now, only=used)]
         reason = f"it is not as the step '{step}' left it"
         if changed:
             more = f" and {len(changed) - 3} more files" if len(changed) > 3 else ""

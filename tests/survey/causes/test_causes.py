@@ -266,3 +266,55 @@ def test_what_a_cause_changes_is_taken_out_before_names_are_looked_for(large):
     look = Look(solved.trial, Linear(solved), log)
     assert look.net.distance == pytest.approx(base.network.distance, abs=0.001)
     assert not list(name_leads(solved.trial, Linear(solved), log))
+
+
+def of(sample, kept):
+    """The sample with some of its readings."""
+    return replace(sample, readings=sample.readings.select(np.asarray(kept)))
+
+
+def named_otherwise(sample, names):
+    """The sample with names at the ends of some rows written otherwise."""
+    r = sample.readings
+    start = tuple(
+        names.get(row, (a, b))[0] for row, (a, b) in enumerate(zip(r.start, r.end, strict=True))
+    )
+    end = tuple(
+        names.get(row, (a, b))[1] for row, (a, b) in enumerate(zip(r.start, r.end, strict=True))
+    )
+    return replace(sample, readings=replace(r, start=start, end=end))
+
+
+def test_targets_read_from_two_marks_are_exchanged_and_their_rows_are_not():
+    sample = clean(np.random.default_rng(13), stops=8)
+    ends = list(zip(sample.readings.start, sample.readings.end, strict=True))
+    only = {("3/O", "1"), ("3/X", "2")}
+    sample = of(sample, [a[:2] != "3/" or b not in {"1", "2"} or (a, b) in only for a, b in ends])
+    ends = list(zip(sample.readings.start, sample.readings.end, strict=True))
+    swap = {ends.index(("3/O", "1")): ("3/O", "2"), ends.index(("3/X", "2")): ("3/X", "1")}
+    best = first(named_otherwise(sample, swap)).ranking.best
+    assert (best.what.kind, best.what.subject) == ("exchanged_targets", ("3", "1", "2"))
+
+
+def test_feet_are_told_where_the_frame_gives_few_points():
+    sample = clean(np.random.default_rng(14), stops=8)
+    pairs = zip(sample.readings.start, sample.readings.end, strict=True)
+    few = sample.world[4:]
+    sample = of(sample, [not (a in {"O", "X"} and b in few) for a, b in pairs])
+    r = sample.readings
+    best = first(replace(sample, readings=replace(r, distance=r.distance / 0.3048))).ranking.best
+    assert (best.what.kind, best.what.extent) == ("scale", "all")
+    assert best.parameters[0].low < LARGE["scale"] < best.parameters[0].high
+
+
+def test_a_stop_that_lost_nearly_all_its_readings_to_the_next_one_is_two_stops():
+    # What is left of stop 4 gives it no pose, so that nothing can be said to be of it.
+    sample = clean(np.random.default_rng(15), stops=8, missing=0.3)
+    r = sample.readings
+    own = [row for row, a in enumerate(r.start) if a.startswith("4/")][5:]
+    names = {row: (f"5{r.start[row][1:]}", r.end[row]) for row in own}
+    causes = first(named_otherwise(sample, names))
+    best = causes.ranking.best.what
+    assert (best.kind, best.subject[0]) == ("stop_number", "5")
+    fifth = {row for row, a in enumerate(r.start) if a.startswith("5/")}
+    assert {*causes.rows[best.rows].tolist()} in ({*own}, fifth)

@@ -95,6 +95,15 @@ def test_after_a_run_nothing_is_marked(folder):
     assert stored_tables(load_campaign(folder)).findings == ()
 
 
+def test_the_first_step_of_a_folder_marks_nothing(folder):
+    shutil.rmtree(folder / "results")
+    assert solve(folder, "rig") == []  # it started from a survey that no step has written yet
+    assert marked(folder) == []
+    assert solve(folder, "survey") == []
+    (folder / "survey.txt").write_text("0.5")
+    assert "results/poses_rig.csv" in solve(folder, "survey")[0]
+
+
 def test_a_survey_solved_again_marks_what_was_made_from_the_old_one(folder):
     (folder / "survey.txt").write_text("0.5")
     (said,) = solve(folder, "survey")

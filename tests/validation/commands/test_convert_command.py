@@ -1,5 +1,6 @@
 """``gtval convert`` as a user runs it."""
 
+import gzip
 import json
 
 import pytest
@@ -80,6 +81,25 @@ def test_an_error_leaves_no_file(tmp_path, content, options, said):
     assert done.exit_code == 2
     assert said in done.output
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.dat"]
+
+
+def test_a_rawlog_is_told_as_one_with_the_commands_that_read_it(tmp_path):
+    source = tmp_path / "drive.rawlog"
+    source.write_bytes(gzip.compress(b"\x93CObservationComment\x00\x88\x02\x00\x00\x00no\x88"))
+    done = run(source, tmp_path / "b.csv")
+    assert done.exit_code == 2
+    said = " ".join(done.output.split())
+    assert "this is a rawlog of MRPT" in said
+    assert "`gtval laser drive`" in said
+    assert "`gtval rtk`" in said
+    assert "euroc" not in said
+
+
+def test_reasons_that_are_alike_are_told_once(tmp_path):
+    source = tmp_path / "a.dat"
+    source.write_bytes(bytes(range(256)))
+    done = run(source, tmp_path / "b.csv")
+    assert done.output.count("this is a binary file, not text") == 1
 
 
 def test_the_input_is_not_written_over(tmp_path):

@@ -18,6 +18,15 @@ MOST_TEXT = 10_000_000
 END = 0x88
 
 
+FIRST = ("CObservation", "CSensoryFrame", "CActionCollection", "CRawlog")
+"""How the class of a rawlog's first object begins."""
+
+
+def is_rawlog(data: bytes) -> bool:
+    """Whether contents, unpacked, begin as a rawlog does."""
+    return any(name.encode() in data[:40] for name in FIRST) and b"\0" in data[:100]
+
+
 def unpacked(path: Path, most: int, what: str = "a log") -> bytes:
     """Contents of a rawlog, which may be compressed by gzip.
 

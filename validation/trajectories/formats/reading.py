@@ -30,6 +30,7 @@ from validation.trajectories.formats.motion_capture import (
     read_vicon,
 )
 from validation.trajectories.formats.named_columns import Header, find_header, read_named
+from validation.trajectories.formats.rawlog_objects import is_rawlog
 from validation.trajectories.formats.records import Records
 from validation.trajectories.formats.source import (
     HEAD_BYTES,
@@ -153,6 +154,8 @@ def read_trajectory(
     if form is not None and form not in READERS:
         raise GtvalError(f"'{format}' is no format; there are {', '.join(READERS)}")
     source = _opened(path)
+    if is_rawlog(source.data):
+        raise source.error(RAWLOG)
     if form is None:
         form = _only(path, faults(source))
     if b"\0" in source.data[:HEAD_BYTES] and form != "bag":
@@ -195,10 +198,18 @@ def _only(path: Path, why: Mapping[str, str | None]) -> str:
                 )
             ]
         )
-    reasons = "; ".join(f"{name}: {fault}" for name, fault in why.items())
+    alike: dict[str | None, list[str]] = {}
+    for name, fault in why.items():
+        alike.setdefault(fault, []).append(name)
+    reasons = "; ".join(f"{', '.join(names)}: {fault}" for fault, names in alike.items())
     raise InputError([Problem(path, f"no format of a trajectory fits. {reasons}")])
 
 
+RAWLOG = (
+    "this is a rawlog of MRPT: sensors' records, no trajectory. Its laser scans are made one by "
+    '`gtval laser drive` ([laser_drive] format = "rawlog"), its GPS positions by `gtval rtk` '
+    '([[rtk.receivers]] format = "rawlog")'
+)
 AMBIGUOUS = "eight columns without names, with qw last (tum) or first (euroc)"
 """The one case in which the content does not decide."""
 
