@@ -139,7 +139,8 @@ class SystemExplanation(Shown):
         Notes
         -----
         Against the stated covariances, where there are any; else it must take away half of the
-        mean square, and leave no more than three times what the others leave, and no more than
+        mean square, or of the headings' where neighbours do not depend on each other (what lasts is
+        no noise), and leave no more than three times what the others leave, and no more than
         `MOST_LEFT`.
         """
         settled = self.settled
@@ -151,6 +152,7 @@ class SystemExplanation(Shown):
         used = settled.cells[:, 0]
         before = np.hypot(*settled.before[used, :2].T)
         turned = settled.spread(settled.before)[2] > 2 * settled.noise[2]
+        turned &= settled.serial is None
         taken = left**2 < 0.5 * float((before**2).mean()) or turned
         rest = [_left(one.settled) for one in others if one.settled is not None]
         close = not rest or left <= 3 * float(np.median(rest))
