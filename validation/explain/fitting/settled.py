@@ -123,16 +123,14 @@ class Settled:
         that is withheld.
         """
         covariance = self.full_covariance
-        dof = float(self.dof.sum())
+        every = self._freedoms()
         rows = []
         for column, name in enumerate(self.fit.model.fitted):
-            value, sigma = (
-                float(self.fit.parameters[0, column]),
-                float(np.sqrt(covariance[column, column])),
-            )
+            value, dof = float(self.fit.parameters[0, column]), float(every[column])
+            sigma = float(np.sqrt(covariance[column, column]))
             if self.fit.estimated:
-                quantile = float(special.stdtrit(max(dof, 1.0), (1 + confidence) / 2))
-                p = 2 * float(special.stdtr(max(dof, 1.0), -abs(value) / sigma))
+                quantile = float(special.stdtrit(dof, (1 + confidence) / 2))
+                p = 2 * float(special.stdtr(dof, -abs(value) / sigma))
             else:
                 quantile = float(special.ndtri((1 + confidence) / 2))
                 p = 2 * float(special.ndtr(-abs(value) / sigma))
@@ -144,6 +142,21 @@ class Settled:
             low, high = value - quantile * sigma, value + quantile * sigma
             rows.append(Parameter(name, UNITS[name], value, sigma, low, high, max(p, LEAST_P)))
         return tuple(rows)
+
+    def _freedoms(self) -> Array:
+        """(k,) degrees of freedom of each parameter's variance, one or more.
+
+        It is a sum of what the noise of positions gives and that of headings, whose levels are
+        estimated apart: Satterthwaite (1946), "An approximate distribution of estimates of variance
+        components".
+        """
+        slopes, used = _pieces(self.fit, self.cells)
+        own = known_part(covariance_of(self.fit.information)[0])
+        by_heading = own @ slopes[:, 2].T * np.sqrt(used[:, 2, 2])
+        whole = np.maximum(np.diagonal(own), 1e-300)
+        share = np.clip((by_heading**2).sum(1) / whole, 0.0, 1.0)
+        of, left = np.stack([1 - share, share]), np.maximum(self.dof, 1.0)[:, None]
+        return np.asarray(np.maximum(1 / (of**2 / left).sum(0), 1.0))
 
     def spread(self, errors: Array, *, everything: bool = False) -> Array:
         """(3,) standard deviation of x, y and theta about their mean.

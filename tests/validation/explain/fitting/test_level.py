@@ -33,7 +33,7 @@ def campaign(seed, level, *, frame=True, systems=1, n=16):
     return explain(tables[0], tables[1:])
 
 
-@pytest.mark.parametrize("level", [1 / 3, 1.0, 4.0, 50.0])
+@pytest.mark.parametrize("level", [1 / 3, 1.0, 6.0, 50.0])
 def test_a_frame_is_found_with_its_size_whatever_the_level_of_the_covariances(level):
     held = []
     for seed in range(8):
@@ -48,7 +48,7 @@ def test_a_frame_is_found_with_its_size_whatever_the_level_of_the_covariances(le
     assert special.bdtr(sum(held), 16, 0.95) > 1e-3
 
 
-@pytest.mark.parametrize("level", [0.3, 4.0])
+@pytest.mark.parametrize("level", [0.3, 6.0])
 @pytest.mark.parametrize("systems", [1, 3])
 def test_wrong_levels_invent_neither_causes_nor_wrong_poses(level, systems):
     made = [campaign(seed, level, frame=False, systems=systems) for seed in range(8)]
@@ -60,12 +60,12 @@ def test_wrong_levels_invent_neither_causes_nor_wrong_poses(level, systems):
 
 
 def test_the_level_is_told_with_its_interval():
-    found = campaign(0, 4.0)
+    found = campaign(0, 6.0)
     one = found.systems[0]
     assert one.selection.pairs.contradicted
     assert explanation_json(found)["systems"]["rig1"]["noise_estimated"]
     for factor, low, high in one.settled.misfit:
-        assert low < 0.25 < high
+        assert low < 1 / 6 < high
         assert low < factor < high
     told = [item for item in findings(found) if item.code == "covariance_too_large"]
     assert {item.sizes[0].unit for item in told} == {""}
