@@ -23,10 +23,13 @@ class TypedDistance:
         As typed, without surrounding blanks.
     metres : float
         What it stands for.
+    metric : bool
+        Whether it is in metres or parts of them: of inches nothing says how fine they are shown.
     """
 
     text: str
     metres: float
+    metric: bool = True
 
     @property
     def digits(self) -> str:
@@ -64,7 +67,7 @@ def parse_distance(text: str, instrument: Instrument, units: str = "m") -> Typed
             f"{plain(metres)} m is out of range; the instrument measures "
             f"{instrument.range_min:g} to {instrument.range_max:g} m"
         )
-    return TypedDistance(shown, metres)
+    return TypedDistance(shown, metres, metric=(stated[1] if stated else units) not in {"ft", "in"})
 
 
 def _without_unit(match: re.Match[str], instrument: Instrument, units: str) -> float:

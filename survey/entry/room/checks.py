@@ -106,7 +106,7 @@ def verdict(
 def has_too_many_decimals(typed: TypedDistance, instrument: Instrument) -> bool:
     """Whether a number is finer than the instrument shows: some digit was typed twice."""
     steps = typed.metres * 10 ** shown_decimals(instrument)
-    return instrument.resolution > 0 and abs(steps - round(steps)) > 1e-3
+    return typed.metric and instrument.resolution > 0 and abs(steps - round(steps)) > 1e-3
 
 
 def _difference(

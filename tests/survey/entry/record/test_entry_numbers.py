@@ -3,6 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from survey.entry.record.numbers import both_units, parse_distance, plain
+from survey.entry.room.checks import has_too_many_decimals
 from validation.campaign.folder import Instrument
 
 LASER = Instrument()
@@ -77,3 +78,19 @@ def test_a_number_without_unit_is_in_that_of_the_campaign(text, units, metres):
             parse_distance(text, Instrument(), units)
     else:
         assert parse_distance(text, Instrument(), units).metres == pytest.approx(metres, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "units", "too_many"),
+    [
+        ("5.3784", "m", True),
+        ("5.378", "m", False),
+        ("537.84 cm", "ft", True),
+        ("17' 7 3/4\"", "m", False),
+        ("17.65", "ft", False),
+        ("5.3784 m", "ft", True),
+    ],
+)
+def test_only_metric_numbers_may_have_more_decimals_than_are_shown(text, units, too_many):
+    # An instrument that shows eighths of an inch shows no millimetres.
+    assert has_too_many_decimals(parse_distance(text, LASER, units), LASER) == too_many
