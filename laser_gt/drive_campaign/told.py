@@ -53,7 +53,8 @@ def drive_findings(outcome: DriveOutcome) -> Iterator[Finding]:
     yield from _clock(outcome)
     if not outcome.anchors:
         text = (
-            "no surveyed stop holds the drive: its frame is that of its first pose. Say when the "
+            "no surveyed stop holds the drive: its frame is that of its first pose, whose "
+            "covariance is none by definition (1 um, 1 urad). Say when the "
             "robot stood at surveyed stops, in a file with the columns pose, from, to "
             "([laser_drive] stops)"
         )

@@ -7,6 +7,7 @@ import numpy as np
 
 from laser_gt.driving.closing import BACK, closed, through_mount
 from laser_gt.driving.graph import (
+    HELD,
     LEAST_MISFIT,
     Anchor,
     DriveGraph,
@@ -14,12 +15,13 @@ from laser_gt.driving.graph import (
     Marginals,
     marginals,
     own_noise,
+    robot_covariances,
 )
 from laser_gt.driving.log import DriveInputs, DriveOutcome, Report
 from laser_gt.driving.refining import Place, Placed, carried, placed_sweeps
 from laser_gt.driving.tracking import GUESS_SIGMAS
 from laser_gt.driving.way import Way, clock_of, tracked_way
-from laser_gt.scans.planar import between, compose, compose_jacobians, inverse, inverse_jacobian
+from laser_gt.scans.planar import between, compose, compose_jacobians, inverse
 from laser_gt.scans.scan import Flags, Indices
 from validation.poses.angles import Array
 from validation.poses.trajectory import Clock, Trajectory
@@ -66,19 +68,15 @@ def _outcome(
         tracked.sweeps, places, workers, lambda share: report("placing", 0.8 + 0.2 * share)
     )
     laser, covariances, cross, matched = _laser_poses(tracked, solved, known, own, placed)
-    back = inverse(solved.mount)
-    robot = compose(laser, back)
-    by_laser, by_back = compose_jacobians(laser, np.broadcast_to(back, laser.shape))
-    by_mount = by_back @ inverse_jacobian(solved.mount)
-    mixed = by_laser @ cross @ np.swapaxes(by_mount, -1, -2)
-    spread = by_laser @ covariances @ np.swapaxes(by_laser, -1, -2)
-    spread = spread + by_mount @ known.mount @ np.swapaxes(by_mount, -1, -2)
-    spread = spread + mixed + np.swapaxes(mixed, -1, -2)
+    robot = compose(laser, inverse(solved.mount))
+    spread = robot_covariances(laser, covariances, cross, solved.mount, known.mount)
+    if not graph.anchors:
+        spread[0] = np.eye(3) / HELD  # the frame is that of this pose
     trajectory = Trajectory(
         "laser_drive",
         tracked.times,
         robot,
-        covariances=(spread + np.swapaxes(spread, 1, 2)) / 2,
+        covariances=spread,
         epoch=tracked.inputs.epoch,
         clock=Clock("capture", 1 / float(np.median(np.diff(tracked.times)))),
         frame="" if graph.anchors else "own",
@@ -117,7 +115,7 @@ def _outcome(
 
 def _loosened(graph: DriveGraph, own: Array) -> list[Anchor]:
     """Anchors with the noise of the scan that they hold added to their own."""
-    return [replace(one, covariance=one.covariance + own[one.node]) for one in graph.anchors]
+    return [replace(one, covariance=one.covariance + own[one.node]) for one in graph.held]
 
 
 def _places(tracked: Way, solved: DrivePoses, own: Array) -> list[Place]:

@@ -35,8 +35,8 @@ SMALL = 1e-6
 LEAST_MISFIT = 0.02
 """Least factor on the covariances of the links, as in `laser_gt.placing.graph`."""
 HELD = 1e12
-"""Information with which a graph without surveyed poses is held at its first: a micrometre and a
-microradian."""
+"""Information with which a graph without surveyed poses is held at its first pose of the robot: a
+micrometre and a microradian."""
 _OPEN = "the scans and the odometry do not determine the poses"
 COLUMNS = 256
 """Columns of the inverse that are solved for at once: 10 MB for a thousand poses."""
@@ -78,7 +78,7 @@ class DriveGraph:
     steps : sequence of Link
         Motions by odometry from each pose to the next, always believed.
     anchors : sequence of Anchor
-        Surveyed poses; without any the first pose is held where it is.
+        Surveyed poses; without any the first pose of the robot is held where it is.
     """
 
     initial: Array
@@ -87,6 +87,12 @@ class DriveGraph:
     links: Sequence[Link]
     steps: Sequence[Link]
     anchors: Sequence[Anchor]
+
+    @property
+    def held(self) -> Sequence[Anchor]:
+        """The surveyed poses, or the first pose, which the frame is that of."""
+        first = compose(self.initial[0], inverse(self.mount))
+        return self.anchors or [Anchor(0, first, np.eye(3) / HELD)]
 
 
 @dataclass(frozen=True)
@@ -197,18 +203,15 @@ def _equations(
         residual, _ = terms.residuals(poses)
         information = terms.information * weight[:, None, None]
         equations.add(terms.ends, terms.jacobians(poses), information, residual)
-    nodes = np.array([one.node for one in graph.anchors], dtype=np.intp)
-    if len(nodes):
-        stated = np.array([one.pose for one in graph.anchors])
-        stated_covariances = np.array([one.covariance for one in graph.anchors], dtype=float)
-        robot = compose(poses[nodes], inverse(mount))
-        by_pose, by_inverse = compose_jacobians(poses[nodes], inverse(mount))
-        jacobians = np.stack([by_pose, by_inverse @ inverse_jacobian(mount)], axis=1)
-        ends = np.column_stack([nodes, np.full(len(nodes), n)])
-        information = np.linalg.inv(stated_covariances)
-        equations.add(ends, jacobians, information, wrapped(robot - stated))
-    else:
-        equations.add_known([0], np.eye(3) * HELD, wrapped(poses[0] - graph.initial[0]))
+    nodes = np.array([one.node for one in graph.held], dtype=np.intp)
+    stated = np.array([one.pose for one in graph.held])
+    stated_covariances = np.array([one.covariance for one in graph.held], dtype=float)
+    robot = compose(poses[nodes], inverse(mount))
+    by_pose, by_inverse = compose_jacobians(poses[nodes], inverse(mount))
+    jacobians = np.stack([by_pose, by_inverse @ inverse_jacobian(mount)], axis=1)
+    ends = np.column_stack([nodes, np.full(len(nodes), n)])
+    information = np.linalg.inv(stated_covariances)
+    equations.add(ends, jacobians, information, wrapped(robot - stated))
     measured = np.linalg.inv(graph.mount_covariance)
     equations.add_known([n], measured, wrapped(mount - graph.mount))
     return equations
@@ -279,3 +282,20 @@ def marginals(graph: DriveGraph, solved: DrivePoses, scale: float) -> Marginals:
         poses[first : first + count] = block[range(count), :, range(count), :]
     cross = last[:-3].reshape(n, 3, 3)
     return Marginals((poses + np.swapaxes(poses, 1, 2)) / 2, cross, last[-3:])
+
+
+def robot_covariances(
+    laser: Array, covariances: Array, cross: Array, mount: Array, spread: Array
+) -> Array:
+    """(n, 3, 3) covariances of poses of the robot from those of the laser frame, (n, 3).
+
+    ``cross``, (n, 3, 3), is of the poses with the mount, ``spread`` of the mount, (3,).
+    """
+    back = np.broadcast_to(inverse(mount), laser.shape)
+    by_laser, by_back = compose_jacobians(laser, back)
+    by_mount = by_back @ inverse_jacobian(mount)
+    mixed = by_laser @ cross @ np.swapaxes(by_mount, -1, -2)
+    found = by_laser @ covariances @ np.swapaxes(by_laser, -1, -2)
+    found = found + by_mount @ spread @ np.swapaxes(by_mount, -1, -2)
+    found = found + mixed + np.swapaxes(mixed, -1, -2)
+    return np.asarray(found + np.swapaxes(found, 1, 2)) / 2

@@ -13,9 +13,9 @@ from laser_gt.scans.planar import between
 from laser_gt.scans.scan import Sweep
 from validation.poses.angles import Array
 
-MOST = 12
-"""Pairs that are compared. A judgement: with some 300 points each, variances are known to 3 %, and
-correlations of 0.02 show."""
+MOST = 30
+"""Pairs that are compared. A judgement: with some 300 points each, variances are known to 2 %, and
+correlations of 0.015 show."""
 
 
 def scanner_noise(

@@ -63,6 +63,9 @@ def test_without_surveyed_stops_the_frame_is_that_of_the_first_pose(short):
     assert outcome.trajectory.frame == "own"
     assert np.abs(outcome.trajectory.poses[0]).max() < 1e-6
     assert outcome.anchors == ()
+    sigmas = np.sqrt(np.diagonal(outcome.trajectory.covariances, axis1=1, axis2=2))
+    assert sigmas[0].max() < 2e-6  # by definition
+    assert sigmas[1:].min() > 1e-5
 
 
 def test_two_processes_make_what_one_makes(short):
