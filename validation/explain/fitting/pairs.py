@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy import interpolate
 
 from validation.errors import GtvalError
 from validation.explain.fitting.angle_unit import angle_unit_doubt
@@ -268,6 +267,8 @@ def _motion(ids: list[str], poses: Array, times: Mapping[str, float]) -> Motion:
         raise GtvalError("a time offset needs at least two poses, all at different times")
     path = poses[order].copy()
     path[:, 2] = np.unwrap(path[:, 2])
+    from scipy import interpolate  # noqa: PLC0415 - half a second, for moving robots only
+
     spline = interpolate.CubicSpline(stamp[order], path)
     pieces = np.clip(np.argsort(order)[:, None] + [-1, 0], 0, len(ids) - 2)
     reach, jerks = np.diff(stamp[order])[pieces], 6 * spline.c[0][pieces]

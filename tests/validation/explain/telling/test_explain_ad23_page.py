@@ -127,7 +127,7 @@ def test_both_lasers(page, explained):
 def test_the_parameters_in_the_text(page, explained):
     told = {(f.subject, f.code): f.text for f in findings(explained)}
     genetic = told["laser_genetic", "systematic_error"]
-    assert "mount x -89.3 mm (-92.8 to -85.8)" in genetic
+    assert "mount x -89.3 mm (-92.8 to -85.7)" in genetic
     assert "x -89 mm (-93 to -86), y -50 mm (-53 to -46), heading +3.5 mrad (+0.2 to +6.7)" in (
         " ".join(page.split())
     )
