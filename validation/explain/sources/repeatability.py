@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy import special
 
 from validation.errors import GtvalError
@@ -88,7 +89,7 @@ def revisits(
     ids = in_common([validation, gt])
     truth = validation.select(ids)
     errors = pose_difference(truth.poses, gt.select(ids).poses, truth.components)
-    pairs = np.array(_close_pairs(truth.poses[:, :2], radius), dtype=int).reshape(-1, 2)
+    pairs = _close_pairs(truth.poses[:, :2], radius)
     if not len(pairs):
         return ()
     found = []
@@ -101,20 +102,29 @@ def revisits(
     return tuple(found)
 
 
-def _close_pairs(positions: Array, radius: float) -> list[tuple[int, int]]:
-    """Pairs of rows closer than the radius, the closest first, no row twice."""
+def _close_pairs(positions: Array, radius: float) -> npt.NDArray[np.intp]:
+    """(m, 2) rows closer than the radius, the closest first, no row twice.
+
+    A pair that is the first of both its rows is taken; the rest without these rows comes again.
+    """
     from scipy.spatial import cKDTree  # noqa: PLC0415  (slow to import, and used for reports only)
 
     close = np.sort(cKDTree(positions).query_pairs(radius, output_type="ndarray"), axis=1)
     distance = np.linalg.norm(positions[close[:, 0]] - positions[close[:, 1]], axis=-1)
-    used = np.zeros(len(positions), dtype=bool)
-    pairs = []
     # Among equal distances the order of the stops decides.
-    for a, b in close[np.lexsort((close[:, 1], close[:, 0], distance))].tolist():
-        if not (used[a] or used[b]):
-            used[[a, b]] = True
-            pairs.append((a, b))
-    return pairs
+    left = close[np.lexsort((close[:, 1], close[:, 0], distance))]
+    taken = np.zeros(len(positions), dtype=bool)
+    pairs = [left[:0]]
+    while len(left):
+        place = np.arange(len(left))
+        first = np.full(len(positions), len(left))
+        # Of several values for one row the last written stays: the smallest.
+        first[left[::-1].ravel()] = np.repeat(place[::-1], 2)
+        best = (first[left] == place[:, None]).all(1)
+        pairs.append(left[best])
+        taken[left[best]] = True
+        left = left[~taken[left].any(1)]
+    return np.concatenate(pairs)
 
 
 def _with_interval(
