@@ -364,7 +364,7 @@ class _Problem:
         """The fit at its last parameters."""
         made, residuals, slopes, noise = self.rows(parameters, scale)
         used, weights, log_density = self.weighed(residuals, self.known(noise, scale))
-        information = np.einsum("bnik,bnij,bnjl->bkl", slopes, used, slopes)
+        information = np.einsum("bnik,bnil->bkl", slopes, used @ slopes)
         n = len(self.pairs)
         counted = self.include.sum(1) * 3 if self.cells is None else self.used.sum((1, 2))
         if self.cells is not None:

@@ -76,9 +76,9 @@ def leave_one_out(fit: Fit) -> LeaveOneOut:
     information = np.where(left[:, :, None] & left[:, None, :], information, 0.0)
     # An undetermined parameter does not move, and its pose cannot be predicted well.
     finite = known_part(covariance_of(information))
-    step = np.einsum("nkl,nil,ni->nk", finite, weighted, residuals)
+    step = np.einsum("nkl,nl->nk", finite, np.einsum("nil,ni->nl", weighted, residuals))
     predicted = residuals + np.einsum("nik,nk->ni", slopes, step)
-    spread = np.einsum("nik,nkl,njl->nij", slopes, finite, slopes)
+    spread = slopes @ finite @ np.swapaxes(slopes, -1, -2)
     others = noise * _scale_without(fit, known)
     total = others + spread
     found = weigh(predicted, precision(total))
