@@ -44,6 +44,10 @@ def sentences(text: str) -> tuple[str, str]:
     return first, " ".join(rest)
 
 
+TWO_SIDED = 1.96
+"""Standard deviations of a two-sided 95 % interval of a normal error."""
+
+
 @dataclass(frozen=True)
 class Size:
     """How large something that was found is.
@@ -68,6 +72,12 @@ class Size:
     low: float = math.nan
     high: float = math.nan
     confidence: float = math.nan
+
+    @classmethod
+    def normal(cls, of: str, value: float, sigma: float, unit: str = "") -> "Size":
+        """With the 95 % interval of a normal error of standard deviation ``sigma``."""
+        value, half = float(value), TWO_SIDED * float(sigma)
+        return cls(of, value, unit, value - half, value + half, 0.95)
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,6 @@ from validation.results import Finding, Severity, Size
 
 SUBJECT = "rtk"
 AXES = ("x", "y", "z")
-TWO_SIDED = 1.96
-"""Standard deviations of a two-sided 95 % interval of a normal error."""
 LARGEST_SLIP = np.radians(1.0)
 """Radians that the body of a vehicle stands off its wheels at most: a judgement; loads and springs
 make some tenths of a degree."""
@@ -179,8 +177,7 @@ def _prior(outcome: RtkOutcome) -> Iterator[Finding]:
                 f"{abs(off) / sigma:.1f} standard deviations: check the tape measure's reading, "
                 "the known offsets, and the time of the receivers."
             )
-            ends = float(off - TWO_SIDED * sigma), float(off + TWO_SIDED * sigma)
-            size = (Size(f"distance {name}: found less measured", float(off), "m", *ends, 0.95),)
+            size = (Size.normal(f"distance {name}: found less measured", off, sigma, "m"),)
             yield Finding("warning", text, SUBJECT, "distance_differs", size)
 
 
@@ -204,8 +201,7 @@ def _motion(outcome: RtkOutcome) -> Iterator[Finding]:
             f"{100 * length * abs(np.tan(angle)):.0f} cm would do that, or stated antenna "
             "positions that are; the antenna distances cannot show it."
         )
-        ends = float(angle - TWO_SIDED * sigma), float(angle + TWO_SIDED * sigma)
-        size = (Size(f"{what} angle to the motion", float(angle), "rad", *ends, 0.95),)
+        size = (Size.normal(f"{what} angle to the motion", angle, sigma, "rad"),)
         yield Finding("warning", text, SUBJECT, "nose_off_motion", size)
 
 

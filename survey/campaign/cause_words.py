@@ -12,7 +12,7 @@ from survey.causes.search import SINGLE, Causes
 from survey.readings.readings import Readings
 from validation.poses.angles import Array, wrap
 from validation.results import Finding, Size
-from validation.statistics.hypotheses import Tried
+from validation.statistics.hypotheses import Parameter, Tried
 
 SPOILT = 1.0
 """Shift of a pose, in its standard deviations, from which it is called spoilt: more than chance
@@ -59,8 +59,13 @@ def _line(outcome: SurveyOutcome, diagnosis: Diagnosis, k: int, others: int) -> 
         if others:
             text += f"{others} other findings follow from it (others, under causes in the JSON). "
     text += f"To confirm it: {_confirm(best.what)}"
-    sizes = tuple(Size(p.name, p.value, p.unit, p.low, p.high) for p in best.parameters)
+    sizes = tuple(_size_of(one, one.name) for one in best.parameters)
     return Finding("error", text, _subject(best.what), "cause", sizes)
+
+
+def _size_of(one: Parameter, of: str) -> Size:
+    """A parameter as the size of a finding."""
+    return Size(of, one.value, one.unit, one.low, one.high, 0.95)
 
 
 def _others(causes: Causes, some: Sequence[Tried[Lead]]) -> list[Tried[Lead]]:
@@ -232,7 +237,7 @@ def _single(outcome: SurveyOutcome, diagnosis: Diagnosis) -> Iterator[Finding]:
     for row, size in zip(best.what.rows, best.parameters, strict=True):
         text = f"besides, probable blunder in {named(used, int(row))}: {used.distance[row]:.3f} m, "
         text += f"off by {MM * size.value:+.0f} mm. Measure it again"
-        off = Size("off by", size.value, "m", size.low, size.high, 0.95)
+        off = _size_of(size, "off by")
         yield Finding("error", text, used.start[row], "blunder", (off,))
 
 

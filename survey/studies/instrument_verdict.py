@@ -87,7 +87,7 @@ def _misfit_finding(check: InstrumentCheck, lines: Sequence[int]) -> Finding:
             "for all would be wrong everywhere. Measure all lengths anew with one edge, or check "
             "the two parts by themselves."
         )
-        step = _normal("step", misfit.step, misfit.step_sigma, "m")
+        step = Size.normal("step", misfit.step, misfit.step_sigma, "m")
         return _finding("error", text, "instrument-step", step)
     text = (
         "The errors differ from length to length by more than readings of one length do "
@@ -108,7 +108,7 @@ def _origin_findings(check: InstrumentCheck) -> Iterator[Finding]:
         if check.largest_error <= check.tolerance
         else f"It may reach {_mm(check.largest_error)}, beyond the stated ±{_mm(check.tolerance)}."
     )
-    offset = _normal("offset", check.offset, _sigma(check, 0), "m")
+    offset = Size.normal("offset", check.offset, _sigma(check, 0), "m")
     if np.isnan(check.p_scale):
         text = (
             f"Readings are off by {_mm(check.offset, sign=True)} at {check.longest:.2f} m "
@@ -132,7 +132,7 @@ def _origin_findings(check: InstrumentCheck) -> Iterator[Finding]:
             f"{abs(check.scale_error) * 1e6:.0f} ± {_sigma(check, 1) * 1e6:.0f} ppm (1 sigma, "
             f"p = {check.p_scale:.2g}). "
         )
-        scale = _normal("scale error", check.scale_error, _sigma(check, 1))
+        scale = Size.normal("scale error", check.scale_error, _sigma(check, 1))
         yield _finding("warning", text + inside, "scale", scale)
     if not separate:
         text = (
@@ -180,15 +180,6 @@ def _missing_evidence(check: InstrumentCheck) -> Iterator[str]:
 
 def _finding(severity: Severity, text: str, code: str, *sizes: Size) -> Finding:
     return Finding(severity, text.strip(), "instrument", code, sizes)
-
-
-def _normal(of: str, value: float, sigma: float, unit: str = "") -> Size:
-    """A size with its 95 % interval."""
-    return Size(of, value, unit, value - TWO_SIDED * sigma, value + TWO_SIDED * sigma, 0.95)
-
-
-TWO_SIDED = 1.96
-"""Standard deviations of a two-sided 95 % interval of a normal error."""
 
 
 def _sigma(check: InstrumentCheck, which: int) -> float:

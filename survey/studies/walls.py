@@ -124,8 +124,7 @@ def wall_findings(pair: WallPair) -> Iterator[Finding]:
         f"{np.degrees(pair.angle):+.3f}° ± {np.degrees(pair.sigma):.3f}° (1 sigma), "
         f"{np.tan(pair.angle) * pair.span * 1000:+.1f} mm over the {pair.span:.2f} m measured"
     )
-    half = 1.96 * pair.sigma
-    angle = Size("angle", pair.angle, "rad", pair.angle - half, pair.angle + half, 0.95)
+    angle = Size.normal("angle", pair.angle, pair.sigma, "rad")
     if pair.p_value < SIGNIFICANT:
         yield Finding(
             "warning",

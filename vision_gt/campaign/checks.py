@@ -391,8 +391,8 @@ def displacement_verdict(one: Displacement) -> Finding:
         f"{one.expected:.4f} m: off by {1e3 * one.off:+.1f} mm, sigma {1e3 * one.off_sigma:.1f} mm "
         f"(p = {one.p_value:.2g})."
     )
-    subject, half = f"camera {one.camera}", 1.96 * one.off_sigma
-    size = (Size("moved by less expected", one.off, "m", one.off - half, one.off + half, 0.95),)
+    subject = f"camera {one.camera}"
+    size = (Size.normal("moved by less expected", one.off, one.off_sigma, "m"),)
     if one.agrees:
         return Finding("good", f"{said} That is chance.", subject, "displacement_agrees", size)
     text = (

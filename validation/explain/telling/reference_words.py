@@ -31,9 +31,8 @@ def reference_findings(one: SystemExplanation) -> list[Finding]:
         f"If one reference stop tied the frame to the Vframe through the mount, its heading was "
         f"{evidence.heading:+.2f} rad (standard deviation {evidence.heading_sigma:.2f})"
     )
-    half = 1.96 * evidence.heading_sigma
-    ends = evidence.heading - half, evidence.heading + half
-    size = (Size("heading of the reference", evidence.heading, "rad", *ends, 0.95),)
+    name = "heading of the reference"
+    size = (Size.normal(name, evidence.heading, evidence.heading_sigma, "rad"),)
     if not evidence.possible:
         text = f"{heading}. No stop has that heading, so no reference explains the frame error."
         return [Finding("note", text, one.system, "no_reference", size)]

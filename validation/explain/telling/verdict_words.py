@@ -6,7 +6,7 @@ import numpy as np
 
 from validation.explain.sources.tails import HEAVY
 from validation.explain.sources.verdicts import Arbitration, Verdict, listed
-from validation.results import Finding, Severity, Size, listed_ids
+from validation.results import TWO_SIDED, Finding, Severity, Size, listed_ids
 
 
 def arbitration_findings(result: Arbitration) -> list[Finding]:
@@ -160,7 +160,5 @@ def _range(ends: Sequence[float], unit: str) -> str:
     return f"{1000 * ends[0]:.1f} to {1000 * ends[1]:.1f} {unit}"
 
 
-TWO_SIDED = 1.96
-"""Standard deviations of a two-sided 95 % interval of a normal error."""
 SHOWN = 0.1
 """Millimetres and milliradians below which no figure is told: the digits of printed tables."""
