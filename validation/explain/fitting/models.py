@@ -113,6 +113,21 @@ class Motion(NamedTuple):
         n = len(velocities)
         return cls(velocities, np.zeros((n, 3)), np.zeros((n, 2, 3)), np.zeros((n, 2)))
 
+    @classmethod
+    def along(cls, stamps: Array, path: Array) -> "Motion":
+        """A cubic spline through poses (n, 3), whose angles do not jump, in any order of time.
+
+        Along a smooth path its velocities are off by the third power of the time between poses,
+        those from the two neighbours by the second.
+        """
+        from scipy import interpolate  # noqa: PLC0415 - half a second, for moving robots only
+
+        order = np.argsort(stamps, kind="stable")
+        spline = interpolate.CubicSpline(stamps[order], path[order])
+        pieces = np.clip(np.argsort(order)[:, None] + [-1, 0], 0, len(stamps) - 2)
+        reach, jerks = np.diff(stamps[order])[pieces], 6 * spline.c[0][pieces]
+        return cls(spline(stamps, 1), spline(stamps, 2), jerks, reach)
+
     def select(self, rows: npt.ArrayLike | slice) -> "Motion":
         """Of some poses."""
         some = rows if isinstance(rows, slice) else np.asarray(rows)

@@ -248,10 +248,7 @@ def _steps(ids: list[str], validation: PoseTable, times: Mapping[str, float] | N
 
 
 def _motion(ids: list[str], poses: Array, times: Mapping[str, float]) -> Motion:
-    """A cubic spline through the poses in time.
-
-    Along a smooth path its velocities are off by the third power of the time between poses,
-    those from the two neighbours by the second: of a robot that turns, a third of the way.
+    """How the robot moves at each pose.
 
     Raises
     ------
@@ -265,14 +262,9 @@ def _motion(ids: list[str], poses: Array, times: Mapping[str, float]) -> Motion:
     order = np.argsort(stamp, kind="stable")
     if len(ids) < 2 or (np.diff(stamp[order]) <= 0).any():
         raise GtvalError("a time offset needs at least two poses, all at different times")
-    path = poses[order].copy()
-    path[:, 2] = np.unwrap(path[:, 2])
-    from scipy import interpolate  # noqa: PLC0415 - half a second, for moving robots only
-
-    spline = interpolate.CubicSpline(stamp[order], path)
-    pieces = np.clip(np.argsort(order)[:, None] + [-1, 0], 0, len(ids) - 2)
-    reach, jerks = np.diff(stamp[order])[pieces], 6 * spline.c[0][pieces]
-    return Motion(spline(stamp, 1), spline(stamp, 2), jerks, reach)
+    path = poses.copy()
+    path[order, 2] = np.unwrap(poses[order, 2])
+    return Motion.along(stamp, path)
 
 
 def shared_part(tables: Sequence[PoseTable]) -> Array | None:

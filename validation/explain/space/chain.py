@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from validation.errors import GtvalError
+from validation.explain.fitting.models import Motion
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable, in_common
 
@@ -60,9 +61,10 @@ class SpacePairs:
         Positions, metres; z is 0 in the plane.
     turned_truth, turned_given : Rotation, optional
         Orientations; None where not known.
-    velocities, rates : (n, 3) array, optional
-        Of the given poses: metres a second along the frame's axes, radians a second about the
-        robot's.
+    motion : Motion, optional
+        Of the given positions, along the frame's axes.
+    rates : (n, 3) array, optional
+        Of the given orientations, radians a second about the robot's axes.
     """
 
     system: str
@@ -72,7 +74,7 @@ class SpacePairs:
     given: Array
     turned_truth: Rotation | None
     turned_given: Rotation | None
-    velocities: Array | None = None
+    motion: Motion | None = None
     rates: Array | None = None
 
     def __len__(self) -> int:
@@ -91,7 +93,7 @@ class SpacePairs:
     @property
     def parts(self) -> tuple[str, ...]:
         """Parts of the chain that these tables can speak of."""
-        asked = {"time": self.velocities is not None, "mount": self.some_orientation}
+        asked = {"time": self.motion is not None, "mount": self.some_orientation}
         return tuple(part for part in PARTS if asked.get(part, True))
 
     def parameters(self, parts: tuple[str, ...]) -> tuple[int, ...]:
@@ -142,8 +144,8 @@ def space_pairs(
     first, second = orientations(ours), orientations(theirs)
     if width == 2:
         first, second = _from_above(first), _from_above(second)
-    velocities, rates = _motion(ids, given, second, times)
-    return SpacePairs(gt.system, ids, width, true, given, first, second, velocities, rates)
+    motion, rates = _motion(ids, given, second, times)
+    return SpacePairs(gt.system, ids, width, true, given, first, second, motion, rates)
 
 
 def _positions(table: PoseTable, width: int) -> Array:
@@ -171,8 +173,8 @@ def _motion(
     positions: Array,
     turned: Rotation | None,
     times: Mapping[str, float] | None,
-) -> tuple[Array | None, Array | None]:
-    """Velocities and turn rates by the poses before and after; None where the times do not say."""
+) -> tuple[Motion | None, Array | None]:
+    """The motion, and turn rates by the poses before and after; None where times do not say."""
     if times is None or any(name not in times for name in ids) or len(ids) < 3:
         return None, None
     stamps = np.array([times[name] for name in ids])
@@ -180,12 +182,12 @@ def _motion(
     if (np.diff(stamps[order]) <= 0).any():
         return None, None
     rank = np.argsort(order)
-    before, after = order[np.maximum(rank - 1, 0)], order[np.minimum(rank + 1, len(ids) - 1)]
-    span = (stamps[after] - stamps[before])[:, None]
     rates = None
     if turned is not None:
+        before, after = order[np.maximum(rank - 1, 0)], order[np.minimum(rank + 1, len(ids) - 1)]
+        span = (stamps[after] - stamps[before])[:, None]
         rates = (turned[before].inv() * turned[after]).as_rotvec() / span
-    return (positions[after] - positions[before]) / span, rates
+    return Motion.along(stamps, positions), rates
 
 
 @dataclass(frozen=True)
@@ -243,7 +245,8 @@ def look(pairs: SpacePairs, state: State) -> tuple[Array, Array]:
         Derivatives of the corrected poses by a step of each parameter, as `State.moved` takes it.
     """
     n, p = len(pairs), pairs.given
-    late = 0.0 if pairs.velocities is None else state.time * pairs.velocities
+    motion = Motion.steady(np.zeros((n, 3))) if pairs.motion is None else pairs.motion
+    late, velocities = motion.later(np.array([[state.time]]))
     turned_to = state.turn.apply(p + late)
     place = (1 + state.scale) * turned_to
     slopes = np.zeros((n, 6, len(PARAMETERS)))
@@ -269,8 +272,8 @@ def look(pairs: SpacePairs, state: State) -> tuple[Array, Array]:
     slopes[:, :3, 3:6] = -_cross(swung)
     slopes[:, 3:, 3:6] = np.eye(3)
     slopes[:, :3, 6] = turned_to
-    if pairs.velocities is not None:
-        slopes[:, :3, 7] = (1 + state.scale) * state.turn.apply(pairs.velocities)
+    if pairs.motion is not None:
+        slopes[:, :3, 7] = (1 + state.scale) * state.turn.apply(velocities)
         if pairs.rates is not None and own is not None:
             rates = (state.turn * own).apply(pairs.rates)
             slopes[:, 3:, 7] = rates
