@@ -71,7 +71,7 @@ def test_ends_of_lines_and_a_byte_order_mark_change_nothing(written, form, chang
         ("time,x,y\n0,1,2\n".encode("utf-16"), "UTF-16"),
         (b"\x7fELF\0\0\0\0", "a binary file, not text"),
         (b"\x1f\x8b\x08\0garbage", "damaged or cut off"),
-        (b"hello world\n", "no column for a time, x, y among 'hello', 'world'"),
+        (b"hello world\n", "euroc, rawseeds: no column for a time, x, y among 'hello', 'world'"),
         (b"1 2 3\n", "tum: 3 columns, not 8"),
         (b'{"a": 1}\n', "no format of a trajectory fits"),
         (b"pose,x,y,theta\n1,0,0,0\n", "a table of named stops"),
