@@ -2,16 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import PLANAR, SPATIAL, Component
 from validation.shown import Shown
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 Kind = Literal["plane", "space", "points_plane", "points_space"]
 """Poses in the plane or in space, or positions without orientation."""
@@ -152,7 +154,7 @@ class Trajectory(Shown):
         return self.kind in {"plane", "space"}
 
     @property
-    def rotations(self) -> Rotation:
+    def rotations(self) -> "Rotation":
         """(n) rotations from the moving frame to the frame of the coordinates.
 
         Raises
@@ -160,6 +162,8 @@ class Trajectory(Shown):
         GtvalError
             For positions without orientation.
         """
+        from scipy.spatial.transform import Rotation  # noqa: PLC0415  (tables of stops do without)
+
         if self.kind == "plane":
             return Rotation.from_rotvec(self.poses[:, 2:] * [0.0, 0.0, 1.0])
         if self.kind == "space":

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from validation.errors import GtvalError, InputError
 from validation.poses.angles import Array
@@ -140,6 +139,8 @@ def _poses(records: Records, asked: Asked) -> tuple[Kind, Array]:
     angles = _radians(records.angles, records, asked)
     if plane:
         return "plane", np.column_stack([positions, angles[:, 0]])
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415  (tables of stops do without)
+
     quaternions = Rotation.from_euler("ZYX", angles).as_quat()
     return "space", np.column_stack([positions, quaternions])
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from validation.errors import InputError
 from validation.poses.angles import Array
@@ -99,6 +98,8 @@ def read_tum_covariance(source: Source, asked: Asked) -> Records:
     covariances = np.zeros((len(rows), 6, 6))
     covariances[:, :3, :3] = symmetric(values[:, 14:], 3)
     lengths = np.linalg.norm(quaternions, axis=1)
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415  (tables of stops do without)
+
     turned = Rotation.from_quat(np.where(lengths[:, None] > 0, quaternions, 1.0)).as_matrix()
     own = symmetric(values[:, 8:14], 3)
     if own.any():
@@ -165,6 +166,8 @@ def quaternions_of(matrices: Array, source: Source, lines: Sequence[int]) -> Arr
             source.problem(f"not a rotation matrix: off by {off[row]:.2g}", lines[row], "rotation")
             for row in np.flatnonzero(wrong)[:MAX_PROBLEMS].tolist()
         )
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415  (tables of stops do without)
+
     return np.asarray(Rotation.from_matrix(matrices).as_quat())
 
 

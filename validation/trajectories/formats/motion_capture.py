@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from validation.poses.angles import Array
 from validation.poses.trajectory import Clock
@@ -180,6 +179,8 @@ def read_vicon(source: Source, asked: Asked) -> Records:
         if unit not in {"deg", "rad"}:
             raise source.error("expected deg or rad", 5, "RX", unit)
         turned = np.radians(turned) if unit == "deg" else turned
+        from scipy.spatial.transform import Rotation  # noqa: PLC0415  (tables of stops do without)
+
         turned = np.asarray(Rotation.from_rotvec(turned).as_quat())
         notes.append("RX RY RZ are taken as a rotation vector")
     frames = rows.numbers([0, 1])
@@ -252,6 +253,8 @@ def read_qualisys(source: Source, asked: Asked) -> Records:
         quaternions = quaternions_of(turned, source, rows.lines)
     elif all(name in found for name in angles):
         values = rows.numbers([found[name] for name in (*"XYZ", *angles)])
+        from scipy.spatial.transform import Rotation  # noqa: PLC0415  (tables of stops do without)
+
         quaternions = Rotation.from_euler("XYZ", values[:, 3:], degrees=True).as_quat()
         notes.append("no rotation matrix: angles are taken by Track Manager's own definition")
     else:
