@@ -11,6 +11,9 @@ CERTAIN = 1e-6
 """Chance of so good an agreement by accident below which headings are refused: a tool that looks
 at a hundred tables a day meets one such accident in thirty years."""
 
+FEWEST = 5
+"""Headings, none of them beyond a turn, with fewer of which nothing is said: of 200,000
+tables of three that are right, 4 % agree as well as to 0.04 rad when read as degrees."""
 BEYOND = 1e-3
 """The same where most headings are larger than a turn: seldom does anybody write such in radians,
 and then they differ from the other table's by whole turns. 30 tables of 8 stops in degrees were
@@ -48,11 +51,13 @@ def angle_unit_doubt(validation: PoseTable, gt: PoseTable) -> str:
     converted, headings = read[system]
     if as_is <= APART or converted >= as_is / CLOSER:
         return ""
+    beyond_a_turn = np.abs(headings) > 2 * np.pi
+    if len(a) < FEWEST and not beyond_a_turn.any():
+        return ""
     text = (
         f"the angles of '{system}' look like degrees: read so, they agree with the other "
         f"table's to {converted:.3f} rad instead of {as_is:.2f} rad. "
     )
-    beyond_a_turn = np.abs(headings) > 2 * np.pi
     most = BEYOND if beyond_a_turn.mean() > 0.5 else CERTAIN
     if beyond_a_turn.any() and chance_of_agreement(len(a), converted) < most:
         raise GtvalError(f"{text}Write radians: degrees times 0.0174533")

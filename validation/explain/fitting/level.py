@@ -19,6 +19,10 @@ errors, a cause was invented in 40 % of 60 clean tables of 20 poses."""
 SMALL = 0.5
 """Times what is stated, above which errors that are small are left so: covariances that are twice
 too large hide little."""
+SURELY = float(np.log(20.0))
+"""Log of the odds from which on what is left is taken for errors that last: one in twenty, the
+level of all intervals. With even odds, white errors had some in one of ten tables, and a constant
+frame beside covariances five times too large was called a drift in 8 of 67."""
 FEWEST_FREE = 8
 """Degrees of freedom from which on a level is estimated: its standard deviation is then a quarter
 of itself or less."""
@@ -66,6 +70,6 @@ def contradicts(fits: Sequence[Fit], pairs: Pairs) -> bool:
 
 
 def _lasts(pairs: Pairs, found: Fit) -> bool:
-    """Whether what is left of errors more likely lasts than not."""
+    """Whether what is left of errors has a memory, beyond doubt."""
     kinds = memory_of(pairs, found)
-    return kinds is not None and joint_of(kinds) > 0
+    return kinds is not None and joint_of(kinds) > SURELY
