@@ -21,7 +21,7 @@ def test_three_noisy_poses_in_radians_are_explained_and_not_asked_about():
 
 def test_three_headings_beyond_a_turn_that_agree_as_degrees_are_asked_about():
     degrees = THREE[:3] * [1, 1, 100.0]
-    noisy = np.radians(degrees[:, 2]) + [0.05, -0.04, 0.02]
+    noisy = np.radians(degrees[:, 2]) + np.array([0.05, -0.04, 0.02])
     survey = table("survey", np.column_stack([THREE[:3, :2], noisy]))
     (warning,) = [
         one
