@@ -49,6 +49,12 @@ def angle_unit_doubt(validation: PoseTable, gt: PoseTable) -> str:
     }
     system = min(read, key=lambda name: read[name][0])
     converted, headings = read[system]
+    if all(np.mean(np.abs(one) > 2 * np.pi) > 0.5 for one in (a, b)):
+        return (
+            f"most headings of '{validation.system}' and of '{gt.system}' are larger than a turn: "
+            "both look like degrees. They are taken as radians, as stated; if they are degrees, "
+            "write radians: degrees times 0.0174533."
+        )
     if as_is <= APART or converted >= as_is / CLOSER:
         return ""
     beyond_a_turn = np.abs(headings) > 2 * np.pi

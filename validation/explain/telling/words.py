@@ -19,7 +19,7 @@ from validation.explain.telling.reference_words import (
     reference_findings,
     slip_findings,
 )
-from validation.explain.telling.sizes import left_findings
+from validation.explain.telling.sizes import left_findings, looks_constant
 from validation.explain.telling.verdict_words import arbitration_findings
 from validation.poses.angles import Array
 from validation.results import Finding, Size
@@ -113,7 +113,7 @@ def _cause(
     )  # fmt: skip
     text = (
         f"{begin} {_named(one, model)}{_or(selection)}: {said} ({how}). {_change(settled)}{doubt} "
-        f"{measure(one, settled)}"
+        f"{measure(one, settled)}{looks_constant(settled)}"
     )
     sizes = sizes_of(values, confidence)
     return Finding("warning", text, one.system, "systematic_error", sizes)

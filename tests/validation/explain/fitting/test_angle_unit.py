@@ -81,3 +81,12 @@ def test_more_poses_make_it_more_certain_and_three_never_are():
     assert chances == sorted(chances, reverse=True)
     assert chances[0] > 0.01
     assert chances[-1] < CERTAIN
+
+
+def test_degrees_in_both_tables_are_asked_about():
+    survey, rig = simulate("none", 1)
+    turned = [1, 1, np.degrees(1.0)]
+    doubt = angle_unit_doubt(
+        table("survey", survey.poses * turned), table("rig", rig.poses * turned)
+    )
+    assert "both look like degrees" in doubt
