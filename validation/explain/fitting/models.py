@@ -99,19 +99,22 @@ class Motion(NamedTuple):
 
     ``velocities`` (n, 3) in m/s and rad/s, ``accelerations`` (n, 3) in m/s^2 and rad/s^2, ``jerks``
     (n, 2, 3) in m/s^3 and rad/s^3, and ``reach`` (n, 2) seconds up to which each cubic holds;
-    beyond, the velocity stays.
+    beyond, the velocity stays. ``doubts`` (n, 3) are the velocities less those that every other
+    pose gives, in the same units: what is not known of the way between poses.
     """
 
     velocities: Array
     accelerations: Array
     jerks: Array
     reach: Array
+    doubts: Array
 
     @classmethod
     def steady(cls, velocities: Array) -> "Motion":
         """Of poses (n, 3) whose velocities stay."""
         n = len(velocities)
-        return cls(velocities, np.zeros((n, 3)), np.zeros((n, 2, 3)), np.zeros((n, 2)))
+        nothing = np.zeros((n, 3))
+        return cls(velocities, nothing, np.zeros((n, 2, 3)), np.zeros((n, 2)), nothing)
 
     @classmethod
     def along(cls, stamps: Array, path: Array) -> "Motion":
@@ -123,10 +126,18 @@ class Motion(NamedTuple):
         from scipy import interpolate  # noqa: PLC0415 - half a second, for moving robots only
 
         order = np.argsort(stamps, kind="stable")
-        spline = interpolate.CubicSpline(stamps[order], path[order])
+        sorted_stamps, sorted_path = stamps[order], path[order]
+        spline = interpolate.CubicSpline(sorted_stamps, sorted_path)
+        doubts = np.zeros(path.shape)
+        for first in (0, 1):
+            rows = slice(first, None, 2)
+            if len(sorted_stamps[rows]) > 1:
+                coarse = interpolate.CubicSpline(sorted_stamps[rows], sorted_path[rows])
+                known = sorted_stamps[rows]
+                doubts[order[rows]] = spline(known, 1) - coarse(known, 1)
         pieces = np.clip(np.argsort(order)[:, None] + [-1, 0], 0, len(stamps) - 2)
         reach, jerks = np.diff(stamps[order])[pieces], 6 * spline.c[0][pieces]
-        return cls(spline(stamps, 1), spline(stamps, 2), jerks, reach)
+        return cls(spline(stamps, 1), spline(stamps, 2), jerks, reach, doubts)
 
     def select(self, rows: npt.ArrayLike | slice) -> "Motion":
         """Of some poses."""

@@ -15,6 +15,7 @@ MOTION = Motion(
     RNG.normal(size=(12, 3)),
     RNG.normal(size=(12, 2, 3)),
     np.full((12, 2), 0.6),
+    np.zeros((12, 3)),
 )
 MODELS = {
     model.name: model
