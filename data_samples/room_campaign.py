@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from data_samples.rendering.campaign import render_all
+from data_samples.rendering.drive import DriveSettings, film
 from data_samples.rendering.files import make_room_with_cameras, vision_texts, write_images
 from data_samples.rendering.planned import planned_cameras
 from data_samples.rooms.cameras import VisionSettings
@@ -13,6 +15,7 @@ from data_samples.rooms.checks import check_files
 from data_samples.rooms.laser_campaign import LaserSimulation, laser_files
 from data_samples.rooms.rooms import RoomSettings, make_room
 from data_samples.rooms.simulate import SimulatedCampaign, SimulationSettings, simulate_survey
+from validation.text_files.writing import write_files
 
 
 def write_room(
@@ -22,6 +25,7 @@ def write_room(
     settings: SimulationSettings,
     laser: LaserSimulation | None = None,
     vision: VisionSettings | None = None,
+    drive: DriveSettings | None = None,
     workers: int = 1,
     progress: Callable[[float], None] | None = None,
 ) -> SimulatedCampaign:
@@ -42,6 +46,8 @@ def write_room(
         Scanners on the robot; none by default.
     vision : VisionSettings, optional
         Cameras, boards and markers, whose images are rendered; none by default.
+    drive : DriveSettings, optional
+        A drive that the cameras film; none by default.
     workers : int
         Processes for rendering.
     progress : callable, optional
@@ -63,10 +69,17 @@ def write_room(
         for name, text in vision_texts(cameras, rng).items():
             more[name] = more.get(name, "") + text
         more["campaign.toml"] += planned_cameras(cameras, room.stops)
+    filmed = None
+    if cameras is not None and drive is not None:
+        filmed = film(cameras, drive, np.random.default_rng([seed, 2]))
+        for name, text in filmed.files.items():
+            more[name] = more.get(name, "") + text
     if laser is not None or vision is not None:
         for name, text in check_files(simulated, np.random.default_rng([seed, 1])).items():
             more[name] = more.get(name, "") + text
     write_campaign(folder, simulated, seed, more)
     if cameras is not None:
         write_images(folder, cameras, rng, workers, progress)
+    if filmed is not None:
+        write_files(folder, dict(render_all(filmed.photographs, seed, workers, progress)))
     return simulated

@@ -150,6 +150,23 @@ class TableSettings(Settings):
     sigmas: FourSigmas = (0.003, 0.003, 0.002, 0.01)
 
 
+class DriveSettings(Settings):
+    """A robot that drives, filmed by the cameras: images drive/CAMERA/TIME.png, or videos.
+
+    ``odometry`` is a file of poses in time in any format of trajectories, relative to the campaign
+    folder; its clock is that of the result. Without it all cameras are taken to have one clock.
+    ``window`` is how late a camera may be, seconds. ``unit`` is that of the times, where they do
+    not tell it, and ``stamps`` what they are: when light fell on the sensor ('capture'), or when
+    an image arrived ('receipt'). ``on_floor`` takes the robot as standing on the floor.
+    """
+
+    odometry: str = ""
+    window: Positive = 5.0
+    unit: Literal["s", "ms", "us", "ns"] | None = None
+    stamps: Literal["capture", "receipt", "unknown"] = "unknown"
+    on_floor: bool = True
+
+
 class PlaceSettings(Settings):
     """Where a board lies: its first inner corner (x, y in metres) and the direction of its rows.
 
@@ -280,7 +297,8 @@ class VisionSettings(Settings):
     which show ``board``; so do the images of steadiness. The other things that images show are
     ``bar``, ``reference``, ``markers``, ``table``, ``survey_check`` and ``displacement``; ``floor``
     is what the robot stands on;
-    ``printed`` is what was printed of this network before, ``plan`` what is planned.
+    ``printed`` is what was printed of this network before, ``plan`` what is planned, ``drive`` what
+    the cameras saw of a robot that drives.
 
     With ``on_floor`` poses of the robot are held to the floor, with ``merge_cameras`` all cameras
     that see a stop give one pose, with ``averaged_network`` the cameras are placed by averages
@@ -302,6 +320,7 @@ class VisionSettings(Settings):
     displacement: DisplacementSettings = DisplacementSettings()
     printed: PrintedSettings = PrintedSettings()
     plan: CameraPlanSettings = CameraPlanSettings()
+    drive: DriveSettings = DriveSettings()
     on_floor: bool = False
     merge_cameras: bool = False
     averaged_network: bool = False

@@ -59,7 +59,8 @@ class VisionSystem:
         if not has_images(campaign.folder, settings) and told_without_images(settings):
             return with_plan(printed_result(campaign, settings), campaign, settings)
         outcome = solve_campaign(campaign, progress, workers=workers, **choices)
-        return with_plan(result_of(outcome, campaign), campaign, settings, outcome)
+        result = with_plan(result_of(outcome, campaign), campaign, settings, outcome)
+        return with_drive(result, campaign, outcome, progress, workers)
 
 
 def told_without_images(settings: VisionSettings) -> bool:
@@ -69,8 +70,43 @@ def told_without_images(settings: VisionSettings) -> bool:
 
 def has_images(folder: "Path", settings: VisionSettings) -> bool:
     """Whether there are images of the robot at its stops."""
-    poses = folder / settings.images / "poses"
-    return poses.is_dir() and any(path.is_dir() for path in poses.iterdir())
+    below = [folder / settings.images / name for name in ("poses", "drive")]
+    return any(one.is_dir() and any(path.is_dir() for path in one.iterdir()) for one in below)
+
+
+def with_drive(
+    result: "SystemResult",
+    campaign: "Campaign",
+    outcome: "VisionOutcome",
+    progress: "Progress",
+    workers: int | None,
+) -> "SystemResult":
+    """The result with what the cameras saw of a robot that drives."""
+    from dataclasses import replace
+
+    from vision_gt.drive_campaign.solve import solve_campaign_drive
+    from vision_gt.drive_campaign.told import (
+        drive_facts,
+        drive_files,
+        drive_findings,
+        drive_sections,
+        drive_table,
+    )
+
+    drive = solve_campaign_drive(campaign, outcome, progress, workers)
+    if drive is None:
+        return result
+    fused = drive.outcome.trajectory
+    moving = [] if fused is None else [fused]
+    return replace(
+        result,
+        findings=[*result.findings, *drive_findings(drive)],
+        sections=[*result.sections, *drive_sections(drive)],
+        files={**result.files, **drive_files(drive)},
+        facts={**result.facts, "drive": drive_facts(drive)},
+        overview=[*result.overview, drive_table(drive)],
+        trajectories=[*result.trajectories, *moving],
+    )
 
 
 def result_of(outcome: "VisionOutcome", campaign: "Campaign") -> "SystemResult":

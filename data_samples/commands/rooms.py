@@ -102,6 +102,11 @@ def demo(ctx: click.Context, /, folder: Path, *, as_json: bool, **choices: bool)
     help="What disturbs the scans; may be given several times. docs/laser.md says how much.",
 )
 @click.option("--vision", is_flag=True, help="Also cameras, a robot with markers, and images.")
+@click.option(
+    "--drive",
+    type=click.FloatRange(2.0, 600.0),
+    help="With --vision: the cameras also film a drive of so many seconds, 10 frames a second.",
+)
 @WORKERS
 @FORCE
 @AS_JSON
@@ -123,6 +128,7 @@ def simulate(
     mount_error: tuple[float, float, float],
     laser_faults: tuple[str, ...],
     vision: bool,
+    drive: float | None,
     workers: int | None,
     force: bool,
     as_json: bool,
@@ -132,12 +138,15 @@ def simulate(
     The folder holds a survey of the room and an example ground truth to compare with it;
     `gtval run FOLDER` computes it. What is true is in FOLDER/truth, which no computation reads.
     """
+    from data_samples.rendering.drive import DriveSettings
     from data_samples.room_campaign import write_room
     from data_samples.rooms.cameras import VisionSettings
     from data_samples.rooms.laser_campaign import with_faults
     from data_samples.rooms.rooms import RoomSettings
     from data_samples.rooms.simulate import ExampleSystem, SimulationSettings
 
+    if drive is not None and not vision:
+        raise click.UsageError("--drive is filmed by the cameras of --vision; give both")
     refuse_to_overwrite(folder, force=force)
     settings = SimulationSettings(
         systems=(ExampleSystem(bias=bias),),
@@ -156,6 +165,7 @@ def simulate(
             settings,
             with_faults(laser_faults, mount_error) if laser else None,
             VisionSettings() if vision else None,
+            None if drive is None else DriveSettings(seconds=drive),
             workers or os.cpu_count() or 1,
             lambda share: report("rendering", share),
         )

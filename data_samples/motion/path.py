@@ -69,6 +69,37 @@ def drive(seconds: float, rng: np.random.Generator) -> TruePath:
     return TruePath(STEP * np.arange(total, dtype=np.float64), poses, tuple(stops))
 
 
+def through(places: Array, seconds: float, rng: np.random.Generator) -> TruePath:
+    """A drive from place to place, in an order drawn at random, with a stop at each.
+
+    Parameters
+    ----------
+    places : (p, 3) array
+        Where the robot may stop; it begins at one of them, in its heading.
+    seconds : float
+        Of the whole.
+    rng : numpy.random.Generator
+        For the order, speeds and the lengths of stops.
+    """
+    at = int(rng.integers(len(places)))
+    pose = np.array(places[at], dtype=float)
+    parts: list[Array] = []
+    stops: list[Stop] = []
+    count, total = 0, round(seconds / STEP)
+    while count < total:
+        standing = np.tile(pose, (round(rng.uniform(1.0, 2.0) / STEP), 1))
+        stops.append(Stop(str(len(stops) + 1), count * STEP, (count + len(standing) - 1) * STEP))
+        others = np.delete(np.arange(len(places)), at)
+        at = int(rng.choice(others))
+        way = _leg(pose, places[at, :2], rng)
+        parts += [standing, way]
+        count += len(standing) + len(way)
+        pose = way[-1]
+    poses = np.vstack(parts)[:total]
+    kept = tuple(stop for stop in stops if stop.end <= (total - 1) * STEP)
+    return TruePath(STEP * np.arange(total, dtype=np.float64), poses, kept)
+
+
 def _goal(pose: Array, rng: np.random.Generator) -> Array:
     """A place in the room that is not near."""
     while True:

@@ -24,6 +24,8 @@ from vision_gt.patterns.dictionaries import Family
 from vision_gt.robot.layout import Frame
 from vision_gt.settings import EXAMPLES, BoardSettings, Placement, VisionSettings, stated
 
+DRIVE = "drive"
+"""Folder of the frames of a robot that drives."""
 OF_CHECKS = ("table", "survey_check", "displacement")
 """Folders of images that poses do not depend on."""
 
@@ -395,7 +397,7 @@ def _not_used(given: VisionInputs) -> Iterator[tuple[str, str]]:
     used |= {*given.walk, *given.stop_images().values()}
     root = folder / given.settings.images
     for path in images_below(root):
-        if path not in used and path.relative_to(root).parts[0] not in OF_CHECKS:
+        if path not in used and path.relative_to(root).parts[0] not in {*OF_CHECKS, DRIVE}:
             what = "not used: no step looks at an image of this place, camera or kind"
             yield str(path.relative_to(folder)), what
     for name, file in given.settings.camera_files.items():

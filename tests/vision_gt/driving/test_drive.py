@@ -1,0 +1,89 @@
+"""A robot that drives: delays, trajectory and covariance are right, wrong frames are left out."""
+
+import numpy as np
+import pytest
+from filmed_drives import filmed
+
+from vision_gt.driving.drive import SYSTEM, solve_drive
+
+LIMITS = (0.005, 0.004)
+"""Metres and radians that a fused trajectory may be off by, root mean square."""
+
+
+@pytest.fixture(scope="module")
+def two_cameras():
+    """Less than half a minute, filmed by two cameras."""
+    return filmed(3, 25.0, cameras=2, middle=True)
+
+
+@pytest.fixture(scope="module")
+def solved(two_cameras):
+    return solve_drive(two_cameras.streams, two_cameras.odometry)
+
+
+def test_each_camera_has_its_delay(two_cameras, solved):
+    known = {name: c for name, c in solved.clocks.items() if c.verdict == "determined"}
+    assert known
+    for name, clock in known.items():
+        # Twice the half width of a 95 % interval: missed once in ten thousand times.
+        reach = clock.high_s - clock.low_s
+        assert abs(clock.delay_s - two_cameras.delays[name]) < reach
+        assert reach < 0.02
+
+
+def test_the_trajectory_is_right_where_cameras_see_the_robot(two_cameras, solved):
+    off, inside = two_cameras.errors(solved.trajectory)
+    off = off[inside & solved.supported]
+    assert solved.trajectory.system == SYSTEM
+    assert np.sqrt(np.square(off[:, :2]).sum(1).mean()) < LIMITS[0]
+    assert np.sqrt(np.square(off[:, 2]).mean()) < LIMITS[1]
+
+
+def test_frames_with_wrong_markers_are_not_kept(two_cameras, solved):
+    for stream in solved.streams:
+        wrong = two_cameras.spurious[stream.camera]
+        assert wrong.any()
+        assert not (stream.kept & wrong).any()
+        right = stream.kept | (np.array(stream.verdicts) == "nothing seen") | wrong
+        assert np.mean(right) > 0.95
+
+
+def test_the_covariance_keeps_what_all_frames_share(solved):
+    stream = max(solved.streams, key=lambda one: one.kept.sum())
+    shared = np.sqrt(np.median(stream.shared[stream.kept][:, 0, 0]))
+    fused = np.sqrt(np.median(solved.trajectory.covariances[solved.supported][:, 0, 0]))
+    # Two cameras with errors of their own would make it smaller by the root of two at most.
+    assert fused > shared / np.sqrt(2)
+
+
+def test_a_camera_without_frames_is_named(two_cameras):
+    first, second = two_cameras.streams
+    gone = second.judged(np.ones(int(second.kept.sum()), dtype=bool))
+    outcome = solve_drive([first, gone], two_cameras.odometry)
+    assert outcome.left_out[second.camera] == "too few poses"
+    nothing = solve_drive([gone], two_cameras.odometry)
+    assert nothing.trajectory is None
+
+
+@pytest.mark.full
+def test_delays_and_covariances_hold_over_many_drives():
+    held, missed_5_ms, scores, rms = [], 0, [], []
+    for seed in range(20):
+        one = filmed(seed, 120.0)
+        solved = solve_drive(one.streams, one.odometry)
+        for name, clock in solved.clocks.items():
+            if clock.verdict == "determined":
+                held.append(clock.low_s <= one.delays[name] <= clock.high_s)
+                missed_5_ms += abs(clock.delay_s - one.delays[name]) > 0.005
+        off, inside = one.errors(solved.trajectory)
+        some = inside & solved.supported
+        inverse = np.linalg.inv(solved.trajectory.covariances[some])
+        scores.append(np.einsum("ni,nij,nj->n", off[some], inverse, off[some]).mean())
+        rms.append(np.sqrt(np.square(off[some, :2]).sum(1).mean()))
+    assert len(held) >= 60
+    assert np.mean(held) >= 0.88
+    assert missed_5_ms <= 0.05 * len(held)
+    assert max(rms) < LIMITS[0] * 2
+    assert np.median(rms) < LIMITS[0]
+    # The mean of 20 drives whose NEES is that of the few errors that all frames share.
+    assert 1.8 < np.mean(scores) < 4.2

@@ -1,0 +1,1 @@
+"""Continuous acquisition in a campaign folder: frames, what is kept of them, what is told."""

@@ -1,0 +1,130 @@
+"""Frames of a drive: one folder of images a camera, named by time, or a video with its times."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from validation.errors import GtvalError, InputError, Problem
+from validation.poses.angles import Array
+from validation.text_files.csv_tables import Column, read_csv
+from validation.trajectories.formats.stamps import exact_times, unit_of
+from vision_gt.images.files import list_images
+from vision_gt.images.pictures import VIDEOS
+
+NAME = "expected a name that is the time of the frame, such as 1700000000.100.png"
+
+
+@dataclass(frozen=True)
+class CameraFrames:
+    """The n frames of one camera.
+
+    Parameters
+    ----------
+    camera : str
+        Its name.
+    times : (n,) array
+        Seconds since ``epoch``, increasing.
+    epoch : int
+        Whole seconds.
+    paths : tuple of Path
+        One image a frame, in the order of time; empty for a video.
+    video : Path, optional
+        All frames, in the order of time.
+    """
+
+    camera: str
+    times: Array
+    epoch: int
+    paths: tuple[Path, ...] = ()
+    video: Path | None = None
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+
+def drive_cameras(folder: Path) -> list[str]:
+    """Names of the cameras that have frames below a folder of a drive."""
+    if not folder.is_dir():
+        return []
+    found = [one.name for one in folder.iterdir() if one.is_dir() and list_images(one)]
+    found += [one.stem for one in folder.iterdir() if one.suffix.lower() in VIDEOS]
+    return sorted(set(found))
+
+
+def drive_frames(folder: Path, unit: str | None = None) -> list[CameraFrames]:
+    """The frames of all cameras of a drive.
+
+    Parameters
+    ----------
+    folder : Path
+        Holds CAMERA/TIME.png and so on; or CAMERA.mp4 beside CAMERA.csv, whose column 'time' has a
+        row for each frame.
+    unit : {"s", "ms", "us", "ns"}, optional
+        Of the times, where they do not tell it.
+
+    Raises
+    ------
+    InputError
+        Naming every image whose name is no time, times that repeat or go back, and a video without
+        its times.
+    """
+    found: list[CameraFrames] = []
+    problems: list[Problem] = []
+    for camera in drive_cameras(folder):
+        videos = [folder / f"{camera}{ending}" for ending in sorted(VIDEOS)]
+        videos = [one for one in videos if one.is_file()]
+        try:
+            if videos:
+                found.append(_of_video(camera, videos[0], unit))
+            else:
+                found.append(_of_images(camera, folder / camera, unit))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    return found
+
+
+def _of_images(camera: str, folder: Path, unit: str | None) -> CameraFrames:
+    """Frames in files, sorted by the times that their names are."""
+    paths = list_images(folder)
+    wrong = [Problem(path, NAME) for path in paths if not _is_number(path.stem)]
+    if wrong:
+        raise InputError(wrong)
+    epoch, times = _times(folder, [path.stem for path in paths], unit)
+    order = np.argsort(times, kind="stable")
+    again = [order[i + 1] for i in np.flatnonzero(np.diff(times[order]) == 0)]
+    if again:
+        raise InputError([Problem(paths[i], "another image has the same time") for i in again])
+    return CameraFrames(camera, times[order], epoch, tuple(paths[i] for i in order))
+
+
+def _of_video(camera: str, video: Path, unit: str | None) -> CameraFrames:
+    """Frames of a video, whose times are in a table of their own."""
+    path = video.with_suffix(".csv")
+    if not path.is_file():
+        said = f"the times of the frames of {video.name}: a column 'time' with a row for each frame"
+        raise InputError([Problem(path, f"missing; write here {said}")])
+    table = read_csv(path, [Column("time", unit="s")])
+    table.raise_problems()
+    if not len(table):
+        raise InputError([Problem(path, "no times")])
+    epoch, times = _times(path, table.raw["time"], unit)
+    for row in np.flatnonzero(np.diff(times) <= 0):
+        line = table.lines[row + 1]
+        raise InputError([Problem(path, "not later than the frame before", line, "time")])
+    return CameraFrames(camera, times, epoch, (), video)
+
+
+def _times(path: Path, stamps: list[str], unit: str | None) -> tuple[int, Array]:
+    """Exact times, in the unit that is stated or that they tell."""
+    try:
+        return exact_times(stamps, unit or unit_of(np.array(stamps, dtype=float)))
+    except GtvalError as error:
+        said = str(error).replace("--unit s, ms, us or ns", '[vision.drive] unit = "s" or the like')
+        raise InputError([Problem(path, said)]) from None
+
+
+def _is_number(text: str) -> bool:
+    return text.replace(".", "", 1).isdigit()

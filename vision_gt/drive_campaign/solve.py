@@ -1,0 +1,146 @@
+"""A campaign's drive: from the frames of its cameras to one trajectory."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from validation.campaign.folder import Campaign
+from validation.errors import InputError, Problem
+from validation.poses.trajectory import Clock, Trajectory
+from validation.systems import Progress, no_progress
+from validation.trajectories.formats import read_trajectory
+from vision_gt.campaign.inputs import DRIVE, sides_of
+from vision_gt.campaign.outcome import VisionOutcome
+from vision_gt.drive_campaign.detecting import faults, frames_seen
+from vision_gt.drive_campaign.frames import CameraFrames, drive_frames
+from vision_gt.drive_campaign.kept import FOLDER, KeptDetections
+from vision_gt.driving.drive import DriveOutcome, solve_drive
+from vision_gt.driving.stream import Stream, camera_stream
+from vision_gt.images.jobs import MarkerJob
+from vision_gt.patterns.dictionaries import Family
+from vision_gt.robot.robot_pose import Floor
+
+Report = Callable[[float], None]
+MOST_TOLD = 5
+"""Frames that are named where they cannot be read; the others are counted."""
+
+
+@dataclass(frozen=True)
+class CampaignDrive:
+    """A drive, with what its frames were.
+
+    Parameters
+    ----------
+    outcome : DriveOutcome
+        Streams, clocks, trajectory.
+    odometry : Trajectory or None
+        As its file has it.
+    unread : mapping of str to int
+        Frames of a camera that could not be read.
+    strangers : tuple of str
+        Cameras with frames that the network does not have.
+    """
+
+    outcome: DriveOutcome
+    odometry: Trajectory | None
+    unread: Mapping[str, int]
+    strangers: tuple[str, ...]
+
+
+def solve_campaign_drive(
+    campaign: Campaign,
+    vision: VisionOutcome,
+    progress: Progress = no_progress,
+    workers: int | None = None,
+) -> CampaignDrive | None:
+    """The drive of a campaign; None where there is none.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        With frames below its [vision] folder.
+    vision : VisionOutcome
+        Cameras and markers, from the same campaign.
+    progress : callable
+        Told what is being done.
+    workers : int, optional
+        Processes; by default one for each processor.
+
+    Raises
+    ------
+    InputError
+        If names are no times, no frame of a camera can be read, or the odometry is bad.
+    """
+    settings = vision.settings.drive
+    folder = campaign.folder / vision.settings.images / DRIVE
+    every = drive_frames(folder, settings.unit)
+    names = [camera.name for camera in vision.network.network.cameras]
+    frames = [one for one in every if one.camera in names]
+    if not every:
+        return None
+    odometry = _odometry(campaign, settings.odometry)
+    unread: dict[str, int] = {}
+    streams: list[Stream] = []
+    total, done = sum(map(len, frames)), 0
+    for one in frames:
+        start, share = done / total, len(one) / total
+
+        def report(part: float, start: float = start, share: float = share) -> None:
+            progress("looking for the robot", 0.9 * (start + share * part))
+
+        streams.append(_stream(campaign, vision, one, unread, workers, report))
+        done += len(one)
+    progress("clocks and trajectory", 0.9)
+    outcome = solve_drive(streams, odometry, window=settings.window)
+    strangers = tuple(one.camera for one in every if one.camera not in names)
+    return CampaignDrive(outcome, odometry, unread, strangers)
+
+
+def _stream(
+    campaign: Campaign,
+    vision: VisionOutcome,
+    frames: CameraFrames,
+    unread: dict[str, int],
+    workers: int | None,
+    report: Report,
+) -> Stream:
+    """Poses from the frames of a camera."""
+    settings, network = vision.settings, vision.network.network
+    camera = network.cameras[network.index(frames.camera)]
+    markers = settings.markers
+    family = Family(markers.family, markers.border)
+    job = MarkerJob(campaign.folder, family, tuple(sides_of(settings)), camera)
+    kept = KeptDetections(campaign.folder / FOLDER / f"vision_drive_{frames.camera}.jsonl")
+    try:
+        found = frames_seen(frames, job, kept, workers, report)
+    finally:
+        kept.close()
+    if len(found) != len(frames):
+        said = f"{len(frames)} times, but {frames.video and frames.video.name} has other frames"
+        path = campaign.folder if frames.video is None else frames.video.with_suffix(".csv")
+        raise InputError([Problem(path, said)])
+    bad = faults(found)
+    if len(bad) == len(found):
+        raise InputError([Problem(one.path, one.fault) for one in bad[:MOST_TOLD]])
+    unread[frames.camera] = len(bad)
+    return camera_stream(
+        frames.camera,
+        frames.times,
+        [one.markers.views for one in found],
+        network,
+        vision.layout.layout,
+        Floor(settings.floor.height, settings.floor.tilt),
+        epoch=frames.epoch,
+        clock=Clock(settings.drive.stamps),
+        on_floor=settings.drive.on_floor,
+    )
+
+
+def _odometry(campaign: Campaign, name: str) -> Trajectory | None:
+    """The odometry, with headings."""
+    if not name:
+        return None
+    path = campaign.folder / name
+    found = read_trajectory(path, system="odometry").planar()
+    if not found.has_orientation:
+        raise InputError([Problem(path, "odometry needs headings; these are positions only")])
+    return found

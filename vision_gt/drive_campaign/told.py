@@ -1,0 +1,183 @@
+"""What a person should read about a drive that cameras saw: findings, facts, tables, files."""
+
+from collections.abc import Iterator
+from types import ModuleType
+
+import numpy as np
+
+from validation.results import Figure, Finding, Section, Size, Table, Text
+from validation.text_files.csv_text import csv_text
+from validation.trajectories.correlation_telling import correlation_section
+from validation.trajectories.formats import trajectory_text
+from vision_gt.drive_campaign.solve import CampaignDrive
+from vision_gt.driving.drive import SYSTEM
+from vision_gt.driving.stream import Stream
+
+FEW_SUPPORTED = 0.95
+"""Share of the trajectory with frames on both sides, below which it is a warning: cameras that are
+hung for a drive see nearly all of it. A judgement."""
+MANY_SPURIOUS = 0.1
+"""Share of a camera's poses that the others contradict, from which on it is a warning."""
+TEXT = (
+    "Every frame of every camera gives a pose of its own, or a reason. Each camera has its own "
+    "clock, which the motion tells against the odometry; poses that those before and after "
+    "contradict are spurious. The trajectory is what all cameras together say. Its covariance has "
+    "the noise of the frames, which many frames make small, and what cameras, lenses and markers "
+    "are off by, which they do not."
+)
+
+
+def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
+    """Findings, the most important first."""
+    outcome = drive.outcome
+    if outcome.trajectory is None:
+        why = "; ".join(f"camera {name}: {said}" for name, said in outcome.left_out.items())
+        text = f"No trajectory of the drive: {why or 'no camera has frames'}."
+        yield Finding("error", text, SYSTEM, "no_drive")
+    else:
+        share = float(np.mean(outcome.supported))
+        kept = sum(int(one.kept.sum()) for one in outcome.streams)
+        frames = sum(map(len, outcome.streams))
+        text = (
+            f"{kept} of {frames} frames give a pose of the robot; {share:.0%} of the trajectory "
+            "has frames on both sides."
+        )
+        severity = "good" if share >= FEW_SUPPORTED else "warning"
+        size = (Size("share of the trajectory with frames on both sides", share),)
+        yield Finding("good" if severity == "good" else "warning", text, SYSTEM, "drive_seen", size)
+    for name, said in outcome.left_out.items():
+        if outcome.trajectory is not None:
+            text = f"Camera {name} is not in the trajectory: {said}."
+            yield Finding("warning", text, f"vision_{name}", "camera_left_out")
+    if drive.odometry is None:
+        text = (
+            "There is no odometry, so the stamps of all cameras are taken as those of one clock. "
+            "State [vision.drive] odometry, and the delay of each camera is found."
+        )
+        yield Finding("note", text, SYSTEM, "one_clock")
+    for one in outcome.streams:
+        yield from _of_camera(one, drive.unread.get(one.camera, 0))
+    for name in drive.strangers:
+        text = f"The frames of camera {name} are not used: the network has no such camera."
+        yield Finding("warning", text, f"vision_{name}", "unknown_camera")
+
+
+def _of_camera(stream: Stream, unread: int) -> Iterator[Finding]:
+    """What is odd about the frames of a camera."""
+    subject = f"vision_{stream.camera}"
+    spurious, posed = stream.count("spurious"), int(stream.kept.sum()) + stream.count("spurious")
+    if posed and spurious > MANY_SPURIOUS * posed:
+        text = (
+            f"{spurious} of {posed} poses are contradicted by those before and after. Look for "
+            "wrong markers, a camera that moved, or wrong times."
+        )
+        size = (Size("share of spurious poses", spurious / posed),)
+        yield Finding("warning", text, subject, "many_spurious", size)
+    if unread:
+        text = f"{unread} of {len(stream)} frames could not be read, and are left out."
+        yield Finding("warning", text, subject, "frames_unread", (Size("frames", unread),))
+
+
+def drive_table(drive: CampaignDrive) -> Table:
+    """A row for each camera."""
+    rows: list[list[str | int | float | None]] = []
+    for one in drive.outcome.streams:
+        sigmas = np.sqrt(np.diagonal(one.own[one.kept] + one.shared[one.kept], axis1=1, axis2=2))
+        clock = drive.outcome.clocks.get(one.camera)
+        known = clock is not None and clock.verdict == "determined"
+        delay = f"{1e3 * clock.delay_s:+.1f}" if clock is not None and known else ""
+        half = f"{500 * (clock.high_s - clock.low_s):.1f}" if clock is not None and known else ""
+        rows.append(
+            [
+                one.camera,
+                len(one),
+                int(one.kept.sum()),
+                *(one.count(v) for v in ("nothing seen", "ambiguous", "off the floor", "spurious")),
+                round(float(np.median(sigmas[:, :2])) * 1e3, 1) if len(sigmas) else None,
+                round(float(np.median(sigmas[:, 2])) * 1e3, 1) if len(sigmas) else None,
+                delay,
+                half,
+            ]
+        )
+    heads = ["camera", "frames", "kept", "nothing seen", "ambiguous", "off the floor", "spurious"]
+    heads += ["position sd [mm]", "heading sd [mrad]", "delay [ms]", "+- [ms]"]
+    return Table("Cameras in the drive", heads, rows)
+
+
+def drive_sections(drive: CampaignDrive) -> list[Section]:
+    """Tables and figures, and the document's way of finding delays beside them."""
+    blocks: list[Text | Table | Figure] = [Text(TEXT), drive_table(drive)]
+    if drive.outcome.trajectory is not None:
+        blocks += [
+            Figure(
+                "vision_drive_map",
+                "The fused way of the robot, and the frames of each camera.",
+                "A map of the way, with dots where cameras saw the robot.",
+                lambda: _figures().drive_map(drive.outcome),
+            ),
+            Figure(
+                "vision_drive_time",
+                "Which camera saw the robot when, spurious frames crossed, and the standard "
+                "deviation of the fused position.",
+                "Rows of dots by camera over time, and a curve below.",
+                lambda: _figures().drive_time(drive.outcome),
+            ),
+        ]
+    sections = [Section("Vision GT: drive", blocks)]
+    moving = [t for one in drive.outcome.streams if (t := one.trajectory()) is not None]
+    if drive.odometry is not None and moving:
+        told = correlation_section(drive.odometry, moving)
+        sections.append(Section(f"Vision GT: {told.title}", told.blocks))
+    return sections
+
+
+def _figures() -> ModuleType:
+    """The drawing module, loaded when something is drawn."""
+    from vision_gt.drive_campaign import figures  # noqa: PLC0415  (matplotlib is slow to load)
+
+    return figures
+
+
+def drive_files(drive: CampaignDrive) -> dict[str, str | bytes]:
+    """Trajectories, and a row for every frame, by their names relative to results/."""
+    outcome = drive.outcome
+    files: dict[str, str | bytes] = {"vision_drive_frames.csv": _frames_csv(outcome.streams)}
+    if outcome.trajectory is not None:
+        files[f"trajectory_{SYSTEM}.csv"] = trajectory_text(outcome.trajectory)
+    for one in outcome.streams:
+        own = one.trajectory()
+        if own is not None:
+            files[f"trajectory_{own.system}.csv"] = trajectory_text(own)
+    return files
+
+
+def _frames_csv(streams: tuple[Stream, ...]) -> str:
+    """Every frame with its verdict."""
+    rows = []
+    for one in streams:
+        sigmas = np.sqrt(np.diagonal(one.own + one.shared, axis1=1, axis2=2))
+        for row, verdict in enumerate(one.verdicts):
+            numbers = " ".join(map(str, one.numbers[row]))
+            time = float(one.times[row] + one.epoch)
+            poses, spread = one.poses[row].tolist(), sigmas[row].tolist()
+            rows.append([one.camera, time, verdict, numbers, *poses, *spread])
+    heads = ["camera", "time", "verdict", "markers", "x", "y", "theta"]
+    return csv_text([*heads, "sigma_x", "sigma_y", "sigma_theta"], rows)
+
+
+def drive_facts(drive: CampaignDrive) -> dict[str, object]:
+    """Numbers for ``--json`` and results/run.json."""
+    outcome = drive.outcome
+    return {
+        "frames": {one.camera: len(one) for one in outcome.streams},
+        "kept": {one.camera: int(one.kept.sum()) for one in outcome.streams},
+        "spurious": {one.camera: one.count("spurious") for one in outcome.streams},
+        "left_out": dict(outcome.left_out),
+        "supported": float(np.mean(outcome.supported)) if len(outcome.supported) else 0.0,
+        "delays": {
+            name: None
+            if clock.verdict != "determined"
+            else {"delay_s": clock.delay_s, "low_s": clock.low_s, "high_s": clock.high_s}
+            for name, clock in outcome.clocks.items()
+        },
+    }
