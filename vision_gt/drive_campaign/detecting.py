@@ -49,7 +49,6 @@ def frames_seen(
     count = (workers or os.cpu_count() or 1) if len(jobs) >= FEW else 1
     for key, one in zip(new, in_processes(detect_one, jobs, count, progress), strict=True):
         kept.add(key, one)
-        kept.found[key] = one
     return [kept.found[key] for key in keys]
 
 

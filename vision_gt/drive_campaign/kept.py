@@ -5,7 +5,7 @@ import json
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +31,7 @@ class KeptDetections:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.found = dict(_lines(path))
-        self._stream: TextIO | None = None
+        self._cut = path.is_file() and not path.read_bytes().endswith(b"\n")
 
     def get(self, key: str) -> Found | None:
         """What is known of an image."""
@@ -39,20 +39,12 @@ class KeptDetections:
 
     def add(self, key: str, found: Found) -> None:
         """Keep what was found."""
-        if self._stream is None:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            cut = self.path.is_file() and not self.path.read_bytes().endswith(b"\n")
-            self._stream = self.path.open("a", encoding="utf-8")
-            if cut:
-                self._stream.write("\n")
-        self._stream.write(json.dumps(_as_json(key, found), separators=(",", ":")) + "\n")
-        self._stream.flush()
-
-    def close(self) -> None:
-        """No more is added."""
-        if self._stream is not None:
-            self._stream.close()
-            self._stream = None
+        self.found[key] = found
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        line = json.dumps(_as_json(key, found), separators=(",", ":"))
+        with self.path.open("a", encoding="utf-8") as stream:
+            stream.write(f"\n{line}\n" if self._cut else f"{line}\n")
+        self._cut = False
 
 
 def settings_key(job: MarkerJob) -> str:

@@ -110,10 +110,7 @@ def _stream(
     family = Family(markers.family, markers.border)
     job = MarkerJob(campaign.folder, family, tuple(sides_of(settings)), camera)
     kept = KeptDetections(campaign.folder / FOLDER / f"vision_drive_{frames.camera}.jsonl")
-    try:
-        found = frames_seen(frames, job, kept, workers, report)
-    finally:
-        kept.close()
+    found = frames_seen(frames, job, kept, workers, report)
     if len(found) != len(frames):
         said = f"{len(frames)} times, but {frames.video and frames.video.name} has other frames"
         path = campaign.folder if frames.video is None else frames.video.with_suffix(".csv")
