@@ -126,7 +126,11 @@ def result_of(outcome: "VisionOutcome", campaign: "Campaign") -> "SystemResult":
         sections=vision_sections(outcome, campaign),
         files=vision_files(outcome),
         facts=vision_facts(outcome),
-        overview=(camera_table(outcome), layout_table(outcome), pose_table(outcome)),
+        overview=[
+            camera_table(outcome),
+            layout_table(outcome),
+            *([pose_table(outcome)] if outcome.stops else []),
+        ],
     )
 
 

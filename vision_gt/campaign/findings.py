@@ -53,7 +53,9 @@ def _listed(names: list[str], most: int = 12) -> str:
 
 
 def _coverage(outcome: VisionOutcome, surveyed: Sequence[str]) -> Iterator[Finding]:
-    """How many stops have a pose, and why the others have none."""
+    """How many stops have a pose, and why the others have none; nothing for a drive alone."""
+    if not outcome.stops:
+        return
     known = [stop.pose for stop in outcome.stops if stop.chosen is not None]
     missing = [stop.pose for stop in outcome.stops if stop.chosen is None]
     seen = {pose for (_, pose), found in outcome.detections.items() if found.views}

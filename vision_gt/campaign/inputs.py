@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from validation.campaign.folder import Campaign
 from validation.errors import InputError, Problem
 from validation.systems import Progress, no_progress
-from vision_gt.images.files import CampaignImages, campaign_images, images_below
+from vision_gt.images.files import CampaignImages, campaign_images, drive_cameras, images_below
 from vision_gt.images.jobs import BoardJob, Found, Job, MarkerJob, detect_all
 from vision_gt.images.markers import Detection
 from vision_gt.images.rejections import Rejection
@@ -126,7 +126,8 @@ class VisionInputs:
     @property
     def names(self) -> tuple[str, ...]:
         """The cameras of the network."""
-        return tuple(self.settings.cameras) or tuple(self.images.poses)
+        filmed = drive_cameras(self.campaign.folder / self.settings.images / DRIVE)
+        return tuple(self.settings.cameras) or tuple(dict.fromkeys([*self.images.poses, *filmed]))
 
     @property
     def wanted(self) -> tuple[str, ...]:

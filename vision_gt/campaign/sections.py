@@ -31,9 +31,11 @@ def vision_sections(outcome: VisionOutcome, campaign: "Campaign") -> list[Sectio
         Section("Vision: cameras", _camera_blocks(outcome, campaign)),
         Section("Vision: intrinsic parameters", _calibration_blocks(outcome)),
         Section("Vision: markers on the robot", _layout_blocks(outcome)),
-        Section("Vision: poses", [pose_table(outcome)]),
-        Section("Vision: marker detection", detection_blocks(seen_in(outcome), outcome.printed)),
     ]
+    if outcome.stops:
+        seen = detection_blocks(seen_in(outcome), outcome.printed)
+        sections.append(Section("Vision: poses", [pose_table(outcome)]))
+        sections.append(Section("Vision: marker detection", seen))
     if outcome.steadiness:
         sections.append(Section("Vision: steadiness of the cameras", _steadiness_blocks(outcome)))
     sections += check_sections(outcome.checks)

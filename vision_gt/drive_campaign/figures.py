@@ -9,6 +9,9 @@ from vision_gt.driving.drive import DriveOutcome
 MOST = 3000
 """Dots a camera: more do not show on a screen."""
 
+WIDE = 20.0
+"""Largest over smallest standard deviation from which on they are drawn on a logarithmic scale."""
+
 
 def drive_map(outcome: DriveOutcome) -> Figure:
     """The way, and where each camera saw the robot."""
@@ -49,7 +52,11 @@ def drive_time(outcome: DriveOutcome) -> Figure:
     upper.set_yticks(range(len(outcome.streams)), [f"camera {s.camera}" for s in outcome.streams])
     upper.set_ylim(-0.5, len(outcome.streams) - 0.3)
     sigmas = np.sqrt(np.diagonal(trajectory.covariances, axis1=1, axis2=2)[:, :2].max(1)) * 1e3
-    lower.semilogy(trajectory.times, sigmas, "-", color=COLOURS[0], linewidth=0.9)
+    lower.plot(trajectory.times, sigmas, "-", color=COLOURS[0], linewidth=0.9)
+    if sigmas.max() > WIDE * sigmas.min():
+        lower.set_yscale("log")
+    else:
+        lower.set_ylim(bottom=0)
     lower.set_ylabel("position sd [mm]")
     lower.set_xlabel("time [s]")
     for axes in (upper, lower):

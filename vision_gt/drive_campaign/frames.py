@@ -9,7 +9,7 @@ from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from validation.text_files.csv_tables import Column, read_csv
 from validation.trajectories.formats.stamps import exact_times, unit_of
-from vision_gt.images.files import list_images
+from vision_gt.images.files import drive_cameras, list_images
 from vision_gt.images.pictures import VIDEOS
 
 NAME = "expected a name that is the time of the frame, such as 1700000000.100.png"
@@ -41,15 +41,6 @@ class CameraFrames:
 
     def __len__(self) -> int:
         return len(self.times)
-
-
-def drive_cameras(folder: Path) -> list[str]:
-    """Names of the cameras that have frames below a folder of a drive."""
-    if not folder.is_dir():
-        return []
-    found = [one.name for one in folder.iterdir() if one.is_dir() and list_images(one)]
-    found += [one.stem for one in folder.iterdir() if one.suffix.lower() in VIDEOS]
-    return sorted(set(found))
 
 
 def drive_frames(folder: Path, unit: str | None = None) -> list[CameraFrames]:

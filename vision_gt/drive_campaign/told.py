@@ -92,15 +92,18 @@ def drive_table(drive: CampaignDrive) -> Table:
                 one.camera,
                 len(one),
                 int(one.kept.sum()),
-                *(one.count(v) for v in ("nothing seen", "ambiguous", "off the floor", "spurious")),
+                *(
+                    one.count(v)
+                    for v in ("nothing seen", "no pose", "ambiguous", "off the floor", "spurious")
+                ),
                 round(float(np.median(sigmas[:, :2])) * 1e3, 1) if len(sigmas) else None,
                 round(float(np.median(sigmas[:, 2])) * 1e3, 1) if len(sigmas) else None,
                 delay,
                 half,
             ]
         )
-    heads = ["camera", "frames", "kept", "nothing seen", "ambiguous", "off the floor", "spurious"]
-    heads += ["position sd [mm]", "heading sd [mrad]", "delay [ms]", "+- [ms]"]
+    heads = ["camera", "frames", "kept", "nothing seen", "no pose", "ambiguous", "off the floor"]
+    heads += ["spurious", "position sd [mm]", "heading sd [mrad]", "delay [ms]", "+- [ms]"]
     return Table("Cameras in the drive", heads, rows)
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from validation.errors import InputError, Problem
 from validation.text_files.reading import file_bytes
-from vision_gt.images.pictures import Picture, decoded
+from vision_gt.images.pictures import VIDEOS, Picture, decoded
 
 Image = npt.NDArray[np.uint8]
 
@@ -121,6 +121,15 @@ def list_images(folder: Path) -> list[Path]:
         return []
     found = [path for path in folder.iterdir() if path.suffix.lower() in ENDINGS]
     return sorted(found, key=lambda path: counting(path.name))
+
+
+def drive_cameras(folder: Path) -> list[str]:
+    """Names of the cameras that have frames below a folder of a drive."""
+    if not folder.is_dir():
+        return []
+    found = [one.name for one in folder.iterdir() if one.is_dir() and list_images(one)]
+    found += [one.stem for one in folder.iterdir() if one.suffix.lower() in VIDEOS]
+    return sorted(set(found))
 
 
 def images_below(folder: Path) -> list[Path]:

@@ -10,8 +10,9 @@ from vision_scenes import APRIL, camera, marker_image, random_marker
 from validation.errors import InputError
 from vision_gt.drive_campaign import detecting
 from vision_gt.drive_campaign.detecting import frames_seen
-from vision_gt.drive_campaign.frames import drive_cameras, drive_frames
+from vision_gt.drive_campaign.frames import drive_frames
 from vision_gt.drive_campaign.kept import KeptDetections
+from vision_gt.images.files import drive_cameras
 from vision_gt.images.jobs import MarkerJob
 
 JOB = MarkerJob(None, APRIL, (5,), camera(), fitted=False)
