@@ -5,7 +5,7 @@ from types import ModuleType
 
 import numpy as np
 
-from validation.results import Figure, Finding, Section, Size, Table, Text
+from validation.results import Figure, Finding, Section, Severity, Size, Table, Text
 from validation.text_files.csv_text import csv_text
 from validation.trajectories.correlation_telling import correlation_section
 from validation.trajectories.formats import trajectory_text
@@ -30,25 +30,28 @@ TEXT = (
 def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
     """Findings, the most important first."""
     outcome = drive.outcome
+    of_camera = {one.camera: int(one.kept.sum()) for one in outcome.streams}
+    kept = sum(of_camera.values())
     if outcome.trajectory is None:
         why = "; ".join(f"camera {name}: {said}" for name, said in outcome.left_out.items())
         text = f"No trajectory of the drive: {why or 'no camera has frames'}."
-        yield Finding("error", text, SYSTEM, "no_drive")
+        size = (Size("frames with a pose", kept, "frames"),)
+        yield Finding("error", text, SYSTEM, "no_drive", size)
     else:
         share = float(np.mean(outcome.supported))
-        kept = sum(int(one.kept.sum()) for one in outcome.streams)
         frames = sum(map(len, outcome.streams))
         text = (
             f"{kept} of {frames} frames give a pose of the robot; {share:.0%} of the trajectory "
             "has frames on both sides."
         )
-        severity = "good" if share >= FEW_SUPPORTED else "warning"
+        severity: Severity = "good" if share >= FEW_SUPPORTED else "warning"
         size = (Size("share of the trajectory with frames on both sides", share),)
-        yield Finding("good" if severity == "good" else "warning", text, SYSTEM, "drive_seen", size)
+        yield Finding(severity, text, SYSTEM, "drive_seen", size)
     for name, said in outcome.left_out.items():
         if outcome.trajectory is not None:
             text = f"Camera {name} is not in the trajectory: {said}."
-            yield Finding("warning", text, f"vision_{name}", "camera_left_out")
+            size = (Size("frames with a pose", of_camera.get(name, 0), "frames"),)
+            yield Finding("warning", text, f"vision_{name}", "camera_left_out", size)
     if drive.odometry is None:
         text = (
             "There is no odometry, so the stamps of all cameras are taken as those of one clock. "
