@@ -54,10 +54,12 @@ class VisionSystem:
         from vision_gt.campaign.planned import with_plan
         from vision_gt.campaign.printed import printed_result
         from vision_gt.campaign.solve import solve_campaign
+        from vision_gt.drive_campaign.solve import check_frames
 
         settings = campaign.section("vision", VisionSettings)
         if not has_images(campaign.folder, settings) and told_without_images(settings):
             return with_plan(printed_result(campaign, settings), campaign, settings)
+        check_frames(campaign)
         outcome = solve_campaign(campaign, progress, workers=workers, **choices)
         result = with_plan(result_of(outcome, campaign), campaign, settings, outcome)
         return with_drive(result, campaign, outcome, progress, workers)

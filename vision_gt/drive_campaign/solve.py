@@ -18,6 +18,7 @@ from vision_gt.driving.stream import Stream, camera_stream
 from vision_gt.images.jobs import MarkerJob
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.robot.robot_pose import Floor
+from vision_gt.settings import VisionSettings
 
 Report = Callable[[float], None]
 MOST_TOLD = 5
@@ -44,6 +45,19 @@ class CampaignDrive:
     odometry: Trajectory | None
     unread: Mapping[str, int]
     strangers: tuple[str, ...]
+
+
+def check_frames(campaign: Campaign) -> None:
+    """Look at the names and times of the frames, before anything is worked out.
+
+    Raises
+    ------
+    InputError
+        If a name is no time, or the odometry is bad.
+    """
+    settings = campaign.section("vision", VisionSettings)
+    if drive_frames(campaign.folder / settings.images / DRIVE, settings.drive.unit):
+        _odometry(campaign, settings.drive.odometry)
 
 
 def solve_campaign_drive(

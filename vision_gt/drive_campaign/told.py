@@ -41,8 +41,8 @@ def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
         share = float(np.mean(outcome.supported))
         frames = sum(map(len, outcome.streams))
         text = (
-            f"{kept} of {frames} frames give a pose of the robot; {share:.0%} of the trajectory "
-            "has frames on both sides."
+            f"{kept} of {frames} frames give a pose of the robot; {100 * share:.0f} % of the "
+            "trajectory has frames on both sides."
         )
         severity: Severity = "good" if share >= FEW_SUPPORTED else "warning"
         size = (Size("share of the trajectory with frames on both sides", share),)

@@ -24,6 +24,8 @@ SPURIOUS = 0.5
 REACH_S = 0.5
 """Seconds within which the frames of a camera share in a fused pose: the memory of a trajectory
 that is seen ten times a second by some millimetres and driven at 0.5 m/s. A judgement."""
+FARTHEST = 300.0
+"""Of these times, beyond which it does not matter by how much a frame is too far."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -128,31 +130,27 @@ def _source(trajectory: Trajectory, clock: ClockEstimate | None) -> Source:
 
 
 def _with_shared(fused: Fused, streams: Sequence[Stream], sources: Sequence[Source]) -> Trajectory:
-    """The fused trajectory with what the frames near each pose share."""
+    """The fused trajectory with what the frames near each pose share.
+
+    A pose weighs the cameras by the noise of their frames, and so it weighs the errors that frames
+    share.
+    """
     own = fused.trajectory
-    shared = np.zeros((len(own), 3, 3))
-    weight = np.zeros(len(own))
+    common = np.zeros((len(own), 3, streams[0].common.shape[2]))
+    whole = np.zeros((len(own), 3, 3))
     for stream, source in zip(streams, sources, strict=True):
-        kept = stream.kept
-        if not kept.any():
+        kept = np.flatnonzero(stream.kept)
+        if not len(kept):
             continue
         since = stream.times[kept] - (source.at_s or 0.0)
         times = stream.times[kept] + (stream.epoch - own.epoch) + source.delay_s
-        times = times + 1e-6 * source.drift_ppm * since
-        information = 1 / np.trace(stream.own[kept][:, :2, :2], axis1=1, axis2=2)
-        near, share = _near(own.times, times)
-        amount = information[near] * share
-        shared += amount[:, None, None] * stream.shared[kept][near]
-        weight += amount
-    known = weight > 0
-    shared[known] /= weight[known, None, None]
-    # Where no frame is near, what the nearest known one has.
-    if known.any() and not known.all():
-        rows = np.flatnonzero(known)
-        nearest, _ = _near(own.times[~known], own.times[rows])
-        shared[~known] = shared[rows[nearest]]
-    covariances = own.covariances + shared
-    return replace(own, system=SYSTEM, covariances=covariances)
+        near, share = _near(own.times, times + 1e-6 * source.drift_ppm * since)
+        information = np.linalg.inv(stream.own[kept])[near] * share[:, None, None]
+        common += information @ stream.common[kept][near]
+        whole += information
+    by = np.linalg.solve(whole, common)
+    shared = np.einsum("niu,nju->nij", by, by)
+    return replace(own, system=SYSTEM, covariances=own.covariances + shared)
 
 
 def _near(times: Array, frames: Array) -> tuple[npt.NDArray[np.intp], Array]:
@@ -161,4 +159,6 @@ def _near(times: Array, frames: Array) -> tuple[npt.NDArray[np.intp], Array]:
     left = np.maximum(right - 1, 0)
     nearer = np.abs(times - frames[left]) < np.abs(frames[right] - times)
     nearest = np.where(nearer, left, right).astype(np.intp)
-    return nearest, np.exp(-np.abs(times - frames[nearest]) / REACH_S)
+    # Far from all frames the nearest counts alone; no weight may vanish.
+    far = np.minimum(np.abs(times - frames[nearest]) / REACH_S, FARTHEST)
+    return nearest, np.exp(-far)

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import block_diag
 
 from validation.poses.angles import Array
 from validation.poses.trajectory import Clock, Trajectory
@@ -23,6 +24,8 @@ OFF_FLOOR = 1e-6
 """Chance of standing so high or tilted on the floor, below which a pose is not used. A drive has
 thousands of frames: with 1e-6 one good frame of an hour of four cameras (144,000) in seven is lost.
 What rocks and what is rough is for the covariance."""
+EXACT = 1e-14
+"""Of the largest variance: below it a direction is exact but for rounding."""
 FEWEST = 3
 """Poses that are a trajectory."""
 Mask = npt.NDArray[np.bool_]
@@ -46,9 +49,11 @@ class Stream(Shown):
         Markers that each frame shows.
     poses : (n, 3) array
         x, y, theta; NaN where there is none.
-    own, shared : (n, 3, 3) array
-        Covariance from the noise of the corners, new in each frame; and from cameras, lenses and
-        markers, the same in all frames alike. Square metres and radians.
+    own : (n, 3, 3) array
+        Covariance from the noise of the corners, new in each frame. Square metres and radians.
+    common : (n, 3, u) array of float32
+        Change of a pose by each of u independent errors of variance one, of cameras, lenses and
+        markers: the same ones in all frames of all cameras.
     clock : Clock
         What the stamps are.
     """
@@ -60,7 +65,7 @@ class Stream(Shown):
     numbers: tuple[tuple[int, ...], ...]
     poses: Array
     own: Array
-    shared: Array
+    common: npt.NDArray[np.float32]
     clock: Clock = field(default_factory=Clock)
 
     def __len__(self) -> int:
@@ -70,6 +75,11 @@ class Stream(Shown):
     def kept(self) -> Mask:
         """(n,) whether a frame has a pose that is used."""
         return np.array([one == "kept" for one in self.verdicts], dtype=bool)
+
+    @property
+    def shared(self) -> Array:
+        """(n, 3, 3) covariance from what all frames share."""
+        return np.asarray(np.einsum("niu,nju->nij", self.common, self.common, dtype=float))
 
     def count(self, verdict: Verdict) -> int:
         """Frames with a verdict."""
@@ -145,7 +155,8 @@ def camera_stream(
     shared = _Shared(network, layout)
     verdicts: list[Verdict] = []
     poses = np.full((n, 3), np.nan)
-    own, common = np.full((2, n, 3, 3), np.nan)
+    own = np.full((n, 3, 3), np.nan)
+    common = np.full((n, 3, shared.count), np.nan, dtype=np.float32)
     for row, views in enumerate(seen):
         verdict: Verdict = "nothing seen"
         if views:
@@ -154,8 +165,8 @@ def camera_stream(
             verdict = _verdict(found, on_floor=on_floor)
             if found is not None and verdict == "kept":
                 poses[row], whole = found.planar
-                common[row] = shared.of(found)
-                own[row] = whole - common[row]
+                by = shared.of(found)
+                common[row], own[row] = by, whole - by @ by.T
         verdicts.append(verdict)
     numbers = tuple(tuple(sorted(view.number for view in views)) for views in seen)
     return Stream(
@@ -174,14 +185,19 @@ def _verdict(found: RobotPose | None, *, on_floor: bool) -> Verdict:
 
 
 class _Shared:
-    """The covariance of cameras and markers, which all frames share."""
+    """The errors of cameras and markers, which all frames share, as independent ones."""
 
     def __init__(self, network: Network, layout: Layout) -> None:
-        self.cameras = len(network.covariance)
-        self.network, self.layout = network.covariance, layout.covariance
+        self.root = block_diag(_root(network.covariance), _root(layout.covariance))
+        self.count = self.root.shape[1]
 
     def of(self, pose: RobotPose) -> Array:
-        """(3, 3) what it makes of the covariance of a planar pose."""
-        by = planar_jacobian(pose.best.R) @ pose.sensitivity
-        first, second = by[:, : self.cameras], by[:, self.cameras :]
-        return np.asarray(first @ self.network @ first.T + second @ self.layout @ second.T)
+        """(3, u) change of a planar pose by each."""
+        return np.asarray(planar_jacobian(pose.best.R) @ pose.sensitivity @ self.root)
+
+
+def _root(covariance: Array) -> Array:
+    """(k, u) columns whose squares sum to a covariance; those of what is exact are left out."""
+    values, vectors = np.linalg.eigh(covariance)
+    some = values > EXACT * max(float(values.max(initial=0.0)), 1e-300)
+    return np.asarray(vectors[:, some] * np.sqrt(values[some]))
