@@ -257,6 +257,14 @@ def spread_places(
     return tuple(int(i) for i in index), float(np.exp(-logsumexp(rest[live])))
 
 
+def largest_gains(gain: Array) -> Array:
+    """(...) sums of the runs along the last axis that `longest_gain` finds, 0 where none."""
+    total = np.cumsum(gain, axis=-1)
+    before = np.minimum(np.minimum.accumulate(total, axis=-1), 0.0)
+    low = np.concatenate([np.zeros_like(total[..., :1]), before[..., :-1]], axis=-1)
+    return np.asarray(np.maximum((total - low).max(axis=-1, initial=0.0), 0.0))
+
+
 def longest_gain(gain: Array) -> tuple[int, int] | None:
     """Ends of the run of the largest sum; None if nothing is positive."""
     best, total, start, found = 0.0, 0.0, 0, None

@@ -4,8 +4,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
-from survey.causes.lead import Lead, longest_gain, look_elsewhere
+from survey.causes.lead import Lead, largest_gains, longest_gain, look_elsewhere
 from survey.causes.look import CAPPED, FAR, WORTH, Look
 from survey.causes.start import place_from, restarted
 from survey.causes.trial import CAUCHY, Rows, Trial, renamed, with_point
@@ -22,10 +23,13 @@ def stop_numbers(look: Look) -> Iterator[Lead]:
     places = float(sum(len(rows) > 1 for rows in runs) * max(len(net.poses) - 1, 1))
     worth = WORTH + look_elsewhere(look.trial, places)
     marks = {net.points[mark]: q for q, mark in enumerate(net.mark)}
+    suspect = _badly_laid(look)
     for q, (mark, rows) in enumerate(zip(net.mark.tolist(), runs, strict=True)):
+        if not suspect[q]:
+            continue
         target = np.where(net.first[rows] == mark, net.second[rows], net.first[rows])
         now = np.minimum(_by_pose(look, q, rows, target), CAPPED)
-        if len(rows) < 2 or now.max() < FAR**2:
+        if (now >= FAR**2).sum() < 2:
             continue
         body = int(net.mark_rig[q])
         arms = rotate(look.at.poses[:, 2], np.broadcast_to(net.rig[body], (len(net.poses), 2)))
@@ -43,6 +47,23 @@ def stop_numbers(look: Look) -> Iterator[Lead]:
                 yield _number_lead(look, q, rows[start:end], t, other, gain, places)
 
 
+def _badly_laid(look: Look) -> npt.NDArray[np.bool_]:
+    """(q,) marks with readings that fit badly where the stops' poses put the marks."""
+    net, P = look.net, look.at.points.copy()
+    P[net.mark] = _laid_marks(look)
+    bad = look.cost_of(np.arange(len(net.first)), P[net.first], P[net.second]) >= FAR**2
+    worst = np.zeros(len(net.points), dtype=bool)
+    for ends in (net.first, net.second):
+        worst[ends[bad]] = True
+    return worst[net.mark]
+
+
+def _laid_marks(look: Look) -> Array:
+    """(q, 2) places of the marks as the poses put them."""
+    net, state = look.net, look.at.poses[look.net.mark_pose]
+    return np.asarray(state[:, :2] + rotate(state[:, 2], net.rig[net.mark_rig]))
+
+
 def _fits(cost: Array) -> bool:
     """Whether most of some readings fit within some centimetres."""
     return float(np.median(cost)) < 100 * CAUCHY**2
@@ -51,9 +72,9 @@ def _fits(cost: Array) -> bool:
 def _possible(now: Array, then: Array, own: int, least: float) -> list[int]:
     """Stops t, but ``own``, at which some of the costs ``then`` (t, m) are so much less than now.
 
-    No run of readings gains more than all those together that gain.
+    It is the sum over a run of the readings that counts.
     """
-    worth = np.maximum(now - then, 0.0).sum(1) > least
+    worth = largest_gains(now - then) > least
     worth[own] = False
     return np.flatnonzero(worth).tolist()
 
@@ -96,7 +117,10 @@ def stop_runs(look: Look) -> Iterator[Lead]:
     marks = {net.points[mark]: int(mark) for mark in net.mark}
     places = RUN_PLACES * len(net.poses) * max(len(net.poses) - 1, 1)
     worth = WORTH + look_elsewhere(look.trial, places)
+    suspect = {*net.mark_pose[_badly_laid(look)].tolist()}
     for s, stop in enumerate(net.poses):
+        if s not in suspect:
+            continue
         rows = look.stations.get(stop, np.empty(0, dtype=np.intp))
         first, second = net.first[rows], net.second[rows]
         own = np.where(bodies[first] >= 0, first, second)
@@ -105,7 +129,8 @@ def stop_runs(look: Look) -> Iterator[Lead]:
         rows, own, target = rows[kept], own[kept], target[kept]
         arms = net.rig[bodies[own]]
         here = poses[s, :2] + rotate(poses[s, 2], arms)
-        if look.cost_of(rows, here, P[target]).max(initial=0.0) < FAR**2:
+        bad = look.cost_of(rows, here, P[target]) >= FAR**2
+        if len(set(own[bad].tolist())) < 2:
             continue
         there = poses[:, None, :2] + rotate(poses[:, None, 2], arms[None])
         cost = np.minimum(look.cost_of(rows[None], there, P[target][None]), CAPPED)

@@ -3,9 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
+from types import MappingProxyType
 
 import numpy as np
 
+from survey.causes.lead import MANY
 from survey.causes.trial import CAUCHY, Rows, Trial
 from survey.estimation.geometry import circle_intersections, rigid_alignment, rotate
 from survey.estimation.network import Network, build_network, start_parameters
@@ -36,7 +38,30 @@ def whole_trial(
     located |= {name: np.asarray(place) for name, place in solution.from_marks.items()}
     missing = [point.name for point in solution.world.missing if point.name not in located]
     single = {frame.pose: frame.state for frame in solution.frames}
-    return located_trial(vframe, rig, readings, located, missing, single)
+    return located_trial(vframe, rig, readings, located, missing, single, _settled(solution))
+
+
+def _settled(solution: SurveySolution) -> dict[str, Array]:
+    """Marks of the stops of a large survey that all their readings agree on."""
+    adjusted = solution.adjustment
+    net, n = adjusted.network, len(adjusted.network.distance)
+    if n <= MANY:
+        return {}
+    unit = np.full(len(net.points), len(net.poses))
+    unit[net.mark] = net.mark_pose
+    fine = np.ones(len(net.poses) + 1, dtype=bool)
+    bad = np.abs(adjusted.residual[:n]) > FINE
+    fine[unit[net.first[bad]]] = fine[unit[net.second[bad]]] = False
+    left = solution.left_out.poses
+    return {
+        net.points[mark]: adjusted.parameters.points[mark]
+        for mark, pose in zip(net.mark, net.mark_pose, strict=True)
+        if fine[pose] and net.poses[pose] not in left
+    }
+
+
+FINE = 4.0
+"""Standardised residual up to which a reading agrees: a stop of 48 has none above it (1 in 300)."""
 
 
 def located_trial(
@@ -46,6 +71,7 @@ def located_trial(
     located: Mapping[str, Array],
     missing: Sequence[str],
     single: Mapping[str, Array],
+    settled: Mapping[str, Array] = MappingProxyType({}),
 ) -> tuple[Trial, Mask]:
     """All that was read, as one trial, and which of the readings (n,) are in it.
 
@@ -64,6 +90,8 @@ def located_trial(
         Those that have none.
     single : mapping of str to (3,) array
         Poses of the stops that have one.
+    settled : mapping of str to (2,) array
+        Marks that need not be sought.
     """
     known: dict[str, Array] = {n: np.asarray(p, dtype=float) for n, p in vframe.points.items()}
     frame = np.array(list(known.values()))
@@ -80,7 +108,7 @@ def located_trial(
                     known[name] = place
         if poses and len(known) == before:
             break
-        poses, marks = _robust_stops(readings, known, rig, single)
+        poses, marks = _robust_stops(readings, known, rig, single, settled)
     world = [name for name in known if name not in vframe.points]
     network, inside = build_network(vframe, rig, readings, world, list(poses))
     start = start_parameters(network, frame, {name: known[name] for name in world}, poses)
@@ -153,7 +181,11 @@ def _stacked_places(centres: Array, distances: Array) -> Array:
 
 
 def _robust_stops(
-    readings: Readings, known: Mapping[str, Array], rig: RobotFrame, single: Mapping[str, Array]
+    readings: Readings,
+    known: Mapping[str, Array],
+    rig: RobotFrame,
+    single: Mapping[str, Array],
+    settled: Mapping[str, Array],
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Poses (3,) and marks of the stops as most of their readings say; none of too few."""
     read: dict[str, dict[str, list[tuple[str, float]]]] = {pose: {} for pose in readings.poses}
@@ -166,10 +198,12 @@ def _robust_stops(
     names, many = [], []
     for at_stop in read.values():
         for name, own in at_stop.items():
+            if name in settled:
+                continue
             names.append(name)
             ends = np.array([known[there] for there, _ in own])
             many.append((ends, np.array([distance for _, distance in own])))
-    found = dict(zip(names, places_from(many), strict=True))
+    found = {**dict(zip(names, places_from(many), strict=True)), **settled}
     poses: dict[str, Array] = {}
     marks: dict[str, Array] = {}
     for pose, at_stop in read.items():

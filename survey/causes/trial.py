@@ -29,6 +29,10 @@ CAUCHY = 3.0
 """Standardised residual that gets half the weight in the robust solution: usual (2.4 is 95 % as
 exact as least squares where nothing is wrong)."""
 _PASSES = 25
+_FAR_OFF = 9.0
+_COARSE = 0.01
+"""Share of chi-squared, where m0 is above 3, that is not worth another pass: what fits so badly is
+known to be wrong, and m0 is told to two figures."""
 _ENOUGH = 1e-3
 """Decrease of chi-squared below which a pass brings nothing."""
 TINY = 1e-9
@@ -95,6 +99,11 @@ class Trial:
     def unknowns(self) -> int:
         """Number of unknowns, sizes of the common errors included."""
         return sum(self.network.sizes) + len(self.effects)
+
+    @property
+    def freedom(self) -> int:
+        """Observations used less unknowns."""
+        return int(self.used.sum()) - self.unknowns
 
     def equations(self, at: Parameters, values: Array) -> tuple[Array, csr_array]:
         """Standardised residuals (o,) and design matrix (o, u + e), zero where not used."""
@@ -170,7 +179,7 @@ class Fit:
     @property
     def freedom(self) -> int:
         """Observations used less unknowns."""
-        return int(self.trial.used.sum()) - self.trial.unknowns
+        return self.trial.freedom
 
     @property
     def m0(self) -> float:
@@ -234,7 +243,8 @@ def fit(trial: Trial, *, robust: bool = False, hopeless: float = np.inf) -> Fit:
         ):
             settled = None if robust else inverse
             break
-        if cost > hopeless and gained < cost / 2:
+        coarse = not robust and cost > _FAR_OFF * trial.freedom and gained < _COARSE * cost
+        if coarse or (cost > hopeless and gained < cost / 2):
             break
         damping = damping / 10 if damping > 1e-4 else 0.0
     found = Fit(trial, at, values, residual)

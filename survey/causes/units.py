@@ -89,10 +89,14 @@ def _there(trial: Trial, stop: str | None, distance: Array) -> Trial:
 
 
 def _again(trial: Trial, log: Log, rows: Rows, distance: Array) -> Trial:
-    """The trial with the stops of some readings located anew."""
+    """The trial with the stops of some readings, or where that fits better all, located anew.
+
+    Where many are in another unit, the points that they end at are in wrong places too.
+    """
     known = {*trial.network.poses}
     stops = [stop for stop in dict.fromkeys(log.station[row] for row in rows) if stop in known]
-    return all_restarted(trial, stops, distance)
+    ways = (all_restarted(trial, stops, distance), relocated(trial, distance))
+    return min(ways, key=lambda way: _robust_cost(way, distance))
 
 
 def _block(trial: Trial, log: Log, stations: list[str], per_metre: float) -> Rows:

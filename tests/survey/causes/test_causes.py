@@ -9,7 +9,7 @@ from scipy.stats import binom
 
 from survey.causes.common_errors import common_error_leads
 from survey.causes.diagnosis import diagnose, diagnose_unsolved
-from survey.causes.lead import MANY, log_of, spread_places
+from survey.causes.lead import MANY, largest_gains, log_of, longest_gain, spread_places
 from survey.causes.linear import Linear
 from survey.causes.look import Look
 from survey.causes.names import name_leads
@@ -305,6 +305,34 @@ def test_feet_are_told_where_the_frame_gives_few_points():
     best = first(replace(sample, readings=replace(r, distance=r.distance / 0.3048))).ranking.best
     assert (best.what.kind, best.what.extent) == ("scale", "all")
     assert best.parameters[0].low < LARGE["scale"] < best.parameters[0].high
+
+
+def feet_for_a_while(seed):
+    """A room of eight stops of which the third to the sixth were read in feet, and those rows."""
+    sample = clean(np.random.default_rng([16, seed]), stops=8, marks=10)
+    r = sample.readings
+    rows = np.array([k for k, a in enumerate(r.start) if a.split("/")[0] in {*"3456"}])
+    distance = r.distance.copy()
+    distance[rows] /= 0.3048
+    return replace(sample, readings=replace(r, distance=distance)), rows
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_feet_for_half_of_a_survey_are_one_block(seed):
+    # The points themselves are in wrong places then: all is located anew.
+    sample, rows = feet_for_a_while(seed)
+    causes = first(sample)
+    best = causes.ranking.best
+    assert best.what.kind == "scale"
+    assert len({*causes.rows[best.what.rows].tolist()} ^ {*rows.tolist()}) <= 6
+    assert best.parameters[0].low < LARGE["scale"] < best.parameters[0].high
+
+
+def test_the_sums_of_many_runs_are_those_of_each():
+    gain = np.random.default_rng(17).normal(0, 1, (200, 6))
+    runs = [longest_gain(one) for one in gain]
+    each = [sum(one[slice(*run)]) if run else 0.0 for one, run in zip(gain, runs, strict=True)]
+    assert largest_gains(gain) == pytest.approx(each, abs=1e-12)
 
 
 def test_a_stop_that_lost_nearly_all_its_readings_to_the_next_one_is_two_stops():
