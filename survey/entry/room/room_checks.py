@@ -1,15 +1,23 @@
 """The checks of an entry session: readings against everything that the others say."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
 
-from survey.entry.record.entries import Entry
-from survey.entry.record.numbers import TypedDistance, plain
+from survey.entry.record.entries import FROM_FILE, FROM_FILE_UNUSED, Entry
+from survey.entry.record.numbers import TypedDistance, parse_distance, plain
 from survey.entry.record.state import EntryState, Pair
-from survey.entry.room.checks import SHARP, Verdict, other_ends, suspects_of, verdict
+from survey.entry.room.checks import (
+    SHARP,
+    Verdict,
+    has_too_many_decimals,
+    other_ends,
+    suspects_of,
+    verdict,
+)
 from survey.entry.room.fits import test_values
 from survey.entry.room.groups import FRAME
 from survey.entry.room.knowledge import Judged, KnownReading, RoomKnowledge
@@ -89,6 +97,7 @@ class RoomChecks:
     ) -> None:
         self._instrument = campaign.instrument
         self._settings: EntrySettings = survey.entry
+        self._units = survey.units
         self._rig = tuple(campaign.robot_frame.points)
         self._state = state
         self.knowledge = RoomKnowledge(campaign, survey)
@@ -280,8 +289,27 @@ class RoomChecks:
         """Doubtful readings of a group: those that do not fit the others, not kept."""
         changes = self.knowledge.groups().get(key, 0)
         if self._examined.get(key, _NEVER)[0] != changes:
-            self._examined[key] = changes, self._misfits(key)
+            self._examined[key] = changes, self._misfits(key) | self._too_fine(key)
         return sorted(self._examined[key][1] - self._state.kept)
+
+    def _too_fine(self, key: str) -> frozenset[int]:
+        """Readings of a group typed with more decimals than the instrument shows."""
+        numbers = (
+            number
+            for pair in self._state.pairs
+            if len(pair) == 2 and self.knowledge.group_key(pair) == key
+            for number in self._state.counting(pair)
+        )
+        return frozenset(filter(self._is_too_fine, numbers))
+
+    def _is_too_fine(self, number: int) -> bool:
+        entry = self._state.entries[number]
+        if entry.device in {FROM_FILE, FROM_FILE_UNUSED} or not entry.text:
+            return False  # a file may hold means
+        with suppress(ValueError):
+            typed = parse_distance(entry.text, self._instrument, self._units)
+            return has_too_many_decimals(typed, self._instrument)
+        return False
 
     def _misfits(self, key: str) -> frozenset[int]:
         """Readings of a group that do not fit the others."""

@@ -99,6 +99,20 @@ def test_a_slip_is_doubtful_and_comes_back_before_the_laser_is_moved(entry_sessi
     ]
 
 
+def test_more_decimals_than_are_shown_come_back_before_the_laser_is_moved(entry_session, room):
+    target = until(entry_session, room, "1/O 9")
+    shown = room.shown[target.pair]
+    answer = entry_session.record(target, f"{shown}4", ANN)
+    assert answer.verdict.status == "doubtful"
+    while (following := entry_session.guide.next_target(ANN)) != target:
+        assert following.start == "1/O"
+        entry_session.record(following, room.shown[following.pair], ANN)
+    assert entry_session.doubtful() == [answer.entry.number]
+    entry_session.record(target, shown, ANN, again=True)
+    assert entry_session.doubtful() == []
+    assert entry_session.guide.next_target(ANN).start == "1/X"
+
+
 def test_a_kept_reading_is_doubtful_no_longer(entry_session, room):
     target = until(entry_session, room, "1/O 9")
     wrong = f"{float(room.shown[target.pair]) + 0.09:.3f}"
