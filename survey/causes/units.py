@@ -95,8 +95,16 @@ def _again(trial: Trial, log: Log, rows: Rows, distance: Array) -> Trial:
     """
     known = {*trial.network.poses}
     stops = [stop for stop in dict.fromkeys(log.station[row] for row in rows) if stop in known]
-    ways = (all_restarted(trial, stops, distance), relocated(trial, distance))
+    alone = all_restarted(trial, stops, distance)
+    if len(stops) < MANY_STOPS * len(known):
+        return alone
+    ways = (alone, relocated(trial, distance))
     return min(ways, key=lambda way: _robust_cost(way, distance))
+
+
+MANY_STOPS = 0.2
+"""Share of the stops in another unit from which the points may be in wrong places. A judgement:
+the robust solution holds the points where most of their readings are."""
 
 
 def _block(trial: Trial, log: Log, stations: list[str], per_metre: float) -> Rows:
