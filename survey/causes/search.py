@@ -135,7 +135,7 @@ a robust solution of a large survey (`MANY`) lies where the plain one does."""
 BEHIND = 0.95
 """Share of the gain of a cause that explains all of a large survey (`MANY`) from which on another
 is solved. Gains are exact where the survey is linear: of 500 stops with an offset of 5 mm they
-foretold the chi-squared of eight other causes to 0.1 % of the gain."""
+foretold the chi-squared of five other causes to 0.1 % of the gain."""
 
 
 def _is_needed(

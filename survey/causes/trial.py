@@ -32,7 +32,10 @@ _PASSES = 25
 _FAR_OFF = 9.0
 _COARSE = 0.01
 """Share of chi-squared, where m0 is above 3, that is not worth another pass: what fits so badly is
-known to be wrong, and m0 is told to two figures."""
+known to be wrong, and m0 is told to two figures. Only of `_MANY` and more: of few, the order of
+two large causes could hang on it."""
+_MANY = 3000
+"""Degrees of freedom from which on a pass costs more than it can tell."""
 _ENOUGH = 1e-3
 """Decrease of chi-squared below which a pass brings nothing."""
 TINY = 1e-9
@@ -243,7 +246,8 @@ def fit(trial: Trial, *, robust: bool = False, hopeless: float = np.inf) -> Fit:
         ):
             settled = None if robust else inverse
             break
-        coarse = not robust and cost > _FAR_OFF * trial.freedom and gained < _COARSE * cost
+        bad = cost > _FAR_OFF * trial.freedom and trial.freedom > _MANY
+        coarse = not robust and bad and gained < _COARSE * cost
         if coarse or (cost > hopeless and gained < cost / 2):
             break
         damping = damping / 10 if damping > 1e-4 else 0.0
