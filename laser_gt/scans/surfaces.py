@@ -16,7 +16,12 @@ from validation.poses.angles import Array
 
 LAGS = (2, 4, 7, 12, 20)
 """Half widths of the windows tried, in beams. A judgement: each some 1.7 times the one before, from
-the fewest that fit a line to what a metre of wall near the scanner holds."""
+the fewest that fit a line to what a metre of wall near the scanner holds.
+
+Measured: with (1, 2, 4, 9, 20) errors in 150 furnished rooms are 1.20 and 1.06 times the
+Cramer-Rao bound (full turn, half turn) instead of 1.24 and 1.11, as pieces of furniture with three
+beams on them have a line then; but in the scans of a real building such lines are of what is not
+straight: of 136 pairs 58 are accepted instead of 74."""
 
 MAX_WINDOW = 1.0
 """Longest window, in metres: beyond it a wall's own waviness counts. A judgement."""

@@ -108,16 +108,17 @@ def _chi_squared(folder):
 
 @pytest.mark.full
 def test_covariances_of_matches_and_poses_are_right_over_many_rooms(tmp_path):
-    rooms = 12
+    rooms, stops = 20, 6
     for room in range(rooms):
-        write_campaign(tmp_path / str(room), seed=9900 + room)
+        write_campaign(tmp_path / str(room), seed=8000 + room, stops=stops)
     joint, size, matches = zip(
         *(_chi_squared(tmp_path / str(room)) for room in range(rooms)), strict=True
     )
     low, high = chi2.ppf([0.025, 0.975], sum(size))
     assert low < sum(joint) < high
-    # The matches of a room share 26 scans, of 3 numbers each, and no more is independent.
-    low, high = chi2.ppf([0.025, 0.975], 3 * 26 * rooms) / (26 * rooms)
+    # The matches of a room say how its scans lie to each other, and no more is independent.
+    free = (stops - 1) * rooms
+    low, high = chi2.ppf([0.025, 0.975], 3 * free) / free
     assert low < np.mean(matches) < high
 
 
