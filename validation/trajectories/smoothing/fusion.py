@@ -11,6 +11,7 @@ from validation.poses.trajectory import Clock, Trajectory
 from validation.results import Finding, Size
 from validation.trajectories.smoothing.asked import at_times
 from validation.trajectories.smoothing.equations import Solved, solve
+from validation.trajectories.smoothing.frames import frame_findings
 from validation.trajectories.smoothing.gathering import (
     Stamped,
     check,
@@ -337,7 +338,10 @@ def _told(
         _odometry(work),
         tuple(work.trusted[frames.source == q][o] for q, o in enumerate(order)),
         tuple(work.flips[frames.source == q][o] for q, o in enumerate(order)),
-        _findings(told, work, supported),
+        (
+            *frame_findings(sources, stamps),
+            *_findings(told, work, supported),
+        ),
     )
 
 
