@@ -78,7 +78,8 @@ def apart_of(sources: Sequence[Source], stamps: Sequence[Stamped]) -> Apart | No
     -----
     Positions of the second source at the times of the first (linear in between, across no gap)
     are fitted by one turn and shift. It is a frame if what that moves is many times what is left:
-    noise, and its medians in parts of the time, in which errors that last and wander show.
+    noise, and its medians in parts of the time, in which errors that last and wander show; and if
+    no delay of the second explains half of it.
     """
     dims = _dims(sources[0])
     (target, sigma), (points, other) = (_places(*one) for one in zip(sources, stamps, strict=True))
@@ -108,6 +109,11 @@ def apart_of(sources: Sequence[Source], stamps: Sequence[Stamped]) -> Apart | No
     lasting = float(np.linalg.norm(medians, axis=1).max())
     stated = STATED * float(np.hypot(sigma, other))
     if moved < max(SURE * noise, SURE * lasting, stated) or np.median(apart) < moved / 2:
+        return None
+    # A delay along a straight way looks like a frame too.
+    rates = (points[after] - points[after - 1])[inside] / (high - low)[inside, None]
+    late = np.sum(rates[keep] * (there - here)[keep]) / max(np.sum(rates[keep] ** 2), 1e-12)
+    if np.median(np.linalg.norm(there - here - late * rates, axis=1)[keep]) < moved / 2:
         return None
     middle = here.mean(axis=0)
     turn = np.arctan2(rotation[1, 0], rotation[0, 0])
