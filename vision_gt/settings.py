@@ -154,7 +154,7 @@ class DriveSettings(Settings):
     """A robot that drives, filmed by the cameras: images drive/CAMERA/TIME.png, or videos.
 
     ``odometry`` is a file of poses in time in any format of trajectories, relative to the campaign
-    folder; its clock is that of the result. Without it all cameras are taken to have one clock.
+    folder; its clock is that of the result. Without it that of the camera with most poses is.
     ``window`` is how late a camera may be, seconds. ``unit`` is that of the times, where they do
     not tell it, and ``stamps`` what they are: when light fell on the sensor ('capture'), or when
     an image arrived ('receipt'). ``on_floor`` takes the robot as standing on the floor.

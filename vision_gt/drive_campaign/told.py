@@ -52,12 +52,13 @@ def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
             text = f"Camera {name} is not in the trajectory: {said}."
             size = (Size("frames with a pose", of_camera.get(name, 0), "frames"),)
             yield Finding("warning", text, f"vision_{name}", "camera_left_out", size)
-    if drive.odometry is None:
+    if outcome.assumed:
         text = (
-            "There is no odometry, so the stamps of all cameras are taken as those of one clock. "
-            "State [vision.drive] odometry, and the delay of each camera is found."
+            f"There is no odometry, and what cameras {', '.join(outcome.assumed)} see together "
+            "with the others does not tell their delays: their stamps are taken as those of one "
+            "clock. State [vision.drive] odometry, and the delay of each camera is found."
         )
-        yield Finding("note", text, SYSTEM, "one_clock")
+        yield Finding("warning", text, SYSTEM, "one_clock")
     for one in outcome.streams:
         yield from _of_camera(one, drive.unread.get(one.camera, 0))
     for name in drive.strangers:

@@ -37,7 +37,10 @@ class DriveOutcome(Shown):
     streams : tuple of Stream
         One a camera, spurious frames named.
     clocks : mapping of str to ClockEstimate
-        By camera, against the odometry; empty without it.
+        By camera, against the odometry; without it against the camera with most poses.
+    assumed : tuple of str
+        Without odometry: cameras whose delay is not told, and whose stamps are taken as those of
+        that camera's clock.
     left_out : mapping of str to str
         Cameras that are not in the fused trajectory, and why.
     trajectory : Trajectory, optional
@@ -51,6 +54,7 @@ class DriveOutcome(Shown):
 
     streams: tuple[Stream, ...]
     clocks: Mapping[str, ClockEstimate] = field(default_factory=dict)
+    assumed: tuple[str, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
     trajectory: Trajectory | None = None
     supported: Mask = field(default_factory=lambda: np.zeros(0, dtype=bool))
@@ -71,8 +75,9 @@ def solve_drive(
     streams : sequence of Stream
         Each on a clock of its own.
     odometry : Trajectory, optional
-        In a frame of its own; its stamps are the common time. Without it the stamps of all cameras
-        are taken as those of one clock.
+        In a frame of its own; its stamps are the common time. Without it those of the camera with
+        most poses are; what others see together with it tells their delay, and where it does not,
+        their stamps are taken as those of one clock.
     window : float
         Seconds to both sides in which the delay of a camera is looked for.
     progress : callable
@@ -86,16 +91,21 @@ def solve_drive(
     seen = {s.camera: t for s in streams if (t := s.trajectory(whole=False)) is not None}
     left_out = {s.camera: "too few poses" for s in streams if s.camera not in seen}
     clocks: Mapping[str, ClockEstimate] = {}
-    if odometry is not None and seen:
-        told = sync(odometry, list(seen.values()), window=window, progress=progress)
-        clocks = {name: told[trajectory.system] for name, trajectory in seen.items()}
-    unsure = {name: _why(clock) for name, clock in clocks.items() if clock.verdict != "determined"}
-    left_out |= unsure
-    used = [name for name in seen if name not in unsure]
+    if seen:
+        most = max(seen, key=lambda name: len(seen[name]))
+        judged_by = seen[most] if odometry is None else odometry
+        others = {name: one for name, one in seen.items() if one is not judged_by}
+        told = sync(judged_by, list(others.values()), window=window, progress=progress)
+        clocks = {name: told[trajectory.system] for name, trajectory in others.items()}
+    known = {name: clock for name, clock in clocks.items() if clock.verdict == "determined"}
+    assumed = tuple(name for name in clocks if name not in known) if odometry is None else ()
+    if odometry is not None:
+        left_out |= {name: _why(clock) for name, clock in clocks.items() if name not in known}
+    used = [name for name in seen if name not in left_out]
     if not used:
-        return DriveOutcome(tuple(streams), clocks, left_out)
+        return DriveOutcome(tuple(streams), clocks, assumed, left_out)
     progress("fusing the cameras", 0.8)
-    sources = [_source(seen[name], clocks.get(name)) for name in used]
+    sources = [_source(seen[name], known.get(name)) for name in used]
     fused = fuse(sources, odometry=odometry)
     by_camera = dict(zip(used, fused.weights, strict=True))
     judged = tuple(
@@ -103,7 +113,9 @@ def solve_drive(
     )
     trusted = [one for one in judged if one.camera in by_camera]
     trajectory = _with_shared(fused, trusted, sources)
-    return DriveOutcome(judged, clocks, left_out, trajectory, fused.supported, fused.findings)
+    return DriveOutcome(
+        *(judged, clocks, assumed, left_out, trajectory, fused.supported, fused.findings)
+    )
 
 
 def _why(clock: ClockEstimate) -> str:

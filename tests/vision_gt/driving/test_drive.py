@@ -56,6 +56,18 @@ def test_the_covariance_keeps_what_all_frames_share(solved):
     assert fused > shared / np.sqrt(2)
 
 
+def test_without_odometry_cameras_that_see_the_same_turns_tell_their_delays(two_cameras):
+    outcome = solve_drive(two_cameras.streams)
+    ((name, clock),) = outcome.clocks.items()
+    (first,) = set(two_cameras.delays) - {name}
+    between = two_cameras.delays[name] - two_cameras.delays[first]
+    assert clock.verdict == "determined"
+    assert abs(clock.delay_s - between) < clock.high_s - clock.low_s
+    off, inside = two_cameras.errors(outcome.trajectory, two_cameras.delays[first])
+    off = off[inside & outcome.supported]
+    assert np.sqrt(np.square(off[:, :2]).sum(1).mean()) < LIMITS[0]
+
+
 def test_a_camera_without_frames_is_named(two_cameras):
     first, second = two_cameras.streams
     gone = second.judged(np.ones(int(second.kept.sum()), dtype=bool))
