@@ -140,7 +140,7 @@ def estimate_noise(problem: Problem, state: State, noise: Noise, names: list[Nam
     def cost(logs: Array) -> tuple[float, Array]:
         try:
             value, slope = _likelihood(problem, found, state, noise.put(names, np.exp(logs)), names)
-        except GtvalError:
+        except (GtvalError, np.linalg.LinAlgError):
             # Beyond the precision of numbers: the search turns back.
             return 1e15, np.zeros(len(logs))
         return -value, -slope
