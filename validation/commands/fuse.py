@@ -87,23 +87,21 @@ def _clocks(path: Path | None) -> dict[str, dict[str, float]]:
 
 
 def _source(trajectory: "Trajectory", path: Path, clocks: dict[str, dict[str, float]]) -> "Source":
-    """A source with its delay; a half width of the 95 % interval is 1.96 standard deviations."""
+    """A source with its delay."""
     from validation.trajectories.formats.source import system_name
     from validation.trajectories.smoothing.source import Source
 
     clock = clocks.get(system_name(path))
     if clock is None:
         return Source(trajectory)
-    at = clock.get("at_s")
     low, high = clock.get("drift_low_ppm"), clock.get("drift_high_ppm")
-    known = low is not None and high is not None
-    return Source(
+    return Source.late(
         trajectory,
         clock["delay_s"],
-        max(clock["high_s"] - clock["low_s"], 0.0) / 3.92,
+        (clock["low_s"], clock["high_s"]),
         clock.get("drift_ppm") or 0.0,
-        max(high - low, 0.0) / 3.92 if low is not None and high is not None and known else 0.0,
-        None if at is None else at - trajectory.epoch,
+        None if low is None or high is None else (low, high),
+        clock.get("at_s"),
     )
 
 

@@ -2,7 +2,7 @@
 
 import itertools
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from validation.processes import in_processes
@@ -72,7 +72,7 @@ def _in_video(
     assert frames.video is not None
     for number, (name, image) in enumerate(video_frames(frames.video, ALL)):
         key = key_of(image.tobytes(), settings, number)
-        known = kept.get(key)
+        known = kept.found.get(key)
         if known is None:
             known = detect_in(image, _for(job, frames.video.with_name(name)))
             kept.add(key, known)
@@ -85,8 +85,3 @@ def _counted(
     for number, one in enumerate(itertools.islice(found, total + 1), 1):
         progress(min(number / max(total, 1), 1.0))
         yield one
-
-
-def faults(found: Sequence[Found]) -> list[Found]:
-    """Frames that could not be read."""
-    return [one for one in found if one.fault]

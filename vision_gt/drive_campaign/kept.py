@@ -33,10 +33,6 @@ class KeptDetections:
         self.found = dict(_lines(path))
         self._cut = path.is_file() and not path.read_bytes().endswith(b"\n")
 
-    def get(self, key: str) -> Found | None:
-        """What is known of an image."""
-        return self.found.get(key)
-
     def add(self, key: str, found: Found) -> None:
         """Keep what was found."""
         self.found[key] = found

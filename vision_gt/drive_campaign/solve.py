@@ -10,7 +10,7 @@ from validation.systems import Progress, no_progress
 from validation.trajectories.formats import read_trajectory
 from vision_gt.campaign.inputs import DRIVE, sides_of
 from vision_gt.campaign.outcome import VisionOutcome
-from vision_gt.drive_campaign.detecting import faults, frames_seen
+from vision_gt.drive_campaign.detecting import frames_seen
 from vision_gt.drive_campaign.frames import CameraFrames, drive_frames
 from vision_gt.drive_campaign.kept import FOLDER, KeptDetections
 from vision_gt.driving.drive import DriveOutcome, solve_drive
@@ -129,7 +129,7 @@ def _stream(
         said = f"{len(frames)} times, but {frames.video and frames.video.name} has other frames"
         path = campaign.folder if frames.video is None else frames.video.with_suffix(".csv")
         raise InputError([Problem(path, said)])
-    bad = faults(found)
+    bad = [one for one in found if one.fault]
     if len(bad) == len(found):
         raise InputError([Problem(one.path, one.fault) for one in bad[:MOST_TOLD]])
     unread[frames.camera] = len(bad)

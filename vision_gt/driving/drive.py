@@ -17,8 +17,6 @@ from validation.trajectories.smoothing.source import Fused, Source
 from vision_gt.driving.stream import Mask, Stream
 
 SYSTEM = "vision_drive"
-NORMAL_95 = 1.96
-"""Half of a 95 % interval in standard deviations."""
 SPURIOUS = 0.5
 """Probability of being right below which a frame is spurious: more likely wrong than right."""
 REACH_S = 0.5
@@ -129,15 +127,15 @@ def _source(trajectory: Trajectory, clock: ClockEstimate | None) -> Source:
     """A camera's poses with what is known of its clock."""
     if clock is None:
         return Source(trajectory)
-    drift = (clock.drift_high_ppm - clock.drift_low_ppm) / (2 * NORMAL_95)
-    known = bool(np.isfinite(drift))
-    return Source(
+    drift = (clock.drift_low_ppm, clock.drift_high_ppm)
+    known = bool(np.isfinite(drift).all())
+    return Source.late(
         trajectory,
         clock.delay_s,
-        max(clock.high_s - clock.low_s, 0.0) / (2 * NORMAL_95),
+        (clock.low_s, clock.high_s),
         clock.drift_ppm if known else 0.0,
-        max(drift, 0.0) if known else 0.0,
-        clock.at_s + clock.epoch - trajectory.epoch,
+        drift if known else None,
+        clock.at_s + clock.epoch,
     )
 
 
