@@ -12,6 +12,7 @@ from laser_gt.placing.solution import LaserSolution
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import compose, transform
 from validation.figures.errors import COLOURS, GREY
+from validation.figures.maps import in_metres
 from validation.poses.angles import Array
 
 if TYPE_CHECKING:
@@ -26,14 +27,6 @@ STYLES: dict[Verdict, tuple[str, str, str]] = {
     "refuted": (GREY, ":", "x"),
 }
 """Colour, line and marker of each verdict."""
-
-
-def _metres(axes: "Axes") -> None:
-    """Equal axes in metres."""
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
-    axes.grid(visible=True, linewidth=0.4, alpha=0.5)
 
 
 def room_map(solution: LaserSolution, sweeps: Mapping[str, Prepared], mount: Array) -> Figure:
@@ -63,7 +56,7 @@ def room_map(solution: LaserSolution, sweeps: Mapping[str, Prepared], mount: Arr
             fontsize=7,
             fontweight="bold" if anchored else "normal",
         )
-    _metres(axes)
+    in_metres(axes)
     return figure
 
 
@@ -89,7 +82,7 @@ def pair_graph(stops: Sequence[str], poses: Array, matching: Matching) -> Figure
     for stop, pose in where.items():
         axes.annotate(stop, pose[:2], xytext=(5, 4), textcoords="offset points", fontsize=8)
     axes.legend(loc="best", fontsize=8)
-    _metres(axes)
+    in_metres(axes)
     return figure
 
 

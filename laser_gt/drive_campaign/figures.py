@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 from laser_gt.driving.log import DriveOutcome
 from laser_gt.scans.planar import compose, transform
 from validation.figures.errors import COLOURS, GREY
+from validation.figures.maps import in_metres
 from validation.poses.angles import Array
 
 CELL = 0.02
@@ -34,10 +35,7 @@ def drive_map(outcome: DriveOutcome) -> Figure:
         label = f"carried on by odometry ({len(carried)})"
         axes.plot(*carried.T, "x", color=COLOURS[1], markersize=4, label=label)
     axes.legend(loc="best", fontsize=8)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
-    axes.grid(visible=True, linewidth=0.4, alpha=0.5)
+    in_metres(axes)
     return figure
 
 

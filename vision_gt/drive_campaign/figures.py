@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from validation.figures.errors import COLOURS, GREY
+from validation.figures.maps import in_metres
 from vision_gt.driving.drive import DriveOutcome
 
 MOST = 3000
@@ -27,10 +28,7 @@ def drive_map(outcome: DriveOutcome) -> Figure:
         bad = one.poses[[v == "spurious" for v in one.verdicts]]
         axes.plot(*bad[:, :2].T, "x", color=colour, markersize=5)
     axes.legend(loc="best", fontsize=8)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
-    axes.grid(visible=True, linewidth=0.4, alpha=0.5)
+    in_metres(axes)
     return figure
 
 
