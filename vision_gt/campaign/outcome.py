@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from vision_gt.campaign.checks import Checks
@@ -37,6 +38,12 @@ class StopPose:
     pose: str
     by_camera: Mapping[str, RobotPose]
     chosen: RobotPose | None
+
+    @property
+    def best(self) -> RobotPose | None:
+        """The chosen one, or else the one known best though it is not sure."""
+        found = sorted(self.by_camera.values(), key=lambda one: float(np.trace(one.planar[1])))
+        return self.chosen or next(iter(found), None)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from scipy.spatial.transform import RigidTransform
 
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
+from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable
 from validation.results import VALIDATION_SYSTEM
 from validation.systems import Progress, no_progress
@@ -20,6 +21,7 @@ from vision_gt.campaign.inputs import (
 )
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.campaign.printed import printed_detections
+from vision_gt.causes.evidence import Seen
 from vision_gt.images.files import Image, counting, read_image
 from vision_gt.images.markers import Detection
 from vision_gt.network.adjustment import Bar, Network
@@ -180,10 +182,78 @@ def _bar(settings: BarSettings) -> Bar:
 
 def _layout(given: VisionInputs, frames: Sequence[Frame], camera: Camera) -> LayoutFit:
     """The layout from the walk around the robot."""
+    return fit_layout(frames, camera, sides_of(given.settings), _dima(given))
+
+
+def _dima(given: VisionInputs) -> tuple[int, RigidTransform, Array]:
+    """The marker whose place on the robot was measured."""
     markers = given.settings.markers
     covariance = np.diag(np.square(markers.dima_sigmas))
-    dima = (stated(markers.dima), placed(markers.dima_on_robot), covariance)
-    return fit_layout(frames, camera, sides_of(given.settings), dima)
+    return stated(markers.dima), placed(markers.dima_on_robot), covariance
+
+
+def _sightings(
+    given: VisionInputs, detections: Mapping[tuple[str, str], Detection]
+) -> dict[str, list[Sighting]]:
+    """What the cameras see at each stop, in the order that people count."""
+    names = dict.fromkeys(pose for images in given.images.poses.values() for pose in images)
+    by_stop: dict[str, list[Sighting]] = {pose: [] for pose in sorted(names, key=counting)}
+    for (camera, stop), detection in detections.items():
+        if detection.views:
+            by_stop[stop].append(Sighting(camera, detection.views))
+    return by_stop
+
+
+def seen_of(
+    given: VisionInputs,
+    cameras: Mapping[str, Camera],
+    calibrations: Mapping[str, Calibration],
+    solution: NetworkSolution,
+    robot: tuple[Sequence[Frame], Mapping[tuple[str, str], Detection]],
+    layout: LayoutFit,
+    stops: Sequence[StopPose],
+) -> Seen:
+    """All that was seen and stated, for the search for causes.
+
+    Parameters
+    ----------
+    given : VisionInputs
+        The campaign.
+    cameras : mapping of str to Camera
+        As they are known without the network.
+    calibrations : mapping of str to Calibration
+        Of those that were calibrated from images.
+    solution : NetworkSolution
+        The camera network.
+    robot : (sequence of Frame, mapping)
+        Markers in the walk, and at the stops by camera and stop.
+    layout : LayoutFit
+        The markers.
+    stops : sequence of StopPose
+        Poses.
+    """
+    network = solution.network
+    frames, detections = robot
+    walker = {**cameras, **{c.name: c for c in network.cameras}}[given.movie_camera]
+    return Seen(
+        tuple(cameras[name] for name in network.names),
+        network.T_gtv_camera,
+        (*network.views, *solution.left_out),
+        _bar(given.settings.bar),
+        known_reference(given.settings),
+        tuple(frames),
+        walker,
+        layout.layout,
+        _dima(given),
+        _sightings(given, detections),
+        {stop.pose: stop.best.T_gtv_robot for stop in stops if stop.best is not None},
+        _floor(given),
+        tuple(name for name in network.names if name not in calibrations),
+    )
+
+
+def _floor(given: VisionInputs) -> Floor:
+    return Floor(given.settings.floor.height, given.settings.floor.tilt)
 
 
 def _stops(
@@ -193,16 +263,9 @@ def _stops(
     layout: Layout,
 ) -> tuple[StopPose, ...]:
     """Poses of all stops."""
-    stated = Floor(given.settings.floor.height, given.settings.floor.tilt)
-    on_floor = given.settings.on_floor
-    names = dict.fromkeys(pose for images in given.images.poses.values() for pose in images)
+    stated, on_floor = _floor(given), given.settings.on_floor
     stops = []
-    for pose in sorted(names, key=counting):
-        sightings = [
-            Sighting(camera, detection.views)
-            for (camera, stop), detection in detections.items()
-            if stop == pose and detection.views
-        ]
+    for pose, sightings in _sightings(given, detections).items():
         single = {
             s.camera: robot_pose([s], network, layout, stated, on_floor=on_floor) for s in sightings
         }

@@ -119,6 +119,7 @@ def adjust(
     knowledge: Knowledge,
     huber: float | None = 4.0,
     describe: Callable[[int], str] | None = None,
+    begin: Setup | None = None,
 ) -> Adjustment:
     """The setup with the least sum of (robust) squares, and its covariance.
 
@@ -134,6 +135,8 @@ def adjust(
         Length of a unit-variance residual from which on the loss is linear; None for squares.
     describe : callable, optional
         Name of a shared unknown, for the error message.
+    begin : Setup, optional
+        Where the search begins, where a better place than ``start`` is known.
 
     Raises
     ------
@@ -146,7 +149,7 @@ def adjust(
     (Triggs et al., "Bundle adjustment - a modern synthesis", 2000, section 6). Covariances are
     those of the linearised problem at the solution.
     """
-    at = start
+    at = start if begin is None else begin
     problem = _Problem(views, start, knowledge, huber)
     state = problem.evaluate(at)
     if not np.isfinite(state.cost):

@@ -152,15 +152,7 @@ def adjust_network(
         If no board has a known place.
     """
     names = [camera.name for camera in cameras]
-    by_name = dict(zip(names, cameras, strict=True))
-    starts = {}
-    for view in views:
-        if view.body in starts:
-            continue
-        T = camera_pose_of_board(view, by_name[view.camera])
-        if T is not None:
-            T_pattern_bar = bar.patterns[view.part].inv()
-            starts[view.body] = T_gtv_camera[view.camera] * T * T_pattern_bar
+    starts = board_starts(views, cameras, T_gtv_camera, bar)
     starts.update({name: body.T_gtv_body for name, body in known.items() if name in starts})
     if not set(known) & set(starts):
         raise GtvalError("no camera sees the reference pattern")
@@ -175,6 +167,37 @@ def adjust_network(
     has_bar = any(view.part == 1 for view in used)
     knowledge = _knowledge(setup, cameras, bodies, known, bar, (has_bar, free_intrinsics))
     return _two_rounds(cameras, used, bodies, setup, knowledge)
+
+
+def board_starts(
+    views: Sequence[BoardView],
+    cameras: Sequence[Camera],
+    T_gtv_camera: Mapping[str, RigidTransform],
+    bar: Bar,
+) -> dict[str, RigidTransform]:
+    """Where each body is by the first view that gives a pose: T_gtv_body by name.
+
+    Parameters
+    ----------
+    views : sequence of BoardView
+        Of boards by themselves, and of the bar's.
+    cameras : sequence of Camera
+        That took them.
+    T_gtv_camera : mapping of str to RigidTransform
+        Where each is.
+    bar : Bar
+        The double pattern.
+    """
+    by_name = {camera.name: camera for camera in cameras}
+    starts: dict[str, RigidTransform] = {}
+    for view in views:
+        if view.body in starts:
+            continue
+        T = camera_pose_of_board(view, by_name[view.camera])
+        if T is not None:
+            T_pattern_bar = bar.patterns[view.part].inv()
+            starts[view.body] = T_gtv_camera[view.camera] * T * T_pattern_bar
+    return starts
 
 
 def _two_rounds(

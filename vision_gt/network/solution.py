@@ -89,6 +89,8 @@ class NetworkSolution:
     unused : tuple of str
         Other images of boards that took no part: no camera saw the same moment, or the board
         gives no pose.
+    left_out : tuple of BoardView
+        Both boards of the images that do not fit the bar.
     """
 
     network: Network
@@ -99,6 +101,7 @@ class NetworkSolution:
     bar_outliers: tuple[str, ...] = field(default=())
     bar_single: tuple[str, ...] = field(default=())
     unused: tuple[str, ...] = field(default=())
+    left_out: tuple[BoardView, ...] = field(default=(), repr=False)
 
 
 def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution:
@@ -143,7 +146,10 @@ def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution
     )
     unused = _unused(given, network, [name for link in links for name in link.outliers])
     unused = tuple(name for name in unused if name not in {*left, *single})
-    return NetworkSolution(network, averaged, tuple(links), chain, root, left, single, unused)
+    misfits = tuple(v for v in given.both if (v.source or v.body) in left)
+    return NetworkSolution(
+        network, averaged, tuple(links), chain, root, left, single, unused, misfits
+    )
 
 
 def _unused(given: NetworkInput, network: Network, outliers: Sequence[str]) -> tuple[str, ...]:

@@ -249,7 +249,7 @@ class _Problem:
         if floor is not None:
             heading = np.arctan2(R[1, 0], R[0, 0])
             R, t = rotation_matrices(np.array([0, 0, heading])), np.array([t[0], t[1], 0.0])
-        return self.problem.solve(R, t, _floor_information(floor))
+        return self.problem.solve(R, t, floor_information(floor))
 
     def solutions(self, floor: Floor | None) -> list[BodyPose]:
         """All distinct solutions, best first."""
@@ -284,8 +284,8 @@ class _Problem:
         return starts[:_MOST_STARTS]
 
 
-def _floor_information(floor: Floor | None) -> Array:
-    """(6, 6) information of a body that stands on the floor."""
+def floor_information(floor: Floor | None) -> Array:
+    """(6, 6) information of a body that stands on the floor; nothing without one."""
     if floor is None:
         return np.zeros((6, 6))
     h, t = 1 / floor.height**2, 1 / floor.tilt**2
