@@ -155,14 +155,16 @@ class Moved(Effect):
     def holds(self, evidence: Evidence) -> Mask:
         """(g,) whether a group is seen by what moved, after it moved."""
         later = set(evidence.stops[evidence.stops.index(self.since) :])
-        return np.array(
-            [
-                g.kind == STOP
-                and g.moment in later
-                and (g.camera if self.kind == "camera_moved" else str(g.marker)) == self.subject
-                for g in evidence.groups
-            ]
-        )
+        return np.array([self._concerns(g) and g.moment in later for g in evidence.groups])
+
+    def stops(self, evidence: Evidence) -> list[str]:
+        """Stops at which it is seen, in their order."""
+        seen = {g.moment for g in evidence.groups if self._concerns(g)}
+        return [stop for stop in evidence.stops if stop in seen]
+
+    def _concerns(self, g: Group) -> bool:
+        name = g.camera if self.kind == "camera_moved" else str(g.marker)
+        return g.kind == STOP and name == self.subject
 
     def gain(self, linear: Linear) -> Gain:
         """The columns of the change."""
@@ -327,12 +329,6 @@ def _moves(evidence: Evidence) -> Iterator[Moved]:
         ("marker_moved", [str(n) for n in evidence.markers]),
     ):
         for name in names:
-            seen = {
-                g.moment
-                for g in evidence.groups
-                if g.kind == STOP and (g.camera if kind == "camera_moved" else str(g.marker)) == name
-            }
-            stops = [stop for stop in evidence.stops if stop in seen]
+            stops = Moved(kind, name).stops(evidence)
             for stop in stops:
                 yield Moved(kind, name, stop, places=len(names) * len(stops))
-

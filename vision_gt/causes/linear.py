@@ -58,17 +58,22 @@ class Linear:
     Parameters
     ----------
     at : Solved
-        The solution. Groups that do not fit count by the slope of their bounded misfit.
+        The solution.
+    bounded : bool
+        Whether groups that do not fit count by the slope of their bounded misfit. The solution is
+        not at rest under these weights; what it would still move is taken into account.
     """
 
-    def __init__(self, at: Solved) -> None:
+    def __init__(self, at: Solved, *, bounded: bool = True) -> None:
         self.at = at
         evidence = at.evidence
         self.lin: Linearised = linearised_at(
             evidence.views, at.setup, whiten(evidence.views.covariance)
         )
-        weights = slope_of_bounded(at.misfits, at.counts)[evidence.group]
-        self.root = np.sqrt(weights * at.adjustment.weights)
+        weights = at.adjustment.weights
+        if bounded:
+            weights = slope_of_bounded(at.misfits, at.counts)[evidence.group]
+        self.root = np.sqrt(weights)
         known = evidence.knowledge
         self.free = np.flatnonzero(known.free)
         g, b = len(self.free), len(at.setup.R_body)
@@ -95,6 +100,11 @@ class Linear:
             shape=(self.size, self.size),
         )
         self.solver = splu(csc_array(normal + prior.tocsc()))
+        off, bodies_off = at.setup.change_from(evidence.setup)
+        right = self.A.T @ (self.lin.residual * self.root[:, None]).ravel()
+        right[:g] -= (known.shared @ off)[self.free]
+        right[g:] -= (known.bodies @ bodies_off[..., None]).ravel()
+        self.rest = self.solver.solve(right)
 
     def _design(self, rows: Ints) -> csc_array:
         """(2 r, u) weighted columns of all free unknowns."""
@@ -135,7 +145,7 @@ class Linear:
             A = self.by_row[both]
         mixed = np.asarray(A.T @ C)
         S = C.T @ C - mixed.T @ self.solver.solve(mixed)
-        return Gain(0.5 * (S + S.T), C.T @ residual)
+        return Gain(0.5 * (S + S.T), C.T @ residual - mixed.T @ self.rest)
 
     @cached_property
     def by_row(self) -> csr_array:
@@ -158,4 +168,4 @@ class Linear:
         columns[slots, np.arange(len(slots))] = 1.0
         covariance = self.solver.solve(columns)[slots]
         S = information - information @ covariance @ information
-        return Gain(0.5 * (S + S.T), information @ off)
+        return Gain(0.5 * (S + S.T), information @ (off + self.rest[slots]))
