@@ -40,10 +40,12 @@ class StopPose:
     chosen: RobotPose | None
 
     @property
-    def best(self) -> RobotPose | None:
-        """The chosen one, or else the one known best though it is not sure."""
-        found = sorted(self.by_camera.values(), key=lambda one: float(np.trace(one.planar[1])))
-        return self.chosen or next(iter(found), None)
+    def best_first(self) -> list[tuple[str, RobotPose]]:
+        """Cameras and their poses, those that are sure before others, the best known first."""
+        return sorted(
+            self.by_camera.items(),
+            key=lambda one: (one[1].ambiguous, float(np.trace(one[1].planar[1]))),
+        )
 
 
 @dataclass(frozen=True)

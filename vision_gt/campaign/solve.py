@@ -246,7 +246,11 @@ def seen_of(
         layout.layout,
         _dima(given),
         _sightings(given, detections),
-        {stop.pose: stop.best.T_gtv_robot for stop in stops if stop.best is not None},
+        {
+            (camera, stop.pose): pose.T_gtv_robot
+            for stop in stops
+            for camera, pose in stop.best_first
+        },
         _floor(given),
         tuple(name for name in network.names if name not in calibrations),
     )

@@ -65,8 +65,8 @@ class Seen:
         The marker whose place on the robot was measured: id, T_robot_marker, covariance.
     stops : mapping of str to sequence of Sighting
         In the order in which the robot stood there.
-    T_gtv_robot : mapping of str to RigidTransform
-        By the usual solution, of stops that have a pose.
+    T_gtv_robot : mapping of (str, str) to RigidTransform
+        By the usual solution, by camera and stop, the one known best first of each stop.
     floor : Floor
         How even it is.
     from_files : tuple of str
@@ -83,7 +83,7 @@ class Seen:
     layout: Layout
     dima: tuple[int, RigidTransform, Array]
     stops: Mapping[str, Sequence[Sighting]]
-    T_gtv_robot: Mapping[str, RigidTransform]
+    T_gtv_robot: Mapping[tuple[str, str], RigidTransform]
     floor: Floor
     from_files: tuple[str, ...] = ()
 
@@ -244,13 +244,21 @@ def _frames(seen: Seen) -> tuple[list[Frame], dict[str, RigidTransform]]:
 
 
 def _stops(seen: Seen) -> tuple[dict[str, list[Sighting]], dict[str, RigidTransform]]:
-    """Sightings of the stops that have a pose, and the robot there, standing on the floor."""
+    """Sightings of the stops that give a pose, and the robot there, standing on the floor."""
     kept: dict[str, list[Sighting]] = {}
     starts = {}
+    first = {stop: T for (_, stop), T in reversed(seen.T_gtv_robot.items())}
     for stop, sightings in seen.stops.items():
-        if stop in seen.T_gtv_robot and sightings:
+        T = first.get(stop)
+        for one in sightings if T is None else ():
+            i = seen.names.index(one.camera)
+            T_camera_robot = best_start(one.views, seen.cameras[i], seen.layout)
+            if T_camera_robot is not None:
+                T = seen.T_gtv_camera[i] * T_camera_robot
+                break
+        if T is not None:
             kept[stop] = list(sightings)
-            starts[f"stop {stop}"] = planar_transform(planar_pose(seen.T_gtv_robot[stop]))
+            starts[f"stop {stop}"] = planar_transform(planar_pose(T))
     return kept, starts
 
 
