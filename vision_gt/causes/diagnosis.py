@@ -21,8 +21,8 @@ from vision_gt.causes.effects import (
 )
 from vision_gt.causes.evidence import Evidence, Seen, evidence_of
 from vision_gt.causes.linear import Linear
-from vision_gt.causes.trial import Noise, Solved, solved, with_own_noise
-from vision_gt.least_squares.adjustment import NotDeterminedError
+from vision_gt.causes.trial import Noise, Solved, solved, with_noise, with_own_noise
+from vision_gt.least_squares.adjustment import MAX_STEPS, NotDeterminedError
 from vision_gt.network.solution import REFERENCE
 from vision_gt.optics.transforms import rotation_vectors
 
@@ -41,6 +41,9 @@ heavier tails than normal ones, and 2 and more where two cameras or their files 
 _LEAST_HARM = 1.0
 """Standard deviations by which a cause has to move some pose to be told: what moves none by as
 much is no cause of anything that a user measures."""
+_GLANCE = 8
+"""Steps of the adjustment after which it is seen whether an exchange explains anything: good starts
+need five to ten."""
 _PASSES = 5
 _NONE = Scaled("nothing")
 
@@ -144,9 +147,7 @@ def diagnose(seen: Seen) -> Diagnosis:
     tried = [nothing, *_climbed(promising, null)]
     best = min(tried, key=lambda one: one.criterion)
     if best.chi_squared > _BAD * best.freedom or _strangers(seen):
-        for effect in exchanges(seen):
-            with contextlib.suppress(NotDeterminedError, np.linalg.LinAlgError):
-                tried.append(_reread(effect, seen, null))
+        tried += _exchanged(seen, null, noise)
     return Diagnosis(ranked(tried), nothing, noise)
 
 
@@ -172,10 +173,30 @@ def _climbed(effects: Sequence[Effect], null: Solved) -> list[Tried[Cause]]:
     return tried
 
 
-def _reread(effect: Exchanged, seen: Seen, null: Solved) -> Tried[Cause]:
-    """What was seen read another way, with the noise that the corners then show."""
-    evidence, _ = with_own_noise(evidence_of(effect.reread(seen)))
-    at = solved(evidence)
+def _exchanged(seen: Seen, null: Solved, noise: Sequence[Noise]) -> list[Tried[Cause]]:
+    """What may have been exchanged, at a glance; the best of it solved in full."""
+    tried = []
+    for effect in exchanges(seen):
+        with contextlib.suppress(NotDeterminedError, np.linalg.LinAlgError):
+            tried.append(_reread(effect, seen, null, noise))
+    if tried:
+        best = min(range(len(tried)), key=lambda i: tried[i].criterion)
+        effect = tried[best].what.effect
+        if isinstance(effect, Exchanged):
+            tried[best] = _reread(effect, seen, null, noise, MAX_STEPS)
+    return tried
+
+
+def _reread(
+    effect: Exchanged, seen: Seen, null: Solved, noise: Sequence[Noise], steps: int = _GLANCE
+) -> Tried[Cause]:
+    """What was seen read another way."""
+    evidence = evidence_of(effect.reread(seen))
+    if effect.kind == "camera_files_exchanged":  # with the noise that shows by the right lens
+        evidence, _ = with_own_noise(evidence)
+    else:
+        evidence = with_noise(evidence, noise)
+    at = solved(evidence, steps=steps)
     cause = Cause(effect, np.zeros(0), np.zeros(0), at)
     before, after = (
         float(np.linalg.slogdet(one.views.covariance)[1].sum()) for one in (null.evidence, evidence)
@@ -183,7 +204,11 @@ def _reread(effect: Exchanged, seen: Seen, null: Solved) -> Tried[Cause]:
     # What took no part before, or takes none now, would have fitted as well as can be hoped.
     more = 2.0 * (len(null.evidence.views) - len(evidence.views))
     return Tried(
-        cause, at.score + max(more, 0.0), at.freedom, places=float(effect.places), cost=after - before
+        cause,
+        at.score + max(more, 0.0),
+        at.freedom,
+        places=float(effect.places),
+        cost=after - before,
     )
 
 

@@ -1,5 +1,6 @@
 """A problem solved and scored: how well it explains every board and marker in every image."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -7,8 +8,8 @@ import numpy as np
 
 from validation.poses.angles import Array
 from validation.statistics.robust import sigma_from_median
-from vision_gt.causes.evidence import CALIBRATION, Evidence
-from vision_gt.least_squares.adjustment import Adjustment, Knowledge, adjust
+from vision_gt.causes.evidence import CALIBRATION, WALK, Evidence, Mask
+from vision_gt.least_squares.adjustment import MAX_STEPS, Adjustment, Knowledge, adjust
 from vision_gt.least_squares.setups import Setup, Views, part_slots
 
 _SPARE = 30.0
@@ -95,7 +96,9 @@ def slope_of_bounded(misfit: Array, expected: Array) -> Array:
     return np.asarray(_SPARE / (_SPARE + beyond))
 
 
-def solved(evidence: Evidence, begin: Setup | None = None) -> Solved:
+def solved(
+    evidence: Evidence, begin: Setup | None = None, steps: int = MAX_STEPS
+) -> Solved:
     """The solution of a problem.
 
     Parameters
@@ -104,6 +107,8 @@ def solved(evidence: Evidence, begin: Setup | None = None) -> Solved:
         What is seen and known.
     begin : Setup, optional
         Where the search begins.
+    steps : int
+        At the most.
 
     Raises
     ------
@@ -111,9 +116,8 @@ def solved(evidence: Evidence, begin: Setup | None = None) -> Solved:
         If something is left undetermined.
     """
     begin = evidence.begin if begin is None else begin
-    return Solved(
-        evidence, adjust(evidence.views, evidence.setup, evidence.knowledge, begin=begin)
-    )
+    views, setup, known = evidence.views, evidence.setup, evidence.knowledge
+    return Solved(evidence, adjust(views, setup, known, begin=begin, steps=steps))
 
 
 @dataclass(frozen=True)
@@ -152,22 +156,40 @@ def with_own_noise(evidence: Evidence) -> tuple[Evidence, tuple[Noise, ...]]:
     lengths or places adds to the noise; the lens is taken as it is.
     """
     residuals, weights = _own_residuals(evidence)
-    names = (*evidence.cameras, "walk")
-    boards = np.array([g.marker is None for g in evidence.groups])[evidence.group]
-    factor = np.ones(len(evidence.views))
     told = []
-    for i, name in enumerate(names):
-        for kind, mask in (("boards", boards), ("markers", ~boards)):
-            own = mask & (evidence.views.camera == i)
-            if own.sum() < _LEAST_CORNERS:
-                continue
-            found = float(sigma_from_median(residuals[own].ravel())) * float(
-                np.sqrt(2 * own.sum() / weights[own].sum())
-            )
-            factor[own] = max(found, _LEAST_FACTOR)
+    for kind, name, own in _by_camera(evidence):
+        if own.sum() >= _LEAST_CORNERS:
+            found = float(sigma_from_median(residuals[own].ravel()))
+            found *= float(np.sqrt(2 * own.sum() / weights[own].sum()))
             told.append(Noise(kind, name, found, int(own.sum())))
-    views = replace(evidence.views, covariance=evidence.views.covariance * factor[:, None, None] ** 2)
-    return replace(evidence, views=views), tuple(told)
+    return with_noise(evidence, told), tuple(told)
+
+
+def with_noise(evidence: Evidence, noise: Sequence[Noise]) -> Evidence:
+    """The problem with a noise told before.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        With the noise that the detector states.
+    noise : sequence of Noise
+        How much larger it is.
+    """
+    factors = {(one.kind, one.camera): one.factor for one in noise}
+    factor = np.ones(len(evidence.views))
+    for kind, name, own in _by_camera(evidence):
+        factor[own] = max(factors.get((kind, name), 1.0), _LEAST_FACTOR)
+    covariance = evidence.views.covariance * factor[:, None, None] ** 2
+    return replace(evidence, views=replace(evidence.views, covariance=covariance))
+
+
+def _by_camera(evidence: Evidence) -> Iterator[tuple[str, str, Mask]]:
+    """Which corners are of boards, and which of markers, of each camera and of the walk's."""
+    boards = np.array([g.marker is None for g in evidence.groups])[evidence.group]
+    for i, name in enumerate((*evidence.cameras, WALK)):
+        seen = evidence.views.camera == i
+        yield "boards", name, boards & seen
+        yield "markers", name, ~boards & seen
 
 
 def _own_residuals(evidence: Evidence) -> tuple[Array, Array]:

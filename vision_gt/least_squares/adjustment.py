@@ -120,6 +120,7 @@ def adjust(
     huber: float | None = 4.0,
     describe: Callable[[int], str] | None = None,
     begin: Setup | None = None,
+    steps: int = MAX_STEPS,
 ) -> Adjustment:
     """The setup with the least sum of (robust) squares, and its covariance.
 
@@ -137,6 +138,8 @@ def adjust(
         Name of a shared unknown, for the error message.
     begin : Setup, optional
         Where the search begins, where a better place than ``start`` is known.
+    steps : int
+        At the most.
 
     Raises
     ------
@@ -155,7 +158,7 @@ def adjust(
     if not np.isfinite(state.cost):
         raise NotDeterminedError("the start puts seen points behind their camera")
     damping = 1e-4
-    for _ in range(MAX_STEPS):
+    for _ in range(steps):
         step = _step(problem, state, damping)
         if step is not None:
             trial = at.moved(*step)
