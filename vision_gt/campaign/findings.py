@@ -3,10 +3,12 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.stats import chi2
 
 from validation.results import Finding, Severity, Size
 from vision_gt.campaign.inputs import placed
 from vision_gt.campaign.outcome import VisionOutcome
+from vision_gt.causes.telling import cause_finding, noise_finding, turned_finding
 from vision_gt.optics.transforms import change_between
 from vision_gt.settings import VisionSettings
 
@@ -36,8 +38,10 @@ def vision_findings(outcome: VisionOutcome, surveyed: Sequence[str] = ()) -> lis
     """
     return [
         *_coverage(outcome, surveyed),
+        *_causes(outcome),
         *_assumed(outcome.settings),
         *_poses(outcome),
+        *_not_fitting(outcome),
         *_calibrations(outcome),
         *_network(outcome),
         *_layout(outcome),
@@ -96,8 +100,52 @@ def _assumed(settings: VisionSettings) -> Iterator[Finding]:
         )
 
 
+def _causes(outcome: VisionOutcome) -> Iterator[Finding]:
+    """What is wrong: one line for each cause."""
+    told = [turned_finding(outcome.reference_turn)]
+    if outcome.diagnosis is not None:
+        told += [cause_finding(outcome.diagnosis), noise_finding(outcome.diagnosis)]
+    yield from (one for one in told if one is not None)
+
+
+def _explained(outcome: VisionOutcome) -> tuple[set[str], set[str]]:
+    """Stops whose corners fit, and stops that stand on the floor, once the cause is known."""
+    diagnosis = outcome.diagnosis
+    if diagnosis is None or diagnosis.cause is None:
+        return set(), set()
+    return diagnosis.fitting_stops(_POOR_FIT, _POOR_FLOOR)
+
+
+def _not_fitting(outcome: VisionOutcome) -> Iterator[Finding]:
+    """Poses of single cameras that do not fit their stop, whether they are used or not."""
+    explained, _ = _explained(outcome)
+    odd = []
+    for stop in outcome.stops:
+        for camera, pose in stop.by_camera.items():
+            if stop.chosen is None or pose is stop.chosen or stop.pose in explained:
+                continue
+            off = change_between(pose.T_gtv_robot, stop.chosen.T_gtv_robot)
+            spread = pose.covariance + stop.chosen.covariance
+            apart = float(chi2.sf(off @ np.linalg.solve(spread, off), 6))
+            if min(pose.p_value, apart) < _POOR_FIT and not pose.ambiguous:
+                length = 1e3 * float(np.linalg.norm(off[:2]))
+                odd.append((length, f"camera {camera} at {stop.pose} ({length:.0f} mm off)"))
+    if odd:
+        listed = _listed([name for _, name in sorted(odd, key=lambda one: -one[0])])
+        yield Finding(
+            "note",
+            f"Poses of single cameras that do not fit their stop: {listed}. Where they are not the "
+            "ones used, the result is not touched. Something covers a marker in the image, or the "
+            "image is of another stop.",
+            SUBJECT,
+            "camera_pose_differs",
+            (Size("largest distance", 1e-3 * max(length for length, _ in odd), "m"),),
+        )
+
+
 def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
     """Ambiguous poses, corners that do not fit, robots off the floor."""
+    fitting, standing = _explained(outcome)
     for stop in outcome.stops:
         unsure = [name for name, pose in stop.by_camera.items() if pose.ambiguous]
         if unsure and stop.chosen is None:
@@ -113,7 +161,7 @@ def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
         if chosen is None:
             continue
         best = chosen.best
-        if chosen.p_value < _POOR_FIT:
+        if chosen.p_value < _POOR_FIT and stop.pose not in fitting:
             yield Finding(
                 "note",
                 f"Pose {stop.pose}: the corners fit worse than they should (chi² "
@@ -124,7 +172,7 @@ def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
                 "poor_fit",
                 (Size("chi-squared per degree of freedom", best.chi_square / best.freedom),),
             )
-        if chosen.floor_p < _POOR_FLOOR:
+        if chosen.floor_p < _POOR_FLOOR and stop.pose not in standing:
             yield Finding(
                 "warning",
                 f"Pose {stop.pose}: the robot does not stand on the floor as it should "
@@ -215,7 +263,9 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
             (Size("images not used", len(solution.unused), "images"),),
         )
     network = solution.network
-    if network.bar_covariance.any() and network is not solution.averaged:
+    told = outcome.diagnosis.cause if outcome.diagnosis is not None else None
+    named = told is not None and "bar" in told.effect.kind
+    if network.bar_covariance.any() and network is not solution.averaged and not named:
         built = solution.averaged.bar
         off = change_between(network.bar, built)
         sigma = np.sqrt(np.diagonal(network.bar_covariance))

@@ -8,6 +8,8 @@ from scipy.spatial.transform import RigidTransform
 
 from vision_gt.campaign.checks import Checks
 from vision_gt.campaign.detections import SeenMarkers
+from vision_gt.causes.diagnosis import Diagnosis
+from vision_gt.causes.reference import ReferenceTurn
 from vision_gt.images.files import Image
 from vision_gt.images.markers import Detection
 from vision_gt.images.rejections import Rejection
@@ -81,6 +83,10 @@ class VisionOutcome:
         Of the cameras by things at known places, and of the survey.
     rejections : sequence of (str, Rejection)
         Images, and what was seen in them and not used, or is rough.
+    diagnosis : Diagnosis or None
+        What is wrong, and what was thought of; None where it could not be looked for.
+    reference_turn : ReferenceTurn or None
+        How the reference pattern lies, where it is not as stated.
     """
 
     settings: VisionSettings
@@ -96,3 +102,5 @@ class VisionOutcome:
     examples: Mapping[str, tuple[Image, BoardView]] = field(default_factory=dict)
     checks: Checks = field(default_factory=Checks)
     rejections: Sequence[tuple[str, Rejection]] = ()
+    diagnosis: Diagnosis | None = field(default=None, repr=False)
+    reference_turn: ReferenceTurn | None = None

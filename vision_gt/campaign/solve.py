@@ -16,14 +16,18 @@ from vision_gt.campaign.inputs import (
     VisionInputs,
     known_reference,
     load_inputs,
+    made_board,
     placed,
     sides_of,
 )
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.campaign.printed import printed_detections
+from vision_gt.causes.diagnosis import Diagnosis, diagnose
 from vision_gt.causes.evidence import Seen
+from vision_gt.causes.reference import ReferenceTurn, reference_turn
 from vision_gt.images.files import Image, counting, read_image
 from vision_gt.images.markers import Detection
+from vision_gt.least_squares.adjustment import NotDeterminedError
 from vision_gt.network.adjustment import Bar, Network
 from vision_gt.network.intrinsics import Calibration, calibrate
 from vision_gt.network.solution import NetworkInput, NetworkSolution, solve_network
@@ -81,22 +85,54 @@ def solve_campaign(
     progress("marker layout", 0.87)
     layout = _layout(given, frames, by_name[given.movie_camera])
     progress("poses", 0.9)
+    stops = _stops(given, detections, solution.network, layout.layout)
+    progress("looking for causes of what does not fit", 0.93)
+    robot = (frames, detections)
+    seen = seen_of(given, cameras, calibrations, solution, robot, layout, stops)
+    validation = validation_table(campaign)
     return VisionOutcome(
         given.settings,
         calibrations,
         solution,
         layout,
-        _stops(given, detections, solution.network, layout.layout),
+        stops,
         detections,
         _published(given, solution, layout, by_name) if given.settings.as_published else None,
         tuple(_steadiness(given, name, boards, by_name[name]) for name in given.watched),
         tuple(given.oddities),
         printed_detections(campaign, given.settings),
         {name: _example(given, name, found) for name, found in calibrations.items()},
-        campaign_checks(
-            campaign, given.settings, solution.network, validation_table(campaign), workers
-        ),
+        campaign_checks(campaign, given.settings, solution.network, validation, workers),
         tuple(given.rejections),
+        _diagnosis(seen),
+        _reference_turn(given, stops, validation),
+    )
+
+
+def _diagnosis(seen: Seen) -> Diagnosis | None:
+    """What is wrong; None where no boards or no stops were adjusted together."""
+    if not seen.boards or not seen.stops:
+        return None
+    try:
+        return diagnose(seen)
+    except (NotDeterminedError, np.linalg.LinAlgError):
+        return None
+
+
+def _reference_turn(
+    given: VisionInputs, stops: Sequence[StopPose], validation: PoseTable | None
+) -> ReferenceTurn | None:
+    """Whether the surveyed stops say that the reference pattern lies another way."""
+    found = {stop.pose: stop.chosen.planar[0] for stop in stops if stop.chosen is not None}
+    common = [pose for pose in found if validation is not None and pose in validation.ids]
+    if validation is None or not common:
+        return None
+    settings = given.settings
+    return reference_turn(
+        np.array([found[pose] for pose in common]),
+        validation.select(common).poses,
+        known_reference(settings).T_gtv_body,
+        made_board(stated(settings.reference.board)),
     )
 
 
@@ -253,6 +289,7 @@ def seen_of(
         },
         _floor(given),
         tuple(name for name in network.names if name not in calibrations),
+        {stop.pose: stop.chosen.planar for stop in stops if stop.chosen is not None},
     )
 
 

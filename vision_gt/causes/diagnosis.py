@@ -1,14 +1,15 @@
-"""Which hypothesis explains best what does not fit, and whether it does so well enough to be told."""
+"""Which hypothesis explains best what does not fit, and whether that is enough to be told."""
 
 import contextlib
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.stats import chi2
 
 from validation.errors import GtvalError
-from validation.poses.angles import Array
+from validation.poses.angles import Array, wrap
 from validation.statistics.hypotheses import Ranking, Tried, ranked
 from vision_gt.causes.effects import (
     Effect,
@@ -24,7 +25,7 @@ from vision_gt.causes.linear import Linear
 from vision_gt.causes.trial import Noise, Solved, solved, with_noise, with_own_noise
 from vision_gt.least_squares.adjustment import MAX_STEPS, NotDeterminedError
 from vision_gt.network.solution import REFERENCE
-from vision_gt.optics.transforms import rotation_vectors
+from vision_gt.optics.transforms import planar_pose
 
 LEAST_GAIN = 2 * float(np.log(1e3))
 """Of the criterion: odds of a thousand to one against 'nothing is wrong', as nearly all campaigns
@@ -39,8 +40,8 @@ _BAD = 1.5
 exchanged. A judgement: it is 1.2 to 1.3 in clean rendered campaigns, as corners of boards have
 heavier tails than normal ones, and 2 and more where two cameras or their files are exchanged."""
 _LEAST_HARM = 1.0
-"""Standard deviations by which a cause has to move some pose to be told: what moves none by as
-much is no cause of anything that a user measures."""
+"""Standard deviations by which a lens has to move some pose to be told. All lenses differ from their
+file a little, and thousands of corners show it."""
 _GLANCE = 8
 """Steps of the adjustment after which it is seen whether an exchange explains anything: good starts
 need five to ten."""
@@ -80,39 +81,77 @@ class Diagnosis:
         That nothing is wrong.
     noise : tuple of Noise
         Of the corners, by camera.
+    results : mapping of str to ((3,) array, (3, 3) array)
+        Poses x, y, theta of the stops as the result has them, and their covariances.
     """
 
     ranking: Ranking[Cause]
     nothing: Tried[Cause]
     noise: tuple[Noise, ...]
+    results: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
 
     @property
     def cause(self) -> Cause | None:
         """The best hypothesis, where it is much better than none."""
         best = self.ranking.best
         gained = self.nothing.criterion - best.criterion
-        matters = isinstance(best.what.effect, Exchanged) or self.harm.size > 0 and bool(
-            self.harm.max() > _LEAST_HARM
-        )
+        effect = best.what.effect
+        lens = effect.kind in {"lens", "focal_length", "zoom"}
+        matters = not lens or self._moved > _LEAST_HARM
         return best.what if gained > LEAST_GAIN and matters else None
+
+    @property
+    def _moved(self) -> float:
+        """Standard deviations by which the best hypothesis moves the robot somewhere."""
+        before, after = self.nothing.what.solution, self.ranking.best.what.solution
+        rows = before.evidence.stop_bodies()
+        if not len(rows):
+            return 0.0
+        off = (after.setup.t_body[rows] - before.setup.t_body[rows])[:, :2]
+        spread = np.diagonal(before.adjustment.body_covariances[rows], axis1=1, axis2=2)
+        return float(np.abs(off / np.sqrt(spread[:, :2])).max())
 
     @cached_property
     def shifts(self) -> Array:
-        """(s, 6) by how much the best hypothesis moves the robot at each stop, metres, radians."""
-        before, after = self.nothing.what.solution, self.ranking.best.what.solution
+        """(s, 3) best hypothesis minus result: x, y (metres), theta (radians) of each stop."""
+        after = self.ranking.best.what.solution
         place = {name: i for i, name in enumerate(after.evidence.bodies)}
-        rows = before.evidence.stop_bodies()
-        kept = [
-            (i, place[before.evidence.bodies[i]])
-            for i in rows
-            if before.evidence.bodies[i] in place
+        T = after.setup.T_world_body
+        off = [
+            planar_pose(T[place[f"stop {stop}"]]) - pose
+            for stop, (pose, _) in self.results.items()
+            if f"stop {stop}" in place
         ]
-        if not kept:
-            return np.zeros((0, 6))
-        old, new = np.array(kept).T
-        one, other = before.setup, after.setup
-        turn = rotation_vectors(other.R_body[new] @ np.swapaxes(one.R_body[old], 1, 2))
-        return np.concatenate([other.t_body[new] - one.t_body[old], turn], axis=1)
+        shifts = np.array(off).reshape(-1, 3)
+        shifts[:, 2] = wrap(shifts[:, 2])
+        return shifts
+
+    @cached_property
+    def harm(self) -> Array:
+        """(s,) how many standard deviations of x, y, theta that is, at the most."""
+        bodies = set(self.ranking.best.what.solution.evidence.bodies)
+        sigmas = [
+            np.sqrt(np.diagonal(covariance))
+            for stop, (_, covariance) in self.results.items()
+            if f"stop {stop}" in bodies
+        ]
+        return np.asarray(np.abs(self.shifts / np.array(sigmas).reshape(-1, 3)).max(1, initial=0.0))
+
+    def fitting_stops(self, corners: float, floor: float) -> tuple[set[str], set[str]]:
+        """Stops whose corners fit, and those on the floor, with the best hypothesis.
+
+        Parameters
+        ----------
+        corners, floor : float
+            Probabilities below which they do not.
+        """
+        at = self.ranking.best.what.solution
+        evidence = at.evidence
+        fits = chi2.sf(at.misfits, np.maximum(at.counts, 1)) >= corners
+        bad = {g.moment for g, fit in zip(evidence.groups, fits, strict=True) if not fit}
+        stands = chi2.sf(at.body_misfits[evidence.stop_bodies()], 3) >= floor
+        standing = {stop for stop, fit in zip(evidence.stops, stands, strict=True) if fit}
+        return set(evidence.stops) - bad, standing
 
     @cached_property
     def harm(self) -> Array:
@@ -148,7 +187,7 @@ def diagnose(seen: Seen) -> Diagnosis:
     best = min(tried, key=lambda one: one.criterion)
     if best.chi_squared > _BAD * best.freedom or _strangers(seen):
         tried += _exchanged(seen, null, noise)
-    return Diagnosis(ranked(tried), nothing, noise)
+    return Diagnosis(ranked(tried), nothing, noise, seen.results)
 
 
 def _strangers(seen: Seen) -> bool:
@@ -180,10 +219,10 @@ def _exchanged(seen: Seen, null: Solved, noise: Sequence[Noise]) -> list[Tried[C
         with contextlib.suppress(NotDeterminedError, np.linalg.LinAlgError):
             tried.append(_reread(effect, seen, null, noise))
     if tried:
-        best = min(range(len(tried)), key=lambda i: tried[i].criterion)
-        effect = tried[best].what.effect
-        if isinstance(effect, Exchanged):
-            tried[best] = _reread(effect, seen, null, noise, MAX_STEPS)
+        at = int(np.argmin([one.criterion for one in tried]))
+        best = tried[at].what.effect
+        if isinstance(best, Exchanged):
+            tried[at] = _reread(best, seen, null, noise, MAX_STEPS)
     return tried
 
 
@@ -323,4 +362,3 @@ def _released(effect: Released, null: Solved) -> tuple[Cause, float, float]:
         size = shared[effect.slots(evidence)]
     sigma = np.sqrt(np.diagonal(known(evidence, at)[1]))
     return Cause(effect, size, sigma, at), occam(evidence, at) - occam(before, null), 0.0
-

@@ -153,8 +153,10 @@ class Scaled(Effect):
 
 @dataclass(frozen=True)
 class Moved(Effect):
-    """A camera, or a marker on the robot, is elsewhere from one stop on (from the first: since the
-    network was calibrated, or since the walk around the robot)."""
+    """A camera, or a marker on the robot, is elsewhere from one stop on.
+
+    From the first: since the network was calibrated, or since the walk around the robot.
+    """
 
     @property
     def prior(self) -> Array:
@@ -192,8 +194,10 @@ class Moved(Effect):
 
 @dataclass(frozen=True)
 class Released(Effect):
-    """A thing is not where it was stated to be: the bar's second board, the reference pattern, the
-    dima-marker on the robot. Or a lens is not what its file says."""
+    """A thing is not where it was stated to be, or a lens is not what its file says.
+
+    The bar's second board, the reference pattern, the dima-marker on the robot, a lens.
+    """
 
     @property
     def prior(self) -> Array:
@@ -332,7 +336,11 @@ def _with_camera(evidence: Evidence, rows: Ints, old: int) -> tuple[Evidence, In
     camera = evidence.views.camera.copy()
     camera[rows] = c
     views = replace(evidence.views, camera=camera)
-    return replace(evidence, views=views, setup=new, knowledge=grown, begin=None), fresh[:6], used[:6]
+    return (
+        replace(evidence, views=views, setup=new, knowledge=grown, begin=None),
+        fresh[:6],
+        used[:6],
+    )
 
 
 def _with_part(evidence: Evidence, rows: Ints, old: int) -> tuple[Evidence, Ints, Ints]:
@@ -371,17 +379,21 @@ def _grown(
 
 
 def all_effects(evidence: Evidence) -> Iterator[Effect]:
-    """Every hypothesis that there is something to try on."""
+    """Every hypothesis with numbers that there is something to try on."""
+    yield from _boards_and_markers(evidence)
+    yield from _lenses(evidence)
+    yield from _moves(evidence)
+
+
+def _boards_and_markers(evidence: Evidence) -> Iterator[Effect]:
+    """Sizes that were stated wrongly, and places."""
     kinds = {g.kind for g in evidence.groups}
     if BAR in kinds:
-        yield Scaled("bar_scale")
-        yield Scaled("whole_bar_scale")
-        yield Released("bar")
+        yield from (Scaled("bar_scale"), Scaled("whole_bar_scale"), Released("bar"))
     if REFERENCE_BOARD in kinds:
-        yield Scaled("reference_scale")
-        yield Released("reference")
-        if BAR in kinds:
-            yield Scaled("board_scale")
+        yield from (Scaled("reference_scale"), Released("reference"))
+    if {BAR, REFERENCE_BOARD} <= kinds:
+        yield Scaled("board_scale")
     if STOP in kinds:
         yield Scaled("marker_scale")
         for number in evidence.markers:
@@ -390,13 +402,16 @@ def all_effects(evidence: Evidence) -> Iterator[Effect]:
         slots = part_slots(evidence.setup, 2 + i)
         if evidence.knowledge.shared[slots, slots].any():
             yield Released("dima", str(number))
+
+
+def _lenses(evidence: Evidence) -> Iterator[Effect]:
+    """Lenses that are not as calibrated, or not as their file says."""
     for name in evidence.cameras:
         if any(g.camera == name and g.kind not in {CALIBRATION, WALK} for g in evidence.groups):
             own, places = calibrated(evidence, name), len(evidence.cameras)
             yield Scaled("zoom" if own else "focal_length", name, places=places, what="focal")
             if not own:
                 yield Released("lens", name, places=places)
-    yield from _moves(evidence)
 
 
 def _moves(evidence: Evidence) -> Iterator[Moved]:
@@ -424,9 +439,9 @@ def exchanges(seen: Seen) -> Iterator[Exchanged]:
 
 
 def _stops_exchanged(seen: Seen) -> Iterator[Exchanged]:
-    """Two stops of a camera, of which one is seen by another camera where this one sees the
-    other."""
+    """Two stops of one camera; another camera sees the robot at one where this sees the other."""
     states = {key: planar_pose(T) for key, T in seen.T_gtv_robot.items()}
+    order = {stop: i for i, stop in enumerate(seen.stops)}
     found: dict[tuple[str, frozenset[str]], Exchanged] = {}
     for (camera, stop), own in states.items():
         others = [state for (c, s), state in states.items() if s == stop and c != camera]
@@ -434,7 +449,7 @@ def _stops_exchanged(seen: Seen) -> Iterator[Exchanged]:
             continue
         for (c, s), state in states.items():
             if c == camera and s != stop and any(_near(state, one) for one in others):
-                pair = (stop, s) if (stop, s) == tuple(sorted((stop, s), key=list(seen.stops).index)) else (s, stop)
+                pair = (stop, s) if order[stop] < order[s] else (s, stop)
                 one = Exchanged("images_exchanged", camera, pair=pair)
                 found[camera, frozenset(pair)] = one
     n = max(len(states), 2)

@@ -71,6 +71,8 @@ class Seen:
         How even it is.
     from_files : tuple of str
         Cameras whose lens comes from a file.
+    results : mapping of str to ((3,) array, (3, 3) array)
+        The poses x, y, theta that the usual solution gives for stops, and their covariances.
     """
 
     cameras: tuple[Camera, ...]
@@ -86,6 +88,7 @@ class Seen:
     T_gtv_robot: Mapping[tuple[str, str], RigidTransform]
     floor: Floor
     from_files: tuple[str, ...] = ()
+    results: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -189,9 +192,16 @@ def evidence_of(seen: Seen) -> Evidence:
         pieces.append(as_views(boards, seen.names, list(bodies)))
         groups += [(_board_group(view), len(view.ids)) for view in boards]
     sides = dict(zip(seen.layout.numbers, seen.layout.sides.tolist(), strict=True))
-    listed = [(c, order[f"walk {f.name}"], f.views, Group(WALK, seen.walker.name, f.name)) for f in frames]
+    listed = [
+        (c, order[f"walk {f.name}"], f.views, Group(WALK, seen.walker.name, f.name)) for f in frames
+    ]
     listed += [
-        (seen.names.index(one.camera), order[f"stop {stop}"], one.views, Group(STOP, one.camera, stop))
+        (
+            seen.names.index(one.camera),
+            order[f"stop {stop}"],
+            one.views,
+            Group(STOP, one.camera, stop),
+        )
         for stop, sightings in stops.items()
         for one in sightings
     ]
@@ -200,9 +210,11 @@ def evidence_of(seen: Seen) -> Evidence:
         found = marker_views(seen_markers, seen.layout.numbers, sides)
         pieces.append(_shifted(found))
         groups += [
-            (Group(g.kind, g.camera, g.moment, v.number), 4) for _, _, views, g in listed for v in views
+            (Group(g.kind, g.camera, g.moment, v.number), 4)
+            for _, _, views, g in listed
+            for v in views
         ]
-    setup = _setup(seen, boards, bodies)
+    setup = _setup(seen, bodies)
     return Evidence(
         _joined(pieces),
         setup,
@@ -247,7 +259,7 @@ def _stops(seen: Seen) -> tuple[dict[str, list[Sighting]], dict[str, RigidTransf
     """Sightings of the stops that give a pose, and the robot there, standing on the floor."""
     kept: dict[str, list[Sighting]] = {}
     starts = {}
-    first = {stop: T for (_, stop), T in reversed(seen.T_gtv_robot.items())}
+    first = {stop: T for (_, stop), T in reversed(list(seen.T_gtv_robot.items()))}
     for stop, sightings in seen.stops.items():
         T = first.get(stop)
         for one in sightings if T is None else ():
@@ -278,9 +290,7 @@ def _joined(pieces: Sequence[Views]) -> Views:
     )
 
 
-def _setup(
-    seen: Seen, boards: Sequence[BoardView], bodies: Mapping[str, RigidTransform]
-) -> Setup:
+def _setup(seen: Seen, bodies: Mapping[str, RigidTransform]) -> Setup:
     number, T_robot_dima, _ = seen.dima
     T_robot_marker = [
         T_robot_dima if n == number else seen.layout.T_robot_marker[i]
@@ -332,5 +342,4 @@ def _know_part(known: Knowledge, setup: Setup, part: int, covariance: Array) -> 
 
 def _sound(covariance: Array) -> Array:
     """A covariance (6, 6) that can be inverted."""
-    return covariance + np.diag(np.where(np.diagonal(covariance) > 0, 0.0, _SMALL**2))
-
+    return np.asarray(covariance + np.diag(np.where(np.diagonal(covariance) > 0, 0.0, _SMALL**2)))

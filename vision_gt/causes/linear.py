@@ -40,7 +40,7 @@ class Gain:
 
     def sizes(self, prior: Array) -> Array:
         """(k,) the numbers, known before to standard deviations ``prior`` (k,)."""
-        return np.linalg.solve(self.information + np.diag(prior**-2.0), self.slope)
+        return np.asarray(np.linalg.solve(self.information + np.diag(prior**-2.0), self.slope))
 
     def worth(self, prior: Array) -> float:
         """What they gain less what it costs that they are free (see `occam`)."""
@@ -91,7 +91,9 @@ class Linear:
         least = 1e-12 * normal.diagonal().max()
         prior = coo_array(
             (
-                np.concatenate([shared[rows, columns], known.bodies.ravel(), np.full(self.size, least)]),
+                np.concatenate(
+                    [shared[rows, columns], known.bodies.ravel(), np.full(self.size, least)]
+                ),
                 (
                     np.concatenate([rows, i.ravel(), np.arange(self.size)]),
                     np.concatenate([columns, j.ravel(), np.arange(self.size)]),

@@ -47,18 +47,20 @@ class Solved:
     def misfits(self) -> Array:
         """(g,) squared unit-variance residuals of each group."""
         squares = (self.adjustment.residuals**2).sum(1)
-        return np.bincount(self.evidence.group, squares, len(self.evidence.groups))
+        groups = len(self.evidence.groups)
+        return np.asarray(np.bincount(self.evidence.group, squares, groups), dtype=float)
 
     @cached_property
     def counts(self) -> Array:
         """(g,) residuals of each group."""
-        return 2.0 * np.bincount(self.evidence.group, minlength=len(self.evidence.groups))
+        groups = len(self.evidence.groups)
+        return np.asarray(2.0 * np.bincount(self.evidence.group, minlength=groups))
 
     @cached_property
     def body_misfits(self) -> Array:
         """(b,) how far each body is from where it was stated, as a chi-squared."""
         _, off = self.setup.change_from(self.evidence.setup)
-        return np.einsum("bi,bij,bj->b", off, self.evidence.knowledge.bodies, off)
+        return np.asarray(np.einsum("bi,bij,bj->b", off, self.evidence.knowledge.bodies, off))
 
     @cached_property
     def score(self) -> float:
@@ -96,9 +98,7 @@ def slope_of_bounded(misfit: Array, expected: Array) -> Array:
     return np.asarray(_SPARE / (_SPARE + beyond))
 
 
-def solved(
-    evidence: Evidence, begin: Setup | None = None, steps: int = MAX_STEPS
-) -> Solved:
+def solved(evidence: Evidence, begin: Setup | None = None, steps: int = MAX_STEPS) -> Solved:
     """The solution of a problem.
 
     Parameters

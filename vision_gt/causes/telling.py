@@ -1,0 +1,270 @@
+"""A cause in words: what is wrong, by how much, what it spoils, and what to do."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from validation.results import Finding, Severity, Size, listed_ids
+from vision_gt.causes.diagnosis import Cause, Diagnosis
+from vision_gt.causes.effects import Effect, Exchanged, Moved, Scaled
+from vision_gt.causes.reference import ReferenceTurn
+
+_ERROR = 3.0
+"""Standard deviations of a pose from which on it is spoilt."""
+_NOISIER = 1.5
+"""Times the stated noise from which on corners are called noisier. Stated noise is within 20 per
+cent of the true one on rendered images, and 24 corners tell it to 15 per cent."""
+_KEYS = {
+    "bar_scale": ("the squares of the bar's boards", "vision.bar.first.square and .second.square"),
+    "whole_bar_scale": (
+        "the whole bar, its boards and the distance between them,",
+        "the squares and second_on_first of vision.bar",
+    ),
+    "reference_scale": (
+        "the squares of the reference pattern",
+        "vision.reference.board.square",
+    ),
+    "board_scale": (
+        "the squares of the bar's boards and of the reference pattern, all of them,",
+        "the squares of vision.bar and vision.reference",
+    ),
+    "marker_scale": ("the sides of all markers", "vision.markers.sides"),
+}
+
+
+def cause_finding(diagnosis: Diagnosis) -> Finding | None:
+    """One sentence on the cause, and what follows from it; None without a cause."""
+    cause = diagnosis.cause
+    if cause is None:
+        return None
+    effect = cause.effect
+    code, subject, what, do, sizes = _TELLERS[_teller(effect)](cause)
+    text = f"{what} {_spoilt(diagnosis)}{_odds(diagnosis)} {do}"
+    bad = isinstance(effect, Exchanged) or bool((diagnosis.harm > _ERROR).any())
+    severity: Severity = "error" if bad else "warning"
+    return Finding(severity, text, subject, code, sizes)
+
+
+def _teller(effect: Effect) -> str:
+    if isinstance(effect, Scaled):
+        return "lens" if effect.what == "focal" else "size"
+    if isinstance(effect, Exchanged):
+        return "exchanged"
+    if isinstance(effect, Moved):
+        return effect.kind
+    return "lens" if effect.kind == "lens" else "place"
+
+
+Told = tuple[str, str, str, str, tuple[Size, ...]]
+"""Code, subject, what is wrong, what to do, sizes."""
+
+
+def _size(cause: Cause) -> Told:
+    effect, share, sigma = cause.effect, float(cause.size[0]), float(cause.sigma[0])
+    if effect.kind == "marker_side":
+        what = f"the side of marker {effect.subject}"
+        key, subject = f"vision.markers.sides.{effect.subject}", f"marker {effect.subject}"
+    else:
+        what, key = _KEYS[effect.kind]
+        subject = {"marker_scale": "markers", "reference_scale": "reference"}.get(
+            effect.kind, "bar"
+        )
+    more = "larger" if share > 0 else "smaller"
+    half = 1.96 * sigma
+    verb = "are" if "squares" in what or "sides" in what else "is"
+    text = (
+        f"{what[0].upper()}{what[1:]} {verb} {100 * abs(share):.2f} % {more} than stated (95 %: "
+        f"{100 * (abs(share) - half):.2f} to {100 * (abs(share) + half):.2f} %)."
+    )
+    do = (
+        "Measure them with a steel ruler, over ten squares or a whole side, and correct "
+        f"{key} (times {1 + share:.4f}): a printer that fits to the page makes such an error."
+    )
+    sizes = (Size.normal("larger than stated, as a share", share, sigma),)
+    return "print_size", subject, text, do, sizes
+
+
+def _lens(cause: Cause) -> Told:
+    effect = cause.effect
+    name = f"camera {effect.subject}"
+    if effect.kind == "lens":
+        f = float(cause.size[0])
+        text = f"The file of camera {effect.subject} is not that of its lens."
+        sizes = (Size.normal("focal length longer than stated", f, float(cause.sigma[0]), "px"),)
+    else:
+        share, sigma = float(cause.size[0]), float(cause.sigma[0])
+        longer = "longer" if share > 0 else "shorter"
+        text = f"The focal length of {name} is {100 * abs(share):.2f} % {longer} than " + (
+            "when it was calibrated." if effect.kind == "zoom" else "its file says."
+        )
+        sizes = (Size.normal("longer than stated, as a share", share, sigma),)
+    do = (
+        "Calibrate the camera again with its focus and zoom as they are now, with images of the "
+        "same size, or give its own file in vision.camera_files."
+    )
+    return "focal_length", name, text, do, sizes
+
+
+def _length_angle(cause: Cause) -> tuple[str, tuple[Size, ...]]:
+    length, angle = (float(np.linalg.norm(cause.size[i : i + 3])) for i in (0, 3))
+    sizes = (Size("moved", length, "m"), Size("turned", angle, "rad"))
+    return f"{1e3 * length:.1f} mm and {np.rad2deg(angle):.2f} degrees", sizes
+
+
+def _camera_moved(cause: Cause) -> Told:
+    effect = cause.effect
+    by, sizes = _length_angle(cause)
+    when = _when(cause, "since the network was calibrated")
+    text = f"Camera {effect.subject} moved by {by}, {when}."
+    do = (
+        "Calibrate the network again, and repeat the stops that this camera saw since then, or "
+        "take its images out."
+    )
+    return "camera_moved", f"camera {effect.subject}", text, do, sizes
+
+
+def _marker_moved(cause: Cause) -> Told:
+    effect = cause.effect
+    by, sizes = _length_angle(cause)
+    when = _when(cause, "since the walk around the robot")
+    text = f"Marker {effect.subject} moved on the robot by {by}, {when}."
+    do = (
+        "Fix it, take the walk around the robot again, and repeat the stops since then, or take "
+        "the marker out of vision.markers.sides."
+    )
+    return "marker_moved", f"marker {effect.subject}", text, do, sizes
+
+
+def _when(cause: Cause, always: str) -> str:
+    effect = cause.effect
+    assert isinstance(effect, Moved)
+    named = effect.stops(cause.solution.evidence)
+    at = named.index(effect.since)
+    return always if at == 0 else f"between stop {named[at - 1]} and stop {effect.since}"
+
+
+def _place(cause: Cause) -> Told:
+    by, sizes = _length_angle(cause)
+    what, key, subject, code = {
+        "bar": (
+            "The bar's second board is not where it was stated to be",
+            "vision.bar.second_on_first",
+            "bar",
+            "bar_place",
+        ),
+        "reference": (
+            "The reference pattern does not lie as stated",
+            "vision.reference.height and its level",
+            "reference",
+            "reference_place",
+        ),
+        "dima": (
+            f"Marker {cause.effect.subject}, which carries the robot frame, is not where stated",
+            "vision.markers.dima_on_robot",
+            f"marker {cause.effect.subject}",
+            "dima_place",
+        ),
+    }[cause.effect.kind]
+    x, y, z = 1e3 * cause.size[:3]
+    text = f"{what}: it is off by {by} ({x:+.1f}, {y:+.1f}, {z:+.1f} mm)."
+    return code, subject, text, f"Measure it again, and correct {key}.", sizes
+
+
+def _exchanged(cause: Cause) -> Told:
+    effect = cause.effect
+    assert isinstance(effect, Exchanged)
+    a, b = effect.pair
+    if effect.kind == "images_exchanged":
+        text = f"The images of stops {a} and {b} of camera {effect.subject} are exchanged."
+        do = "Exchange their file names."
+        subject = f"camera {effect.subject}"
+    elif effect.kind == "cameras_exchanged":
+        text = f"The images of the stops of cameras {a} and {b} are exchanged."
+        do, subject = "Exchange the names of their folders.", f"cameras {a}-{b}"
+    else:
+        text = f"The files of cameras {a} and {b} are exchanged."
+        do, subject = "Exchange them in vision.camera_files.", f"cameras {a}-{b}"
+    return "exchanged", subject, text, do, ()
+
+
+_TELLERS: dict[str, Callable[[Cause], Told]] = {
+    "size": _size,
+    "lens": _lens,
+    "camera_moved": _camera_moved,
+    "marker_moved": _marker_moved,
+    "place": _place,
+    "exchanged": _exchanged,
+}
+
+
+def _spoilt(diagnosis: Diagnosis) -> str:
+    """How many poses it moves, and by how much."""
+    shifts = np.linalg.norm(diagnosis.shifts[:, :2], axis=1)
+    spoilt = diagnosis.harm > _ERROR
+    if not spoilt.any():
+        return "It moves no pose by more than its error."
+    largest = 1e3 * float(shifts[spoilt].max())
+    return f"It spoils the poses of {int(spoilt.sum())} stops, by up to {largest:.1f} mm."
+
+
+def _odds(diagnosis: Diagnosis) -> str:
+    """How sure that is, and what else it may be."""
+    ranking = diagnosis.ranking
+    odds = ranking.odds(diagnosis.nothing)
+    text = " The odds against 'nothing is wrong' are more than a million to one."
+    if odds < 1e6:
+        text = f" The odds against 'nothing is wrong' are {odds:.2g} to one."
+    rivals = [one.what for one in ranking.rivals() if one is not diagnosis.nothing]
+    if rivals:
+        others = "; ".join(_TELLERS[_teller(one.effect)](one)[2] for one in rivals)
+        text += f" What else would explain it nearly as well: {others}"
+    return text
+
+
+def noise_finding(diagnosis: Diagnosis) -> Finding | None:
+    """Corners that are noisier than the detector states: of one camera, or of all."""
+    noisy = [one for one in diagnosis.noise if one.factor > _NOISIER]
+    cause = diagnosis.cause
+    if not noisy or (cause is not None and isinstance(cause.effect, Exchanged)):
+        return None
+    names = list(dict.fromkeys(one.camera for one in noisy))
+    everyone = set(names) >= {one.camera for one in diagnosis.noise}
+    most = max(noisy, key=lambda one: one.factor)
+    spread = most.factor / float(np.sqrt(2 * most.corners))
+    which = "of all cameras" if everyone else f"of camera {listed_ids(names)}"
+    text = (
+        f"The corners {which} scatter {most.factor:.1f} times as much as stated "
+        f"({most.kind} of camera {most.camera}). The poses take it into account. Look for blur by "
+        "motion, for compression, for something that covers the edges, and for a lens that was "
+        "calibrated with other images."
+    )
+    sizes = (Size.normal("scatter over what is stated", most.factor, spread),)
+    subject = "vision" if everyone else f"camera {names[0]}"
+    return Finding("note", text, subject, "corner_noise", sizes)
+
+
+def turned_finding(turn: ReferenceTurn | None) -> Finding | None:
+    """A reference pattern that was read from another corner."""
+    if turn is None:
+        return None
+    x, y, heading = turn.frame
+    along, across = turn.corner
+    where = []
+    if along or across:
+        where.append(
+            f"its inner corner {1e3 * along:.0f} mm along its rows and {1e3 * across:.0f} mm along "
+            "its columns lies at the stated place"
+        )
+    if turn.quarters:
+        where.append(f"it is turned by {90 * turn.quarters} degrees")
+    text = (
+        f"The reference pattern was read from another corner than it lies: {', and '.join(where)}. "
+        f"All poses are off by x {x:+.3f} m, y {y:+.3f} m, {np.rad2deg(heading):+.1f} degrees of "
+        f"the frame; {turn.stops} surveyed stops say so, to {1e3 * turn.scatter:.0f} mm. Correct "
+        "vision.reference.position and heading, or vision.reference.origin_near."
+    )
+    sizes = (
+        Size("frame off", float(np.hypot(x, y)), "m"),
+        Size("frame turned", float(heading), "rad"),
+    )
+    return Finding("error", text, "reference", "reference_turned", sizes)
