@@ -1,7 +1,7 @@
 """Which hypothesis explains best what does not fit, and whether that is enough to be told."""
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -13,14 +13,13 @@ from validation.poses.angles import Array, wrap
 from validation.statistics.hypotheses import Ranking, Tried, ranked
 from vision_gt.causes.effects import (
     Effect,
-    Exchanged,
     Moved,
     Released,
     Scaled,
     all_effects,
-    exchanges,
 )
 from vision_gt.causes.evidence import Evidence, Seen, evidence_of
+from vision_gt.causes.exchanges import Exchanged, exchanges
 from vision_gt.causes.linear import Linear
 from vision_gt.causes.trial import Noise, Solved, solved, with_noise, with_own_noise
 from vision_gt.least_squares.adjustment import MAX_STEPS, NotDeterminedError
@@ -40,8 +39,8 @@ _BAD = 1.5
 exchanged. A judgement: it is 1.2 to 1.3 in clean rendered campaigns, as corners of boards have
 heavier tails than normal ones, and 2 and more where two cameras or their files are exchanged."""
 _LEAST_HARM = 1.0
-"""Standard deviations by which a lens has to move some pose to be told. All lenses differ from their
-file a little, and thousands of corners show it."""
+"""Standard deviations by which a lens has to move some pose to be told. All lenses differ from
+their file a little, and thousands of corners show it."""
 _GLANCE = 8
 """Steps of the adjustment after which it is seen whether an exchange explains anything: good starts
 need five to ten."""
@@ -81,14 +80,14 @@ class Diagnosis:
         That nothing is wrong.
     noise : tuple of Noise
         Of the corners, by camera.
-    results : mapping of str to ((3,) array, (3, 3) array)
-        Poses x, y, theta of the stops as the result has them, and their covariances.
+    seen : Seen
+        What was looked at.
     """
 
     ranking: Ranking[Cause]
     nothing: Tried[Cause]
     noise: tuple[Noise, ...]
-    results: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
+    seen: Seen = field(repr=False)
 
     @property
     def cause(self) -> Cause | None:
@@ -119,7 +118,7 @@ class Diagnosis:
         T = after.setup.T_world_body
         off = [
             planar_pose(T[place[f"stop {stop}"]]) - pose
-            for stop, (pose, _) in self.results.items()
+            for stop, (pose, _) in self.seen.results.items()
             if f"stop {stop}" in place
         ]
         shifts = np.array(off).reshape(-1, 3)
@@ -132,7 +131,7 @@ class Diagnosis:
         bodies = set(self.ranking.best.what.solution.evidence.bodies)
         sigmas = [
             np.sqrt(np.diagonal(covariance))
-            for stop, (_, covariance) in self.results.items()
+            for stop, (_, covariance) in self.seen.results.items()
             if f"stop {stop}" in bodies
         ]
         return np.asarray(np.abs(self.shifts / np.array(sigmas).reshape(-1, 3)).max(1, initial=0.0))
@@ -152,17 +151,6 @@ class Diagnosis:
         stands = chi2.sf(at.body_misfits[evidence.stop_bodies()], 3) >= floor
         standing = {stop for stop, fit in zip(evidence.stops, stands, strict=True) if fit}
         return set(evidence.stops) - bad, standing
-
-    @cached_property
-    def harm(self) -> Array:
-        """(s,) how many standard deviations of x, y, theta that is, at the most."""
-        before = self.nothing.what.solution
-        covariances = before.adjustment.body_covariances[before.evidence.stop_bodies()]
-        if len(covariances) != len(self.shifts):
-            return np.full(len(self.shifts), np.inf)
-        planar = [0, 1, 5]
-        sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)[:, planar])
-        return np.asarray(np.abs(self.shifts[:, planar] / sigmas).max(1, initial=0.0))
 
 
 def diagnose(seen: Seen) -> Diagnosis:
@@ -187,7 +175,7 @@ def diagnose(seen: Seen) -> Diagnosis:
     best = min(tried, key=lambda one: one.criterion)
     if best.chi_squared > _BAD * best.freedom or _strangers(seen):
         tried += _exchanged(seen, null, noise)
-    return Diagnosis(ranked(tried), nothing, noise, seen.results)
+    return Diagnosis(ranked(tried), nothing, noise, seen)
 
 
 def _strangers(seen: Seen) -> bool:

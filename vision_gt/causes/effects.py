@@ -3,12 +3,11 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
-from validation.poses.angles import Array, wrap
+from validation.poses.angles import Array
 from vision_gt.causes.evidence import (
     BAR,
     CALIBRATION,
@@ -18,7 +17,6 @@ from vision_gt.causes.evidence import (
     Evidence,
     Group,
     Mask,
-    Seen,
 )
 from vision_gt.causes.linear import Gain, Linear
 from vision_gt.causes.trial import Solved, calibrated
@@ -31,7 +29,6 @@ from vision_gt.least_squares.setups import (
     part_slots,
 )
 from vision_gt.network.solution import REFERENCE
-from vision_gt.optics.transforms import planar_pose
 
 PRINT_RANGE = 0.1
 """How far a stated length of a board or a marker may be off, as a share: a printer that fits to the
@@ -50,10 +47,6 @@ LENS_RANGE = np.array([50.0, 50.0, 30.0, 30.0, 0.1, 0.1, 0.003, 0.003, 0.1])
 """By which a camera's parameters in a file differ from its own: of another camera of its kind."""
 DIMA_RANGE = np.repeat([0.05, 0.1], 3)
 """By which the place of the dima-marker is measured wrongly."""
-
-_SAME = 0.1, 0.1
-"""Metres and radians within which two cameras see the robot in one place. A judgement: single
-cameras are good to centimetres, and stops lie farther apart."""
 
 
 @dataclass(frozen=True)
@@ -261,57 +254,6 @@ def _longer_bar(evidence: Evidence, s: float) -> Evidence:
     return replace(evidence, setup=replace(evidence.setup, t_part=t_part))
 
 
-@dataclass(frozen=True)
-class Exchanged(Effect):
-    """Things that were taken for each other.
-
-    Parameters
-    ----------
-    pair : (str, str)
-        Two cameras, whose files ('camera_files_exchanged') or images of the stops
-        ('cameras_exchanged') are exchanged; or two stops of the camera ``subject``, whose images
-        are ('images_exchanged').
-    """
-
-    pair: tuple[str, str] = ("", "")
-
-    @property
-    def prior(self) -> Array:
-        """(0,): there are no numbers."""
-        return np.zeros(0)
-
-    def gain(self, linear: Linear) -> Gain:
-        """Nothing to first order: it is no small change."""
-        del linear
-        return Gain(np.zeros((0, 0)), np.zeros(0))
-
-    def reread(self, seen: Seen) -> Seen:
-        """What was seen and stated, read the other way."""
-        a, b = self.pair
-        other = {a: b, b: a}
-        if self.kind == "camera_files_exchanged":
-            lenses = {camera.name: camera for camera in seen.cameras}
-            cameras = [replace(lenses[other.get(n, n)], name=n) for n in seen.names]
-            return replace(seen, cameras=tuple(cameras))
-        if self.kind == "cameras_exchanged":
-            stops = {
-                stop: [replace(one, camera=other.get(one.camera, one.camera)) for one in sightings]
-                for stop, sightings in seen.stops.items()
-            }
-            spoilt = {stop for stop, s in seen.stops.items() if any(o.camera in other for o in s)}
-        else:
-            found = {s: [o for o in seen.stops[s] if o.camera == self.subject] for s in other}
-            stops = {
-                stop: [*(o for o in s if o.camera != self.subject), *found.get(other[stop], [])]
-                if stop in other
-                else list(s)
-                for stop, s in seen.stops.items()
-            }
-            spoilt = set(other)
-        known = {key: T for key, T in seen.T_gtv_robot.items() if key[1] not in spoilt}
-        return replace(seen, stops=stops, T_gtv_robot=known)
-
-
 def _with_camera(evidence: Evidence, rows: Ints, old: int) -> tuple[Evidence, Ints, Ints]:
     """Some corners seen by a camera of the same lens in another place."""
     setup, known = evidence.setup, evidence.knowledge
@@ -424,40 +366,3 @@ def _moves(evidence: Evidence) -> Iterator[Moved]:
             stops = Moved(kind, name).stops(evidence)
             for stop in stops:
                 yield Moved(kind, name, stop, places=len(names) * len(stops))
-
-
-def exchanges(seen: Seen) -> Iterator[Exchanged]:
-    """Cameras whose files or images may be exchanged, and images of stops that may."""
-    pairs = list(combinations(seen.from_files, 2))
-    for pair in pairs:
-        yield Exchanged("camera_files_exchanged", pair=pair, places=len(pairs))
-    seeing = {one.camera for sightings in seen.stops.values() for one in sightings}
-    pairs = list(combinations([name for name in seen.names if name in seeing], 2))
-    for pair in pairs:
-        yield Exchanged("cameras_exchanged", pair=pair, places=len(pairs))
-    yield from _stops_exchanged(seen)
-
-
-def _stops_exchanged(seen: Seen) -> Iterator[Exchanged]:
-    """Two stops of one camera; another camera sees the robot at one where this sees the other."""
-    states = {key: planar_pose(T) for key, T in seen.T_gtv_robot.items()}
-    order = {stop: i for i, stop in enumerate(seen.stops)}
-    found: dict[tuple[str, frozenset[str]], Exchanged] = {}
-    for (camera, stop), own in states.items():
-        others = [state for (c, s), state in states.items() if s == stop and c != camera]
-        if not others or any(_near(own, one) for one in others):
-            continue
-        for (c, s), state in states.items():
-            if c == camera and s != stop and any(_near(state, one) for one in others):
-                pair = (stop, s) if order[stop] < order[s] else (s, stop)
-                one = Exchanged("images_exchanged", camera, pair=pair)
-                found[camera, frozenset(pair)] = one
-    n = max(len(states), 2)
-    for one in found.values():
-        yield replace(one, places=n * (n - 1) // 2)
-
-
-def _near(a: Array, b: Array) -> bool:
-    """Whether two poses x, y, theta are one, as far as single cameras tell."""
-    length, angle = _SAME
-    return bool(np.hypot(*(a - b)[:2]) < length and abs(float(wrap(a[2] - b[2]))) < angle)

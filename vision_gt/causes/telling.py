@@ -6,7 +6,8 @@ import numpy as np
 
 from validation.results import Finding, Severity, Size, listed_ids
 from vision_gt.causes.diagnosis import Cause, Diagnosis
-from vision_gt.causes.effects import Effect, Exchanged, Moved, Scaled
+from vision_gt.causes.effects import Effect, Moved, Scaled
+from vision_gt.causes.exchanges import Exchanged
 from vision_gt.causes.reference import ReferenceTurn
 
 _ERROR = 3.0
@@ -38,11 +39,11 @@ def cause_finding(diagnosis: Diagnosis) -> Finding | None:
     if cause is None:
         return None
     effect = cause.effect
-    code, subject, what, do, sizes = _TELLERS[_teller(effect)](cause)
-    text = f"{what} {_spoilt(diagnosis)}{_odds(diagnosis)} {do}"
-    bad = isinstance(effect, Exchanged) or bool((diagnosis.harm > _ERROR).any())
+    between = f"{_spoilt(diagnosis)}{_odds(diagnosis)}"
+    scaled = effect.kind in _KEYS  # poses are off by their distance from the camera times that
+    bad = isinstance(effect, Exchanged) or scaled or bool((diagnosis.harm > _ERROR).any())
     severity: Severity = "error" if bad else "warning"
-    return Finding(severity, text, subject, code, sizes)
+    return _TELLERS[_teller(effect)](cause, severity, lambda what, do: f"{what} {between} {do}")
 
 
 def _teller(effect: Effect) -> str:
@@ -55,11 +56,11 @@ def _teller(effect: Effect) -> str:
     return "lens" if effect.kind == "lens" else "place"
 
 
-Told = tuple[str, str, str, str, tuple[Size, ...]]
-"""Code, subject, what is wrong, what to do, sizes."""
+Joined = Callable[[str, str], str]
+"""What is wrong, and what to do, as one text."""
 
 
-def _size(cause: Cause) -> Told:
+def _size(cause: Cause, severity: Severity, joined: Joined) -> Finding:
     effect, share, sigma = cause.effect, float(cause.size[0]), float(cause.sigma[0])
     if effect.kind == "marker_side":
         what = f"the side of marker {effect.subject}"
@@ -81,10 +82,10 @@ def _size(cause: Cause) -> Told:
         f"{key} (times {1 + share:.4f}): a printer that fits to the page makes such an error."
     )
     sizes = (Size.normal("larger than stated, as a share", share, sigma),)
-    return "print_size", subject, text, do, sizes
+    return Finding(severity, joined(text, do), subject, "print_size", sizes)
 
 
-def _lens(cause: Cause) -> Told:
+def _lens(cause: Cause, severity: Severity, joined: Joined) -> Finding:
     effect = cause.effect
     name = f"camera {effect.subject}"
     if effect.kind == "lens":
@@ -102,7 +103,7 @@ def _lens(cause: Cause) -> Told:
         "Calibrate the camera again with its focus and zoom as they are now, with images of the "
         "same size, or give its own file in vision.camera_files."
     )
-    return "focal_length", name, text, do, sizes
+    return Finding(severity, joined(text, do), name, "focal_length", sizes)
 
 
 def _length_angle(cause: Cause) -> tuple[str, tuple[Size, ...]]:
@@ -111,7 +112,7 @@ def _length_angle(cause: Cause) -> tuple[str, tuple[Size, ...]]:
     return f"{1e3 * length:.1f} mm and {np.rad2deg(angle):.2f} degrees", sizes
 
 
-def _camera_moved(cause: Cause) -> Told:
+def _camera_moved(cause: Cause, severity: Severity, joined: Joined) -> Finding:
     effect = cause.effect
     by, sizes = _length_angle(cause)
     when = _when(cause, "since the network was calibrated")
@@ -120,10 +121,10 @@ def _camera_moved(cause: Cause) -> Told:
         "Calibrate the network again, and repeat the stops that this camera saw since then, or "
         "take its images out."
     )
-    return "camera_moved", f"camera {effect.subject}", text, do, sizes
+    return Finding(severity, joined(text, do), f"camera {effect.subject}", "camera_moved", sizes)
 
 
-def _marker_moved(cause: Cause) -> Told:
+def _marker_moved(cause: Cause, severity: Severity, joined: Joined) -> Finding:
     effect = cause.effect
     by, sizes = _length_angle(cause)
     when = _when(cause, "since the walk around the robot")
@@ -132,7 +133,7 @@ def _marker_moved(cause: Cause) -> Told:
         "Fix it, take the walk around the robot again, and repeat the stops since then, or take "
         "the marker out of vision.markers.sides."
     )
-    return "marker_moved", f"marker {effect.subject}", text, do, sizes
+    return Finding(severity, joined(text, do), f"marker {effect.subject}", "marker_moved", sizes)
 
 
 def _when(cause: Cause, always: str) -> str:
@@ -143,34 +144,35 @@ def _when(cause: Cause, always: str) -> str:
     return always if at == 0 else f"between stop {named[at - 1]} and stop {effect.since}"
 
 
-def _place(cause: Cause) -> Told:
+def _place(cause: Cause, severity: Severity, joined: Joined) -> Finding:
     by, sizes = _length_angle(cause)
-    what, key, subject, code = {
+    kind, number = cause.effect.kind, cause.effect.subject
+    what, key, subject = {
         "bar": (
             "The bar's second board is not where it was stated to be",
             "vision.bar.second_on_first",
             "bar",
-            "bar_place",
         ),
         "reference": (
             "The reference pattern does not lie as stated",
             "vision.reference.height and its level",
             "reference",
-            "reference_place",
         ),
         "dima": (
-            f"Marker {cause.effect.subject}, which carries the robot frame, is not where stated",
+            f"Marker {number}, which carries the robot frame, is not where stated",
             "vision.markers.dima_on_robot",
-            f"marker {cause.effect.subject}",
-            "dima_place",
+            f"marker {number}",
         ),
-    }[cause.effect.kind]
+    }[kind]
+    code = "bar_place" if kind == "bar" else "dima_place" if number else "reference_place"
     x, y, z = 1e3 * cause.size[:3]
     text = f"{what}: it is off by {by} ({x:+.1f}, {y:+.1f}, {z:+.1f} mm)."
-    return code, subject, text, f"Measure it again, and correct {key}.", sizes
+    return Finding(
+        severity, joined(text, f"Measure it again, and correct {key}."), subject, code, sizes
+    )
 
 
-def _exchanged(cause: Cause) -> Told:
+def _exchanged(cause: Cause, severity: Severity, joined: Joined) -> Finding:
     effect = cause.effect
     assert isinstance(effect, Exchanged)
     a, b = effect.pair
@@ -184,10 +186,10 @@ def _exchanged(cause: Cause) -> Told:
     else:
         text = f"The files of cameras {a} and {b} are exchanged."
         do, subject = "Exchange them in vision.camera_files.", f"cameras {a}-{b}"
-    return "exchanged", subject, text, do, ()
+    return Finding(severity, joined(text, do), subject, "exchanged", ())
 
 
-_TELLERS: dict[str, Callable[[Cause], Told]] = {
+_TELLERS: dict[str, Callable[[Cause, Severity, Joined], Finding]] = {
     "size": _size,
     "lens": _lens,
     "camera_moved": _camera_moved,
@@ -202,7 +204,7 @@ def _spoilt(diagnosis: Diagnosis) -> str:
     shifts = np.linalg.norm(diagnosis.shifts[:, :2], axis=1)
     spoilt = diagnosis.harm > _ERROR
     if not spoilt.any():
-        return "It moves no pose by more than its error."
+        return "It moves no pose by more than three of its standard deviations."
     largest = 1e3 * float(shifts[spoilt].max())
     return f"It spoils the poses of {int(spoilt.sum())} stops, by up to {largest:.1f} mm."
 
@@ -216,7 +218,9 @@ def _odds(diagnosis: Diagnosis) -> str:
         text = f" The odds against 'nothing is wrong' are {odds:.2g} to one."
     rivals = [one.what for one in ranking.rivals() if one is not diagnosis.nothing]
     if rivals:
-        others = "; ".join(_TELLERS[_teller(one.effect)](one)[2] for one in rivals)
+        others = " ".join(
+            _TELLERS[_teller(one.effect)](one, "note", lambda what, _: what).text for one in rivals
+        )
         text += f" What else would explain it nearly as well: {others}"
     return text
 

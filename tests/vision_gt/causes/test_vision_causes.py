@@ -1,0 +1,140 @@
+"""What is wrong with a campaign of images is named, with its size; and nothing is invented."""
+
+import numpy as np
+import pytest
+import spoilt_images as spoilt
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from vision_gt.causes.diagnosis import diagnose
+from vision_gt.causes.evidence import BAR, REFERENCE_BOARD
+from vision_gt.causes.reference import reference_turn
+from vision_gt.causes.telling import cause_finding, noise_finding
+from vision_gt.optics.transforms import planar_pose, planar_transform
+from vision_gt.patterns.boards import Board
+
+
+@pytest.fixture(scope="session")
+def good(outcome):
+    """What was seen in a good campaign of two cameras."""
+    return outcome.diagnosis.seen
+
+
+def test_nothing_is_wrong_with_a_good_campaign(outcome):
+    assert outcome.diagnosis.cause is None
+    assert noise_finding(outcome.diagnosis) is None
+
+
+@pytest.mark.parametrize(
+    ("spoil", "kind"),
+    [
+        (lambda s: spoilt.boards_printed(s, {BAR}, -0.03), "bar_scale"),
+        (lambda s: spoilt.boards_printed(s, {REFERENCE_BOARD}, -0.03), "reference_scale"),
+        (lambda s: spoilt.boards_printed(s, {BAR, REFERENCE_BOARD}, -0.03), "board_scale"),
+        (lambda s: spoilt.markers_printed(s, -0.03), "marker_scale"),
+        (lambda s: spoilt.markers_printed(s, 0.05, 14), "marker_side"),
+        (lambda s: spoilt.lens_from_file(s, "1", 0.02), "focal_length"),
+    ],
+)
+def test_a_length_that_was_stated_wrongly_is_named_with_its_size(good, spoil, kind):
+    share = {"marker_side": 0.05, "focal_length": -0.02 / 1.02}.get(kind, -0.03)
+    diagnosis = diagnose(spoil(good))
+    cause = diagnosis.cause
+    assert cause is not None
+    assert cause.effect.kind == kind
+    # Four standard deviations; the good campaign's own lengths are its own estimates.
+    assert abs(cause.size[0] - share) < 4 * cause.sigma[0] + 5e-4
+    found = cause_finding(diagnosis)
+    assert f"{100 * abs(share):.0f}" in f"{100 * abs(cause.size[0]):.0f}"
+    assert found.sizes[0].low < found.sizes[0].value < found.sizes[0].high
+
+
+def test_prints_of_97_per_cent_end_in_an_error_that_says_3_per_cent(good):
+    share = -0.03
+    for spoil, words in (
+        (lambda s: spoilt.boards_printed(s, {BAR}, share), "the bar's boards are 3.0"),
+        (lambda s: spoilt.boards_printed(s, {REFERENCE_BOARD}, share), "reference pattern are 3.0"),
+        (lambda s: spoilt.markers_printed(s, share), "all markers are 3.0"),
+    ):
+        found = cause_finding(diagnose(spoil(good)))
+        assert (found.severity, found.code) == ("error", "print_size")
+        assert words in found.text or words.replace("3.0", "2.9") in found.text
+
+
+def test_a_bar_that_is_off_by_45_mm_is_named(good):
+    off = np.array([0.030, 0.030, -0.015])
+    cause = diagnose(spoilt.bar_built(good, off)).cause
+    assert cause is not None
+    assert cause.effect.kind == "bar"
+    assert np.allclose(cause.size[:3], -off, atol=0.006)  # built 2 mm off, stated to 3 mm
+
+
+def test_a_camera_that_was_knocked_is_named_with_the_stop(good):
+    stops = [s for s, seen in good.stops.items() if any(o.camera == "1" for o in seen)]
+    since = stops[len(stops) // 2]
+    turn = np.array([0.004, -0.004, 0.002])
+    diagnosis = diagnose(spoilt.camera_turned(good, "1", since, turn))
+    cause = diagnosis.cause
+    assert cause is not None
+    assert (cause.effect.kind, cause.effect.subject, cause.effect.since) == (
+        "camera_moved",
+        "1",
+        since,
+    )
+    assert f"and stop {since}" in cause_finding(diagnosis).text
+    assert abs(np.linalg.norm(cause.size[3:]) - 0.006) < 0.002
+
+
+def test_a_marker_that_slipped_is_named_with_the_stop(good):
+    counts = {}
+    for seen in good.stops.values():
+        for number in {v.number for s in seen for v in s.views}:
+            counts[number] = counts.get(number, 0) + 1
+    number = max(counts, key=counts.get)
+    stops = [
+        stop
+        for stop, seen in good.stops.items()
+        if any(v.number == number for s in seen for v in s.views)
+    ]
+    change = np.array([0.015, -0.01, 0.0, 0.0, 0.03, 0.02])
+    cause = diagnose(spoilt.marker_shifted(good, number, stops[1], change)).cause
+    assert cause is not None
+    assert (cause.effect.kind, cause.effect.subject) == ("marker_moved", str(number))
+    assert cause.effect.since == stops[1]
+    assert np.allclose(cause.size[:3], change[:3], atol=0.004)
+
+
+def test_exchanged_images_of_two_stops_are_named(good):
+    both = [s for s, seen in good.stops.items() if {o.camera for o in seen} >= {"1", "2"}]
+    a, b = both[0], both[-1]
+    cause = diagnose(spoilt.stops_exchanged(good, "1", a, b)).cause
+    assert cause is not None
+    assert (cause.effect.kind, cause.effect.pair) == ("images_exchanged", (a, b))
+
+
+@pytest.mark.parametrize("quarters", [0, 1, 2, 3])
+@pytest.mark.parametrize("corner", [(0, 0), (8, 4)])
+def test_a_reference_read_from_another_corner_is_told_by_the_survey(quarters, corner):
+    rng = np.random.default_rng(4)
+    board = Board(columns=10, rows=6, square=0.1)
+    T = RigidTransform.from_components([0.2, 0.0, 0.0], Rotation.from_rotvec([np.pi, 0, 0]))
+    turned = Rotation.from_rotvec([0, 0, quarters * np.pi / 2])
+    at = RigidTransform.from_components([0.1 * corner[0], 0.1 * corner[1], 0], turned)
+    frame = T * at.inv() * T.inv()
+    poses = np.column_stack([rng.uniform(-3, 3, (12, 2)), rng.uniform(-3, 3, 12)])
+    true = np.array([planar_pose(frame * planar_transform(pose)) for pose in poses])
+    true += 0.003 * rng.standard_normal(true.shape)
+    found = reference_turn(poses, true, T, board)
+    if quarters == 0 and corner == (0, 0):
+        assert found is None
+    else:
+        assert found is not None
+        assert found.quarters == quarters
+        assert np.allclose(found.corner, 0.1 * np.array(corner))
+
+
+def test_a_frame_that_no_corner_explains_is_not_the_patterns_fault():
+    rng = np.random.default_rng(5)
+    board = Board(columns=10, rows=6, square=0.1)
+    T = RigidTransform.from_components([0.2, 0.0, 0.0], Rotation.from_rotvec([np.pi, 0, 0]))
+    poses = np.column_stack([rng.uniform(-3, 3, (12, 2)), rng.uniform(-3, 3, 12)])
+    assert reference_turn(poses, poses + np.array([0.25, 0.1, 0.0]), T, board) is None
