@@ -21,6 +21,12 @@ _LEAST_COVERAGE = 0.5
 _LEAST_TILT = np.deg2rad(25)
 """A board that faces the camera says nothing of the focal length, which goes with the distance. A
 judgement: what it says grows with the square of the tilt, and 30 degrees and more are asked for."""
+_SYMPTOMS = {
+    *("poor_fit", "off_floor", "ambiguous", "camera_pose_differs", "snapshot_outliers"),
+    *("bar_outliers", "bar_single", "network_unused", "hand_measured", "table_differs"),
+    *("survey_check_differs", "displacement_differs"),
+}
+"""Codes of what a wrong size, place, lens or file brings with it."""
 _HAND_LENGTH, _HAND_ANGLE = 0.03, np.deg2rad(8)
 """Metres and radians. A judgement: ruler and plumb-line are good to a centimetre and some degrees;
 a wrong id or a marker that was turned is farther off."""
@@ -36,9 +42,8 @@ def vision_findings(outcome: VisionOutcome, surveyed: Sequence[str] = ()) -> lis
     surveyed : sequence of str
         Stops that have a validation pose, with images or without.
     """
-    return [
-        *_coverage(outcome, surveyed),
-        *_causes(outcome),
+    causes = list(_causes(outcome))
+    others = [
         *_assumed(outcome.settings),
         *_poses(outcome),
         *_not_fitting(outcome),
@@ -49,6 +54,24 @@ def vision_findings(outcome: VisionOutcome, surveyed: Sequence[str] = ()) -> lis
         *outcome.checks.findings,
         *_oddities(outcome),
     ]
+    if any(one.severity == "error" for one in causes):
+        others = _with_symptoms_gathered(others)
+    return [*_coverage(outcome, surveyed), *causes, *others]
+
+
+def _with_symptoms_gathered(findings: Sequence[Finding]) -> list[Finding]:
+    """Findings of which those that may come of a cause told before are one line."""
+    symptoms = [one for one in findings if one.code in _SYMPTOMS and one.severity != "good"]
+    rest = [one for one in findings if one not in symptoms]
+    if not symptoms:
+        return rest
+    about = [f"{one.subject} ({one.code})" for one in symptoms]
+    text = (
+        f"{len(symptoms)} other findings may come of it, and are judged again when it is mended: "
+        f"{_listed(about)}."
+    )
+    count = Size("findings that may come of it", len(symptoms), "findings")
+    return [Finding("note", text, SUBJECT, "symptoms", (count,)), *rest]
 
 
 def _listed(names: list[str], most: int = 12) -> str:

@@ -1,10 +1,13 @@
 """What is wrong with a campaign of images is named, with its size; and nothing is invented."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import spoilt_images as spoilt
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from vision_gt.campaign.findings import vision_findings
 from vision_gt.causes.diagnosis import diagnose
 from vision_gt.causes.evidence import BAR, REFERENCE_BOARD
 from vision_gt.causes.reference import reference_turn
@@ -58,6 +61,14 @@ def test_prints_of_97_per_cent_end_in_an_error_that_says_3_per_cent(good):
         found = cause_finding(diagnose(spoil(good)))
         assert (found.severity, found.code) == ("error", "print_size")
         assert words in found.text or words.replace("3.0", "2.9") in found.text
+
+
+def test_one_mistake_is_one_error(outcome, good):
+    diagnosis = diagnose(spoilt.markers_printed(good, -0.03))
+    found = vision_findings(replace(outcome, diagnosis=diagnosis))
+    errors = [one for one in found if one.severity == "error"]
+    assert [one.code for one in errors] == ["print_size"]
+    assert sum(one.code in {"poor_fit", "off_floor"} for one in found) == 0
 
 
 def test_a_bar_that_is_off_by_45_mm_is_named(good):
