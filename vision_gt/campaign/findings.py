@@ -9,6 +9,7 @@ from validation.results import Finding, Severity, Size
 from vision_gt.campaign.inputs import placed
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.causes.telling import cause_finding, noise_finding, turned_finding
+from vision_gt.network.verdict import calibration_verdict
 from vision_gt.optics.transforms import change_between
 from vision_gt.settings import VisionSettings
 
@@ -16,11 +17,6 @@ SUBJECT = "vision"
 _POOR_FIT, _POOR_FLOOR = 1e-4, 1e-3
 """p-values below which corners do not fit, and a robot is not on the floor. A judgement: of a
 hundred good stops one is called poor in a hundred campaigns, and off the floor in ten."""
-_LEAST_COVERAGE = 0.5
-"""Share of the cells of an image. A judgement: where no corner was, the lens is extrapolated."""
-_LEAST_TILT = np.deg2rad(25)
-"""A board that faces the camera says nothing of the focal length, which goes with the distance. A
-judgement: what it says grows with the square of the tilt, and 30 degrees and more are asked for."""
 _SYMPTOMS = {
     *("poor_fit", "off_floor", "ambiguous", "camera_pose_differs", "snapshot_outliers"),
     *("bar_outliers", "bar_single", "network_unused", "hand_measured", "table_differs"),
@@ -220,26 +216,16 @@ def _calibrations(outcome: VisionOutcome) -> Iterator[Finding]:
                 "calibration_outliers",
                 (Size("images left out", len(calibration.outliers), "images"),),
             )
-        coverage = calibration.coverage
-        if coverage.share < _LEAST_COVERAGE:
-            yield Finding(
-                "warning",
-                f"Camera {name}: the board covered only {100 * coverage.share:.0f} % of the "
-                "image. Show it in all parts: elsewhere the distortion is not known.",
-                subject,
-                "calibration_coverage",
-                (Size("share of the image", coverage.share),),
-            )
-        if float(np.max(coverage.tilts)) < _LEAST_TILT:
-            yield Finding(
-                "warning",
-                f"Camera {name}: the board was tilted by at most "
-                f"{np.rad2deg(coverage.tilts.max()):.0f} degrees. The focal length needs tilts "
-                "of 30 degrees and more.",
-                subject,
-                "calibration_tilt",
-                (Size("largest tilt", float(coverage.tilts.max()), "rad"),),
-            )
+        for lack in calibration_verdict(calibration).shortcomings:
+            size = (Size(lack.of, lack.value, lack.unit),)
+            text = f"Camera {name}: {lack.text[0].lower()}{lack.text[1:]}"
+            code = {
+                "few": "calibration_few",
+                "blur": "calibration_blur",
+                "coverage": "calibration_coverage",
+                "tilt": "calibration_tilt",
+            }.get(lack.kind, "calibration_undetermined")
+            yield Finding("warning", text, subject, code, size)
 
 
 def _network(outcome: VisionOutcome) -> Iterator[Finding]:

@@ -13,6 +13,7 @@ from vision_gt.images.files import list_images, read_image
 from vision_gt.images.jobs import BoardJob, Found, detect_all, detect_in
 from vision_gt.images.pictures import VIDEOS, video_frames
 from vision_gt.network.intrinsics import Calibration, calibrate
+from vision_gt.network.verdict import calibration_verdict
 from vision_gt.optics.camera import PARAMETERS
 from vision_gt.patterns.boards import Board
 
@@ -116,6 +117,7 @@ def remark_lines(looks: Sequence[Found]) -> list[str]:
 
 def calibration_facts(found: Calibration, looks: Sequence[Found] = ()) -> dict[str, object]:
     """Numbers for scripts."""
+    verdict = calibration_verdict(found)
     return {
         "camera": found.camera.name,
         "size": list(found.camera.size),
@@ -127,6 +129,13 @@ def calibration_facts(found: Calibration, looks: Sequence[Found] = ()) -> dict[s
         },
         "outliers": list(found.outliers),
         "coverage": found.coverage.share,
+        "verdict": {
+            "word": verdict.word,
+            "text": verdict.text,
+            "pixels": verdict.pixels,
+            "focal": verdict.focal,
+            "lacks": [one.kind for one in verdict.shortcomings],
+        },
         "remarks": {
             one.path.name: [*([one.note] if one.note else []), *one.remarks]
             for one in looks

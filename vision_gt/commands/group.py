@@ -127,6 +127,7 @@ def calibrate(
         parameters_table,
         remark_lines,
     )
+    from vision_gt.network.verdict import calibration_verdict
 
     board = _board(**options)
     with progress_bar("calibration") as report:
@@ -149,6 +150,7 @@ def calibrate(
     print_table(image_table(found))
     for line in remark_lines(looks):
         click.echo(line)
+    click.echo(calibration_verdict(found).text)
 
 
 @vision.command("convert-camera")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 from vision_scenes import LENS, SIZE, board_view, camera
 
@@ -13,6 +13,8 @@ from data_samples.rendering.campaign import _board_in_view
 from data_samples.rooms.cameras import CHESSBOARD
 from validation.errors import GtvalError
 from vision_gt.network.intrinsics import calibrate
+from vision_gt.network.verdict import calibration_verdict
+from vision_gt.patterns.boards import Board
 
 WORLD = RigidTransform.identity()
 
@@ -75,3 +77,35 @@ def test_the_coverage_tells_where_the_board_was():
 def test_too_few_images_and_images_all_alike_are_errors():
     with pytest.raises(GtvalError, match="only 3 images"):
         calibrate("1", SIZE, board_views(3)[:3])
+
+
+def test_a_verdict_says_what_images_lack():
+    """Boards that face the camera in its middle: no tilt, no coverage, no focal length."""
+    board = Board(columns=10, rows=6, square=0.03)
+    rng = np.random.default_rng(8)
+
+    def seen(count, tilt, spread, noise=0.05):
+        views = []
+        while len(views) < count:
+            turn = Rotation.from_rotvec([*rng.uniform(-tilt, tilt, 2), rng.uniform(-3, 3)])
+            depth = rng.uniform(0.5, 0.9)
+            middle = np.array([*(rng.uniform(-spread, spread, 2) * [0.5, 0.4] * depth), depth])
+            T = RigidTransform.from_components(middle, turn)
+            T = T * RigidTransform.from_translation(-board.corners.mean(0))
+            name = f"{len(views)}"
+            view = board_view(RigidTransform.identity(), "1", board, T, name, 0, noise, rng)
+            if view is not None:
+                views.append(view)
+        return calibration_verdict(calibrate("1", SIZE, views))
+
+    good = seen(16, 0.7, 1.0)
+    assert good.word == "good"
+    assert good.text.startswith("Verdict: good.")
+    assert 0 < good.pixels < 0.5  # ten times the noise of a corner
+    flat = seen(16, 0.03, 0.2)
+    assert flat.word == "not determined"
+    assert {"undetermined", "tilt", "coverage"} <= {one.kind for one in flat.shortcomings}
+    few = seen(5, 0.7, 1.0)
+    assert "few" in {one.kind for one in few.shortcomings}
+    blurred = seen(16, 0.7, 1.0, noise=0.8)
+    assert "blur" in {one.kind for one in blurred.shortcomings}
