@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.statistics.robust import sigma_from_median
 from vision_gt.least_squares.setups import (
     Linearised,
     Setup,
@@ -173,6 +174,19 @@ def adjust(
         if damping > MOST_DAMPING:
             break
     return _result(problem, at, state, describe)
+
+
+def robust_m0(adjustment: Adjustment) -> float:
+    """Residuals in units of what was stated, from their median, with the freedom counted.
+
+    Parameters
+    ----------
+    adjustment : Adjustment
+        Of corners.
+    """
+    n = adjustment.residuals.size
+    middle = float(sigma_from_median(adjustment.residuals))
+    return middle * float(np.sqrt(n / max(adjustment.freedom, 1)))
 
 
 def _tiny(step: tuple[Array, Array]) -> bool:

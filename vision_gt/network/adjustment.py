@@ -9,8 +9,7 @@ from scipy.spatial.transform import RigidTransform
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
-from validation.statistics.robust import sigma_from_median
-from vision_gt.least_squares.adjustment import Adjustment, Knowledge, adjust
+from vision_gt.least_squares.adjustment import Knowledge, adjust, robust_m0
 from vision_gt.least_squares.setups import (
     CAMERA_UNKNOWNS,
     Setup,
@@ -211,7 +210,7 @@ def _two_rounds(
     names = [camera.name for camera in cameras]
     describe = partial(_described, names)
     first = adjust(as_views(views, names, bodies), setup, knowledge, describe=describe)
-    factor = max(_robust_m0(first), _LEAST_FACTOR)
+    factor = max(robust_m0(first), _LEAST_FACTOR)
     done = adjust(as_views(views, names, bodies, factor), setup, knowledge, describe=describe)
     # What the median does not see, heavier tails than normal, the covariance should.
     scale = max(done.m0, 1.0) ** 2
@@ -239,13 +238,6 @@ def _two_rounds(
         tuple(views),
         tuple(np.split(sigmas[:, None] * done.residuals, ends)),
     )
-
-
-def _robust_m0(adjustment: Adjustment) -> float:
-    """Residuals in units of what was stated, from their median, with the freedom counted."""
-    n = adjustment.residuals.size
-    middle = float(sigma_from_median(adjustment.residuals))
-    return middle * float(np.sqrt(n / max(adjustment.freedom, 1)))
 
 
 def _knowledge(

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
-from vision_gt.least_squares.adjustment import Adjustment, Knowledge, adjust
+from vision_gt.least_squares.adjustment import Adjustment, Knowledge, adjust, robust_m0
 from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Setup, as_views
 from vision_gt.optics.camera import PARAMETERS, Camera
 from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
@@ -23,6 +23,9 @@ spare. Boards with fewer corners are not taken for found, see `vision_gt.images.
 _OUTLIER = 3.0
 """An image whose residuals are so many times the median image's is left out. A judgement: with 50
 corners and equal noise images differ by a tenth."""
+_NOISIER = 1.5
+"""Times the stated noise from which on the corners are weighted by what their residuals show: the
+robust loss is linear from four times the stated noise on, and bends little below this."""
 _LEAST_OUTLIER = 0.15
 """Pixels; below this no image is an outlier. A judgement: so good are corners of sharp images."""
 
@@ -167,16 +170,22 @@ def _fitted(start: Camera, views: Sequence[BoardView]) -> Calibration:
     knowledge.free[6:CAMERA_UNKNOWNS] = True
     corners = as_views(own, [start.name], bodies)
     done = adjust(corners, setup, knowledge, describe=lambda i: _named(i, start.name))
-    factor = done.m0
+    larger = robust_m0(done)
+    if larger > _NOISIER:  # by the stated noise the loss holds back most corners
+        corners = as_views(own, [start.name], bodies, larger)
+        done = adjust(corners, setup, knowledge, describe=lambda i: _named(i, start.name))
+    else:
+        larger = 1.0
+    factor = larger * done.m0
     camera = Camera(
         start.name,
         start.size,
         done.setup.intrinsics[0],
-        factor**2 * done.covariance[6:CAMERA_UNKNOWNS, 6:CAMERA_UNKNOWNS],
+        done.m0**2 * done.covariance[6:CAMERA_UNKNOWNS, 6:CAMERA_UNKNOWNS],
     )
     ends = np.cumsum([len(view.ids) for view in own])[:-1]
     sigmas = np.concatenate([view.stated_sigmas for view in own])
-    residuals = tuple(np.split(sigmas[:, None] * done.residuals, ends))
+    residuals = tuple(np.split(larger * sigmas[:, None] * done.residuals, ends))
     return Calibration(
         camera,
         factor * float(np.median(sigmas)),
