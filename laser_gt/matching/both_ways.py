@@ -18,6 +18,10 @@ REACH = 0.15
 """The way back starts at the result of the way there; it may be off by this, in metres. A
 judgement: many times what a right match is off, and less than from one wall to the next."""
 
+LEAST_OWN = 0.05
+"""Least share of a point's variance that is its own. A judgement: no scanner is known whose
+neighbouring beams err alike to the last twentieth."""
+
 
 def both_ways(
     reference: Surface, moving: Surface, pose: Array, covariance: Array
@@ -66,11 +70,35 @@ def both_ways(
     rest = np.eye(3) - share
     by_moving = rest @ there.moving + turned @ again.reference
     by_reference = rest @ there.reference + turned @ again.moving
-    joint = (by_moving * there.variances) @ by_moving.T
-    joint += (by_reference * again.variances) @ by_reference.T
+    own = (by_moving * there.variances) @ by_moving.T
+    own += (by_reference * again.variances) @ by_reference.T
+    shared, smooth = np.zeros((3, 3)), np.zeros((3, 3))
     for by_point, swept in ((by_moving, moving), (by_reference, reference)):
         if swept.shared.any():
             alike = by_point * swept.shared_across
-            # each point's own part is in the variances already
-            joint += (smeared(alike, swept.shared_beams) - alike) @ alike.T
+            shared += alike @ alike.T
+            smooth += smeared(alike, swept.shared_beams) @ alike.T
+    joint = smooth + independent_part(own, shared)
     return mean, (joint + joint.T) / 2
+
+
+def independent_part(own: Array, shared: Array) -> Array:
+    """(3, 3) covariance by noise that no two points share.
+
+    Parameters
+    ----------
+    own : (3, 3) array
+        By what the residuals of each point show, with its part of what neighbours share.
+    shared : (3, 3) array
+        By that part alone, as if it were independent.
+
+    Notes
+    -----
+    The difference of the two, in the coordinates in which the first is the identity; residuals
+    that are small by chance would make it negative there.
+    """
+    lower = np.linalg.cholesky(own + 1e-12 * np.trace(own) * np.eye(3))
+    back = np.linalg.inv(lower)
+    values, axes = np.linalg.eigh(back @ shared @ back.T)
+    turned = lower @ axes
+    return np.asarray((turned * np.maximum(1 - values, LEAST_OWN)) @ turned.T)

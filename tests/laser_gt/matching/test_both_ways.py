@@ -5,7 +5,7 @@ from laser_rooms import error, pair_of, prepared
 
 from data_samples.rooms.scanners import HALF_TURN
 from laser_gt.matching import both_ways as module
-from laser_gt.matching.both_ways import both_ways
+from laser_gt.matching.both_ways import both_ways, independent_part
 from laser_gt.matching.local import align, influence
 from laser_gt.scans.planar import inverse, inverse_covariance_of
 from validation.poses.angles import wrap
@@ -94,3 +94,13 @@ def test_the_influence_of_the_moving_points_is_how_the_pose_answers_to_them():
     left = (answer - slope * expected).std(0) / expected.std(0)
     assert (left < 0.5).all()
     assert (np.abs(slope - 1) < 4 * left / np.sqrt(len(shifts))).all()
+
+
+def test_noise_that_no_points_share_is_what_is_left_of_all_of_it_and_never_negative():
+    """In a real scan residuals were half of the noise that its neighbours share."""
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        left, shared = (part @ part.T for part in rng.normal(size=(2, 3, 6)))
+        own = left + 2 * shared  # half of it at most is shared
+        assert np.abs(independent_part(own, shared) - (own - shared)).max() < 1e-9
+        assert np.linalg.eigvalsh(independent_part(0.5 * shared, shared))[0] > 0
