@@ -123,7 +123,7 @@ def two_ways(pair: ScanPair) -> Array:
     """The local matcher in both directions."""
     reference, moving = Prepared(pair.reference).surface, Prepared(pair.moving).surface
     found = align(reference, moving, pair.guess)
-    return both_ways(reference, moving, found.pose[0], found.covariance[0])[0]
+    return both_ways(reference, moving, found)[0]
 
 
 def by_plicp(pair: ScanPair) -> Array:

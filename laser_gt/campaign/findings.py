@@ -9,6 +9,7 @@ from laser_gt.campaign.outcome import LaserOutcome
 from laser_gt.placing.guesses import GENEROUS, guess_deviations, guess_scatter
 from laser_gt.placing.solution import LaserSolution
 from laser_gt.placing.switches import WRONG_SHARE
+from validation.poses.angles import Array
 from validation.results import Finding, Severity, Size
 
 WORSE = 1.5
@@ -146,25 +147,43 @@ def _mount(outcome: LaserOutcome) -> Finding:
     if check is None:
         text = f"the laser mount could not be checked: {outcome.mount_note}"
         return Finding("note", text, "laser", "mount_unchecked")
-    difference = check.difference
-    values = (
-        f"stated less found {difference[0] * 1e3:+.1f} mm, {difference[1] * 1e3:+.1f} mm, "
-        f"{difference[2] * 1e3:+.2f} mrad"
-    )
-    kinds = zip(("mount x", "mount y", "mount theta"), ("m", "m", "rad"), strict=True)
-    sizes = tuple(
-        Size(f"{name}: stated less found", float(value), unit)
-        for (name, unit), value in zip(kinds, difference, strict=True)
-    )
-    if check.agrees:
-        text = f"the stated laser mount fits the data: {values}"
-        return Finding("good", text, "laser", "mount", sizes)
+    values = f"stated less found {_mount_text(check.difference, '+')}"
+    shown = f"an error of it of less than {_mount_text(check.least_shown)} would not show"
+    if not check.agrees:
+        text = (
+            f"the stated laser mount does not fit the surveyed poses and the scans: {values}. "
+            "Poses of stops that are turned against those that place the frame are off by as much, "
+            "beyond what their covariances say. See `gtval laser check-mount`, and state the mount "
+            "found or measure it again"
+        )
+        return Finding("warning", text, "laser", "mount", _mount_sizes(check.difference))
+    if check.tells:
+        text = f"the stated laser mount fits the data: {values}; {shown}"
+        return Finding("good", text, "laser", "mount", _mount_sizes(check.difference))
     text = (
-        f"the stated laser mount does not fit the surveyed poses and the scans: {values}. "
-        "It makes errors of the laser poses that change with the robot's heading. See "
-        "`gtval laser check-mount`"
+        "the laser mount is not determined well enough by these stops to say whether the stated "
+        f"one is right: they know it to {_mount_text(check.found.sigmas)} (standard deviations; "
+        f"{values}), and {shown}. Between the stops of a pair the robot turns by "
+        f"{np.rad2deg(check.found.turn):.0f} degrees (root mean square). Survey more of the stops, "
+        "with headings that differ by a quarter turn"
     )
-    return Finding("warning", text, "laser", "mount", sizes)
+    sizes = _mount_sizes(check.found.sigmas, "standard deviation of the one found")
+    return Finding("note", text, "laser", "mount_unclear", sizes)
+
+
+def _mount_text(values: Array, sign: str = "") -> str:
+    """A mount, or an error of one, (3,), in words."""
+    x, y, theta = values * 1e3
+    return f"{x:{sign}.1f} mm, {y:{sign}.1f} mm, {theta:{sign}.2f} mrad"
+
+
+def _mount_sizes(values: Array, what: str = "stated less found") -> tuple[Size, ...]:
+    """The three numbers of a mount, or of an error of one, (3,)."""
+    kinds = zip(("mount x", "mount y", "mount theta"), ("m", "m", "rad"), strict=True)
+    return tuple(
+        Size(f"{name}: {what}", float(value), unit)
+        for (name, unit), value in zip(kinds, values, strict=True)
+    )
 
 
 def _guesses(outcome: LaserOutcome) -> Iterator[Finding]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from laser_gt.matching.local import align, influence
+from laser_gt.matching.local import Alignment, align, influence
 from laser_gt.scans.noise import smeared
 from laser_gt.scans.planar import (
     CONTRADICTION,
@@ -24,7 +24,7 @@ neighbouring beams err alike to the last twentieth."""
 
 
 def both_ways(
-    reference: Surface, moving: Surface, pose: Array, covariance: Array
+    reference: Surface, moving: Surface, found: Alignment, row: int = 0
 ) -> tuple[Array, Array]:
     """Pose and covariance from a match of the moving sweep and its counterpart the other way.
 
@@ -32,10 +32,10 @@ def both_ways(
     ----------
     reference, moving : Surface
         The two sweeps.
-    pose : (3,) array
-        Moving frame in the reference frame, from `laser_gt.matching.local.align`.
-    covariance : (3, 3) array
-        Of that pose.
+    found : Alignment
+        Of the moving sweep in the frame of the reference, with covariances.
+    row : int
+        Which of its starts is meant.
 
     Returns
     -------
@@ -54,8 +54,11 @@ def both_ways(
     stays, and the difference is added to its covariance. If one way determines nothing at all,
     pose and covariance stay as given.
     """
+    pose, covariance = found.pose[row], found.covariance[row]
+    if not np.isfinite(covariance).all():
+        return pose, covariance
     back = align(moving, reference, inverse(pose), reach=REACH)
-    if not (np.isfinite(covariance).all() and np.isfinite(back.covariance).all()):
+    if not np.isfinite(back.covariance).all():
         return pose, covariance
     other = inverse_covariance_of(back.pose[0], back.covariance[0])
     difference = wrapped(inverse(back.pose[0]) - pose)
@@ -64,8 +67,8 @@ def both_ways(
     # In the basis of the sum of both covariances: the mean weighted by information.
     share = covariance @ np.linalg.inv(covariance + other)
     mean = wrapped(pose + share @ difference)
-    there = influence(reference, moving, pose)
-    again = influence(moving, reference, back.pose[0])
+    there = influence(reference, moving, found, row)
+    again = influence(moving, reference, back)
     turned = share @ inverse_jacobian(back.pose[0])
     rest = np.eye(3) - share
     by_moving = rest @ there.moving + turned @ again.reference

@@ -57,6 +57,8 @@ class Alignment:
         That part.
     scale : (k,) array
         Root mean square residual over its expectation; 1 for a perfect model.
+    pairing : Pairing
+        Where it ended.
     """
 
     pose: Array
@@ -64,6 +66,7 @@ class Alignment:
     information: Array
     fake: Array
     scale: Array
+    pairing: "Pairing"
 
 
 @dataclass(frozen=True)
@@ -81,8 +84,8 @@ class Pairing:
         Inverse variance times the outlier weight; 0 for no pair.
     variance : (k, n) array
         Of the residual, from both sweeps.
-    own : (k, n) array
-        Share of the moving point's own noise in that variance.
+    moving_variance : (n,) array
+        Its part from the moving sweep.
     moments : (k, 4, 4) array
         Weighted products of the model: Hessian, gradient, and squared residuals.
     fake : (k, 3, 3) array
@@ -94,9 +97,22 @@ class Pairing:
     model: Array
     weight: Array
     variance: Array
-    own: Array
+    moving_variance: Array
     moments: Array
     fake: Array
+
+    def only(self, row: int) -> "Pairing":
+        """That of one start."""
+        one = slice(row, row + 1)
+        return Pairing(
+            self.index[one],
+            self.model[one],
+            self.weight[one],
+            self.variance[one],
+            self.moving_variance,
+            self.moments[one],
+            self.fake[one],
+        )
 
 
 def align(
@@ -156,35 +172,45 @@ def align(
     if not covariance:
         unknown = np.full((len(pose), 3, 3), np.inf)
         known = pairing.moments[:, :3, :3] - pairing.fake
-        return Alignment(wrapped(pose), unknown, known, pairing.fake, np.full(len(pose), np.nan))
+        scale = np.full(len(pose), np.nan)
+        return Alignment(wrapped(pose), unknown, known, pairing.fake, scale, pairing)
     return _alignment(reference, pose, pairing)
 
 
 def _pair(reference: Surface, source: Array, pose: Array, gate: float) -> Pairing:
     """Each moved point (`Surface.movable`) with the line of the nearest point of the reference."""
-    turn = rotation(pose[:, 2])
-    arm_x, arm_y = (turn @ source[:2]).transpose(1, 0, 2)
-    facing_x, facing_y = (turn @ source[2:4]).transpose(1, 0, 2)
-    x, y = arm_x + pose[:, :1], arm_y + pose[:, 1:2]
-    index = reference.grid.index(x, y)
+    starts, points = len(pose), source.shape[1]
+    # x of all starts, then y of all: one product turns the points and their normals.
+    turn = rotation(pose[:, 2]).transpose(1, 0, 2).reshape(-1, 2)
+    sides = source[:4].reshape(2, 2, points).transpose(1, 0, 2).reshape(2, -1)
+    arm, facing = (turn @ sides).reshape(2, starts, 2, points).transpose(2, 0, 1, 3)
+    place = arm + pose[:, :2].T[..., None]
+    index = reference.grid.index(*place)
     lines = reference.lines.take(index, axis=1)
-    normal_x, normal_y, offset, line_variance, scatter, near_x, near_y = lines
-    facing = normal_x * facing_x + normal_y * facing_y
-    squared = (x - near_x) ** 2 + (y - near_y) ** 2
-    model = np.empty((len(pose), 4, source.shape[1]))
-    model[:, 0], model[:, 1] = normal_x, normal_y
-    model[:, 2] = normal_y * arm_x - normal_x * arm_y
-    model[:, 3] = residual = normal_x * x + normal_y * y - offset
-    tangent = np.empty((len(pose), 3, source.shape[1]))
-    tangent[:, 0], tangent[:, 1] = -normal_y, normal_x
-    tangent[:, 2] = normal_x * arm_x + normal_y * arm_y
+    normal, near, offset, line_variance, scatter = lines[:2], lines[2:4], *lines[4:]
+    apart = place - near
+    apart *= apart
+    facing = normal * facing
+    paired = apart[0] + apart[1] < gate * gate
+    paired &= facing[0] + facing[1] > FACING
+    model = np.empty((starts, 4, points))
+    model[:, :2] = normal.transpose(1, 0, 2)
+    model[:, 2] = normal[1] * arm[0] - normal[0] * arm[1]
+    place *= normal
+    model[:, 3] = residual = place[0] + place[1] - offset
+    tangent = np.empty((starts, 3, points))
+    np.negative(normal[1], out=tangent[:, 0])
+    tangent[:, 1] = normal[0]
+    arm = normal * arm
+    np.add(arm[0], arm[1], out=tangent[:, 2])
     variance = line_variance + source[4]
     width = np.maximum(TUKEY**2 * variance, gate**2 / 4)
     tukey = np.maximum(1 - residual * residual / width, 0.0)
-    weight = tukey * tukey / variance * ((squared < gate**2) & (facing > FACING))
+    tukey *= tukey
+    weight = tukey / variance * paired
     moments = (model * weight[:, None]) @ model.transpose(0, 2, 1)
     fake = (tangent * (weight * scatter)[:, None]) @ tangent.transpose(0, 2, 1)
-    return Pairing(index, model, weight, variance, source[4] / variance, moments, fake)
+    return Pairing(index, model, weight, variance, source[4], moments, fake)
 
 
 def _gauss_newton(pairing: Pairing) -> Array:
@@ -195,12 +221,13 @@ def _gauss_newton(pairing: Pairing) -> Array:
     with the noise.
     """
     hessian, gradient = pairing.moments[:, :3, :3], pairing.moments[:, :3, 3:]
-    damping = 1e-9 * np.trace(hessian, axis1=-2, axis2=-1) + 1e-9
-    hessian = hessian + damping[:, None, None] * np.eye(3)
+    hessian = hessian.copy()
+    diagonal = np.einsum("kii->ki", hessian)
+    diagonal += 1e-9 * diagonal.sum(-1, keepdims=True) + 1e-9
     inverse = np.linalg.inv(hessian)
     change = -(inverse @ gradient)[..., 0]
     # The shares of all directions add up to this: mostly, no single one can be too large.
-    faked = (inverse * pairing.fake).sum((-2, -1)) >= MOSTLY_FAKE
+    faked = np.einsum("kij,kij->k", inverse, pairing.fake) >= MOSTLY_FAKE
     if faked.any():
         whitener = np.linalg.inv(np.linalg.cholesky(hessian[faked]))
         whitener_t = whitener.transpose(0, 2, 1)
@@ -223,7 +250,7 @@ def _alignment(reference: Surface, pose: Array, pairing: Pairing) -> Alignment:
     covariance = _sandwich(information, fake, gradient)
     covariance[pairs < MIN_PAIRS] = np.inf
     pose = wrapped(pose)
-    return Alignment(pose, covariance, information - fake, fake, scale)
+    return Alignment(pose, covariance, information - fake, fake, scale, pairing)
 
 
 def _gradient_covariance(reference: Surface, pairing: Pairing) -> Array:
@@ -262,7 +289,7 @@ def _own_squares(pairing: Pairing) -> Array:
 
     The part of a residual that is the line's is left out, as the reference's points bring it in.
     """
-    return np.asarray(pairing.model[:, 3] ** 2 * pairing.own)
+    return np.asarray(pairing.model[:, 3] ** 2 * (pairing.moving_variance / pairing.variance))
 
 
 @dataclass(frozen=True)
@@ -284,15 +311,15 @@ class Influence:
     variances: Array
 
 
-def influence(reference: Surface, moving: Surface, pose: Array) -> Influence:
-    """How the noise of both sweeps moves a pose, (3,), that `align` has ended at.
+def influence(reference: Surface, moving: Surface, found: Alignment, row: int = 0) -> Influence:
+    """How the noise of both sweeps moves the pose at which one of the starts of `align` ended.
 
     Notes
     -----
     The pose solves H d = -g with the gradient g a sum over the pairs, so that its derivative by
     the noise is -H^-1 times that of g; H without the part that scattering normals fake.
     """
-    pairing = _pair(reference, moving.movable, pose[None], FINEST * moving.noise)
+    pairing = found.pairing.only(row)
     by_moving, by_reference = _shares(reference, pairing)
     solver = -_real_inverse(pairing.moments[:, :3, :3], pairing.fake)[0]
     every = np.zeros((3, len(moving)))

@@ -153,14 +153,14 @@ class Surface:
     def lines(self) -> Array:
         """(7, n) what a point is compared with, in one table so that one look-up fetches it.
 
-        Rows: normal x and y (zero where there is no line, so that nothing faces it), distance of
-        the line from the origin, its variance, variance of the normal's direction, x and y of
-        the point.
+        Rows: normal x and y (zero where there is no line, so that nothing faces it), x and y of
+        the point, distance of the line from the origin, its variance, variance of the normal's
+        direction.
         """
         normals = np.where(self.flat, self.normals.T, 0.0)
         offset = (normals * self.centres.T).sum(0)
         variances = self.normal_variances / self.window_lengths
-        return np.stack([*normals, offset, variances, self.normal_sigmas**2, *self.points.T])
+        return np.stack([*normals, *self.points.T, offset, variances, self.normal_sigmas**2])
 
     @cached_property
     def movable(self) -> Array:
