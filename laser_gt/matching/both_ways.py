@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from laser_gt.matching.local import Alignment, align, influence
+from laser_gt.matching.local import LAST_STEPS, Alignment, align, influence
 from laser_gt.scans.noise import smeared
 from laser_gt.scans.planar import (
     CONTRADICTION,
@@ -14,9 +14,9 @@ from laser_gt.scans.planar import (
 from laser_gt.scans.surfaces import Surface
 from validation.poses.angles import Array
 
-REACH = 0.15
+REACH = 0.05
 """The way back starts at the result of the way there; it may be off by this, in metres. A
-judgement: many times what a right match is off, and less than from one wall to the next."""
+judgement: ten times what a right match is off."""
 
 LEAST_OWN = 0.05
 """Least share of a point's variance that is its own. A judgement: no scanner is known whose
@@ -33,7 +33,7 @@ def both_ways(
     reference, moving : Surface
         The two sweeps.
     found : Alignment
-        Of the moving sweep in the frame of the reference, with covariances.
+        Of the moving sweep in the frame of the reference.
     row : int
         Which of its starts is meant.
 
@@ -54,21 +54,24 @@ def both_ways(
     stays, and the difference is added to its covariance. If one way determines nothing at all,
     pose and covariance stay as given.
     """
-    pose, covariance = found.pose[row], found.covariance[row]
-    if not np.isfinite(covariance).all():
+    pose = found.pose[row]
+    if not found.determined[row]:
+        return pose, np.full((3, 3), np.inf)
+    there = influence(reference, moving, found, row)
+    covariance = there.covariance
+    back = align(
+        moving, reference, inverse(pose), reach=REACH, max_steps=LAST_STEPS, covariance=False
+    )
+    if not back.determined[0]:
         return pose, covariance
-    back = align(moving, reference, inverse(pose), reach=REACH)
-    if not np.isfinite(back.covariance).all():
-        return pose, covariance
-    other = inverse_covariance_of(back.pose[0], back.covariance[0])
+    again = influence(moving, reference, back)
+    other = inverse_covariance_of(back.pose[0], again.covariance)
     difference = wrapped(inverse(back.pose[0]) - pose)
     if difference @ np.linalg.solve(covariance + other, difference) > CONTRADICTION:
         return pose, covariance + np.outer(difference, difference)
     # In the basis of the sum of both covariances: the mean weighted by information.
     share = covariance @ np.linalg.inv(covariance + other)
     mean = wrapped(pose + share @ difference)
-    there = influence(reference, moving, found, row)
-    again = influence(moving, reference, back)
     turned = share @ inverse_jacobian(back.pose[0])
     rest = np.eye(3) - share
     by_moving = rest @ there.moving + turned @ again.reference

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from laser_gt.matching.both_ways import both_ways
-from laser_gt.matching.local import Alignment, align
+from laser_gt.matching.local import LAST_STEPS, Alignment, align
 from laser_gt.matching.search import SearchSettings, distinct, global_match
 from laser_gt.matching.verdicts import JudgementSettings, Match, with_verdict
 from laser_gt.scans.evidence import Prepared, evidence, intruder
@@ -117,7 +117,9 @@ def judged(
     """The best of candidate poses, (k, 3), polished and judged, whatever engine found them."""
     limits = settings.judgement
     for _ in range(2):
-        found = align(reference.surface, moving.surface, candidates, reach=POLISHED)
+        found = align(
+            reference.surface, moving.surface, candidates, reach=POLISHED, small_step=NEAR
+        )
         seen = evidence(reference, moving, found.pose)
         best = _preferred(found.pose, seen.score, guess, settings)
         again, back = _again(reference, moving, found, best, limits)
@@ -259,6 +261,7 @@ def _again(
     go the rest of the way as one.
     """
     pose = found.pose[best]
+    near = np.minimum(BACK * np.sqrt(np.diagonal(found.covariance[best])), SAME)
     ends = align(
         reference.surface,
         moving.surface,
@@ -268,8 +271,8 @@ def _again(
         max_steps=20,
         small_step=NEAR,
         covariance=False,
+        home=(pose, near),
     ).pose
-    near = np.minimum(BACK * np.sqrt(np.diagonal(found.covariance[best])), SAME)
     away = np.flatnonzero((np.abs(wrapped(ends - pose)) > near).any(-1))
     back = np.ones(len(ends), dtype=bool)
     back[away] = False
@@ -318,20 +321,34 @@ def _by_scans(
     guess, wherever chance or a search has moved it, and the information is none.
     """
     free, determined = _undetermined(found, best, limits.real_share)
-    pose, covariance = found.pose[best], found.covariance[best]
-    ended, row = found, best
-    if free.shape[1] and np.isfinite(covariance).all():
-        back = wrapped(pose + (np.eye(3) - determined) @ wrapped(guess - pose))
-        ended, row = align(reference.surface, moving.surface, back, reach=0.15), 0
-    pose, covariance = both_ways(reference.surface, moving.surface, ended, row)
+    start = found.pose[best]
+    if free.shape[1] and np.isfinite(found.covariance[best]).all():
+        start = wrapped(start + (np.eye(3) - determined) @ wrapped(guess - start))
+    loose = BACK * np.sqrt(np.diagonal(found.covariance[best]))
+    pose, covariance = _finest(reference, moving, start, np.maximum(loose, SAME))
     if not np.isfinite(covariance).all():
         return guess.copy(), np.diag(1 / NOTHING), np.zeros((3, 3))
     if free.shape[1]:
         pose = wrapped(pose + (np.eye(3) - determined) @ wrapped(guess - pose))
         spread = determined @ spread @ determined.T
     information = determined.T @ np.linalg.inv(covariance + spread) @ determined
-    covariance = np.linalg.inv(information + np.diag(NOTHING))
+    covariance = np.asarray(np.linalg.inv(information + np.diag(NOTHING)))
     return pose, (covariance + covariance.T) / 2, information
+
+
+def _finest(
+    reference: Prepared, moving: Prepared, start: Array, near: Array
+) -> tuple[Array, Array]:
+    """Pose and covariance both ways from where the scans lie over each other already.
+
+    By the short lines, too; where these lead further away than (3,) metres and radians, without.
+    """
+    one, other = reference.fine, moving.fine
+    found = align(one, other, start, reach=POLISHED, max_steps=LAST_STEPS, covariance=False)
+    if not (np.abs(wrapped(found.pose[0] - start)) < near).all():
+        one, other = reference.surface, moving.surface
+        found = align(one, other, start, reach=POLISHED, max_steps=LAST_STEPS, covariance=False)
+    return both_ways(one, other, found)
 
 
 def _undetermined(found: Alignment, best: int, real_share: float) -> tuple[Array, Array]:

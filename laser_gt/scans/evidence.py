@@ -13,7 +13,7 @@ import numpy as np
 
 from laser_gt.scans.planar import inverse, transform
 from laser_gt.scans.scan import Flags, Sweep, View
-from laser_gt.scans.surfaces import Surface, surface
+from laser_gt.scans.surfaces import FINE_LAGS, Surface, surface
 from validation.poses.angles import Array
 
 if TYPE_CHECKING:
@@ -49,6 +49,11 @@ class Prepared:
     def surface(self) -> Surface:
         """Its points with their lines."""
         return surface(self.sweep)
+
+    @cached_property
+    def fine(self) -> Surface:
+        """The same with short lines, too, for the last steps to a pose."""
+        return surface(self.sweep, FINE_LAGS)
 
     @cached_property
     def tree(self) -> "cKDTree":
