@@ -120,10 +120,11 @@ def one_way(pair: ScanPair) -> Array:
 
 
 def two_ways(pair: ScanPair) -> Array:
-    """The local matcher in both directions."""
-    reference, moving = Prepared(pair.reference).surface, Prepared(pair.moving).surface
-    found = align(reference, moving, pair.guess)
-    return both_ways(reference, moving, found)[0]
+    """The local matcher in both directions, the last steps with short lines too."""
+    reference, moving = Prepared(pair.reference), Prepared(pair.moving)
+    first = align(reference.surface, moving.surface, pair.guess).pose[0]
+    found = align(reference.fine, moving.fine, first)
+    return both_ways(reference.fine, moving.fine, found)[0]
 
 
 def by_plicp(pair: ScanPair) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 
 from laser_gt.campaign.inputs import ASSUMED_SIGMAS
 from laser_gt.campaign.outcome import LaserOutcome
+from laser_gt.logs.motion import MIRROR
 from laser_gt.placing.guesses import GENEROUS, guess_deviations, guess_scatter
 from laser_gt.placing.solution import LaserSolution
 from laser_gt.placing.switches import WRONG_SHARE
@@ -29,6 +30,7 @@ def laser_findings(outcome: LaserOutcome) -> list[Finding]:
     found = [Finding(severity, text, "laser", "no_poses") for text in outcome.failures.values()]
     found += [Finding("note", text, "laser", "left_out") for text in outcome.inputs.left_out]
     found += [Finding("note", text, "laser", "assumed_mount") for text in outcome.inputs.assumed]
+    found += _moving(outcome)
     for name, noise in outcome.noise.items():
         text = (
             f"the ranges of the scanner '{name}' scatter by {noise.independent * 1e3:.1f} mm from "
@@ -104,6 +106,26 @@ def _of_solution(solution: LaserSolution) -> Iterator[Finding]:
         )
         size = (Size("surveyed stops", len(solution.anchors), "stops"),)
         yield Finding("note", text, who, "anchors", size)
+
+
+def _moving(outcome: LaserOutcome) -> Iterator[Finding]:
+    """Scans that were taken while the robot moved."""
+    for one in outcome.inputs.moving:
+        length, angle = one.speed * MIRROR * 1e3, one.turn * MIRROR * 1e3
+        text = (
+            f"at {len(one.stops)} of {len(outcome.inputs.stops)} stops the robot moved while "
+            f"'{one.sensor}' took its scan (by the log's odometry up to {one.speed:.2f} m/s and "
+            f"{one.turn:.2f} rad/s): in a turn of a mirror of {MIRROR * 1e3:.0f} ms beams go wrong "
+            f"by up to {length:.0f} mm and {angle:.0f} mrad. Let it stand, or state when beams are "
+            f"fired below [laser.scanners.{one.sensor}]: turn_time = {MIRROR:.5f} for a SICK LMS, "
+            "and interlaced = 2 where its beams are half a degree apart"
+        )
+        sizes = (
+            Size("stops at which the robot moved", len(one.stops), "stops"),
+            Size("fastest motion", one.speed, "m/s"),
+            Size("fastest turn", one.turn, "rad/s"),
+        )
+        yield Finding("warning", text, "laser", "moving_stops", sizes)
 
 
 def _of_hanging(solution: LaserSolution, who: str) -> Iterator[Finding]:
