@@ -5,7 +5,7 @@ found a partner. Here every point of both sweeps is asked: is there a surface wh
 you hidden from the other sensor, outside of its view, or in a place that its beams have crossed?
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -53,7 +53,7 @@ class Prepared:
     @cached_property
     def fine(self) -> Surface:
         """The same with short lines, too, for the last steps to a pose."""
-        return surface(self.sweep, FINE_LAGS)
+        return replace(surface(self.sweep, FINE_LAGS), table=self.surface.grid)
 
     @cached_property
     def tree(self) -> "cKDTree":

@@ -101,6 +101,8 @@ class Surface:
         Over how many beams that falls to 1 / e; the longest of the sweep's scanners.
     widths : (n,) or (1,) array
         Standard deviation of where across its beam each point was met, metres.
+    table : NearestGrid, optional
+        Look-up of the nearest of the points, where another surface has made it already.
     """
 
     points: Array
@@ -118,6 +120,7 @@ class Surface:
     shared: Array = field(default_factory=lambda: np.zeros(1))
     shared_beams: float = 1.0
     widths: Array = field(default_factory=lambda: np.zeros(1))
+    table: NearestGrid | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -125,7 +128,7 @@ class Surface:
     @cached_property
     def grid(self) -> NearestGrid:
         """Look-up of the nearest points."""
-        return NearestGrid(self.points)
+        return self.table or NearestGrid(self.points)
 
     @cached_property
     def normal_variances(self) -> Array:
