@@ -140,8 +140,8 @@ METHODS: dict[str, Callable[[ScanPair], Array]] = {
     "small_gicp": small_gicp,
 }
 ASKED = 1.18
-"""Times the bound that is wanted. Reached on 600 pairs is 1.19 on a full turn and 1.17 on a half: two
-thirds of the excess are of panels with few beams."""
+"""Times the bound that is wanted. Reached on 600 pairs is 1.19 on a full turn and 1.17 on a half:
+two thirds of the excess are of panels with few beams."""
 
 
 def show(lines: Lines, name: str, pairs: list[BoundedPair]) -> None:
