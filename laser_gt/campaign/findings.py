@@ -187,7 +187,7 @@ def _mount(outcome: LaserOutcome) -> Finding:
         f"one is right: they know it to {_mount_text(check.found.sigmas)} (standard deviations; "
         f"{values}), and {shown}. Between the stops of a pair the robot turns by "
         f"{np.rad2deg(check.found.turn):.0f} degrees (root mean square). Survey more of the stops, "
-        "with headings that differ by a quarter turn"
+        "with headings that differ by a quarter turn, or survey them more exactly"
     )
     sizes = _mount_sizes(check.found.sigmas, "standard deviation of the one found")
     return Finding("note", text, "laser", "mount_unclear", sizes)

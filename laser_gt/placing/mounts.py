@@ -106,7 +106,11 @@ class MountCheck:
         """What came out, in a few words."""
         if not self.agrees:
             return "the two do not agree"
-        return "the two agree" if self.tells else "not determined well enough to say more"
+        return (
+            "the two agree"
+            if self.tells
+            else "these stops do not tell whether the stated one is right"
+        )
 
 
 def check_mount(
