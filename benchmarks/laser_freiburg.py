@@ -252,6 +252,10 @@ if __name__ == "__main__":
     show_loops(rows)
     corrected = undistorted_records(records, {"front": TIMING}, {"front": OFFSET})
     lines = Lines()
+    # Before the matches, whose memory would count: what a process has used at most is known only.
+    logged = np.array([record.odometry for record in records])
+    show_drive(lines, "drive", records, rows, logged)
+    show_drive(lines, "drive, odometry that drifts", records, rows, drifting(logged))
     guess = np.hypot(*relations.differences(relations.guesses, OFFSET)[:, :2].T)
     print(f"  the guess itself: median {np.median(guess) * 1e3:.1f} mm")
     for name, log in (("as logged", records), ("corrected for motion", corrected)):
@@ -269,6 +273,3 @@ if __name__ == "__main__":
             ours = np.hypot(*relations.differences(poses, OFFSET)[:, :2].T)
             compare(lines, f"{name}, {step}", ours, peers)
             settings = guess_settings(found)
-    logged = np.array([record.odometry for record in records])
-    show_drive(lines, "drive", records, rows, logged)
-    show_drive(lines, "drive, odometry that drifts", records, rows, drifting(logged))

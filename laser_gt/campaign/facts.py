@@ -34,6 +34,8 @@ def laser_facts(outcome: LaserOutcome) -> dict[str, object]:
             "sigmas": check.found.sigmas.tolist(),
             "difference": check.difference.tolist(),
             "agrees": bool(check.agrees),
+            "tells": check.tells,
+            "least_shown": check.least_shown.tolist(),
             "turn": check.found.turn,
             "pairs": check.found.pairs,
         }

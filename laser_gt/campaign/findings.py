@@ -6,9 +6,11 @@ import numpy as np
 
 from laser_gt.campaign.inputs import ASSUMED_SIGMAS
 from laser_gt.campaign.outcome import LaserOutcome
+from laser_gt.logs.motion import MIRROR
 from laser_gt.placing.guesses import GENEROUS, guess_deviations, guess_scatter
 from laser_gt.placing.solution import LaserSolution
 from laser_gt.placing.switches import WRONG_SHARE
+from validation.poses.angles import Array
 from validation.results import Finding, Severity, Size
 
 WORSE = 1.5
@@ -28,6 +30,7 @@ def laser_findings(outcome: LaserOutcome) -> list[Finding]:
     found = [Finding(severity, text, "laser", "no_poses") for text in outcome.failures.values()]
     found += [Finding("note", text, "laser", "left_out") for text in outcome.inputs.left_out]
     found += [Finding("note", text, "laser", "assumed_mount") for text in outcome.inputs.assumed]
+    found += _moving(outcome)
     for name, noise in outcome.noise.items():
         text = (
             f"the ranges of the scanner '{name}' scatter by {noise.independent * 1e3:.1f} mm from "
@@ -105,6 +108,26 @@ def _of_solution(solution: LaserSolution) -> Iterator[Finding]:
         yield Finding("note", text, who, "anchors", size)
 
 
+def _moving(outcome: LaserOutcome) -> Iterator[Finding]:
+    """Scans that were taken while the robot moved."""
+    for one in outcome.inputs.moving:
+        length, angle = one.speed * MIRROR * 1e3, one.turn * MIRROR * 1e3
+        text = (
+            f"at {len(one.stops)} of {len(outcome.inputs.stops)} stops the robot moved while "
+            f"'{one.sensor}' took its scan (by the log's odometry up to {one.speed:.2f} m/s and "
+            f"{one.turn:.2f} rad/s): in a turn of a mirror of {MIRROR * 1e3:.0f} ms beams go wrong "
+            f"by up to {length:.0f} mm and {angle:.0f} mrad. Let it stand, or state when beams are "
+            f"fired below [laser.scanners.{one.sensor}]: turn_time = {MIRROR:.5f} for a SICK LMS, "
+            "and interlaced = 2 where its beams are half a degree apart"
+        )
+        sizes = (
+            Size("stops at which the robot moved", len(one.stops), "stops"),
+            Size("fastest motion", one.speed, "m/s"),
+            Size("fastest turn", one.turn, "rad/s"),
+        )
+        yield Finding("warning", text, "laser", "moving_stops", sizes)
+
+
 def _of_hanging(solution: LaserSolution, who: str) -> Iterator[Finding]:
     """Matches that may be wrong, and that stops are placed by all the same."""
     for one, stops in solution.hanging:
@@ -146,25 +169,43 @@ def _mount(outcome: LaserOutcome) -> Finding:
     if check is None:
         text = f"the laser mount could not be checked: {outcome.mount_note}"
         return Finding("note", text, "laser", "mount_unchecked")
-    difference = check.difference
-    values = (
-        f"stated less found {difference[0] * 1e3:+.1f} mm, {difference[1] * 1e3:+.1f} mm, "
-        f"{difference[2] * 1e3:+.2f} mrad"
-    )
-    kinds = zip(("mount x", "mount y", "mount theta"), ("m", "m", "rad"), strict=True)
-    sizes = tuple(
-        Size(f"{name}: stated less found", float(value), unit)
-        for (name, unit), value in zip(kinds, difference, strict=True)
-    )
-    if check.agrees:
-        text = f"the stated laser mount fits the data: {values}"
-        return Finding("good", text, "laser", "mount", sizes)
+    values = f"stated less found {_mount_text(check.difference, '+')}"
+    shown = f"an error of it of less than {_mount_text(check.least_shown)} would not show"
+    if not check.agrees:
+        text = (
+            f"the stated laser mount does not fit the surveyed poses and the scans: {values}. "
+            "Poses of stops that are turned against those that place the frame are off by as much, "
+            "beyond what their covariances say. See `gtval laser check-mount`, and state the mount "
+            "found or measure it again"
+        )
+        return Finding("warning", text, "laser", "mount", _mount_sizes(check.difference))
+    if check.tells:
+        text = f"the stated laser mount fits the data: {values}; {shown}"
+        return Finding("good", text, "laser", "mount", _mount_sizes(check.difference))
     text = (
-        f"the stated laser mount does not fit the surveyed poses and the scans: {values}. "
-        "It makes errors of the laser poses that change with the robot's heading. See "
-        "`gtval laser check-mount`"
+        "the laser mount is not determined well enough by these stops to say whether the stated "
+        f"one is right: they know it to {_mount_text(check.found.sigmas)} (standard deviations; "
+        f"{values}), and {shown}. Between the stops of a pair the robot turns by "
+        f"{np.rad2deg(check.found.turn):.0f} degrees (root mean square). Survey more of the stops, "
+        "with headings that differ by a quarter turn, or survey them more exactly"
     )
-    return Finding("warning", text, "laser", "mount", sizes)
+    sizes = _mount_sizes(check.found.sigmas, "standard deviation of the one found")
+    return Finding("note", text, "laser", "mount_unclear", sizes)
+
+
+def _mount_text(values: Array, sign: str = "") -> str:
+    """A mount, or an error of one, (3,), in words."""
+    x, y, theta = values * 1e3
+    return f"{x:{sign}.1f} mm, {y:{sign}.1f} mm, {theta:{sign}.2f} mrad"
+
+
+def _mount_sizes(values: Array, what: str = "stated less found") -> tuple[Size, ...]:
+    """The three numbers of a mount, or of an error of one, (3,)."""
+    kinds = zip(("mount x", "mount y", "mount theta"), ("m", "m", "rad"), strict=True)
+    return tuple(
+        Size(f"{name}: {what}", float(value), unit)
+        for (name, unit), value in zip(kinds, values, strict=True)
+    )
 
 
 def _guesses(outcome: LaserOutcome) -> Iterator[Finding]:

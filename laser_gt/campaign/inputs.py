@@ -7,6 +7,7 @@ import numpy as np
 
 from laser_gt.logs.decision_file import read_decisions
 from laser_gt.logs.decisions import Decision
+from laser_gt.logs.motion import MovingStops, moving_stops
 from laser_gt.logs.read import read_records
 from laser_gt.logs.records import ScanRecord
 from laser_gt.placing.anchors import Surveyed
@@ -67,6 +68,8 @@ class LaserInputs:
         What the files hold and is not used, and what they were expected to hold, in sentences.
     assumed : tuple of str
         What is taken for granted of the mount, in sentences.
+    moving : tuple of MovingStops
+        Scans that were taken while the robot moved, by scanner.
     """
 
     sweeps: tuple[Prepared, ...]
@@ -76,6 +79,7 @@ class LaserInputs:
     decisions: Mapping[tuple[str, str], Decision]
     left_out: tuple[str, ...]
     assumed: tuple[str, ...] = ()
+    moving: tuple[MovingStops, ...] = ()
 
     @property
     def stops(self) -> tuple[str, ...]:
@@ -132,6 +136,7 @@ def load_inputs(campaign: Campaign, settings: LaserSettings, surveyed: int = 0) 
         decisions=read_decisions(campaign.folder / settings.decisions, stops),
         left_out=tuple(_left_out(campaign, settings, sensors, by_stop, unscanned)),
         assumed=assumed,
+        moving=tuple(moving_stops(records, by_stop)) if settings.format != "csv" else (),
     )
 
 

@@ -184,5 +184,5 @@ def mount_table(check: MountCheck) -> Table:
         [[name, *row] for name, row in zip(COMPONENTS, values, strict=True)],
         ["", ".4f", ".4f", ".4f", ".4f", "+.4f"],
         f"From {found.pairs} pairs with turns of {np.rad2deg(found.turn):.0f} degrees "
-        f"(root mean square); the two {'agree' if check.agrees else 'do not agree'}.",
+        f"(root mean square); {check.says}.",
     )

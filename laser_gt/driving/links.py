@@ -155,9 +155,7 @@ def polished(reference: Prepared, moving: Prepared, guess: Array) -> tuple[Array
     found = align(reference.surface, moving.surface, guess, reach=REACH)
     if not np.isfinite(found.covariance[0]).all() or found.scale[0] > WORST:
         return None
-    pose, covariance = both_ways(
-        reference.surface, moving.surface, found.pose[0], found.covariance[0]
-    )
+    pose, covariance = both_ways(reference.surface, moving.surface, found)
     off = wrapped(pose - guess)
     if np.hypot(off[0], off[1]) > MOVED[0] or abs(off[2]) > MOVED[1]:
         return None

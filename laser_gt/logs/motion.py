@@ -179,6 +179,76 @@ def twists(times: Array, poses: Array) -> Array:
     return np.where(weight[:, None] > 0, weighted / np.maximum(weight, 1e-12)[:, None], np.nan)
 
 
+MIRROR = 1 / 75
+"""Seconds of a turn of the mirror of a SICK LMS; those of other scanners take longer."""
+MOVED = (0.006, 0.003)
+"""Metres and radians in a turn of the mirror from which on a robot is said to move at a stop: the
+standard deviations from which on a match is imprecise. That is 0.45 m/s, or 0.22 rad/s."""
+
+
+@dataclass(frozen=True)
+class MovingStops:
+    """Stops at which a scan was taken while the robot moved, and that are not corrected for it.
+
+    Parameters
+    ----------
+    sensor : str
+        Name of the scanner.
+    stops : tuple of str
+        The stops.
+    speed, turn : float
+        The fastest of them, m/s and rad/s.
+    """
+
+    sensor: str
+    stops: tuple[str, ...]
+    speed: float
+    turn: float
+
+
+def moving_stops(
+    records: Sequence[ScanRecord], by_stop: Mapping[str, Sequence[ScanRecord]]
+) -> list[MovingStops]:
+    """For each scanner the stops at which the robot moved by the odometry of the log.
+
+    Parameters
+    ----------
+    records : sequence of ScanRecord
+        All of the log.
+    by_stop : mapping of str to sequence of ScanRecord
+        Those of each stop.
+    """
+    found = []
+    for sensor in dict.fromkeys(record.scan.sensor for record in records):
+        mine = sorted(
+            (record for record in records if record.scan.sensor == sensor and _placed(record)),
+            key=lambda record: record.scan.time,
+        )
+        if len(mine) < 2:
+            continue
+        times = np.array([record.scan.time for record in mine])
+        motion = twists(times, np.array([record.odometry for record in mine]))
+        fast = np.column_stack([np.hypot(motion[:, 0], motion[:, 1]), np.abs(motion[:, 2])])
+        at = {record.line: number for number, record in enumerate(mine)}
+        moved = {
+            stop: fast[at[one.line]]
+            for stop, scans in by_stop.items()
+            for one in scans
+            if one.scan.sensor == sensor and one.line in at and not one.undistorted
+        }
+        # NaN, where the motion is not known, is not above anything
+        moved = {stop: by for stop, by in moved.items() if (by * MIRROR > MOVED).any()}
+        if moved:
+            speed, turn = np.max(list(moved.values()), axis=0).tolist()
+            found.append(MovingStops(sensor, tuple(moved), speed, turn))
+    return found
+
+
+def _placed(record: ScanRecord) -> bool:
+    """Whether a scan has a time and a pose by odometry."""
+    return record.odometry is not None and bool(np.isfinite(record.scan.time))
+
+
 def undistorted_records(
     records: Sequence[ScanRecord],
     timings: Mapping[str, MirrorTiming],

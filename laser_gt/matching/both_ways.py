@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from laser_gt.matching.local import align, influence
+from laser_gt.matching.local import LAST_STEPS, Alignment, align, influence
 from laser_gt.scans.noise import smeared
 from laser_gt.scans.planar import (
     CONTRADICTION,
@@ -14,13 +14,17 @@ from laser_gt.scans.planar import (
 from laser_gt.scans.surfaces import Surface
 from validation.poses.angles import Array
 
-REACH = 0.15
+REACH = 0.05
 """The way back starts at the result of the way there; it may be off by this, in metres. A
-judgement: many times what a right match is off, and less than from one wall to the next."""
+judgement: ten times what a right match is off."""
+
+LEAST_OWN = 0.05
+"""Least share of a point's variance that is its own. A judgement: no scanner is known whose
+neighbouring beams err alike to the last twentieth."""
 
 
 def both_ways(
-    reference: Surface, moving: Surface, pose: Array, covariance: Array
+    reference: Surface, moving: Surface, found: Alignment, row: int = 0
 ) -> tuple[Array, Array]:
     """Pose and covariance from a match of the moving sweep and its counterpart the other way.
 
@@ -28,10 +32,10 @@ def both_ways(
     ----------
     reference, moving : Surface
         The two sweeps.
-    pose : (3,) array
-        Moving frame in the reference frame, from `laser_gt.matching.local.align`.
-    covariance : (3, 3) array
-        Of that pose.
+    found : Alignment
+        Of the moving sweep in the frame of the reference.
+    row : int
+        Which of its starts is meant.
 
     Returns
     -------
@@ -50,27 +54,57 @@ def both_ways(
     stays, and the difference is added to its covariance. If one way determines nothing at all,
     pose and covariance stay as given.
     """
-    back = align(moving, reference, inverse(pose), reach=REACH)
-    if not (np.isfinite(covariance).all() and np.isfinite(back.covariance).all()):
+    pose = found.pose[row]
+    if not found.determined[row]:
+        return pose, np.full((3, 3), np.inf)
+    there = influence(reference, moving, found, row)
+    covariance = there.covariance
+    back = align(
+        moving, reference, inverse(pose), reach=REACH, max_steps=LAST_STEPS, covariance=False
+    )
+    if not back.determined[0]:
         return pose, covariance
-    other = inverse_covariance_of(back.pose[0], back.covariance[0])
+    again = influence(moving, reference, back)
+    other = inverse_covariance_of(back.pose[0], again.covariance)
     difference = wrapped(inverse(back.pose[0]) - pose)
     if difference @ np.linalg.solve(covariance + other, difference) > CONTRADICTION:
         return pose, covariance + np.outer(difference, difference)
     # In the basis of the sum of both covariances: the mean weighted by information.
     share = covariance @ np.linalg.inv(covariance + other)
     mean = wrapped(pose + share @ difference)
-    there = influence(reference, moving, pose)
-    again = influence(moving, reference, back.pose[0])
     turned = share @ inverse_jacobian(back.pose[0])
     rest = np.eye(3) - share
     by_moving = rest @ there.moving + turned @ again.reference
     by_reference = rest @ there.reference + turned @ again.moving
-    joint = (by_moving * there.variances) @ by_moving.T
-    joint += (by_reference * again.variances) @ by_reference.T
+    own = (by_moving * there.variances) @ by_moving.T
+    own += (by_reference * again.variances) @ by_reference.T
+    shared, smooth = np.zeros((3, 3)), np.zeros((3, 3))
     for by_point, swept in ((by_moving, moving), (by_reference, reference)):
         if swept.shared.any():
             alike = by_point * swept.shared_across
-            # each point's own part is in the variances already
-            joint += (smeared(alike, swept.shared_beams) - alike) @ alike.T
+            shared += alike @ alike.T
+            smooth += smeared(alike, swept.shared_beams) @ alike.T
+    joint = smooth + independent_part(own, shared)
     return mean, (joint + joint.T) / 2
+
+
+def independent_part(own: Array, shared: Array) -> Array:
+    """(3, 3) covariance by noise that no two points share.
+
+    Parameters
+    ----------
+    own : (3, 3) array
+        By what the residuals of each point show, with its part of what neighbours share.
+    shared : (3, 3) array
+        By that part alone, as if it were independent.
+
+    Notes
+    -----
+    The difference of the two, in the coordinates in which the first is the identity; residuals
+    that are small by chance would make it negative there.
+    """
+    lower = np.linalg.cholesky(own + 1e-12 * np.trace(own) * np.eye(3))
+    back = np.linalg.inv(lower)
+    values, axes = np.linalg.eigh(back @ shared @ back.T)
+    turned = lower @ axes
+    return np.asarray((turned * np.maximum(1 - values, LEAST_OWN)) @ turned.T)

@@ -156,13 +156,7 @@ def genetic_match(
     few = polished.pose[distinct(polished.pose, score, 0.05, 0.02, 3)]
     polished = align(reference.surface, moving.surface, few, reach=0.15)
     score = evidence(reference, moving, polished.pose).score
-    best_row = int(score.argmax())
-    pose, _ = both_ways(
-        reference.surface,
-        moving.surface,
-        polished.pose[best_row],
-        polished.covariance[best_row],
-    )
+    pose, _ = both_ways(reference.surface, moving.surface, polished, int(score.argmax()))
     return GeneticMatch(
         pose,
         convergence[-1],

@@ -29,6 +29,11 @@ OPEN = (0.1, 0.1, 0.1)
 """Standard deviations, metres and radians, from which on a mount is not determined. A judgement: a
 tape measure is twenty times better, and a mount off by 0.1 rad is seen by eye."""
 
+TELLING = (0.01, 0.01, 0.01)
+"""Standard deviations, metres and radians, up to which a mount that agrees with the stated one says
+that this is right. A judgement: twice those of a tape measure; from four of them on, 4 cm, a wrong
+mount shows, and one that is mixed up or read off by a decimetre does in any case."""
+
 
 @dataclass(frozen=True)
 class MountEstimate:
@@ -84,6 +89,28 @@ class MountCheck:
         """Whether both sigmas explain the difference (99.9 %)."""
         covariance = self.found.covariance + np.diag(self.stated_sigmas**2)
         return float(self.difference @ np.linalg.solve(covariance, self.difference)) < CONTRADICTION
+
+    @property
+    def tells(self) -> bool:
+        """Whether the data know the mount well enough to say that the stated one is right."""
+        return bool((self.found.sigmas <= TELLING).all())
+
+    @property
+    def least_shown(self) -> Array:
+        """(3,) least error of the stated mount that would show, if it is wrong in one number."""
+        sigmas = np.hypot(self.found.sigmas, self.stated_sigmas)
+        return np.asarray(np.sqrt(CONTRADICTION) * sigmas)
+
+    @property
+    def says(self) -> str:
+        """What came out, in a few words."""
+        if not self.agrees:
+            return "the two do not agree"
+        return (
+            "the two agree"
+            if self.tells
+            else "these stops do not tell whether the stated one is right"
+        )
 
 
 def check_mount(

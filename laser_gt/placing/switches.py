@@ -26,6 +26,7 @@ from laser_gt.scans.planar import (
     inverse,
     inverse_covariance_of,
     inverse_jacobian,
+    wrapped,
 )
 from laser_gt.scans.scan import Indices
 from validation.poses.angles import Array
@@ -41,6 +42,11 @@ judgement: a wrong pose is another one by 0.1 m or more, two of these."""
 CONFIRMING = 2
 """Loops through different third parts that confirm a match between two, over those that it does not
 close. A judgement: one may close by chance or share its third stop's fault."""
+
+CONTRADICTING = 4 * CONTRADICTION
+"""Squared distance, in standard deviations, from what all matches together say, beyond which an
+imprecise one may be wrong. Four times: in real buildings, where furniture has moved and walls are
+not straight, right ones are off by twice what they state here and there."""
 
 WRONG_SHARE = 0.1
 """Chance that a match is wrong which may be wrong and which nothing checks. Measured: 5 of 114 in
@@ -88,20 +94,49 @@ def decided(
     same. Of the matches between two parts (or across a part that knows its own ends badly), those
     that agree with each other to `TELLING` are confirmed together, and else the one that closes
     most loops, `CONFIRMING` at least: a wrong pose would have to be wrong by the same in both.
+
+    An imprecise match far from what all together say (`CONTRADICTING`), the farthest first, is left
+    to the graph of the others in the same way: along a corridor, doors that look alike a metre
+    apart determine a pose that is wrong by as much.
     """
     where = {stop: number for number, stop in enumerate(stops)}
     found = list(matches)
+    doubted: set[int] = set()
     while True:
         open_rows = [row for row, one in enumerate(found) if one.verdict == "may be wrong"]
         used = [edge_of(where, one) for one in found if one.used]
-        if not open_rows:
-            return found
         part = graph_of(poses, used, sigmas)
         told = _inside(part, found, where, open_rows) or _across(part, found, where, open_rows)
+        told = told or _contradicting(part, found, where, doubted)
         if not told:
             return found
-        for row, one in told.items():
-            found[row] = one
+        doubted |= told.keys()
+        found = [told.get(row, one) for row, one in enumerate(found)]
+
+
+def _contradicting(
+    part: Part, matches: Sequence[Match], where: dict[str, int], asked: set[int]
+) -> dict[int, Match]:
+    """The imprecise match farthest from what all say, if it may be wrong by that."""
+    rows = [
+        row for row, one in enumerate(matches) if one.verdict == "imprecise" and row not in asked
+    ]
+    if not rows:
+        return {}
+    edges = [edge_of(where, matches[row]) for row in rows]
+    start, end = ends_of(edges).T
+    off = wrapped(
+        between(part.solution.poses[start], part.solution.poses[end])
+        - np.array([edge.pose for edge in edges])
+    )
+    covariance = np.array([edge.covariance for edge in edges])
+    squared = (off * np.linalg.solve(covariance, off[..., None])[..., 0]).sum(-1)
+    worst = int(squared.argmax())
+    if squared[worst] <= CONTRADICTING:
+        return {}
+    one = matches[rows[worst]]
+    text = f"{np.sqrt(squared[worst]):.0f} standard deviations from what all matches say"
+    return {rows[worst]: replace(one, verdict="may be wrong", reasons=(*one.reasons, text))}
 
 
 def guess_edges(poses: Array, parts: Indices, sigmas: Sequence[float]) -> list[Edge]:

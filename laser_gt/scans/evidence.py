@@ -5,7 +5,7 @@ found a partner. Here every point of both sweeps is asked: is there a surface wh
 you hidden from the other sensor, outside of its view, or in a place that its beams have crossed?
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -13,8 +13,8 @@ import numpy as np
 
 from laser_gt.scans.planar import inverse, transform
 from laser_gt.scans.scan import Flags, Sweep, View
-from laser_gt.scans.surfaces import Surface, surface
-from validation.poses.angles import Array, wrap
+from laser_gt.scans.surfaces import FINE_LAGS, Surface, surface
+from validation.poses.angles import Array
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -51,6 +51,11 @@ class Prepared:
         return surface(self.sweep)
 
     @cached_property
+    def fine(self) -> Surface:
+        """The same with short lines, too, for the last steps to a pose."""
+        return replace(surface(self.sweep, FINE_LAGS), table=self.surface.grid)
+
+    @cached_property
     def tree(self) -> "cKDTree":
         """Its points, for the exact distance to the nearest of them."""
         from scipy.spatial import cKDTree  # noqa: PLC0415  (loaded when a match is judged)
@@ -75,11 +80,15 @@ class Evidence:
         Share of all points in space that the other sensor's beams have crossed.
     hidden : (k,) array
         Share of all points that the other sensor could not see.
+    crossing : ((k, n) bool array, (k, m) bool array)
+        Which of the points of the moving sweep and of the reference that were asked are in space
+        that the other sensor's beams have crossed.
     """
 
     explained: Array
     violating: Array
     hidden: Array
+    crossing: tuple[Flags, Flags]
 
     @property
     def overlap(self) -> Array:
@@ -113,6 +122,7 @@ def evidence(reference: Prepared, moving: Prepared, pose: Array, stride: int = 1
     tolerance = max(reference.tolerance, moving.tolerance)
     counts = np.zeros((3, len(pose)))
     total = 0
+    crossing = []
     for target, source, motion in (
         (reference, moving, pose),
         (moving, reference, inverse(pose)),
@@ -121,10 +131,12 @@ def evidence(reference: Prepared, moving: Prepared, pose: Array, stride: int = 1
         explained, violating, hidden = _asked(target, points, tolerance)
         counts += np.stack([explained.sum(-1), violating.sum(-1), hidden.sum(-1)])
         total += points.shape[1]
-    return Evidence(*(counts / total))
+        crossing.append(violating)
+    explained, violating, hidden = counts / total
+    return Evidence(explained, violating, hidden, (crossing[0], crossing[1]))
 
 
-def intruder(reference: Prepared, moving: Prepared, pose: Array) -> float:
+def intruder(reference: Prepared, moving: Prepared, seen: Evidence, row: int) -> float:
     """Length of the longest surface that stands where the other scanner saw free space.
 
     Scattered points in free space are mixed pixels and grazing beams; a row of them is a thing
@@ -134,29 +146,26 @@ def intruder(reference: Prepared, moving: Prepared, pose: Array) -> float:
     ----------
     reference, moving : Prepared
         The two sweeps.
-    pose : (3,) array
-        Moving frame in the reference frame.
+    seen : Evidence
+        Of all points of both.
+    row : int
+        Which of its poses is meant.
 
     Returns
     -------
     float
         Metres from the first to the last point of the longest unbroken row, in either sweep.
     """
-    tolerance = max(reference.tolerance, moving.tolerance)
     longest = 0.0
-    for target, source, motion in ((reference, moving, pose), (moving, reference, inverse(pose))):
-        points = transform(motion, source.sweep.points)
-        index = np.flatnonzero(_crossed(target, points, tolerance))
+    for source, crossing in zip((moving, reference), seen.crossing, strict=True):
+        index = np.flatnonzero(crossing[row])
         if index.size < 2:
             continue
-        index = index[~_on_surface(target.surface, points[index], tolerance)]
-        if index.size < 2:
-            continue
-        row = source.sweep.points[index]
-        step = np.diff(row, axis=0)
+        points = source.sweep.points[index]
+        step = np.diff(points, axis=0)
         broken = (np.diff(index) > 1) | ((step**2).sum(-1) > ROW_GAP**2)
         first, last = np.append(True, broken), np.append(broken, True)
-        length = np.hypot(*(row[last] - row[first]).T)
+        length = np.hypot(*(points[last] - points[first]).T)
         longest = max(longest, float(length.max()))
     return longest
 
@@ -174,16 +183,6 @@ def _asked(target: Prepared, points: Array, tolerance: float) -> tuple[Flags, Fl
         seen |= there & (distance < far + tolerance)
     violating = crossed & ~explained
     return explained, violating, ~explained & ~violating & ~seen
-
-
-def _crossed(target: Prepared, points: Array, tolerance: float) -> Flags:
-    """(n,) which points a sweep's beams have passed, whether or not a surface is there."""
-    crossed = np.zeros(points.shape[:-1], dtype=bool)
-    for view in target.sweep.views:
-        near, _, there = measured_limits(view, points)
-        distance = np.hypot(*np.moveaxis(points - view.mount[:2], -1, 0))
-        crossed |= there & (distance < near - tolerance)
-    return crossed
 
 
 def _on_surface(target: Surface, points: Array, tolerance: float) -> Flags:
@@ -223,7 +222,7 @@ def measured_limits(view: View, points: Array) -> tuple[Array, Array, Flags]:
     """
     scan = view.scan
     offset = points - view.mount[:2]
-    azimuth = wrap(np.arctan2(offset[..., 1], offset[..., 0]) - view.mount[2])
+    azimuth = np.arctan2(offset[..., 1], offset[..., 0]) - view.mount[2]
     turned = scan.angles[0] + np.mod(azimuth - scan.angles[0] + scan.step / 2, 2 * np.pi)
     beam = np.searchsorted(scan.angles, turned, side="right") - 1
     there = (beam >= 0) & (turned < scan.angles[-1] + scan.step)

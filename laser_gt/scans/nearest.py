@@ -61,15 +61,18 @@ class NearestGrid:
 
     def _cells(self, x: Array, y: Array) -> Indices:
         """Flat cell index of each point, of the border for points outside."""
-        column = ((x - self.low[0]) * (1 / self.cell)).astype(np.intp)
-        row = ((y - self.low[1]) * (1 / self.cell)).astype(np.intp)
-        np.maximum(column, 0, out=column)
-        np.minimum(column, self.columns - 1, out=column)
-        np.maximum(row, 0, out=row)
-        np.minimum(row, self.rows - 1, out=row)
-        row *= self.columns
-        row += column
-        return np.asarray(row)
+        cells = self._along(y, 1, self.rows)
+        cells *= self.columns
+        cells += self._along(x, 0, self.columns)
+        return cells
+
+    def _along(self, values: Array, axis: int, count: int) -> Indices:
+        """Column or row of each point."""
+        place = values - self.low[axis]
+        place *= 1 / self.cell
+        np.maximum(place, 0, out=place)
+        np.minimum(place, count - 1, out=place)
+        return np.asarray(place.astype(np.intp))
 
     def index(self, x: Array, y: Array) -> Indices:
         """Index of the nearest point to each (x, y), any shape."""

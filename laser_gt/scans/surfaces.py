@@ -5,6 +5,7 @@ allow: as long as the surface is straight. Narrow windows fake information: the 
 normals looks like structure, most of all along a corridor, where there is none.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -17,11 +18,16 @@ from validation.poses.angles import Array
 LAGS = (2, 4, 7, 12, 20)
 """Half widths of the windows tried, in beams. A judgement: each some 1.7 times the one before, from
 the fewest that fit a line to what a metre of wall near the scanner holds.
+"""
 
-Measured: with (1, 2, 4, 9, 20) errors in 150 furnished rooms are 1.20 and 1.06 times the
-Cramer-Rao bound (full turn, half turn) instead of 1.24 and 1.11, as pieces of furniture with three
-beams on them have a line then; but in the scans of a real building such lines are of what is not
-straight: of 136 pairs 58 are accepted instead of 74."""
+FINE_LAGS = (1, 3, 9, 20)
+"""The same for the last steps to a pose: pieces of furniture with three beams on them have a line
+then, and the choice is from fewer windows.
+
+Measured: errors in 300 furnished rooms are 1.19 and 1.09 times the Cramer-Rao bound (full turn,
+half turn) instead of 1.24 and 1.15; those on pairs of a real building are the same to what chance
+does. From further away such lines mislead: starts that are disturbed by 12 cm come back less often,
+and of 136 pairs of that building 60 would be accepted instead of 74."""
 
 MAX_WINDOW = 1.0
 """Longest window, in metres: beyond it a wall's own waviness counts. A judgement."""
@@ -95,6 +101,8 @@ class Surface:
         Over how many beams that falls to 1 / e; the longest of the sweep's scanners.
     widths : (n,) or (1,) array
         Standard deviation of where across its beam each point was met, metres.
+    table : NearestGrid, optional
+        Look-up of the nearest of the points, where another surface has made it already.
     """
 
     points: Array
@@ -112,6 +120,7 @@ class Surface:
     shared: Array = field(default_factory=lambda: np.zeros(1))
     shared_beams: float = 1.0
     widths: Array = field(default_factory=lambda: np.zeros(1))
+    table: NearestGrid | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -119,7 +128,7 @@ class Surface:
     @cached_property
     def grid(self) -> NearestGrid:
         """Look-up of the nearest points."""
-        return NearestGrid(self.points)
+        return self.table or NearestGrid(self.points)
 
     @cached_property
     def normal_variances(self) -> Array:
@@ -153,14 +162,14 @@ class Surface:
     def lines(self) -> Array:
         """(7, n) what a point is compared with, in one table so that one look-up fetches it.
 
-        Rows: normal x and y (zero where there is no line, so that nothing faces it), distance of
-        the line from the origin, its variance, variance of the normal's direction, x and y of
-        the point.
+        Rows: normal x and y (zero where there is no line, so that nothing faces it), x and y of
+        the point, distance of the line from the origin, its variance, variance of the normal's
+        direction.
         """
         normals = np.where(self.flat, self.normals.T, 0.0)
         offset = (normals * self.centres.T).sum(0)
         variances = self.normal_variances / self.window_lengths
-        return np.stack([*normals, offset, variances, self.normal_sigmas**2, *self.points.T])
+        return np.stack([*normals, *self.points.T, offset, variances, self.normal_sigmas**2])
 
     @cached_property
     def movable(self) -> Array:
@@ -169,17 +178,19 @@ class Surface:
         return np.ascontiguousarray(packed[:, self.flat])
 
 
-def surface(sweep: Sweep) -> Surface:
+def surface(sweep: Sweep, lags: Sequence[int] = LAGS) -> Surface:
     """The lines around the points of a sweep.
 
     Parameters
     ----------
     sweep : Sweep
         Points in scan order, view after view.
+    lags : sequence of int
+        Half widths of the windows tried, in beams.
 
     Notes
     -----
-    For each point, windows of ``LAGS`` beams centred on it, before it and after it are fitted by
+    For each point, windows of so many beams centred on it, before it and after it are fitted by
     total least squares (moments from running sums, so every window costs the same). A window
     counts if it crosses no gap, is not longer than ``MAX_WINDOW`` and scatters about its line no
     more than the range noise explains (chi-square bound at about 3 sigma). The one whose normal
@@ -195,7 +206,7 @@ def surface(sweep: Sweep) -> Surface:
     steps = np.repeat([view.scan.step for view in sweep.views], count)
     widths = WITHIN_BEAM * steps * ranges
     run = _run_of(sweep, points, ranges, sigmas)
-    first, last = _windows(run)
+    first, last = _windows(run, lags)
     windows = (first, last, _window_moments(points, first, last), _spacing(points, run))
     found = _best_lines(points, beams, ranges, sigmas, 0.0 * widths, *windows)
     share = _beam_share(found, widths)
@@ -259,10 +270,10 @@ def _run_of(sweep: Sweep, points: Array, ranges: Array, sigmas: Array) -> Indice
     return np.cumsum(broken)
 
 
-def _windows(run: Indices) -> tuple[Indices, Indices]:
+def _windows(run: Indices, halves: Sequence[int]) -> tuple[Indices, Indices]:
     """(w, n) first and last point of every window tried; last < first where it leaves its run."""
     index = np.arange(len(run))
-    lags = np.array(LAGS)[:, None]
+    lags = np.array(halves)[:, None]
     first = np.concatenate([index - lags, index - 2 * lags, index + 0 * lags])
     last = np.concatenate([index + lags, index + 0 * lags, index + 2 * lags])
     low, high = np.maximum(first, 0), np.minimum(last, len(run) - 1)

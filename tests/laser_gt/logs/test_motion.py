@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from laser_rooms import error, pair_of
@@ -6,6 +8,7 @@ from data_samples.rooms.scanners import cast, furnished_room
 from laser_gt.logs.motion import (
     MirrorTiming,
     moved,
+    moving_stops,
     sensor_twist,
     twist_between,
     twists,
@@ -137,3 +140,24 @@ def test_no_returns_stay_no_returns():
     ranges = np.where(np.arange(361) % 5 == 0, np.inf, 4.0)
     found = undistorted(Scan(ranges, ANGLES), DRIVING, SICK)
     assert found.returned.sum() == np.isfinite(ranges).sum()
+
+
+def test_stops_at_which_the_robot_moves_are_named():
+    """Ten scans in a row: at rest, at half a metre a second, and turning at half a radian."""
+    steps = [[0.0, 0.0, 0.0]] * 3 + [[0.1, 0.0, 0.0]] * 3 + [[0.0, 0.0, 0.1]] * 3
+    poses = [np.zeros(3)]
+    for step in steps:
+        poses.append(compose(poses[-1], step))
+    records = [
+        ScanRecord(Scan(np.ones(9), np.linspace(-1, 1, 9), time=0.2 * row), pose, line=row)
+        for row, pose in enumerate(poses)
+    ]
+    by_stop = {str(row): [records[row]] for row in (1, 4, 8)}
+    (found,) = moving_stops(records, by_stop)
+    assert found.stops == ("4", "8")
+    assert found.speed == pytest.approx(0.5)
+    assert found.turn == pytest.approx(0.5)
+    corrected = {stop: [replace(one, undistorted=True) for one in by_stop[stop]] for stop in "48"}
+    assert moving_stops(records, corrected) == []
+    without = [replace(one, odometry=None) for one in records]
+    assert moving_stops(without, by_stop) == []

@@ -10,7 +10,7 @@ from data_samples.rooms.scanners import FULL_TURN, furnished_room, take_sweep
 from laser_gt.matching.judgement import MatchSettings, match
 from laser_gt.placing.anchors import edge_of
 from laser_gt.placing.graph import Edge
-from laser_gt.placing.mounts import mount_of
+from laser_gt.placing.mounts import MountCheck, mount_of
 from laser_gt.placing.pairs import PairSettings, candidate_pairs
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import between, compose, inverse_covariance_of, wrapped
@@ -22,13 +22,13 @@ SURVEYS = (0.0003, 0.001, 0.003)
 STOPS = 20
 
 
-def _stops(rng):
-    return np.column_stack([rng.uniform([1.5, 1.5, -np.pi], [6.5, 5.2, np.pi], (STOPS, 3))])
+def _stops(rng, heading=np.pi):
+    return np.column_stack([rng.uniform([1.5, 1.5, -heading], [6.5, 5.2, heading], (STOPS, 3))])
 
 
-def _drawn(rng, own):
+def _drawn(rng, own, heading=np.pi):
     """True poses, and edges of which a share of the noise is each edge's own."""
-    poses = _stops(rng)
+    poses = _stops(rng, heading)
     laser = compose(poses, np.broadcast_to(MOUNT, poses.shape))
     seen = compose(laser, rng.normal(0, 1, poses.shape) * SCAN * np.sqrt(1 - own))
     edges = []
@@ -42,11 +42,16 @@ def _drawn(rng, own):
     return poses, edges
 
 
-def _squared(rng, poses, edges, sigma):
-    """Squared error of the mount in units of its covariance, over three."""
+def _found(rng, poses, edges, sigma):
+    """The mount by poses that are surveyed to a sigma, metres and radians."""
     covariance = np.diag([sigma, sigma, sigma]) ** 2
     surveyed = wrapped(poses + rng.normal(0, sigma, poses.shape))
-    found = mount_of(surveyed, np.kron(np.eye(STOPS), covariance), edges, MOUNT)
+    return mount_of(surveyed, np.kron(np.eye(STOPS), covariance), edges, MOUNT)
+
+
+def _squared(rng, poses, edges, sigma):
+    """Squared error of the mount in units of its covariance, over three."""
+    found = _found(rng, poses, edges, sigma)
     off = wrapped(found.mount - MOUNT)
     return float(off @ np.linalg.solve(found.covariance, off)) / 3
 
@@ -61,6 +66,27 @@ def test_the_mount_is_as_uncertain_as_it_is_off_however_good_the_survey(sigma, o
         squared.append(_squared(rng, *_drawn(rng, own), sigma))
     low, high = stats.chi2.ppf([0.0005, 0.9995], 3 * seeds) / (3 * seeds)
     assert low < np.mean(squared) < high
+
+
+@pytest.mark.parametrize(("heading", "sigma", "tells"), [(0.17, 0.01, False), (1.6, 0.003, True)])
+def test_a_check_says_how_wrong_a_mount_would_have_to_be_to_show(heading, sigma, tells):
+    """Stops within ten degrees of each other, and up to half a turn apart."""
+    seeds = 24
+    shown, twice, right = [], [], []
+    for seed in range(seeds):
+        rng = np.random.default_rng([seed, 9])
+        found = _found(rng, *_drawn(rng, 0.5, heading), sigma)
+        # as a tape measure has it, 5 mm off by as much
+        tape = MountCheck(MOUNT + rng.normal(0, 0.005, 3), np.full(3, 0.005), found)
+        assert tape.tells == tells
+        right.append(tape.agrees)
+        for factor, times in ((1, shown), (2, twice)):
+            wrong = replace(tape, stated=tape.stated + factor * tape.least_shown * [1, 0, 0])
+            times.append(not wrong.agrees)
+    assert all(right)  # of 24 none by chance, at one in a thousand
+    assert all(twice)
+    # The place of the mount follows its angle, so that what is wrong in one number shows more.
+    assert np.mean(shown) > 0.5 - 3 * np.sqrt(0.25 / seeds)
 
 
 def _matched(seed):

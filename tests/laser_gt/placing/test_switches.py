@@ -145,3 +145,18 @@ def test_a_person_has_the_last_word():
     refused = replace(wrong, verdict="refuted")
     found = _decided(poses, [refused, _match(poses, "b", "c"), _match(poses, "a", "c")])
     assert found[0] is refused
+
+
+def test_an_imprecise_match_that_contradicts_the_others_is_refuted_and_a_right_one_stays():
+    """A corridor whose doors look alike: off by a metre, at a stated 20 mm."""
+    poses = _stops(5)
+    rest = [_match(poses, *pair) for pair in list(combinations("abcde", 2))[1:]]
+    weak = {"explained": 0.15}
+    for off, verdict in ((0.0, "imprecise"), (0.06, "imprecise"), (1.0, "refuted")):
+        one = _match(poses, "a", "b", weak, (off, 0.0, 0.0), sigma=0.02)
+        found = _decided(poses, [one, *rest])
+        assert found[0].verdict == verdict
+        assert found[1:] == rest
+    # a single chain says nothing against it
+    chain = [_match(poses, "a", "b", weak, (1.0, 0.0, 0.0), sigma=0.02), _match(poses, "b", "c")]
+    assert [one.verdict for one in _decided(poses[:3], chain)] == ["imprecise", "accepted"]
