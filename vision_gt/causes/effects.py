@@ -45,6 +45,8 @@ REFERENCE_RANGE = np.repeat([0.1, 0.05], 3)
 """By which a reference pattern is laid differently."""
 LENS_RANGE = np.array([50.0, 50.0, 30.0, 30.0, 0.1, 0.1, 0.003, 0.003, 0.1])
 """By which a camera's parameters in a file differ from its own: of another camera of its kind."""
+LEAST_AFTER = 2
+"""Stops that have to show that something moved: one may be a leg before a marker."""
 DIMA_RANGE = np.repeat([0.05, 0.1], 3)
 """By which the place of the dima-marker is measured wrongly."""
 
@@ -364,5 +366,5 @@ def _moves(evidence: Evidence) -> Iterator[Moved]:
     ):
         for name in names:
             stops = Moved(kind, name).stops(evidence)
-            for stop in stops:
+            for stop in stops[: 1 - LEAST_AFTER]:
                 yield Moved(kind, name, stop, places=len(names) * len(stops))
