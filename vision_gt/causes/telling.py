@@ -7,6 +7,7 @@ import numpy as np
 from validation.results import Finding, Severity, Size, listed_ids
 from vision_gt.causes.diagnosis import Cause, Diagnosis
 from vision_gt.causes.effects import Effect, Moved, Scaled
+from vision_gt.causes.evidence import WALK
 from vision_gt.causes.exchanges import Exchanged
 from vision_gt.causes.reference import ReferenceTurn
 
@@ -232,7 +233,7 @@ def noise_finding(diagnosis: Diagnosis) -> Finding | None:
     if not noisy or (cause is not None and isinstance(cause.effect, Exchanged)):
         return None
     names = list(dict.fromkeys(one.camera for one in noisy))
-    everyone = set(names) >= {one.camera for one in diagnosis.noise}
+    everyone = set(names) >= {one.camera for one in diagnosis.noise} - {WALK}
     most = max(noisy, key=lambda one: one.factor)
     spread = most.factor / float(np.sqrt(2 * most.corners))
     which = "of all cameras" if everyone else f"of camera {listed_ids(names)}"
