@@ -17,6 +17,7 @@ from rtk_gt.receivers.steps import Steps, common_steps
 from rtk_gt.settings import Receiver, RtkSettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
+from validation.poses.angles import Array
 from validation.poses.earth_frames import FrameVectors, LocalFrame
 
 ENDINGS = {
@@ -168,7 +169,10 @@ def offset_prior(settings: RtkSettings, frame: LocalFrame) -> OffsetPrior:
         If the known offsets belong to another frame, or a distance is of no pair.
     """
     names = tuple(receiver.name for receiver in settings.receivers)
-    prior = OffsetPrior()
+    heights, others = antenna_places(settings)
+    if others is not None:
+        heights = np.concatenate([heights, others[:, 2]])
+    prior = OffsetPrior(heights=heights)
     if settings.known_offsets is not None:
         known = settings.known_offsets
         values = np.array([known.values.get(name, (np.nan,) * 3) for name in names])
@@ -184,3 +188,10 @@ def offset_prior(settings: RtkSettings, frame: LocalFrame) -> OffsetPrior:
             prior, distances=distances, distance_sigmas=np.full(len(pairs), stated.sigma)
         )
     return prior
+
+
+def antenna_places(settings: RtkSettings) -> tuple[Array, Array | None]:
+    """Heights (3,) of the first antennas and rough places (r - 3, 3) of the others, metres."""
+    heights = np.array([receiver.height for receiver in settings.receivers[:3]], dtype=float)
+    others = [receiver.position for receiver in settings.receivers[3:]]
+    return heights, np.array(others) if others else None
