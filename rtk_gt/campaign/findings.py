@@ -8,6 +8,7 @@ from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.checks import differences_said
 from rtk_gt.offsets.estimate import distance_names
 from rtk_gt.path.vehicle_path import heading_span, tilt_spread
+from rtk_gt.receivers.fixes import Fixes
 from validation.poses.angles import Array
 from validation.results import Finding, Severity, Size
 
@@ -342,10 +343,14 @@ def _assumed(outcome: RtkOutcome) -> Iterator[Finding]:
 def _records(outcome: RtkOutcome) -> Iterator[Finding]:
     """Remarks of the readers, and what they tolerated."""
     for record in outcome.records:
-        for note in record.notes:
-            yield Finding("note", note, record.receiver, "record")
-        if record.tolerated:
-            said = ", ".join(f"{what}: {count}" for what, count in record.tolerated.items())
-            yield Finding(
-                "note", f"{record.source.name}, accepted: {said}.", record.receiver, "tolerated"
-            )
+        yield from record_findings(record)
+
+
+def record_findings(record: Fixes) -> Iterator[Finding]:
+    """Remarks of the reader of one record, and what it tolerated."""
+    for note in record.notes:
+        yield Finding("note", note, record.receiver, "record")
+    if record.tolerated:
+        said = ", ".join(f"{what}: {count}" for what, count in record.tolerated.items())
+        text = f"{record.source.name}, accepted: {said}."
+        yield Finding("note", text, record.receiver, "tolerated")

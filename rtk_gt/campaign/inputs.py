@@ -1,5 +1,6 @@
 """A campaign's records of all receivers, and what it states beforehand."""
 
+import gzip
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -117,7 +118,7 @@ def _read(
     campaign: Campaign, receiver: Receiver, settings: RtkSettings, rawlogs: dict[Path, Rawlog]
 ) -> Fixes:
     path = campaign.folder / receiver.file
-    kind = receiver.format if receiver.format != "auto" else ENDINGS.get(path.suffix.lower())
+    kind = receiver.format if receiver.format != "auto" else _kind_of(path)
     if kind == "rawlog":
         if path not in rawlogs:
             rawlogs[path] = read_rawlog(path)
@@ -140,6 +141,26 @@ def _read(
     raise InputError([Problem(path, expected)])
 
 
+def _kind_of(path: Path) -> str | None:
+    """What a file is by its name, .gz apart; a table that begins with a sentence is a log."""
+    inner = Path(path.stem) if path.suffix.lower() == ".gz" else path
+    kind = ENDINGS.get(inner.suffix.lower())
+    if kind == "csv" and path.is_file() and _begins_with_sentence(path):
+        return "nmea"
+    return kind
+
+
+def _begins_with_sentence(path: Path) -> bool:
+    """Whether the first line holds an NMEA sentence; also of a compressed file."""
+    with path.open("rb") as plain:
+        packed = plain.read(2) == b"\x1f\x8b"
+    try:
+        with gzip.open(path) if packed else path.open("rb") as file:
+            return b"$G" in file.readline(1000)
+    except (OSError, EOFError):
+        return False
+
+
 def stated_frame(settings: RtkSettings) -> LocalFrame | None:
     """The local frame of campaign.toml; None where no origin is stated."""
     if settings.origin is None:
@@ -154,6 +175,8 @@ def local_frame(settings: RtkSettings, records: list[Fixes]) -> LocalFrame:
     if stated is not None:
         return stated
     fixed = records[0].geodetic[records[0].fixed]
+    if len(fixed) == 0 and len(records) == 1 and len(records[0]):
+        fixed = records[0].geodetic
     if len(fixed) == 0:
         raise GtvalError(f"receiver {records[0].receiver} is never RTK-fixed")
     latitude, longitude, height = (float(value) for value in fixed[0])

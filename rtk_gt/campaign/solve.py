@@ -37,6 +37,11 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     GtvalError
         If the files are bad, or the receivers are never RTK-fixed together.
     """
+    if len(campaign.section("rtk", RtkSettings).receivers) == 1:
+        raise GtvalError(
+            f"{campaign.toml} names one receiver, which gives positions (`gtval rtk`); this "
+            "command needs the poses of a vehicle with three"
+        )
     progress("reading the receivers", 0.0)
     check_places(campaign)
     given = load_drive(campaign)

@@ -99,3 +99,27 @@ def solved(steps, prior, settings=None):
     path = vehicle_path(steps.select(rows), chosen.offsets, chosen.antennas)
     check_attitude(path)
     return chosen, path
+
+
+HEAD = """name = "Road"
+[rtk]
+origin = { latitude = 45.5, longitude = 9.16, height = 177.0 }
+eta = 1.75
+"""
+
+
+def write_road(folder, steps, known="", names=NAMES):
+    """Steps as a campaign: a CSV file for each receiver, 0.1 mm on the last digit."""
+    (folder / "rtk").mkdir(parents=True)
+    toml = HEAD
+    for column, name in enumerate(names):
+        places = SITE.to_geodetic(steps.positions[:, column])
+        lines = ["time,latitude,longitude,height,fix"]
+        lines += [
+            f"{time:.3f},{np.degrees(north):.11f},{np.degrees(east):.11f},{height:.4f},4"
+            for time, (north, east, height) in zip(steps.times, places, strict=True)
+        ]
+        (folder / "rtk" / f"{name}.csv").write_text("\n".join(lines) + "\n")
+        toml += f'[[rtk.receivers]]\nname = "{name}"\nfile = "rtk/{name}.csv"\n'
+        toml += f"height = {ANTENNAS[NAMES.index(name), 2]}\n"
+    (folder / "campaign.toml").write_text(toml + known)

@@ -1,0 +1,85 @@
+"""From one receiver's record to positions, coverage and quality; no printing, no drawing."""
+
+import numpy as np
+
+from rtk_gt.campaign.inputs import load_drive
+from rtk_gt.path.coverage import coverage
+from rtk_gt.positions.outcome import KindQuality, PositionsOutcome
+from rtk_gt.receivers.fixes import FIX_NAMES, NO_FIX, Fixes
+from rtk_gt.receivers.host_clock import host_clock
+from validation.campaign.folder import Campaign
+from validation.poses.angles import Array
+from validation.systems import Progress, no_progress
+
+_ORDER = (4, 5, 3, 2, 9, 1)
+"""Kinds of fixes, the best first; others follow."""
+
+
+def solve_positions(campaign: Campaign, progress: Progress = no_progress) -> PositionsOutcome:
+    """Where the receiver of a campaign was, and how much of that is ground truth.
+
+    Raises
+    ------
+    InputError
+        If the record is bad. One that is never RTK-fixed is none: its coverage is 0.
+    """
+    progress("reading the receiver", 0.0)
+    given = load_drive(campaign)
+    (record,) = given.records
+    steps = given.steps
+    progress("quality of the positions", 0.7)
+    return PositionsOutcome(
+        campaign=campaign,
+        settings=given.settings,
+        record=record,
+        frame=steps.frame,
+        positions=steps.frame.from_geodetic(record.geodetic),
+        coverage=coverage(given.records, steps, record.times[record.fixed], given.settings.max_gap),
+        kinds=qualities(record),
+        clock=host_clock(record),
+    )
+
+
+def qualities(record: Fixes) -> tuple[KindQuality, ...]:
+    """Epochs and stated errors of each kind of fix, the best kind first."""
+    present = {int(kind) for kind in np.unique(record.kinds)}
+    order = [*(k for k in _ORDER if k in present), *sorted(present - set(_ORDER))]
+    found = [_quality(record, kind) for kind in order]
+    if record.without_fix:
+        share = record.without_fix / record.epochs
+        name = FIX_NAMES[NO_FIX]
+        found.append(KindQuality(name, record.without_fix, share, None, None, None, None))
+    return tuple(found)
+
+
+def _quality(record: Fixes, kind: int) -> KindQuality:
+    rows = record.kinds == kind
+    axes = semi_axes(record.covariances[rows])
+    known = record.satellites[rows & (record.satellites >= 0)]
+    hdop = record.hdop[rows & np.isfinite(record.hdop)]
+    return KindQuality(
+        FIX_NAMES[kind],
+        int(rows.sum()),
+        float(rows.sum()) / record.epochs,
+        _middle_and_high(axes[:, 0]),
+        _middle_and_high(axes[:, 2]),
+        float(np.median(known)) if len(known) else None,
+        float(np.median(hdop)) if len(hdop) else None,
+    )
+
+
+def semi_axes(covariances: Array) -> Array:
+    """(n, 3) standard deviations: longer and shorter axis of the ellipse, and up, metres."""
+    axes = np.full((len(covariances), 3), np.nan)
+    stated = np.isfinite(covariances).all((1, 2))
+    values = np.linalg.eigvalsh(covariances[stated][:, :2, :2])
+    axes[stated, :2] = np.sqrt(np.maximum(values[:, ::-1], 0.0))
+    axes[stated, 2] = np.sqrt(covariances[stated, 2, 2])
+    return axes
+
+
+def _middle_and_high(values: Array) -> tuple[float, float] | None:
+    values = values[np.isfinite(values)]
+    if len(values) == 0:
+        return None
+    return float(np.median(values)), float(np.quantile(values, 0.95))
