@@ -23,7 +23,8 @@ class Receiver(Settings):
     its ending does not tell. ``label`` is the name inside a rawlog, where it differs; ``date``
     (UTC, YYYY-MM-DD) that of the first sentence of a log without dates. ``height`` is the z of
     its antenna in the vehicle frame, metres, and needed of the first three receivers;
-    ``position`` (x, y, z), to a decimetre or so, is needed from the fourth on.
+    ``position`` (x, y, z), to a decimetre or so, is needed from the fourth on; where the first
+    three have one, too, the layout is theirs, not rear, front left and front right.
     """
 
     name: Name

@@ -8,6 +8,7 @@ import numpy as np
 
 from rtk_gt.offsets.estimate import distance_names
 from rtk_gt.offsets.prior import OffsetPrior
+from rtk_gt.path.antennas import Places
 from rtk_gt.receivers.fix_checks import check_fixes
 from rtk_gt.receivers.fix_csv import read_fix_csv
 from rtk_gt.receivers.fixes import Fixes
@@ -18,7 +19,6 @@ from rtk_gt.receivers.steps import Steps, common_steps
 from rtk_gt.settings import Receiver, RtkSettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
-from validation.poses.angles import Array
 from validation.poses.earth_frames import FrameVectors, LocalFrame
 
 ENDINGS = {
@@ -76,7 +76,11 @@ def check_places(campaign: Campaign) -> None:
         Naming every key that is missing, with an example.
     """
     receivers = campaign.section("rtk", RtkSettings).receivers
-    wanted = [(one, "height", "z of its antenna on the vehicle") for one in receivers[:3]]
+    wanted = [
+        (one, "height", "z of its antenna on the vehicle")
+        for one in receivers[:3]
+        if one.position is None and one.height is None
+    ]
     wanted += [(one, "position", "x, y, z on the vehicle, to 0.1 m") for one in receivers[3:]]
     examples = {"height": "height = 0.132", "position": "position = [0.9, 0.6, 0.1]"}
     problems = [
@@ -192,10 +196,7 @@ def offset_prior(settings: RtkSettings, frame: LocalFrame) -> OffsetPrior:
         If the known offsets belong to another frame, or a distance is of no pair.
     """
     names = tuple(receiver.name for receiver in settings.receivers)
-    heights, others = antenna_places(settings)
-    if others is not None:
-        heights = np.concatenate([heights, others[:, 2]])
-    prior = OffsetPrior(heights=heights)
+    prior = OffsetPrior(heights=antenna_places(settings).heights)
     if settings.known_offsets is not None:
         known = settings.known_offsets
         values = np.array([known.values.get(name, (np.nan,) * 3) for name in names])
@@ -213,8 +214,11 @@ def offset_prior(settings: RtkSettings, frame: LocalFrame) -> OffsetPrior:
     return prior
 
 
-def antenna_places(settings: RtkSettings) -> tuple[Array, Array | None]:
-    """Heights (3,) of the first antennas and rough places (r - 3, 3) of the others, metres."""
-    heights = np.array([receiver.height for receiver in settings.receivers[:3]], dtype=float)
-    others = [receiver.position for receiver in settings.receivers[3:]]
-    return heights, np.array(others) if others else None
+def antenna_places(settings: RtkSettings) -> Places:
+    """What campaign.toml states of where the antennas are on the vehicle."""
+    receivers = settings.receivers
+    stated = [receiver.position for receiver in receivers]
+    heights = [one.height if one.position is None else one.position[2] for one in receivers]
+    positions = None if None in stated[:3] else np.array(stated, dtype=float)
+    others = np.array(stated[3:], dtype=float) if stated[3:] else None
+    return Places(np.array(heights, dtype=float), others, positions)

@@ -11,6 +11,7 @@ from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.minima import all_minima, default_layout
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.offsets.prior import OffsetPrior
+from rtk_gt.path.antennas import Places
 from rtk_gt.path.choice import Choice, check_attitude, check_order, choose
 from rtk_gt.path.composition import compose
 from rtk_gt.path.consistency import consistency
@@ -25,7 +26,6 @@ from rtk_gt.receivers.together import check_together
 from rtk_gt.settings import RtkSettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
-from validation.poses.angles import Array
 from validation.systems import Progress, no_progress
 
 
@@ -49,8 +49,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     progress("offsets of the receivers", 0.3)
     check_together(records, steps, settings.simultaneous)
     prior = offset_prior(settings, steps.frame)
-    heights, others = antenna_places(settings)
-    chosen, stated = solve_offsets(steps, prior, settings, heights, others)
+    chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings))
     offsets, antennas = chosen.offsets, chosen.antennas
     noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
     progress("path", 0.5)
@@ -94,7 +93,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
 
 
 def solve_offsets(
-    steps: Steps, prior: OffsetPrior, settings: RtkSettings, heights: Array, others: Array | None
+    steps: Steps, prior: OffsetPrior, settings: RtkSettings, places: Places
 ) -> tuple[Choice, PriorCheck | None]:
     """The vehicle's offsets with the antennas' places, and what is stated beside the drive.
 
@@ -106,8 +105,8 @@ def solve_offsets(
         What is known beforehand.
     settings : RtkSettings
         The table [rtk].
-    heights, others
-        As in `antenna_positions`.
+    places : Places
+        What is stated of the antennas.
 
     Raises
     ------
@@ -116,8 +115,10 @@ def solve_offsets(
         other.
     """
     layout = default_layout(prior, len(steps.receivers))
-    if others is not None:
-        layout = np.vstack([layout[:3], others])
+    if places.positions is not None:
+        layout = places.positions
+    elif places.others is not None:
+        layout = np.vstack([layout[:3], places.others])
     near = None
     if len(prior.offsets):
         near = np.nan_to_num(prior.offsets)
@@ -126,9 +127,9 @@ def solve_offsets(
     stated = check_prior(find, prior, minima.best)
     largest = settings.largest_distance_sigma
     if minima.mirrored is not None and minima.mirrored.distance_sigmas.max() < largest:
-        check_order(minima, steps, heights, others, settings.max_gap)
+        check_order(minima, steps, places, settings.max_gap)
     _check_determined(minima.best, largest)
-    return choose(minima, steps, heights, others, settings.max_gap), stated
+    return choose(minima, steps, places, settings.max_gap), stated
 
 
 def _check_determined(offsets: Offsets, largest: float) -> None:

@@ -71,8 +71,8 @@ def check_prior(
     without = replace(prior, offsets=np.empty((0, 3)), offset_sigmas=np.empty((0, 3)))
     minima = find(prior=without, near=together.offsets.values)
     # A drive with several solutions contradicts what is stated only where all of them do.
-    near = () if minima.near is None else (minima.near,)
-    checks = [_against(prior, alone) for alone in (minima.best, *minima.others, *near)]
+    solutions = (minima.best, *minima.others) if minima.near is None else (minima.near,)
+    checks = [_against(prior, alone) for alone in solutions]
     found = min(checks, key=lambda one: one.away)
     if (found.sizes > CONTRADICTION).any() or found.away > FAR:
         raise GtvalError(_contradiction(found, together.receivers[1:], prior.offsets[1:]))

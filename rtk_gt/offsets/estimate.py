@@ -9,6 +9,7 @@ undetermined and not as a wrong number with a small sigma.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -34,6 +35,7 @@ from validation.poses.angles import Array
 from validation.poses.earth_frames import FrameVectors
 from validation.shown import Shown
 
+Bent = Literal["always", "if sure", "never"]
 _ROUNDS = 40
 """At most: a judgement."""
 _ROUGH_SIGMA = 0.01
@@ -119,7 +121,7 @@ def estimate_offsets(
     robust: bool = True,
     prior: OffsetPrior | None = None,
     start: Array | None = None,
-    bent: bool = True,
+    bent: Bent = "always",
 ) -> Offsets:
     """Offsets and distances from the steps at which all receivers are RTK-fixed.
 
@@ -137,8 +139,9 @@ def estimate_offsets(
     start : (r, 3) array, optional
         Offsets to begin with: the nearest minimum is found (`minima` tries many). Without it the
         closed form finds the one of a drive that turns.
-    bent : bool
-        Sample what is possible where distances bend it; False for a quick look.
+    bent : {"always", "if sure", "never"}
+        Sample what is possible where distances bend it; only where the sample is large enough; or
+        not, for a quick look.
 
     Raises
     ------
@@ -190,7 +193,7 @@ def estimate_offsets(
 
 
 def _iterate(
-    equations: Equations, prior: OffsetPrior, start: Array | None, *, robust: bool, bent: bool
+    equations: Equations, prior: OffsetPrior, start: Array | None, *, robust: bool, bent: Bent
 ) -> tuple[Array, Array, Array, Array, Array, float, Array, float, tuple[Array, float]]:
     """Offsets, joint covariance, distances, signal, directions, sigma_0, weights, tau, costs."""
     t, p, m = equations.design.shape
@@ -236,12 +239,17 @@ def _iterate(
         equations, normal, weights, (found.rods, max(sigma, SMALLEST_SIGMA)), whitening,
         (offsets, kappa, found.centres), (signal, directions, curvature, prior_part), tau,
     )  # fmt: skip
-    if bent and len(prior.heights) and (np.isfinite(prior.distances).any() or not signal.all()):
+    if (
+        bent != "never"
+        and len(prior.heights)
+        and (np.isfinite(prior.distances).any() or not signal.all())
+    ):
         drive = _information((signal, directions, score_free), meat)
         belief = prior.of_offsets(normal.mean, start)
         offsets, distances, covariance = _bent(
-            (offsets, distances, covariance), drive, belief, prior, normal, equations.signs
-        )
+            (offsets, distances, covariance), drive, belief, prior, normal, equations.signs,
+            blunt=bent == "always",
+        )  # fmt: skip
     costs = squares, against
     return offsets, covariance, distances, signal, directions, sigma, weights, tau, costs
 
@@ -317,6 +325,8 @@ def _bent(
     prior: OffsetPrior,
     normal: Normal,
     signs: Array,
+    *,
+    blunt: bool,
 ) -> tuple[Array, Array, Array]:
     """Offsets, distances and their covariance where distances bend what is possible."""
     offsets, _, covariance = linear
@@ -324,18 +334,13 @@ def _bent(
     zero = normal.kappa_of(np.zeros(m))
     moves = np.stack([normal.kappa_of(unit) - zero for unit in np.eye(m)], axis=1)
     geometry = Geometry(zero, moves, signs)
-    found = posterior_moments(drive, belief, prior, geometry, offsets)
+    # What the noise of the conditions' constants leaves of the distances for given offsets.
+    slope = geometry.distances(offsets)[1]
+    own = covariance[m:, m:] - slope @ covariance[:m, :m] @ slope.T
+    found = posterior_moments(drive, belief, prior, geometry, offsets, own, blunt=blunt)
     if found is None:
         return linear
-    slope = geometry.distances(offsets)[1]
-    # What the noise of the conditions' constants leaves of the distances for given offsets.
-    own = covariance[m:, m:] - slope @ covariance[:m, :m] @ slope.T
-    values, vectors = np.linalg.eigh((own + own.T) / 2)
-    own = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    joint = np.block(
-        [[found.covariance, found.cross], [found.cross.T, found.distance_covariance + own]]
-    )
-    return found.offsets, found.distances, joint
+    return found.mean[:m], found.mean[m:], found.covariance
 
 
 def distance_names(receivers: tuple[str, ...]) -> list[str]:

@@ -91,7 +91,7 @@ def all_minima(
     begins = [] if near is None else [near]
     begins += [arms - apart for arms in _arms(layout)]
     estimate = partial(estimate_offsets, steps, eta=eta, robust=robust, prior=prior)
-    found = [estimate(bent=False), *(estimate(start=start, bent=False) for start in begins)]
+    found = [estimate(bent="never"), *(estimate(start=start, bent="never") for start in begins)]
     beside = found[1] if near is not None else None
     found = [one for one in found if one.distances.min() > LEAST_ROD]
     if not found:
@@ -113,7 +113,7 @@ def all_minima(
         # In another heading other noise is along the arms: its squares are as many again.
         chance = AS_GOOD + 5 * np.sqrt(4 * best.residuals.size / best.correlation_time)
         possible = costs[id(beside)] - costs[id(best)] < chance
-        beside = estimate(start=beside.offsets.values) if possible else None
+        beside = estimate(start=beside.offsets.values, bent="if sure") if possible else None
     return Minima(settled[0], tuple(settled[1:]), found[0] if wrong else None, beside)
 
 

@@ -17,6 +17,8 @@ SAMPLES = 20_000
 """Their sigmas are good to 1 % where one in four counts."""
 FEWEST = 400
 """Samples that must count, of their weights' inverse square sum: sigmas are then good to 4 %."""
+TAIL = 0.9973
+"""Share of a normal distribution within three standard deviations."""
 _WIDER = 1.3
 """The proposal is wider than what is sought, so that no tail is missed."""
 
@@ -42,13 +44,10 @@ class Geometry(NamedTuple):
 
 
 class Moments(NamedTuple):
-    """Mean (m,) and covariance (m, m) of the offsets, those of the distances, and between."""
+    """Mean (m + p,) and covariance (m + p, m + p) of the offsets, then the distances."""
 
-    offsets: Array
+    mean: Array
     covariance: Array
-    distances: Array
-    cross: Array
-    distance_covariance: Array
 
 
 def posterior_moments(
@@ -57,6 +56,9 @@ def posterior_moments(
     prior: OffsetPrior,
     geometry: Geometry,
     mode: Array,
+    own: Array,
+    *,
+    blunt: bool,
 ) -> Moments | None:
     """What the drive and all that is known make of the offsets; None where samples do not tell.
 
@@ -72,12 +74,19 @@ def posterior_moments(
         Distances at given offsets.
     mode : (m,) array
         The minimum about which it is sought.
+    own : (p, p) array
+        Covariance of the distances for given offsets, m^2.
+    blunt : bool
+        Where too few samples count, let more count than should: sigmas are then too large.
 
     Notes
     -----
     Importance sampling from two normal distributions: the linear approximation at the minimum, and
     the same without what distances say of heights, which flat roads leave to chance. The numbers
     are drawn from a fixed seed: a result is the same each time.
+
+    What lies on an arc has tails that a normal distribution of its covariance has not: it is
+    widened along its axes until they hold what lies beyond three standard deviations.
     """
     A, wanted = drive
     B, believed = belief
@@ -108,20 +117,43 @@ def posterior_moments(
         off = (d - prior.distances)[:, measured] / prior.distance_sigmas[measured]
         cost = cost + np.square(off).sum(1)
     log = -cost / 2 - density
-    weight = np.exp(log - log.max())
-    weight /= weight.sum()
+    weight = _weights(log)
     if 1 / np.square(weight).sum() < FEWEST:
-        return None
-    mean, mean_d = weight @ c, weight @ d
-    away, away_d = c - mean, d - mean_d
-    weighted_c = away * weight[:, None]
-    return Moments(
-        mean,
-        weighted_c.T @ away,
-        mean_d,
-        weighted_c.T @ away_d,
-        (away_d * weight[:, None]).T @ away_d,
-    )
+        if not blunt:
+            return None
+        weight = _blunted(log)
+    values, vectors = np.linalg.eigh((own + own.T) / 2)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    both = np.hstack([c, d + generator.standard_normal(d.shape) @ root.T])
+    mean = weight @ both
+    away = both - mean
+    covariance = (away * weight[:, None]).T @ away
+    return Moments(mean, _widened(covariance, away, weight))
+
+
+def _weights(log: Array) -> Array:
+    weight = np.exp(log - log.max())
+    return np.asarray(weight / weight.sum())
+
+
+def _blunted(log: Array) -> Array:
+    """Weights of the greatest power below 1 with which `FEWEST` samples count."""
+    low, high = 0.0, 1.0
+    for _ in range(30):
+        middle = (low + high) / 2
+        enough = 1 / np.square(_weights(middle * log)).sum() >= FEWEST
+        low, high = (middle, high) if enough else (low, middle)
+    return _weights(low * log)
+
+
+def _widened(covariance: Array, away: Array, weight: Array) -> Array:
+    """The covariance, widened along its axes until `TAIL` of the sample is within three sigmas."""
+    values, axes = np.linalg.eigh(covariance)
+    sizes = np.abs(away @ axes) / np.sqrt(np.maximum(values, 1e-18))
+    order = np.argsort(sizes, axis=0)
+    reached = np.cumsum(weight[order], axis=0) >= TAIL
+    beyond = np.take_along_axis(sizes, order, axis=0)[reached.argmax(0), np.arange(len(values))]
+    return np.asarray((axes * values * np.maximum(beyond / 3.0, 1.0) ** 2) @ axes.T)
 
 
 def _square(away: Array, information: Array) -> Array:

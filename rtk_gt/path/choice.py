@@ -6,13 +6,12 @@ import numpy as np
 
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.minima import Minima
-from rtk_gt.path.antennas import Antennas, antenna_positions
+from rtk_gt.path.antennas import Antennas, Places
 from rtk_gt.path.motion_check import forward_share
 from rtk_gt.path.vehicle_path import VehiclePath, vehicle_path
 from rtk_gt.receivers.fixes import Ints
 from rtk_gt.receivers.steps import Steps, receiver_pairs
 from validation.errors import GtvalError
-from validation.poses.angles import Array
 
 AHEAD = 0.5
 """Share of the way that goes along the nose, above which it points ahead: 60 degrees. A vehicle
@@ -43,9 +42,7 @@ class Choice:
     left: tuple[Offsets, ...] = ()
 
 
-def choose(
-    minima: Minima, steps: Steps, heights: Array, others: Array | None, max_gap: float
-) -> Choice:
+def choose(minima: Minima, steps: Steps, places: Places, max_gap: float) -> Choice:
     """The solution whose nose points where the vehicle drives, if there are several.
 
     Parameters
@@ -54,8 +51,8 @@ def choose(
         What the steps allow.
     steps : Steps
         As recorded.
-    heights, others
-        As in `antenna_positions`.
+    places : Places
+        What is stated of the antennas.
     max_gap : float
         Poses farther apart in time show no motion, in seconds.
 
@@ -66,11 +63,11 @@ def choose(
     """
     solutions = (minima.best, *minima.others)
     if len(solutions) == 1:
-        return Choice(minima.best, antenna_positions(minima.best.distances, heights, others))
+        return Choice(minima.best, places.antennas(minima.best.distances))
     found: list[tuple[Offsets, Antennas, VehiclePath]] = []
     for offsets in solutions:
         try:
-            antennas = antenna_positions(offsets.distances, heights, others)
+            antennas = places.antennas(offsets.distances)
             found.append((offsets, antennas, _short_path(steps, offsets, antennas)))
         except GtvalError:  # no triangle, or upside down: not this vehicle
             continue
@@ -84,14 +81,12 @@ def choose(
     raise GtvalError(_ambiguous([path for _, _, path in found], shares))
 
 
-def check_order(
-    minima: Minima, steps: Steps, heights: Array, others: Array | None, max_gap: float
-) -> None:
+def check_order(minima: Minima, steps: Steps, places: Places, max_gap: float) -> None:
     """Raise if two receivers are exchanged: the antennas then go round the other way.
 
     Parameters
     ----------
-    minima, steps, heights, others, max_gap
+    minima, steps, places, max_gap
         As in `choose`.
 
     Raises
@@ -100,12 +95,10 @@ def check_order(
         Naming the two, where the motion tells which.
     """
     if minima.mirrored is not None:
-        raise GtvalError(_exchanged(minima.mirrored, steps, heights, others, max_gap))
+        raise GtvalError(_exchanged(minima.mirrored, steps, places, max_gap))
 
 
-def _exchanged(
-    offsets: Offsets, steps: Steps, heights: Array, others: Array | None, max_gap: float
-) -> str:
+def _exchanged(offsets: Offsets, steps: Steps, places: Places, max_gap: float) -> str:
     """Which two of the first three receivers are exchanged, as far as the motion tells."""
     text = "the vehicle comes out upside down: the antennas go round the other way than listed. "
     names = offsets.receivers
@@ -115,7 +108,7 @@ def _exchanged(
         order[[i, j]] = j, i
         turned, wanted = _reordered(steps, order), _offsets_in_order(offsets, order)
         try:
-            antennas = antenna_positions(wanted.distances, heights, others)
+            antennas = places.antennas(wanted.distances)
             share = forward_share(_short_path(turned, wanted, antennas), max_gap)
         except GtvalError:
             continue
@@ -126,8 +119,7 @@ def _exchanged(
         text += f"The files of {one} and {other} are exchanged: with them the other way round the "
         text += "nose points where the vehicle drives"
     else:
-        text += f"Are two of {', '.join(names)} exchanged? The receivers must be listed as rear, "
-        text += "front left, front right"
+        text += f"Are two of {', '.join(names)} exchanged? {places.order}"
     return text
 
 

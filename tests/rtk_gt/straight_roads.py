@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from data_samples.drives.drive import ANTENNAS
 from rtk_gt.campaign.solve import solve_offsets
 from rtk_gt.offsets.prior import OffsetPrior
+from rtk_gt.path.antennas import Places
 from rtk_gt.path.choice import check_attitude
 from rtk_gt.path.vehicle_path import vehicle_path
 from rtk_gt.receivers.steps import Steps
@@ -94,7 +95,7 @@ def prior_of(offsets, distances, offset_sigma=0.005, distance_sigma=0.01):
 def solved(steps, prior, settings=None):
     """Choice and path of the whole chain; a GtvalError where it refuses."""
     settings = settings or RtkSettings()
-    chosen, _ = solve_offsets(steps, prior, settings, ANTENNAS[:, 2], None)
+    chosen, _ = solve_offsets(steps, prior, settings, Places(ANTENNAS[:, 2]))
     rows = chosen.offsets.weights > 0
     path = vehicle_path(steps.select(rows), chosen.offsets, chosen.antennas)
     check_attitude(path)
