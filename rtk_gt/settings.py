@@ -136,11 +136,6 @@ class RtkSettings(Settings):
         names = [receiver.name for receiver in self.receivers]
         if len(set(names)) < len(names):
             raise ValueError("two receivers have the same name")
-        if len(names) == 2:
-            raise ValueError(
-                "two receivers; at least three receivers are needed for a pose in space, and one "
-                "gives positions: name all of them, or one"
-            )
         known = set(self.known_offsets.values) if self.known_offsets else set()
         if known - set(names):
             raise ValueError(

@@ -76,6 +76,8 @@ def check_places(campaign: Campaign) -> None:
         Naming every key that is missing, with an example.
     """
     receivers = campaign.section("rtk", RtkSettings).receivers
+    if len(receivers) == 1:
+        return  # positions are those of its antenna
     wanted = [
         (one, "height", "z of its antenna on the vehicle")
         for one in receivers[:3]
@@ -196,7 +198,8 @@ def offset_prior(settings: RtkSettings, frame: LocalFrame) -> OffsetPrior:
         If the known offsets belong to another frame, or a distance is of no pair.
     """
     names = tuple(receiver.name for receiver in settings.receivers)
-    prior = OffsetPrior(heights=antenna_places(settings).heights)
+    heights = antenna_places(settings).heights
+    prior = OffsetPrior(heights=heights if np.isfinite(heights).all() else np.empty(0))
     if settings.known_offsets is not None:
         known = settings.known_offsets
         values = np.array([known.values.get(name, (np.nan,) * 3) for name in names])
@@ -219,6 +222,6 @@ def antenna_places(settings: RtkSettings) -> Places:
     receivers = settings.receivers
     stated = [receiver.position for receiver in receivers]
     heights = [one.height if one.position is None else one.position[2] for one in receivers]
-    positions = None if None in stated[:3] else np.array(stated, dtype=float)
+    positions = None if any(place is None for place in stated) else np.array(stated, dtype=float)
     others = np.array(stated[3:], dtype=float) if stated[3:] else None
     return Places(np.array(heights, dtype=float), others, positions)

@@ -37,10 +37,13 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     GtvalError
         If the files are bad, or the receivers are never RTK-fixed together.
     """
-    if len(campaign.section("rtk", RtkSettings).receivers) == 1:
+    count = len(campaign.section("rtk", RtkSettings).receivers)
+    if 0 < count < 3:
+        said = "one receiver, which gives positions" if count == 1 else "two receivers, which give "
+        said += "" if count == 1 else "positions and headings"
         raise GtvalError(
-            f"{campaign.toml} names one receiver, which gives positions (`gtval rtk`); this "
-            "command needs the poses of a vehicle with three"
+            f"{campaign.toml} names {said} (`gtval rtk`); this command needs the poses of a "
+            "vehicle with three"
         )
     progress("reading the receivers", 0.0)
     check_places(campaign)

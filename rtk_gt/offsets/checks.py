@@ -7,7 +7,7 @@ import numpy as np
 from scipy import special
 
 from rtk_gt.offsets.estimate import Offsets
-from rtk_gt.offsets.minima import Minima
+from rtk_gt.offsets.minima import Minima, costs_of
 from rtk_gt.offsets.prior import OffsetPrior
 from validation.errors import GtvalError
 from validation.poses.angles import Array
@@ -72,9 +72,12 @@ def check_prior(
     minima = find(prior=without, near=together.offsets.values)
     # A drive with several solutions contradicts what is stated only where all of them do.
     solutions = (minima.best, *minima.others) if minima.near is None else (minima.near,)
-    checks = [_against(prior, alone) for alone in solutions]
-    found = min(checks, key=lambda one: one.away)
-    if (found.sizes > CONTRADICTION).any() or found.away > FAR:
+    checks = [(_against(prior, alone), alone) for alone in solutions]
+    found, alone = min(checks, key=lambda one: one[0].away)
+    own, both = costs_of([alone, together])
+    # Sigmas of a weak drive are no measure far away; the likelihood is one everywhere.
+    worse = both - own > CONTRADICTION**2
+    if worse and ((found.sizes > CONTRADICTION).any() or found.away > FAR):
         raise GtvalError(_contradiction(found, together.receivers[1:], prior.offsets[1:]))
     return found
 

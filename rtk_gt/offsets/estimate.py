@@ -146,7 +146,7 @@ def estimate_offsets(
     Raises
     ------
     GtvalError
-        If there are fewer than three receivers or ten complete steps.
+        If there are fewer than two receivers or ten complete steps.
 
     Notes
     -----
@@ -158,8 +158,8 @@ def estimate_offsets(
     autocorrelation time of the residuals.
     """
     used = steps.select(steps.complete)
-    if len(used.receivers) < 3:
-        raise GtvalError("at least three receivers are needed for a pose in space")
+    if len(used.receivers) < 2:
+        raise GtvalError("offsets are between receivers: at least two are needed")
     if len(used) < FEWEST_STEPS:
         raise GtvalError(
             f"all receivers are RTK-fixed together at {len(used)} times only; at least "

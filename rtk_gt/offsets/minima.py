@@ -100,7 +100,7 @@ def all_minima(
             "little. State [rtk.known_distances] (a tape measure will do) or [rtk.known_offsets] "
             "from a longer drive; `gtval rtk coverage` works without"
         )
-    costs = dict(zip(map(id, found), _costs(found), strict=True))
+    costs = dict(zip(map(id, found), costs_of(found), strict=True))
     found = _distinct(sorted(found, key=lambda one: costs[id(one)]))
     wanted = _winding(layout)
     upright = [one for one in found if _winding(_mean_arms(used, one)) * wanted >= 0]
@@ -122,6 +122,8 @@ def default_layout(prior: OffsetPrior, receivers: int) -> Array:
 
     Three are placed by their stated distances, `USUAL_ARM` where none is stated.
     """
+    if receivers == 2:
+        return np.array([[0.0, 0.0, 0.0], [prior.arms(1)[0], 0.0, 0.0]])
     if receivers != 3:
         angle = np.linspace(np.pi / 4, -np.pi / 4, receivers - 1)
         front = USUAL_ARM * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
@@ -150,7 +152,7 @@ def _arms(layout: Array) -> Array:
     )
 
 
-def _costs(found: list[Offsets]) -> list[float]:
+def costs_of(found: list[Offsets]) -> list[float]:
     """-2 log likelihood of each, of drive and knowledge; each independent step counts once."""
     best = min(found, key=lambda one: one.sigma)
     sigma = max(best.sigma, SMALLEST_SIGMA)
@@ -171,7 +173,9 @@ def _mean_arms(steps: Steps, offsets: Offsets) -> Array:
 
 
 def _winding(places: Array) -> float:
-    """Sign of the order in which the first three antennas go round, seen from above."""
+    """Sign of the order in which the first three antennas go round, seen from above; 0 of two."""
+    if len(places) < 3:
+        return 0.0
     a, b = places[1] - places[0], places[2] - places[0]
     return float(np.sign(a[0] * b[1] - a[1] * b[0]))
 

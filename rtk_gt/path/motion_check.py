@@ -95,7 +95,7 @@ def forward_share(path: VehiclePath, max_gap: float) -> float | None:
 
 def _own_motion(path: VehiclePath, max_gap: float) -> tuple[Array, Array]:
     """Steps (n, 3) of at least `SHORTEST` in the vehicle's axes, and how far it turns (n,)."""
-    start, end = _strides(path, max_gap)
+    start, end = strides(path.times, path.poses[:, :3], max_gap)
     motion = path.poses[end, :3] - path.poses[start, :3]
     R = matrix_of(path.poses[:, 3:])
     own = np.einsum("tji,tj->ti", (R[start] + R[end]) / 2, motion)
@@ -103,9 +103,19 @@ def _own_motion(path: VehiclePath, max_gap: float) -> tuple[Array, Array]:
     return own, np.abs(np.angle(np.exp(1j * turn)))
 
 
-def _strides(path: VehiclePath, max_gap: float) -> tuple[Ints, Ints]:
-    """Rows at which strides begin and end: the first pose that is `SHORTEST` away."""
-    places, times = path.poses[:, :3].tolist(), path.times.tolist()
+def strides(at: Array, positions: Array, max_gap: float) -> tuple[Ints, Ints]:
+    """Rows at which strides begin and end: the first position that is `SHORTEST` away.
+
+    Parameters
+    ----------
+    at : (n,) array
+        Times in seconds.
+    positions : (n, 3) array
+        Metres.
+    max_gap : float
+        No stride goes over a longer pause, in seconds.
+    """
+    places, times = positions.tolist(), at.tolist()
     start: list[int] = []
     end: list[int] = []
     anchor = 0

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rtk_gt.campaign.findings import record_findings
+from rtk_gt.campaign.findings import BACKWARDS, record_findings
 from rtk_gt.positions.outcome import PositionsOutcome
 from validation.results import Finding, Severity, Size
 
@@ -18,6 +18,7 @@ def positions_findings(outcome: PositionsOutcome) -> list[Finding]:
     """All findings, in reading order."""
     return [
         *_coverage(outcome),
+        *_heading(outcome),
         *_errors(outcome),
         *_clock(outcome),
         *record_findings(outcome.record),
@@ -48,6 +49,37 @@ def _coverage(outcome: PositionsOutcome) -> Iterator[Finding]:
     size = (Size("share of the epochs that are RTK-fixed", share),)
     # A judgement, as for a path: less than half of a record may not stand for the whole of it.
     yield Finding("note" if share > 0.5 else "warning", text, SUBJECT, "positions_fixed", size)
+
+
+def _heading(outcome: PositionsOutcome) -> Iterator[Finding]:
+    """What two receivers say of the heading."""
+    if outcome.without_heading:
+        text = f"Two receivers, but no heading: {outcome.without_heading}."
+        yield Finding("warning", text, SUBJECT, "heading_open")
+        return
+    found = outcome.headings
+    if found is None:
+        return
+    sigma = float(np.sqrt(np.median(found.covariances[:, 3, 3])))
+    text = (
+        f"{len(found.times)} poses with a heading, good to {np.degrees(sigma):.2f} degrees "
+        f"(median); the antennas are {found.offsets.distances[0]:.3f} m apart. Pitch and roll need "
+        "a third receiver."
+    )
+    if found.left:
+        text += (
+            " Half a turn fits as well; the heading along which the vehicle drives was taken, "
+            "which is wrong if it drove in reverse all the way."
+        )
+    yield Finding("note", text, SUBJECT, "heading", (Size("sigma of the heading", sigma, "rad"),))
+    if found.off_motion is not None and abs(found.off_motion) > BACKWARDS:
+        text = (
+            f"The heading points {np.degrees(abs(found.off_motion)):.0f} degrees off the direction "
+            "of motion. Either the vehicle drove so all the way, or the two receivers are "
+            "exchanged, or their positions on the vehicle are stated otherwise than they are."
+        )
+        size = (Size("angle of the nose to the motion", abs(found.off_motion), "rad"),)
+        yield Finding("error", text, SUBJECT, "nose_against_motion", size)
 
 
 def _errors(outcome: PositionsOutcome) -> Iterator[Finding]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtk_gt.path.coverage import Coverage
+from rtk_gt.positions.heading import Headings
 from rtk_gt.receivers.fixes import Bools, Fixes
 from rtk_gt.receivers.host_clock import HostClock
 from rtk_gt.settings import RtkSettings
@@ -52,7 +53,7 @@ class PositionsOutcome:
     settings : RtkSettings
         Its [rtk] table.
     record : Fixes
-        Of the receiver.
+        Of the receiver; of two the first one's.
     frame : LocalFrame
         The local frame.
     positions : (n, 3) array
@@ -63,6 +64,10 @@ class PositionsOutcome:
         Each kind of fix; epochs without one are the last.
     clock : HostClock, optional
         Of the computer that wrote the log.
+    headings : Headings, optional
+        Positions with headings, of two receivers.
+    without_heading : str
+        Why two receivers give none; empty otherwise.
     """
 
     campaign: Campaign
@@ -73,6 +78,8 @@ class PositionsOutcome:
     coverage: Coverage
     kinds: tuple[KindQuality, ...]
     clock: HostClock | None
+    headings: Headings | None = None
+    without_heading: str = ""
 
     @property
     def fixed(self) -> Bools:

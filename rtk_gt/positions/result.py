@@ -17,8 +17,9 @@ POSITION = SPATIAL[:3]
 def positions_result(outcome: PositionsOutcome) -> SystemResult:
     """What a run keeps and shows of one receiver's record."""
     fixed = bool(outcome.fixed.any())
+    table = fixed_table(outcome) if outcome.headings is None else heading_table(outcome)
     return SystemResult(
-        tables=[fixed_table(outcome)] if fixed else [],
+        tables=[table] if fixed else [],
         findings=positions_findings(outcome),
         sections=positions_sections(outcome),
         files=_files(outcome),
@@ -39,6 +40,24 @@ def fixed_table(outcome: PositionsOutcome) -> PoseTable:
         covariances=outcome.covariances[rows],
         components=POSITION,
         sources=("RTK fixed",) * int(rows.sum()),
+        provenance={
+            "frame": str(outcome.frame), "published_as": "times are seconds UTC since 1970",
+        },
+    )  # fmt: skip
+
+
+def heading_table(outcome: PositionsOutcome) -> PoseTable:
+    """Positions of the first antenna and headings, where both receivers are RTK-fixed."""
+    found = outcome.headings
+    assert found is not None
+    return PoseTable(
+        system="rtk",
+        ids=tuple(f"{time:.3f}" for time in found.times),
+        poses=found.poses,
+        covariances=found.covariances,
+        components=SPATIAL[:4],
+        sources=("RTK fixed",) * len(found.times),
+        factor=found.shared_factor,
         provenance={
             "frame": str(outcome.frame), "published_as": "times are seconds UTC since 1970",
         },
@@ -110,4 +129,19 @@ def _facts(outcome: PositionsOutcome) -> dict[str, object]:
         "kinds": outcome.kinds,
         "host_clock": outcome.clock,
         "tolerated": dict(outcome.record.tolerated),
+        "headings": _heading_facts(outcome),
+    }
+
+
+def _heading_facts(outcome: PositionsOutcome) -> dict[str, object] | None:
+    found = outcome.headings
+    if found is None:
+        return None
+    return {
+        "poses": len(found.times),
+        "offset": found.offsets.offsets.values[1],
+        "offset_sigmas": found.offsets.offset_sigmas[1],
+        "distance": float(found.offsets.distances[0]),
+        "yaw_sigma": float(np.sqrt(np.median(found.covariances[:, 3, 3]))),
+        "off_motion": found.off_motion,
     }

@@ -1,13 +1,27 @@
 """From one receiver's record to positions, coverage and quality; no printing, no drawing."""
 
+from functools import partial
+
 import numpy as np
 
-from rtk_gt.campaign.inputs import load_drive
+from rtk_gt.campaign.inputs import (
+    DriveRecords,
+    antenna_places,
+    check_places,
+    load_drive,
+    offset_prior,
+)
+from rtk_gt.offsets.checks import check_prior
+from rtk_gt.offsets.minima import all_minima
+from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.path.coverage import coverage
+from rtk_gt.positions.heading import Headings, headings
 from rtk_gt.positions.outcome import KindQuality, PositionsOutcome
 from rtk_gt.receivers.fixes import FIX_NAMES, NO_FIX, Fixes
 from rtk_gt.receivers.host_clock import host_clock
+from rtk_gt.receivers.together import check_together
 from validation.campaign.folder import Campaign
+from validation.errors import GtvalError, InputError
 from validation.poses.angles import Array
 from validation.systems import Progress, no_progress
 
@@ -25,8 +39,17 @@ def solve_positions(campaign: Campaign, progress: Progress = no_progress) -> Pos
     """
     progress("reading the receiver", 0.0)
     given = load_drive(campaign)
-    (record,) = given.records
-    steps = given.steps
+    record, steps = given.records[0], given.steps
+    found, why = None, ""
+    if len(given.records) == 2:
+        progress("heading", 0.3)
+        try:
+            found = _headings(campaign, given)
+        except InputError:
+            raise
+        except GtvalError as error:  # the positions stand without it
+            why = str(error)
+    posed = record.times[record.fixed] if found is None else found.times
     progress("quality of the positions", 0.7)
     return PositionsOutcome(
         campaign=campaign,
@@ -34,10 +57,32 @@ def solve_positions(campaign: Campaign, progress: Progress = no_progress) -> Pos
         record=record,
         frame=steps.frame,
         positions=steps.frame.from_geodetic(record.geodetic),
-        coverage=coverage(given.records, steps, record.times[record.fixed], given.settings.max_gap),
+        coverage=coverage(given.records, steps, posed, given.settings.max_gap),
         kinds=qualities(record),
         clock=host_clock(record),
+        headings=found,
+        without_heading=why,
     )
+
+
+def _headings(campaign: Campaign, given: DriveRecords) -> Headings:
+    """Positions and headings of two receivers."""
+    settings, steps = given.settings, given.steps
+    check_places(campaign)
+    check_together(given.records, steps, settings.simultaneous)
+    places = antenna_places(settings)
+    if places.positions is not None:
+        arm = places.positions[1] - places.positions[0]
+    else:
+        arm = np.array([1.0, 0.0, places.heights[1] - places.heights[0]])
+    prior = offset_prior(settings, steps.frame)
+    find = partial(
+        all_minima, steps, eta=settings.eta, robust=settings.robust, layout=places.positions
+    )
+    minima = find(prior=prior, near=np.nan_to_num(prior.offsets) if len(prior.offsets) else None)
+    check_prior(find, prior, minima.best)
+    noise = None if settings.sigma is None else GpsNoise(settings.sigma, settings.eta)
+    return headings(minima, steps, arm, noise, settings.max_gap)
 
 
 def qualities(record: Fixes) -> tuple[KindQuality, ...]:

@@ -106,9 +106,9 @@ def test_positions_quality_and_clock_of_a_log_through_midnight(tmp_path):
 
 
 def test_the_clock_of_the_computer_is_found_with_its_drift(tmp_path):
-    """Twelve logs of five minutes: the median wait of 3.5 ms belongs to what is found."""
+    """Six logs of five minutes: the median wait of 3.5 ms belongs to what is found."""
     sizes = []
-    for seed in range(12):
+    for seed in range(6):
         (tmp_path / str(seed)).mkdir()
         lines, _, _ = log_of(seed, [4] * 1500, ahead=2.0, drift=1e-4)
         path = tmp_path / str(seed) / "log.csv.gz"
@@ -118,8 +118,8 @@ def test_the_clock_of_the_computer_is_found_with_its_drift(tmp_path):
         assert clock.ahead == pytest.approx(2.0 + 0.005 * np.log(2), abs=0.001)
         sizes.append((clock.drift - 1e-4) / clock.drift_sigma)
     # Five minutes leave 3 degrees of freedom: Student's t of 3 has a standard deviation of 1.7.
-    assert 0.5 < np.std(sizes) < 4
-    assert abs(np.median(sizes)) < 1.2
+    assert 0.3 < np.std(sizes) < 5
+    assert abs(np.median(sizes)) < 2
 
 
 def test_a_receiver_that_is_never_fixed_covers_nothing_and_is_no_error(tmp_path):
