@@ -56,7 +56,7 @@ def antenna_positions(
     Raises
     ------
     GtvalError
-        If the distances fit no triangle, or further antennas have no rough position.
+        If the distances are of fewer than three antennas or fit no triangle, or further antennas have no rough position.
 
     Notes
     -----
@@ -66,6 +66,8 @@ def antenna_positions(
     receivers = round((1 + np.sqrt(1 + 8 * len(distances))) / 2)
     begin = np.zeros(2) if first is None else np.asarray(first, dtype=float)
     rough = np.empty((0, 3)) if others is None else np.asarray(others, dtype=float).reshape(-1, 3)
+    if receivers < 3:
+        raise GtvalError("at least three receivers are needed for a pose in space")
     if receivers != 3 + len(rough):
         raise GtvalError(
             f"{receivers} receivers need rough positions of {receivers - 3}, not {len(rough)}"

@@ -10,7 +10,7 @@ from straight_roads import SITE, road_of
 from rtk_gt.campaign.inputs import antenna_places, check_places
 from rtk_gt.campaign.solve import solve_offsets
 from rtk_gt.offsets.prior import OffsetPrior
-from rtk_gt.path.antennas import Places, antennas_near
+from rtk_gt.path.antennas import Places, antenna_positions, antennas_near
 from rtk_gt.path.vehicle_path import vehicle_path
 from rtk_gt.receivers.steps import Steps, pair_differences
 from rtk_gt.settings import RtkSettings
@@ -84,6 +84,11 @@ def test_files_of_exchanged_receivers_do_not_fit_stated_positions():
     swapped = replace(steps, positions=steps.positions[:, [1, 0, 2]])
     with pytest.raises(GtvalError, match=r"files of a and b are exchanged|stated positions"):
         path_of(swapped, FRONT_AND_TWO_BEHIND)
+
+
+def test_two_antennas_make_no_pose_in_space():
+    with pytest.raises(GtvalError, match="at least three receivers"):
+        antenna_positions(np.array([1.8]), np.array([0.1, 0.1, 0.1]))
 
 
 def test_heights_come_from_positions(tmp_path):
