@@ -56,7 +56,8 @@ def antenna_positions(
     Raises
     ------
     GtvalError
-        If the distances are of fewer than three antennas or fit no triangle, or further antennas have no rough position.
+        If there are fewer than three antennas, the distances fit no triangle, or further antennas
+        have no rough position.
 
     Notes
     -----

@@ -43,6 +43,23 @@ class KindQuality:
 
 
 @dataclass(frozen=True)
+class AreaQuality:
+    """The fixes in a named area.
+
+    Parameters
+    ----------
+    area : str
+        Its name.
+    kinds : tuple of KindQuality
+        Each kind of fix; shares are of the fixes in the area, as epochs without a position are in
+        none.
+    """
+
+    area: str
+    kinds: tuple[KindQuality, ...]
+
+
+@dataclass(frozen=True)
 class PositionsOutcome:
     """All that one receiver's record gives.
 
@@ -64,6 +81,8 @@ class PositionsOutcome:
         Each kind of fix; epochs without one are the last.
     clock : HostClock, optional
         Of the computer that wrote the log.
+    areas : tuple of AreaQuality
+        Quality by named areas.
     headings : Headings, optional
         Positions with headings, of two receivers.
     without_heading : str
@@ -78,6 +97,7 @@ class PositionsOutcome:
     coverage: Coverage
     kinds: tuple[KindQuality, ...]
     clock: HostClock | None
+    areas: tuple[AreaQuality, ...] = ()
     headings: Headings | None = None
     without_heading: str = ""
 

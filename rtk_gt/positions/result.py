@@ -127,6 +127,7 @@ def _facts(outcome: PositionsOutcome) -> dict[str, object]:
         "share_of_length": found.share_of_length,
         "longest_gap": found.gaps[0].duration if found.gaps else 0.0,
         "kinds": outcome.kinds,
+        "areas": outcome.areas,
         "host_clock": outcome.clock,
         "tolerated": dict(outcome.record.tolerated),
         "headings": _heading_facts(outcome),

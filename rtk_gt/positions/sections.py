@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from rtk_gt.campaign.sections import coverage_table, gap_table
 from rtk_gt.positions.outcome import PositionsOutcome
+from rtk_gt.receivers.fixes import FIX_NAMES, RTK_FIXED, RTK_FLOAT
 from validation.results import Figure, Section, Table, Text
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ def positions_sections(outcome: PositionsOutcome) -> list[Section]:
             "kinds_over_time",
         ),
     ]
+    if outcome.areas:
+        blocks.append(area_table(outcome))
     if outcome.coverage.gaps:
         blocks.append(gap_table(outcome.coverage))
     if any(one.horizontal for one in outcome.kinds):
@@ -60,7 +63,9 @@ def positions_sections(outcome: PositionsOutcome) -> list[Section]:
 
 def positions_overview(outcome: PositionsOutcome) -> list[Table]:
     """What the terminal shows of a record that is solved by itself."""
-    return [quality_table(outcome), coverage_table(outcome.coverage), gap_table(outcome.coverage)]
+    areas = [area_table(outcome)] if outcome.areas else []
+    coverage = [coverage_table(outcome.coverage), gap_table(outcome.coverage)]
+    return [quality_table(outcome), *areas, *coverage]
 
 
 def quality_table(outcome: PositionsOutcome) -> Table:
@@ -80,6 +85,29 @@ def quality_table(outcome: PositionsOutcome) -> Table:
         ["", "", ".1f", ".3f", ".3f", ".3f", ".3f", ".0f", ".1f"],
         f"Of {outcome.record.epochs} epochs. Sigmas are those that the receiver states: medians, "
         "and what 95 of 100 epochs stay below; level is the longer axis of the ellipse.",
+    )
+
+
+def area_table(outcome: PositionsOutcome) -> Table:
+    """How the fixes of each named area are."""
+    rows: list[list[str | int | float | None]] = []
+    for one in outcome.areas:
+        total = sum(kind.epochs for kind in one.kinds)
+        share = {kind.kind: 100 * kind.share for kind in one.kinds}
+        best = one.kinds[0] if one.kinds else None
+        level = best.horizontal[0] if best is not None and best.horizontal else None
+        rows.append(
+            [
+                *(one.area, total, share.get(FIX_NAMES[RTK_FIXED], 0.0)),
+                *(share.get(FIX_NAMES[RTK_FLOAT], 0.0), None if best is None else best.kind, level),
+            ]
+        )
+    return Table(
+        "Quality by area",
+        ["area", "fixes", "RTK fixed [%]", "RTK float [%]", "best kind", "its sigma level [m]"],
+        rows,
+        ["", "", ".1f", ".1f", "", ".3f"],
+        "Shares of the fixes with a position in the area; epochs without one are in none.",
     )
 
 

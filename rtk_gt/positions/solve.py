@@ -1,5 +1,6 @@
 """From one receiver's record to positions, coverage and quality; no printing, no drawing."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -16,10 +17,11 @@ from rtk_gt.offsets.minima import all_minima
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.path.coverage import coverage
 from rtk_gt.positions.heading import Headings, headings
-from rtk_gt.positions.outcome import KindQuality, PositionsOutcome
-from rtk_gt.receivers.fixes import FIX_NAMES, NO_FIX, Fixes
+from rtk_gt.positions.outcome import AreaQuality, KindQuality, PositionsOutcome
+from rtk_gt.receivers.fixes import FIX_NAMES, NO_FIX, Bools, Fixes
 from rtk_gt.receivers.host_clock import host_clock
 from rtk_gt.receivers.together import check_together
+from rtk_gt.settings import RtkSettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError
 from validation.poses.angles import Array
@@ -60,6 +62,7 @@ def solve_positions(campaign: Campaign, progress: Progress = no_progress) -> Pos
         coverage=coverage(given.records, steps, posed, given.settings.max_gap),
         kinds=qualities(record),
         clock=host_clock(record),
+        areas=_areas(given.settings, record, steps.frame.from_geodetic(record.geodetic)),
         headings=found,
         without_heading=why,
     )
@@ -83,6 +86,27 @@ def _headings(campaign: Campaign, given: DriveRecords) -> Headings:
     check_prior(find, prior, minima.best)
     noise = None if settings.sigma is None else GpsNoise(settings.sigma, settings.eta)
     return headings(minima, steps, arm, noise, settings.max_gap)
+
+
+def _areas(settings: RtkSettings, record: Fixes, positions: Array) -> tuple[AreaQuality, ...]:
+    """Quality of the fixes in each named area."""
+    found = []
+    for area in settings.areas:
+        rows = inside(np.array(area.corners), positions[:, :2])
+        here = replace(record.select(rows), without_fix=0)
+        found.append(AreaQuality(area.name, qualities(here)))
+    return tuple(found)
+
+
+def inside(corners: Array, points: Array) -> Bools:
+    """(n,) whether points (n, 2) are in a polygon of corners (k, 2): by the crossings of a ray."""
+    start, end = corners, np.roll(corners, -1, axis=0)
+    x, y = points[:, :1], points[:, 1:]
+    spans = (start[:, 1] > y) != (end[:, 1] > y)
+    rise = end[:, 1] - start[:, 1]
+    share = (y - start[:, 1]) / np.where(rise == 0, 1.0, rise)
+    crossed = spans & (x < start[:, 0] + share * (end[:, 0] - start[:, 0]))
+    return np.asarray(crossed.sum(1) % 2 == 1)
 
 
 def qualities(record: Fixes) -> tuple[KindQuality, ...]:

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from rtk_samples import REAL
 
 from rtk_gt.positions.result import fixed_table, fixed_trajectory, positions_result
-from rtk_gt.positions.solve import solve_positions
+from rtk_gt.positions.solve import inside, solve_positions
 from rtk_gt.receivers.host_clock import host_clock
 from rtk_gt.receivers.nmea import read_nmea
 from validation.campaign.folder import load_campaign
@@ -163,6 +163,30 @@ def test_one_digit_of_a_checksum_is_still_tested(tmp_path):
     kept = read_nmea(path, "roof", skip_damaged=True)
     assert len(kept) == 19
     assert kept.tolerated["checksum of one digit"] == 39
+
+
+def test_quality_by_named_areas(tmp_path):
+    """The receiver drives along x at 3 m/s: its kinds change at places that are known."""
+    lines, _, _ = log_of(6, [4] * 100 + [5] * 100 + [4] * 100)
+    campaign_of(tmp_path, lines)
+    outline = "[[-9, -9], [89.7, -9], [89.7, 9], [-9, 9]]"
+    yard = f'[[rtk.areas]]\nname = "yard"\ncorners = {outline}\n'
+    empty = '[[rtk.areas]]\nname = "roof"\ncorners = [[0, 50], [9, 50], [9, 60]]\n'
+    (tmp_path / "campaign.toml").write_text(TOML + yard + empty)
+    outcome = solve_positions(load_campaign(tmp_path))
+    first, second = outcome.areas
+    assert {one.kind: one.epochs for one in first.kinds}["RTK fixed"] == 100
+    # Noise of 0.5 m moves float fixes over the edge at 89.7 m, 0.6 m between two fixes.
+    assert {one.kind: one.epochs for one in first.kinds}["RTK float"] == pytest.approx(50, abs=3)
+    assert second.kinds == ()
+    titles = [table.title for table in positions_result(outcome).overview]
+    assert "Quality by area" in titles
+
+
+def test_points_in_an_outline_with_a_notch():
+    notch = np.array([[0, 0], [4, 0], [4, 4], [2, 1], [0, 4]], dtype=float)
+    points = np.array([[1, 1], [2, 2], [3.5, 3], [-1, 1], [2, 0.5], [5, 1]], dtype=float)
+    assert inside(notch, points).tolist() == [True, False, True, False, True, False]
 
 
 def test_commands_that_need_a_vehicle_say_so(tmp_path):
