@@ -124,7 +124,7 @@ def find_offsets(records: Sequence[Fixes], *, eta: float = 1.75) -> Offsets:
     Raises
     ------
     GtvalError
-        If there are fewer than three receivers, or ten times at which all are RTK fixed.
+        If there are fewer than two receivers, or ten times at which all are RTK fixed.
 
     Notes
     -----

@@ -23,7 +23,8 @@ class Receiver(Settings):
     its ending does not tell. ``label`` is the name inside a rawlog, where it differs; ``date``
     (UTC, YYYY-MM-DD) that of the first sentence of a log without dates. ``height`` is the z of
     its antenna in the vehicle frame, metres, and needed of the first three receivers;
-    ``position`` (x, y, z), to a decimetre or so, is needed from the fourth on.
+    ``position`` (x, y, z), to a decimetre or so, is needed from the fourth on; where the first
+    three have one, too, the layout is theirs, not rear, front left and front right.
     """
 
     name: Name
@@ -63,6 +64,17 @@ class Sensor(Settings):
     )
 
 
+class Area(Settings):
+    """A part of the site, as [[rtk.areas]], whose quality one or two receivers tell by itself.
+
+    ``name`` is what results call it; ``corners`` are x, y of its outline in the local frame, in
+    metres, in order.
+    """
+
+    name: Name
+    corners: Annotated[list[tuple[Finite, Finite]], Field(min_length=3)]
+
+
 class KnownOffsets(Settings):
     """Offsets known beforehand, as [rtk.known_offsets].
 
@@ -99,8 +111,9 @@ class RtkSettings(Settings):
     """The table [rtk].
 
     ``receivers`` are in the order rear, front left, front right, then others; ``sensors`` are what
-    else is on the vehicle. ``origin`` and ``up`` make the local frame: without an origin it is at
-    the first fix, and up is the normal of the ellipsoid or the line from the Earth's centre.
+    else is on the vehicle; ``areas`` are named parts of the site. ``origin`` and ``up`` make the
+    local frame: without an origin it is at the first fix, and up is the normal of the ellipsoid or
+    the line from the Earth's centre.
 
     ``sigma`` (metres, horizontal, of one receiver) replaces the noise found from the residuals,
     ``eta`` is the ratio of vertical to horizontal noise; where it is not stated 1.75 is assumed,
@@ -127,6 +140,7 @@ class RtkSettings(Settings):
     known_offsets: KnownOffsets | None = None
     known_distances: KnownDistances | None = None
     sensors: list[Sensor] = Field(default_factory=list)
+    areas: list[Area] = Field(default_factory=list)
     largest_offset_sigma: Positive = 0.01
     largest_distance_sigma: Positive = LARGEST_DISTANCE_SIGMA
 
@@ -135,8 +149,6 @@ class RtkSettings(Settings):
         names = [receiver.name for receiver in self.receivers]
         if len(set(names)) < len(names):
             raise ValueError("two receivers have the same name")
-        if 0 < len(names) < 3:
-            raise ValueError("at least three receivers are needed for a pose in space")
         known = set(self.known_offsets.values) if self.known_offsets else set()
         if known - set(names):
             raise ValueError(
@@ -155,4 +167,6 @@ class RtkSettings(Settings):
                     raise ValueError(f"known_distances '{stated}' is stated in both directions")
         if len({sensor.name for sensor in self.sensors}) < len(self.sensors):
             raise ValueError("two sensors have the same name")
+        if len({area.name for area in self.areas}) < len(self.areas):
+            raise ValueError("two areas have the same name")
         return self

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class RtkSystem:
-    """The path of a vehicle with three or more RTK-GPS receivers."""
+    """The path of a vehicle with three or more RTK-GPS receivers, or what one or two give."""
 
     name = "rtk"
 
@@ -28,6 +28,11 @@ class RtkSystem:
 
     def solve(self, campaign: "Campaign", progress: "Progress") -> "SystemResult":
         """Path, findings and report sections."""
+        if len(campaign.section("rtk", RtkSettings).receivers) < 3:
+            from rtk_gt.positions.result import positions_result
+            from rtk_gt.positions.solve import solve_positions
+
+            return positions_result(solve_positions(campaign, progress))
         from rtk_gt.campaign.solve import solve_campaign
 
         return result_of(solve_campaign(campaign, progress))

@@ -234,6 +234,8 @@ class SystemResult:
         What a terminal shows after this system has been solved by itself.
     trajectories : sequence of Trajectory
         Poses on the move, in the GTV frame unless said otherwise; compared in time.
+    without_poses : bool
+        That there is none is what was found, and no failure: a receiver that was never RTK-fixed.
     """
 
     tables: "Sequence[PoseTable]" = ()
@@ -244,3 +246,4 @@ class SystemResult:
     landmarks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     overview: Sequence[Table] = ()
     trajectories: "Sequence[Trajectory]" = ()
+    without_poses: bool = False

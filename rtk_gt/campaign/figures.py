@@ -33,7 +33,8 @@ CHI_95_OF_2 = 2.4477
 """95 % radius of a Gaussian in the plane, in standard deviations: the root of -2 ln 0.05."""
 
 
-def _kind_colour(kind: int) -> str:
+def kind_colour(kind: int) -> str:
+    """The colour of a kind of fix in all figures."""
     return KIND_COLOURS.get(kind, COLOURS[1])
 
 
@@ -53,7 +54,7 @@ def fix_modes(records: Sequence[Fixes], posed: Array, max_gap: float) -> Figure:
             rows = record.kinds == kind
             bars = np.column_stack([record.times[rows] - start, lasting[rows]])
             axes.broken_barh(
-                [(a, b) for a, b in bars], (row - 0.35, 0.7), color=_kind_colour(int(kind))
+                [(a, b) for a, b in bars], (row - 0.35, 0.7), color=kind_colour(int(kind))
             )
             used.add(int(kind))
     stretches = [
@@ -68,7 +69,7 @@ def fix_modes(records: Sequence[Fixes], posed: Array, max_gap: float) -> Figure:
     axes.invert_yaxis()
     axes.set_xlabel("time from the start of the record [s]")
     for kind in sorted(used):
-        axes.plot([], [], color=_kind_colour(kind), linewidth=6, label=FIX_NAMES[kind])
+        axes.plot([], [], color=kind_colour(kind), linewidth=6, label=FIX_NAMES[kind])
     figure.legend(loc="outside upper right", ncols=4, fontsize=8, frameon=False)
     return figure
 
@@ -92,7 +93,7 @@ def track_map(
             *track[rows, :2].T,
             linestyle="none",
             marker="." if kind == RTK_FIXED else MARKERS[int(kind) % len(MARKERS)],
-            color=_kind_colour(int(kind)),
+            color=kind_colour(int(kind)),
             ms=3,
             label=f"{steps.receivers[column]}: {FIX_NAMES[int(kind)]}",
         )

@@ -8,6 +8,7 @@ from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.checks import differences_said
 from rtk_gt.offsets.estimate import distance_names
 from rtk_gt.path.vehicle_path import heading_span, tilt_spread
+from rtk_gt.receivers.fixes import Fixes
 from validation.poses.angles import Array
 from validation.results import Finding, Severity, Size
 
@@ -16,6 +17,9 @@ AXES = ("x", "y", "z")
 LARGEST_SLIP = np.radians(1.0)
 """Radians that the body of a vehicle stands off its wheels at most: a judgement; loads and springs
 make some tenths of a degree."""
+BACKWARDS = np.radians(60.0)
+"""Radians between nose and motion that no wheels explain: receivers in another order make 60 to 180
+degrees with antennas at the corners of a triangle."""
 UNLIKELY = 1e-3
 """Probability by chance below which stated offsets are said to differ from those of the drive: one
 good drive in a thousand is warned of."""
@@ -31,6 +35,7 @@ def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
     return [
         *_coverage(outcome),
         *_offsets(outcome),
+        *_chosen(outcome),
         *_prior(outcome),
         *_motion(outcome),
         *_antennas(outcome),
@@ -133,6 +138,25 @@ def _offsets(outcome: RtkOutcome) -> Iterator[Finding]:
         yield Finding("warning", text, SUBJECT, "offsets_from_prior", weakest)
 
 
+def _chosen(outcome: RtkOutcome) -> Iterator[Finding]:
+    """That the distances allow another solution, which the motion excludes."""
+    if not outcome.left:
+        return
+    away = max(
+        float(np.linalg.norm(one.offsets.values - outcome.offsets.offsets.values, axis=1).max())
+        for one in outcome.left
+    )
+    text = (
+        f"The distances allow {len(outcome.left) + 1} solutions, whose offsets differ by up to "
+        f"{_metres(away)}: on a road this straight the antennas move the same way with the vehicle "
+        "turned by half a turn. The one whose nose points where the vehicle drives was taken. If "
+        "it drove in reverse all the way, the other is right; a drive with turns, or "
+        "[rtk.known_offsets], settles it."
+    )
+    size = (Size("difference of the offsets", away, "m"),)
+    yield Finding("warning", text, SUBJECT, "offsets_by_motion", size)
+
+
 def _beforehand(outcome: RtkOutcome) -> str:
     if outcome.settings.known_offsets or outcome.settings.known_distances:
         return "What campaign.toml states beforehand does not determine them."
@@ -185,6 +209,17 @@ def _motion(outcome: RtkOutcome) -> Iterator[Finding]:
     """Whether the nose points where the vehicle goes."""
     found = outcome.motion
     if found is None:
+        return
+    away = float(np.hypot(found.left, found.up))
+    if away > BACKWARDS:
+        text = (
+            f"The nose points {np.degrees(away):.0f} degrees off the direction of motion "
+            f"({found.steps} steps). Either the vehicle drove so all the way (in reverse, say), or "
+            "the receivers are not listed as rear, front left, front right, or the stated offsets "
+            "and places belong to another order. The heading must not be used before that is known."
+        )
+        size = (Size("angle of the nose to the motion", away, "rad"),)
+        yield Finding("error", text, SUBJECT, "nose_against_motion", size)
         return
     length = float(np.ptp(outcome.antennas.positions[:, 0]))
     for angle, sigma, where, opposite, what in (
@@ -308,10 +343,14 @@ def _assumed(outcome: RtkOutcome) -> Iterator[Finding]:
 def _records(outcome: RtkOutcome) -> Iterator[Finding]:
     """Remarks of the readers, and what they tolerated."""
     for record in outcome.records:
-        for note in record.notes:
-            yield Finding("note", note, record.receiver, "record")
-        if record.tolerated:
-            said = ", ".join(f"{what}: {count}" for what, count in record.tolerated.items())
-            yield Finding(
-                "note", f"{record.source.name}, accepted: {said}.", record.receiver, "tolerated"
-            )
+        yield from record_findings(record)
+
+
+def record_findings(record: Fixes) -> Iterator[Finding]:
+    """Remarks of the reader of one record, and what it tolerated."""
+    for note in record.notes:
+        yield Finding("note", note, record.receiver, "record")
+    if record.tolerated:
+        said = ", ".join(f"{what}: {count}" for what, count in record.tolerated.items())
+        text = f"{record.source.name}, accepted: {said}."
+        yield Finding("note", text, record.receiver, "tolerated")

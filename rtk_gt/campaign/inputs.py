@@ -1,5 +1,6 @@
 """A campaign's records of all receivers, and what it states beforehand."""
 
+import gzip
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from rtk_gt.offsets.estimate import distance_names
 from rtk_gt.offsets.prior import OffsetPrior
+from rtk_gt.path.antennas import Places
 from rtk_gt.receivers.fix_checks import check_fixes
 from rtk_gt.receivers.fix_csv import read_fix_csv
 from rtk_gt.receivers.fixes import Fixes
@@ -74,7 +76,13 @@ def check_places(campaign: Campaign) -> None:
         Naming every key that is missing, with an example.
     """
     receivers = campaign.section("rtk", RtkSettings).receivers
-    wanted = [(one, "height", "z of its antenna on the vehicle") for one in receivers[:3]]
+    if len(receivers) == 1:
+        return  # positions are those of its antenna
+    wanted = [
+        (one, "height", "z of its antenna on the vehicle")
+        for one in receivers[:3]
+        if one.position is None and one.height is None
+    ]
     wanted += [(one, "position", "x, y, z on the vehicle, to 0.1 m") for one in receivers[3:]]
     examples = {"height": "height = 0.132", "position": "position = [0.9, 0.6, 0.1]"}
     problems = [
@@ -116,7 +124,7 @@ def _read(
     campaign: Campaign, receiver: Receiver, settings: RtkSettings, rawlogs: dict[Path, Rawlog]
 ) -> Fixes:
     path = campaign.folder / receiver.file
-    kind = receiver.format if receiver.format != "auto" else ENDINGS.get(path.suffix.lower())
+    kind = receiver.format if receiver.format != "auto" else _kind_of(path)
     if kind == "rawlog":
         if path not in rawlogs:
             rawlogs[path] = read_rawlog(path)
@@ -139,6 +147,26 @@ def _read(
     raise InputError([Problem(path, expected)])
 
 
+def _kind_of(path: Path) -> str | None:
+    """What a file is by its name, .gz apart; a table that begins with a sentence is a log."""
+    inner = Path(path.stem) if path.suffix.lower() == ".gz" else path
+    kind = ENDINGS.get(inner.suffix.lower())
+    if kind == "csv" and path.is_file() and _begins_with_sentence(path):
+        return "nmea"
+    return kind
+
+
+def _begins_with_sentence(path: Path) -> bool:
+    """Whether the first line holds an NMEA sentence; also of a compressed file."""
+    with path.open("rb") as plain:
+        packed = plain.read(2) == b"\x1f\x8b"
+    try:
+        with gzip.open(path) if packed else path.open("rb") as file:
+            return b"$G" in file.readline(1000)
+    except (OSError, EOFError):
+        return False
+
+
 def stated_frame(settings: RtkSettings) -> LocalFrame | None:
     """The local frame of campaign.toml; None where no origin is stated."""
     if settings.origin is None:
@@ -153,6 +181,8 @@ def local_frame(settings: RtkSettings, records: list[Fixes]) -> LocalFrame:
     if stated is not None:
         return stated
     fixed = records[0].geodetic[records[0].fixed]
+    if len(fixed) == 0 and len(records) == 1 and len(records[0]):
+        fixed = records[0].geodetic
     if len(fixed) == 0:
         raise GtvalError(f"receiver {records[0].receiver} is never RTK-fixed")
     latitude, longitude, height = (float(value) for value in fixed[0])
@@ -168,7 +198,8 @@ def offset_prior(settings: RtkSettings, frame: LocalFrame) -> OffsetPrior:
         If the known offsets belong to another frame, or a distance is of no pair.
     """
     names = tuple(receiver.name for receiver in settings.receivers)
-    prior = OffsetPrior()
+    heights = antenna_places(settings).heights
+    prior = OffsetPrior(heights=heights if np.isfinite(heights).all() else np.empty(0))
     if settings.known_offsets is not None:
         known = settings.known_offsets
         values = np.array([known.values.get(name, (np.nan,) * 3) for name in names])
@@ -184,3 +215,13 @@ def offset_prior(settings: RtkSettings, frame: LocalFrame) -> OffsetPrior:
             prior, distances=distances, distance_sigmas=np.full(len(pairs), stated.sigma)
         )
     return prior
+
+
+def antenna_places(settings: RtkSettings) -> Places:
+    """What campaign.toml states of where the antennas are on the vehicle."""
+    receivers = settings.receivers
+    stated = [receiver.position for receiver in receivers]
+    heights = [one.height if one.position is None else one.position[2] for one in receivers]
+    positions = None if any(place is None for place in stated) else np.array(stated, dtype=float)
+    others = np.array(stated[3:], dtype=float) if stated[3:] else None
+    return Places(np.array(heights, dtype=float), others, positions)

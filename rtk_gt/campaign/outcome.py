@@ -42,6 +42,8 @@ class RtkOutcome:
         Offsets and distances from the drive and the prior.
     antennas : Antennas
         Their positions on the vehicle.
+    left : tuple of Offsets
+        Other solutions that fit as well; there the nose points against the motion.
     noise : GpsNoise
         Used for the covariances.
     path : VehiclePath
@@ -70,6 +72,7 @@ class RtkOutcome:
     stated: PriorCheck | None
     offsets: Offsets
     antennas: Antennas
+    left: tuple[Offsets, ...]
     noise: GpsNoise
     path: VehiclePath
     leaps: Bools

@@ -1,13 +1,18 @@
 """From a campaign's receivers to the path: the whole chain, without printing or drawing."""
 
+from functools import partial
+
 import numpy as np
 
-from rtk_gt.campaign.inputs import check_places, load_drive, offset_prior
+from rtk_gt.campaign.inputs import antenna_places, check_places, load_drive, offset_prior
 from rtk_gt.campaign.outcome import RtkOutcome
-from rtk_gt.offsets.checks import check_prior
-from rtk_gt.offsets.estimate import Offsets, estimate_offsets
+from rtk_gt.offsets.checks import PriorCheck, check_prior
+from rtk_gt.offsets.estimate import Offsets
+from rtk_gt.offsets.minima import all_minima, default_layout
 from rtk_gt.offsets.noise import GpsNoise
-from rtk_gt.path.antennas import Antennas, antenna_positions
+from rtk_gt.offsets.prior import OffsetPrior
+from rtk_gt.path.antennas import Places
+from rtk_gt.path.choice import Choice, check_attitude, check_order, choose
 from rtk_gt.path.composition import compose
 from rtk_gt.path.consistency import consistency
 from rtk_gt.path.covariance import reference_covariance
@@ -32,6 +37,14 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     GtvalError
         If the files are bad, or the receivers are never RTK-fixed together.
     """
+    count = len(campaign.section("rtk", RtkSettings).receivers)
+    if 0 < count < 3:
+        said = "one receiver, which gives positions" if count == 1 else "two receivers, which give "
+        said += "" if count == 1 else "positions and headings"
+        raise GtvalError(
+            f"{campaign.toml} names {said} (`gtval rtk`); this command needs the poses of a "
+            "vehicle with three"
+        )
     progress("reading the receivers", 0.0)
     check_places(campaign)
     given = load_drive(campaign)
@@ -39,14 +52,13 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     progress("offsets of the receivers", 0.3)
     check_together(records, steps, settings.simultaneous)
     prior = offset_prior(settings, steps.frame)
-    stated = check_prior(steps, prior, eta=settings.eta, robust=settings.robust)
-    offsets = estimate_offsets(steps, eta=settings.eta, robust=settings.robust, prior=prior)
-    _check_determined(offsets, settings.largest_distance_sigma)
-    antennas = _antennas(settings, offsets)
+    chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings))
+    offsets, antennas = chosen.offsets, chosen.antennas
     noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
     progress("path", 0.5)
     good = _without_false(steps, offsets)
     path = vehicle_path(good, offsets, antennas, noise)
+    check_attitude(path)
     progress("quality of the path", 0.7)
     return RtkOutcome(
         campaign=campaign,
@@ -57,6 +69,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
         stated=stated,
         offsets=offsets,
         antennas=antennas,
+        left=chosen.left,
         noise=noise,
         path=path,
         leaps=leaping_poses(path, settings.max_gap),
@@ -82,10 +95,44 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     )
 
 
-def _antennas(settings: RtkSettings, offsets: Offsets) -> Antennas:
-    heights = np.array([receiver.height for receiver in settings.receivers[:3]], dtype=float)
-    others = [receiver.position for receiver in settings.receivers[3:]]
-    return antenna_positions(offsets.distances, heights, np.array(others) if others else None)
+def solve_offsets(
+    steps: Steps, prior: OffsetPrior, settings: RtkSettings, places: Places
+) -> tuple[Choice, PriorCheck | None]:
+    """The vehicle's offsets with the antennas' places, and what is stated beside the drive.
+
+    Parameters
+    ----------
+    steps : Steps
+        As recorded.
+    prior : OffsetPrior
+        What is known beforehand.
+    settings : RtkSettings
+        The table [rtk].
+    places : Places
+        What is stated of the antennas.
+
+    Raises
+    ------
+    GtvalError
+        If the steps and what is stated leave the offsets open, allow several, or contradict each
+        other.
+    """
+    layout = default_layout(prior, len(steps.receivers))
+    if places.positions is not None:
+        layout = places.positions
+    elif places.others is not None:
+        layout = np.vstack([layout[:3], places.others])
+    near = None
+    if len(prior.offsets):
+        near = np.nan_to_num(prior.offsets)
+    find = partial(all_minima, steps, eta=settings.eta, robust=settings.robust, layout=layout)
+    minima = find(prior=prior, near=near)
+    stated = check_prior(find, prior, minima.best)
+    largest = settings.largest_distance_sigma
+    if minima.mirrored is not None and minima.mirrored.distance_sigmas.max() < largest:
+        check_order(minima, steps, places, settings.max_gap)
+    _check_determined(minima.best, largest)
+    return choose(minima, steps, places, settings.max_gap), stated
 
 
 def _check_determined(offsets: Offsets, largest: float) -> None:

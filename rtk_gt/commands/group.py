@@ -8,7 +8,7 @@ from validation.commands.solve import CampaignGroup, solve_command
 
 @click.group(cls=CampaignGroup)
 def rtk() -> None:
-    """Outdoor ground truth from three or more RTK-GPS receivers on a vehicle.
+    """Outdoor ground truth from one, two, three or more RTK-GPS receivers on a vehicle.
 
     `gtval rtk CAMPAIGN` is short for `gtval rtk solve CAMPAIGN`.
     """

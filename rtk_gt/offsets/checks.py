@@ -1,19 +1,22 @@
 """Whether the offsets that were stated beforehand agree with what the drive says of them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
 
-from rtk_gt.offsets.estimate import estimate_offsets
+from rtk_gt.offsets.estimate import Offsets
+from rtk_gt.offsets.minima import Minima, costs_of
 from rtk_gt.offsets.prior import OffsetPrior
-from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
 CONTRADICTION = 10.0
 """Beyond so many standard deviations of a component the two cannot be put together: no chance does
 that, also where a stated sigma is too small by half; between, a finding says it."""
+FAR = 12.0
+"""The same of all components together: of the six of two receivers chance adds some 2.4."""
 AXES = ("x", "y", "z")
 
 
@@ -29,22 +32,34 @@ class PriorCheck:
         Standard deviations of the differences; metres where the drive leaves an offset open.
     probability : float
         Of differences at least as large by chance.
+    away : float
+        All differences together, in standard deviations.
     """
 
     difference: Array
     sigmas: Array
     probability: float
+    away: float
+
+    @property
+    def sizes(self) -> Array:
+        """(r - 1, 3) differences in standard deviations; 0 where nothing was stated."""
+        return np.nan_to_num(np.abs(self.difference) / self.sigmas)
 
 
-def check_prior(steps: Steps, prior: OffsetPrior, *, eta: float, robust: bool) -> PriorCheck | None:
+def check_prior(
+    find: Callable[..., Minima], prior: OffsetPrior, together: Offsets
+) -> PriorCheck | None:
     """The stated offsets beside those that the drive gives without them; None if none are stated.
 
     Parameters
     ----------
-    steps, eta, robust
-        As in `estimate_offsets`.
+    find : callable
+        `all_minima` of the steps, called with ``prior`` and ``near``.
     prior : OffsetPrior
         What was stated. Stated distances are used for both.
+    together : Offsets
+        From the drive and what is stated.
 
     Raises
     ------
@@ -54,7 +69,21 @@ def check_prior(steps: Steps, prior: OffsetPrior, *, eta: float, robust: bool) -
     if len(prior.offsets) == 0:
         return None
     without = replace(prior, offsets=np.empty((0, 3)), offset_sigmas=np.empty((0, 3)))
-    alone = estimate_offsets(steps, eta=eta, robust=robust, prior=without)
+    minima = find(prior=without, near=together.offsets.values)
+    # A drive with several solutions contradicts what is stated only where all of them do.
+    solutions = (minima.best, *minima.others) if minima.near is None else (minima.near,)
+    checks = [(_against(prior, alone), alone) for alone in solutions]
+    found, alone = min(checks, key=lambda one: one[0].away)
+    own, both = costs_of([alone, together])
+    # Sigmas of a weak drive are no measure far away; the likelihood is one everywhere.
+    worse = both - own > CONTRADICTION**2
+    if worse and ((found.sizes > CONTRADICTION).any() or found.away > FAR):
+        raise GtvalError(_contradiction(found, together.receivers[1:], prior.offsets[1:]))
+    return found
+
+
+def _against(prior: OffsetPrior, alone: Offsets) -> PriorCheck:
+    """What is stated against one solution of the drive."""
     difference = (prior.offsets - alone.offsets.values)[1:]
     own = np.square(prior.offset_sigmas[1:])
     sigmas = np.sqrt(np.square(alone.offset_sigmas[1:]) + own)
@@ -62,15 +91,13 @@ def check_prior(steps: Steps, prior: OffsetPrior, *, eta: float, robust: bool) -
     spread = (alone.offset_covariance + np.diag(own.ravel()))[np.ix_(stated, stated)]
     off = difference.ravel()[stated]
     square = float(off @ np.linalg.solve(spread, off))
-    found = PriorCheck(difference, sigmas, float(special.chdtrc(stated.sum(), square)))
-    if (np.abs(difference) > CONTRADICTION * sigmas).any():
-        raise GtvalError(_contradiction(found, steps.receivers[1:], prior.offsets[1:]))
-    return found
+    probability = float(special.chdtrc(stated.sum(), square))
+    return PriorCheck(difference, sigmas, probability, float(np.sqrt(square)))
 
 
 def differences_said(found: PriorCheck, receivers: tuple[str, ...], least: float) -> str:
     """Components that differ by more than ``least`` standard deviations, in words."""
-    sizes = np.nan_to_num(np.abs(found.difference) / found.sigmas)
+    sizes = found.sizes
     return "; ".join(
         f"{name} {AXES[k]} by {100 * found.difference[row, k]:+.1f} cm ({sizes[row, k]:.0f} sigma)"
         for row, name in enumerate(receivers)
@@ -80,9 +107,10 @@ def differences_said(found: PriorCheck, receivers: tuple[str, ...], least: float
 
 
 def _contradiction(found: PriorCheck, receivers: tuple[str, ...], stated: Array) -> str:
+    in_all = f"all together by {found.away:.0f} sigma, with the distances that are stated"
     text = (
         "the offsets stated in [rtk.known_offsets] contradict the drive: "
-        f"{differences_said(found, receivers, CONTRADICTION)}. "
+        f"{differences_said(found, receivers, CONTRADICTION) or in_all}. "
     )
     alone = stated - found.difference
     for i in range(len(receivers)):

@@ -9,11 +9,19 @@ undetermined and not as a wrong number with a small sigma.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from scipy import special
 
-from rtk_gt.offsets.noise import LEAST_SPREAD, pair_incidence
+from rtk_gt.offsets.equations import (
+    Equations,
+    Normal,
+    equations_of,
+    normal_of,
+    residuals_at,
+    signal_of,
+)
+from rtk_gt.offsets.moments import Geometry, posterior_moments
 from rtk_gt.offsets.prior import OffsetPrior, posterior
 from rtk_gt.offsets.robust import (
     autocorrelation_time,
@@ -27,14 +35,12 @@ from validation.poses.angles import Array
 from validation.poses.earth_frames import FrameVectors
 from validation.shown import Shown
 
-SIGNIFICANT = 4.0
-"""Rotation counts as such beyond so many standard deviations of what noise alone would show: noise
-passes that once in 30,000 directions."""
+Bent = Literal["always", "if sure", "never"]
 _ROUNDS = 40
 """At most: a judgement."""
 _ROUGH_SIGMA = 0.01
 """Before the residuals say how large the noise is, in metres: what makers state of RTK."""
-_SMALLEST_SIGMA = 1e-6
+SMALLEST_SIGMA = 1e-6
 """Data without noise are weighted as if they had this much, metres: far below any receiver."""
 
 
@@ -68,6 +74,10 @@ class Offsets(Shown):
         How many steps one independent step is worth.
     steps : int
         Number of steps used.
+    squares : (t,) array
+        Squared residuals of each step's distances, normalised for a sigma_0 of 1 m, in m^2.
+    against : float
+        What is known beforehand against the offsets and distances: squared normalised differences.
     """
 
     receivers: tuple[str, ...]
@@ -82,6 +92,8 @@ class Offsets(Shown):
     directions: Array
     correlation_time: float
     steps: int
+    squares: Array
+    against: float
 
     @property
     def offset_covariance(self) -> Array:
@@ -102,24 +114,14 @@ class Offsets(Shown):
         return np.sqrt(np.diagonal(self.covariance)[k:])
 
 
-@dataclass(frozen=True)
-class _Equations:
-    """Linear conditions a = B_offsets (offsets) + kappa of every step and pair.
-
-    ``a`` (t, p) and ``design`` (t, p, m) come from the recorded differences; ``shared`` (p, p)
-    says how the noise of two pairs is related and ``signs`` (p, r - 1) which offset enters.
-    """
-
-    differences: Array
-    a: Array
-    design: Array
-    shared: Array
-    signs: Array
-    unit: Array
-
-
 def estimate_offsets(
-    steps: Steps, *, eta: float = ETA, robust: bool = True, prior: OffsetPrior | None = None
+    steps: Steps,
+    *,
+    eta: float = ETA,
+    robust: bool = True,
+    prior: OffsetPrior | None = None,
+    start: Array | None = None,
+    bent: Bent = "always",
 ) -> Offsets:
     """Offsets and distances from the steps at which all receivers are RTK-fixed.
 
@@ -134,11 +136,17 @@ def estimate_offsets(
     prior : OffsetPrior, optional
         What is known beforehand. Without it the only knowledge is that all antennas are on one
         vehicle; directions that the drive does not determine then have sigmas of metres.
+    start : (r, 3) array, optional
+        Offsets to begin with: the nearest minimum is found (`minima` tries many). Without it the
+        closed form finds the one of a drive that turns.
+    bent : {"always", "if sure", "never"}
+        Sample what is possible where distances bend it; only where the sample is large enough; or
+        not, for a quick look.
 
     Raises
     ------
     GtvalError
-        If there are fewer than three receivers or ten complete steps.
+        If there are fewer than two receivers or ten complete steps.
 
     Notes
     -----
@@ -150,8 +158,8 @@ def estimate_offsets(
     autocorrelation time of the residuals.
     """
     used = steps.select(steps.complete)
-    if len(used.receivers) < 3:
-        raise GtvalError("at least three receivers are needed for a pose in space")
+    if len(used.receivers) < 2:
+        raise GtvalError("offsets are between receivers: at least two are needed")
     if len(used) < FEWEST_STEPS:
         raise GtvalError(
             f"all receivers are RTK-fixed together at {len(used)} times only; at least "
@@ -160,9 +168,10 @@ def estimate_offsets(
     # Work near zero: recorded differences may be hundreds of metres, antennas are metres apart.
     shift = np.median(used.positions[:, :1] - used.positions, axis=0)
     prior = prior or OffsetPrior()
-    equations = _equations(used.positions + shift, eta)
-    estimate = _iterate(equations, prior.shifted(shift), robust=robust)
-    mean, covariance, distances, signal, directions, sigma, weights, tau = estimate
+    equations = equations_of(used.positions + shift, eta)
+    begin = None if start is None else (start - start[0] - shift)[1:].ravel()
+    estimate = _iterate(equations, prior.shifted(shift), begin, robust=robust, bent=bent)
+    mean, covariance, distances, signal, directions, sigma, weights, tau, costs = estimate
     offsets = shift + np.vstack([np.zeros(3), mean.reshape(-1, 3)])
     corrected = pair_differences(used.positions + offsets)
     return Offsets(
@@ -178,59 +187,44 @@ def estimate_offsets(
         directions=directions,
         correlation_time=tau,
         steps=len(used),
+        squares=costs[0],
+        against=costs[1],
     )
 
 
-def _equations(positions: Array, eta: float) -> _Equations:
-    receivers = positions.shape[1]
-    differences = pair_differences(positions)
-    incidence = pair_incidence(receivers)
-    signs = incidence[:, 1:]
-    t, p = differences.shape[:2]
-    # c = offset of first minus offset of second receiver of the pair, hence the minus.
-    design = -(signs[None, :, :, None] * differences[:, :, None, :]).reshape(t, p, -1)
-    unit = np.diag([1.0, 1.0, eta**2])
-    half_squares = np.square(differences).sum(-1) / 2
-    return _Equations(differences, half_squares, design, incidence @ incidence.T, signs, unit)
-
-
 def _iterate(
-    equations: _Equations, prior: OffsetPrior, *, robust: bool
-) -> tuple[Array, Array, Array, Array, Array, float, Array, float]:
-    """Offsets, joint covariance, distances, signal, directions, sigma_0, weights, tau."""
+    equations: Equations, prior: OffsetPrior, start: Array | None, *, robust: bool, bent: Bent
+) -> tuple[Array, Array, Array, Array, Array, float, Array, float, tuple[Array, float]]:
+    """Offsets, joint covariance, distances, signal, directions, sigma_0, weights, tau, costs."""
     t, p, m = equations.design.shape
-    dof = float(p)
     weights, sigma, offsets = np.ones(t), 0.0, np.zeros(m)
     whitening = np.eye(p) / _ROUGH_SIGMA**2
+    if start is not None:
+        offsets = start
+        kappa = (equations.a - equations.design @ start).mean(0)
+        there = residuals_at(equations, equations.a, (start, kappa), weights, robust=robust)
+        sigma = max(there.sigma, SMALLEST_SIGMA)
+        whitening = there.weight / sigma**2
     tau, widen = 1.0, 8.0 if robust else 1.0
     for _ in range(_ROUNDS):
         before = offsets
-        normal = _normal(equations, weights, whitening, sigma)
-        signal, directions, score_free = _signal(normal, t / tau)
-        offsets, curvature, prior_part = posterior(
-            signal, directions, score_free, normal.kappa_of, equations.signs, prior
-        )
+        normal = normal_of(equations, weights, whitening, sigma)
+        signal, directions, score_free = signal_of(normal, t / tau)
+        offsets, curvature, prior_part, against = posterior(
+            (signal, directions, score_free), normal.kappa_of, equations.signs, prior,
+            prior.of_offsets(normal.mean, start), None if start is None else before,
+        )  # fmt: skip
         kappa = normal.kappa_of(offsets)
-        centres = -(equations.signs @ offsets.reshape(-1, 3))
-        residual = normal.a - equations.design @ offsets - kappa
-        rods = equations.differences - centres
-        spread = _residual_covariance(rods, equations, weights)
-        unit_weight = _inverse(spread)
-        # Combinations of distances that noise does not change are no degrees of freedom.
-        dof = round(float(np.trace(unit_weight @ spread)), 3)
-        squares = ((residual @ unit_weight) * residual).sum(1)
-        if robust:
-            new_sigma = float(np.sqrt(np.median(squares) / special.chdtri(dof, 0.5)))
-        else:
-            new_sigma = float(np.sqrt(squares.mean() / dof))
-        floor = max(new_sigma, _SMALLEST_SIGMA)
-        whitening = unit_weight / floor**2
+        found = residuals_at(equations, normal.a, (offsets, kappa), weights, robust=robust)
+        squares, dof = found.squares, found.dof
+        floor = max(found.sigma, SMALLEST_SIGMA)
+        whitening = found.weight / floor**2
         if robust:
             weights = redescending_weights(squares / floor**2, dof, widen)
-        settled = np.abs(offsets - before).max() < 1e-6 and abs(new_sigma - sigma) < 1e-3 * floor
-        sigma = new_sigma
+        settled = np.abs(offsets - before).max() < 1e-6 and abs(found.sigma - sigma) < 1e-3 * floor
+        sigma = found.sigma
         if widen == 1.0:
-            tau = autocorrelation_time(residual * weights[:, None])
+            tau = autocorrelation_time(found.residual * weights[:, None])
             if settled:
                 break
         widen = max(widen / 2, 1.0)
@@ -241,102 +235,36 @@ def _iterate(
     sigma = float(np.sqrt(weights @ squares / total * loss))
     if robust:
         sigma /= np.sqrt(expected_weighted_square(dof))
-    covariance, distances = _covariance(
-        equations, normal, weights, (rods, max(sigma, _SMALLEST_SIGMA)), whitening,
-        (offsets, kappa, centres), (signal, directions, curvature, prior_part), tau,
+    covariance, distances, meat = _covariance(
+        equations, normal, weights, (found.rods, max(sigma, SMALLEST_SIGMA)), whitening,
+        (offsets, kappa, found.centres), (signal, directions, curvature, prior_part), tau,
     )  # fmt: skip
-    return offsets, covariance, distances, signal, directions, sigma, weights, tau
-
-
-@dataclass(frozen=True)
-class _Normal:
-    """Weighted moments: information on offsets and kappa, freed from noise."""
-
-    a: Array
-    offsets: Array
-    cross: Array
-    kappa: Array
-    right_offsets: Array
-    right_kappa: Array
-    noise: Array
-    """Noise part of the offsets' information, already taken out."""
-
-    def kappa_of(self, offsets: Array) -> Array:
-        """(p,) best kappa for given offsets."""
-        return np.asarray(
-            np.linalg.solve(self.kappa, self.right_kappa - self.cross.T @ offsets), dtype=float
-        )
-
-
-def _normal(equations: _Equations, weights: Array, W: Array, sigma: float) -> _Normal:
-    """Moments of the conditions, with the expected part of the noise subtracted."""
-    C = sigma**2 * equations.unit
-    # |D|^2 is too large by the trace of its noise on average.
-    a = equations.a - np.diagonal(equations.shared) * np.trace(C) / 2
-    m = equations.design.shape[2]
-    weighted = weights[:, None, None] * (W @ equations.design)
-    flat = weighted.reshape(-1, m)
-    total = weights.sum()
-    shared = W * equations.shared
-    noise = total * np.kron(equations.signs.T @ shared @ equations.signs, C)
-    mean = np.tensordot(weights, equations.differences, 1)
-    noise_right = -(equations.signs.T @ shared @ mean @ C).ravel()
-    return _Normal(
-        a=a,
-        offsets=flat.T @ equations.design.reshape(-1, m) - noise,
-        cross=weighted.sum(0).T,
-        kappa=total * W,
-        right_offsets=flat.T @ a.reshape(-1) - noise_right,
-        right_kappa=W @ (weights @ a),
-        noise=noise,
-    )
-
-
-def _signal(normal: _Normal, effective: float) -> tuple[Array, Array, Array]:
-    """Information on each direction of the offsets, the directions, and their right-hand side.
-
-    What does not stand out of the noise is set to 0: there the drive says nothing.
-    """
-    elimination = np.linalg.solve(normal.kappa, normal.cross.T)
-    information = normal.offsets - normal.cross @ elimination
-    right = normal.right_offsets - elimination.T @ normal.right_kappa
-    values, directions = np.linalg.eigh((information + information.T) / 2)
-    noise = np.diagonal(directions.T @ normal.noise @ directions)
-    by_chance = np.sqrt((2 * noise**2 + 4 * noise * np.maximum(values, 0)) / effective)
-    good = (values > SIGNIFICANT * by_chance) & (values > 1e-9 * values.max())
-    return np.where(good, values, 0.0), directions, np.where(good, directions.T @ right, 0.0)
-
-
-def _residual_covariance(rods: Array, equations: _Equations, weights: Array) -> Array:
-    """Covariance (p, p) of the conditions for sigma_0 = 1, averaged over the good steps."""
-    weighted = weights[:, None, None] * (rods @ equations.unit)
-    moments = np.tensordot(weighted, rods, ((0, 2), (0, 2)))
-    return np.asarray(equations.shared * moments / weights.sum())
-
-
-def _inverse(matrix: Array) -> Array:
-    """Inverse of a covariance, with the smallest eigenvalues lifted.
-
-    Four and more antennas in one plane have a combination of distances that noise changes in
-    second order only; its variance of nearly 0 must not decide everything.
-    """
-    values, vectors = np.linalg.eigh(matrix)
-    lifted = np.maximum(values, LEAST_SPREAD * values.max())
-    inverse: Array = np.asarray((vectors / lifted) @ vectors.T, dtype=float)
-    return inverse
+    if (
+        bent != "never"
+        and len(prior.heights)
+        and (np.isfinite(prior.distances).any() or not signal.all())
+    ):
+        drive = _information((signal, directions, score_free), meat)
+        belief = prior.of_offsets(normal.mean, start)
+        offsets, distances, covariance = _bent(
+            (offsets, distances, covariance), drive, belief, prior, normal, equations.signs,
+            blunt=bent == "always",
+        )  # fmt: skip
+    costs = squares, against
+    return offsets, covariance, distances, signal, directions, sigma, weights, tau, costs
 
 
 def _covariance(
-    equations: _Equations,
-    normal: _Normal,
+    equations: Equations,
+    normal: Normal,
     weights: Array,
     noise: tuple[Array, float],
     W: Array,
     place: tuple[Array, Array, Array],
     curvature: tuple[Array, Array, Array, Array],
     tau: float,
-) -> tuple[Array, Array]:
-    """Covariance of (offsets, distances), and the distances.
+) -> tuple[Array, Array, Array]:
+    """Covariance of (offsets, distances), the distances, and what the drive's scores vary by.
 
     Of the sandwich form: weights are those of the average step, its noise is that of each step.
     The scatter of the scores themselves would be the more tolerant filling, but five receivers
@@ -374,9 +302,45 @@ def _covariance(
     second = np.einsum("paqb,paqb->pq", blocks, blocks) / 2
     own = own + second / np.outer(distances, distances)
     cross = offsets_cov @ slope.T
-    return np.block(
-        [[offsets_cov, cross], [cross.T, slope @ offsets_cov @ slope.T + own]]
-    ), distances
+    joint = np.block([[offsets_cov, cross], [cross.T, slope @ offsets_cov @ slope.T + own]])
+    return joint, distances, meat
+
+
+def _information(drive: tuple[Array, Array, Array], meat: Array) -> tuple[Array, Array]:
+    """What the drive alone says: information (m, m) where it says anything, and the offsets (m,).
+
+    The sandwich's, so that the correlation of the errors counts.
+    """
+    signal, directions, right = drive
+    known = signal > 0
+    V = directions[:, known]
+    spread = (V.T @ meat @ V) / np.outer(signal[known], signal[known])
+    return V @ np.linalg.inv(spread) @ V.T, V @ (right[known] / signal[known])
+
+
+def _bent(
+    linear: tuple[Array, Array, Array],
+    drive: tuple[Array, Array],
+    belief: tuple[Array, Array],
+    prior: OffsetPrior,
+    normal: Normal,
+    signs: Array,
+    *,
+    blunt: bool,
+) -> tuple[Array, Array, Array]:
+    """Offsets, distances and their covariance where distances bend what is possible."""
+    offsets, _, covariance = linear
+    m = len(offsets)
+    zero = normal.kappa_of(np.zeros(m))
+    moves = np.stack([normal.kappa_of(unit) - zero for unit in np.eye(m)], axis=1)
+    geometry = Geometry(zero, moves, signs)
+    # What the noise of the conditions' constants leaves of the distances for given offsets.
+    slope = geometry.distances(offsets)[1]
+    own = covariance[m:, m:] - slope @ covariance[:m, :m] @ slope.T
+    found = posterior_moments(drive, belief, prior, geometry, offsets, own, blunt=blunt)
+    if found is None:
+        return linear
+    return found.mean[:m], found.mean[m:], found.covariance
 
 
 def distance_names(receivers: tuple[str, ...]) -> list[str]:

@@ -10,6 +10,10 @@ from rtk_gt.receivers.steps import pair_differences
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
+_ROUNDS = 50
+_SETTLED = 1e-6
+"""Metres: far above rounding, far below noise."""
+
 
 @dataclass(frozen=True)
 class Antennas:
@@ -52,7 +56,8 @@ def antenna_positions(
     Raises
     ------
     GtvalError
-        If the distances fit no triangle, or further antennas have no rough position.
+        If there are fewer than three antennas, the distances fit no triangle, or further antennas
+        have no rough position.
 
     Notes
     -----
@@ -62,6 +67,8 @@ def antenna_positions(
     receivers = round((1 + np.sqrt(1 + 8 * len(distances))) / 2)
     begin = np.zeros(2) if first is None else np.asarray(first, dtype=float)
     rough = np.empty((0, 3)) if others is None else np.asarray(others, dtype=float).reshape(-1, 3)
+    if receivers < 3:
+        raise GtvalError("at least three receivers are needed for a pose in space")
     if receivers != 3 + len(rough):
         raise GtvalError(
             f"{receivers} receivers need rough positions of {receivers - 3}, not {len(rough)}"
@@ -100,6 +107,93 @@ def antenna_positions(
             f"{', '.join(f'{h:.3f}' for h in heights)} m"
         )
     return Antennas(positions(found.x), spread @ np.linalg.pinv(jacobian(found.x)), misfit)
+
+
+@dataclass(frozen=True)
+class Places:
+    """What is stated of where the antennas are on the vehicle.
+
+    Parameters
+    ----------
+    heights : (r,) array
+        z of the antennas, metres.
+    others : (r - 3, 3) array, optional
+        Rough positions from the fourth antenna on.
+    positions : (r, 3) array, optional
+        Of all antennas, in any layout. Without it they are the rear one, then front left and front
+        right, and others.
+    """
+
+    heights: Array
+    others: Array | None = None
+    positions: Array | None = None
+
+    def antennas(self, distances: Array) -> Antennas:
+        """The antennas with the distances found.
+
+        Raises
+        ------
+        GtvalError
+            As `antenna_positions` and `antennas_near`.
+        """
+        if self.positions is not None:
+            return antennas_near(self.positions, distances)
+        return antenna_positions(distances, self.heights[:3], self.others)
+
+    @property
+    def order(self) -> str:
+        """In which order the receivers must be listed, in words."""
+        if self.positions is not None:
+            return "The receivers must be those of the stated positions"
+        return "The receivers must be listed as rear, front left, front right"
+
+
+def antennas_near(stated: Array, distances: Array) -> Antennas:
+    """Antenna positions that fulfil the distances and are nearest to stated ones.
+
+    Parameters
+    ----------
+    stated : (r, 3) array
+        Positions on the vehicle, metres; they say where its x axis is and what is level. Heights of
+        the first three are kept.
+    distances : (p,) array
+        Between the antennas of each pair, metres, in the order of `receiver_pairs`.
+
+    Raises
+    ------
+    GtvalError
+        If the distances are not those of antennas near the stated positions.
+
+    Notes
+    -----
+    Gauss-Newton with the shortest step: what distances do not see, a move or a turn of all
+    antennas together, stays as stated.
+    """
+    receivers = len(stated)
+    incidence = pair_incidence(receivers)
+    free = np.ones((receivers, 3), dtype=bool)
+    free[:3, 2] = False
+    spread = np.eye(3 * receivers)[:, free.ravel()]
+    places = stated.astype(float)
+    for _ in range(_ROUNDS):
+        rods = pair_differences(places)
+        lengths = np.linalg.norm(rods, axis=1)
+        along = rods / lengths[:, None]
+        jacobian = (incidence[:, :, None] * along[:, None, :]).reshape(len(rods), -1) @ spread
+        step = np.linalg.pinv(jacobian) @ (distances - lengths)
+        places = places + (spread @ step).reshape(-1, 3)
+        if np.abs(step).max() < _SETTLED:
+            break
+    misfit = np.linalg.norm(pair_differences(places), axis=1) - distances
+    off = float(np.linalg.norm(places - stated, axis=1).max())
+    arm = float(np.linalg.norm(pair_differences(stated), axis=1).min())
+    if not off < arm / 2 or (receivers == 3 and np.abs(misfit).max() > _SETTLED):
+        said = ", ".join(f"{d:.3f}" for d in distances)
+        raise GtvalError(
+            f"the distances of the antennas, {said} m, are not those of the stated positions of "
+            "the receivers; check `position` of each, and which file belongs to which"
+        )
+    return Antennas(places, spread @ np.linalg.pinv(jacobian), misfit)
 
 
 def check_antennas(positions: Array) -> None:

@@ -1,6 +1,7 @@
 """Faults that a record of fixes shows by itself or beside the other receivers' records."""
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 
@@ -16,6 +17,10 @@ FASTEST = 150.0
 """m/s; road vehicles stay below 120, damaged digits make kilometres."""
 LONGEST = 86_400.0
 """A pause longer than a day between two fixes is a wrong clock, not a pause."""
+
+COPIES = 10
+"""Common fixes that show a copy: one in a million is the same by chance where digits are 1 mm and
+noise is 5 mm, ten never are."""
 
 
 def check_fixes(records: Sequence[Fixes], frame: LocalFrame | None = None) -> None:
@@ -35,8 +40,30 @@ def check_fixes(records: Sequence[Fixes], frame: LocalFrame | None = None) -> No
     """
     problems = [p for record in records for p in (*_in_time(record), *_in_place(record))]
     problems += _apart(records, frame)
+    problems += _copies(records)
     if problems:
         raise InputError(problems)
+
+
+def _copies(records: Sequence[Fixes]) -> list[Problem]:
+    """Pairs of receivers with one record: noise keeps even neighbouring antennas apart."""
+    found = []
+    for first, second in combinations(records, 2):
+        _, mine, theirs = np.intersect1d(first.times, second.times, return_indices=True)
+        same = (first.geodetic[mine] == second.geodetic[theirs]).all(1)
+        if len(same) >= COPIES and same.mean() > 0.5:
+            found.append(
+                Problem(
+                    second.source,
+                    f"the record of receiver {first.receiver} ({first.source.name}) once more: "
+                    f"{int(same.sum())} of {len(same)} positions are the same to the last digit; "
+                    f"name the file that receiver {second.receiver} wrote",
+                    int(second.lines[0]),
+                    "receiver",
+                    second.receiver,
+                )
+            )
+    return found
 
 
 def _in_time(record: Fixes) -> list[Problem]:

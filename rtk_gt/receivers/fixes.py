@@ -62,6 +62,10 @@ class Fixes(Shown):
         Departures from the format that were accepted, and how often.
     notes : tuple of str
         What a person should know of this file.
+    host : (n,) array, optional
+        Seconds since 1970 at which a computer wrote each fix down; NaN where it did not.
+    without_fix : int
+        Epochs at which the receiver reported that it has no position.
 
     Raises
     ------
@@ -80,10 +84,15 @@ class Fixes(Shown):
     source: Path
     tolerated: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    host: Array = field(default_factory=lambda: np.empty(0))
+    without_fix: int = 0
 
     def __post_init__(self) -> None:
         n = len(self.times)
+        if len(self.host) == 0:
+            object.__setattr__(self, "host", np.full(n, np.nan))
         expected = {
+            "host": (n,),
             "geodetic": (n, 3),
             "kinds": (n,),
             "satellites": (n,),
@@ -102,6 +111,11 @@ class Fixes(Shown):
         return len(self.times)
 
     @property
+    def epochs(self) -> int:
+        """How many epochs the receiver reported, with and without a position."""
+        return len(self) + self.without_fix
+
+    @property
     def fixed(self) -> Bools:
         """(n,) True where the ambiguities are resolved (RTK fixed)."""
         return np.asarray(self.kinds == RTK_FIXED)
@@ -117,6 +131,7 @@ class Fixes(Shown):
             hdop=self.hdop[rows],
             covariances=self.covariances[rows],
             lines=self.lines[rows],
+            host=self.host[rows],
         )
 
 

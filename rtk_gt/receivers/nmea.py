@@ -1,7 +1,9 @@
 """NMEA 0183 logs: positions of GGA, stated errors of GST, dates of RMC and ZDA.
 
 Receivers depart from the standard in ways that do no harm; each is accepted and counted:
-one-digit or lower-case checksums, missing checksums, bytes before the ``$``, empty fields.
+one-digit or lower-case checksums, missing checksums, bytes before the ``$``, empty fields. Of a
+checksum of one digit that digit is tested. A number before the ``$`` that is seconds since 1970 is
+the clock of the computer that wrote the log; it gives the date where no sentence does.
 A sentence whose checksum is wrong, or that is cut, is an error unless the caller asks for such
 sentences to be skipped, which is counted too.
 """
@@ -18,7 +20,8 @@ import numpy as np
 from rtk_gt.receivers.error_ellipses import EllipseRecord, covariances_from_gst
 from rtk_gt.receivers.fixes import FIX_NAMES, Fixes
 from validation.errors import MAX_SHOWN_PROBLEMS, InputError, Problem, shown
-from validation.text_files.reading import file_bytes
+from validation.text_files.reading import is_utf16
+from validation.trajectories.formats.rawlog_objects import unpacked
 
 MAX_BYTES = 2_000_000_000
 """A judgement: a day of GGA and GST at 20 Hz has 0.3 GB."""
@@ -26,6 +29,7 @@ HALF_DAY = 43200.0
 _SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3}),([^*$]*)(?:\*([0-9A-Fa-f]{0,2}))?\s*$")
 _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?|[+-]?\.\d+")
 _TIME = re.compile(r"(\d{2})(\d{2})(\d{2}(?:\.\d*)?)")
+_HOST = re.compile(r"\s*(\d{9,10}(?:\.\d+)?)\s*[,;]?\s*$")
 _DATED = re.compile(r"\$..(?:RMC,([^,]*),(?:[^,]*,){7}(\d{6})|ZDA,([^,]*),(\d\d,\d\d,\d{4}))")
 
 
@@ -38,9 +42,11 @@ class _Log:
     day: float | None
     tolerated: Counter[str] = field(default_factory=Counter)
     problems: list[Problem] = field(default_factory=list)
-    rows: list[tuple[float, float, float, float, int, int, float, int]] = field(
+    rows: list[tuple[float, float, float, float, int, int, float, int, float]] = field(
         default_factory=list
     )
+    host: float = np.nan
+    without_fix: int = 0
     ellipses: dict[float, EllipseRecord] = field(default_factory=dict)
     last_clock: float | None = None
     dated: bool = False
@@ -85,13 +91,14 @@ def read_nmea(
     InputError
         Naming line, field and value of every bad place.
     """
-    text = file_bytes(path, MAX_BYTES, text=True).decode("latin-1")
+    data = unpacked(path, MAX_BYTES)
+    if is_utf16(data):
+        raise InputError([Problem(path, "saved as UTF-16; save the file as UTF-8", 1)])
+    text = data.decode("latin-1")
     start = None if day is None else datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()
     log = _Log(path, skip_damaged, start)
     log.day, log.last_clock = (start, None) if start is not None else _first_date(text)
     log.dated = log.day is not None
-    if log.day is None:
-        log.day = 0.0
     for number, line in enumerate(text.split("\n"), 1):
         if line.strip():
             _read_line(log, number, line.rstrip("\r"))
@@ -130,8 +137,12 @@ def _read_line(log: _Log, number: int, line: str) -> None:
     if start < 0:
         log.damaged(number, line, "no sentence begins in this line")
         return
+    log.host = np.nan
     if start > 0:
-        log.tolerated["bytes before the sentence"] += 1
+        written = _HOST.match(line[:start])
+        log.host = float(written[1]) if written else np.nan
+        what = "stamp of a computer" if written else "bytes"
+        log.tolerated[f"{what} before the sentence"] += 1
     match = _SENTENCE.match(line[start:])
     if match is None:
         if re.match(r"\$P[A-Z]", line[start:]):
@@ -156,7 +167,10 @@ def _checksum_holds(log: _Log, number: int, sentence: str, checksum: str | None)
     value = 0
     for character in sentence[1 : sentence.rindex("*")]:
         value ^= ord(character)
-    if int(checksum, 16) != value:
+    whole = f"{value:02X}"
+    # Some loggers lose the last digit, others a leading zero.
+    cut = len(checksum) == 1 and checksum.upper() == whole[0]
+    if int(checksum, 16) != value and not cut:
         log.damaged(number, sentence, f"the checksum is {checksum}, the sentence has {value:02X}")
         return False
     if len(checksum) == 1:
@@ -178,6 +192,8 @@ def _clock(log: _Log, number: int, cell: str, *, of_errors: bool = False) -> flo
         log.bad(number, "time", cell, "not a time of day; expected hhmmss.ss")
         return None
     clock = _seconds(match)
+    if log.day is None:
+        log.day = _day_of_host(log.host, clock)
     rise = 0.0 if log.last_clock is None else clock - log.last_clock
     if rise > HALF_DAY and of_errors:
         return (log.day or 0.0) - 86400.0 + clock
@@ -189,19 +205,27 @@ def _clock(log: _Log, number: int, cell: str, *, of_errors: bool = False) -> flo
     return (log.day or 0.0) + clock
 
 
+def _day_of_host(host: float, clock: float) -> float:
+    """Midnight of the day at which a time of day is nearest to a computer's clock."""
+    return 0.0 if np.isnan(host) else 86400.0 * round((host - clock) / 86400.0)
+
+
 def _gga(log: _Log, number: int, cells: list[str]) -> None:
     """One position; without a fix its cells may be empty."""
     if not 12 <= len(cells) <= 14:
         comma = " (a decimal comma?)" if len(cells) > 14 else ""
         log.bad(number, "GGA", ",".join(cells), f"{len(cells)} fields, expected 14{comma}")
         return
-    time = _clock(log, number, cells[0])
     kind = cells[5]
     if not kind.isdigit() or int(kind) not in FIX_NAMES:
         log.bad(number, "fix quality", kind, "not a fix kind of GGA (0 to 9)")
         return
-    if kind == "0" or time is None:
-        log.tolerated["GGA without a fix"] += kind == "0"
+    if kind == "0":  # its time may be no time, too
+        log.tolerated["GGA without a fix"] += 1
+        log.without_fix += 1
+        return
+    time = _clock(log, number, cells[0])
+    if time is None:
         return
     latitude = _angle(log, number, "latitude", cells[1], cells[2], "NS", 90.0)
     longitude = _angle(log, number, "longitude", cells[3], cells[4], "EW", 180.0)
@@ -215,7 +239,7 @@ def _gga(log: _Log, number: int, cells: list[str]) -> None:
     hdop = float(cells[7]) if _NUMBER.fullmatch(cells[7]) else np.nan
     height = (altitude or 0.0) + (separation or 0.0)
     place = (latitude or 0.0, longitude or 0.0, height)
-    log.rows.append((time, *place, int(kind), satellites, hdop, number))
+    log.rows.append((time, *place, int(kind), satellites, hdop, number, log.host))
 
 
 def _angle(
@@ -263,6 +287,9 @@ def _gst(log: _Log, number: int, cells: list[str]) -> None:
     if len(cells) != 8:
         log.bad(number, "GST", ",".join(cells), f"{len(cells)} fields, expected 8")
         return
+    if all(_NUMBER.fullmatch(c) and float(c) == 0 for c in cells[1:]):
+        log.tolerated["GST without a fix"] += 1
+        return
     time = _clock(log, number, cells[0], of_errors=True)
     numbers = [float(c) if _NUMBER.fullmatch(c) else np.nan for c in cells[2:]]
     if time is None or any(np.isnan(numbers)):
@@ -284,7 +311,9 @@ def _fixes(log: _Log, receiver: str) -> Fixes:
     without = len(log.ellipses) - sum(record is not None for record in records)
     if without:
         log.tolerated["GST of a time without a fix"] += without
-    if not log.dated:
+    if not log.dated and log.day:
+        notes = (*notes, "The log has no date (RMC, ZDA); it is that of the computer's clock.")
+    elif not log.dated:
         notes = (*notes, "The log has no date (RMC, ZDA); days are counted from 1970-01-01.")
     skipped = sum(n for what, n in log.tolerated.items() if what.startswith("damaged"))
     if skipped:
@@ -299,6 +328,8 @@ def _fixes(log: _Log, receiver: str) -> Fixes:
         covariances=covariances,
         lines=table[:, 7].astype(np.int64),
         source=log.path,
+        host=table[:, 8],
+        without_fix=log.without_fix,
         tolerated=dict(log.tolerated),
         notes=notes,
     )

@@ -73,7 +73,8 @@ def solve_command(
         else:
             print_result(solved.result, findings, results, everything=everything)
         end_of_command(findings, failed=solved.failed, strict=strict)
-        if not (solved.result.tables or solved.result.trajectories):
+        found = solved.result
+        if not (found.tables or found.trajectories or found.without_poses):
             errors = [one.text for one in findings if one.severity == "error"]
             raise GtvalError("\n".join(errors) or f"{system} has no pose of this campaign")
 

@@ -2,12 +2,14 @@
 
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from data_samples.drives.drive import OFFSETS, DriveSettings, simulate_drive
 from rtk_gt.offsets.checks import check_prior
+from rtk_gt.offsets.minima import all_minima
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.receivers.fixes import RTK_FLOAT
 from rtk_gt.receivers.steps import common_steps
@@ -63,6 +65,11 @@ def prior(offsets):
     return OffsetPrior(offsets=offsets, offset_sigmas=np.full(offsets.shape, 0.005))
 
 
+def checked(steps, known):
+    find = partial(all_minima, steps, eta=1.75, robust=True)
+    return check_prior(find, known, find(prior=known).best)
+
+
 def test_stated_offsets_that_are_right_agree():
     """The probability is that of chance: uniform over drives, so seldom below 0.1 %."""
     found = []
@@ -71,7 +78,7 @@ def test_stated_offsets_that_are_right_agree():
         steps = common_steps(made.records, made.frame)
         stated = OFFSETS + 0.005 * np.random.default_rng(seed).standard_normal(OFFSETS.shape)
         stated[0] = 0.0
-        found.append(check_prior(steps, prior(stated), eta=1.75, robust=True).probability)
+        found.append(checked(steps, prior(stated)).probability)
     # Of 20 uniform numbers, all are above 0.0005 in 99 of 100 cases; their mean has sigma 0.065.
     assert min(found) > 0.0005
     assert abs(np.mean(found) - 0.5) < 4 * 0.065
@@ -80,9 +87,9 @@ def test_stated_offsets_that_are_right_agree():
 def test_stated_offsets_of_exchanged_receivers_are_refused(drive):
     steps = common_steps(drive.records, drive.frame)
     with pytest.raises(GtvalError, match="contradict the drive") as raised:
-        check_prior(steps, prior(OFFSETS[[0, 2, 1]]), eta=1.75, robust=True)
+        checked(steps, prior(OFFSETS[[0, 2, 1]]))
     assert "Exchanged, those of front_left and front_right fit" in str(raised.value)
-    assert check_prior(steps, OffsetPrior(), eta=1.75, robust=True) is None
+    assert checked(steps, OffsetPrior()) is None
 
 
 def test_stated_offsets_that_the_drive_leaves_open_are_not_doubted():
@@ -90,4 +97,4 @@ def test_stated_offsets_that_the_drive_leaves_open_are_not_doubted():
     flat = simulate_drive(63, DriveSettings(steepest=0.0))
     steps = common_steps(flat.records, flat.frame)
     lifted = OFFSETS + np.array([[0, 0, 0], [0, 0, 0.3], [0, 0, 0.3]])
-    assert check_prior(steps, prior(lifted), eta=1.75, robust=True).probability > 0.001
+    assert checked(steps, prior(lifted)).probability > 0.001

@@ -1,0 +1,1 @@
+"""One receiver: where it was, how well, and for how much of the time."""

@@ -1,0 +1,77 @@
+"""Figures of one receiver's record."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from rtk_gt.campaign.figures import fix_modes, kind_colour, reception
+from rtk_gt.positions.outcome import PositionsOutcome
+from rtk_gt.positions.solve import semi_axes
+from rtk_gt.receivers.fixes import FIX_NAMES, RTK_FIXED, Ints
+from validation.figures.maps import in_metres
+
+_MOST = 4000
+"""Points a figure shows of one kind; more cannot be told apart at a page's width."""
+
+
+def _thinned(rows: Ints) -> Ints:
+    return rows[:: max(len(rows) // _MOST, 1)]
+
+
+def _kinds(outcome: PositionsOutcome) -> list[int]:
+    """Kinds of the record's fixes, the RTK-fixed ones last, so that they lie on top."""
+    kinds = [int(kind) for kind in np.unique(outcome.record.kinds)]
+    return sorted(kinds, key=lambda kind: (kind == RTK_FIXED, kind == 5, kind))
+
+
+def positions_map(outcome: PositionsOutcome) -> Figure:
+    """All fixes from above, coloured by kind."""
+    east, north = np.ptp(outcome.positions[:, :2], axis=0)
+    height = float(np.clip(6.2 * north / max(east, 1.0) + 1.6, 3.0, 7.0))
+    figure = Figure(figsize=(7, height), layout="constrained")
+    axes = figure.add_subplot()
+    for kind in _kinds(outcome):
+        rows = _thinned(np.flatnonzero(outcome.record.kinds == kind))
+        axes.plot(
+            *outcome.positions[rows, :2].T, ".", ms=3, color=kind_colour(kind),
+            label=FIX_NAMES[kind], rasterized=True,
+        )  # fmt: skip
+    in_metres(axes)
+    axes.set_xlabel("east [m], local frame")
+    axes.set_ylabel("north [m], local frame")
+    axes.legend(fontsize=8, loc="best")
+    return figure
+
+
+def errors_over_time(outcome: PositionsOutcome) -> Figure:
+    """Stated sigmas over time, fixed beside float."""
+    axes_of = semi_axes(outcome.covariances)
+    elapsed = outcome.record.times - outcome.record.times[0]
+    figure = Figure(figsize=(7, 4.2), layout="constrained")
+    panels = figure.subplots(2, 1, sharex=True)
+    for column, panel, label in zip((0, 2), panels, ("level [m]", "up [m]"), strict=True):
+        for kind in _kinds(outcome):
+            rows = _thinned(np.flatnonzero(outcome.record.kinds == kind))
+            panel.semilogy(
+                elapsed[rows], axes_of[rows, column], ".", ms=2.5, color=kind_colour(kind),
+                label=FIX_NAMES[kind], rasterized=True,
+            )  # fmt: skip
+        panel.set_ylabel(f"sigma {label}")
+        panel.grid(visible=True, linewidth=0.3)
+    panels[1].set_xlabel("time from the first fix [s]")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc="outside upper right", ncols=5, fontsize=8, frameon=False,
+        markerscale=3,
+    )  # fmt: skip
+    return figure
+
+
+def kinds_over_time(outcome: PositionsOutcome) -> Figure:
+    """Kind of fix over time, with the stretches that are ground truth."""
+    posed = outcome.record.times[outcome.fixed]
+    return fix_modes([outcome.record], posed, outcome.settings.max_gap)
+
+
+def reception_over_time(outcome: PositionsOutcome) -> Figure:
+    """Satellites and HDOP over time."""
+    return reception([outcome.record])

@@ -1,0 +1,121 @@
+"""What one receiver's record says of where it was."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rtk_gt.path.coverage import Coverage
+from rtk_gt.positions.heading import Headings
+from rtk_gt.receivers.fixes import Bools, Fixes
+from rtk_gt.receivers.host_clock import HostClock
+from rtk_gt.settings import RtkSettings
+from validation.campaign.folder import Campaign
+from validation.poses.angles import Array
+from validation.poses.earth_frames import LocalFrame
+
+
+@dataclass(frozen=True)
+class KindQuality:
+    """The fixes of one kind.
+
+    Parameters
+    ----------
+    kind : str
+        'RTK fixed', 'RTK float', ...
+    epochs : int
+        How many.
+    share : float
+        Of all epochs that the receiver reported.
+    horizontal, vertical : (float, float), optional
+        Stated standard deviations in metres, median and 95th percentile: the longer axis of the
+        ellipse, and up; None where not stated.
+    satellites, hdop : float, optional
+        Medians; None where not stated.
+    """
+
+    kind: str
+    epochs: int
+    share: float
+    horizontal: tuple[float, float] | None
+    vertical: tuple[float, float] | None
+    satellites: float | None
+    hdop: float | None
+
+
+@dataclass(frozen=True)
+class AreaQuality:
+    """The fixes in a named area.
+
+    Parameters
+    ----------
+    area : str
+        Its name.
+    kinds : tuple of KindQuality
+        Each kind of fix; shares are of the fixes in the area, as epochs without a position are in
+        none.
+    """
+
+    area: str
+    kinds: tuple[KindQuality, ...]
+
+
+@dataclass(frozen=True)
+class PositionsOutcome:
+    """All that one receiver's record gives.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        What was solved.
+    settings : RtkSettings
+        Its [rtk] table.
+    record : Fixes
+        Of the receiver; of two the first one's.
+    frame : LocalFrame
+        The local frame.
+    positions : (n, 3) array
+        All fixes in it, metres.
+    coverage : Coverage
+        What of the record is RTK-fixed.
+    kinds : tuple of KindQuality
+        Each kind of fix; epochs without one are the last.
+    clock : HostClock, optional
+        Of the computer that wrote the log.
+    areas : tuple of AreaQuality
+        Quality by named areas.
+    headings : Headings, optional
+        Positions with headings, of two receivers.
+    without_heading : str
+        Why two receivers give none; empty otherwise.
+    """
+
+    campaign: Campaign
+    settings: RtkSettings
+    record: Fixes
+    frame: LocalFrame
+    positions: Array
+    coverage: Coverage
+    kinds: tuple[KindQuality, ...]
+    clock: HostClock | None
+    areas: tuple[AreaQuality, ...] = ()
+    headings: Headings | None = None
+    without_heading: str = ""
+
+    @property
+    def fixed(self) -> Bools:
+        """(n,) True where the position is ground truth."""
+        return self.record.fixed
+
+    @property
+    def fixed_share(self) -> float:
+        """Share of the epochs that are RTK-fixed."""
+        return float(self.fixed.sum()) / max(self.record.epochs, 1)
+
+    @property
+    def covariances(self) -> Array:
+        """(n, 3, 3) of the positions as the receiver states them, m^2; NaN where it does not.
+
+        Receivers state east, north and up at the place; over the kilometres of a drive these are
+        the axes of the local frame to a thousandth.
+        """
+        return np.asarray(self.record.covariances)

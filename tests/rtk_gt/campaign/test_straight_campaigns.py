@@ -1,0 +1,81 @@
+"""Straight roads and wrong files from campaign folders: what the command says of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from straight_roads import NAMES, road_of, write_road
+
+from rtk_gt.campaign.solve import solve_campaign
+from rtk_gt.system import result_of
+from validation.campaign.folder import load_campaign
+from validation.errors import GtvalError, InputError
+
+DISTANCES = """
+[rtk.known_distances]
+sigma = 0.01
+values = { "rear - front_left" = 1.8213, "rear - front_right" = 1.8252, "front_left - front_right" = 1.1451 }
+"""  # noqa: E501
+ZERO = """
+[rtk.known_offsets]
+up = "ellipsoid"
+sigma = 0.003
+values = { front_left = [0, 0, 0], front_right = [0, 0, 0] }
+"""
+
+
+def solved(folder):
+    outcome = solve_campaign(load_campaign(folder))
+    return outcome, {finding.code: finding for finding in result_of(outcome).findings}
+
+
+def test_half_a_turn_is_said(tmp_path):
+    road = road_of(0, degrees=1.0, interval=1.0)
+    write_road(tmp_path / "road", road.steps, DISTANCES)
+    outcome, codes = solved(tmp_path / "road")
+    assert codes["offsets_by_motion"].severity == "warning"
+    # Twice the arm of the front antennas: 3.64 m.
+    assert codes["offsets_by_motion"].sizes[0].value == pytest.approx(3.64, abs=0.1)
+    off = np.abs(outcome.offsets.offsets.values - road.offsets)
+    assert (off[1:] < 4 * outcome.offsets.offset_sigmas[1:]).all()
+
+
+def test_a_vehicle_in_reverse_is_an_error(tmp_path):
+    """With the right offsets stated nothing but the motion shows it."""
+    road = road_of(1, degrees=2.0, interval=1.0, bases=False)
+    steps = replace(road.steps, positions=road.steps.positions[::-1])
+    write_road(tmp_path / "back", steps, ZERO)
+    _, codes = solved(tmp_path / "back")
+    assert codes["nose_against_motion"].severity == "error"
+    assert codes["nose_against_motion"].sizes[0].value == pytest.approx(np.pi, abs=0.05)
+
+
+def test_one_file_for_two_receivers_is_named(tmp_path):
+    road = road_of(2, interval=2.0)
+    positions = road.steps.positions.copy()
+    positions[:, 2] = positions[:, 1]
+    write_road(tmp_path / "copy", replace(road.steps, positions=positions))
+    with pytest.raises(InputError, match=r"front_right.*record of receiver front_left.*once more"):
+        solve_campaign(load_campaign(tmp_path / "copy"))
+
+
+def test_a_receiver_on_another_continent_is_named(tmp_path):
+    road = road_of(2, interval=2.0)
+    for name in NAMES:
+        folder = tmp_path / name
+        write_road(folder, road.steps)
+        log = folder / "rtk" / f"{name}.csv"
+        log.write_text(log.read_text().replace(",45.", ",-15.").replace(",9.1", ",-70.1"))
+        with pytest.raises(InputError, match=rf"{name}\.csv, line 2.*km from"):
+            solve_campaign(load_campaign(folder))
+
+
+def test_exchanged_files_are_named(tmp_path):
+    road = road_of(3, degrees=120.0, slope=6.0, interval=1.0)
+    write_road(tmp_path / "swapped", road.steps)
+    logs = [tmp_path / "swapped" / "rtk" / f"{name}.csv" for name in ("rear", "front_right")]
+    texts = [log.read_text() for log in logs]
+    for log, text in zip(logs, reversed(texts), strict=True):
+        log.write_text(text)
+    with pytest.raises(GtvalError, match="files of rear and front_right are exchanged"):
+        solve_campaign(load_campaign(tmp_path / "swapped"))

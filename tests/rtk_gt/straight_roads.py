@@ -1,0 +1,126 @@
+"""Straight roads and standing records made in code: what little they determine is known."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from data_samples.drives.drive import ANTENNAS
+from rtk_gt.campaign.solve import solve_offsets
+from rtk_gt.offsets.prior import OffsetPrior
+from rtk_gt.path.antennas import Places
+from rtk_gt.path.choice import check_attitude
+from rtk_gt.path.vehicle_path import vehicle_path
+from rtk_gt.receivers.steps import Steps
+from rtk_gt.settings import RtkSettings
+from validation.poses.earth_frames import LocalFrame
+
+SITE = LocalFrame.from_degrees(45.5, 9.16, 177.0)
+NAMES = ("rear", "front_left", "front_right")
+KNOWLEDGE = ("none", "distances", "two distances", "offsets", "one offset", "both")
+
+
+class Road(NamedTuple):
+    """Steps as recorded, and the truth: offsets (3, 3), distances (3,), poses (t, 6)."""
+
+    steps: Steps
+    offsets: np.ndarray
+    distances: np.ndarray
+    poses: np.ndarray
+
+
+def road_of(
+    seed, *, degrees=2.0, moving=True, sigma=0.004, seconds=300.0, interval=0.2, slope=1.0,
+    bases=True, eta=1.75,
+):  # fmt: skip
+    """A road whose headings span ``degrees``, at 8 m/s; or the vehicle stands.
+
+    The slope changes by ``slope`` degrees along the road. With ``bases`` each receiver has its
+    own base station and an offset of metres, without it offsets are 0.
+    """
+    generator = np.random.default_rng(seed)
+    t = np.arange(0.0, seconds, interval)
+    s = t / seconds
+    phases = generator.uniform(0, 2 * np.pi, 3)
+    bend = np.sin(2 * np.pi * s + phases[0]) + 0.3 * np.sin(6 * np.pi * s + phases[1])
+    bend = np.radians(degrees) * (bend - bend.min()) / np.ptp(bend)
+    yaw = generator.uniform(-np.pi, np.pi) + bend * moving
+    tilt = np.radians(slope) * moving
+    pitch = (
+        tilt * np.sin(4 * np.pi * s + phases[2]) / 2 + np.radians(slope) * generator.normal() / 2
+    )
+    roll = tilt / 2 * np.sin(10 * np.pi * s + phases[1]) / 2
+    speed = 8.0 * moving
+    ahead = np.column_stack(
+        [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)]
+    )
+    place = np.cumsum(ahead * speed * interval, axis=0)
+    R = Rotation.from_euler("ZYX", np.column_stack([yaw, pitch, roll])).as_matrix()
+    offsets = np.vstack([np.zeros(3), generator.normal(size=(2, 3)) * bases * [3, 3, 1]])
+    positions = place[:, None] + np.einsum("tij,rj->tri", R, ANTENNAS) - offsets
+    positions = positions + generator.standard_normal(positions.shape) * sigma * [1, 1, eta]
+    distances = [np.linalg.norm(ANTENNAS[i] - ANTENNAS[j]) for i, j in ((0, 1), (0, 2), (1, 2))]
+    poses = np.column_stack([place, yaw, pitch, roll])
+    steps = Steps(NAMES, 1.7e9 + t, positions, np.full((len(t), 3), 4), SITE)
+    return Road(steps, offsets, np.array(distances), poses)
+
+
+def knowledge_of(road, what, seed, offset_sigma=0.005, distance_sigma=0.01):
+    """Offsets and distances with their sigmas as one would state them; NaN where not stated."""
+    generator = np.random.default_rng([seed, 7])
+    offsets = road.offsets + generator.normal(size=(3, 3)) * offset_sigma
+    offsets[0] = 0
+    distances = road.distances + generator.normal(size=3) * distance_sigma
+    if what not in ("offsets", "one offset", "both"):
+        offsets = None
+    elif what == "one offset":
+        offsets[2] = np.nan
+    if what not in ("distances", "two distances", "both"):
+        distances = None
+    elif what == "two distances":
+        distances[2] = np.nan
+    return offsets, distances
+
+
+def prior_of(offsets, distances, offset_sigma=0.005, distance_sigma=0.01):
+    """What `knowledge_of` gives, with the heights of the antennas."""
+    known = {"heights": ANTENNAS[:, 2]}
+    if offsets is not None:
+        known |= {"offsets": offsets, "offset_sigmas": np.full((3, 3), offset_sigma)}
+    if distances is not None:
+        known |= {"distances": distances, "distance_sigmas": np.full(3, distance_sigma)}
+    return OffsetPrior(**known)
+
+
+def solved(steps, prior, settings=None):
+    """Choice and path of the whole chain; a GtvalError where it refuses."""
+    settings = settings or RtkSettings()
+    chosen, _ = solve_offsets(steps, prior, settings, Places(ANTENNAS[:, 2]))
+    rows = chosen.offsets.weights > 0
+    path = vehicle_path(steps.select(rows), chosen.offsets, chosen.antennas)
+    check_attitude(path)
+    return chosen, path
+
+
+HEAD = """name = "Road"
+[rtk]
+origin = { latitude = 45.5, longitude = 9.16, height = 177.0 }
+eta = 1.75
+"""
+
+
+def write_road(folder, steps, known="", names=NAMES):
+    """Steps as a campaign: a CSV file for each receiver, 0.1 mm on the last digit."""
+    (folder / "rtk").mkdir(parents=True)
+    toml = HEAD
+    for column, name in enumerate(names):
+        places = SITE.to_geodetic(steps.positions[:, column])
+        lines = ["time,latitude,longitude,height,fix"]
+        lines += [
+            f"{time:.3f},{np.degrees(north):.11f},{np.degrees(east):.11f},{height:.4f},4"
+            for time, (north, east, height) in zip(steps.times, places, strict=True)
+        ]
+        (folder / "rtk" / f"{name}.csv").write_text("\n".join(lines) + "\n")
+        toml += f'[[rtk.receivers]]\nname = "{name}"\nfile = "rtk/{name}.csv"\n'
+        toml += f"height = {ANTENNAS[NAMES.index(name), 2]}\n"
+    (folder / "campaign.toml").write_text(toml + known)
