@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from functools import partial
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,7 @@ from vision_gt.campaign.detections import detection_blocks
 from vision_gt.campaign.inputs import placed
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.campaign.printed import seen_in
+from vision_gt.causes.tables import hypothesis_table, noise_table
 from vision_gt.optics.camera import PARAMETERS
 from vision_gt.optics.transforms import change_between
 from vision_gt.robot.robot_pose import RobotPose
@@ -34,8 +36,12 @@ def vision_sections(outcome: VisionOutcome, campaign: "Campaign") -> list[Sectio
     ]
     if outcome.stops:
         seen = detection_blocks(seen_in(outcome), outcome.printed)
-        sections.append(Section("Vision: poses", [pose_table(outcome)]))
+        poses = [pose_table(outcome), attitude_table(outcome), pairs_table(outcome)]
+        sections.append(Section("Vision: poses", [one for one in poses if one.rows]))
         sections.append(Section("Vision: marker detection", seen))
+    if outcome.diagnosis is not None:
+        tables = [hypothesis_table(outcome.diagnosis), noise_table(outcome.diagnosis.noise)]
+        sections.append(Section("Vision: what may be wrong", tables))
     if outcome.steadiness:
         sections.append(Section("Vision: steadiness of the cameras", _steadiness_blocks(outcome)))
     sections += check_sections(outcome.checks)
@@ -117,6 +123,53 @@ def _length(change: Array) -> Array:
 def _angle(change: Array) -> Array:
     """How far they turned (n,), radians."""
     return np.asarray(np.linalg.norm(change[..., 3:], axis=-1))
+
+
+def attitude_table(outcome: VisionOutcome) -> Table:
+    """Height, roll and pitch of the robot at each stop, by each camera that sees it."""
+    listed = [
+        (stop.pose, camera, pose)
+        for stop in outcome.stops
+        for camera, pose in stop.by_camera.items()
+    ]
+    tilts = np.array(
+        [pose.T_gtv_robot.rotation.as_euler("ZYX")[::-1] for _, _, pose in listed]
+    ).reshape(-1, 3)
+    sigmas = np.sqrt([np.diagonal(pose.covariance) for _, _, pose in listed]).reshape(-1, 6)
+    columns: list[TableColumn] = [
+        ("stop", "", [stop for stop, _, _ in listed]),
+        ("camera", "", [camera for _, camera, _ in listed]),
+        ("height [mm]", ".1f", [MM * float(pose.best.t[2]) for _, _, pose in listed]),
+        ("sigma [mm]", ".1f", MM * sigmas[:, 2]),
+        ("roll [deg]", ".2f", np.rad2deg(tilts[:, 0])),
+        ("pitch [deg]", ".2f", np.rad2deg(tilts[:, 1])),
+        ("sigma [deg]", ".2f", np.rad2deg(sigmas[:, 3:5].max(1, initial=0.0))),
+    ]
+    note = "A robot on an even floor has zeros; what all stops share comes of reference or markers."
+    return Table.of_columns("Height, roll and pitch, by camera", columns, note)
+
+
+def pairs_table(outcome: VisionOutcome) -> Table:
+    """Cameras against each other at the stops that both see, by medians."""
+    apart: dict[tuple[str, str], list[Array]] = {}
+    for stop in outcome.stops:
+        sure = [(name, pose) for name, pose in stop.by_camera.items() if not pose.ambiguous]
+        for (one, first), (other, second) in combinations(sorted(sure, key=lambda p: p[0]), 2):
+            off = change_between(second.T_gtv_robot, first.T_gtv_robot)
+            apart.setdefault((one, other), []).append(off)
+    medians = [np.median(offs, axis=0) for offs in apart.values()]
+    lengths = [np.median(np.linalg.norm(np.array(offs)[:, :2], axis=1)) for offs in apart.values()]
+    columns: list[TableColumn] = [
+        ("cameras", "", [f"{one}-{other}" for one, other in apart]),
+        ("common stops", "", [len(offs) for offs in apart.values()]),
+        ("dx [mm]", "+.1f", [MM * float(m[0]) for m in medians]),
+        ("dy [mm]", "+.1f", [MM * float(m[1]) for m in medians]),
+        ("dz [mm]", "+.1f", [MM * float(m[2]) for m in medians]),
+        ("dtheta [mrad]", "+.1f", [MRAD * float(m[5]) for m in medians]),
+        ("distance [mm]", ".1f", [MM * float(length) for length in lengths]),
+    ]
+    note = "Medians of the second camera's pose minus the first one's, and of their distance."
+    return Table.of_columns("Cameras against cameras", columns, note)
 
 
 def link_table(outcome: VisionOutcome) -> Table:

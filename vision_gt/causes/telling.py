@@ -47,6 +47,17 @@ def cause_finding(diagnosis: Diagnosis) -> Finding | None:
     return _TELLERS[_teller(effect)](cause, severity, lambda what, do: f"{what} {between} {do}")
 
 
+def said_of(cause: Cause) -> str:
+    """A hypothesis in one sentence.
+
+    Parameters
+    ----------
+    cause : Cause
+        With its numbers.
+    """
+    return _TELLERS[_teller(cause.effect)](cause, "note", lambda what, _: what).text
+
+
 def _teller(effect: Effect) -> str:
     if isinstance(effect, Scaled):
         return "lens" if effect.what == "focal" else "size"
@@ -219,9 +230,7 @@ def _odds(diagnosis: Diagnosis) -> str:
         text = f" The odds against 'nothing is wrong' are {odds:.2g} to one."
     rivals = [one.what for one in ranking.rivals() if one is not diagnosis.nothing]
     if rivals:
-        others = " ".join(
-            _TELLERS[_teller(one.effect)](one, "note", lambda what, _: what).text for one in rivals
-        )
+        others = " ".join(said_of(one) for one in rivals)
         text += f" What else would explain it nearly as well: {others}"
     return text
 
