@@ -1,1 +1,1 @@
-"""Outdoor ground truth: the path of a vehicle from three or more RTK-GPS receivers on its roof."""
+"""Outdoor ground truth: the path of a vehicle from RTK-GPS receivers on its roof, one or more."""

@@ -8,6 +8,6 @@ COMMANDS: list[click.Command] = [
     Later(
         "rtk",
         "rtk_gt.commands.group:rtk",
-        "Outdoor ground truth from three or more RTK-GPS receivers on a vehicle.",
+        "Outdoor ground truth from one, two, three or more RTK-GPS receivers on a vehicle.",
     ),
 ]

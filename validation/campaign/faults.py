@@ -30,6 +30,7 @@ _WORDS = {
     "less_than_equal": "write a number of at most {le:g}",
     "literal_error": "write one of {expected}",
     "too_long": "write {max_length} values, not {actual_length}",
+    "too_short": "write at least {min_length} values, not {actual_length}",
     "missing": "the key is missing; add it",
 }
 """By the kind of a fault, the word that it begins with, or the pattern that it is about."""
