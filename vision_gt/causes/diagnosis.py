@@ -12,7 +12,6 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array, wrap
 from validation.statistics.hypotheses import Ranking, Tried, ranked
 from vision_gt.causes.effects import (
-    LEAST_AFTER,
     Effect,
     Moved,
     Released,
@@ -256,7 +255,7 @@ def _neighbours(effect: Effect, evidence: Evidence) -> list[Effect]:
     """The same at the stop before and the stop after."""
     if not isinstance(effect, Moved):
         return []
-    stops = effect.stops(evidence)[: 1 - LEAST_AFTER]
+    stops = effect.moments(evidence)
     at = stops.index(effect.since)
     return [replace(effect, since=stops[i]) for i in (at - 1, at + 1) if 0 <= i < len(stops)]
 

@@ -168,6 +168,10 @@ class Moved(Effect):
         seen = {g.moment for g in evidence.groups if self._concerns(g)}
         return [stop for stop in evidence.stops if stop in seen]
 
+    def moments(self, evidence: Evidence) -> list[str]:
+        """Stops since which it may be elsewhere: so many others show it, too."""
+        return self.stops(evidence)[: 1 - LEAST_AFTER]
+
     def _concerns(self, g: Group) -> bool:
         name = g.camera if self.kind == "camera_moved" else str(g.marker)
         return g.kind == STOP and name == self.subject
@@ -281,7 +285,7 @@ def _with_camera(evidence: Evidence, rows: Ints, old: int) -> tuple[Evidence, In
     camera[rows] = c
     views = replace(evidence.views, camera=camera)
     return (
-        replace(evidence, views=views, setup=new, knowledge=grown, begin=None),
+        replace(evidence, views=views, setup=new, knowledge=grown),
         fresh[:6],
         used[:6],
     )
@@ -302,7 +306,7 @@ def _with_part(evidence: Evidence, rows: Ints, old: int) -> tuple[Evidence, Ints
     part = evidence.views.part.copy()
     part[rows] = p
     views = replace(evidence.views, part=part)
-    return replace(evidence, views=views, setup=new, knowledge=grown, begin=None), fresh, used
+    return replace(evidence, views=views, setup=new, knowledge=grown), fresh, used
 
 
 def _grown(
@@ -365,6 +369,6 @@ def _moves(evidence: Evidence) -> Iterator[Moved]:
         ("marker_moved", [str(n) for n in evidence.markers]),
     ):
         for name in names:
-            stops = Moved(kind, name).stops(evidence)
-            for stop in stops[: 1 - LEAST_AFTER]:
+            stops = Moved(kind, name).moments(evidence)
+            for stop in stops:
                 yield Moved(kind, name, stop, places=len(names) * len(stops))

@@ -151,7 +151,6 @@ class Evidence:
     stops: tuple[str, ...]
     cameras: tuple[str, ...]
     markers: tuple[int, ...]
-    begin: Setup | None = field(default=None, repr=False)
 
     def rows(self, chosen: Sequence[bool] | Mask) -> Ints:
         """Corners of chosen groups."""

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from validation.results import Finding, Severity, Size, listed_ids
+from validation.results import TWO_SIDED, Finding, Severity, Size, listed_ids
 from vision_gt.causes.diagnosis import Cause, Diagnosis
 from vision_gt.causes.effects import Effect, Moved, Scaled
 from vision_gt.causes.evidence import WALK
@@ -64,7 +64,7 @@ def _teller(effect: Effect) -> str:
     if isinstance(effect, Exchanged):
         return "exchanged"
     if isinstance(effect, Moved):
-        return effect.kind
+        return "moved"
     return "lens" if effect.kind == "lens" else "place"
 
 
@@ -83,7 +83,7 @@ def _size(cause: Cause, severity: Severity, joined: Joined) -> Finding:
             effect.kind, "bar"
         )
     more = "larger" if share > 0 else "smaller"
-    half = 1.96 * sigma
+    half = TWO_SIDED * sigma
     verb = "are" if "squares" in what or "sides" in what else "is"
     text = (
         f"{what[0].upper()}{what[1:]} {verb} {100 * abs(share):.2f} % {more} than stated (95 %: "
@@ -124,28 +124,25 @@ def _length_angle(cause: Cause) -> tuple[str, tuple[Size, ...]]:
     return f"{1e3 * length:.1f} mm and {np.rad2deg(angle):.2f} degrees", sizes
 
 
-def _camera_moved(cause: Cause, severity: Severity, joined: Joined) -> Finding:
-    effect = cause.effect
+def _moved(cause: Cause, severity: Severity, joined: Joined) -> Finding:
+    kind, name = cause.effect.kind, cause.effect.subject
     by, sizes = _length_angle(cause)
-    when = _when(cause, "since the network was calibrated")
-    text = f"Camera {effect.subject} moved by {by}, {when}."
-    do = (
-        "Calibrate the network again, and repeat the stops that this camera saw since then, or "
-        "take its images out."
-    )
-    return Finding(severity, joined(text, do), f"camera {effect.subject}", "camera_moved", sizes)
-
-
-def _marker_moved(cause: Cause, severity: Severity, joined: Joined) -> Finding:
-    effect = cause.effect
-    by, sizes = _length_angle(cause)
-    when = _when(cause, "since the walk around the robot")
-    text = f"Marker {effect.subject} moved on the robot by {by}, {when}."
-    do = (
-        "Fix it, take the walk around the robot again, and repeat the stops since then, or take "
-        "the marker out of vision.markers.sides."
-    )
-    return Finding(severity, joined(text, do), f"marker {effect.subject}", "marker_moved", sizes)
+    if kind == "camera_moved":
+        subject, always = f"camera {name}", "since the network was calibrated"
+        text = f"Camera {name} moved by {by}, {_when(cause, always)}."
+        do = (
+            "Calibrate the network again, and repeat the stops that this camera saw since then, or "
+            "take its images out."
+        )
+    else:
+        subject, always = f"marker {name}", "since the walk around the robot"
+        text = f"Marker {name} moved on the robot by {by}, {_when(cause, always)}."
+        do = (
+            "Fix it, take the walk around the robot again, and repeat the stops since then, or "
+            "take the marker out of vision.markers.sides."
+        )
+    code = "camera_moved" if kind == "camera_moved" else "marker_moved"
+    return Finding(severity, joined(text, do), subject, code, sizes)
 
 
 def _when(cause: Cause, always: str) -> str:
@@ -204,8 +201,7 @@ def _exchanged(cause: Cause, severity: Severity, joined: Joined) -> Finding:
 _TELLERS: dict[str, Callable[[Cause, Severity, Joined], Finding]] = {
     "size": _size,
     "lens": _lens,
-    "camera_moved": _camera_moved,
-    "marker_moved": _marker_moved,
+    "moved": _moved,
     "place": _place,
     "exchanged": _exchanged,
 }

@@ -115,7 +115,6 @@ def solved(evidence: Evidence, begin: Setup | None = None, steps: int = MAX_STEP
     NotDeterminedError
         If something is left undetermined.
     """
-    begin = evidence.begin if begin is None else begin
     views, setup, known = evidence.views, evidence.setup, evidence.knowledge
     return Solved(evidence, adjust(views, setup, known, begin=begin, steps=steps))
 
@@ -194,7 +193,7 @@ def _by_camera(evidence: Evidence) -> Iterator[tuple[str, str, Mask]]:
 
 def _own_residuals(evidence: Evidence) -> tuple[Array, Array]:
     """(n, 2) residuals with a pose for each group, and each corner's share of the freedom."""
-    at, views = evidence.setup if evidence.begin is None else evidence.begin, evidence.views
+    at, views = evidence.setup, evidence.views
     first = np.unique(evidence.group, return_index=True)[1]
     camera, body, part = views.camera[first], views.body[first], views.part[first]
     # Each group's thing as its camera sees it, so that the camera is the world.
@@ -220,7 +219,7 @@ def _own_residuals(evidence: Evidence) -> tuple[Array, Array]:
     )
     # A pose that four corners hardly fix must not stop the rest.
     known = Knowledge.nothing(still)
-    known.bodies[:] = np.diag([1e-2] * 3 + [1e-2] * 3)
+    known.bodies[:] = 1e-2 * np.eye(6)
     done = adjust(alone, still, known)
     counts = 2.0 * np.bincount(evidence.group)
     share = (counts - 6) / counts
