@@ -7,7 +7,9 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from validation.errors import GtvalError
 from validation.poses.angles import Array, wrap
+from validation.trajectories.alignment import umeyama
 from vision_gt.optics.transforms import planar_pose
 from vision_gt.patterns.boards import Board
 
@@ -64,7 +66,10 @@ def reference_turn(
     """
     if len(poses) < _LEAST_STOPS:
         return None
-    frame, scatter = _frame_between(poses, validation)
+    try:
+        frame, scatter = _frame_between(poses, validation)
+    except GtvalError:  # all stops are one place
+        return None
     if not _far(frame, np.zeros(3)) or scatter > _NEAR[0]:
         return None
     found = [
@@ -81,16 +86,10 @@ def reference_turn(
 def _frame_between(poses: Array, validation: Array) -> tuple[Array, float]:
     """x, y, theta of the frame of poses in that of the validation, and the rms distance left."""
     one, other = poses[:, :2], validation[:, :2]
-    z = (one - one.mean(0)) @ np.array([1, 1j])
-    w = (other - other.mean(0)) @ np.array([1, 1j])
-    turn = np.exp(1j * (validation[:, 2] - poses[:, 2])).sum()
-    spread = np.vdot(z, w)
-    angle = float(np.angle(spread if abs(spread) > 0 else turn))
-    c, s = np.cos(angle), np.sin(angle)
-    R = np.array([[c, -s], [s, c]])
-    shift = other.mean(0) - R @ one.mean(0)
+    R, shift, _ = umeyama(other, one)
     left = other - one @ R.T - shift
-    return np.array([*shift, angle]), float(np.sqrt((left**2).sum(1).mean()))
+    frame = np.array([*shift, np.arctan2(R[1, 0], R[0, 0])])
+    return frame, float(np.sqrt((left**2).sum(1).mean()))
 
 
 def _readings(

@@ -44,8 +44,10 @@ def test_a_length_that_was_stated_wrongly_is_named_with_its_size(good, spoil, ki
     cause = diagnosis.cause
     assert cause is not None
     assert cause.effect.kind == kind
-    # Four standard deviations; the good campaign's own lengths are its own estimates.
-    assert abs(cause.size[0] - share) < 4 * cause.sigma[0] + 5e-4
+    # One of 16,000 is beyond four. Lenses that are taken as exact are estimates of the campaign.
+    lens = good.cameras[good.names.index("1")]
+    own = lens.sigmas[0] / lens.parameters[0] if kind == "focal_length" else 0.0
+    assert abs(cause.size[0] - share) < 4 * np.hypot(cause.sigma[0], own)
     found = cause_finding(diagnosis)
     assert f"{100 * abs(share):.0f}" in f"{100 * abs(cause.size[0]):.0f}"
     assert found.sizes[0].low < found.sizes[0].value < found.sizes[0].high
@@ -76,7 +78,8 @@ def test_a_bar_that_is_off_by_45_mm_is_named(good):
     cause = diagnose(spoilt.bar_built(good, off)).cause
     assert cause is not None
     assert cause.effect.kind == "bar"
-    assert np.allclose(cause.size[:3], -off, atol=0.006)  # built 2 mm off, stated to 3 mm
+    # The bar of the synthetic room is built 2 mm off, too.
+    assert (np.abs(cause.size[:3] + off) < 0.002 + 4 * cause.sigma[:3]).all()
 
 
 def test_a_camera_that_was_knocked_is_named_with_the_stop(good):
@@ -92,7 +95,8 @@ def test_a_camera_that_was_knocked_is_named_with_the_stop(good):
         since,
     )
     assert f"and stop {since}" in cause_finding(diagnosis).text
-    assert abs(np.linalg.norm(cause.size[3:]) - 0.006) < 0.002
+    # Turns of the rays are turns of the camera the other way, whatever its axes.
+    assert abs(np.linalg.norm(cause.size[3:]) - 0.006) < 4 * np.linalg.norm(cause.sigma[3:])
 
 
 def test_a_marker_that_slipped_is_named_with_the_stop(good):
@@ -111,7 +115,7 @@ def test_a_marker_that_slipped_is_named_with_the_stop(good):
     assert cause is not None
     assert (cause.effect.kind, cause.effect.subject) == ("marker_moved", str(number))
     assert cause.effect.since == stops[1]
-    assert np.allclose(cause.size[:3], change[:3], atol=0.004)
+    assert (np.abs(cause.size - change) < 4 * cause.sigma).all()
 
 
 def test_exchanged_images_of_two_stops_are_named(good):
