@@ -50,7 +50,7 @@ def vision_findings(outcome: VisionOutcome, surveyed: Sequence[str] = ()) -> lis
         *outcome.checks.findings,
         *_oddities(outcome),
     ]
-    if any(one.severity == "error" for one in causes):
+    if any(one.code != "corner_noise" for one in causes):
         others = _with_symptoms_gathered(others)
     return [*_coverage(outcome, surveyed), *causes, *others]
 
@@ -62,12 +62,12 @@ def _with_symptoms_gathered(findings: Sequence[Finding]) -> list[Finding]:
     if not symptoms:
         return rest
     about = [f"{one.subject} ({one.code})" for one in symptoms]
-    text = (
-        f"{len(symptoms)} other findings may come of it, and are judged again when it is mended: "
-        f"{_listed(about)}."
-    )
-    count = Size("findings that may come of it", len(symptoms), "findings")
-    return [Finding("note", text, SUBJECT, "symptoms", (count,)), *rest]
+    one = len(symptoms) == 1
+    count = "1 other finding" if one else f"{len(symptoms)} other findings"
+    again = "is judged again" if one else "are judged again"
+    text = f"{count} may come of it, and {again} when it is mended: {_listed(about)}."
+    size = Size("findings that may come of it", len(symptoms), "findings")
+    return [Finding("note", text, SUBJECT, "symptoms", (size,)), *rest]
 
 
 def _listed(names: list[str], most: int = 12) -> str:

@@ -39,8 +39,11 @@ _BAD = 1.5
 exchanged. A judgement: it is 1.2 to 1.3 in clean rendered campaigns, as corners of boards have
 heavier tails than normal ones, and 2 and more where two cameras or their files are exchanged."""
 _LEAST_HARM = 1.0
-"""Standard deviations by which a lens has to move some pose to be told. All lenses differ from
-their file a little, and thousands of corners show it."""
+"""Standard deviations by which a lens or a print has to move some pose to be told. All lenses and
+prints differ from what is stated a little, and thousands of corners show it."""
+_LEAST_PRINT = 0.002
+"""Share of a length below which it is no cause. Paper changes by 1 to 2 per mille with the weather,
+and in overexposed images, compressed as JPEG, white eats 0.8 to 0.9 per mille of the markers."""
 _GLANCE = 8
 """Steps of the adjustment after which it is seen whether an exchange explains anything: good starts
 need five to ten."""
@@ -95,8 +98,10 @@ class Diagnosis:
         best = self.ranking.best
         gained = self.nothing.criterion - best.criterion
         effect = best.what.effect
-        lens = effect.kind in {"lens", "focal_length", "zoom"}
-        matters = not lens or self._moved > _LEAST_HARM
+        gradual = isinstance(effect, Scaled) or effect.kind == "lens"
+        matters = not gradual or self._moved > _LEAST_HARM
+        if isinstance(effect, Scaled) and effect.what == "size":
+            matters = matters and abs(best.what.size[0]) > _LEAST_PRINT
         return best.what if gained > LEAST_GAIN and matters else None
 
     @property

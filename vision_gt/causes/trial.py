@@ -133,12 +133,20 @@ class Noise:
         1 where the stated one is right.
     corners : int
         It was told by.
+    freedom : float
+        Degrees of freedom that their poses leave: a marker's four corners have two.
     """
 
     kind: str
     camera: str
     factor: float
     corners: int
+    freedom: float
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the factor: a median deviation's, 1.17 / sqrt(n) of it."""
+        return 1.17 * self.factor / float(np.sqrt(self.freedom))
 
 
 def with_own_noise(evidence: Evidence) -> tuple[Evidence, tuple[Noise, ...]]:
@@ -160,7 +168,7 @@ def with_own_noise(evidence: Evidence) -> tuple[Evidence, tuple[Noise, ...]]:
         if own.sum() >= _LEAST_CORNERS:
             found = float(sigma_from_median(residuals[own].ravel()))
             found *= float(np.sqrt(2 * own.sum() / weights[own].sum()))
-            told.append(Noise(kind, name, found, int(own.sum())))
+            told.append(Noise(kind, name, found, int(own.sum()), float(weights[own].sum())))
     return with_noise(evidence, told), tuple(told)
 
 
