@@ -75,6 +75,70 @@ class Area(Settings):
     corners: Annotated[list[tuple[Finite, Finite]], Field(min_length=3)]
 
 
+class SkyPlace(Settings):
+    """A place whose sky is planned, as [[rtk.plan.places]].
+
+    ``name`` is what results call it; ``latitude`` and ``longitude`` in degrees, ``height`` of the
+    antenna above the ellipsoid in metres. ``base`` says that the base station stands there.
+    ``horizon`` is what hides the sky: a file with columns azimuth and elevation, or such pairs, in
+    degrees.
+    """
+
+    name: Name
+    latitude: Annotated[float, Field(ge=-90, le=90)]
+    longitude: Annotated[float, Field(ge=-180, le=360)]
+    height: Annotated[float, Field(ge=-1000, le=20000)]
+    base: bool = False
+    horizon: (
+        str
+        | list[
+            tuple[
+                Annotated[float, Field(ge=0, le=360)],
+                Annotated[float, Field(ge=-10, le=90)],
+            ]
+        ]
+    ) = Field(default_factory=list)
+
+
+class SkyBuilding(Settings):
+    """A building that hides a part of the sky, as [[rtk.plan.buildings]].
+
+    ``corners`` are x, y of its outline in the local frame, in metres, in order; ``height`` is that
+    of its roof above the origin of that frame.
+    """
+
+    name: Name
+    height: Finite
+    corners: Annotated[list[tuple[Finite, Finite]], Field(min_length=3)]
+
+
+class SkySettings(Settings):
+    """The table [rtk.plan]: satellites over places, before the drive.
+
+    ``almanac`` is a file; ``mask`` the elevation in degrees below which no satellite counts.
+    ``satellites`` and ``pdop`` are the least number and the greatest PDOP of a good time: five as
+    AD2.3 needs for RTK, and 6, which is common in surveying. ``systems`` are the letters of those
+    that the receiver takes, all of the file if none is stated. ``places`` and ``buildings`` are
+    lists.
+    """
+
+    almanac: str = ""
+    mask: Annotated[float, Field(ge=0, lt=90)] = 10.0
+    satellites: Annotated[int, Field(ge=4, le=60)] = 5
+    pdop: Positive = 6.0
+    systems: list[Literal["G", "E", "R", "C", "J", "X"]] = Field(default_factory=list)
+    places: list[SkyPlace] = Field(default_factory=list)
+    buildings: list[SkyBuilding] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _places(self) -> "SkySettings":
+        if len({place.name for place in self.places}) < len(self.places):
+            raise ValueError("two places have the same name")
+        if sum(place.base for place in self.places) > 1:
+            raise ValueError("two places are the base; expected one")
+        return self
+
+
 class KnownOffsets(Settings):
     """Offsets known beforehand, as [rtk.known_offsets].
 
@@ -122,6 +186,8 @@ class RtkSettings(Settings):
     ``skip_damaged`` leaves out damaged sentences of NMEA logs. ``confidence`` is that of the
     consistency bound.
 
+    ``plan`` is what `gtval rtk plan` needs.
+
     ``known_offsets`` and ``known_distances`` are what is known beforehand. Offsets less sure than
     ``largest_offset_sigma`` metres count as open; where distances of antennas are less sure than
     ``largest_distance_sigma`` metres there is no path.
@@ -141,6 +207,7 @@ class RtkSettings(Settings):
     known_distances: KnownDistances | None = None
     sensors: list[Sensor] = Field(default_factory=list)
     areas: list[Area] = Field(default_factory=list)
+    plan: SkySettings = Field(default_factory=SkySettings)
     largest_offset_sigma: Positive = 0.01
     largest_distance_sigma: Positive = LARGEST_DISTANCE_SIGMA
 

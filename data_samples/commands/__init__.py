@@ -16,6 +16,11 @@ COMMANDS: list[click.Command] = [
         "Write the campaign of a synthetic room to FOLDER, with the truth beside it.",
     ),
     Later(
+        "simulate-almanac",
+        "data_samples.commands.sky:simulate_almanac",
+        "Write an almanac of the nominal GPS constellation to FILE, to try `gtval rtk plan`.",
+    ),
+    Later(
         "simulate-drive",
         "data_samples.commands.drives:simulate_drive_command",
         "Write a synthetic campus drive with RTK-GPS receivers as a campaign to FOLDER.",

@@ -1,0 +1,1 @@
+"""Satellites like those of GPS and Galileo, and the files that tell of them."""
