@@ -88,7 +88,7 @@ def roof_elevation(building: Building, azimuths: Array) -> Array:
     A = building.corners
     edge = np.roll(A, -1, axis=0) - A
     across = d[..., 0] * edge[:, 1] - d[..., 1] * edge[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         distance = (A[:, 0] * edge[:, 1] - A[:, 1] * edge[:, 0]) / across
         along = (A[:, 0] * d[..., 1] - A[:, 1] * d[..., 0]) / across
     met = (distance > 0) & (along >= 0) & (along <= 1)

@@ -6,7 +6,7 @@ NavIC have other times and frames; they are skipped and counted.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -50,12 +50,11 @@ def read_navigation(path: Path, lines: Sequence[str]) -> KeplerAlmanac:
         reading.stop()
     skipped: Counter[str] = Counter()
     records: dict[str, dict[float, tuple[float, dict[str, float]]]] = {}
-    for number, block in _blocks(lines, end or 0, version, kind):
-        letter = block[0][0] if version >= 3 else "G"
+    for number, letter, block in _blocks(lines, end or 0, version, kind):
         if letter not in _GRAVITY:
             skipped[letter] += 1
             continue
-        got = _record(reading, number, block, version)
+        got = _record(reading, number, letter, block, version)
         if got is not None:
             name, health, values = got
             own = records.setdefault(name, {})
@@ -108,24 +107,19 @@ def _version(path: Path, line: str) -> tuple[float, str]:
 
 def _blocks(
     lines: Sequence[str], end: int, version: float, kind: str
-) -> "list[tuple[int, list[str]]]":
-    """Number of the first line, and the lines, of each record."""
+) -> Iterator[tuple[int, str, list[str]]]:
+    """Number of the first line, letter of the system, and the lines of each record."""
     body = [(n, line.rstrip("\r\n")) for n, line in enumerate(lines[end:], end + 1) if line.strip()]
     starts = [at for at, (_, line) in enumerate(body) if line[:2].strip()]
-    found = []
     for at, following in zip(starts, [*starts[1:], len(body)], strict=True):
         block = [line for _, line in body[at:following]]
-        if version < 3 and kind != "N":  # GLONASS and SBAS have files of their own there
-            block[0] = f"{'R' if kind == 'G' else 'S'}{block[0]}"
-            version_three = [(body[at][0], block)]
-            found += version_three
-        else:
-            found.append((body[at][0], block))
-    return found
+        # Before version 3 GLONASS and SBAS have files of their own.
+        letter = block[0][0] if version >= 3 else {"G": "R", "H": "S", "E": "E"}.get(kind, "G")
+        yield body[at][0], letter, block
 
 
 def _record(
-    reading: Reading, start: int, block: list[str], version: float
+    reading: Reading, start: int, letter: str, block: list[str], version: float
 ) -> tuple[str, float, dict[str, float]] | None:
     """Name, health and elements of a record of eight lines; None if it is bad."""
     if len(block) != _LINES:
@@ -133,7 +127,7 @@ def _record(
         reading.bad(start, "record", block[0], said)
         return None
     before = len(reading.problems)
-    first, letter = (23, block[0][0]) if version >= 3 else (22, "G")
+    first = 23 if version >= 3 else 22
     number = block[0][1:3] if version >= 3 else block[0][:2]
     prn = reading.whole(start, "satellite", number, 1, 99)
     clock = _clock(block[0][3:23] if version >= 3 else block[0][2:22])

@@ -36,7 +36,7 @@ def seen_table(held: AgainstLog) -> Table:
         ("HDOP predicted", ".1f", [median(hdop[rows]) for rows in parts]),
         ("HDOP seen", ".1f", [median(held.seen.hdop[rows]) for rows in parts]),
     ]
-    note = "Medians of the minutes in which there was a fix; times in UTC."
+    note = "Medians over the minutes; times in UTC."
     return Table.of_columns("Satellites predicted and seen", columns, note)
 
 
@@ -48,61 +48,51 @@ def stretch_table(held: AgainstLog) -> Table:
         ("from", "", [clock(one.start) for one in shown]),
         ("to", "", [until(one.end) for one in shown]),
         ("missing", "", [one.missing for one in shown]),
-        ("perhaps hidden", "", [_hidden(one) for one in shown]),
-        ("sets", "", [one.sets for one in shown]),
+        ("obstacle [deg]", "", [_shape(one) if one.explained else "none" for one in shown]),
+        ("others", "", [one.as_good for one in shown]),
+        ("hidden", "", [", ".join(one.hidden) if one.explained else "" for one in shown]),
     ]
     note = (
-        "Hidden: satellite, azimuth / elevation in degrees; the lowest set without which the HDOP "
-        "is that of the log. Sets: how many would do; with 0 the lowest satellites are named."
+        "Obstacle: the smallest that explains numbers and HDOP best, as azimuths from / to and its "
+        "upper edge; none: a single one does not explain them. Others: how many of those tried do "
+        "as well. Hidden: satellites that it hides in the middle of the time."
     )
     if len(held.stretches) > len(shown):
         note += f" The {len(shown)} longest of {len(held.stretches)}."
     return Table.of_columns("Fewer satellites than predicted", columns, note)
 
 
-def _hidden(one: Stretch) -> str:
-    """'G05 310/14, G12 355/22'."""
-    places = np.degrees([one.azimuths, one.elevations]).T
-    return ", ".join(
-        f"{name} {azimuth:.0f}/{elevation:.0f}"
-        for name, (azimuth, elevation) in zip(one.hidden, places, strict=True)
-    )
+def _shape(one: Stretch) -> str:
+    """'310 / 40, 35'."""
+    obstacle = one.obstacle
+    top = f"{np.degrees(obstacle.height):.0f}"
+    if obstacle.half_width > np.pi - 1e-6:
+        return f"around, {top}"
+    ends = np.array([-1, 1]) * obstacle.half_width + obstacle.middle
+    first, last = np.degrees(np.mod(ends, 2 * np.pi)).round()
+    return f"{first:.0f} / {last:.0f}, {top}"
 
 
 def log_findings(held: AgainstLog) -> list[Finding]:
     """Whether the drive saw what was planned."""
     subject = held.plan.rover.place.name
-    lack = held.missing
+    known = held.missing[np.isfinite(held.missing)]
     findings = []
     if held.stretches:
-        longest = max(held.stretches, key=lambda one: one.end - one.start)
-        share = float((lack >= LEAST_MISSING).mean())
-        text = (
-            f"In {100 * share:.0f} % of the minutes at least {LEAST_MISSING} satellites fewer were "
-            f"used than predicted; longest from {clock(longest.start)} to {until(longest.end)} "
-            f"UTC, {longest.missing} fewer. Perhaps {_hidden(longest)} were hidden then "
-            "(azimuth / elevation in degrees): look for an obstacle on that side, and state it as "
-            "a horizon. The base, a higher mask of the receiver or a satellite under repair would "
-            "do the same."
-        )
-        sizes = (
-            Size("share of minutes", share),
-            Size("missing", longest.missing, "satellites"),
-            Size("longest", longest.end - longest.start, "s"),
-        )
-        findings.append(Finding("warning", text, subject, "seen_less", sizes))
-    more = float((lack <= -LEAST_MISSING).mean())
+        findings.append(_fewer(held, float((known >= LEAST_MISSING).mean())))
+    more = float((known <= -LEAST_MISSING).mean())
     if more > 0:
         text = (
             f"In {100 * more:.0f} % of the minutes at least {LEAST_MISSING} satellites more were "
             "used than predicted. The receiver takes other systems than the almanac has, its mask "
             "is lower, the stated horizon is too high, or the almanac is of another time."
         )
-        findings.append(
-            Finding("warning", text, subject, "seen_more", (Size("share of minutes", more),))
-        )
+        size = Size("share of minutes", more)
+        findings.append(Finding("warning", text, subject, "seen_more", (size,)))
+    if held.silent:
+        findings.append(_silent(held))
     if not findings:
-        off = float(np.abs(lack).mean())
+        off = float(np.abs(known).mean())
         text = f"The satellites seen are those planned, within {off:.1f} on average."
         size = Size("difference", off, "satellites")
         findings.append(Finding("good", text, subject, "seen_as_planned", (size,)))
@@ -113,21 +103,59 @@ def log_findings(held: AgainstLog) -> list[Finding]:
     return findings
 
 
+def _fewer(held: AgainstLog, share: float) -> Finding:
+    """That fewer satellites were used than predicted."""
+    longest = max(held.stretches, key=lambda one: one.end - one.start)
+    reason = "No single obstacle explains it."
+    if longest.explained:
+        reason = (
+            f"An obstacle would do that (azimuths and upper edge in degrees: {_shape(longest)}; "
+            f"{longest.as_good} of the others tried do as well): look on that side, and state it "
+            "as a horizon."
+        )
+    text = (
+        f"In {100 * share:.0f} % of the minutes with a fix at least {LEAST_MISSING} satellites "
+        f"fewer were used than predicted; longest from {clock(longest.start)} to "
+        f"{until(longest.end)} UTC, {longest.missing} fewer. {reason} "
+        "The base, a higher mask of the receiver or a satellite under repair would do the same."
+    )
+    sizes = (
+        Size("share of minutes", share),
+        Size("missing", longest.missing, "satellites"),
+        Size("longest", longest.end - longest.start, "s"),
+    )
+    return Finding("warning", text, held.plan.rover.place.name, "seen_less", sizes)
+
+
+def _silent(held: AgainstLog) -> Finding:
+    """That there was no fix where one was planned."""
+    total = sum(end - start for start, end in held.silent)
+    start, end = max(held.silent, key=lambda one: one[1] - one[0])
+    text = (
+        f"{total / 60:.0f} minutes have no fix though at least {held.plan.wanted.satellites} "
+        f"satellites were predicted; longest from {clock(start)} to {until(end)} UTC. The receiver "
+        "was off, indoors, or near obstacles that the plan does not know."
+    )
+    sizes = (Size("time", total, "s"), Size("longest", end - start, "s"))
+    return Finding("warning", text, held.plan.rover.place.name, "seen_no_fix", sizes)
+
+
 def log_facts(held: AgainstLog) -> dict[str, object]:
     """Predicted and seen for scripts."""
     return {
         "minutes": len(held.seen.times),
         "mean_predicted": float(held.predicted.mean()),
-        "mean_seen": float(held.seen.satellites.mean()),
+        "mean_seen": float(np.nanmean(held.seen.satellites)),
+        "without_fix": [{"start": start, "end": end} for start, end in held.silent],
         "stretches": [
             {
                 "start": one.start,
                 "end": one.end,
                 "missing": one.missing,
-                "perhaps_hidden": one.hidden,
-                "azimuths": one.azimuths,
-                "elevations": one.elevations,
-                "sets": one.sets,
+                "obstacle": one.obstacle,
+                "hidden": one.hidden,
+                "misfit": one.misfit,
+                "others_as_good": one.as_good,
             }
             for one in held.stretches
         ],

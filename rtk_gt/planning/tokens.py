@@ -62,13 +62,13 @@ class Reading:
         text = cell.strip()
         if _NUMBER.fullmatch(text) is None:
             said = "is missing" if not text else "not a number"
-            self.bad(line, name, cell, f"{said}; was the line cut, or columns moved?")
+            self.bad(line, name, text, f"{said}; was the line cut, or columns moved?")
             return 0.0
         value = float(text.replace("D", "E").replace("d", "e")) * scale
         low, high = LIMITS.get(kind, (float("-inf"), float("inf")))
         if not low <= value <= high:
             said = f"{low / scale:.6g} to {high / scale:.6g}"
-            self.bad(line, name, cell, f"out of range; expected {said}")
+            self.bad(line, name, text, f"out of range; expected {said}")
             return 0.0
         return value
 
@@ -76,7 +76,7 @@ class Reading:
         """A whole number within limits, or 0 after noting that it is none."""
         text = cell.strip()
         if not text.isdigit() or not low <= int(text) <= high:
-            self.bad(line, name, cell, f"expected a whole number from {low} to {high}")
+            self.bad(line, name, text, f"expected a whole number from {low} to {high}")
             return 0
         return int(text)
 

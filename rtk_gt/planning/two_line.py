@@ -28,6 +28,14 @@ _SYSTEMS = (
     ("GALILEO", "E"), ("GSAT", "E"), ("GPS", "G"), ("NAVSTAR", "G"), ("COSMOS", "R"),
     ("GLONASS", "R"), ("BEIDOU", "C"), ("QZS", "J"), ("MICHIBIKI", "J"),
 )  # fmt: skip
+_CELLS = {
+    "1": (("epoch", 18, 32),),
+    "2": (
+        ("inclination", 8, 16), ("node", 17, 25), ("eccentricity", 26, 33), ("perigee", 34, 42),
+        ("mean anomaly", 43, 51), ("mean motion", 52, 63),
+    ),
+}  # fmt: skip
+"""Numbers of each line and their columns. Letters do not count in the sum of a line."""
 _BOTTOM = 1e7
 """Metres from the Earth's centre: nearer than this no satellite serves navigation."""
 
@@ -59,7 +67,7 @@ class TwoLineAlmanac(Almanac):
         days = np.asarray(times, dtype=float) / DAY
         whole = np.floor(days)
         failed, places, _ = self.satellites.sgp4(whole + UNIX_EPOCH_JD, days - whole)
-        wrong = (failed != 0).any(1) | (np.linalg.norm(places, axis=-1) * 1e3 < _BOTTOM).any(1)
+        wrong = ((failed != 0) | ~(np.linalg.norm(places, axis=-1) * 1e3 >= _BOTTOM)).any(1)
         if wrong.any():
             name = self.names[int(np.argmax(wrong))]
             raise GtvalError(
@@ -144,7 +152,10 @@ def _holds(reading: Reading, number: int, line: str, which: str) -> bool:
     if total != int(line[68]):
         reading.bad(number, "checksum", line[68], f"the line sums up to {total}; was it changed?")
         return False
-    return True
+    before = len(reading.problems)
+    for name, start, end in _CELLS[which]:
+        reading.number(number, name, line[start:end])
+    return len(reading.problems) == before
 
 
 def satellite_name(title: str, number: str) -> str:

@@ -98,9 +98,9 @@ def _record(
         reading.bad(start, missing[0], None, "missing below this heading; was the file cut?")
         return None
     got = {
-        kind: reading.number(*(cells[kind][0], kind, cells[kind][1]), kind)
-        for kind in _NEEDED
-        if kind not in {"id", "week", "health"}
+        kind: reading.number(cells[kind][0], key, cells[kind][1], kind)
+        for key, kind in _KEYS
+        if kind not in {"", "id", "week", "health"}
     }
     prn = reading.whole(cells["id"][0], "ID", cells["id"][1], 1, 210)
     health = reading.whole(cells["health"][0], "health", cells["health"][1], 0, 1023)
