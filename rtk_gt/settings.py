@@ -80,8 +80,8 @@ class SkyPlace(Settings):
 
     ``name`` is what results call it; ``latitude`` and ``longitude`` in degrees, ``height`` of the
     antenna above the ellipsoid in metres. ``base`` says that the base station stands there.
-    ``horizon`` is what hides the sky: a file with columns azimuth and elevation, or such pairs, in
-    degrees.
+    ``horizon`` is what hides the sky, as pairs of azimuth and elevation in degrees;
+    ``horizon_file`` a file with such columns.
     """
 
     name: Name
@@ -89,15 +89,16 @@ class SkyPlace(Settings):
     longitude: Annotated[float, Field(ge=-180, le=360)]
     height: Annotated[float, Field(ge=-1000, le=20000)]
     base: bool = False
-    horizon: (
-        str
-        | list[
-            tuple[
-                Annotated[float, Field(ge=0, le=360)],
-                Annotated[float, Field(ge=-10, le=90)],
-            ]
-        ]
-    ) = Field(default_factory=list)
+    horizon: list[
+        tuple[Annotated[float, Field(ge=0, le=360)], Annotated[float, Field(ge=-10, le=90)]]
+    ] = Field(default_factory=list)
+    horizon_file: str = ""
+
+    @model_validator(mode="after")
+    def _one_horizon(self) -> "SkyPlace":
+        if self.horizon and self.horizon_file:
+            raise ValueError("horizon and horizon_file are both stated; take one out")
+        return self
 
 
 class SkyBuilding(Settings):

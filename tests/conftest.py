@@ -2,6 +2,7 @@
 
 import math
 import shutil
+from datetime import date
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,8 @@ settings.load_profile("gtval")
 @pytest.fixture(scope="session")
 def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Folders of a solved demo, a room with laser scans, a drive with sensors, and of files."""
+    from data_samples.sky.constellation import gps_rows
+    from data_samples.sky.texts import yuma_text
     from validation.cli import main
     from vision_gt.settings import PLAN_EXAMPLE
 
@@ -43,6 +46,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     (files / "camera.csv").write_text("time,x,y,theta\n" + "".join(rows))
     moves = [f"{1e9 + k / 10} {k / 50} 0 0.1 0 0 0 1\n" for k in range(20)]
     (files / "motion.tum").write_text("".join(moves))
+    (files / "sky.alm").write_text(yuma_text(gps_rows(date(2026, 11, 30))))
     (files / "hall").mkdir()
     (files / "hall" / "campaign.toml").write_text(f'name = "hall"\n\n{PLAN_EXAMPLE}')
     lens = (root / "drive/sensors/left_camera_lens.txt").read_text().strip()

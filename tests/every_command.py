@@ -30,6 +30,7 @@ USES = {
     "rtk coverage": "{drive}",
     "rtk dgps": "{drive} {drive}/sensors/consumer.nmea",
     "rtk imu": "{drive} {drive}/sensors/imu.csv",
+    "rtk plan": "--almanac {files}/sky.alm --day 2026-11-30 --at 45.5 9.2 150",
     "rtk reference-covariance": "{drive} --samples 1000",
     "rtk run": "{drive} --dry-run",
     "rtk scanner": "{drive} left_scanner {drive}/scans/left_scanner.csv --ground -2.2",
@@ -37,6 +38,7 @@ USES = {
     "rtk solve": "{drive} --dry-run",
     "run": "{room} --no-report",
     "simulate": "{out} --stops 3 --world-points 6",
+    "simulate-almanac": "{out}.alm --day 2026-11-30",
     "simulate-drive": "{out} --loops 1",
     "simulate-motion": "{out} --minutes 0.5",
     "survey": "{room} --dry-run",
@@ -60,6 +62,8 @@ FORMS = {
     "explain: trajectories": "{motion}/gt/mocap.csv {motion}/gt/camera_2.csv",
     "fuse: with odometry": "{motion}/gt/mocap.csv --odometry {motion}/gt/odometry.csv "
     "--output {out}.csv",
+    "rtk plan: base and log": "--almanac {files}/sky.alm --log {drive}/rtk/rear.nmea "
+    "--base 36.715 -4.479 40 --mask 15",
     "simulate-motion: a scanner": "{out} --minutes 0.5 --laser",
     "sync: a drive": "{motion}/gt/odometry.csv {motion}/gt/mocap.csv",
 }

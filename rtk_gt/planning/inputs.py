@@ -67,8 +67,8 @@ def _place(campaign: Campaign, settings: RtkSettings, stated: SkyPlace) -> Place
     """One place with typed horizon and buildings around it."""
     frame = LocalFrame.from_degrees(stated.latitude, stated.longitude, stated.height)
     rows = (
-        read_horizon(campaign.folder / stated.horizon)
-        if isinstance(stated.horizon, str)
+        read_horizon(campaign.folder / stated.horizon_file)
+        if stated.horizon_file
         else typed_horizon(stated.horizon)
     )
     buildings: tuple[Building, ...] = ()

@@ -40,8 +40,11 @@ ELSEWHERE = {
     "laser drive": "a robot that drives, which `gtval simulate-motion --laser` makes",
     "journal-merge": "the journals of two writers, which `gtval enter` makes",
 }
-DRIVING = ("convert", "fuse", "rtk", "simulate-drive", "simulate-motion", "sync")
-"""Commands for robots that drive; `simulate-drive` and `simulate-motion` make their data."""
+DRIVING = (
+    *("convert", "fuse", "rtk", "sync"),
+    *("simulate-almanac", "simulate-drive", "simulate-motion"),
+)
+"""Commands for robots that drive; those that simulate make their data."""
 
 
 @pytest.fixture(scope="module")

@@ -62,14 +62,14 @@ def test_a_drive_under_the_planned_sky_is_as_planned(tmp_path):
     assert [one.code for one in log_findings(held)] == ["seen_as_planned"]
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_a_wall_is_found_with_its_time_and_its_satellites(tmp_path, seed):
+@pytest.mark.parametrize("drives", [18, pytest.param(240, marks=pytest.mark.full)])
+def test_a_wall_is_found_with_its_time_and_its_satellites(tmp_path, drives):
     """Twenty minutes behind a wall: when, and which satellites, over the whole day."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(6)
     rows = np.zeros(60, dtype=bool)
     rows[20:40] = True
     found = named = 0
-    for hour in range(0, 24, 4):
+    for hour in np.linspace(0, 22, drives).round(1):
         at = minutes(hour, 60)
         hidden = wall(rng.uniform(0, 360), 120.0, 45.0)
         free, mixed, record = driven(tmp_path, at, hidden, rows)
@@ -89,8 +89,7 @@ def test_a_wall_is_found_with_its_time_and_its_satellites(tmp_path, seed):
             found += len(one.hidden)
             named += len(really & set(one.hidden))
             assert one.explained
-    # From numbers and HDOP alone: nearly all of what is named was behind the wall. In 72 such
-    # drives 70 of 71 were; the lowest satellites would have been right in 59 %.
+    # From numbers and HDOP alone most of what is named was behind the wall.
     assert named >= 0.85 * found
 
 
