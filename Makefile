@@ -55,6 +55,7 @@ images: $(VENV)/installed
 	$(PYTHON) docs/make_room_pictures.py
 	$(PYTHON) docs/make_tutorial_images.py
 	$(PYTHON) docs/make_time_images.py
+	$(PYTHON) docs/make_outdoor_images.py
 
 clean:
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

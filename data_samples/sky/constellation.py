@@ -9,18 +9,18 @@ from datetime import UTC, date, datetime
 
 import numpy as np
 
-from rtk_gt.planning.orbits import (
+from rtk_gt.planning.almanacs.orbits import (
     EARTH_RATE,
     GPS_EPOCH,
     GRAVITY_GALILEO,
     GRAVITY_GPS,
     WEEK,
 )
-from rtk_gt.planning.two_line import sidereal_time
+from rtk_gt.planning.almanacs.two_line import sidereal_time
 from rtk_gt.receivers.rtklib import gps_minus_utc
 
 Row = dict[str, float]
-"""Elements of a satellite by the names of `rtk_gt.planning.orbits.Elements`."""
+"""Elements of a satellite by the names of `rtk_gt.planning.almanacs.orbits.Elements`."""
 
 SEMI_MAJOR_AXIS = 26559.7e3
 """Of GPS, m."""

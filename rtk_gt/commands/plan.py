@@ -123,9 +123,9 @@ def _planned(
     import numpy as np
 
     from rtk_gt.planning.against_log import by_minutes, compare
+    from rtk_gt.planning.almanacs.reading import read_almanac
     from rtk_gt.planning.inputs import typed_place
     from rtk_gt.planning.plan import Wanted, sky_plan
-    from rtk_gt.planning.reading import read_almanac
 
     stated = asked.settings
     rovers = _rovers(asked, record, options)
@@ -195,7 +195,7 @@ def _times(day: date, start: str, end: str, step: float) -> "Array":
     """Times of a plan, seconds since 1970 UTC."""
     import numpy as np
 
-    from rtk_gt.planning.reading import midnight
+    from rtk_gt.planning.almanacs.reading import midnight
 
     first, last = _of_day("--from", start), _of_day("--to", end)
     if not first < last:

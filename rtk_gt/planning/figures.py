@@ -123,7 +123,7 @@ def over_time_figure(plan: SkyPlan) -> Figure:
         counts.step(hours, plan.base.count, where="post", color=GREY, linewidth=0.8, ls="--",
                     label="base")  # fmt: skip
         counts.step(hours, plan.rover.count, where="post", color=COLOURS[1], linewidth=1.0,
-                    ls=":", label="rover")  # fmt: skip
+                    ls=":", label="rover", zorder=3)  # fmt: skip
     label = "satellites" if plan.base is None else "common"
     counts.step(hours, plan.count, where="post", color=COLOURS[0], linewidth=1.6, label=label)
     counts.axhline(plan.wanted.satellites, color="black", linewidth=0.7, ls=(0, (6, 3)))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rtk_gt.planning.almanac import Almanac
+from rtk_gt.planning.almanacs.almanac import Almanac
 from rtk_gt.planning.horizon import OPEN, Horizon
 from rtk_gt.planning.visibility import Bools, Dilution, dilution, directions
 from rtk_gt.receivers.fixes import Ints

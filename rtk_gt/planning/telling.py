@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from rtk_gt.planning.almanac import DAY, SYSTEMS
+from rtk_gt.planning.almanacs.almanac import DAY, SYSTEMS
 from rtk_gt.planning.plan import SECTORS, SkyPlan, Window, hours_by_sector
 from rtk_gt.receivers.fixes import Ints
 from validation.poses.angles import Array

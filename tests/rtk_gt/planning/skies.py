@@ -6,8 +6,8 @@ import numpy as np
 
 from data_samples.sky.constellation import galileo_rows, gps_rows
 from data_samples.sky.texts import almanac_text
+from rtk_gt.planning.almanacs.reading import midnight, read_almanac
 from rtk_gt.planning.plan import Place, Wanted, sky_plan
-from rtk_gt.planning.reading import midnight, read_almanac
 from validation.poses.earth_frames import LocalFrame
 
 DAY = date(2026, 11, 30)

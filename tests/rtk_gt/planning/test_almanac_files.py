@@ -11,9 +11,9 @@ from skies import DAY, almanac, both_systems
 
 from data_samples.sky.constellation import gps_rows
 from data_samples.sky.texts import navigation_text, sem_text, two_line_text, yuma_text
-from rtk_gt.planning.orbits import GPS_EPOCH, WEEK
-from rtk_gt.planning.reading import midnight, read_almanac
-from rtk_gt.planning.tokens import nearest_week
+from rtk_gt.planning.almanacs.orbits import GPS_EPOCH, WEEK
+from rtk_gt.planning.almanacs.reading import midnight, read_almanac
+from rtk_gt.planning.almanacs.tokens import nearest_week
 from validation.errors import GtvalError, InputError
 
 

@@ -13,10 +13,10 @@ from skies import DAY, almanac, both_systems, times
 
 from data_samples.sky.constellation import gps_rows
 from data_samples.sky.texts import navigation_text, two_line_text
-from rtk_gt.planning.almanac import gps_seconds
-from rtk_gt.planning.orbits import Elements, eccentric_anomaly, positions
-from rtk_gt.planning.reading import midnight, read_almanac
-from rtk_gt.planning.two_line import sidereal_time
+from rtk_gt.planning.almanacs.almanac import gps_seconds
+from rtk_gt.planning.almanacs.orbits import Elements, eccentric_anomaly, positions
+from rtk_gt.planning.almanacs.reading import midnight, read_almanac
+from rtk_gt.planning.almanacs.two_line import sidereal_time
 
 EARTH, WEEK = 7.2921151467e-5, 604800.0
 LIMIT = np.radians(0.1)

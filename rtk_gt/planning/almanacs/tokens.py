@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from math import pi
 from pathlib import Path
 
-from rtk_gt.planning.orbits import LARGEST_ECCENTRICITY
+from rtk_gt.planning.almanacs.orbits import LARGEST_ECCENTRICITY
 from validation.errors import MAX_SHOWN_PROBLEMS, InputError, Problem
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d+)?")

@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from rtk_gt.planning.almanac import SYSTEMS, KeplerAlmanac
-from rtk_gt.planning.orbits import GPS_EPOCH, GRAVITY_GALILEO, GRAVITY_GPS, WEEK, Elements
-from rtk_gt.planning.tokens import Reading
+from rtk_gt.planning.almanacs.almanac import SYSTEMS, KeplerAlmanac
+from rtk_gt.planning.almanacs.orbits import GPS_EPOCH, GRAVITY_GALILEO, GRAVITY_GPS, WEEK, Elements
+from rtk_gt.planning.almanacs.tokens import Reading
 from validation.errors import GtvalError
 
 HEADER_END = "END OF HEADER"

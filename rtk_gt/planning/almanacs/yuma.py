@@ -7,9 +7,9 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from rtk_gt.planning.almanac import KeplerAlmanac
-from rtk_gt.planning.orbits import GRAVITY_GPS, WEEK, Elements
-from rtk_gt.planning.tokens import Reading, nearest_week
+from rtk_gt.planning.almanacs.almanac import KeplerAlmanac
+from rtk_gt.planning.almanacs.orbits import GRAVITY_GPS, WEEK, Elements
+from rtk_gt.planning.almanacs.tokens import Reading, nearest_week
 
 HEADING = re.compile(r"\*+\s*Week\s+\d+\s+almanac for", re.IGNORECASE)
 _KEYS = (

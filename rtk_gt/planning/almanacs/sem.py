@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from math import pi
 from pathlib import Path
 
-from rtk_gt.planning.almanac import KeplerAlmanac
-from rtk_gt.planning.orbits import GRAVITY_GPS, WEEK, Elements
-from rtk_gt.planning.tokens import Reading, nearest_week
-from rtk_gt.planning.yuma import gps_name
+from rtk_gt.planning.almanacs.almanac import KeplerAlmanac
+from rtk_gt.planning.almanacs.orbits import GRAVITY_GPS, WEEK, Elements
+from rtk_gt.planning.almanacs.tokens import Reading, nearest_week
+from rtk_gt.planning.almanacs.yuma import gps_name
 
 FIRST = re.compile(r"\s*\d{1,2}(\s+\S.*)?\s*")
 SECOND = re.compile(r"\s*\d{1,4}\s+\d{1,6}\s*")

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from rtk_gt.planning.almanac import DAY, Almanac
-from rtk_gt.planning.tokens import Reading
+from rtk_gt.planning.almanacs.almanac import DAY, Almanac
+from rtk_gt.planning.almanacs.tokens import Reading
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 

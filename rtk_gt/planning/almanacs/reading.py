@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rtk_gt.planning import sem, two_line, yuma
-from rtk_gt.planning.almanac import Almanac, gps_seconds
-from rtk_gt.planning.navigation_files import HEADER_END, read_navigation
+from rtk_gt.planning.almanacs import sem, two_line, yuma
+from rtk_gt.planning.almanacs.almanac import Almanac, gps_seconds
+from rtk_gt.planning.almanacs.navigation_files import HEADER_END, read_navigation
 from validation.errors import GtvalError, InputError, Problem
 from validation.text_files.reading import is_utf16
 from validation.trajectories.formats.rawlog_objects import unpacked

@@ -1,0 +1,1 @@
+"""Almanac files of all kinds, and where their satellites are."""
