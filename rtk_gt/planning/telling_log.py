@@ -132,7 +132,7 @@ def _silent(held: AgainstLog) -> Finding:
     total = sum(end - start for start, end in held.silent)
     start, end = max(held.silent, key=lambda one: one[1] - one[0])
     text = (
-        f"{total / 60:.0f} minutes have no fix though at least {held.plan.wanted.satellites} "
+        f"For {total / 60:.0f} min there is no fix though at least {held.plan.wanted.satellites} "
         f"satellites were predicted; longest from {clock(start)} to {until(end)} UTC. The receiver "
         "was off, indoors, or near obstacles that the plan does not know."
     )

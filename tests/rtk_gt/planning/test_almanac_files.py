@@ -246,7 +246,7 @@ def test_no_damage_to_a_file_ends_in_a_traceback(tmp_path, form):
     rng = np.random.default_rng(3)
     whole = almanac(tmp_path, form).source.read_text()
     path, refused = tmp_path / "damaged", 0
-    for _ in range(150):
+    for _ in range(60):
         lines = whole.splitlines()
         at = int(rng.integers(len(lines)))
         kind = rng.integers(5)
@@ -266,7 +266,7 @@ def test_no_damage_to_a_file_ends_in_a_traceback(tmp_path, form):
             assert np.isfinite(found.ecef(np.array([midnight(DAY)]))).all()
         except GtvalError:
             refused += 1
-    assert refused > 30
+    assert refused > 12
 
 
 def test_the_epoch_of_gps_is_where_it_is():
