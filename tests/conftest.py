@@ -37,6 +37,9 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     shutil.copytree(root / "room", root / "entered")
     done = CliRunner().invoke(main, ["enter", str(root / "entered")], input="q\n")
     assert done.exit_code == 0, done.output
+    shutil.copytree(root / "drive", root / "solved")
+    done = CliRunner().invoke(main, ["rtk", "solve", str(root / "solved")])
+    assert done.exit_code == 0, done.output
     files = root / "files"
     files.mkdir()
     times = (root / "drive/sensors/imu.csv").read_text().splitlines()[1:200:20]
@@ -50,7 +53,17 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     (files / "hall").mkdir()
     (files / "hall" / "campaign.toml").write_text(f'name = "hall"\n\n{PLAN_EXAMPLE}')
     lens = (root / "drive/sensors/left_camera_lens.txt").read_text().strip()
-    folders = ("ad23", "room", "decided", "entered", "drive", "motion", "scanned", "files")
+    folders = (
+        "ad23",
+        "room",
+        "decided",
+        "entered",
+        "drive",
+        "motion",
+        "scanned",
+        "files",
+        "solved",
+    )
     names = {name: str(root / name) for name in folders}
     return {**names, "lens": lens}
 

@@ -29,6 +29,7 @@ USES = {
     "rtk cloud": "{drive} left_scanner {drive}/scans/left_scanner.csv {out}.ply",
     "rtk coverage": "{drive}",
     "rtk dgps": "{drive} {drive}/sensors/consumer.nmea",
+    "rtk export": "{solved} --to {out}.geojson",
     "rtk imu": "{drive} {drive}/sensors/imu.csv",
     "rtk plan": "--almanac {files}/sky.alm --day 2026-11-30 --at 45.5 9.2 150",
     "rtk reference-covariance": "{drive} --samples 1000",

@@ -2,7 +2,7 @@
 
 import click
 
-from rtk_gt.commands import clouds, path, plan, sensors
+from rtk_gt.commands import clouds, export, path, plan, sensors
 from validation.commands.solve import CampaignGroup, solve_command
 
 
@@ -21,7 +21,13 @@ _solve = solve_command(
 )
 rtk.add_command(_solve)
 rtk.add_command(_solve, "run")
-for _command in (*path.COMMANDS, *sensors.COMMANDS, *clouds.COMMANDS, *plan.COMMANDS):
+for _command in (
+    *path.COMMANDS,
+    *sensors.COMMANDS,
+    *clouds.COMMANDS,
+    *plan.COMMANDS,
+    *export.COMMANDS,
+):
     rtk.add_command(_command)
 
 COMMANDS: list[click.Command] = [rtk]
