@@ -18,7 +18,7 @@ OLD = 14 * DAY
 """Age of an almanac that is told: the end of the short-term operation of IS-GPS-200."""
 LARGEST_ERROR = np.radians(0.1)
 """Error of directions that is a warning: that of line 5 of what a plan has to hold. A satellite
-rises by it in 12 s."""
+rises by it in 12 s, and an almanac has it after four weeks."""
 FAR = 50e3
 """Metres from base to rover that are told: the atmosphere differs too much for RTK. A judgement;
 makers state 30 to 50 km."""

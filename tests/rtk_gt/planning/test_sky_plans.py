@@ -125,7 +125,7 @@ def test_only_the_systems_wanted_count(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("days", "severity"), [(0, None), (10, None), (30, "note"), (90, "warning"), (-90, "warning")]
+    ("days", "severity"), [(0, None), (10, None), (20, "note"), (30, "warning"), (-90, "warning")]
 )
 def test_old_almanacs_are_told_with_the_error_that_they_make(tmp_path, days, severity):
     written = almanac(tmp_path, day=DAY)
