@@ -62,7 +62,7 @@ def test_a_drive_under_the_planned_sky_is_as_planned(tmp_path):
     assert [one.code for one in log_findings(held)] == ["seen_as_planned"]
 
 
-@pytest.mark.parametrize("drives", [18, pytest.param(240, marks=pytest.mark.full)])
+@pytest.mark.parametrize("drives", [12, pytest.param(240, marks=pytest.mark.full)])
 def test_a_wall_is_found_with_its_time_and_its_satellites(tmp_path, drives):
     """Twenty minutes behind a wall: when, and which satellites, over the whole day."""
     rng = np.random.default_rng(6)
