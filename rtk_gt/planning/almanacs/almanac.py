@@ -18,6 +18,9 @@ AGEING = 50.0
 field, Sun and Moon are off by 19, 48 and 161 km (root mean square) 18, 32 and 64 days later. The
 300 km of IS-GPS-200 after 180 days are errors of ranges, of which the error along the orbit has a
 sixth."""
+BROADCAST_AGEING = 1400.0
+"""Metres per day: elements fitted to four hours of the same orbits, as those that satellites
+broadcast, are off by 0.7, 10 and 29 km after 1.2, 7 and 21 days."""
 _LEAST_DISTANCE = 2.02e7
 """Metres from the ground to the nearest satellites of GPS: an error of theirs looks largest so."""
 
@@ -65,14 +68,13 @@ class Almanac(ABC):
         IS-GPS-200, section 20.3.3.5.2.1: an almanac is wrong by 900 m at first, and then about by
         the square of its age. How fast, integrated orbits tell (`AGEING`). Two-line elements are
         no worse (Kelso, "Validation of SGP4 and IS-GPS-200D against GPS precision ephemerides",
-        2007). Elements for some hours are worse after days, as their mean motion is that of these
-        hours: 1e-9 rad/s is a judgement, a fifth of the correction that they state. Satellites
-        that were moved or replaced meanwhile are not in any of these.
+        2007). Elements for some hours are worse after days (`BROADCAST_AGEING`). Satellites that
+        were moved or replaced meanwhile are not in any of these.
         """
         days = abs(age) / DAY
         off = 900.0 + AGEING * days**2
         if self.kind == "RINEX":
-            off = max(off, 26.56e6 * 1e-9 * abs(age))
+            off = max(off, BROADCAST_AGEING * days)
         return float(np.arctan2(off, _LEAST_DISTANCE))
 
 
