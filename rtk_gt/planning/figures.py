@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rtk_gt.planning.against_log import AgainstLog
+from rtk_gt.planning.almanacs.almanac import SYSTEMS
 from rtk_gt.planning.plan import SkyPlan
 from rtk_gt.planning.telling import clock, dops, stamp, until
 from rtk_gt.planning.visibility import Bools
@@ -42,6 +43,11 @@ def sky_figure(plan: SkyPlan) -> Figure:
         axes.plot(*_only(view.visible[k], x[k], y[k]), line, color=ink, linewidth=1.1)
         own = view.visible[k] & (view.elevation[k] > _LABEL_ABOVE)
         _name(axes, name, np.column_stack([x[k], y[k]])[own], placed)
+    there = sorted(set(plan.almanac.systems))
+    if len(there) > 1:
+        for letter in there:
+            axes.plot([], [], _LINES[letter], color=_INKS.get(letter, GREY), label=SYSTEMS[letter])
+        axes.legend(fontsize=8, frameon=False, loc="lower left")
     day = stamp(plan.times[0])[:10]
     span = f"{clock(plan.times[0])} to {until(plan.times[-1])} UTC"
     axes.set_title(f"{view.place.name}, {day}, {span}", fontsize=9)

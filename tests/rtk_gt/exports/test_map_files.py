@@ -169,6 +169,21 @@ def test_sensors_have_their_own_path(drive, tmp_path):
     assert "there are sensors: left_camera, left_scanner, right_scanner" in said
 
 
+def test_poses_that_leap_say_so(drive, tmp_path):
+    folder = tmp_path / "leaping"
+    shutil.copytree(drive, folder)
+    path = folder / "results" / "poses_rtk.csv"
+    lines = path.read_text().splitlines()
+    lines[7] = lines[7].replace("RTK fixed", '"RTK fixed, leaps"')
+    path.write_text("\n".join(lines) + "\n")
+    for form in ("geojson", "gpx", "kml", "csv"):
+        run("export", folder, "--to", tmp_path / f"a.{form}")
+        assert (tmp_path / f"a.{form}").read_text().count("leaps") == 1
+    points, _ = stored_points(load_campaign(folder))
+    assert [row for row, remark in enumerate(points.remarks) if remark] == [6]
+    assert set(points.kinds) == {"RTK fixed"}
+
+
 def test_results_that_are_out_of_date_are_told(roof, tmp_path):
     folder = tmp_path / "old"
     shutil.copytree(roof, folder)

@@ -98,12 +98,20 @@ def integrated(places, speeds, start, times):
 
 
 SCALES = {
-    "root_a": 1e-3, "eccentricity": 1e-4, "inclination": 1e-5, "node": 1e-5,
-    "node_rate": 1e-10, "perigee": 1e-2, "anomaly": 1e-2,
+    "root_a": 1e-3,
+    "eccentricity": 1e-4,
+    "inclination": 1e-5,
+    "node": 1e-5,
+    "node_rate": 1e-10,
+    "perigee": 1e-2,
+    "anomaly": 1e-2,
 }
 """Of an almanac's elements, and those that broadcast ones have besides."""
 MORE = {
-    "motion": 1e-9, "inclination_rate": 1e-10, "crc": 100.0, "crs": 100.0,
+    "motion": 1e-9,
+    "inclination_rate": 1e-10,
+    "crc": 100.0,
+    "crs": 100.0,
     **dict.fromkeys(("cuc", "cus", "cic", "cis"), 1e-6),
 }
 
