@@ -76,7 +76,7 @@ $(VENV)/installed-for-docs: pyproject.toml | $(VENV)/bin/python
 
 $(LOWEST)/installed: pyproject.toml tests/lowest.txt
 	python3 -m venv $(LOWEST)
-	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check --constraint tests/lowest.txt --editable '.[web,bags]' pytest pytest-xdist hypothesis httpx evo pyproj pymap3d selenium jsonschema
+	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check --constraint tests/lowest.txt --editable '.[web,bags,gnss]' pytest pytest-xdist hypothesis httpx evo pyproj pymap3d selenium jsonschema
 	touch $@
 
 $(VENV)/bin/python:
