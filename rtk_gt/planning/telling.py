@@ -24,6 +24,8 @@ FAR = 50e3
 makers state 30 to 50 km."""
 _HOLE = 0.25
 """Satellite hours of a sector against those of the mean one that make a hole. A judgement."""
+_LEAST_SPAN = 0.8 * DAY
+"""In less than most of a day a direction may be empty by chance: GPS comes back twice a day."""
 
 
 def clock(time: float) -> str:
@@ -174,7 +176,8 @@ def plan_findings(plan: SkyPlan) -> list[Finding]:
     findings = [Finding(severity, said, subject, "good_times", (Size("share", share),))]
     hours = hours_by_sector(plan)
     least = int(np.argmin(hours))
-    if hours[least] < _HOLE * hours.mean():
+    whole = plan.times[-1] - plan.times[0] > _LEAST_SPAN
+    if whole and hours[least] < _HOLE * hours.mean():
         text = (
             f"The sky has a hole in the {SECTORS[least]}: {hours[least]:.1f} satellite hours "
             f"there, {hours.mean():.1f} in the mean direction. An obstacle on that side costs "

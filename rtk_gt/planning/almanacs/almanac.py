@@ -10,7 +10,16 @@ from rtk_gt.planning.almanacs.orbits import GPS_EPOCH, Elements, positions
 from rtk_gt.receivers.rtklib import gps_minus_utc
 from validation.poses.angles import Array
 
-SYSTEMS = {"G": "GPS", "E": "Galileo", "R": "GLONASS", "C": "BeiDou", "J": "QZSS", "X": "other"}
+SYSTEMS = {
+    "G": "GPS",
+    "E": "Galileo",
+    "R": "GLONASS",
+    "C": "BeiDou",
+    "J": "QZSS",
+    "S": "SBAS",
+    "I": "NavIC",
+    "X": "other",
+}
 """Satellite systems by the letter that begins the names of their satellites, as in RINEX."""
 DAY = 86400.0
 AGEING = 50.0

@@ -47,6 +47,11 @@ def test_at_the_equator_and_at_the_pole_no_direction_has_a_hole(tmp_path):
         assert not [one for one in plan_findings(plan) if one.code == "sky_hole"]
 
 
+def test_a_plan_of_two_hours_speaks_of_no_hole(tmp_path):
+    plan = milan_plan(tmp_path, at=times()[:25])
+    assert "sky_hole" not in {one.code for one in plan_findings(plan)}
+
+
 def test_the_numbers_of_satellites_are_those_of_the_time_of_ad23(tmp_path):
     """AD2.3 with a mask of 10 degrees: 'usually 6 to 9 satellites, with a typical peak of 8'."""
     count = milan_plan(tmp_path).count
