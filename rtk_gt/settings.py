@@ -187,8 +187,6 @@ class RtkSettings(Settings):
     ``skip_damaged`` leaves out damaged sentences of NMEA logs. ``confidence`` is that of the
     consistency bound.
 
-    ``plan`` is what `gtval rtk plan` needs.
-
     ``known_offsets`` and ``known_distances`` are what is known beforehand. Offsets less sure than
     ``largest_offset_sigma`` metres count as open; where distances of antennas are less sure than
     ``largest_distance_sigma`` metres there is no path.
