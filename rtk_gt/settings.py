@@ -176,9 +176,9 @@ class RtkSettings(Settings):
     """The table [rtk].
 
     ``receivers`` are in the order rear, front left, front right, then others; ``sensors`` are what
-    else is on the vehicle; ``areas`` are named parts of the site. ``origin`` and ``up`` make the
-    local frame: without an origin it is at the first fix, and up is the normal of the ellipsoid or
-    the line from the Earth's centre.
+    else is on the vehicle; ``areas`` are named parts of the site; ``plan`` is what `gtval rtk
+    plan` needs. ``origin`` and ``up`` make the local frame: without an origin it is at the first
+    fix, and up is the normal of the ellipsoid or the line from the Earth's centre.
 
     ``sigma`` (metres, horizontal, of one receiver) replaces the noise found from the residuals,
     ``eta`` is the ratio of vertical to horizontal noise; where it is not stated 1.75 is assumed,
