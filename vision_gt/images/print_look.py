@@ -71,7 +71,7 @@ def boundaries_in_reach(blur: float, along: float, cells: int) -> int:
         Along the print.
     """
     reached = 2 * REACH * blur * along * cells / 2
-    return int(min(2 * (reached // 2) + 1, _MOST_BOUNDARIES))
+    return int(min(2 * np.ceil((reached - 1) / 2) + 1, _MOST_BOUNDARIES))
 
 
 def whiteness(cells: Array, at: Places, blur: float, boundaries: tuple[int, int]) -> Whiteness:
