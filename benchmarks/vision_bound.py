@@ -1,11 +1,11 @@
 """Corners of markers beside the Cramer-Rao bound of the image, at sides of 20 to 160 pixels.
 
 A renderer of its own: the print through a homography, sampled 24 by 24 times a pixel (its own
-errors stay below a sixth of the bound), blur of 0.7 pixels, the pixel's area, noise of 2 grey levels and rounding. Unknown to the bound are the
-corners, the levels of black and white, and the blur. For each side: root mean square of the
-corners' errors and of the bound in thousandths of a pixel, the one over the other, the stated
-standard deviation over the error, and milliseconds of processor time. 1.15 of the bound is asked.
-pupil-apriltags comes with the extra `bench`.
+errors stay below a sixth of the bound), blur of 0.7 pixels, the area of a pixel, noise of 2 grey
+levels and rounding. Unknown to the bound are the corners, the levels of black and white, and the
+blur. For each side: root mean square of the corners' errors and of the bound in thousandths of a
+pixel, the one over the other, the stated standard deviation over the error, and milliseconds of
+processor time. 1.15 of the bound is asked. pupil-apriltags comes with the extra `bench`.
 
     python benchmarks/vision_bound.py [renders a side [side ...]]
 """

@@ -18,7 +18,7 @@ Ints = npt.NDArray[np.intp]
 
 REACH = 3.2
 """Widths of the blur to which a boundary is seen: beyond it a step is done to 0.07 %."""
-_MOST_BOUNDARIES = 5
+_MOST_BOUNDARIES = 9
 """A judgement: blur that reaches over more cells leaves no print to be seen."""
 PADDING = _MOST_BOUNDARIES + 1
 """Cells of white around a print, so that all that blur reaches is in the table."""
