@@ -23,8 +23,8 @@ AMOUNT_INFORMATION = 16.0
 SHARPENING_WIDTHS = (1.2, 0.7, 2.0, 3.2, 5.0)
 """Of the blurred copy from which sharpening leads away, pixels: usual ones are near one of them and
 its neighbours explain some of what any other did."""
-HALO_WIDTHS = (1.2, 3.2)
-"""Of these, by which sharpening is looked for."""
+HALO_WIDTH = 2.0
+"""The one by which sharpening is looked for: it explains some of what any of the others did."""
 HALO_FROM = 0.015
 """What blur leaves of the grey levels, over the contrast, from which on sharpening is looked for:
 noise of 2 grey levels on a contrast of 130. Below it a halo of five pixels has been seen to move

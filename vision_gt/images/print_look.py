@@ -16,8 +16,8 @@ from validation.poses.angles import Array
 Mask = npt.NDArray[np.bool_]
 Ints = npt.NDArray[np.intp]
 
-REACH = 3.2
-"""Widths of the blur to which a boundary is seen: beyond it a step is done to 0.07 %."""
+REACH = 2.8
+"""Widths of the blur to which a boundary is seen: beyond it a step is done to 0.3 %."""
 _MOST_BOUNDARIES = 9
 """A judgement: blur that reaches over more cells leaves no print to be seen."""
 PADDING = _MOST_BOUNDARIES + 1

@@ -19,7 +19,7 @@ from vision_gt.images.grey_fits import (
     AMOUNT_INFORMATION,
     BLUR_INFORMATION,
     HALO_FROM,
-    HALO_WIDTHS,
+    HALO_WIDTH,
     LEAST_BLUR,
     LEAST_VARIANCE,
     MOST_AMOUNT,
@@ -78,6 +78,8 @@ than the print: more is another thing behind the rim. With less noise (grey leve
 nothing would pass, as grey levels are whole numbers."""
 _SAME_RIM, _MOST_ROUNDS = 0.03, 2
 """Share of the pixels that may still come or go, and how often it is judged at most."""
+_WORST_SHARE = 0.1
+"""Of the contrast, that one pixel may count as left over: more is as well a thing in front."""
 _SETTLED = 0.3
 """Pixels that a corner moves when it is good enough to judge what lies beyond the rim."""
 
@@ -97,7 +99,9 @@ class PrintFit:
     blur : float
         Its width, pixels.
     misfit : float
-        What is left of the grey levels, standard deviation over the contrast.
+        What is left of the grey levels, root mean square over the contrast, each at most a tenth.
+    pixels : int
+        How many were fitted.
     halo : float
         Which share of what is left looks as if the image had been sharpened.
     amount : float
@@ -111,6 +115,7 @@ class PrintFit:
     misfit: float = np.inf
     amount: float = 0.0
     halo: float = 0.0
+    pixels: int = 0
 
 
 @dataclass(frozen=True)
@@ -148,6 +153,7 @@ class _Fit:
     contrast: float
     excess: float
     halo: float
+    misfit: float
 
 
 def fit_print(
@@ -196,9 +202,9 @@ def fit_print(
     numbers = (fit.contrast, fit.kept, sigma, np.sqrt(fit.variance))
     if not believable(*map(np.asarray, numbers)):
         return bad
-    misfit = float(np.sqrt(fit.variance)) / fit.contrast
     covariances = covariances * fit.excess
-    return PrintFit(corners, covariances, True, fit.state.blur, misfit, fit.state.amount, fit.halo)
+    blur, amount = fit.state.blur, fit.state.amount
+    return PrintFit(corners, covariances, True, blur, fit.misfit, amount, fit.halo, len(seen.grey))
 
 
 def _around(image: Image, H: Array, bits: Array, rim: Rim, flat: Flat) -> _Seen:
@@ -336,12 +342,14 @@ def _ended(
     excess = excess_of_cells(_corners(state.H)[1], spread, cells, _UNKNOWNS)
     halo = 0.0
     if radius <= 0 and np.sqrt(variance) > HALO_FROM * contrast:
-        for width in HALO_WIDTHS:
-            wide = float(np.hypot(state.blur, width))
-            soft = whiteness(seen.cells, at, wide, _boundaries(at, wide, seen.cells)).white
-            halo = max(halo, share_explained(look.white - soft, step[:3], weights, left))
+        wide = float(np.hypot(state.blur, HALO_WIDTH))
+        soft = whiteness(seen.cells, at, wide, _boundaries(at, wide, seen.cells)).white
+        halo = share_explained(look.white - soft, step[:3], weights, left)
     kept = float(weights.sum()) / float(used.sum())
-    return _Fit(state, spread, variance, kept, contrast, excess, halo)
+    # Weights would hide what a fit does not explain. The rim may have a halo of what is behind it.
+    share = np.abs(left[used & (seen.zone == 0)]) / contrast
+    misfit = float(np.sqrt(np.mean(np.minimum(share, _WORST_SHARE) ** 2)))
+    return _Fit(state, spread, variance, kept, contrast, excess, halo, misfit)
 
 
 def _white_rim(zone: Ints, residual: Array, used: Mask) -> Mask:
