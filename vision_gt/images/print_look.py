@@ -16,9 +16,9 @@ from validation.poses.angles import Array
 Mask = npt.NDArray[np.bool_]
 Ints = npt.NDArray[np.intp]
 
-REACH = 3.2
-"""Widths of the blur to which a boundary is seen: beyond it a step is done to 0.07 %."""
-_MOST_BOUNDARIES = 5
+REACH = 2.8
+"""Widths of the blur to which a boundary is seen: beyond it a step is done to 0.3 %."""
+_MOST_BOUNDARIES = 9
 """A judgement: blur that reaches over more cells leaves no print to be seen."""
 PADDING = _MOST_BOUNDARIES + 1
 """Cells of white around a print, so that all that blur reaches is in the table."""
@@ -71,7 +71,7 @@ def boundaries_in_reach(blur: float, along: float, cells: int) -> int:
         Along the print.
     """
     reached = 2 * REACH * blur * along * cells / 2
-    return int(min(2 * (reached // 2) + 1, _MOST_BOUNDARIES))
+    return int(min(2 * np.ceil((reached - 1) / 2) + 1, _MOST_BOUNDARIES))
 
 
 def whiteness(cells: Array, at: Places, blur: float, boundaries: tuple[int, int]) -> Whiteness:

@@ -19,12 +19,12 @@ from vision_gt.images.grey_fits import (
     AMOUNT_INFORMATION,
     BLUR_INFORMATION,
     HALO_FROM,
+    HALO_WIDTH,
     LEAST_BLUR,
     LEAST_VARIANCE,
     MOST_AMOUNT,
     MOST_BLUR,
     SATURATED,
-    SHARPENING_WIDTHS,
     START_BLUR,
     believable,
     by_cell,
@@ -61,8 +61,9 @@ large marker how that bends (three more); and for an image that was sharpened, h
 _BENT_LIGHT = 800
 """Pixels of a print from which on its light may bend: a lens that darkens to the image's corners
 by a third bends it by 4 % where a marker fills half of it, which moves corners by 0.03 pixels."""
-_MOST_STEPS = 8
-"""A judgement: one that has not ended by then has found no print."""
+_MOST_STEPS, _MOST_SHARPENED = 8, 25
+"""A judgement: one that has not ended by then has found no print. Amount and blur go together, and
+more so where white and black are cut off: there it takes up to twenty."""
 _CONVERGED, _DIVERGED = 0.05, 3.0
 """Pixels that a corner moves: as steps shrink fast, the one after would be far smaller; and more
 than the start is off, which is a pixel or two."""
@@ -77,6 +78,8 @@ than the print: more is another thing behind the rim. With less noise (grey leve
 nothing would pass, as grey levels are whole numbers."""
 _SAME_RIM, _MOST_ROUNDS = 0.03, 2
 """Share of the pixels that may still come or go, and how often it is judged at most."""
+_WORST_SHARE = 0.1
+"""Of the contrast, that one pixel may count as left over: more is as well a thing in front."""
 _SETTLED = 0.3
 """Pixels that a corner moves when it is good enough to judge what lies beyond the rim."""
 
@@ -96,7 +99,9 @@ class PrintFit:
     blur : float
         Its width, pixels.
     misfit : float
-        What is left of the grey levels, standard deviation over the contrast.
+        What is left of the grey levels, root mean square over the contrast, each at most a tenth.
+    pixels : int
+        How many were fitted.
     halo : float
         Which share of what is left looks as if the image had been sharpened.
     amount : float
@@ -110,6 +115,7 @@ class PrintFit:
     misfit: float = np.inf
     amount: float = 0.0
     halo: float = 0.0
+    pixels: int = 0
 
 
 @dataclass(frozen=True)
@@ -147,6 +153,7 @@ class _Fit:
     contrast: float
     excess: float
     halo: float
+    misfit: float
 
 
 def fit_print(
@@ -195,9 +202,9 @@ def fit_print(
     numbers = (fit.contrast, fit.kept, sigma, np.sqrt(fit.variance))
     if not believable(*map(np.asarray, numbers)):
         return bad
-    misfit = float(np.sqrt(fit.variance)) / fit.contrast
     covariances = covariances * fit.excess
-    return PrintFit(corners, covariances, True, fit.state.blur, misfit, fit.state.amount, fit.halo)
+    blur, amount = fit.state.blur, fit.state.amount
+    return PrintFit(corners, covariances, True, blur, fit.misfit, amount, fit.halo, len(seen.grey))
 
 
 def _around(image: Image, H: Array, bits: Array, rim: Rim, flat: Flat) -> _Seen:
@@ -243,14 +250,16 @@ def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
     by_light = jacobian[_BLUR + 1 : _BLUR + 1 + len(state.light)]
     bright, dark = grey >= SATURATED, grey <= 255 - SATURATED
     clipped = bool(bright.any() or dark.any())
-    for step in range(1, _MOST_STEPS + 1):
+    for step in range(1, (_MOST_SHARPENED if radius > 0 else _MOST_STEPS) + 1):
         at, lit = places_in_print(state.H, seen.places)
         look, sharper = _look(state, seen.cells, at, radius)
         _by_light(lit, look.white, by_light)
         if step == 1:
-            # The light has no start of its own: it follows from the first look.
-            light = np.linalg.solve(by_light @ by_light.T, by_light @ grey)
-            state = replace(state, light=np.asarray(light, dtype=float))
+            # Neither the light nor the amount has a start of its own: the first look tells them.
+            state = _lit(state, by_light, sharper, grey)
+            if sharper is not None:
+                look, sharper = _look(state, seen.cells, at, radius)
+                _by_light(lit, look.white, by_light)
         residual = grey - state.light @ by_light
         _jacobian(look, lit, state.light, sharper, jacobian)
         contrast = float(state.light[3] - state.light[0])
@@ -259,9 +268,11 @@ def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
             rounds += 1
             changed = float((white != used).mean())
             judged, used = changed < _SAME_RIM or rounds == _MOST_ROUNDS, white
-        weights = tukey_of_one(residual, contrast, step) * used
+        told = used
         if clipped:
-            weights *= ~((bright & (residual < 0)) | (dark & (residual > 0)))
+            # Where the light is cut off as the model foretells, a pixel says no more: no outlier.
+            told = used & ~((bright & (residual < 0)) | (dark & (residual > 0)))
+        weights = tukey_of_one(residual, contrast, step) * told
         np.multiply(jacobian, weights, out=weighted)
         normal, right = weighted @ jacobian.T, weighted @ residual
         normal[_BLUR, _BLUR] += BLUR_INFORMATION
@@ -277,7 +288,7 @@ def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
         state = _changed(state, change)
         settled = bool(moved < _SETTLED)
         if moved < _CONVERGED and judged:
-            seen_last = (look, at, lit, used)
+            seen_last = (look, at, lit, told)
             return _ended(
                 state,
                 seen,
@@ -288,6 +299,20 @@ def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
                 radius=radius,
             )
     return None
+
+
+def _lit(state: _State, by_light: Array, sharper: Array | None, grey: Array) -> _State:
+    """The state with the light, and the amount of sharpening, that explain grey levels (n,) best.
+
+    Both are linear: sharpening adds the amount times the contrast times ``sharper`` (n,).
+    """
+    rows = by_light if sharper is None else np.vstack([by_light, sharper])
+    found = np.linalg.solve(rows @ rows.T, rows @ grey)
+    light = np.asarray(found[: len(by_light)], dtype=float)
+    if sharper is None:
+        return replace(state, light=light)
+    amount = float(np.clip(found[-1] / max(light[3] - light[0], 1.0), 0.0, MOST_AMOUNT))
+    return replace(state, light=light, amount=amount)
 
 
 def _ended(
@@ -302,7 +327,7 @@ def _ended(
 ) -> _Fit:
     """What a fit says, once a step has moved it no more.
 
-    ``last`` is the last look (shares of white, places in the print, 1 with x and y, what is used),
+    ``last`` is the last look (shares of white, places in the print, 1 with x and y, what tells),
     ``step`` the Jacobian, the same with weights, the inverse of the normal matrix, and the step.
     """
     look, at, lit, used = last
@@ -317,11 +342,14 @@ def _ended(
     excess = excess_of_cells(_corners(state.H)[1], spread, cells, _UNKNOWNS)
     halo = 0.0
     if radius <= 0 and np.sqrt(variance) > HALO_FROM * contrast:
-        wide = float(np.hypot(state.blur, SHARPENING_WIDTHS[0]))
+        wide = float(np.hypot(state.blur, HALO_WIDTH))
         soft = whiteness(seen.cells, at, wide, _boundaries(at, wide, seen.cells)).white
         halo = share_explained(look.white - soft, step[:3], weights, left)
     kept = float(weights.sum()) / float(used.sum())
-    return _Fit(state, spread, variance, kept, contrast, excess, halo)
+    # Weights would hide what a fit does not explain. The rim may have a halo of what is behind it.
+    share = np.abs(left[used & (seen.zone == 0)]) / contrast
+    misfit = float(np.sqrt(np.mean(np.minimum(share, _WORST_SHARE) ** 2)))
+    return _Fit(state, spread, variance, kept, contrast, excess, halo, misfit)
 
 
 def _white_rim(zone: Ints, residual: Array, used: Mask) -> Mask:

@@ -1,5 +1,6 @@
 """Corners of small markers, from the whole print: what covers a part of it does no harm."""
 
+import cv2
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -8,6 +9,7 @@ from vision_scenes import APRIL, SIDE, close_up, marker_image, random_marker
 from data_samples.rendering.image import Optics
 from vision_gt.images.edge_samples import Flat
 from vision_gt.images.markers import detect_markers
+from vision_gt.images.print_look import PADDING, Places, boundaries_in_reach, whiteness
 from vision_gt.images.prints import fit_print
 from vision_gt.patterns.dictionaries import ARTOOLKITPLUS, Family
 
@@ -89,3 +91,37 @@ def test_every_family_is_fitted(family):
         views = detect_markers(image, family, None, [number]).views
         assert [view.number for view in views] == [number]
         assert np.linalg.norm(views[0].corners - true, axis=1).max() < 0.15
+
+
+@pytest.mark.parametrize("cell", [1.7, 2.5, 3.4, 4.2, 6.0])
+def test_boundaries_out_of_reach_change_nothing(cell):
+    # A step is done to ndtr(-2.8) = 0.26 % where blur no longer reaches it, from either side.
+    cells = np.pad(np.random.default_rng(3).integers(0, 2, (8, 8)).astype(float), PADDING)
+    x, y = np.meshgrid(*2 * [np.linspace(-1.1, 1.1, 60)])
+    along, blur = np.full(x.size, 2 / (8 * cell)), 0.76
+    at = Places(x.ravel(), y.ravel(), along, along, np.zeros(x.size))
+    count = boundaries_in_reach(blur, float(along[0]), 8)
+    near = whiteness(cells, at, blur, (count, count)).white
+    all_of_them = whiteness(cells, at, blur, (9, 9)).white
+    # Two axes, and two boundaries at the worst place between them.
+    assert np.abs(near - all_of_them).max() < 4 * 0.0026
+
+
+@pytest.mark.parametrize(("amount", "radius"), [(1.0, 1.0), (0.5, 3.0), (1.0, 5.0), (1.0, 2.0)])
+def test_corners_of_prints_that_were_sharpened_are_right(amount, radius):
+    # Rims of one cell, so that the halo of what is behind them lies on them, too.
+    rng = np.random.default_rng(17)
+    errors, stated = [], []
+    for _ in range(6):
+        number = int(rng.integers(200))
+        camera, image, true = close_up(rng, random_marker(rng, 4.0), number)
+        light = image.astype(float)
+        light += amount * (light - cv2.GaussianBlur(light, (0, 0), radius))
+        sharpened = np.clip(np.rint(light), 0, 255).astype(np.uint8)
+        (view,) = detect_markers(sharpened, APRIL, camera, [number]).views
+        errors.append(view.corners - true)
+        stated.append(np.trace(view.covariances, axis1=1, axis2=2).sum())
+    rms = np.sqrt(np.mean(np.square(errors)))
+    assert rms < 0.06
+    # Eight numbers a marker, of which two are independent: 12 in all.
+    assert np.sqrt(np.mean(stated) / 8) > rms / np.sqrt(chi2.ppf(1 - 1e-3, 12) / 12) / 1.5
