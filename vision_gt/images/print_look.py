@@ -74,6 +74,16 @@ def boundaries_in_reach(blur: float, along: float, cells: int) -> int:
     return int(min(2 * np.ceil((reached - 1) / 2) + 1, _MOST_BOUNDARIES))
 
 
+def boundaries(at: Places, blur: float, cells: Array) -> tuple[int, int]:
+    """How many boundaries blur reaches along x and y of a print (c + 12, c + 12)."""
+    count = len(cells) - 2 * PADDING
+    along_x, along_y = (float(along.mean()) for along in (at.along_x, at.along_y))
+    return (
+        boundaries_in_reach(blur, along_x, count),
+        boundaries_in_reach(blur, along_y, count),
+    )
+
+
 def whiteness(cells: Array, at: Places, blur: float, boundaries: tuple[int, int]) -> Whiteness:
     """The share of white at points of a print that is blurred evenly in the image.
 
@@ -187,3 +197,23 @@ def beside_boundaries(cells: Array, corners: Array, shape: tuple[int, ...]) -> M
     told = np.asarray(cv2.dilate(drawn, window) != cv2.erode(drawn, window))
     told[::_FLAT_ONES, ::_FLAT_ONES] = True
     return told
+
+
+def fill_by_light(lit: Array, white: Array, full: Array) -> None:
+    """Fill in the derivative (6 or 9, n) of the grey levels by the light."""
+    np.multiply(lit, white, out=full[3:6])
+    np.subtract(lit, full[3:6], out=full[:3])
+    if len(full) > 6:
+        _, x, y = lit
+        np.multiply(x, full[4], out=full[6])
+        np.multiply(x, full[5], out=full[7])
+        np.multiply(y, full[5], out=full[8])
+
+
+def levels_of_light(light: Array, lit: Array) -> tuple[Array, Array]:
+    """Grey levels (n,) of black and of white."""
+    black, white = light[:3] @ lit, light[3:6] @ lit
+    if len(light) > 6:
+        _, x, y = lit
+        white = white + light[6] * x * x + light[7] * x * y + light[8] * y * y
+    return black, white

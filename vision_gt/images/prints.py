@@ -37,7 +37,9 @@ from vision_gt.images.print_look import (
     Places,
     Whiteness,
     beside_boundaries,
-    boundaries_in_reach,
+    boundaries,
+    fill_by_light,
+    levels_of_light,
     places_in_print,
     whiteness,
 )
@@ -253,13 +255,13 @@ def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
     for step in range(1, (_MOST_SHARPENED if radius > 0 else _MOST_STEPS) + 1):
         at, lit = places_in_print(state.H, seen.places)
         look, sharper = _look(state, seen.cells, at, radius)
-        _by_light(lit, look.white, by_light)
+        fill_by_light(lit, look.white, by_light)
         if step == 1:
             # Neither the light nor the amount has a start of its own: the first look tells them.
             state = _lit(state, by_light, sharper, grey)
             if sharper is not None:
                 look, sharper = _look(state, seen.cells, at, radius)
-                _by_light(lit, look.white, by_light)
+                fill_by_light(lit, look.white, by_light)
         residual = grey - state.light @ by_light
         _jacobian(look, lit, state.light, sharper, jacobian)
         contrast = float(state.light[3] - state.light[0])
@@ -343,7 +345,7 @@ def _ended(
     halo = 0.0
     if radius <= 0 and np.sqrt(variance) > HALO_FROM * contrast:
         wide = float(np.hypot(state.blur, HALO_WIDTH))
-        soft = whiteness(seen.cells, at, wide, _boundaries(at, wide, seen.cells)).white
+        soft = whiteness(seen.cells, at, wide, boundaries(at, wide, seen.cells)).white
         halo = share_explained(look.white - soft, step[:3], weights, left)
     kept = float(weights.sum()) / float(used.sum())
     # Weights would hide what a fit does not explain. The rim may have a halo of what is behind it.
@@ -368,24 +370,14 @@ def _white_rim(zone: Ints, residual: Array, used: Mask) -> Mask:
     return np.asarray(np.append(True, white.ravel())[zone])
 
 
-def _boundaries(at: Places, blur: float, cells: Array) -> tuple[int, int]:
-    """How many boundaries blur reaches along x and y."""
-    count = len(cells) - 2 * PADDING
-    along_x, along_y = (float(along.mean()) for along in (at.along_x, at.along_y))
-    return (
-        boundaries_in_reach(blur, along_x, count),
-        boundaries_in_reach(blur, along_y, count),
-    )
-
-
 def _look(state: _State, cells: Array, at: Places, radius: float) -> tuple[Whiteness, Array | None]:
     """The share of white, sharpened by the state's amount; and its derivative by that amount."""
     wide = float(np.hypot(state.blur, radius))
-    boundaries = _boundaries(at, wide, cells)
-    sharp = whiteness(cells, at, state.blur, boundaries)
+    reached = boundaries(at, wide, cells)
+    sharp = whiteness(cells, at, state.blur, reached)
     if radius <= 0:
         return sharp, None
-    soft = whiteness(cells, at, wide, boundaries)
+    soft = whiteness(cells, at, wide, reached)
     a = state.amount
     mixed = Whiteness(
         (1 + a) * sharp.white - a * soft.white,
@@ -400,7 +392,7 @@ def _jacobian(
     look: Whiteness, lit: Array, light: Array, sharper: Array | None, full: Array
 ) -> None:
     """Fill in the derivative (u, n) of the grey levels by the unknowns, but that by the light."""
-    black, white = _levels(light, lit)
+    black, white = levels_of_light(light, lit)
     contrast = white - black
     x, y = lit[1:]
     across, down = -contrast * look.by_x, -contrast * look.by_y
@@ -416,26 +408,6 @@ def _jacobian(
     np.multiply(contrast, look.by_blur, out=full[_BLUR])
     if sharper is not None:
         np.multiply(contrast, sharper, out=full[-1])
-
-
-def _by_light(lit: Array, white: Array, full: Array) -> None:
-    """Fill in the derivative (6 or 9, n) of the grey levels by the light."""
-    np.multiply(lit, white, out=full[3:6])
-    np.subtract(lit, full[3:6], out=full[:3])
-    if len(full) > 6:
-        _, x, y = lit
-        np.multiply(x, full[4], out=full[6])
-        np.multiply(x, full[5], out=full[7])
-        np.multiply(y, full[5], out=full[8])
-
-
-def _levels(light: Array, lit: Array) -> tuple[Array, Array]:
-    """Grey levels (n,) of black and of white."""
-    black, white = light[:3] @ lit, light[3:6] @ lit
-    if len(light) > 6:
-        _, x, y = lit
-        white = white + light[6] * x * x + light[7] * x * y + light[8] * y * y
-    return black, white
 
 
 def _changed(state: _State, change: Array) -> _State:
