@@ -48,15 +48,9 @@ def fix_modes(records: Sequence[Fixes], posed: Array, max_gap: float) -> Figure:
     axes = figure.add_subplot()
     used: set[int] = set()
     for row, record in enumerate(records):
-        usual = float(np.median(np.diff(record.times))) if len(record) > 1 else 1.0
-        lasting = np.minimum(np.diff(record.times, append=record.times[-1] + usual), 1.5 * usual)
-        for kind in np.unique(record.kinds):
-            rows = record.kinds == kind
-            bars = np.column_stack([record.times[rows] - start, lasting[rows]])
-            axes.broken_barh(
-                [(a, b) for a, b in bars], (row - 0.35, 0.7), color=kind_colour(int(kind))
-            )
-            used.add(int(kind))
+        for kind, first, lasting in _runs(record):
+            axes.broken_barh([(first - start, lasting)], (row - 0.35, 0.7), color=kind_colour(kind))
+            used.add(kind)
     stretches = [
         (posed[s[0]] - start, max(posed[s[-1]] - posed[s[0]], 0.2))
         for s in segments(posed, max_gap)
@@ -72,6 +66,23 @@ def fix_modes(records: Sequence[Fixes], posed: Array, max_gap: float) -> Figure:
         axes.plot([], [], color=kind_colour(kind), linewidth=6, label=FIX_NAMES[kind])
     figure.legend(loc="outside upper right", ncols=4, fontsize=8, frameon=False)
     return figure
+
+
+def _runs(record: Fixes) -> list[tuple[int, float, float]]:
+    """Kind, start and length in seconds of each stretch of one kind without a break."""
+    usual = float(np.median(np.diff(record.times))) if len(record) > 1 else 1.0
+    after = np.diff(record.times, append=record.times[-1] + usual)
+    ends = (after > 1.5 * usual) | (np.diff(record.kinds, append=-1) != 0)
+    last = np.flatnonzero(ends)
+    first = np.append(0, last[:-1] + 1)
+    until = record.times[last] + np.minimum(after[last], 1.5 * usual)
+    lasting = until - record.times[first]
+    return [
+        (int(kind), float(begin), float(length))
+        for kind, begin, length in zip(
+            record.kinds[first], record.times[first], lasting, strict=True
+        )
+    ]
 
 
 def track_map(

@@ -105,15 +105,16 @@ def _coverage_blocks(outcome: RtkOutcome) -> list[Table | Figure | Text]:
     ]
     if outcome.coverage.gaps:
         blocks.append(gap_table(outcome.coverage))
-    blocks.append(
-        _figure(
-            "rtk_reception",
-            "Satellites used and horizontal dilution of precision (HDOP).",
-            "Curves of the number of satellites and of HDOP for each receiver over time.",
-            "reception",
-            outcome.records,
+    if any((one.satellites >= 0).any() or np.isfinite(one.hdop).any() for one in outcome.records):
+        blocks.append(
+            _figure(
+                "rtk_reception",
+                "Satellites used and horizontal dilution of precision (HDOP).",
+                "Curves of the number of satellites and of HDOP for each receiver over time.",
+                "reception",
+                outcome.records,
+            )
         )
-    )
     if any(np.isfinite(record.covariances).any() for record in outcome.records):
         blocks.append(
             _figure(

@@ -14,7 +14,7 @@ import matplotlib as mpl
 import matplotlib.figure
 import numpy as np
 from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.collections import Collection, LineCollection, PathCollection
 from matplotlib.lines import Line2D
 
 from validation.figures.writing import web_image
@@ -29,6 +29,8 @@ _PNG = re.compile(r"data:image/png;base64,([A-Za-z0-9+/=\s]+)")
 DENSE = 300
 """Points of one kind beyond which they are an image. A dot takes a hundred bytes: so many of them
 take as much as their image."""
+LONG = 5000
+"""Corners of a line, or of areas, beyond which they are an image: a corner takes a dozen bytes."""
 DOTS_PER_INCH = 160
 """Of images in figures: sharp on a screen with two dots a pixel, where the page shows a figure of 9
 inches 736 pixels wide."""
@@ -72,10 +74,10 @@ def drawn_svg(figure: Figure) -> str:
 
 
 def _clouds_as_images(drawn: matplotlib.figure.Figure) -> None:
-    """Artists of many points are to be drawn as images."""
+    """Artists of many points, and of lines with many corners, are to be drawn as images."""
     for axes in drawn.axes:
         for artist in (*axes.lines, *axes.collections):
-            if _points_of(artist) > DENSE:
+            if _points_of(artist) > DENSE or _corners_of(artist) > LONG:
                 artist.set_rasterized(True)
 
 
@@ -87,6 +89,15 @@ def _points_of(artist: Any) -> int:
     if isinstance(artist, LineCollection):
         return len(artist.get_paths())
     return len(np.asarray(artist.get_offsets())) if isinstance(artist, PathCollection) else 0
+
+
+def _corners_of(artist: Any) -> int:
+    """Corners of the lines, or of the areas, that an artist draws."""
+    if isinstance(artist, Line2D):
+        return int(np.size(artist.get_xdata()))
+    if isinstance(artist, Collection):
+        return sum(len(np.asarray(path.vertices)) for path in artist.get_paths())
+    return 0
 
 
 def _rounded(found: re.Match[str]) -> str:

@@ -53,6 +53,22 @@ def test_a_cloud_of_20_000_points_is_an_image_and_its_words_are_text(form):
     assert svg.count("<text") > 10
 
 
+@pytest.mark.parametrize("form", ["plot", "fill_between", "broken_barh"])
+def test_an_hour_at_20_hertz_is_an_image(form):
+    def draw(axes):
+        times, rough = np.arange(72_000) / 20, cloud(36_000).ravel()
+        if form == "plot":
+            axes.plot(times, rough)
+        elif form == "fill_between":
+            axes.fill_between(times, rough, rough + 1)
+        else:
+            axes.broken_barh([(time, 0.03) for time in times[::8]], (0, 1))
+
+    svg = drawn_svg(figure_of(draw))
+    assert len(images_in(svg)) == 1
+    assert len(svg) < 300_000  # 1 to 2 MB as lines
+
+
 def test_few_points_and_long_lines_stay_as_they_are():
     def draw(axes):
         axes.plot(*cloud(250), "o")
