@@ -15,6 +15,7 @@ from typing import Any
 
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
+from validation.text_files.writing import pieces_of
 
 COMPUTED = frozenset({"results", "report"})
 """Folders of a campaign that hold nothing a person typed or a sensor recorded."""
@@ -123,10 +124,11 @@ def digest_of(source: Path | str | bytes) -> str:
     GtvalError
         If the file cannot be read.
     """
-    if isinstance(source, str):
-        source = source.encode(errors="backslashreplace")
-    if isinstance(source, bytes):
-        return hashlib.sha256(source).hexdigest()
+    if isinstance(source, str | bytes):
+        digest = hashlib.sha256()
+        for piece in pieces_of(source):
+            digest.update(piece)
+        return digest.hexdigest()
     try:
         with source.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -46,7 +46,7 @@ def joint_files(table: PoseTable) -> dict[str, str]:
 
 
 def _matrix_text(names: list[str], columns: list[str], matrix: Array) -> str:
-    rows = ([name, *row] for name, row in zip(names, matrix.tolist(), strict=True))
+    rows = ([name, *row.tolist()] for name, row in zip(names, matrix, strict=True))
     return csv_text(["number", *columns], rows)
 
 

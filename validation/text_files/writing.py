@@ -4,10 +4,13 @@ import contextlib
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from validation.errors import GtvalError
+
+_PIECE = 1 << 20
+"""Characters that are turned into bytes at a time."""
 
 
 def write_files(
@@ -69,14 +72,24 @@ def write_files(
     return list(staged)
 
 
+def pieces_of(content: str | bytes) -> Iterator[bytes]:
+    """The bytes of a file in pieces, as a large text is not to be there twice.
+
+    A file name that is no UTF-8 may have got into a text: it is written with escapes.
+    """
+    if isinstance(content, bytes):
+        yield content
+        return
+    for start in range(0, len(content), _PIECE):
+        yield content[start : start + _PIECE].encode(errors="backslashreplace")
+
+
 def _stage(target: Path, content: str | bytes) -> Path:
     """A flushed temporary file beside the target; removed again if it cannot be filled."""
-    # A file name that is no UTF-8 may have got into the text: it is written with escapes.
-    data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
     handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
     try:
         with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
+            stream.writelines(pieces_of(content))
             stream.flush()
             os.fsync(stream.fileno())
     except BaseException:
