@@ -101,7 +101,8 @@ class PrintFit:
     blur : float
         Its width, pixels.
     misfit : float
-        What is left of the grey levels, root mean square over the contrast, each at most a tenth.
+        What is left of the grey levels of the print without its rim, root mean square over the
+        contrast, each at most a tenth.
     pixels : int
         How many were fitted.
     halo : float
@@ -349,7 +350,8 @@ def _ended(
         halo = share_explained(look.white - soft, step[:3], weights, left)
     kept = float(weights.sum()) / float(used.sum())
     # Weights would hide what a fit does not explain. The rim may have a halo of what is behind it.
-    share = np.abs(left[used & (seen.zone == 0)]) / contrast
+    inside = used & (np.abs(lit[1:]).max(0) < 1)
+    share = np.abs(left[inside]) / contrast if inside.any() else np.ones(1)
     misfit = float(np.sqrt(np.mean(np.minimum(share, _WORST_SHARE) ** 2)))
     return _Fit(state, spread, variance, kept, contrast, excess, halo, misfit)
 
