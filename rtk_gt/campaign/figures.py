@@ -21,6 +21,7 @@ from rtk_gt.sensors.ground import KnownGround
 from rtk_gt.sensors.pass_matching import height_histogram
 from rtk_gt.sensors.scans import Cloud
 from validation.figures.errors import COLOURS, GREY, MARKERS
+from validation.figures.thinning import rows_shown
 from validation.poses.angles import Array
 
 if TYPE_CHECKING:
@@ -231,12 +232,16 @@ def pose_over_time(path: VehiclePath, max_gap: float) -> Figure:
     panels = figure.subplots(4, 1, sharex=True)
     values = path.poses[:, 2:].copy()
     values[:, 1:] = np.degrees(np.unwrap(values[:, 1:], axis=0))
-    sigmas = np.sqrt(np.diagonal(path.covariances, axis1=1, axis2=2))[:, 2:].copy()
-    sigmas[:, 1:] = np.degrees(sigmas[:, 1:])
     elapsed = path.times - path.times[0]
+    stretches = [rows[rows_shown(values[rows])] for rows in segments(path.times, max_gap)]
+    sigmas = [
+        np.sqrt(np.diagonal(path.select(rows).covariances, axis1=1, axis2=2))[:, 2:]
+        * [1, *3 * [np.degrees(1.0)]]
+        for rows in stretches
+    ]
     for column, (axes, label) in enumerate(zip(panels, labels, strict=True)):
-        for rows in segments(path.times, max_gap):
-            value, band = values[rows, column], 1.96 * sigmas[rows, column]
+        for rows, sigma in zip(stretches, sigmas, strict=True):
+            value, band = values[rows, column], 1.96 * sigma[:, column]
             axes.fill_between(
                 elapsed[rows], value - band, value + band, color=COLOURS[5], alpha=0.5
             )
