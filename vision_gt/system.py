@@ -61,7 +61,8 @@ class VisionSystem:
             return with_plan(printed_result(campaign, settings), campaign, settings)
         check_frames(campaign)
         outcome = solve_campaign(campaign, progress, workers=workers, **choices)
-        result = with_plan(result_of(outcome, campaign), campaign, settings, outcome)
+        result = with_looks(result_of(outcome, campaign), campaign, outcome)
+        result = with_plan(result, campaign, settings, outcome)
         return with_drive(result, campaign, outcome, progress, workers)
 
 
@@ -74,6 +75,26 @@ def has_images(folder: "Path", settings: VisionSettings) -> bool:
     """Whether there are images of the robot at its stops."""
     below = [folder / settings.images / name for name in ("poses", "drive")]
     return any(one.is_dir() and any(path.is_dir() for path in one.iterdir()) for one in below)
+
+
+def with_looks(
+    result: "SystemResult", campaign: "Campaign", outcome: "VisionOutcome"
+) -> "SystemResult":
+    """The result with the images that ask to be looked at."""
+    from dataclasses import replace
+
+    from vision_gt.campaign.inputs import VisionInputs
+    from vision_gt.images.files import campaign_images
+    from vision_gt.looks.collected import looks_of
+    from vision_gt.looks.told import looks_section, picture_files, wanted
+
+    images = campaign_images(campaign.folder / outcome.settings.images)
+    looks = list(looks_of(outcome, VisionInputs(campaign, outcome.settings, images)))
+    return replace(
+        result,
+        sections=[*result.sections, looks_section(looks, campaign.folder)],
+        files={**result.files, **picture_files(wanted(looks), campaign.folder)},
+    )
 
 
 def with_drive(

@@ -7,14 +7,15 @@ from scipy.stats import chi2
 
 from validation.results import Finding, Severity, Size
 from vision_gt.campaign.inputs import placed
-from vision_gt.campaign.outcome import VisionOutcome
+from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.causes.telling import cause_finding, noise_finding, turned_finding
 from vision_gt.network.verdict import calibration_verdict
 from vision_gt.optics.transforms import change_between
+from vision_gt.robot.robot_pose import RobotPose
 from vision_gt.settings import VisionSettings
 
 SUBJECT = "vision"
-_POOR_FIT, _POOR_FLOOR = 1e-4, 1e-3
+POOR_FIT, POOR_FLOOR = 1e-4, 1e-3
 """p-values below which corners do not fit, and a robot is not on the floor. A judgement: of a
 hundred good stops one is called poor in a hundred campaigns, and off the floor in ten."""
 _SYMPTOMS = {
@@ -132,23 +133,43 @@ def _explained(outcome: VisionOutcome) -> tuple[set[str], set[str]]:
     diagnosis = outcome.diagnosis
     if diagnosis is None or diagnosis.cause is None:
         return set(), set()
-    return diagnosis.fitting_stops(_POOR_FIT, _POOR_FLOOR)
+    return diagnosis.fitting_stops(POOR_FIT, POOR_FLOOR)
 
 
-def _not_fitting(outcome: VisionOutcome) -> Iterator[Finding]:
-    """Poses of single cameras that do not fit their stop, whether they are used or not."""
+def poses_apart(outcome: VisionOutcome) -> Iterator[tuple[float, str, str]]:
+    """Poses of single cameras that do not fit their stop: metres, camera, stop."""
     explained, _ = _explained(outcome)
-    odd = []
     for stop in outcome.stops:
         for camera, pose in stop.by_camera.items():
             if stop.chosen is None or pose is stop.chosen or stop.pose in explained:
                 continue
-            off = change_between(pose.T_gtv_robot, stop.chosen.T_gtv_robot)
-            spread = pose.covariance + stop.chosen.covariance
-            apart = float(chi2.sf(off @ np.linalg.solve(spread, off), 6))
-            if min(pose.p_value, apart) < _POOR_FIT and not pose.ambiguous:
-                length = 1e3 * float(np.linalg.norm(off[:2]))
-                odd.append((length, f"camera {camera} at {stop.pose} ({length:.0f} mm off)"))
+            length, chance = apart_from(pose, stop.chosen)
+            if chance < POOR_FIT and not pose.ambiguous:
+                yield length, camera, stop.pose
+
+
+def fate(stop: StopPose, camera: str) -> tuple[bool, float, float]:
+    """Whether a camera's pose is used, metres from the stop's, chance to fit and be so far off."""
+    chosen = stop.chosen
+    if chosen is None:
+        return False, float("nan"), float("nan")
+    return camera in chosen.cameras, *apart_from(stop.by_camera[camera], chosen)
+
+
+def apart_from(pose: RobotPose, chosen: RobotPose) -> tuple[float, float]:
+    """Metres of a camera's pose from its stop's, and the chance that it fits and is so far off."""
+    off = change_between(pose.T_gtv_robot, chosen.T_gtv_robot)
+    spread = pose.covariance + chosen.covariance
+    apart = float(chi2.sf(off @ np.linalg.solve(spread, off), 6))
+    return float(np.linalg.norm(off[:2])), min(pose.p_value, apart)
+
+
+def _not_fitting(outcome: VisionOutcome) -> Iterator[Finding]:
+    """Poses of single cameras that do not fit their stop, whether they are used or not."""
+    odd = [
+        (length, f"camera {camera} at {stop} ({1e3 * length:.0f} mm off)")
+        for length, camera, stop in poses_apart(outcome)
+    ]
     if odd:
         listed = _listed([name for _, name in sorted(odd, key=lambda one: -one[0])])
         yield Finding(
@@ -158,7 +179,7 @@ def _not_fitting(outcome: VisionOutcome) -> Iterator[Finding]:
             "image is of another stop.",
             SUBJECT,
             "camera_pose_differs",
-            (Size("largest distance", 1e-3 * max(length for length, _ in odd), "m"),),
+            (Size("largest distance", max(length for length, _ in odd), "m"),),
         )
 
 
@@ -180,7 +201,7 @@ def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
         if chosen is None:
             continue
         best = chosen.best
-        if chosen.p_value < _POOR_FIT and stop.pose not in fitting:
+        if chosen.p_value < POOR_FIT and stop.pose not in fitting:
             yield Finding(
                 "note",
                 f"Pose {stop.pose}: the corners fit worse than they should (chi² "
@@ -191,7 +212,7 @@ def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
                 "poor_fit",
                 (Size("chi-squared per degree of freedom", best.chi_square / best.freedom),),
             )
-        if chosen.floor_p < _POOR_FLOOR and stop.pose not in standing:
+        if chosen.floor_p < POOR_FLOOR and stop.pose not in standing:
             yield Finding(
                 "warning",
                 f"Pose {stop.pose}: the robot does not stand on the floor as it should "

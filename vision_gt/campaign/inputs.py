@@ -14,7 +14,7 @@ from validation.systems import Progress, no_progress
 from vision_gt.images.files import CampaignImages, campaign_images, drive_cameras, images_below
 from vision_gt.images.jobs import BoardJob, Found, Job, MarkerJob, detect_all
 from vision_gt.images.markers import Detection
-from vision_gt.images.rejections import Rejection
+from vision_gt.images.rejections import Rejection, rejected
 from vision_gt.network.adjustment import KnownBody
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.camera_files import read_cameras
@@ -142,13 +142,9 @@ class VisionInputs:
         InputError
             For every bad image, and for images of one camera that differ in size.
         """
-        kind = self.settings.detector
         taken = list(self.board_images())
         found = detect_all(
-            [
-                BoardJob(path, camera, moment, self._boards_in(purpose, camera, moment), kind)
-                for purpose, camera, path, moment in taken
-            ],
+            [self.board_job(*one) for one in taken],
             self.workers,
             lambda share: self.progress("looking for boards", 0.45 * share),
         )
@@ -156,11 +152,11 @@ class VisionInputs:
         views: dict[str, list[BoardView]] = {}
         sizes: dict[str, dict[tuple[int, int], Path]] = {}
         for (purpose, camera, _, _), one in zip(taken, found, strict=True):
-            self._note(one, "the board")
+            self.note(one, "the board")
             sizes.setdefault(camera, {}).setdefault(one.size, one.path)
             views.setdefault(purpose, []).extend(one.boards)
             if not one.boards and not one.note:
-                self.oddities.append((self._shown(one.path), "the board was not found"))
+                self._odd(one.path, "the board was not found")
         _check_sizes(sizes)
         return views, {camera: next(iter(by_size)) for camera, by_size in sizes.items()}
 
@@ -182,11 +178,25 @@ class VisionInputs:
             yield "before", camera, images.before[camera], "before"
             yield "after", camera, images.after[camera], "after"
 
+    def image_of(self, purpose: str, view: BoardView) -> str:
+        """The image of a view, by its name relative to the campaign."""
+        below = {
+            "calibration": Path("calibration", view.camera),
+            "before": Path("steadiness", "before"),
+            "after": Path("steadiness", "after"),
+        }.get(purpose, Path(purpose))
+        return str(Path(self.settings.images) / below / view.source)
+
     @property
     def watched(self) -> tuple[str, ...]:
         """Cameras with an image of before and one of after."""
         images = self.images
         return tuple(n for n in self.names if n in images.before and n in images.after)
+
+    def board_job(self, purpose: str, camera: str, path: Path, moment: str) -> Job:
+        """How to look for boards in an image, by what `board_images` tells of it."""
+        boards = self._boards_in(purpose, camera, moment)
+        return BoardJob(path, camera, moment, boards, self.settings.detector)
 
     def _boards_in(self, purpose: str, camera: str, moment: str) -> list[tuple[int, Board]]:
         """Which boards an image may show, with their parts of the bar."""
@@ -255,8 +265,8 @@ class VisionInputs:
         """
         walk = self.walk
         stops = self.stop_images()
-        jobs = [self._marker_job(path, cameras[self.movie_camera]) for path in walk]
-        jobs += [self._marker_job(path, cameras[name]) for (name, _), path in stops.items()]
+        jobs = [self.marker_job(path, cameras[self.movie_camera]) for path in walk]
+        jobs += [self.marker_job(path, cameras[name]) for (name, _), path in stops.items()]
         found = detect_all(
             jobs,
             self.workers,
@@ -264,14 +274,14 @@ class VisionInputs:
         )
         _raise_faults(found)
         for one in found:
-            self._note(one, "the marker")
+            self.note(one, "the marker")
             for number in one.markers.duplicates:
                 self.oddities.append(
-                    (self._shown(one.path), f"marker {number} is seen twice; neither is used")
+                    (self.shown(one.path), f"marker {number} is seen twice; neither is used")
                 )
             for number in one.markers.strangers:
                 said = f"marker {number} is not in vision.markers.sides; it is not used"
-                self.oddities.append((self._shown(one.path), said))
+                self.oddities.append((self.shown(one.path), said))
         frames = [Frame(one.path.stem, one.markers.views) for one in found[: len(walk)]]
         return frames, dict(zip(stops, (one.markers for one in found[len(walk) :]), strict=True))
 
@@ -279,7 +289,7 @@ class VisionInputs:
         """Markers in the images of the stops with corners as OpenCV finds them."""
         stops = self.stop_images()
         jobs = [
-            self._marker_job(path, cameras[name], fitted=False) for (name, _), path in stops.items()
+            self.marker_job(path, cameras[name], fitted=False) for (name, _), path in stops.items()
         ]
         found = detect_all(jobs, self.workers)
         return dict(zip(stops, (one.markers for one in found), strict=True))
@@ -289,12 +299,13 @@ class VisionInputs:
         poses = self.images.poses
         return {(n, pose): path for n in self.names for pose, path in poses.get(n, {}).items()}
 
-    def _marker_job(self, path: Path, camera: Camera, *, fitted: bool = True) -> Job:
+    def marker_job(self, path: Path, camera: Camera | None, *, fitted: bool = True) -> Job:
+        """How to look for markers in an image."""
         markers = self.settings.markers
         family = Family(markers.family, markers.border)
         return MarkerJob(path, family, tuple(sides_of(self.settings)), camera, fitted)
 
-    def _note(self, found: Found, what: str) -> None:
+    def note(self, found: Found, what: str) -> None:
         """Remember what is odd about an image."""
         said = {
             "blank": "blank: nothing but noise (a covered lens, no light?)",
@@ -302,21 +313,29 @@ class VisionInputs:
             "mirrored",
         }
         if found.note:
-            self._odd_once(found.path, said.get(found.note, found.note), found.note)
+            what = said.get(found.note, found.note)
+            self._odd_once(found.path, what, found.note)
+            self.rejections.append((self.shown(found.path), rejected("image", what)))
         for remark in found.remarks:
             self._odd_once(found.path, remark, remark)
-        self.rejections.extend((self._shown(found.path), one) for one in found.rejected)
+        self.rejections.extend((self.shown(found.path), one) for one in found.rejected)
+
+    def _odd(self, path: Path, what: str) -> None:
+        """Remember that an image is not used, and why."""
+        self.oddities.append((self.shown(path), what))
+        self.rejections.append((self.shown(path), rejected("image", what)))
 
     def _odd_once(self, path: Path, what: str, kind: str) -> None:
         """Remember what is odd; once for each folder where it is the same in all its images."""
-        shown = self._shown(path)
+        shown = self.shown(path)
         same = any(
             text == what and Path(one).parent == Path(shown).parent for one, text in self.oddities
         )
         if not same or kind == "blank":
             self.oddities.append((shown, what))
 
-    def _shown(self, path: Path) -> str:
+    def shown(self, path: Path) -> str:
+        """A file by its name relative to the campaign."""
         return str(path.relative_to(self.campaign.folder))
 
 

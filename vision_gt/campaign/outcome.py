@@ -87,6 +87,8 @@ class VisionOutcome:
         What is wrong, and what was thought of; None where it could not be looked for.
     reference_turn : ReferenceTurn or None
         How the reference pattern lies, where it is not as stated.
+    boards : mapping of str to sequence of BoardView
+        All views of boards by what their image was taken for.
     """
 
     settings: VisionSettings
@@ -104,3 +106,4 @@ class VisionOutcome:
     rejections: Sequence[tuple[str, Rejection]] = ()
     diagnosis: Diagnosis | None = field(default=None, repr=False)
     reference_turn: ReferenceTurn | None = None
+    boards: Mapping[str, Sequence[BoardView]] = field(default_factory=dict, repr=False)

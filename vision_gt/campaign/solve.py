@@ -1,6 +1,6 @@
 """From data to outcome: everything that the vision system does with a campaign, in order."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -27,9 +27,11 @@ from vision_gt.causes.evidence import Seen
 from vision_gt.causes.reference import ReferenceTurn, reference_turn
 from vision_gt.images.files import Image, counting, read_image
 from vision_gt.images.markers import Detection
+from vision_gt.images.rejections import Rejection, hull, rejected
 from vision_gt.least_squares.adjustment import NotDeterminedError
 from vision_gt.network.adjustment import Bar, Network
 from vision_gt.network.intrinsics import Calibration, calibrate
+from vision_gt.network.left_out import left_out_views
 from vision_gt.network.solution import NetworkInput, NetworkSolution, solve_network
 from vision_gt.network.steadiness import Steadiness, board_move, image_move
 from vision_gt.optics.camera import Camera
@@ -103,10 +105,23 @@ def solve_campaign(
         printed_detections(campaign, given.settings),
         {name: _example(given, name, found) for name, found in calibrations.items()},
         campaign_checks(campaign, given.settings, solution.network, validation, workers),
-        tuple(given.rejections),
+        (*given.rejections, *_left_out(given, boards, calibrations, solution)),
         _diagnosis(seen),
         _reference_turn(given, stops, validation),
+        boards,
     )
+
+
+def _left_out(
+    given: VisionInputs,
+    boards: BoardViews,
+    calibrations: Mapping[str, Calibration],
+    solution: NetworkSolution,
+) -> Iterator[tuple[str, Rejection]]:
+    """Boards that took no part, by their images."""
+    for purpose, view, why in left_out_views(boards, calibrations, solution):
+        number = None if purpose == "calibration" else view.part + 1
+        yield given.image_of(purpose, view), rejected("board", why, number, hull(view.pixels))
 
 
 def _diagnosis(seen: Seen) -> Diagnosis | None:

@@ -19,6 +19,7 @@ from validation.commands.options import (
 from validation.commands.solve import CampaignGroup, solve_command
 
 if TYPE_CHECKING:
+    from vision_gt.commands.looking import Drawn
     from vision_gt.patterns.boards import Board
 
 MERGE_CAMERAS = click.option(
@@ -276,6 +277,31 @@ def check_displacement(
 
 @vision.command()
 @CAMPAIGN
+@click.option("--stop", "stops", multiple=True, help="A stop; may be given several times.")
+@click.option("--camera", "cameras", multiple=True, help="A camera; the same.")
+@click.option("--image", "images", type=PATH, multiple=True, help="One image, a frame too.")
+@click.option("--all", "everything", is_flag=True, help="Also boards that were used, and the walk.")
+@click.option("--output", type=PATH, help="Folder for the pictures; CAMPAIGN/results/vision.")
+@WORKERS
+@AS_JSON
+def look(
+    campaign: Path, *, output: Path | None, workers: int | None, as_json: bool, **choice: Any
+) -> None:
+    """Draw what the cameras saw: outlines found and expected, and what was not used, and why.
+
+    Every stop, and each image of boards that was left out, as a JPEG file. Markers and boards are
+    expected where the results of `gtval run` have them; without results what is found is drawn.
+    """
+    from validation.campaign.folder import load_campaign
+    from vision_gt.commands.looking import looks_drawn
+
+    with progress_bar("images") as report:
+        drawn = looks_drawn(load_campaign(campaign), output, workers, report, **choice)
+    _told(drawn, as_json=as_json)
+
+
+@vision.command()
+@CAMPAIGN
 @AS_JSON
 @FIGURE
 @STRICT
@@ -344,6 +370,19 @@ def _write(folder: Path, files: "dict[str, str | bytes]", *, as_json: bool) -> N
         return
     for path in written:
         click.echo(f"Written: {path}")
+
+
+def _told(drawn: "Drawn", *, as_json: bool) -> None:
+    """Say which pictures were drawn."""
+    from validation.report.terminal import print_json, print_table
+
+    if as_json:
+        print_json(drawn.facts)
+        return
+    print_table(drawn.table)
+    for line in drawn.remarks:
+        click.echo(line)
+    click.echo(f"Pictures: {drawn.folder}")
 
 
 COMMANDS: list[click.Command] = [vision]

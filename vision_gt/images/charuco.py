@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from validation.poses.angles import Array
 from vision_gt.images.reading import read_codes
+from vision_gt.images.rejections import hull
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
 
@@ -204,8 +205,7 @@ def _best_layout(markers: _Markers, board: Board) -> OtherBoard | None:
 
 
 def _outline(markers: _Markers) -> Array:
-    hull = cv2.convexHull(markers.outlines.reshape(-1, 2).astype(np.float32))
-    return np.asarray(hull, dtype=float).reshape(-1, 2)
+    return hull(markers.outlines.reshape(-1, 2))
 
 
 def _smallest(name: str, highest: int) -> str:
