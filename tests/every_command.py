@@ -48,6 +48,7 @@ USES = {
     "vision check-table": "{vision} --workers 1",
     "sync": "{files}/camera.csv {files}/motion.tum",
     "vision convert-camera": "{vision}/truth/camera_1.yaml {out}.yaml --format ros",
+    "vision look": "{vision} --stop 1 --workers 1 --output {out}",
     "vision plan": "{files}/hall",
     "vision print-patterns": "{out} --campaign {vision} --svg",
     "vision solve": "{vision} --workers 1 --dry-run",

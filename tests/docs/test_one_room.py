@@ -29,6 +29,7 @@ INDOOR = {
     "vision check-displacement": "{room}/truth/camera_1.yaml "
     "{room}/vision/displacement/1/first.png {room}/vision/displacement/1/second.png 0.6 {board}",
     "vision convert-camera": "{room}/truth/camera_1.yaml {room}/camera.yaml --format ros",
+    "vision look": "{room} --workers 2",
     "vision plan": "{room}",
     "vision print-patterns": "{room}/patterns --campaign {room}",
     "vision solve": "{room} --workers 2 --dry-run",

@@ -1,11 +1,11 @@
 """Looks drawn on their images: whole, with a part of them enlarged, and small for a report."""
 
+import io
 import textwrap
 from collections.abc import Sequence
 from string import ascii_lowercase
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -23,15 +23,17 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 16.0, 6.6
 """Inches of a picture's images; at 100 dots an inch they are about as large as a screen."""
 DOTS_PER_INCH = 100
-_LINE, _LETTERS = 0.24, 150
+_LINE, _LETTERS = 0.24, 220
 """Inches of a line of text, and its length."""
 FOUND, EXPECTED, LEFT = COLOURS[5], COLOURS[4], COLOURS[3]
 _MARGIN, _LEAST, _WHOLE = 0.25, 60.0, 0.6
 """Around what is enlarged, as a share of it; pixels that are shown at least; share of the image's
 width from which on the whole image is enough. A judgement."""
+_FAR = 3.0
+"""Pixels between found and expected from which on it is said, and seen. A judgement."""
 _SMALL_WIDTH = 5.6
-_SMALL_PIXELS = 360
-"""Of a thumbnail: as wide as it is shown in a report of 7 inches."""
+_SMALL_DOTS = 160
+"""Of thumbnails an inch: they are read on a screen of many dots."""
 _EDGE = [withStroke(linewidth=2.5, foreground="black")]
 """Lines and letters are read on black and on white."""
 
@@ -58,6 +60,8 @@ def picture(look: Look, image: Image) -> Figure:
         axes = figure.add_axes((share * place + 0.005, bottom, share - 0.01, top - bottom))
         _draw(axes, look, image, part, letters, named=part is not None or box is None)
         if part is None and box is not None:
+            _name_outside(axes, look.rejections, letters, box)
+        if part is None and box is not None:
             x, y, dx, dy = box
             frame = np.array([[x, y], [x + dx, y], [x + dx, y + dy], [x, y + dy], [x, y]])
             axes.plot(*frame.T, "-", color="white", linewidth=0.8, path_effects=_EDGE)
@@ -82,16 +86,27 @@ def _key() -> list[Line2D]:
 
 
 def small_pictures(looks: Sequence[Look], images: Sequence[Image]) -> Figure:
-    """The enlarged parts of some images, two in a row."""
+    """The enlarged parts of some images, two in a row.
+
+    The figure is one image, as thousands of corners and lines take more bytes.
+    """
     rows = -(-len(looks) // 2)
     figure = Figure(figsize=(_SMALL_WIDTH, 2.35 * rows), layout="constrained")
     grid = figure.subplots(rows, 2, squeeze=False).ravel()
     for axes, look, image in zip(grid, looks, images, strict=False):
-        _draw(axes, look, image, _part(look, image), {}, named=True, most=_SMALL_PIXELS)
+        _draw(axes, look, image, _part(look, image), {}, named=True, cross=2.0)
         axes.set_title(textwrap.shorten(look.title, 48), fontsize=7)
     for axes in grid[len(looks) :]:
         axes.set_axis_off()
-    return figure
+    stream = io.BytesIO()
+    figure.savefig(stream, format="raw", dpi=_SMALL_DOTS)
+    across, down = figure.get_size_inches()
+    pixels = np.frombuffer(stream.getvalue(), np.uint8).reshape(round(down * _SMALL_DOTS), -1, 4)
+    flat = Figure(figsize=(across, down))
+    whole = flat.add_axes((0, 0, 1, 1))
+    whole.imshow(pixels[..., :3], interpolation="none", aspect="auto")
+    whole.set_axis_off()
+    return flat
 
 
 def _letters(rejections: Sequence[Rejection]) -> dict[str, str]:
@@ -103,15 +118,12 @@ def _letters(rejections: Sequence[Rejection]) -> dict[str, str]:
 def _lines(look: Look, letters: dict[str, str]) -> list[str]:
     """What is said below the images."""
     said = [] if look.verdict in letters else [look.verdict]
-    said += [
-        f"{outline.name}: {outline.off:.2f} px from where it is expected"
-        for outline in look.outlines
-        if outline.off > 1.0
-    ]
+    far = [f"{one.name} by {one.off:.0f} px" for one in look.outlines if one.off > _FAR]
+    said += [f"Not where expected: {', '.join(far)}"] * bool(far)
     for one in look.rejections:
         if one.kind == "image" and one.reason not in look.verdict:
             said.append(one.reason)
-    lines = textwrap.wrap("; ".join(said), _LETTERS)
+    lines = textwrap.wrap(". ".join(said), _LETTERS)
     for reason, letter in letters.items():
         some = [one for one in look.rejections if one.reason == reason]
         named = ", ".join(f"{one.number}" for one in some if one.number is not None)
@@ -135,7 +147,7 @@ def _part(look: Look, image: Image) -> tuple[float, float, float, float] | None:
     span = np.array([max(span[0], shape * span[1]), max(span[1], span[0] / shape)])
     if span[0] > _WHOLE * width or span[1] > _WHOLE * width / shape:
         return None
-    x, y = (low + high - span) / 2
+    x, y = np.clip((low + high - span) / 2, -0.5, [width - 0.5, height - 0.5] - span)
     return float(x), float(y), float(span[0]), float(span[1])
 
 
@@ -147,11 +159,11 @@ def _draw(
     letters: dict[str, str],
     *,
     named: bool,
-    most: int = 0,
+    cross: float = 5.0,
 ) -> None:
     """An image, or a part of it, with outlines; named ones have their words beside them.
 
-    The image is made smaller, where it has more than ``most`` pixels in a row.
+    Corners are crosses of ``cross`` points.
     """
     height, width = image.shape
     x, y, dx, dy = part or (-0.5, -0.5, float(width), float(height))
@@ -160,13 +172,9 @@ def _draw(
     shown = image[upper:lower, left:right]
     extent = (left - 0.5, right - 0.5, lower - 0.5, upper - 0.5)
     how = "nearest" if part else "antialiased"
-    if most:
-        less = min(most / shown.shape[1], 1.0)
-        small = cv2.resize(shown, None, fx=less, fy=less, interpolation=cv2.INTER_AREA)
-        shown, how = np.asarray(small, dtype=np.uint8), "none"
     axes.imshow(shown, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation=how)
     for outline in look.outlines:
-        _draw_outline(axes, outline, named=named)
+        _draw_outline(axes, outline, cross, named=named)
     for one in look.rejections:
         _draw_rejection(axes, one, letters.get(one.reason, ""), named=named)
     axes.set_xlim(x, x + dx)
@@ -176,20 +184,23 @@ def _draw(
     axes.set_yticks([])
 
 
-def _draw_outline(axes: "Axes", outline: Outline, *, named: bool) -> None:
-    if len(outline.expected):
-        axes.plot(*outline.expected.T, "--", color=EXPECTED, linewidth=1.3, path_effects=_EDGE)
+def _draw_outline(axes: "Axes", outline: Outline, cross: float, *, named: bool) -> None:
     if len(outline.found):
         ring = np.concatenate([outline.found, outline.found[:1]])
         axes.plot(*ring.T, "-", color=FOUND, linewidth=1.0, path_effects=_EDGE)
     if len(outline.corners):
-        axes.plot(*outline.corners.T, "+", color=FOUND, markersize=5, markeredgewidth=1.0)
+        axes.plot(*outline.corners.T, "+", color=FOUND, markersize=cross, markeredgewidth=cross / 5)
+    if len(outline.expected):
+        axes.plot(*outline.expected.T, "--", color=EXPECTED, linewidth=1.1)
+        if outline.off > _FAR and named:
+            top = outline.expected[np.argmin(outline.expected[:, 1])]
+            _say(axes, f"{outline.name} expected", top)
     shape = next((a for a in (outline.found, outline.expected, outline.corners) if len(a)), None)
     if shape is None or not named:
         return
     seen = len(outline.found) or len(outline.corners)
     words = outline.name if seen else f"{outline.name}: not read"
-    _say(axes, words, shape[np.argmin(shape[:, 1])], FOUND if seen else EXPECTED)
+    _say(axes, words, shape[np.argmin(shape[:, 1])])
 
 
 def _draw_rejection(axes: "Axes", one: Rejection, letter: str, *, named: bool) -> None:
@@ -201,10 +212,24 @@ def _draw_rejection(axes: "Axes", one: Rejection, letter: str, *, named: bool) -
         ring = np.concatenate([one.outline, one.outline[:1]])
         axes.plot(*ring.T, ":", color=LEFT, linewidth=1.3, path_effects=_EDGE)
     if letter and named:
-        _say(axes, letter, one.outline[np.argmax(one.outline[:, 1])], "white", below=True)
+        _say(axes, letter, one.outline[np.argmax(one.outline[:, 1])], below=True)
 
 
-def _say(axes: "Axes", words: str, place: Array, colour: str, *, below: bool = False) -> None:
+def _name_outside(
+    axes: "Axes",
+    rejections: Sequence[Rejection],
+    letters: dict[str, str],
+    box: tuple[float, float, float, float],
+) -> None:
+    """Letters of what is not in the part that is enlarged."""
+    low, span = np.array(box[:2]), np.array(box[2:])
+    for one in rejections:
+        letter = letters.get(one.reason, "")
+        if letter and ((one.place < low) | (one.place > low + span)).any():
+            _say(axes, letter, one.outline[np.argmax(one.outline[:, 1])], below=True)
+
+
+def _say(axes: "Axes", words: str, place: Array, *, below: bool = False) -> None:
     axes.annotate(
         words,
         (float(place[0]), float(place[1])),
@@ -213,8 +238,7 @@ def _say(axes: "Axes", words: str, place: Array, colour: str, *, below: bool = F
         ha="center",
         va="top" if below else "bottom",
         fontsize=8,
-        color=colour,
+        color="white",
         path_effects=_EDGE,
         annotation_clip=True,
-        clip_on=True,
     )

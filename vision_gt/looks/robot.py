@@ -136,11 +136,11 @@ def stop_verdict(
     if own.ambiguous or not sure:
         why = "ambiguous: two poses fit alike, so this one is not used"
         return (why if own.ambiguous else "no sure pose"), not sure
-    said = ["not used: another camera knows the pose better"]
-    said.append(f"{MM * own.apart:.0f} mm from that one's")
+    said = "not used: another camera knows the pose better. The two are"
+    said += f" {MM * own.apart:.1f} mm apart"
     if own.apart_p < POOR_FIT:
-        said.append("which does not fit (outlines are expected by the pose that is used)")
-    return ", ".join(said), own.apart_p < POOR_FIT
+        said += ", which does not fit (outlines are expected by the pose that is used)"
+    return said, own.apart_p < POOR_FIT
 
 
 def _used(own: StopView) -> tuple[str, bool]:
