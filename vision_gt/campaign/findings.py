@@ -9,6 +9,7 @@ from validation.results import Finding, Severity, Size
 from vision_gt.campaign.inputs import placed
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.causes.telling import cause_finding, noise_finding, turned_finding
+from vision_gt.network.exchanged import Exchange
 from vision_gt.network.verdict import calibration_verdict
 from vision_gt.optics.transforms import change_between
 from vision_gt.robot.robot_pose import RobotPose
@@ -252,16 +253,19 @@ def _calibrations(outcome: VisionOutcome) -> Iterator[Finding]:
 def _network(outcome: VisionOutcome) -> Iterator[Finding]:
     """Snapshots that do not agree, and the bar."""
     solution = outcome.network
+    yield from (_exchanged(one) for one in solution.exchanged)
+    mixed = {(*one.cameras, snapshot) for one in solution.exchanged for snapshot in one.snapshots}
     for link in solution.links:
-        if link.outliers:
+        apart = [s for s in link.outliers if (link.first, link.second, s) not in mixed]
+        if apart:
             yield Finding(
                 "warning",
-                f"Cameras {link.first} and {link.second}: snapshots {_listed(list(link.outliers))} "
-                "do not agree with the others and are left out. The files may be exchanged, or the "
-                "bar moved between the two exposures.",
+                f"Cameras {link.first} and {link.second}: snapshots {_listed(apart)} "
+                "do not agree with the others and are left out. No exchange of files makes them "
+                "agree: did the bar move between the two exposures, or is a board covered?",
                 f"cameras {link.first}-{link.second}",
                 "snapshot_outliers",
-                (Size("snapshots left out", len(link.outliers), "images"),),
+                (Size("snapshots left out", len(apart), "images"),),
             )
     if solution.bar_outliers:
         yield Finding(
@@ -311,6 +315,26 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
                 Size("turned", float(np.linalg.norm(off[3:])), "rad"),
             ),
         )
+
+
+def _exchanged(one: Exchange) -> Finding:
+    """Images of the network under wrong names."""
+    first, second = one.cameras
+    if one.of_cameras:
+        a, b = one.partners[0]
+        what = (
+            f"The images {a} and {b} of cameras {first} and {second} are exchanged: each is the "
+            "other camera's. They are left out. Exchange their file names."
+        )
+    else:
+        pairs = "; ".join(f"{a} with {b}" for a, b in one.partners)
+        what = (
+            f"Images of cameras {first} and {second} are under wrong numbers: these show the same "
+            f"moment: {pairs}. They are left out. Name them so that both have the same number."
+        )
+    subject = f"cameras {first}-{second}"
+    size = Size("snapshots left out", len(one.snapshots), "images")
+    return Finding("warning", what, subject, "snapshots_exchanged", (size,))
 
 
 def _layout(outcome: VisionOutcome) -> Iterator[Finding]:

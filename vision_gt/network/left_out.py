@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from vision_gt.network.exchanged import Exchange
 from vision_gt.network.intrinsics import Calibration
 from vision_gt.network.solution import NetworkSolution
 from vision_gt.patterns.board_views import BoardView
 
 _OUTLIER = "left out of the calibration: its corners fit worse than those of the other images"
 _APART = "left out: it does not agree with the other snapshots of cameras {} and {}"
+_MIXED = "left out: under a wrong name; {}"
 _BAR = "left out: its two boards do not fit the bar"
 _SINGLE = "only one of the bar's two boards was found: it says nothing about the bar"
 _ALONE = "not used: the other camera does not show the bar at the same moment, or there is no pose"
@@ -35,17 +37,29 @@ def left_out_views(
     if solution is None:
         return
     for view in boards.get("network", ()):
-        apart = [
-            link
-            for link in solution.links
-            if view.camera in {link.first, link.second} and view.body in link.outliers
-        ]
-        if apart:
-            yield "network", view, _APART.format(apart[0].first, apart[0].second)
-        elif view.source in solution.unused:
-            yield "network", view, _ALONE
+        why = _why_apart(view, solution)
+        if why:
+            yield "network", view, why
     for view in boards.get("bar", ()):
         reasons = ((solution.bar_outliers, _BAR), (solution.bar_single, _SINGLE))
         for names, reason in reasons:
             if view.source in names:
                 yield "bar", view, reason
+
+
+def _why_apart(view: BoardView, solution: NetworkSolution) -> str:
+    """Why a view of a snapshot is not used; '' where it is."""
+    for mixed in solution.exchanged:
+        if view.camera in mixed.cameras and view.body in mixed.snapshots:
+            return _MIXED.format(_pairs(mixed))
+    for link in solution.links:
+        if view.camera in {link.first, link.second} and view.body in link.outliers:
+            return _APART.format(link.first, link.second)
+    return _ALONE if view.source in solution.unused else ""
+
+
+def _pairs(one: Exchange) -> str:
+    """What an exchange is, in words."""
+    if one.of_cameras:
+        return f"each of {' and '.join(one.partners[0])} is the other camera's"
+    return "; ".join(f"{a} and {b} show the same moment" for a, b in one.partners)

@@ -19,6 +19,7 @@ from vision_gt.network.chain import (
     chain_cameras,
     pair_links,
 )
+from vision_gt.network.exchanged import Exchange, exchanged_snapshots, why_not_linked
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.planar_pose import planar_solutions
 from vision_gt.optics.transforms import angle_between, composition_jacobians
@@ -91,6 +92,8 @@ class NetworkSolution:
         gives no pose.
     left_out : tuple of BoardView
         Both boards of the images that do not fit the bar.
+    exchanged : tuple of Exchange
+        Snapshots that were left out, and agree under other names.
     """
 
     network: Network
@@ -102,6 +105,7 @@ class NetworkSolution:
     bar_single: tuple[str, ...] = field(default=())
     unused: tuple[str, ...] = field(default=())
     left_out: tuple[BoardView, ...] = field(default=(), repr=False)
+    exchanged: tuple[Exchange, ...] = field(default=())
 
 
 def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution:
@@ -127,7 +131,8 @@ def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution
     poses = bar_poses(given.snapshots, given.cameras, given.bar.patterns)
     links = pair_links(poses)
     root = reference[0].camera
-    chain = chain_cameras(names, links, root)
+    snapped = (given.snapshots, given.cameras, given.bar.patterns)
+    chain = chain_cameras(names, links, root, lambda: why_not_linked(*snapped))
     T_gtv_root = _reference_camera(reference[0], given)
     T_gtv_camera = {name: T_gtv_root * chain.T_reference_camera[name] for name in names}
     averaged = _averaged(given, links, chain, T_gtv_camera)
@@ -147,8 +152,9 @@ def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution
     unused = _unused(given, network, [name for link in links for name in link.outliers])
     unused = tuple(name for name in unused if name not in {*left, *single})
     misfits = tuple(v for v in given.both if (v.source or v.body) in left)
+    mixed = exchanged_snapshots(*snapped, links)
     return NetworkSolution(
-        network, averaged, tuple(links), chain, root, left, single, unused, misfits
+        network, averaged, tuple(links), chain, root, left, single, unused, misfits, tuple(mixed)
     )
 
 

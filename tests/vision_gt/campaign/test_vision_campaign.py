@@ -284,7 +284,8 @@ def test_blank_and_mirrored_images_and_swapped_pairs_are_findings(campaign):
     assert "mirror" in images
     assert doubled.name in images
     assert f"marker {number} is seen twice" in images
-    assert "1-2-2" in said["snapshot_outliers"]
+    assert "1-2-2.png and 2-1-2.png" in said["snapshots_exchanged"]
+    assert "snapshot_outliers" not in said
 
 
 def test_a_mirrored_board_is_told_from_one_that_is_not_there(rendered, tmp_path):

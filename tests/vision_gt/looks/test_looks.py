@@ -127,7 +127,7 @@ def test_thumbnails_of_many_images_stay_small(looks, rendered):
     assert 4 * len(inline_svg(figures[0], "one")) < MEGABYTE
 
 
-def test_results_give_the_same_looks_as_the_run(campaign, outcome, looks, tmp_path):
+def test_results_give_the_same_looks_as_the_run(campaign, outcome, looks):
     write_files(campaign / "results", vision_files(outcome))
     looking = Looking(load_campaign(campaign), 1)
     again = looking.looks((), (), (), everything=False)
@@ -178,7 +178,7 @@ def test_a_look_is_a_file_that_can_be_read(looks, rendered, tmp_path):
     assert cv2.imread(str(path)) is not None
 
 
-def test_a_frame_by_itself_needs_no_network(outcome, rendered):
+def test_a_frame_by_itself_needs_no_network(outcome):
     known = replace(known_of(outcome), network=None)
     key = next(key for key in outcome.detections if len(outcome.detections[key].views) > 1)
     look = single_look("vision/drive/1/2.png", key[0], outcome.detections[key], known)
