@@ -35,7 +35,7 @@ _LENSES = (
     "or their folders of calibration images"
 )
 _APART = (
-    "the snapshots of cameras {0} and {1} are numbered apart: add {2} to the numbers of camera {0}"
+    "the snapshots of cameras {0} and {1} are numbered apart: those of camera {0} are {2} too {3}"
 )
 _LEAST_CORNERS = 12
 """Of a board whose misfit says something about the lens."""
@@ -202,8 +202,8 @@ def why_not_linked(
         for one, other, turned in _lenses_exchanged(cameras)
     ]
     tried += [
-        (count, _APART.format(first, second, shift))
-        for first, second, shift, count in _shifted(poses)
+        (as_is + more, _APART.format(first, second, abs(shift), "low" if shift > 0 else "high"))
+        for first, second, shift, more in _shifted(poses)
     ]
     count, said = max(tried, key=lambda one: one[0], default=(0, ""))
     if count < as_is + _LEAST_MORE:
@@ -229,19 +229,20 @@ def _agreeing(poses: Sequence[BoardPose]) -> int:
 
 
 def _shifted(poses: Sequence[BoardPose]) -> Iterator[tuple[str, str, int, int]]:
-    """Pairs of cameras, what is added to the first one's numbers, and snapshots that agree then."""
+    """Pairs of cameras, what is added to the first one's numbers, and how many more agree then."""
     by_pair: dict[tuple[str, str], dict[tuple[str, int], BoardPose]] = {}
     for (camera, snapshot), pose in best_seen(poses).items():
         one, other, number = snapshot.rsplit("-", 2) if snapshot.count("-") == 2 else ("", "", "")
         if number.isdigit():
             by_pair.setdefault((one, other), {})[camera, int(number)] = pose
     for (first, second), some in by_pair.items():
+        as_is = _agreeing(list(some.values()))
         for shift in (s for s in range(-_MOST_SHIFT, _MOST_SHIFT + 1) if s):
             moved = [
                 replace(pose, snapshot=f"{number + shift * (camera == first)}")
                 for (camera, number), pose in some.items()
             ]
-            yield first, second, shift, _agreeing(moved)
+            yield first, second, shift, _agreeing(moved) - as_is
 
 
 def _misfits(views: Sequence[BoardView], cameras: Sequence[Camera]) -> dict[str, float]:

@@ -114,10 +114,10 @@ def test_a_network_that_is_not_linked_says_whose_lens_is_wrong(lenses, said):
 
 
 def test_numbers_that_run_apart_are_said():
-    """Camera 1 missed a frame: its files have the numbers of the moment before."""
+    """Camera 1 took a frame too many: its files have the numbers of the moment after."""
     row = row_of(33, CHARUCO, 12)
     apart = [
-        replace(v, body=f"1-2-{int(v.body.split('-')[2]) - 1}")
+        replace(v, body=f"1-2-{int(v.body.split('-')[2]) + 1}")
         if v.camera == "1" and v.body.startswith("1-2")
         else v
         for v in row.snapshots
@@ -125,7 +125,7 @@ def test_numbers_that_run_apart_are_said():
     patterns = Bar(row.nominal_bar, np.zeros(6)).patterns
     said = why_not_linked(apart, row.cameras, patterns)
     assert said.startswith(
-        "the snapshots of cameras 1 and 2 are numbered apart: add 1 to the numbers of camera 1"
+        "the snapshots of cameras 1 and 2 are numbered apart: those of camera 1 are 1 too high"
     )
     right = why_not_linked(row.snapshots, row.cameras, patterns)
     assert right == ""
