@@ -1,19 +1,22 @@
 """What a person should read about the vision system's results."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy.stats import chi2
 
 from validation.results import Finding, Severity, Size
-from vision_gt.campaign.inputs import placed
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.causes.telling import cause_finding, noise_finding, turned_finding
 from vision_gt.network.exchanged import Exchange
+from vision_gt.network.intrinsics import Calibration
+from vision_gt.network.solution import NetworkSolution
 from vision_gt.network.verdict import calibration_verdict
 from vision_gt.optics.transforms import change_between
 from vision_gt.robot.robot_pose import RobotPose
 from vision_gt.settings import VisionSettings
+from vision_gt.stages.inputs import placed
+from vision_gt.stages.lacks import Lack
 
 SUBJECT = "vision"
 POOR_FIT, POOR_FLOOR = 1e-4, 1e-3
@@ -45,16 +48,23 @@ def vision_findings(outcome: VisionOutcome, surveyed: Sequence[str] = ()) -> lis
         *_assumed(outcome.settings),
         *_poses(outcome),
         *_not_fitting(outcome),
-        *_calibrations(outcome),
-        *_network(outcome),
+        *calibration_findings(outcome.calibrations),
+        *network_findings(outcome.network, named=_names_bar(outcome)),
         *_layout(outcome),
         *_steadiness(outcome),
         *outcome.checks.findings,
-        *_oddities(outcome),
+        *oddity_findings(outcome.oddities),
     ]
     if any(one.code != "corner_noise" for one in causes):
         others = _with_symptoms_gathered(others)
-    return [*_coverage(outcome, surveyed), *causes, *others]
+    lacks = lack_findings(outcome.lacks, "warning")
+    return [*_coverage(outcome, surveyed), *lacks, *causes, *others]
+
+
+def lack_findings(lacks: Sequence[Lack], severity: Severity) -> Iterator[Finding]:
+    """What could not be solved; a note where it costs no pose."""
+    for one in dict.fromkeys(lacks):
+        yield Finding(severity if one.costs_poses else "note", one.text, one.part, "part_missing")
 
 
 def _with_symptoms_gathered(findings: Sequence[Finding]) -> list[Finding]:
@@ -85,7 +95,11 @@ def _coverage(outcome: VisionOutcome, surveyed: Sequence[str]) -> Iterator[Findi
     missing = [stop.pose for stop in outcome.stops if stop.chosen is None]
     seen = {pose for (_, pose), found in outcome.detections.items() if found.views}
     text = f"{len(known)} of the {len(outcome.stops)} stops with images have a vision pose."
-    blind = [pose for pose in missing if pose not in seen]
+    looked = {pose for _, pose in outcome.detections}
+    unplaced = [pose for pose in missing if pose not in looked]
+    if unplaced:
+        text += f" Only cameras that could not be placed see {_listed(unplaced)}."
+    blind = [pose for pose in missing if pose in looked and pose not in seen]
     if blind:
         text += f" No marker was found in the images of {_listed(blind)}."
     unsolved = [pose for pose in missing if pose in seen]
@@ -225,9 +239,9 @@ def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
             )
 
 
-def _calibrations(outcome: VisionOutcome) -> Iterator[Finding]:
+def calibration_findings(calibrations: Mapping[str, Calibration]) -> Iterator[Finding]:
     """Calibration images: outliers, and what they leave open."""
-    for name, calibration in outcome.calibrations.items():
+    for name, calibration in calibrations.items():
         subject = f"camera {name}"
         if calibration.outliers:
             yield Finding(
@@ -250,9 +264,14 @@ def _calibrations(outcome: VisionOutcome) -> Iterator[Finding]:
             yield Finding("warning", text, subject, code, size)
 
 
-def _network(outcome: VisionOutcome) -> Iterator[Finding]:
-    """Snapshots that do not agree, and the bar."""
-    solution = outcome.network
+def _names_bar(outcome: VisionOutcome) -> bool:
+    """Whether the bar is what is found to be wrong."""
+    told = outcome.diagnosis.cause if outcome.diagnosis is not None else None
+    return told is not None and "bar" in told.effect.kind
+
+
+def network_findings(solution: NetworkSolution, *, named: bool = False) -> Iterator[Finding]:
+    """Snapshots that do not agree, and the bar; unless it is named already, as what is wrong."""
     yield from (_exchanged(one) for one in solution.exchanged)
     mixed = {(*one.cameras, snapshot) for one in solution.exchanged for snapshot in one.snapshots}
     for link in solution.links:
@@ -297,8 +316,6 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
             (Size("images not used", len(solution.unused), "images"),),
         )
     network = solution.network
-    told = outcome.diagnosis.cause if outcome.diagnosis is not None else None
-    named = told is not None and "bar" in told.effect.kind
     if network.bar_covariance.any() and network is not solution.averaged and not named:
         built = solution.averaged.bar
         off = change_between(network.bar, built)
@@ -388,10 +405,10 @@ def _steadiness(outcome: VisionOutcome) -> Iterator[Finding]:
         yield Finding("good", f"Cameras that did not move: {_listed(steady)}.", SUBJECT, "steady")
 
 
-def _oddities(outcome: VisionOutcome) -> Iterator[Finding]:
+def oddity_findings(oddities: Sequence[tuple[str, str]]) -> Iterator[Finding]:
     """Images with something odd about them, by what it is."""
     kinds: dict[str, list[str]] = {}
-    for image, what in outcome.oddities:
+    for image, what in oddities:
         kinds.setdefault(what, []).append(image)
     for what, images in kinds.items():
         count = Size("images", len(images), "images")

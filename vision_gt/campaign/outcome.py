@@ -20,6 +20,7 @@ from vision_gt.patterns.board_views import BoardView
 from vision_gt.robot.layout import LayoutFit
 from vision_gt.robot.robot_pose import RobotPose
 from vision_gt.settings import VisionSettings
+from vision_gt.stages.lacks import Lack
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,8 @@ class VisionOutcome:
         How the reference pattern lies, where it is not as stated.
     boards : mapping of str to sequence of BoardView
         All views of boards by what their image was taken for.
+    lacks : tuple of Lack
+        What could not be solved, or only in another way.
     """
 
     settings: VisionSettings
@@ -107,3 +110,4 @@ class VisionOutcome:
     diagnosis: Diagnosis | None = field(default=None, repr=False)
     reference_turn: ReferenceTurn | None = None
     boards: Mapping[str, Sequence[BoardView]] = field(default_factory=dict, repr=False)
+    lacks: tuple[Lack, ...] = ()

@@ -17,7 +17,6 @@ from validation.results import Table, TableColumn
 from validation.systems import Progress, no_progress
 from validation.text_files.csv_tables import Column, read_csv
 from validation.text_files.writing import write_files
-from vision_gt.campaign.inputs import DRIVE, VisionInputs, placed
 from vision_gt.campaign.result_files import PLACED
 from vision_gt.commands.checks import read_network
 from vision_gt.images.files import campaign_images
@@ -34,6 +33,7 @@ from vision_gt.patterns.dictionaries import Family
 from vision_gt.robot.marker_poses import Layout
 from vision_gt.robot.robot_pose import Floor
 from vision_gt.settings import VisionSettings
+from vision_gt.stages.inputs import DRIVE, VisionInputs, placed
 
 _FEW = 8
 """Pictures below which one process draws them all: others take a second each to start."""

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from scipy.spatial.transform import RigidTransform
 
-from vision_gt.campaign.inputs import VisionInputs
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.images.rejections import Rejection
 from vision_gt.looks.boards import board_looks
@@ -13,6 +12,7 @@ from vision_gt.looks.robot import stop_looks, stop_views
 from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.robot.robot_pose import Floor
+from vision_gt.stages.inputs import VisionInputs
 
 
 def looks_of(outcome: VisionOutcome, given: VisionInputs) -> Iterator[Look]:

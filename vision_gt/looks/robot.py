@@ -12,9 +12,7 @@ from vision_gt.images.files import counting
 from vision_gt.images.markers import Detection
 from vision_gt.images.rejections import Rejection
 from vision_gt.looks.look import Known, Look, marker_outlines
-from vision_gt.network.adjustment import Network
-from vision_gt.optics.camera import Camera
-from vision_gt.robot.robot_pose import RobotPose, Sighting, robot_pose
+from vision_gt.robot.alone import pose_in_camera
 
 MM = 1e3
 
@@ -173,30 +171,11 @@ def single_look(
         What is said of the whole image.
     """
     taken_by = known.cameras.get(camera)
-    pose = None if taken_by is None else pose_before(taken_by, found, known)
+    both = None if taken_by is None or known.layout is None else (taken_by, known.layout)
+    pose = None if both is None else pose_in_camera(both[0], found.views, both[1])
     T = None if pose is None else pose.T_gtv_robot
     outlines = marker_outlines(found.views, taken_by, known.layout, T, known.cells)
     verdict = f"{len(found.views)} markers read"
     if pose is not None and pose.ambiguous:
         verdict += "; two poses fit alike, the better one is drawn"
     return Look(file, f"camera {camera}", verdict, outlines, (*whole, *found.rejected), bool(whole))
-
-
-def pose_before(camera: Camera, found: Detection, known: Known) -> RobotPose | None:
-    """The robot's pose in the frame of a camera, by the markers on it that this one sees."""
-    if known.layout is None:
-        return None
-    views = tuple(view for view in found.views if view.number in known.layout.numbers)
-    if not views:
-        return None
-    covariance = np.zeros((15, 15))
-    covariance[6:, 6:] = camera.covariance
-    alone = Network(
-        (camera,),
-        RigidTransform.concatenate([RigidTransform.identity()]),
-        covariance,
-        RigidTransform.identity(),
-        np.zeros((6, 6)),
-        0.0,
-    )
-    return robot_pose([Sighting(camera.name, views)], alone, known.layout, known.floor)

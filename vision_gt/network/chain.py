@@ -43,7 +43,19 @@ _Estimates = list[tuple[RigidTransform, tuple[int, int]]]
 
 
 class NotLinkedError(GtvalError):
-    """Some cameras have no chain of views to the reference."""
+    """Some cameras have no chain of views to the reference.
+
+    Parameters
+    ----------
+    text : str
+        What is said.
+    missing : tuple of str
+        The cameras.
+    """
+
+    def __init__(self, text: str, missing: Sequence[str] = ()) -> None:
+        super().__init__(text)
+        self.missing = tuple(missing)
 
 
 @dataclass(frozen=True)
@@ -271,7 +283,7 @@ def chain_cameras(
     )
     missing = [camera for camera in cameras if camera not in found]
     if missing:
-        raise NotLinkedError(_missing_sentence(missing, links, reference, why()))
+        raise NotLinkedError(_missing_sentence(missing, links, reference, why()), missing)
     return Chain({camera: found[camera] for camera in cameras}, parents)
 
 

@@ -18,7 +18,6 @@ from validation.campaign.folder import load_campaign
 from validation.cli import main
 from validation.poses.pose_table import from_csv, pose_difference
 from vision_gt.campaign.findings import vision_findings
-from vision_gt.campaign.inputs import load_inputs, made_board
 from vision_gt.campaign.outcome import StopPose
 from vision_gt.campaign.pose_tables import pose_tables
 from vision_gt.campaign.solve import solve_campaign
@@ -27,6 +26,7 @@ from vision_gt.images.jobs import BoardJob, detect_one
 from vision_gt.images.markers import detect_markers
 from vision_gt.optics.camera_files import read_cameras
 from vision_gt.settings import FloorSettings, VisionSettings
+from vision_gt.stages.inputs import load_inputs, made_board
 from vision_gt.system import SYSTEM, result_of
 
 

@@ -13,7 +13,6 @@ from validation.campaign.folder import load_campaign
 from validation.cli import main
 from validation.report.svg import inline_svg
 from validation.text_files.writing import write_files
-from vision_gt.campaign.inputs import VisionInputs
 from vision_gt.campaign.result_files import rejected_csv, vision_files
 from vision_gt.commands.looking import Looking
 from vision_gt.images.files import campaign_images, read_image
@@ -23,6 +22,7 @@ from vision_gt.looks.drawing import picture
 from vision_gt.looks.look import Look, Outline
 from vision_gt.looks.robot import StopView, single_look, stop_looks, stop_views
 from vision_gt.looks.told import looks_section, name_of, picture_bytes, wanted
+from vision_gt.stages.inputs import VisionInputs
 
 MEGABYTE = 1e6
 

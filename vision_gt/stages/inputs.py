@@ -12,7 +12,15 @@ from validation.campaign.folder import Campaign
 from validation.errors import InputError, Problem
 from validation.systems import Progress, no_progress
 from vision_gt.images.files import CampaignImages, campaign_images, drive_cameras, images_below
-from vision_gt.images.jobs import BoardJob, Found, Job, MarkerJob, detect_all
+from vision_gt.images.jobs import (
+    BoardJob,
+    Found,
+    Job,
+    MarkerJob,
+    check_sizes,
+    detect_all,
+    raise_faults,
+)
 from vision_gt.images.markers import Detection
 from vision_gt.images.rejections import Rejection, rejected
 from vision_gt.network.adjustment import KnownBody
@@ -125,14 +133,29 @@ class VisionInputs:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The cameras of the network."""
-        filmed = drive_cameras(self.campaign.folder / self.settings.images / DRIVE)
-        return tuple(self.settings.cameras) or tuple(dict.fromkeys([*self.images.poses, *filmed]))
+        """The cameras of the network: those named, or that see the robot, or that took anything."""
+        images = self.images
+        seeing = dict.fromkeys([*images.poses, *self._filmed])
+        if not seeing:
+            taken = [camera for one in images.network for camera in one.images]
+            of_bar = [camera for camera, _ in images.bar]
+            own = [name for name in images.calibration if name not in images.movie]
+            seeing = dict.fromkeys([*own, *sorted({*taken, *of_bar}), *images.reference])
+        return tuple(self.settings.cameras) or tuple(seeing)
+
+    @property
+    def _filmed(self) -> list[str]:
+        return drive_cameras(self.campaign.folder / self.settings.images / DRIVE)
+
+    @property
+    def shows_robot(self) -> bool:
+        """Whether there are images of the robot at its stops, or on the move."""
+        return bool(self.images.poses or self._filmed)
 
     @property
     def wanted(self) -> tuple[str, ...]:
-        """Those of the network, and those that took the walk around the robot."""
-        return tuple(dict.fromkeys([*self.names, *self.images.movie]))
+        """Those of the network, of the walk around the robot, and all others with a calibration."""
+        return tuple(dict.fromkeys([*self.names, *self.images.movie, *self.images.calibration]))
 
     def board_views(self) -> tuple[dict[str, list[BoardView]], dict[str, tuple[int, int]]]:
         """Views of all boards by what the image was taken for, and each camera's image size.
@@ -148,7 +171,7 @@ class VisionInputs:
             self.workers,
             lambda share: self.progress("looking for boards", 0.45 * share),
         )
-        _raise_faults(found)
+        raise_faults(found)
         views: dict[str, list[BoardView]] = {}
         sizes: dict[str, dict[tuple[int, int], Path]] = {}
         for (purpose, camera, _, _), one in zip(taken, found, strict=True):
@@ -157,7 +180,7 @@ class VisionInputs:
             views.setdefault(purpose, []).extend(one.boards)
             if not one.boards and not one.note:
                 self._odd(one.path, "the board was not found")
-        _check_sizes(sizes)
+        check_sizes(sizes)
         return views, {camera: next(iter(by_size)) for camera, by_size in sizes.items()}
 
     def board_images(self) -> Iterator[tuple[str, str, Path, str]]:
@@ -201,6 +224,8 @@ class VisionInputs:
     def _boards_in(self, purpose: str, camera: str, moment: str) -> list[tuple[int, Board]]:
         """Which boards an image may show, with their parts of the bar."""
         settings = self.settings
+        if purpose == "network" and settings.bar.second is None:
+            return [(0, made_board(settings.bar.first or settings.board))]
         if purpose == "reference":
             return [(0, made_board(settings.reference.board))]
         if purpose not in {"network", "bar"}:
@@ -263,8 +288,8 @@ class VisionInputs:
         detections : dict of (str, str) to Detection
             By camera and stop.
         """
-        walk = self.walk
-        stops = self.stop_images()
+        walk = self.walk if self.images.movie and self.movie_camera in cameras else ()
+        stops = {key: path for key, path in self.stop_images().items() if key[0] in cameras}
         jobs = [self.marker_job(path, cameras[self.movie_camera]) for path in walk]
         jobs += [self.marker_job(path, cameras[name]) for (name, _), path in stops.items()]
         found = detect_all(
@@ -272,7 +297,7 @@ class VisionInputs:
             self.workers,
             lambda share: self.progress("looking for markers", 0.65 + 0.2 * share),
         )
-        _raise_faults(found)
+        raise_faults(found)
         for one in found:
             self.note(one, "the marker")
             for number in one.markers.duplicates:
@@ -361,8 +386,8 @@ def load_inputs(
     Raises
     ------
     InputError
-        Naming every image that is missing or has a name that says nothing, and every fact of the
-        lab's hardware that campaign.toml has to state.
+        Naming every image that has a name that says nothing, and every fact of the lab's hardware
+        that campaign.toml has to state for these images.
     """
     stated = campaign.section("vision", VisionSettings)
     settings = VisionSettings.model_validate(
@@ -370,7 +395,7 @@ def load_inputs(
     )
     images = campaign_images(campaign.folder / settings.images)
     given = VisionInputs(campaign, settings, images, progress, workers)
-    problems = [*_missing_images(given), *missing_facts(campaign.toml, settings, _needed(given))]
+    problems = [*_strangers(given), *missing_facts(campaign.toml, settings, _needed(given))]
     if problems:
         raise InputError(problems)
     given.oddities.extend(_not_used(given))
@@ -379,33 +404,27 @@ def load_inputs(
 
 def _needed(given: VisionInputs) -> dict[str, str]:
     """Facts of the hardware that these images ask for, and what for."""
-    images = given.images
-    needed = {
-        "vision.reference": "the image of the reference pattern",
-        "vision.markers": "the images of the robot",
-    }
+    images, bar = given.images, given.settings.bar
+    needed = {}
+    if images.reference:
+        needed["vision.reference"] = "the image of the reference pattern"
+    if given.shows_robot or images.movie:
+        needed["vision.markers"] = "the images of the robot"
     if given.watched:
         needed["vision.board"] = "the images of steadiness"
     if any(purpose == "calibration" for purpose, _, _, _ in given.board_images()):
         needed["vision.board"] = "the calibration images"
-    if images.network or images.bar:
+    alone = bar.second is None and bar.second_on_first is None
+    single = alone and not images.bar and (bar.first or given.settings.board) is not None
+    if (images.network or images.bar) and not single:
         needed["vision.bar"] = "the images of the double pattern"
     return needed
 
 
-def _missing_images(given: VisionInputs) -> Iterator[Problem]:
-    """Cameras without what they need."""
-    folder = given.campaign.folder / given.settings.images
-    images, names = given.images, given.names
-    for name in given.wanted:
-        if name not in images.calibration and name not in given.settings.camera_files:
-            said = "has neither calibration images nor an entry in vision.camera_files"
-            yield Problem(folder / "calibration" / name, f"camera {name} {said}")
-    if not images.reference:
-        yield Problem(folder / "reference", "no image of the reference pattern (CAMERA.png)")
-    if not images.movie:
-        yield Problem(folder / "layout", "no movie around the robot (layout/CAMERA/*.png)")
-    for name, path in images.reference.items():
+def _strangers(given: VisionInputs) -> Iterator[Problem]:
+    """Images of the reference pattern by cameras that there are not."""
+    names = given.names
+    for name, path in given.images.reference.items():
         if name not in names:
             yield Problem(path, f"there is no camera '{name}' ({', '.join(names)})")
 
@@ -414,7 +433,8 @@ def _not_used(given: VisionInputs) -> Iterator[tuple[str, str]]:
     """Images that no step looks at, and why; and camera files of cameras that there are not."""
     folder = given.campaign.folder
     used = {path for _, _, path, _ in given.board_images()}
-    used |= {*given.walk, *given.stop_images().values()}
+    walk = given.walk if given.images.movie else ()
+    used |= {*walk, *given.stop_images().values()}
     root = folder / given.settings.images
     for path in images_below(root):
         if path not in used and path.relative_to(root).parts[0] not in {*OF_CHECKS, DRIVE}:
@@ -423,26 +443,3 @@ def _not_used(given: VisionInputs) -> Iterator[tuple[str, str]]:
     for name, file in given.settings.camera_files.items():
         if name not in given.wanted:
             yield file, f"not used: there are no images of camera {name} (vision.camera_files)"
-
-
-def _raise_faults(found: Sequence[Found]) -> None:
-    faults = [Problem(one.path, one.fault) for one in found if one.fault]
-    if faults:
-        raise InputError(faults)
-
-
-def _check_sizes(sizes: Mapping[str, Mapping[tuple[int, int], Path]]) -> None:
-    """Raise where one camera's images differ in size."""
-    problems = []
-    for camera, by_size in sizes.items():
-        (usual, example), *others = by_size.items()
-        problems += [
-            Problem(
-                path,
-                f"{size[0]} x {size[1]} pixels, but {example.name} of camera {camera} has "
-                f"{usual[0]} x {usual[1]}",
-            )
-            for size, path in others
-        ]
-    if problems:
-        raise InputError(problems)
