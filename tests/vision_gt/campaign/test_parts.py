@@ -9,12 +9,14 @@ import pytest
 from click.testing import CliRunner
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
-from vision_scenes import LENS, camera, random_marker
+from vision_scenes import LENS, board_view, camera, random_marker
 
-from data_samples.rooms.cameras import MARKER_FAMILY
+from data_samples.rooms.cameras import MARKER_FAMILY, looking
 from validation.cli import main
 from vision_gt.images.markers import MarkerView
+from vision_gt.network.adjustment import Bar
 from vision_gt.network.single_board import board_in_camera
+from vision_gt.network.solution import NetworkInput, solve_network
 from vision_gt.optics.camera import inside_image, project
 from vision_gt.optics.camera_files import read_cameras
 from vision_gt.patterns.board_views import BoardView
@@ -69,7 +71,9 @@ def test_a_network_alone_is_in_the_frame_of_a_camera(campaign):
     assert set(found) == {"1", "2"}
     truth = {
         row["camera"]: placed(row)
-        for row in csv.DictReader((campaign / "truth" / "cameras.csv").read_text().splitlines())
+        for row in csv.DictReader(
+            (campaign / "truth" / "vision_cameras.csv").read_text().splitlines()
+        )
     }
     root = facts["frame"].removeprefix("camera ")
     (other,) = {"1", "2"} - {root}
@@ -95,6 +99,7 @@ def test_without_a_reference_the_robot_is_known_in_the_frame_of_a_camera(campaig
     assert max(spread) < 0.02
 
 
+@pytest.mark.full
 def test_without_a_walk_the_stops_tell_where_the_markers_are(campaign):
     without(campaign, "layout")
     facts = solved(campaign)
@@ -111,6 +116,40 @@ def test_cameras_that_nothing_links_cost_their_own_stops_only(campaign):
     assert told["severity"] == "warning"
     assert len(facts["cameras"]) == 1
     assert facts["stops_with_pose"]
+
+
+def test_a_single_board_that_two_cameras_see_at_once_links_them():
+    """No bar: the same board in both images, also one that looks the same after half a turn."""
+    rng = np.random.default_rng(8)
+    ahead = looking(np.array([0.0, -2.2, 2.2]), np.zeros(3))
+    beside = looking(np.array([0.8, -2.2, 2.2]), np.array([0.4, 0, 0]))
+    for board in (Board(9, 6, 0.08), Board(10, 6, 0.08)):
+        views = []
+        while len(views) < 16:
+            lean = Rotation.from_euler("ZYX", [*rng.uniform(-0.5, 0.5, 2), np.pi])
+            place = [*rng.uniform(-0.3, 0.5, 2), rng.uniform(0, 0.6)]
+            T = RigidTransform.from_components(place, lean)
+            body = f"1-2-{len(views)}"
+            pair = [
+                board_view(where, name, board, T, body, 0, 0.1, rng)
+                for name, where in (("1", ahead), ("2", beside))
+            ]
+            views += pair if None not in pair else []
+        given = NetworkInput(
+            (camera("1"), camera("2")), tuple(views), (), (), (),
+            Bar(RigidTransform.identity(), np.zeros(6)), None,
+        )  # fmt: skip
+        network = solve_network(given).network
+        step = network.T_gtv_camera[0].inv() * network.T_gtv_camera[1]
+        true = ahead.inv() * beside
+        other = int(np.argmax(np.abs(network.T_gtv_camera.translation).sum(1)))
+        covariance = network.pose_covariance(network.names[other])[:3, :3]
+        off = step.translation - true.translation
+        if other == 0:
+            off = step.inv().translation - true.inv().translation
+        # One draw of three numbers: one in ten thousand.
+        assert off @ np.linalg.solve(covariance, off) < chi2.ppf(1 - 1e-4, 3)
+        assert np.linalg.norm(off) < 0.005
 
 
 def test_a_photo_gives_the_poses_of_its_markers(rendered, outcome, tmp_path):
