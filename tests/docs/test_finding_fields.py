@@ -16,7 +16,7 @@ NOTHING_MEASURED = {
     *("published-poses", "set-aside", "recognised_not_used", "no_poses", "not_checked"),
     *("check_not_found", "heights_stated", "tolerated", "record", "motion_open", "plan"),
     *("extra_readings", "mount_unchecked", "drive_frame", "drive_no_loops", "steady"),
-    *("one_clock", "unknown_camera", "errors_not_stated", "heading_open"),
+    *("one_clock", "unknown_camera", "part_missing", "errors_not_stated", "heading_open"),
     # That something cannot be known.
     *("nees_unavailable", "no_three_cornered_hat", "positions_only", "not_observable", "rivals"),
     *("clock_not_determinable", "compared_in_part", "scatter_only", "steadiness_unknown"),

@@ -96,10 +96,11 @@ def _coverage(outcome: VisionOutcome, surveyed: Sequence[str]) -> Iterator[Findi
     seen = {pose for (_, pose), found in outcome.detections.items() if found.views}
     text = f"{len(known)} of the {len(outcome.stops)} stops with images have a vision pose."
     looked = {pose for _, pose in outcome.detections}
-    unplaced = [pose for pose in missing if pose not in looked]
+    lost = any(one.part.startswith("camera") for one in outcome.lacks)
+    unplaced = [pose for pose in missing if pose not in looked and lost]
     if unplaced:
         text += f" Only cameras that could not be placed see {_listed(unplaced)}."
-    blind = [pose for pose in missing if pose in looked and pose not in seen]
+    blind = [pose for pose in missing if pose not in seen and pose not in unplaced]
     if blind:
         text += f" No marker was found in the images of {_listed(blind)}."
     unsolved = [pose for pose in missing if pose in seen]

@@ -12,11 +12,11 @@ from vision_gt.causes.diagnosis import Diagnosis
 from vision_gt.causes.reference import ReferenceTurn
 from vision_gt.images.files import Image
 from vision_gt.images.markers import Detection
-from vision_gt.images.rejections import Rejection
 from vision_gt.network.intrinsics import Calibration
 from vision_gt.network.solution import NetworkSolution
 from vision_gt.network.steadiness import Steadiness
 from vision_gt.patterns.board_views import BoardView
+from vision_gt.patterns.rejections import Rejection
 from vision_gt.robot.layout import LayoutFit
 from vision_gt.robot.robot_pose import RobotPose
 from vision_gt.settings import VisionSettings

@@ -21,7 +21,6 @@ from vision_gt.campaign.result_files import PLACED
 from vision_gt.commands.checks import read_network
 from vision_gt.images.files import campaign_images
 from vision_gt.images.jobs import Found, Job, detect_all
-from vision_gt.images.rejections import Rejection, hull, rejected
 from vision_gt.looks.boards import OF_BAR, board_looks
 from vision_gt.looks.collected import title_of
 from vision_gt.looks.look import Known, Look, by_image
@@ -30,6 +29,7 @@ from vision_gt.looks.told import FOLDER, name_of, picture_bytes
 from vision_gt.optics.camera_files import read_cameras
 from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.dictionaries import Family
+from vision_gt.patterns.rejections import Rejection, hull, rejected
 from vision_gt.robot.marker_poses import Layout
 from vision_gt.robot.robot_pose import Floor
 from vision_gt.settings import VisionSettings

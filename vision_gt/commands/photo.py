@@ -12,12 +12,12 @@ from validation.results import Table, TableColumn
 from vision_gt.figures.boards import rim_of
 from vision_gt.images.files import read_picture
 from vision_gt.images.jobs import BoardJob, Found, MarkerJob, detect_in
-from vision_gt.images.rejections import Rejection
 from vision_gt.looks.look import NOWHERE, Look, Outline, closed
 from vision_gt.network.single_board import board_in_camera
 from vision_gt.optics.camera import Camera, project
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
+from vision_gt.patterns.rejections import Rejection
 from vision_gt.robot.alone import marker_in_camera
 from vision_gt.robot.marker_poses import marker_corners
 

@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from validation.figures.errors import COLOURS, GREY
 from validation.poses.angles import Array
 from vision_gt.images.files import Image
-from vision_gt.images.rejections import Rejection
 from vision_gt.network.intrinsics import Calibration
 from vision_gt.optics.camera import Camera, project
 from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 from vision_gt.patterns.boards import Board
+from vision_gt.patterns.rejections import Rejection
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,11 +13,11 @@ from validation.processes import in_processes
 from vision_gt.images.boards import Detector, FoundBoard, look_for_boards
 from vision_gt.images.files import Image, is_blank, read_picture
 from vision_gt.images.markers import Detection, detect_markers
-from vision_gt.images.rejections import Rejection
 from vision_gt.optics.camera import Camera
 from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
+from vision_gt.patterns.rejections import Rejection
 
 _WORTH_A_POOL = 12
 """With fewer images starting processes takes longer than it saves: a judgement, as a process has to

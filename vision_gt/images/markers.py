@@ -13,9 +13,9 @@ from vision_gt.images.corners import refine_corners, windows
 from vision_gt.images.edge_samples import Flat
 from vision_gt.images.edges import sought_corners
 from vision_gt.images.reading import Reading, might_be_markers, read_codes, turned_corners
-from vision_gt.images.rejections import Rejection, rejected
 from vision_gt.optics.camera import Camera
 from vision_gt.patterns.dictionaries import Family
+from vision_gt.patterns.rejections import Rejection, rejected
 
 Image = npt.NDArray[np.uint8]
 

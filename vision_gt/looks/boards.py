@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from vision_gt.figures.boards import rim_of
-from vision_gt.images.rejections import Rejection
 from vision_gt.looks.look import NOWHERE, Known, Look, Outline, closed, median_off
 from vision_gt.optics.camera import project
 from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
+from vision_gt.patterns.rejections import Rejection
 
 OF_BAR = ("network", "bar")
 """What images of the bar's two boards are taken for."""

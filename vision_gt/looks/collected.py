@@ -5,12 +5,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from scipy.spatial.transform import RigidTransform
 
 from vision_gt.campaign.outcome import VisionOutcome
-from vision_gt.images.rejections import Rejection
 from vision_gt.looks.boards import board_looks
 from vision_gt.looks.look import Known, Look, by_image
 from vision_gt.looks.robot import stop_looks, stop_views
 from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.dictionaries import Family
+from vision_gt.patterns.rejections import Rejection
 from vision_gt.robot.robot_pose import Floor
 from vision_gt.stages.inputs import VisionInputs
 

@@ -14,8 +14,8 @@ from matplotlib.patheffects import withStroke
 from validation.figures.errors import COLOURS
 from validation.poses.angles import Array
 from vision_gt.images.files import Image
-from vision_gt.images.rejections import Rejection
 from vision_gt.looks.look import Look, Outline
+from vision_gt.patterns.rejections import Rejection
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,9 +8,9 @@ from scipy.spatial.transform import RigidTransform
 
 from validation.poses.angles import Array
 from vision_gt.images.markers import FACING, LEAST_CELL, MarkerView, shortest_widths
-from vision_gt.images.rejections import Rejection
 from vision_gt.network.adjustment import Network
 from vision_gt.optics.camera import Camera, inside_image, project
+from vision_gt.patterns.rejections import Rejection
 from vision_gt.robot.marker_poses import Layout
 from vision_gt.robot.robot_pose import Floor
 

@@ -10,8 +10,8 @@ from vision_gt.campaign.findings import POOR_FIT, POOR_FLOOR, fate
 from vision_gt.campaign.outcome import StopPose
 from vision_gt.images.files import counting
 from vision_gt.images.markers import Detection
-from vision_gt.images.rejections import Rejection
 from vision_gt.looks.look import Known, Look, marker_outlines
+from vision_gt.patterns.rejections import Rejection
 from vision_gt.robot.alone import pose_in_camera
 
 MM = 1e3

@@ -22,13 +22,13 @@ from vision_gt.images.jobs import (
     raise_faults,
 )
 from vision_gt.images.markers import Detection
-from vision_gt.images.rejections import Rejection, rejected
 from vision_gt.network.adjustment import KnownBody
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.camera_files import read_cameras
 from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
+from vision_gt.patterns.rejections import Rejection, rejected
 from vision_gt.robot.layout import Frame
 from vision_gt.settings import EXAMPLES, BoardSettings, Placement, VisionSettings, stated
 

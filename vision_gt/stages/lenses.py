@@ -9,12 +9,12 @@ from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError
 from validation.systems import Progress, no_progress
 from vision_gt.images.files import Image, read_image
-from vision_gt.images.rejections import Rejection, hull, rejected
 from vision_gt.network.intrinsics import Calibration, calibrate
 from vision_gt.network.left_out import left_out_views
 from vision_gt.network.solution import NetworkSolution
 from vision_gt.optics.camera import Camera
 from vision_gt.patterns.board_views import BoardView
+from vision_gt.patterns.rejections import Rejection, hull, rejected
 from vision_gt.settings import stated
 from vision_gt.stages.inputs import VisionInputs, load_inputs
 from vision_gt.stages.lacks import Lack, lacking

@@ -9,12 +9,12 @@ from scipy.spatial.transform import RigidTransform
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from vision_gt.images.markers import Detection
-from vision_gt.images.rejections import rejected
 from vision_gt.network.adjustment import Bar, KnownBody
 from vision_gt.network.chain import NotLinkedError
 from vision_gt.network.solution import NetworkInput, NetworkSolution, solve_network
 from vision_gt.optics.camera import Camera
 from vision_gt.patterns.board_views import BoardView
+from vision_gt.patterns.rejections import rejected
 from vision_gt.robot.layout import Frame, LayoutFit, UnlinkedMarkersError, fit_layout
 from vision_gt.robot.marker_poses import Layout
 from vision_gt.settings import BarSettings, stated

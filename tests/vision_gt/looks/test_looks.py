@@ -16,12 +16,12 @@ from validation.text_files.writing import write_files
 from vision_gt.campaign.result_files import rejected_csv, vision_files
 from vision_gt.commands.looking import Looking
 from vision_gt.images.files import campaign_images, read_image
-from vision_gt.images.rejections import rejected
 from vision_gt.looks.collected import known_of, looks_of
 from vision_gt.looks.drawing import picture
 from vision_gt.looks.look import Look, Outline
 from vision_gt.looks.robot import StopView, single_look, stop_looks, stop_views
 from vision_gt.looks.told import looks_section, name_of, picture_bytes, wanted
+from vision_gt.patterns.rejections import rejected
 from vision_gt.stages.inputs import VisionInputs
 
 MEGABYTE = 1e6
