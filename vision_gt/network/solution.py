@@ -20,6 +20,7 @@ from vision_gt.network.chain import (
     pair_links,
 )
 from vision_gt.network.exchanged import Exchange, exchanged_snapshots, why_not_linked
+from vision_gt.network.reinstated import reinstated
 from vision_gt.optics.agreement import strongest_tree
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.planar_pose import planar_solutions
@@ -148,24 +149,38 @@ def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution
     averaged = _averaged(given, links, chain, T_gtv_camera)
     if not joint:
         return NetworkSolution(averaged, averaged, tuple(links), chain, root)
-    snapshots = _as_read(given.snapshots, links)
     both, left, single = _fitting_bar(given)
-    views = [*snapshots, *both, *reference, *given.calibration]
-    network = adjust_network(
-        given.cameras,
-        T_gtv_camera,
-        views,
-        {} if given.known_reference is None else {REFERENCE: given.known_reference},
-        given.bar,
-        free_intrinsics=bool(given.calibration),
-        frame=root if given.known_reference is None else "",
-    )
+    rest = [*both, *reference, *given.calibration]
+    network = _adjusted(given, links, rest, T_gtv_camera, root)
+    fitting = reinstated(given.snapshots, network, links)
+    if fitting != links:
+        links = fitting
+        network = _adjusted(given, links, rest, T_gtv_camera, root)
     unused = _unused(given, network, [name for link in links for name in link.outliers])
     unused = tuple(name for name in unused if name not in {*left, *single})
     misfits = tuple(v for v in given.both if (v.source or v.body) in left)
     mixed = exchanged_snapshots(*snapped, links)
     return NetworkSolution(
         network, averaged, tuple(links), chain, root, left, single, unused, misfits, tuple(mixed)
+    )
+
+
+def _adjusted(
+    given: NetworkInput,
+    links: Sequence[PairLink],
+    rest: Sequence[BoardView],
+    T_gtv_camera: Mapping[str, RigidTransform],
+    root: str,
+) -> Network:
+    """The network of the snapshots that agree, and the rest."""
+    return adjust_network(
+        given.cameras,
+        T_gtv_camera,
+        [*_as_read(given.snapshots, links), *rest],
+        {} if given.known_reference is None else {REFERENCE: given.known_reference},
+        given.bar,
+        free_intrinsics=bool(given.calibration),
+        frame=root if given.known_reference is None else "",
     )
 
 
