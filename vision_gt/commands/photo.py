@@ -9,10 +9,10 @@ from scipy.spatial.transform import RigidTransform
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from validation.results import Table, TableColumn
-from vision_gt.figures.boards import rim_of
 from vision_gt.images.files import read_picture
 from vision_gt.images.jobs import BoardJob, Found, MarkerJob, detect_in
-from vision_gt.looks.look import NOWHERE, Look, Outline, closed
+from vision_gt.looks.boards import outline_at
+from vision_gt.looks.look import Look, Outline, closed
 from vision_gt.network.single_board import board_in_camera
 from vision_gt.optics.camera import Camera, project
 from vision_gt.patterns.boards import Board
@@ -174,9 +174,7 @@ def photo_of_board(path: Path, camera: Camera, board: Board) -> Photo:
             other = one.T_camera_board * board.half_turn if board.looks_the_same_turned else None
             pose = Posed("board", one.T_camera_board, one.covariance, one.p_value, other)
             posed.append(pose)
-            ahead = one.T_camera_board.apply(closed(rim_of(board)[:-1]))
-            rim = project(ahead, camera.parameters)
-            outlines.append(Outline("board", NOWHERE, rim, view.pixels))
+            outlines.append(outline_at(view, "board", camera, one.T_camera_board))
     what = f"board of {board.columns} x {board.rows} squares"
     return _photo(path, (posed, outlines), found.rejected, remarks, what)
 

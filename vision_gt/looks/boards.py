@@ -7,12 +7,16 @@ from scipy.spatial.transform import RigidTransform
 
 from vision_gt.figures.boards import rim_of
 from vision_gt.looks.look import NOWHERE, Known, Look, Outline, closed, median_off
-from vision_gt.optics.camera import project
+from vision_gt.optics.camera import Camera, project
 from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 from vision_gt.patterns.rejections import Rejection
 
 OF_BAR = ("network", "bar")
 """What images of the bar's two boards are taken for."""
+_AXIS = 2.0
+"""Squares that an axis is drawn long."""
+_TIPS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, -1]])
+"""z points into the board, so that its axis is drawn the other way, towards the viewer."""
 _PARTS = ("first board", "second board")
 
 
@@ -72,18 +76,29 @@ def board_outline(view: BoardView, name: str, others: Sequence[BoardView], known
     camera = known.cameras.get(view.camera)
     if camera is None:
         return Outline(name, NOWHERE, NOWHERE, view.pixels)
-    tried = []
-    for T in _expected(view, others, known):
-        with np.errstate(invalid="ignore"):
-            outline = project(T.apply(closed(rim_of(view.board)[:-1])), camera.parameters)
-            off = min(
-                median_off(one.pixels, project(T.apply(one.points), camera.parameters))
-                for one in view.readings()
-            )
-        if np.isfinite(outline).all():
-            tried.append((off, outline))
-    off, outline = min(tried, key=lambda one: one[0], default=(float("nan"), NOWHERE))
-    return Outline(name, NOWHERE, outline, view.pixels, off)
+    tried = [
+        outline_at(reading, name, camera, T)
+        for T in _expected(view, others, known)
+        for reading in view.readings()
+    ]
+    seen = [one for one in tried if len(one.expected)]
+    return min(seen, key=lambda one: one.off, default=Outline(name, NOWHERE, NOWHERE, view.pixels))
+
+
+def outline_at(
+    view: BoardView, name: str, camera: Camera, T_camera_board: RigidTransform
+) -> Outline:
+    """A board as it was found, and its rim where a pose has it; no rim behind the camera."""
+    with np.errstate(invalid="ignore"):
+        rim = T_camera_board.apply(closed(rim_of(view.board)[:-1]))
+        outline = project(rim, camera.parameters)
+        seen = project(T_camera_board.apply(view.points), camera.parameters)
+        tips = T_camera_board.apply(_AXIS * view.board.square * _TIPS)
+        axes = project(tips, camera.parameters)
+    off = median_off(view.pixels, seen)
+    if not np.isfinite(outline).all() or not np.isfinite(axes).all():
+        return Outline(name, NOWHERE, NOWHERE, view.pixels, off)
+    return Outline(name, NOWHERE, outline, view.pixels, off, axes)
 
 
 def _expected(

@@ -195,6 +195,11 @@ def _draw_outline(axes: "Axes", outline: Outline, cross: float, *, named: bool) 
         if outline.off > _FAR and named:
             top = outline.expected[np.argmin(outline.expected[:, 1])]
             _say(axes, f"{outline.name} expected", top)
+    for tip, word, line in zip(outline.axes[1:], ("x", "y", "-z"), ("-", "--", ":"), strict=False):
+        ends = np.array([outline.axes[0], tip])
+        axes.plot(*ends.T, line, color="white", linewidth=1.5, path_effects=_EDGE)
+        if named:
+            _say(axes, word, tip)
     shape = next((a for a in (outline.found, outline.expected, outline.corners) if len(a)), None)
     if shape is None or not named:
         return

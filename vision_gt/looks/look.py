@@ -36,6 +36,8 @@ class Outline:
     off : float
         Median distance of the corners found from where they are expected, pixels; NaN where one
         of the two is missing.
+    axes : (4, 2) array
+        Of a board: its origin, and the tips of its x, y and -z axes, pixels; empty for a marker.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Outline:
     expected: Array
     corners: Array = field(default_factory=lambda: NOWHERE)
     off: float = float("nan")
+    axes: Array = field(default_factory=lambda: NOWHERE)
 
 
 @dataclass(frozen=True)
