@@ -50,8 +50,10 @@ def titles_of(
 
 def title_of(purpose: str, camera: str, moment: str) -> str:
     """What an image of boards is called."""
-    what = {"network": f"snapshot {moment}", "bar": "both boards of the bar"}
-    return f"{what.get(purpose, purpose)}, camera {camera}"
+    name = moment.rsplit("/", maxsplit=1)[-1]
+    what = {"network": f"snapshot {name}", "bar": f"both boards of the bar, {name}"}
+    other = purpose if name == purpose else f"{purpose} {name}"
+    return f"{what.get(purpose, other)}, camera {camera}"
 
 
 def known_of(outcome: VisionOutcome) -> Known:

@@ -136,7 +136,9 @@ def stop_verdict(
         return (why if own.ambiguous else "no sure pose"), not sure
     said = "not used: another camera knows the pose better. The two are"
     said += f" {MM * own.apart:.1f} mm apart"
-    if own.apart_p < POOR_FIT:
+    if own.p_value < POOR_FIT:
+        said += "; its corners fit worse than they should"
+    elif own.apart_p < POOR_FIT:
         said += ", which does not fit (outlines are expected by the pose that is used)"
     return said, own.apart_p < POOR_FIT
 
