@@ -51,7 +51,10 @@ USES = {
     "vision check-table": "{vision} --workers 1",
     "sync": "{files}/camera.csv {files}/motion.tum",
     "vision convert-camera": "{vision}/truth/camera_1.yaml {out}.yaml --format ros",
+    "vision look": "{vision} --stop 1 --workers 1 --output {out}",
     "vision plan": "{files}/hall",
+    "vision pose": "{vision}/vision/calibration/1/01.png "
+    "--intrinsics {vision}/truth/camera_1.yaml {board}",
     "vision print-patterns": "{out} --campaign {vision} --svg",
     "vision solve": "{vision} --workers 1 --dry-run",
     "walls-check": "{room}/survey/walls.csv --tolerance 0.0015",

@@ -22,7 +22,7 @@ class VisionSystem:
     """For things on a table over surveyed stops, and for a board that checks the survey."""
 
     def has_data(self, campaign: "Campaign") -> bool:
-        """Whether there are images of the robot, a printed table of what they show, or a plan."""
+        """Whether there are images, a printed table of what they show, or a plan."""
         settings = campaign.section("vision", VisionSettings)
         return has_images(campaign.folder, settings) or told_without_images(settings)
 
@@ -53,15 +53,27 @@ class VisionSystem:
         """
         from vision_gt.campaign.planned import with_plan
         from vision_gt.campaign.printed import printed_result
-        from vision_gt.campaign.solve import solve_campaign
+        from vision_gt.campaign.solve import finish
         from vision_gt.drive_campaign.solve import check_frames
+        from vision_gt.network.solution import NoFrameError
+        from vision_gt.parts.solve import solve_parts
+        from vision_gt.parts.told import parts_result
+        from vision_gt.stages.lenses import begin
+        from vision_gt.stages.places import NoLayoutError
 
         settings = campaign.section("vision", VisionSettings)
         if not has_images(campaign.folder, settings) and told_without_images(settings):
             return with_plan(printed_result(campaign, settings), campaign, settings)
         check_frames(campaign)
-        outcome = solve_campaign(campaign, progress, workers=workers, **choices)
-        result = with_plan(result_of(outcome, campaign), campaign, settings, outcome)
+        begun = begin(campaign, progress, workers=workers, **choices)
+        if not begun.given.shows_robot:
+            return with_plan(parts_result(solve_parts(begun)), campaign, settings)
+        try:
+            outcome = finish(begun)
+        except (NoFrameError, NoLayoutError) as error:
+            return with_plan(parts_result(solve_parts(begun, error)), campaign, settings)
+        result = with_looks(result_of(outcome, campaign), campaign, outcome)
+        result = with_plan(result, campaign, settings, outcome)
         return with_drive(result, campaign, outcome, progress, workers)
 
 
@@ -71,9 +83,32 @@ def told_without_images(settings: VisionSettings) -> bool:
 
 
 def has_images(folder: "Path", settings: VisionSettings) -> bool:
-    """Whether there are images of the robot at its stops."""
-    below = [folder / settings.images / name for name in ("poses", "drive")]
-    return any(one.is_dir() and any(path.is_dir() for path in one.iterdir()) for one in below)
+    """Whether there are images of the robot, or others that give a lens or a network."""
+    below = [folder / settings.images / name for name in ("poses", "drive", "calibration")]
+    if any(one.is_dir() and any(path.is_dir() for path in one.iterdir()) for one in below):
+        return True
+    network = folder / settings.images / "network"
+    return network.is_dir() and any(network.iterdir())
+
+
+def with_looks(
+    result: "SystemResult", campaign: "Campaign", outcome: "VisionOutcome"
+) -> "SystemResult":
+    """The result with the images that ask to be looked at."""
+    from dataclasses import replace
+
+    from vision_gt.images.files import campaign_images
+    from vision_gt.looks.collected import looks_of
+    from vision_gt.looks.told import looks_section, picture_files, wanted
+    from vision_gt.stages.inputs import VisionInputs
+
+    images = campaign_images(campaign.folder / outcome.settings.images)
+    looks = list(looks_of(outcome, VisionInputs(campaign, outcome.settings, images)))
+    return replace(
+        result,
+        sections=[*result.sections, looks_section(looks, campaign.folder)],
+        files={**result.files, **picture_files(wanted(looks), campaign.folder)},
+    )
 
 
 def with_drive(
@@ -129,7 +164,7 @@ def result_of(outcome: "VisionOutcome", campaign: "Campaign") -> "SystemResult":
         files=vision_files(outcome),
         facts=vision_facts(outcome),
         overview=[
-            camera_table(outcome),
+            camera_table(outcome.network),
             layout_table(outcome),
             *([pose_table(outcome)] if outcome.stops else []),
         ],

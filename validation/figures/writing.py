@@ -18,7 +18,8 @@ COLOURS = 256
 """An image of more colours is a photograph, of fewer a drawing. A judgement: a cloud of dots has
 its colour and the steps of its edges."""
 QUALITY = 85
-"""Of photographs, in WebP. A judgement: no trace of the compression shows at the size shown."""
+"""Of photographs, in WebP and JPEG. A judgement: no trace of the compression shows at the size
+shown."""
 
 MOST_PIXELS = 16383
 """Along a side of a WebP image, by its format; a map of hundreds of stops may have more."""
@@ -62,6 +63,13 @@ def figure_bytes(
     metadata = {"Date": None, "Creator": None} if suffix == ".svg" else {"Software": None}
     with mpl.rc_context({"svg.hashsalt": "gtval", "svg.fonttype": "none"}):
         figure.savefig(stream, format=suffix[1:], dpi=dots_per_inch, metadata=metadata)
+    return stream.getvalue()
+
+
+def photo_bytes(figure: Figure, dots_per_inch: int) -> bytes:
+    """A figure that holds photographs as a JPEG file, the same bytes every time."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="jpg", dpi=dots_per_inch, pil_kwargs={"quality": QUALITY})
     return stream.getvalue()
 
 

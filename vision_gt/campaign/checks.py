@@ -14,7 +14,6 @@ from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.pose_table import PoseTable
 from validation.results import Finding, Size
-from vision_gt.campaign.inputs import OF_CHECKS, made_board, missing_facts
 from vision_gt.checks.displacement import Displacement, known_displacement
 from vision_gt.checks.known_places import (
     KnownPlace,
@@ -28,6 +27,7 @@ from vision_gt.images.jobs import BoardJob, Found, Job, MarkerJob, detect_all
 from vision_gt.network.adjustment import Network
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.settings import BoardSettings, VisionSettings, stated
+from vision_gt.stages.inputs import OF_CHECKS, made_board, missing_facts
 
 Taken = Sequence[tuple[str, str, Path]]
 """Camera, name of the place, image."""

@@ -1,20 +1,25 @@
 """What a person should read about the vision system's results."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy.stats import chi2
 
 from validation.results import Finding, Severity, Size
-from vision_gt.campaign.inputs import placed
-from vision_gt.campaign.outcome import VisionOutcome
+from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.causes.telling import cause_finding, noise_finding, turned_finding
+from vision_gt.network.exchanged import Exchange
+from vision_gt.network.intrinsics import Calibration
+from vision_gt.network.solution import NetworkSolution
 from vision_gt.network.verdict import calibration_verdict
 from vision_gt.optics.transforms import change_between
+from vision_gt.robot.robot_pose import RobotPose
 from vision_gt.settings import VisionSettings
+from vision_gt.stages.inputs import placed
+from vision_gt.stages.lacks import Lack
 
 SUBJECT = "vision"
-_POOR_FIT, _POOR_FLOOR = 1e-4, 1e-3
+POOR_FIT, POOR_FLOOR = 1e-4, 1e-3
 """p-values below which corners do not fit, and a robot is not on the floor. A judgement: of a
 hundred good stops one is called poor in a hundred campaigns, and off the floor in ten."""
 _SYMPTOMS = {
@@ -43,16 +48,23 @@ def vision_findings(outcome: VisionOutcome, surveyed: Sequence[str] = ()) -> lis
         *_assumed(outcome.settings),
         *_poses(outcome),
         *_not_fitting(outcome),
-        *_calibrations(outcome),
-        *_network(outcome),
+        *calibration_findings(outcome.calibrations),
+        *network_findings(outcome.network, named=_names_bar(outcome)),
         *_layout(outcome),
         *_steadiness(outcome),
         *outcome.checks.findings,
-        *_oddities(outcome),
+        *oddity_findings(outcome.oddities),
     ]
     if any(one.code != "corner_noise" for one in causes):
         others = _with_symptoms_gathered(others)
-    return [*_coverage(outcome, surveyed), *causes, *others]
+    lacks = lack_findings(outcome.lacks, "warning")
+    return [*_coverage(outcome, surveyed), *lacks, *causes, *others]
+
+
+def lack_findings(lacks: Sequence[Lack], severity: Severity) -> Iterator[Finding]:
+    """What could not be solved; a note where it costs no pose."""
+    for one in dict.fromkeys(lacks):
+        yield Finding(severity if one.costs_poses else "note", one.text, one.part, "part_missing")
 
 
 def _with_symptoms_gathered(findings: Sequence[Finding]) -> list[Finding]:
@@ -83,7 +95,12 @@ def _coverage(outcome: VisionOutcome, surveyed: Sequence[str]) -> Iterator[Findi
     missing = [stop.pose for stop in outcome.stops if stop.chosen is None]
     seen = {pose for (_, pose), found in outcome.detections.items() if found.views}
     text = f"{len(known)} of the {len(outcome.stops)} stops with images have a vision pose."
-    blind = [pose for pose in missing if pose not in seen]
+    looked = {pose for _, pose in outcome.detections}
+    lost = any(one.part.startswith("camera") for one in outcome.lacks)
+    unplaced = [pose for pose in missing if pose not in looked and lost]
+    if unplaced:
+        text += f" Only cameras that could not be placed see {_listed(unplaced)}."
+    blind = [pose for pose in missing if pose not in seen and pose not in unplaced]
     if blind:
         text += f" No marker was found in the images of {_listed(blind)}."
     unsolved = [pose for pose in missing if pose in seen]
@@ -132,23 +149,43 @@ def _explained(outcome: VisionOutcome) -> tuple[set[str], set[str]]:
     diagnosis = outcome.diagnosis
     if diagnosis is None or diagnosis.cause is None:
         return set(), set()
-    return diagnosis.fitting_stops(_POOR_FIT, _POOR_FLOOR)
+    return diagnosis.fitting_stops(POOR_FIT, POOR_FLOOR)
 
 
-def _not_fitting(outcome: VisionOutcome) -> Iterator[Finding]:
-    """Poses of single cameras that do not fit their stop, whether they are used or not."""
+def poses_apart(outcome: VisionOutcome) -> Iterator[tuple[float, str, str]]:
+    """Poses of single cameras that do not fit their stop: metres, camera, stop."""
     explained, _ = _explained(outcome)
-    odd = []
     for stop in outcome.stops:
         for camera, pose in stop.by_camera.items():
             if stop.chosen is None or pose is stop.chosen or stop.pose in explained:
                 continue
-            off = change_between(pose.T_gtv_robot, stop.chosen.T_gtv_robot)
-            spread = pose.covariance + stop.chosen.covariance
-            apart = float(chi2.sf(off @ np.linalg.solve(spread, off), 6))
-            if min(pose.p_value, apart) < _POOR_FIT and not pose.ambiguous:
-                length = 1e3 * float(np.linalg.norm(off[:2]))
-                odd.append((length, f"camera {camera} at {stop.pose} ({length:.0f} mm off)"))
+            length, chance = apart_from(pose, stop.chosen)
+            if chance < POOR_FIT and not pose.ambiguous:
+                yield length, camera, stop.pose
+
+
+def fate(stop: StopPose, camera: str) -> tuple[bool, float, float]:
+    """Whether a camera's pose is used, metres from the stop's, chance to fit and be so far off."""
+    chosen = stop.chosen
+    if chosen is None:
+        return False, float("nan"), float("nan")
+    return camera in chosen.cameras, *apart_from(stop.by_camera[camera], chosen)
+
+
+def apart_from(pose: RobotPose, chosen: RobotPose) -> tuple[float, float]:
+    """Metres of a camera's pose from its stop's, and the chance that it fits and is so far off."""
+    off = change_between(pose.T_gtv_robot, chosen.T_gtv_robot)
+    spread = pose.covariance + chosen.covariance
+    apart = float(chi2.sf(off @ np.linalg.solve(spread, off), 6))
+    return float(np.linalg.norm(off[:2])), min(pose.p_value, apart)
+
+
+def _not_fitting(outcome: VisionOutcome) -> Iterator[Finding]:
+    """Poses of single cameras that do not fit their stop, whether they are used or not."""
+    odd = [
+        (length, f"camera {camera} at {stop} ({1e3 * length:.0f} mm off)")
+        for length, camera, stop in poses_apart(outcome)
+    ]
     if odd:
         listed = _listed([name for _, name in sorted(odd, key=lambda one: -one[0])])
         yield Finding(
@@ -158,7 +195,7 @@ def _not_fitting(outcome: VisionOutcome) -> Iterator[Finding]:
             "image is of another stop.",
             SUBJECT,
             "camera_pose_differs",
-            (Size("largest distance", 1e-3 * max(length for length, _ in odd), "m"),),
+            (Size("largest distance", max(length for length, _ in odd), "m"),),
         )
 
 
@@ -180,7 +217,7 @@ def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
         if chosen is None:
             continue
         best = chosen.best
-        if chosen.p_value < _POOR_FIT and stop.pose not in fitting:
+        if chosen.p_value < POOR_FIT and stop.pose not in fitting:
             yield Finding(
                 "note",
                 f"Pose {stop.pose}: the corners fit worse than they should (chi² "
@@ -191,7 +228,7 @@ def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
                 "poor_fit",
                 (Size("chi-squared per degree of freedom", best.chi_square / best.freedom),),
             )
-        if chosen.floor_p < _POOR_FLOOR and stop.pose not in standing:
+        if chosen.floor_p < POOR_FLOOR and stop.pose not in standing:
             yield Finding(
                 "warning",
                 f"Pose {stop.pose}: the robot does not stand on the floor as it should "
@@ -203,9 +240,9 @@ def _poses(outcome: VisionOutcome) -> Iterator[Finding]:
             )
 
 
-def _calibrations(outcome: VisionOutcome) -> Iterator[Finding]:
+def calibration_findings(calibrations: Mapping[str, Calibration]) -> Iterator[Finding]:
     """Calibration images: outliers, and what they leave open."""
-    for name, calibration in outcome.calibrations.items():
+    for name, calibration in calibrations.items():
         subject = f"camera {name}"
         if calibration.outliers:
             yield Finding(
@@ -228,19 +265,27 @@ def _calibrations(outcome: VisionOutcome) -> Iterator[Finding]:
             yield Finding("warning", text, subject, code, size)
 
 
-def _network(outcome: VisionOutcome) -> Iterator[Finding]:
-    """Snapshots that do not agree, and the bar."""
-    solution = outcome.network
+def _names_bar(outcome: VisionOutcome) -> bool:
+    """Whether the bar is what is found to be wrong."""
+    told = outcome.diagnosis.cause if outcome.diagnosis is not None else None
+    return told is not None and "bar" in told.effect.kind
+
+
+def network_findings(solution: NetworkSolution, *, named: bool = False) -> Iterator[Finding]:
+    """Snapshots that do not agree, and the bar; unless it is named already, as what is wrong."""
+    yield from (_exchanged(one) for one in solution.exchanged)
+    mixed = {(*one.cameras, snapshot) for one in solution.exchanged for snapshot in one.snapshots}
     for link in solution.links:
-        if link.outliers:
+        apart = [s for s in link.outliers if (link.first, link.second, s) not in mixed]
+        if apart:
             yield Finding(
                 "warning",
-                f"Cameras {link.first} and {link.second}: snapshots {_listed(list(link.outliers))} "
-                "do not agree with the others and are left out. The files may be exchanged, or the "
-                "bar moved between the two exposures.",
+                f"Cameras {link.first} and {link.second}: snapshots {_listed(apart)} "
+                "do not agree with the others and are left out. No exchange of files makes them "
+                "agree: did the bar move between the two exposures, or is a board covered?",
                 f"cameras {link.first}-{link.second}",
                 "snapshot_outliers",
-                (Size("snapshots left out", len(link.outliers), "images"),),
+                (Size("snapshots left out", len(apart), "images"),),
             )
     if solution.bar_outliers:
         yield Finding(
@@ -272,8 +317,6 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
             (Size("images not used", len(solution.unused), "images"),),
         )
     network = solution.network
-    told = outcome.diagnosis.cause if outcome.diagnosis is not None else None
-    named = told is not None and "bar" in told.effect.kind
     if network.bar_covariance.any() and network is not solution.averaged and not named:
         built = solution.averaged.bar
         off = change_between(network.bar, built)
@@ -290,6 +333,26 @@ def _network(outcome: VisionOutcome) -> Iterator[Finding]:
                 Size("turned", float(np.linalg.norm(off[3:])), "rad"),
             ),
         )
+
+
+def _exchanged(one: Exchange) -> Finding:
+    """Images of the network under wrong names."""
+    first, second = one.cameras
+    if one.of_cameras:
+        a, b = one.partners[0]
+        what = (
+            f"The images {a} and {b} of cameras {first} and {second} are exchanged: each is the "
+            "other camera's. They are left out. Exchange their file names."
+        )
+    else:
+        pairs = "; ".join(f"{a} with {b}" for a, b in one.partners)
+        what = (
+            f"Images of cameras {first} and {second} are under wrong numbers: these show the same "
+            f"moment: {pairs}. They are left out. Name them so that both have the same number."
+        )
+    subject = f"cameras {first}-{second}"
+    size = Size("snapshots left out", len(one.snapshots), "images")
+    return Finding("warning", what, subject, "snapshots_exchanged", (size,))
 
 
 def _layout(outcome: VisionOutcome) -> Iterator[Finding]:
@@ -343,10 +406,10 @@ def _steadiness(outcome: VisionOutcome) -> Iterator[Finding]:
         yield Finding("good", f"Cameras that did not move: {_listed(steady)}.", SUBJECT, "steady")
 
 
-def _oddities(outcome: VisionOutcome) -> Iterator[Finding]:
+def oddity_findings(oddities: Sequence[tuple[str, str]]) -> Iterator[Finding]:
     """Images with something odd about them, by what it is."""
     kinds: dict[str, list[str]] = {}
-    for image, what in outcome.oddities:
+    for image, what in oddities:
         kinds.setdefault(what, []).append(image)
     for what, images in kinds.items():
         count = Size("images", len(images), "images")

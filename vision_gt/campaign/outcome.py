@@ -12,14 +12,15 @@ from vision_gt.causes.diagnosis import Diagnosis
 from vision_gt.causes.reference import ReferenceTurn
 from vision_gt.images.files import Image
 from vision_gt.images.markers import Detection
-from vision_gt.images.rejections import Rejection
 from vision_gt.network.intrinsics import Calibration
 from vision_gt.network.solution import NetworkSolution
 from vision_gt.network.steadiness import Steadiness
 from vision_gt.patterns.board_views import BoardView
+from vision_gt.patterns.rejections import Rejection
 from vision_gt.robot.layout import LayoutFit
 from vision_gt.robot.robot_pose import RobotPose
 from vision_gt.settings import VisionSettings
+from vision_gt.stages.lacks import Lack
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,10 @@ class VisionOutcome:
         What is wrong, and what was thought of; None where it could not be looked for.
     reference_turn : ReferenceTurn or None
         How the reference pattern lies, where it is not as stated.
+    boards : mapping of str to sequence of BoardView
+        All views of boards by what their image was taken for.
+    lacks : tuple of Lack
+        What could not be solved, or only in another way.
     """
 
     settings: VisionSettings
@@ -104,3 +109,5 @@ class VisionOutcome:
     rejections: Sequence[tuple[str, Rejection]] = ()
     diagnosis: Diagnosis | None = field(default=None, repr=False)
     reference_turn: ReferenceTurn | None = None
+    boards: Mapping[str, Sequence[BoardView]] = field(default_factory=dict, repr=False)
+    lacks: tuple[Lack, ...] = ()

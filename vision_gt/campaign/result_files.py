@@ -9,11 +9,12 @@ from validation.poses.angles import Array
 from validation.text_files.csv_text import csv_text
 from vision_gt.campaign.check_sections import check_files
 from vision_gt.campaign.detections import success_csv
+from vision_gt.campaign.findings import fate
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.campaign.printed import seen_in
-from vision_gt.images.rejections import Rejection
 from vision_gt.network.adjustment import Network
 from vision_gt.optics.camera_files import write_camera
+from vision_gt.patterns.rejections import Rejection
 from vision_gt.robot.marker_poses import Layout
 
 PLACED = ("x", "y", "z", "rx", "ry", "rz")
@@ -33,7 +34,9 @@ def vision_files(outcome: VisionOutcome) -> dict[str, str | bytes]:
     files |= check_files(outcome.checks)
     if outcome.steadiness:
         files["vision_steadiness.csv"] = steadiness_csv(outcome)
-    for camera in outcome.network.network.cameras:
+    cameras = {name: one.camera for name, one in outcome.calibrations.items()}
+    cameras |= {camera.name: camera for camera in outcome.network.network.cameras}
+    for camera in cameras.values():
         files[f"vision_camera_{camera.name}.yaml"] = write_camera(".yaml", "opencv", camera)
     return files
 
@@ -44,7 +47,8 @@ def camera_poses_csv(outcome: VisionOutcome) -> str:
     for stop in outcome.stops:
         for name, pose in stop.by_camera.items():
             planar, covariance = pose.planar
-            used = stop.chosen is not None and pose is stop.chosen
+            used, apart, chance = fate(stop, name)
+            _, pitch, roll = pose.T_gtv_robot.rotation.as_euler("ZYX")
             rows.append(
                 [
                     stop.pose,
@@ -56,10 +60,16 @@ def camera_poses_csv(outcome: VisionOutcome) -> str:
                     "yes" if pose.ambiguous else "no",
                     pose.floor_p,
                     "yes" if used else "no",
+                    float(pose.best.t[2]),
+                    float(roll),
+                    float(pitch),
+                    apart,
+                    chance,
                 ]
             )
     header = ["pose", "camera", "x", "y", "theta", "xx", "xy", "xt", "yy", "yt", "tt"]
-    return csv_text([*header, "markers", "p_value", "ambiguous", "floor_p_value", "used"], rows)
+    header += ["markers", "p_value", "ambiguous", "floor_p_value", "used"]
+    return csv_text([*header, "z", "roll", "pitch", "apart", "apart_p_value"], rows)
 
 
 def detections_csv(outcome: VisionOutcome) -> str:

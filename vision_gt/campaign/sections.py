@@ -1,6 +1,6 @@
 """The vision system's part of the report: tables and figures."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from itertools import combinations
 from typing import TYPE_CHECKING
@@ -11,13 +11,17 @@ from validation.poses.angles import Array
 from validation.results import Figure, Section, Table, TableColumn, Text
 from vision_gt.campaign.check_sections import check_sections
 from vision_gt.campaign.detections import detection_blocks
-from vision_gt.campaign.inputs import placed
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.campaign.printed import seen_in
 from vision_gt.causes.tables import hypothesis_table, noise_table
+from vision_gt.images.files import Image
+from vision_gt.network.intrinsics import Calibration
+from vision_gt.network.solution import NetworkSolution
 from vision_gt.optics.camera import PARAMETERS
 from vision_gt.optics.transforms import change_between
+from vision_gt.patterns.board_views import BoardView
 from vision_gt.robot.robot_pose import RobotPose
+from vision_gt.stages.inputs import placed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -25,13 +29,21 @@ if TYPE_CHECKING:
     from validation.campaign.folder import Campaign
 
 MM, MRAD = 1e3, 1e3
+GTV = "the GTV frame"
+_SIGMAS = (
+    "Sigmas are against the camera whose frame it is.",
+    "Sigmas include how well the reference pattern was laid.",
+)
 
 
 def vision_sections(outcome: VisionOutcome, campaign: "Campaign") -> list[Section]:
     """All sections of the report."""
     sections = [
         Section("Vision: cameras", _camera_blocks(outcome, campaign)),
-        Section("Vision: intrinsic parameters", _calibration_blocks(outcome)),
+        Section(
+            "Vision: intrinsic parameters",
+            calibration_blocks(outcome.calibrations, outcome.examples),
+        ),
         Section("Vision: markers on the robot", _layout_blocks(outcome)),
     ]
     if outcome.stops:
@@ -60,8 +72,8 @@ def _camera_blocks(outcome: VisionOutcome, campaign: "Campaign") -> list[Table |
     solution = outcome.network
     stops = {stop.pose: stop.chosen.planar[0] for stop in outcome.stops if stop.chosen is not None}
     blocks: list[Table | Figure | Text] = [
-        camera_table(outcome),
-        link_table(outcome),
+        camera_table(solution),
+        link_table(solution),
         _figure(
             "camera_map",
             "Cameras, what each sees of the floor, the chain that links them (with the number of "
@@ -82,14 +94,14 @@ def _camera_blocks(outcome: VisionOutcome, campaign: "Campaign") -> list[Table |
     return blocks
 
 
-def camera_table(outcome: VisionOutcome) -> Table:
+def camera_table(solution: NetworkSolution, frame: str = GTV) -> Table:
     """Poses of the cameras with their standard deviations along the chain."""
-    network, chain = outcome.network.network, outcome.network.chain
+    network, chain = solution.network, solution.chain
     T = network.T_gtv_camera
     variances = [np.diagonal(network.pose_covariance(name)) for name in network.names]
     sigmas = np.sqrt(variances)
     tilt = np.arcsin(T.rotation.as_matrix()[:, 2, 2])
-    off = change_between(outcome.network.averaged.T_gtv_camera, T)
+    off = change_between(solution.averaged.T_gtv_camera, T)
     columns: list[TableColumn] = [
         ("camera", "", network.names),
         ("chain", "", [_chain(chain.path(name)) for name in network.names]),
@@ -104,10 +116,10 @@ def camera_table(outcome: VisionOutcome) -> Table:
         ("averaged chain off by [mm]", ".1f", MM * _length(off)),
     ]
     note = (
-        "Sigmas include how well the reference pattern was laid. The last column is what "
-        "the document's averaging gives instead of the joint adjustment."
+        f"{_SIGMAS[frame == GTV]} The last column is what the document's averaging gives instead "
+        "of the joint adjustment."
     )
-    return Table.of_columns("Cameras in the GTV frame", columns, note)
+    return Table.of_columns(f"Cameras in {frame}", columns, note)
 
 
 def _chain(names: Iterable[str | int]) -> str:
@@ -172,9 +184,9 @@ def pairs_table(outcome: VisionOutcome) -> Table:
     return Table.of_columns("Cameras against cameras", columns, note)
 
 
-def link_table(outcome: VisionOutcome) -> Table:
+def link_table(solution: NetworkSolution) -> Table:
     """The pairs of cameras with their snapshots."""
-    links = outcome.network.links
+    links = solution.links
     columns: list[TableColumn] = [
         ("cameras", "", [f"{link.first}-{link.second}" for link in links]),
         ("snapshots", "", [len(link.snapshots) for link in links]),
@@ -186,31 +198,34 @@ def link_table(outcome: VisionOutcome) -> Table:
     return Table.of_columns("Links between cameras", columns, note)
 
 
-def _calibration_blocks(outcome: VisionOutcome) -> list[Table | Figure | Text]:
+def calibration_blocks(
+    calibrations: Mapping[str, Calibration], examples: Mapping[str, tuple[Image, BoardView]]
+) -> list[Table | Figure | Text]:
+    """What the calibrations gave, with an image of each."""
     from vision_gt.campaign.figures import coverage_plot  # noqa: PLC0415
     from vision_gt.figures.boards import drawn_corners, extrinsics  # noqa: PLC0415
 
-    if not outcome.calibrations:
+    if not calibrations:
         return [Text("The intrinsic parameters came from camera files.")]
     shown = {
-        f"camera {name}: {view.source}": (image, view, outcome.calibrations[name].camera)
-        for name, (image, view) in outcome.examples.items()
+        f"camera {name}: {view.source}": (image, view, calibrations[name].camera)
+        for name, (image, view) in examples.items()
     }
     return [
-        calibration_table(outcome),
-        parameter_table(outcome),
+        calibration_table(calibrations),
+        parameter_table(calibrations),
         _figure(
             "coverage",
             "Corners of the calibration board in each part of each camera's image.",
             "A grid for each camera with the number of corners in each cell.",
-            lambda: coverage_plot(outcome.calibrations),
+            lambda: coverage_plot(calibrations),
         ),
         _figure(
             "extrinsics",
             "Where each camera saw the calibration board: its outline in every image, from above "
             "and from the side, in the camera's frame; dotted: the field of view.",
             "Outlines of boards at different distances and tilts in front of each camera.",
-            lambda: extrinsics(outcome.calibrations),
+            lambda: extrinsics(calibrations),
         ),
         _figure(
             "corners",
@@ -222,12 +237,12 @@ def _calibration_blocks(outcome: VisionOutcome) -> list[Table | Figure | Text]:
     ]
 
 
-def calibration_table(outcome: VisionOutcome) -> Table:
+def calibration_table(calibrations: Mapping[str, Calibration]) -> Table:
     """How good each camera's calibration images are."""
-    found = outcome.calibrations.values()
+    found = calibrations.values()
     coverages = [calibration.coverage for calibration in found]
     columns: list[TableColumn] = [
-        ("camera", "", list(outcome.calibrations)),
+        ("camera", "", list(calibrations)),
         ("images", "", [len(one.views) for one in found]),
         ("left out", "", [len(one.outliers) for one in found]),
         ("rms [px]", ".3f", [one.rms for one in found]),
@@ -240,10 +255,10 @@ def calibration_table(outcome: VisionOutcome) -> Table:
     return Table.of_columns("Calibration images", columns)
 
 
-def parameter_table(outcome: VisionOutcome) -> Table:
+def parameter_table(calibrations: Mapping[str, Calibration]) -> Table:
     """The intrinsic parameters with their standard deviations."""
     rows = []
-    for name, calibration in outcome.calibrations.items():
+    for name, calibration in calibrations.items():
         values, sigmas = calibration.camera.parameters, calibration.camera.sigmas
         cells = [
             f"{v:.2f} ± {s:.2f}" if i < 4 else f"{v:.5f} ± {s:.5f}"

@@ -1,40 +1,30 @@
 """From data to outcome: everything that the vision system does with a campaign, in order."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from validation.campaign.folder import Campaign
-from validation.errors import GtvalError
-from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable
 from validation.results import VALIDATION_SYSTEM
 from validation.systems import Progress, no_progress
 from vision_gt.campaign.checks import campaign_checks
-from vision_gt.campaign.inputs import (
-    VisionInputs,
-    known_reference,
-    load_inputs,
-    made_board,
-    placed,
-    sides_of,
-)
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.campaign.printed import printed_detections
 from vision_gt.causes.diagnosis import Diagnosis, diagnose
 from vision_gt.causes.evidence import Seen
 from vision_gt.causes.reference import ReferenceTurn, reference_turn
-from vision_gt.images.files import Image, counting, read_image
+from vision_gt.images.files import counting, read_image
 from vision_gt.images.markers import Detection
 from vision_gt.least_squares.adjustment import NotDeterminedError
-from vision_gt.network.adjustment import Bar, Network
-from vision_gt.network.intrinsics import Calibration, calibrate
-from vision_gt.network.solution import NetworkInput, NetworkSolution, solve_network
+from vision_gt.network.adjustment import Network
+from vision_gt.network.solution import NetworkSolution
 from vision_gt.network.steadiness import Steadiness, board_move, image_move
 from vision_gt.optics.camera import Camera
 from vision_gt.patterns.board_views import BoardView
-from vision_gt.robot.layout import Frame, LayoutFit, fit_layout
+from vision_gt.robot.layout import Frame, LayoutFit
 from vision_gt.robot.marker_poses import Layout
 from vision_gt.robot.robot_pose import (
     Floor,
@@ -44,7 +34,14 @@ from vision_gt.robot.robot_pose import (
     published_pose,
     robot_pose,
 )
-from vision_gt.settings import BarSettings, stated
+from vision_gt.settings import stated
+from vision_gt.stages.inputs import (
+    VisionInputs,
+    known_reference,
+    made_board,
+)
+from vision_gt.stages.lenses import Begun, begin, examples, left_out
+from vision_gt.stages.places import bar_of, dima_of, layout_of, network_of, of_layout
 
 BoardViews = Mapping[str, Sequence[BoardView]]
 """Views of boards by what their image was taken for."""
@@ -57,38 +54,44 @@ def solve_campaign(
     workers: int | None = None,
     **choices: bool,
 ) -> VisionOutcome:
-    """Cameras, markers and robot poses of a campaign.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        With images below its [vision] folder.
-    progress : callable
-        Told what is being done.
-    workers : int, optional
-        Processes; by default one for each processor.
-    **choices : bool
-        ``as_published``, ``merge_cameras``, ``on_floor``: used instead of the settings.
+    """Cameras, markers and robot poses of a campaign: `begin` and `finish`.
 
     Raises
     ------
     GtvalError
         If files are bad, or do not determine cameras, markers or poses.
     """
-    given = load_inputs(campaign, progress, workers, choices)
-    boards, sizes = given.board_views()
-    calibrations, cameras = _cameras(given, boards, sizes)
-    progress("adjusting the camera network", 0.55)
-    solution = _network(given, boards, calibrations, cameras)
-    by_name = {**cameras, **{c.name: c for c in solution.network.cameras}}
+    return finish(begin(campaign, progress, workers=workers, **choices))
+
+
+def finish(begun: Begun) -> VisionOutcome:
+    """Cameras, markers and robot poses, once boards and lenses are known.
+
+    Cameras that nothing links to the reference pattern are left out, and said.
+
+    Raises
+    ------
+    NoFrameError
+        If no camera sees the reference pattern.
+    NoLayoutError
+        If the images do not tell where the markers are on the robot.
+    GtvalError
+        If what there is does not determine cameras or poses.
+    """
+    boards, calibrations, lacks = begun.boards, begun.calibrations, begun.lacks
+    begun.given.progress("adjusting the camera network", 0.55)
+    solution = network_of(begun, known_reference(begun.given.settings))
+    given = _with_cameras(begun.given, solution.network.names)
+    progress, campaign, workers = given.progress, given.campaign, given.workers
+    by_name = {**begun.cameras, **{c.name: c for c in solution.network.cameras}}
     frames, detections = given.marker_views(by_name)
     progress("marker layout", 0.87)
-    layout = _layout(given, frames, by_name[given.movie_camera])
+    layout, walker = layout_of(given, frames, detections, by_name, lacks)
+    detections = of_layout(given, detections, layout.layout)
     progress("poses", 0.9)
-    stops = _stops(given, detections, solution.network, layout.layout)
+    stops = stops_of(given, detections, solution.network, layout.layout)
     progress("looking for causes of what does not fit", 0.93)
-    robot = (frames, detections)
-    seen = seen_of(given, cameras, calibrations, solution, robot, layout, stops)
+    seen = seen_of(given, begun, solution, (frames, walker, detections), layout, stops)
     validation = validation_table(campaign)
     return VisionOutcome(
         given.settings,
@@ -101,12 +104,22 @@ def solve_campaign(
         tuple(_steadiness(given, name, boards, by_name[name]) for name in given.watched),
         tuple(given.oddities),
         printed_detections(campaign, given.settings),
-        {name: _example(given, name, found) for name, found in calibrations.items()},
+        examples(begun),
         campaign_checks(campaign, given.settings, solution.network, validation, workers),
-        tuple(given.rejections),
+        (*given.rejections, *left_out(begun, solution)),
         _diagnosis(seen),
         _reference_turn(given, stops, validation),
+        boards,
+        tuple(lacks),
     )
+
+
+def _with_cameras(given: VisionInputs, names: Sequence[str]) -> VisionInputs:
+    """The inputs of these cameras alone."""
+    if tuple(names) == given.names:
+        return given
+    settings = given.settings.model_copy(update={"cameras": list(names)})
+    return replace(given, settings=settings)
 
 
 def _diagnosis(seen: Seen) -> Diagnosis | None:
@@ -136,96 +149,10 @@ def _reference_turn(
     )
 
 
-def _example(given: VisionInputs, name: str, found: Calibration) -> tuple[Image, BoardView]:
-    """The calibration image with the most tilted board, to show what was found in it."""
-    view = found.views[int(np.argmax(found.coverage.tilts))]
-    paths = {path.name: path for path in given.images.calibration[name]}
-    return read_image(paths[view.source]), view
-
-
 def validation_table(campaign: Campaign) -> PoseTable | None:
     """The surveyed stops, where the survey was solved before."""
     solved = campaign.solved.get(VALIDATION_SYSTEM)
     return None if solved is None else next(iter(solved.tables), None)
-
-
-def _cameras(
-    given: VisionInputs, boards: BoardViews, sizes: Mapping[str, tuple[int, int]]
-) -> tuple[dict[str, Calibration], dict[str, Camera]]:
-    """Intrinsic parameters of all cameras, from files or from images."""
-    calibrations: dict[str, Calibration] = {}
-    cameras: dict[str, Camera] = {}
-    faults = []
-    for number, name in enumerate(given.wanted):
-        given.progress(f"calibrating camera {name}", 0.45 + 0.1 * number / len(given.wanted))
-        try:
-            if name in given.settings.camera_files:
-                cameras[name] = given.camera_from_file(name, sizes.get(name))
-                continue
-            calibrations[name] = _calibrated(given, name, boards, sizes)
-            cameras[name] = calibrations[name].camera
-        except GtvalError as error:
-            faults.append(str(error))
-    if faults:
-        raise GtvalError("\n".join(faults))
-    return calibrations, cameras
-
-
-def _calibrated(
-    given: VisionInputs, name: str, boards: BoardViews, sizes: Mapping[str, tuple[int, int]]
-) -> Calibration:
-    """One camera from its calibration images."""
-    views = [view for view in boards.get("calibration", ()) if view.camera == name]
-    if not views:
-        board = stated(given.settings.board)
-        raise GtvalError(
-            f"camera {name}: none of its {len(given.images.calibration[name])} calibration images "
-            f"shows a board of {board.columns} x {board.rows} squares; count the squares (not the "
-            "inner corners) of yours and correct vision.board"
-        )
-    return calibrate(name, sizes[name], views)
-
-
-def _network(
-    given: VisionInputs,
-    boards: BoardViews,
-    calibrations: Mapping[str, Calibration],
-    cameras: Mapping[str, Camera],
-) -> NetworkSolution:
-    """The network; calibration images take part in its adjustment."""
-    settings, names = given.settings, given.names
-    chosen = [v for name in names if name in calibrations for v in calibrations[name].views]
-    origin = settings.reference.origin_near
-    network = NetworkInput(
-        cameras=tuple(cameras[name] for name in names),
-        snapshots=tuple(boards.get("network", ())),
-        both=tuple(boards.get("bar", ())),
-        reference=tuple(boards.get("reference", ())),
-        calibration=tuple(chosen) if len(calibrations) >= len(names) else (),
-        bar=_bar(settings.bar),
-        known_reference=known_reference(settings),
-        origin_near=None if origin is None else np.array(origin),
-    )
-    return solve_network(network, joint=not settings.averaged_network)
-
-
-def _bar(settings: BarSettings) -> Bar:
-    """The double pattern as built; one without extent where no image shows it."""
-    second = settings.second_on_first
-    T = RigidTransform.identity() if second is None else placed(second)
-    return Bar(T, np.array(settings.sigmas))
-
-
-def _layout(given: VisionInputs, frames: Sequence[Frame], camera: Camera) -> LayoutFit:
-    """The layout from the walk around the robot."""
-    return fit_layout(frames, camera, sides_of(given.settings), _dima(given))
-
-
-def _dima(given: VisionInputs) -> tuple[int, RigidTransform, Array]:
-    """The marker whose place on the robot was measured."""
-    markers = given.settings.markers
-    covariance = np.diag(np.square(markers.dima_sigmas))
-    return stated(markers.dima), placed(markers.dima_on_robot), covariance
 
 
 def _sightings(
@@ -242,10 +169,9 @@ def _sightings(
 
 def seen_of(
     given: VisionInputs,
-    cameras: Mapping[str, Camera],
-    calibrations: Mapping[str, Calibration],
+    begun: Begun,
     solution: NetworkSolution,
-    robot: tuple[Sequence[Frame], Mapping[tuple[str, str], Detection]],
+    robot: tuple[Sequence[Frame], Camera, Mapping[tuple[str, str], Detection]],
     layout: LayoutFit,
     stops: Sequence[StopPose],
 ) -> Seen:
@@ -255,32 +181,29 @@ def seen_of(
     ----------
     given : VisionInputs
         The campaign.
-    cameras : mapping of str to Camera
-        As they are known without the network.
-    calibrations : mapping of str to Calibration
-        Of those that were calibrated from images.
+    begun : Begun
+        Boards and lenses, as they are known without the network.
     solution : NetworkSolution
         The camera network.
-    robot : (sequence of Frame, mapping)
-        Markers in the walk, and at the stops by camera and stop.
+    robot : (sequence of Frame, Camera, mapping)
+        Markers in the walk, who took it, and markers at the stops by camera and stop.
     layout : LayoutFit
         The markers.
     stops : sequence of StopPose
         Poses.
     """
     network = solution.network
-    frames, detections = robot
-    walker = {**cameras, **{c.name: c for c in network.cameras}}[given.movie_camera]
+    frames, walker, detections = robot
     return Seen(
-        tuple(cameras[name] for name in network.names),
+        tuple(begun.cameras[name] for name in network.names),
         network.T_gtv_camera,
         (*network.views, *solution.left_out),
-        _bar(given.settings.bar),
+        bar_of(given.settings.bar),
         known_reference(given.settings),
         tuple(frames),
         walker,
         layout.layout,
-        _dima(given),
+        dima_of(given),
         _sightings(given, detections),
         {
             (camera, stop.pose): pose.T_gtv_robot
@@ -288,7 +211,7 @@ def seen_of(
             for camera, pose in stop.best_first
         },
         _floor(given),
-        tuple(name for name in network.names if name not in calibrations),
+        tuple(name for name in network.names if name not in begun.calibrations),
         {stop.pose: stop.chosen.planar for stop in stops if stop.chosen is not None},
     )
 
@@ -297,13 +220,13 @@ def _floor(given: VisionInputs) -> Floor:
     return Floor(given.settings.floor.height, given.settings.floor.tilt)
 
 
-def _stops(
+def stops_of(
     given: VisionInputs,
     detections: Mapping[tuple[str, str], Detection],
     network: Network,
     layout: Layout,
 ) -> tuple[StopPose, ...]:
-    """Poses of all stops."""
+    """Poses of all stops, by the markers in their images (by camera and stop)."""
     stated, on_floor = _floor(given), given.settings.on_floor
     stops = []
     for pose, sightings in _sightings(given, detections).items():

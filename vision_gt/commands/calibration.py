@@ -15,6 +15,7 @@ from vision_gt.images.pictures import VIDEOS, video_frames
 from vision_gt.network.intrinsics import Calibration, calibrate
 from vision_gt.network.verdict import calibration_verdict
 from vision_gt.optics.camera import PARAMETERS
+from vision_gt.patterns.board_views import camera_pose_of_board
 from vision_gt.patterns.boards import Board
 
 MOST_FRAMES = 80
@@ -190,18 +191,25 @@ def calibration_figures(found: Calibration, looks: Sequence[Found]) -> dict[str,
     Images of a video are not drawn: they are no files.
     """
     from validation.figures.writing import figure_bytes
-    from vision_gt.figures.boards import drawn_corners, drawn_rejections, extrinsics
+    from vision_gt.figures.boards import extrinsics
+    from vision_gt.looks.boards import outline_at
+    from vision_gt.looks.drawing import DOTS_PER_INCH, picture
+    from vision_gt.looks.look import Look
 
-    files = {"extrinsics.png": extrinsics({found.camera.name: found})}
+    shown = extrinsics({found.camera.name: found})
+    files = {"extrinsics.png": figure_bytes(shown, ".png", "extrinsics.png")}
     views = {view.source: view for view in found.views}
+    rms = dict(zip(views, found.image_rms, strict=True))
     for one in looks:
-        if not one.path.is_file():
+        if not one.path.is_file() or not (one.path.name in views or one.rejected):
             continue
-        name, image = one.path.name, read_image(one.path)
-        picture = f"corners_{one.path.stem}.png"
-        if name in views:
-            shown = {name: (image, views[name], found.camera)}
-            files[picture] = drawn_corners(shown, {name: one.rejected})
-        elif one.rejected:
-            files[picture] = drawn_rejections(image, one.rejected, name)
-    return {name: figure_bytes(figure, ".png", name) for name, figure in files.items()}
+        name, said, outlines = one.path.name, one.note or "not used", []
+        view = views.get(name)
+        T = None if view is None else camera_pose_of_board(view, found.camera)
+        if view is not None and T is not None:
+            outlines = [outline_at(view, "board", found.camera, T)]
+            said = f"{len(view.ids)} corners, rms {rms[name]:.3f} px"
+        look = Look(name, f"camera {found.camera.name}", said, tuple(outlines), one.rejected)
+        drawn, target = picture(look, read_image(one.path)), f"corners_{one.path.stem}.png"
+        files[target] = figure_bytes(drawn, ".png", target, DOTS_PER_INCH)
+    return files

@@ -19,6 +19,8 @@ from validation.commands.options import (
 from validation.commands.solve import CampaignGroup, solve_command
 
 if TYPE_CHECKING:
+    from vision_gt.commands.looking import Drawn
+    from vision_gt.optics.camera import Camera
     from vision_gt.patterns.boards import Board
 
 MERGE_CAMERAS = click.option(
@@ -163,15 +165,9 @@ def convert_camera(
     source: Path, target: Path, *, file_format: str, camera: str | None, as_json: bool
 ) -> None:
     """Turn a camera file of one program into that of another."""
-    from validation.errors import GtvalError
-    from vision_gt.optics.camera_files import read_cameras, write_camera
+    from vision_gt.optics.camera_files import write_camera
 
-    found = read_cameras(source)
-    chosen = [one for one in found if camera is None or one.name == camera]
-    if len(chosen) != 1:
-        names = ", ".join(one.name for one in found)
-        raise GtvalError(f"{source} has the cameras {names}; choose one with --camera")
-    content = write_camera(target.suffix, file_format, chosen[0])
+    content = write_camera(target.suffix, file_format, _camera_of(source, camera))
     _write(target.parent, {target.name: content}, as_json=as_json)
 
 
@@ -275,6 +271,81 @@ def check_displacement(
 
 
 @vision.command()
+@click.argument("photo", type=PATH)
+@click.option("--intrinsics", type=PATH, required=True, help="Camera file of who took it.")
+@click.option("--camera", help="Name of the camera, in a file that has several.")
+@click.option("--markers", help="Family of the markers, such as APRILTAG_36H11.")
+@click.option("--side", type=click.FloatRange(0, min_open=True), help="Of a marker, metres.")
+@click.option("--border", type=click.IntRange(1, 4), default=1, help="Black cells around a code.")
+@board_options
+@click.option("--picture", type=PATH, help="JPEG file to draw what was found to.")
+@AS_JSON
+def pose(
+    photo: Path,
+    *,
+    intrinsics: Path,
+    camera: str | None,
+    markers: str | None,
+    side: float | None,
+    border: int,
+    picture: Path | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Poses of the markers, or of the board, in one PHOTO, in the frame of its camera.
+
+    With standard deviations from corners and lens; --json has the covariances.
+    """
+    from validation.report.terminal import print_json, print_table
+    from vision_gt.commands.photo import photo_of_board, photo_of_markers
+    from vision_gt.patterns.dictionaries import Family
+
+    chosen = _camera_of(intrinsics, camera)
+    if markers is None:
+        found = photo_of_board(photo, chosen, _board(**options))
+    elif side is None:
+        raise click.UsageError("state the side of the markers in metres, such as: --side 0.156")
+    else:
+        found = photo_of_markers(photo, chosen, Family(markers, border), side)
+    if picture is not None:
+        from validation.text_files.writing import write_files
+        from vision_gt.looks.told import picture_bytes
+
+        write_files(picture.parent, {picture.name: picture_bytes((found.look, Path()))})
+    if as_json:
+        print_json(found.facts)
+        return
+    print_table(found.table)
+    for remark in found.remarks:
+        click.echo(f"{photo.name}: {remark}")
+
+
+@vision.command()
+@CAMPAIGN
+@click.option("--stop", "stops", multiple=True, help="A stop; may be given several times.")
+@click.option("--camera", "cameras", multiple=True, help="A camera; the same.")
+@click.option("--image", "images", type=PATH, multiple=True, help="One image, a frame too.")
+@click.option("--all", "everything", is_flag=True, help="Also boards that were used, and the walk.")
+@click.option("--output", type=PATH, help="Folder for the pictures; CAMPAIGN/results/vision.")
+@WORKERS
+@AS_JSON
+def look(
+    campaign: Path, *, output: Path | None, workers: int | None, as_json: bool, **choice: Any
+) -> None:
+    """Draw what the cameras saw: outlines found and expected, and what was not used, and why.
+
+    Every stop, and each image of boards that was left out, as a JPEG file. Markers and boards are
+    expected where the results of `gtval run` have them; without results what is found is drawn.
+    """
+    from validation.campaign.folder import load_campaign
+    from vision_gt.commands.looking import looks_drawn
+
+    with progress_bar("images") as report:
+        drawn = looks_drawn(load_campaign(campaign), output, workers, report, **choice)
+    _told(drawn, as_json=as_json)
+
+
+@vision.command()
 @CAMPAIGN
 @AS_JSON
 @FIGURE
@@ -344,6 +415,32 @@ def _write(folder: Path, files: "dict[str, str | bytes]", *, as_json: bool) -> N
         return
     for path in written:
         click.echo(f"Written: {path}")
+
+
+def _camera_of(file: Path, name: str | None) -> "Camera":
+    """The camera of a file, or the one of this name where there are several."""
+    from validation.errors import GtvalError
+    from vision_gt.optics.camera_files import read_cameras
+
+    found = read_cameras(file)
+    chosen = [one for one in found if name is None or one.name == name]
+    if len(chosen) != 1:
+        names = ", ".join(one.name for one in found)
+        raise GtvalError(f"{file} has the cameras {names}; choose one with --camera")
+    return chosen[0]
+
+
+def _told(drawn: "Drawn", *, as_json: bool) -> None:
+    """Say which pictures were drawn."""
+    from validation.report.terminal import print_json, print_table
+
+    if as_json:
+        print_json(drawn.facts)
+        return
+    print_table(drawn.table)
+    for line in drawn.remarks:
+        click.echo(line)
+    click.echo(f"Pictures: {drawn.folder}")
 
 
 COMMANDS: list[click.Command] = [vision]

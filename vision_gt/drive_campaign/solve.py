@@ -8,7 +8,6 @@ from validation.errors import InputError, Problem
 from validation.poses.trajectory import Clock, Trajectory
 from validation.systems import Progress, no_progress
 from validation.trajectories.formats import read_trajectory
-from vision_gt.campaign.inputs import DRIVE, sides_of
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.drive_campaign.detecting import frames_seen
 from vision_gt.drive_campaign.frames import CameraFrames, drive_frames
@@ -19,6 +18,7 @@ from vision_gt.images.jobs import MarkerJob
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.robot.robot_pose import Floor
 from vision_gt.settings import VisionSettings
+from vision_gt.stages.inputs import DRIVE, sides_of
 
 Report = Callable[[float], None]
 MOST_TOLD = 5

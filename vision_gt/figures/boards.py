@@ -3,7 +3,7 @@
 AD2.3, "Single camera calibration", shows both, as Bouguet's toolbox draws them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from validation.figures.errors import COLOURS, GREY
 from validation.poses.angles import Array
 from vision_gt.images.files import Image
-from vision_gt.images.rejections import Rejection
 from vision_gt.network.intrinsics import Calibration
 from vision_gt.optics.camera import Camera, project
 from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
@@ -76,18 +75,13 @@ def _field_lines(axes: "Axes", camera: Camera, across: int) -> None:
         axes.plot([0, 3], [0, 3 * slope], ":", color=GREY, linewidth=0.8)
 
 
-def drawn_corners(
-    shown: Mapping[str, tuple[Image, BoardView, Camera]],
-    rejections: Mapping[str, Sequence[Rejection]] | None = None,
-) -> Figure:
+def drawn_corners(shown: Mapping[str, tuple[Image, BoardView, Camera]]) -> Figure:
     """Images with the corners that were found and the axes of the board drawn on them.
 
     Parameters
     ----------
     shown : mapping of str to (Image, BoardView, Camera)
         By a title: an image, the board in it, and the camera that took it.
-    rejections : mapping of str to sequence of Rejection, optional
-        By the same titles: what was not used, or is rough.
     """
     columns = min(len(shown), 2)
     rows = -(-len(shown) // max(columns, 1))
@@ -95,47 +89,10 @@ def drawn_corners(
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, (title, one) in zip(grid, shown.items(), strict=False):
         draw_board(axes, *one)
-        draw_rejections(axes, (rejections or {}).get(title, ()))
         axes.set_title(title, fontsize=8)
     for axes in grid[len(shown) :]:
         axes.set_axis_off()
     return figure
-
-
-def drawn_rejections(image: Image, rejections: Sequence[Rejection], title: str) -> Figure:
-    """An image with what was seen in it and not used."""
-    height, width = image.shape
-    figure = Figure(figsize=(WIDTH, WIDTH * height / width), layout="constrained")
-    axes = figure.subplots()
-    extent = (-0.5, width - 0.5, height - 0.5, -0.5)
-    axes.imshow(image[::_SHRINK, ::_SHRINK], cmap="gray", vmin=0, vmax=255, extent=extent)
-    draw_rejections(axes, rejections)
-    axes.set_title(title, fontsize=8)
-    axes.set_axis_off()
-    return figure
-
-
-def draw_rejections(axes: "Axes", rejections: Sequence[Rejection]) -> None:
-    """Outlines of what was not used, dashed, with the reasons, each said once."""
-    said: set[str] = set()
-    for one in rejections:
-        if np.isnan(one.place).any():
-            continue
-        outline = np.concatenate([one.outline, one.outline[:1]])
-        style = "x" if len(one.outline) == 1 else "--"
-        axes.plot(*outline.T, style, color=COLOURS[3], markersize=5, linewidth=0.9)
-        number = "" if one.number is None else f" {one.number}"
-        reason = "" if one.reason in said else f": {one.reason}"
-        said.add(one.reason)
-        words = f"{one.kind}{number}{reason}"
-        axes.annotate(
-            words,
-            (float(one.place[0]), float(one.place[1])),
-            fontsize=5,
-            color=COLOURS[3],
-            xytext=(3, -3),
-            textcoords="offset points",
-        )
 
 
 def draw_board(axes: "Axes", image: Image, view: BoardView, camera: Camera) -> None:

@@ -9,10 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
-from vision_gt.images.charuco import OtherBoard, as_printed, charuco_corners, other_board
-from vision_gt.images.rejections import Rejection, rejected
+from vision_gt.images.charuco import as_printed, charuco_corners
+from vision_gt.images.other_boards import dark_rim, is_another, what_instead
 from vision_gt.images.saddles import refine_saddles
 from vision_gt.patterns.boards import Board
+from vision_gt.patterns.rejections import Rejection, rejected
 
 Image = npt.NDArray[np.uint8]
 Ints = npt.NDArray[np.intp]
@@ -39,6 +40,10 @@ _WRONG, _WRONG_SHARE = 3.0, 0.08
 """Pixels, and sides of a square, that a corner may be from where its neighbours have it."""
 _ROUGH = "it could not be fitted (glare, blur, something over it): 1 px is assumed"
 _ELSEWHERE = "it is not where its neighbours on the board have it; not used"
+_DARK_RIM = (
+    "perhaps printed white on black, as its rim is dark: then state inverted = true, or it is read "
+    "turned by half a turn"
+)
 _STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
 
 
@@ -142,15 +147,18 @@ def look_for_boards(
     left: list[Rejection] = []
     for board in boards:
         if board.family is None:
-            found.append(find_board(image, board, detector))
+            plain = find_board(image, board, detector)
+            if plain is not None and is_another(image, board, plain.ids, plain.pixels):
+                plain = None
+            found.append(plain)
             continue
         one, rest = _find_charuco(image, board)
         found.append(one)
         left += rest
     if any(one is not None for one in found):
-        return BoardLook(tuple(found), tuple(left))
+        return BoardLook(tuple(found), tuple(left), _perhaps_inverted(image, boards, found))
     for place, board in enumerate(boards):
-        instead = other_board(image, board) if board.family else circles(image, board)
+        instead = what_instead(image, board)
         if instead is None:
             continue
         if instead.board is not None:
@@ -163,21 +171,17 @@ def look_for_boards(
     return BoardLook(tuple(found), tuple(left))
 
 
-def circles(image: Image, board: Board) -> OtherBoard | None:
-    """A grid of circles where a chessboard was stated; None if there is none of its size."""
-    nx, ny = board.inner
-    for columns, rows in ((nx, ny), (nx + 1, ny + 1)):
-        for flag, name in (
-            (cv2.CALIB_CB_SYMMETRIC_GRID, "a symmetric"),
-            (cv2.CALIB_CB_ASYMMETRIC_GRID, "an asymmetric"),
-        ):
-            for across, down in ((columns, rows), (rows, columns)):
-                seen, places = cv2.findCirclesGrid(image, (across, down), flags=flag)
-                if seen:
-                    outline = np.asarray(places, dtype=float).reshape(-1, 2)
-                    said = f"{name} grid of {across} x {down} circles, not a chessboard"
-                    return OtherBoard(said, None, outline)
-    return None
+def _perhaps_inverted(
+    image: Image, boards: Sequence[Board], found: Sequence[FoundBoard | None]
+) -> str:
+    """What is said of a plain board with a dark rim, whose first corner hangs on its colours."""
+    for board, one in zip(boards, found, strict=True):
+        plain = one is not None and board.family is None and not board.inverted
+        if not plain or one is None or board.looks_the_same_turned:
+            continue
+        if dark_rim(image, board, one.ids, one.pixels):
+            return _DARK_RIM
+    return ""
 
 
 def _starts(image: Image, board: Board) -> Iterator[Array]:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from validation.errors import InputError, Problem
 from validation.text_files.reading import file_bytes
-from vision_gt.images.pictures import VIDEOS, Picture, decoded
+from vision_gt.images.pictures import VIDEOS, OtherPixelsError, Picture, decoded
 
 Image = npt.NDArray[np.uint8]
 
@@ -134,7 +134,7 @@ def drive_cameras(folder: Path) -> list[str]:
 
 def images_below(folder: Path) -> list[Path]:
     """All image files below a folder, also those that are not read, by their names."""
-    known = ENDINGS | OTHER_ENDINGS
+    known = ENDINGS | OTHER_ENDINGS | VIDEOS
     return sorted(path for path in folder.rglob("*") if path.suffix.lower() in known)
 
 
@@ -242,7 +242,10 @@ def read_picture(path: Path) -> Picture:
     data = file_bytes(path, MAX_BYTES, "an image")
     if not data or _is_cut(data):
         raise InputError([Problem(path, "the image is truncated or damaged; copy it again")])
-    picture = decoded(data)
+    try:
+        picture = decoded(data)
+    except OtherPixelsError as error:
+        raise InputError([Problem(path, str(error))]) from None
     if picture is None:
         raise InputError([Problem(path, "not an image that OpenCV can read")])
     if data.startswith(_JPEG) and (rows := _filled_rows(picture.grey)):

@@ -1,23 +1,23 @@
 """Detection in many images at once, in as many processes as there are processors."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from validation.errors import InputError
+from validation.errors import InputError, Problem
 from validation.processes import in_processes
 from vision_gt.images.boards import Detector, FoundBoard, look_for_boards
 from vision_gt.images.files import Image, is_blank, read_picture
 from vision_gt.images.markers import Detection, detect_markers
-from vision_gt.images.rejections import Rejection
 from vision_gt.optics.camera import Camera
 from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
+from vision_gt.patterns.rejections import Rejection
 
 _WORTH_A_POOL = 12
 """With fewer images starting processes takes longer than it saves: a judgement, as a process has to
@@ -193,3 +193,27 @@ def _markers(image: Image, size: tuple[int, int], job: MarkerJob) -> Found:
         )
         note = "mirrored" if flipped.views else ""
     return Found(job.path, size, markers=detection, note=note, rejected=detection.rejected)
+
+
+def raise_faults(found: Sequence[Found]) -> None:
+    """Raise an InputError that names every image that cannot be read."""
+    faults = [Problem(one.path, one.fault) for one in found if one.fault]
+    if faults:
+        raise InputError(faults)
+
+
+def check_sizes(sizes: Mapping[str, Mapping[tuple[int, int], Path]]) -> None:
+    """Raise where one camera's images differ in size."""
+    problems = []
+    for camera, by_size in sizes.items():
+        (usual, example), *others = by_size.items()
+        problems += [
+            Problem(
+                path,
+                f"{size[0]} x {size[1]} pixels, but {example.name} of camera {camera} has "
+                f"{usual[0]} x {usual[1]}",
+            )
+            for size, path in others
+        ]
+    if problems:
+        raise InputError(problems)

@@ -13,9 +13,9 @@ from vision_gt.images.corners import refine_corners, windows
 from vision_gt.images.edge_samples import Flat
 from vision_gt.images.edges import sought_corners
 from vision_gt.images.reading import Reading, might_be_markers, read_codes, turned_corners
-from vision_gt.images.rejections import Rejection, rejected
 from vision_gt.optics.camera import Camera
 from vision_gt.patterns.dictionaries import Family
+from vision_gt.patterns.rejections import Rejection, rejected
 
 Image = npt.NDArray[np.uint8]
 
@@ -29,6 +29,9 @@ windows find 426; 3 and 23 find 420, 5 and 15 find 426 but miss those that are m
 alone 404. OpenCV's three windows find 429 in a third more time."""
 LEAST_CELL = 1.6
 """Pixels of a cell's side below which no code can be read, on rendered images with usual blur."""
+FACING = float(np.cos(np.deg2rad(75)))
+"""Cosine between a marker's normal and the ray to it. Markers are not read from flatter than that:
+a cell is then a quarter as high as wide. A judgement."""
 _LEAST_SEEN = 1.4
 """Pixels of a cell below which no outline is tried: those of blurred markers are drawn small."""
 _DRAWINGS = 2
@@ -148,6 +151,14 @@ def detect_markers(
         tuple(sorted(set(counts) - known)),
         tuple(left),
     )
+
+
+def shortest_widths(pixels: Array) -> Array:
+    """Shortest widths (...) of quadrangles (..., 4, 2): area over the longest side; NaN if cut."""
+    x, y = pixels[..., 0], pixels[..., 1]
+    twice = (x * np.roll(y, -1, -1) - y * np.roll(x, -1, -1)).sum(-1)
+    longest = np.linalg.norm(pixels - np.roll(pixels, -1, -2), axis=-1).max(-1)
+    return np.asarray(0.5 * np.abs(twice) / longest)
 
 
 def _with_stock(covariances: Array, good: npt.NDArray[np.bool_]) -> Array:

@@ -15,7 +15,8 @@ from validation.errors import InputError, Problem
 Image = npt.NDArray[np.uint8]
 
 VIDEOS = {".mp4", ".avi", ".mov", ".mkv", ".m4v", ".webm"}
-_JPEG = b"\xff\xd8"
+_JPEG, _PNG = b"\xff\xd8", b"\x89PNG\r\n\x1a\n"
+_TIFF = {b"II*\x00", b"MM\x00*"}
 _EXIF = b"Exif\x00\x00"
 _TURNS = {
     2: "mirrored",
@@ -47,13 +48,27 @@ class Picture:
     remarks: tuple[str, ...] = ()
 
 
+class OtherPixelsError(ValueError):
+    """Pixels of a kind that no camera gives: its text says which."""
+
+
 def decoded(data: bytes) -> Picture | None:
-    """The picture that the bytes of a file hold; None if they hold none that can be read."""
+    """The picture that the bytes of a file hold; None if they hold none that can be read.
+
+    Raises
+    ------
+    OtherPixelsError
+        If its pixels are neither of 8 nor of 16 bits.
+    """
     remarks = []
     turned = exif_orientation(data)
     if turned != _AS_STORED:
         said = _TURNS.get(turned, f"in the unknown way {turned}")
         remarks.append(f"its EXIF tag says: to be shown {said}; its pixels are used as stored")
+    if turned != _AS_STORED and data[:4] in _TIFF:
+        data = _untagged(data)  # OpenCV turns TIFF images whatever it is told
+    if data[:4] in _TIFF and (pages := _pages(data)) > 1:
+        remarks.append(f"it has {pages} pages; the first one is used")
     whole = np.frombuffer(data, np.uint8)
     if data.startswith(_JPEG):
         flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
@@ -64,11 +79,17 @@ def decoded(data: bytes) -> Picture | None:
         return None
     values: npt.NDArray[Any] = np.asarray(found)
     if values.dtype == np.uint16:
-        bits = used_bits(values)
+        opaque = values[..., :3] if values.ndim == 3 and values.shape[2] == 4 else values
+        bits = used_bits(opaque)
         remarks.append(f"16 bits a pixel, of which {bits} are used")
-        values = (values >> (bits - _LEAST_BITS)).astype(np.uint8)
+        shifted = values >> (bits - _LEAST_BITS)
+        if opaque is not values:
+            shifted[..., 3] = values[..., 3] >> _LEAST_BITS
+        values = shifted.astype(np.uint8)
     elif values.dtype != np.uint8:
-        return None
+        raise OtherPixelsError(
+            f"its pixels are {values.dtype}; expected whole numbers, 8 or 16 bits"
+        )
     if values.ndim == 3:
         values, more = _grey(values)
         remarks += more
@@ -97,6 +118,11 @@ def _grey(values: npt.NDArray[np.uint8]) -> tuple[npt.NDArray[np.uint8], list[st
 
 def exif_orientation(data: bytes) -> int:
     """How an image is to be turned to be shown, as its EXIF tag 274 says; 1 for not at all."""
+    if data[:4] in _TIFF:
+        return _orientation(data)
+    if data.startswith(_PNG):
+        place = data.find(b"eXIf")
+        return _AS_STORED if place < 0 else _orientation(data[place + 4 :])
     if not data.startswith(_JPEG):
         return _AS_STORED
     place = 2
@@ -110,16 +136,57 @@ def exif_orientation(data: bytes) -> int:
     return _AS_STORED
 
 
-def _orientation(tiff: bytes) -> int:
-    """The orientation in the first directory of an EXIF block."""
+def _directory(tiff: bytes, start: int, order: str) -> list[int]:
+    """Where the entries of a TIFF directory are."""
+    if start + 2 > len(tiff):
+        return []
+    (count,) = struct.unpack_from(order + "H", tiff, start)
+    return [p for p in range(start + 2, start + 2 + 12 * count, 12) if p + 12 <= len(tiff)]
+
+
+def _first(tiff: bytes) -> tuple[str, int] | None:
+    """Byte order of a TIFF block, and where its first directory is."""
     order = {b"II": "<", b"MM": ">"}.get(tiff[:2])
     if order is None or len(tiff) < 8:
+        return None
+    return order, int(struct.unpack_from(order + "I", tiff, 4)[0])
+
+
+def _pages(tiff: bytes) -> int:
+    """How many images a TIFF file holds."""
+    begin = _first(tiff)
+    pages, seen = 0, set[int]()
+    while begin is not None and begin[1] and begin[1] not in seen and begin[1] + 2 <= len(tiff):
+        order, start = begin
+        seen.add(start)
+        pages += 1
+        (count,) = struct.unpack_from(order + "H", tiff, start)
+        after = start + 2 + 12 * count
+        following = struct.unpack_from(order + "I", tiff, after)[0] if after + 4 <= len(tiff) else 0
+        begin = order, int(following)
+    return pages
+
+
+def _untagged(tiff: bytes) -> bytes:
+    """The TIFF file with its orientation set to none."""
+    begin = _first(tiff)
+    if begin is None:
+        return tiff
+    order, start = begin
+    changed = bytearray(tiff)
+    for entry in _directory(tiff, start, order):
+        if struct.unpack_from(order + "H", tiff, entry)[0] == _ORIENTATION:
+            struct.pack_into(order + "H", changed, entry + 8, _AS_STORED)
+    return bytes(changed)
+
+
+def _orientation(tiff: bytes) -> int:
+    """The orientation in the first directory of an EXIF or TIFF block."""
+    begin = _first(tiff)
+    if begin is None:
         return _AS_STORED
-    (start,) = struct.unpack_from(order + "I", tiff, 4)
-    if start + 2 > len(tiff):
-        return _AS_STORED
-    (count,) = struct.unpack_from(order + "H", tiff, start)
-    for entry in range(start + 2, min(start + 2 + 12 * count, len(tiff) - 11), 12):
+    order, start = begin
+    for entry in _directory(tiff, start, order):
         tag, _kind, _number, value = struct.unpack_from(order + "HHIH", tiff, entry)
         if tag == _ORIENTATION:
             return int(value)

@@ -125,6 +125,7 @@ def adjust_network(
     bar: Bar,
     *,
     free_intrinsics: bool = False,
+    frame: str = "",
 ) -> Network:
     """Cameras, bar and boards that fit all views best.
 
@@ -142,6 +143,8 @@ def adjust_network(
         Start of the double pattern, and how well it is known.
     free_intrinsics : bool
         Whether the views also determine the intrinsic parameters, from nothing.
+    frame : str
+        The camera that stands where it starts, if no body has a known place.
 
     Raises
     ------
@@ -153,7 +156,7 @@ def adjust_network(
     names = [camera.name for camera in cameras]
     starts = board_starts(views, cameras, T_gtv_camera, bar)
     starts.update({name: body.T_gtv_body for name, body in known.items() if name in starts})
-    if not set(known) & set(starts):
+    if not frame and not set(known) & set(starts):
         raise GtvalError("no camera sees the reference pattern")
     used = [view for view in views if view.body in starts]
     bodies = list(starts)
@@ -165,6 +168,9 @@ def adjust_network(
     )
     has_bar = any(view.part == 1 for view in used)
     knowledge = _knowledge(setup, cameras, bodies, known, bar, (has_bar, free_intrinsics))
+    if frame:
+        first = camera_slots(names.index(frame)).start
+        knowledge.free[first : first + 6] = False
     return _two_rounds(cameras, used, bodies, setup, knowledge)
 
 

@@ -5,7 +5,7 @@ pattern_2, camera_j for each snapshot, the mean over the snapshots, and the chai
 camera. It starts the joint adjustment and is what remains where that is not wanted.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -35,13 +35,27 @@ _STRAY, _STRAY_LENGTH, _STRAY_ANGLE = 6.0, 0.01, np.deg2rad(0.4)
 (metres, radians). A judgement: of normal scatter in six dimensions none is six medians off, and
 single boards are good to less than a centimetre and 0.4 degrees."""
 
+_SCATTER = 3.0
+"""Times the root mean square scatter of a link within which another estimate is the same."""
 
 _Estimates = list[tuple[RigidTransform, tuple[int, int]]]
 """Of one camera relative to another by one snapshot, with the reading of each board."""
 
 
 class NotLinkedError(GtvalError):
-    """Some cameras have no chain of views to the reference."""
+    """Some cameras have no chain of views to the reference.
+
+    Parameters
+    ----------
+    text : str
+        What is said.
+    missing : tuple of str
+        The cameras.
+    """
+
+    def __init__(self, text: str, missing: Sequence[str] = ()) -> None:
+        super().__init__(text)
+        self.missing = tuple(missing)
 
 
 @dataclass(frozen=True)
@@ -57,11 +71,14 @@ class BoardPose:
     T_camera_bar : sequence of RigidTransform
         The bar's frame by each possible reading of the board: two for a print that looks the
         same after half a turn.
+    corners : int
+        So many were seen.
     """
 
     camera: str
     snapshot: str
     T_camera_bar: Sequence[RigidTransform]
+    corners: int
 
 
 def bar_poses(
@@ -88,7 +105,7 @@ def bar_poses(
         readings = [T * T_pattern_bar]
         if view.board.looks_the_same_turned:
             readings.append(T * view.board.half_turn * T_pattern_bar)
-        poses.append(BoardPose(view.camera, view.body, readings))
+        poses.append(BoardPose(view.camera, view.body, readings, len(view.ids)))
     return poses
 
 
@@ -130,29 +147,40 @@ def pair_links(poses: Sequence[BoardPose]) -> list[PairLink]:
     Parameters
     ----------
     poses : sequence of BoardPose
-        All the board views of the network's images.
+        All the board views of the network's images. Of several boards in an image the one of
+        which most is seen counts: few corners, as of a board that is cut off, give a poor pose.
     """
     seen: dict[tuple[str, str], dict[str, _Estimates]] = {}
     by_snapshot: dict[str, list[BoardPose]] = {}
-    for pose in poses:
+    for pose in best_seen(poses).values():
         by_snapshot.setdefault(pose.snapshot, []).append(pose)
     for snapshot, views in by_snapshot.items():
         for a, b in product(views, views):
             if a.camera < b.camera:
-                seen.setdefault((a.camera, b.camera), {})[snapshot] = _estimates(a, b)
-    return [_link(pair, estimates) for pair, estimates in sorted(seen.items())]
+                seen.setdefault((a.camera, b.camera), {})[snapshot] = estimates(a, b)
+    return [_link(pair, some) for pair, some in sorted(seen.items())]
 
 
-def _estimates(a: BoardPose, b: BoardPose) -> _Estimates:
+def best_seen(poses: Sequence[BoardPose]) -> dict[tuple[str, str], BoardPose]:
+    """By camera and snapshot the board of which most corners were seen."""
+    best: dict[tuple[str, str], BoardPose] = {}
+    for pose in poses:
+        key = pose.camera, pose.snapshot
+        if key not in best or pose.corners > best[key].corners:
+            best[key] = pose
+    return best
+
+
+def estimates(a: BoardPose, b: BoardPose) -> _Estimates:
     """T_a_b for every reading of the two boards."""
     readings = product(range(len(a.T_camera_bar)), range(len(b.T_camera_bar)))
     return [(a.T_camera_bar[i] * b.T_camera_bar[j].inv(), (i, j)) for i, j in readings]
 
 
-def _link(pair: tuple[str, str], estimates: Mapping[str, _Estimates]) -> PairLink:
+def _link(pair: tuple[str, str], seen: Mapping[str, _Estimates]) -> PairLink:
     """The transform that most snapshots agree on, and their mean."""
-    names = list(estimates)
-    listed = [(name, T, reading) for name in names for T, reading in estimates[name]]
+    names = list(seen)
+    listed = [(name, T, reading) for name in names for T, reading in seen[name]]
     stack = RigidTransform.concatenate([T for _, T, _ in listed])
     owner = np.array([names.index(name) for name, _, _ in listed])
     rows, rival = largest_agreement(stack, owner, _FAR)
@@ -170,6 +198,15 @@ def _link(pair: tuple[str, str], estimates: Mapping[str, _Estimates]) -> PairLin
         ambiguous=(2 * rival > len(rows) and len(names) > 1)
         or (len(names) == 1 and len(stack) > 1),
     )
+
+
+def agrees(T: RigidTransform, link: PairLink) -> bool:
+    """Whether an estimate is within the scatter of a link's snapshots."""
+    off = T.translation - link.T_first_second.translation
+    angle = float(np.ravel(angle_between(T, link.T_first_second))[0])
+    length = float(np.linalg.norm(off))
+    limits = np.maximum(_SCATTER * link.spread, [_STRAY_LENGTH, _STRAY_ANGLE])
+    return bool(length <= limits[0] and angle <= limits[1])
 
 
 def _without_strays(stack: RigidTransform, chosen: list[int]) -> list[int]:
@@ -216,7 +253,12 @@ class Chain:
         return chain_to_root(camera, self.parents)
 
 
-def chain_cameras(cameras: Sequence[str], links: Sequence[PairLink], reference: str) -> Chain:
+def chain_cameras(
+    cameras: Sequence[str],
+    links: Sequence[PairLink],
+    reference: str,
+    why: Callable[[], str] = lambda: "",
+) -> Chain:
     """All cameras chained to the reference over the tree of the strongest links.
 
     Parameters
@@ -227,6 +269,8 @@ def chain_cameras(cameras: Sequence[str], links: Sequence[PairLink], reference: 
         Weighted by their agreeing snapshots.
     reference : str
         The camera that sees the reference pattern.
+    why : callable
+        Asked what is probably wrong, as a sentence, where some camera is not linked.
 
     Raises
     ------
@@ -239,16 +283,20 @@ def chain_cameras(cameras: Sequence[str], links: Sequence[PairLink], reference: 
     )
     missing = [camera for camera in cameras if camera not in found]
     if missing:
-        raise NotLinkedError(_missing_sentence(missing, links, reference))
+        raise NotLinkedError(_missing_sentence(missing, links, reference, why()), missing)
     return Chain({camera: found[camera] for camera in cameras}, parents)
 
 
-def _missing_sentence(missing: Sequence[str], links: Sequence[PairLink], reference: str) -> str:
+def _missing_sentence(
+    missing: Sequence[str], links: Sequence[PairLink], reference: str, why: str
+) -> str:
     """Which cameras are not linked, and why where something was seen."""
     said = (
         f"no chain of views links camera{'s' if len(missing) > 1 else ''} {', '.join(missing)} to "
         f"camera {reference}, which sees the reference pattern"
     )
+    if why:
+        return f"{said}. Probably {why}"
     doubtful = [link for link in links if link.ambiguous]
     if doubtful:
         pairs = ", ".join(f"{link.first}-{link.second}" for link in doubtful)

@@ -19,6 +19,9 @@ from vision_gt.network.chain import (
     chain_cameras,
     pair_links,
 )
+from vision_gt.network.exchanged import Exchange, exchanged_snapshots, why_not_linked
+from vision_gt.network.reinstated import reinstated
+from vision_gt.optics.agreement import strongest_tree
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.planar_pose import planar_solutions
 from vision_gt.optics.transforms import angle_between, composition_jacobians
@@ -30,6 +33,10 @@ _FAR_FROM_BAR = 0.1, float(np.deg2rad(6))
 """Metres and radians, besides five of the stated sigmas, from which on two boards do not fit the
 bar. A judgement: poses of single boards are good to centimetres; wrong readings are a board's
 length off."""
+
+
+class NoFrameError(GtvalError):
+    """No camera sees the reference pattern."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +57,8 @@ class NetworkInput:
         Of single boards, each body seen by one camera.
     bar : Bar
         The double pattern as built.
-    known_reference : KnownBody
-        Where the reference pattern lies.
+    known_reference : KnownBody or None
+        Where the reference pattern lies; without it the frame is that of a camera.
     origin_near : (2,) array, optional
         Pixel near the reference pattern's first corner.
     """
@@ -62,7 +69,7 @@ class NetworkInput:
     reference: tuple[BoardView, ...]
     calibration: tuple[BoardView, ...]
     bar: Bar
-    known_reference: KnownBody
+    known_reference: KnownBody | None
     origin_near: Array | None = None
 
 
@@ -91,6 +98,8 @@ class NetworkSolution:
         gives no pose.
     left_out : tuple of BoardView
         Both boards of the images that do not fit the bar.
+    exchanged : tuple of Exchange
+        Snapshots that were left out, and agree under other names.
     """
 
     network: Network
@@ -102,6 +111,7 @@ class NetworkSolution:
     bar_single: tuple[str, ...] = field(default=())
     unused: tuple[str, ...] = field(default=())
     left_out: tuple[BoardView, ...] = field(default=(), repr=False)
+    exchanged: tuple[Exchange, ...] = field(default=())
 
 
 def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution:
@@ -118,37 +128,59 @@ def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution
     ------
     NotLinkedError
         Naming cameras that nothing links to the reference.
+    NoFrameError
+        If the reference pattern is not seen.
     GtvalError
-        If the reference pattern is not seen, or looks the same turned and nothing says how it
-        lies.
+        If it looks the same turned and nothing says how it lies.
+
+    Notes
+    -----
+    Without a reference pattern the frame is that of the camera to which most others are linked.
     """
     names = [camera.name for camera in given.cameras]
-    reference = _read_reference(given)
+    reference = [] if given.known_reference is None else _read_reference(given)
     poses = bar_poses(given.snapshots, given.cameras, given.bar.patterns)
     links = pair_links(poses)
-    root = reference[0].camera
-    chain = chain_cameras(names, links, root)
-    T_gtv_root = _reference_camera(reference[0], given)
+    root = reference[0].camera if reference else middle_camera(names, links)
+    snapped = (given.snapshots, given.cameras, given.bar.patterns)
+    chain = chain_cameras(names, links, root, lambda: why_not_linked(*snapped))
+    T_gtv_root = _reference_camera(reference, given)
     T_gtv_camera = {name: T_gtv_root * chain.T_reference_camera[name] for name in names}
     averaged = _averaged(given, links, chain, T_gtv_camera)
     if not joint:
         return NetworkSolution(averaged, averaged, tuple(links), chain, root)
-    snapshots = _as_read(given.snapshots, links)
     both, left, single = _fitting_bar(given)
-    views = [*snapshots, *both, *reference, *given.calibration]
-    network = adjust_network(
-        given.cameras,
-        T_gtv_camera,
-        views,
-        {REFERENCE: given.known_reference},
-        given.bar,
-        free_intrinsics=bool(given.calibration),
-    )
+    rest = [*both, *reference, *given.calibration]
+    network = _adjusted(given, links, rest, T_gtv_camera, root)
+    fitting = reinstated(given.snapshots, network, links)
+    if fitting != links:
+        links = fitting
+        network = _adjusted(given, links, rest, T_gtv_camera, root)
     unused = _unused(given, network, [name for link in links for name in link.outliers])
     unused = tuple(name for name in unused if name not in {*left, *single})
     misfits = tuple(v for v in given.both if (v.source or v.body) in left)
+    mixed = exchanged_snapshots(*snapped, links)
     return NetworkSolution(
-        network, averaged, tuple(links), chain, root, left, single, unused, misfits
+        network, averaged, tuple(links), chain, root, left, single, unused, misfits, tuple(mixed)
+    )
+
+
+def _adjusted(
+    given: NetworkInput,
+    links: Sequence[PairLink],
+    rest: Sequence[BoardView],
+    T_gtv_camera: Mapping[str, RigidTransform],
+    root: str,
+) -> Network:
+    """The network of the snapshots that agree, and the rest."""
+    return adjust_network(
+        given.cameras,
+        T_gtv_camera,
+        [*_as_read(given.snapshots, links), *rest],
+        {} if given.known_reference is None else {REFERENCE: given.known_reference},
+        given.bar,
+        free_intrinsics=bool(given.calibration),
+        frame=root if given.known_reference is None else "",
     )
 
 
@@ -163,7 +195,7 @@ def _unused(given: NetworkInput, network: Network, outliers: Sequence[str]) -> t
 def _read_reference(given: NetworkInput) -> list[BoardView]:
     """The reference views by the right reading, the one with the largest pattern first."""
     if not given.reference:
-        raise GtvalError("no image shows the reference pattern, so the cameras have no frame")
+        raise NoFrameError("no image shows the reference pattern, so the cameras have no frame")
     views = sorted(given.reference, key=lambda view: -float(np.ptp(view.pixels, axis=0).prod()))
     if not views[0].board.looks_the_same_turned:
         return views
@@ -183,12 +215,27 @@ def _from_origin(view: BoardView, near: Array) -> float:
     return float(np.linalg.norm(first - near))
 
 
-def _reference_camera(view: BoardView, given: NetworkInput) -> RigidTransform:
-    """T_gtv_camera of the camera that sees the reference pattern."""
+def middle_camera(names: Sequence[str], links: Sequence[PairLink]) -> str:
+    """The camera to which most others are linked by chains, over most snapshots."""
+    usable = [link for link in links if link.snapshots and not link.ambiguous]
+
+    def reach(name: str) -> tuple[int, int]:
+        steps = [(u.first, u.second, u.T_first_second, len(u.snapshots)) for u in usable]
+        own = sum(len(u.snapshots) for u in usable if name in {u.first, u.second})
+        return len(strongest_tree(name, steps)[0]), own
+
+    return max(names, key=reach)
+
+
+def _reference_camera(views: Sequence[BoardView], given: NetworkInput) -> RigidTransform:
+    """T_gtv_camera of the camera from which the chains begin."""
+    if given.known_reference is None:
+        return RigidTransform.identity()
+    view = views[0]
     camera = next(c for c in given.cameras if c.name == view.camera)
     T = camera_pose_of_board(view, camera)
     if T is None:
-        raise GtvalError(f"camera {view.camera}: the reference pattern gives no pose")
+        raise NoFrameError(f"camera {view.camera}: the reference pattern gives no pose")
     return given.known_reference.T_gtv_body * T.inv()
 
 
@@ -280,7 +327,8 @@ def _averaged(
     """
     names = [camera.name for camera in given.cameras]
     covariance = np.zeros((CAMERA_UNKNOWNS * len(names),) * 2)
-    own = {chain.path(names[0])[-1]: given.known_reference.covariance}
+    known = given.known_reference
+    own = {chain.path(names[0])[-1]: np.zeros((6, 6)) if known is None else known.covariance}
     by_pair = {(link.first, link.second): link for link in links}
     for name in sorted(names, key=lambda n: len(chain.path(n))):
         parent = chain.parents.get(name)

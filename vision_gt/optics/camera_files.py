@@ -32,13 +32,21 @@ _OTHER_LENSES = {
     "thin_prism_fisheye": "a fisheye lens with a thin prism",
     "fov": "the field-of-view lens",
     "omni": "an omnidirectional camera (Mei's)",
+    "mei": "an omnidirectional camera (Mei's)",
+    "scaramuzza": "an omnidirectional camera (Scaramuzza's)",
     "eucm": "the extended unified camera",
     "ds": "the double-sphere camera",
 }
+_TELLS_LENS = re.compile(r"model|lens|flags|distortion_type|projection")
+"""Of the keys whose value may name a lens."""
+_FOUR = (
+    "four numbers may be Brown's k1, k2, p1, p2 or the fisheye lens's k1 to k4, and the file does "
+    "not say which. If they are Brown's add 0.0 as the fifth, k3"
+)
 _BROWN = "here lenses are Brown's (plumb_bob, radtan)"
 _KEYS = (
     ("camera_matrix", "cameraMatrix", "K", "M1"),
-    ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D", "D1"),
+    ("distortion_coefficients", "distCoeffs", "dist_coeffs", "dist_coeff", "dist", "D", "D1"),
 )
 """Names of the camera matrix and of the lens in files of OpenCV's samples and users."""
 FORMATS = ("opencv", "ros", "kalibr", "bouguet")
@@ -58,12 +66,18 @@ def read_cameras(path: Path) -> list[Camera]:
         If the file is missing, cannot be parsed, or lacks something.
     """
     data = _bytes_of(path)
+    if path.suffix.lower() == ".m":
+        raise _bad(path, "a program of Bouguet's toolbox; give the Calib_Results.mat beside it")
     if path.suffix.lower() == ".mat":
         return [_read_bouguet(path, data)]
     text = data.decode("utf-8-sig", errors="replace")
     root = _parsed(path, text)
     if any(re.fullmatch(r"cam\d+", str(key)) and isinstance(root[key], dict) for key in root):
         return _read_kalibr(path, root)
+    if "intrinsics" in root and "resolution" in root:
+        return [_kalibr_camera(path, "", root)]
+    if isinstance(root.get("projection_parameters"), dict):
+        return [_read_camodocal(path, root)]
     if isinstance(root.get("distortion_model"), str):
         return [_read_ros(path, root)]
     return [_read_opencv(path, root)]
@@ -177,6 +191,8 @@ def _numbers(path: Path, value: Any, field: str, counts: Sequence[int]) -> Array
         value = value.get("data")
     if not isinstance(value, list):
         raise _bad(path, "the camera file lacks this", field)
+    if any(isinstance(row, list) for row in value):
+        value = [one for row in value for one in (row if isinstance(row, list) else [row])]
     numbers = np.array([one if isinstance(one, float) else np.nan for one in value])
     if len(numbers) not in counts or not np.isfinite(numbers).all():
         wanted = " or ".join(str(n) for n in counts)
@@ -185,6 +201,8 @@ def _numbers(path: Path, value: Any, field: str, counts: Sequence[int]) -> Array
 
 
 def _whole(path: Path, value: Any, field: str) -> int:
+    if value is None:
+        raise _bad(path, "the camera file lacks this; add it, in pixels", field)
     if not isinstance(value, float) or value <= 0:
         raise _bad(path, "expected a positive whole number", field)
     return int(value)
@@ -206,17 +224,18 @@ def _lens(path: Path, values: Array, field: str) -> Array:
 
 def _no_other_lens(path: Path, node: Mapping[str, Any], where: str = "") -> None:
     """Raise where a file says that its lens, or camera, is another one than Brown's."""
-    for key in ("camera_model", "distortion_model", "model", "model_type", "lens_model"):
-        model = node.get(key)
-        if not isinstance(model, str):
+    for key, model in node.items():
+        if not isinstance(model, str) or not _TELLS_LENS.search(key.lower()):
             continue
         what = next(
             (said for name, said in _OTHER_LENSES.items() if model.lower().startswith(name)), None
         )
         if what is not None:
             raise _bad(path, f"the coefficients of {what}; {_BROWN}", where + key, model)
-    for key in ("fisheye", "is_fisheye", "xi"):
-        if node.get(key) not in (None, 0.0, "", "false", "False"):
+    for key in node:
+        if not ("fisheye" in key.lower() or key == "xi"):
+            continue
+        if node[key] not in (None, 0.0, "", "false", "False"):
             what = "an omnidirectional camera" if key == "xi" else "the Kannala-Brandt fisheye lens"
             raise _bad(path, f"the coefficients of {what}; {_BROWN}", where + key, str(node[key]))
 
@@ -231,11 +250,13 @@ def _made(path: Path, name: str, size: tuple[int, int], parameters: Array) -> Ca
 def _read_opencv(path: Path, root: Mapping[str, Any]) -> Camera:
     field, lens_field = (next((key for key in keys if key in root), keys[0]) for keys in _KEYS)
     _no_other_lens(path, root)
-    if root.get("nframes") is not None and "M2" in root:
+    if "M2" in root:
         raise _bad(path, "a file of two cameras; give each camera its own", "M2")
     K = _numbers(path, root.get(field), field, (9,)).reshape(3, 3)
     _check_matrix(path, K, field)
     lens = _numbers(path, root.get(lens_field), lens_field, (4, 5, 8, 12, 14))
+    if len(lens) == 4 and not _says_pinhole(root):
+        raise _bad(path, _FOUR, lens_field)
     width, height = (_whole(path, root.get(key), key) for key in ("image_width", "image_height"))
     name = root.get("camera_name")
     focal = [K[0, 0], K[1, 1], K[0, 2], K[1, 2]]
@@ -246,6 +267,12 @@ def _read_opencv(path: Path, root: Mapping[str, Any]) -> Camera:
     if field not in root:
         return camera
     return replace(camera, covariance=_numbers(path, root[field], field, (81,)).reshape(9, 9))
+
+
+def _says_pinhole(root: Mapping[str, Any]) -> bool:
+    """Whether a file says that its lens is Brown's: by a word, or as no fisheye lens."""
+    models = {str(root.get(key)).lower() for key in ("distortion_model", "model_type")}
+    return bool(models & _PINHOLE_LENSES) or any("fisheye" in key.lower() for key in root)
 
 
 def _check_matrix(path: Path, K: Array, field: str) -> None:
@@ -272,24 +299,45 @@ def _read_kalibr(path: Path, root: Mapping[str, Any]) -> list[Camera]:
 
 
 def _kalibr_camera(path: Path, field: str, node: Any) -> Camera:
-    """One camera of a chain."""
+    """One camera of a chain; or one by itself, as the data sets of EuRoC have it."""
+    within = f"{field}." if field else ""
     if not isinstance(node, dict):
         raise _bad(path, "expected the parameters of a camera", field)
-    _no_other_lens(path, node, f"{field}.")
+    _no_other_lens(path, node, within)
     model, lens_model = node.get("camera_model"), str(node.get("distortion_model") or "").lower()
     if model != "pinhole":
-        raise _bad(path, "expected pinhole", f"{field}.camera_model", str(model or ""))
+        raise _bad(path, "expected pinhole", f"{within}camera_model", str(model or ""))
     if lens_model not in _PINHOLE_LENSES | _NO_LENS:
         wanted = " or ".join(sorted(_PINHOLE_LENSES))
-        raise _bad(path, f"expected {wanted}", f"{field}.distortion_model", lens_model)
-    focal = _numbers(path, node.get("intrinsics"), f"{field}.intrinsics", (4,))
-    size = _numbers(path, node.get("resolution"), f"{field}.resolution", (2,))
+        raise _bad(path, f"expected {wanted}", f"{within}distortion_model", lens_model)
+    focal = _numbers(path, node.get("intrinsics"), f"{within}intrinsics", (4,))
+    size = _numbers(path, node.get("resolution"), f"{within}resolution", (2,))
     lens = np.zeros(5)
     if lens_model not in _NO_LENS:
-        key = f"{field}.distortion_coeffs"
-        lens = _lens(path, _numbers(path, node.get("distortion_coeffs"), key, (4, 5)), key)
+        key = "distortion_coeffs" if field else "distortion_coefficients"
+        lens = _lens(path, _numbers(path, node.get(key), within + key, (4, 5)), within + key)
     parameters = np.concatenate([focal, lens])
-    return _made(path, field, (int(size[0]), int(size[1])), parameters)
+    return _made(path, field or path.stem, (int(size[0]), int(size[1])), parameters)
+
+
+def _read_camodocal(path: Path, root: Mapping[str, Any]) -> Camera:
+    """A camera of camodocal, as VINS and others have it."""
+    _no_other_lens(path, root)
+    if str(root.get("model_type")).upper() != "PINHOLE":
+        raise _bad(path, "expected PINHOLE", "model_type", str(root.get("model_type")))
+    groups = (
+        ("projection_parameters", ("fx", "fy", "cx", "cy")),
+        ("distortion_parameters", ("k1", "k2", "p1", "p2")),
+    )
+    values = [
+        _numbers(path, [(root.get(group) or {}).get(key)], f"{group}.{key}", (1,))
+        for group, keys in groups
+        for key in keys
+    ]
+    size = [_whole(path, root.get(key), key) for key in ("image_width", "image_height")]
+    name = root.get("camera_name")
+    shown = name if isinstance(name, str) else path.stem
+    return _made(path, shown, (size[0], size[1]), np.concatenate([*values, [0.0]]))
 
 
 def _read_bouguet(path: Path, data: bytes) -> Camera:
@@ -300,6 +348,10 @@ def _read_bouguet(path: Path, data: bytes) -> Camera:
         found = loadmat(stream)
     except Exception as error:  # noqa: BLE001  (scipy raises many kinds for broken files)
         raise _bad(path, f"not a MATLAB file: {error}") from None
+    if "fc_left" in found or "om" in found:
+        raise _bad(path, "a file of two cameras; give each camera its own Calib_Results.mat")
+    if np.size(found.get("kc", ())) == 4:
+        raise _bad(path, f"the coefficients of the toolbox's fisheye lens; {_BROWN}", "kc")
     values = {}
     for key, count in (("fc", 2), ("cc", 2), ("kc", 5), ("nx", 1), ("ny", 1)):
         if key not in found or np.size(found[key]) != count:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
-from vision_gt.images.markers import LEAST_CELL
+from vision_gt.images.markers import FACING, LEAST_CELL, shortest_widths
 from vision_gt.optics.camera import project_with_jacobians
 from vision_gt.optics.planar_pose import planar_solutions
 from vision_gt.optics.transforms import cross_matrix, planar_jacobian
@@ -22,9 +22,6 @@ from vision_gt.planning.mounting import MountedCamera
 from vision_gt.robot.marker_poses import Layout, marker_corners
 from vision_gt.robot.robot_pose import AMBIGUOUS_EXCESS
 
-_FACING = float(np.cos(np.deg2rad(75)))
-"""Markers are not read from flatter than that: a cell is then a quarter as high as wide. A
-judgement."""
 _LEAST_INFORMATION = 1e-9
 """Smallest over largest eigenvalue of the information: less is none."""
 
@@ -88,13 +85,13 @@ def views_of(
     R = mount.T_gtv_camera.rotation.as_matrix()
     _, by_point, _ = project_with_jacobians((points - mount.eye) @ R, mount.camera.parameters)
     pixels = pixels_of(points, mount)
-    sides = _widths(pixels)
+    sides = shortest_widths(pixels)
     middles = points.mean(2)
     normals = R_robot[:, None] @ layout.placed[0][None, :, :, 2, None]
     to_eye = mount.eye - middles
     cosine = (normals[..., 0] * to_eye).sum(-1) / np.linalg.norm(to_eye, axis=-1)
     with np.errstate(invalid="ignore"):
-        readable = (sides >= LEAST_CELL * cells) & (cosine > _FACING)
+        readable = (sides >= LEAST_CELL * cells) & (cosine > FACING)
     by_change = np.zeros((*points.shape, 6))
     by_change[..., :3] = np.eye(3)
     by_change[..., 3:] = -cross_matrix(points - t_robot[:, None, None])
@@ -116,14 +113,6 @@ def _standing(poses: Array) -> tuple[Array, Array]:
     R[:, 0, 0] = R[:, 1, 1] = c
     R[:, 0, 1], R[:, 1, 0], R[:, 2, 2] = -s, s, 1.0
     return R, np.column_stack([poses[:, :2], np.zeros(len(poses))])
-
-
-def _widths(pixels: Array) -> Array:
-    """Shortest widths (...) of quadrangles (..., 4, 2): area over the longest side; NaN if cut."""
-    x, y = pixels[..., 0], pixels[..., 1]
-    twice = (x * np.roll(y, -1, -1) - y * np.roll(x, -1, -1)).sum(-1)
-    longest = np.linalg.norm(pixels - np.roll(pixels, -1, -2), axis=-1).max(-1)
-    return np.asarray(0.5 * np.abs(twice) / longest)
 
 
 def _looks_like_another(

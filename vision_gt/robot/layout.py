@@ -33,7 +33,19 @@ tilts above some 10 degrees, and smaller ones differ little from the right pose.
 
 
 class UnlinkedMarkersError(GtvalError):
-    """Some markers were never seen together with the others."""
+    """Some markers were never seen together with the others.
+
+    Parameters
+    ----------
+    text : str
+        What is said.
+    missing : tuple of int
+        Their ids.
+    """
+
+    def __init__(self, text: str, missing: Sequence[int] = ()) -> None:
+        super().__init__(text)
+        self.missing = tuple(missing)
 
 
 @dataclass(frozen=True)
@@ -183,12 +195,14 @@ def _chains(
     T_dima_marker, parents = strongest_tree(
         dima, [(p.first, p.second, p.T_first_second, p.images) for p in pairs]
     )
-    missing = [str(number) for number in numbers if number not in T_dima_marker]
+    missing = [number for number in numbers if number not in T_dima_marker]
     if missing:
+        named = ", ".join(map(str, missing))
         raise UnlinkedMarkersError(
-            f"no images link marker{'s' if len(missing) > 1 else ''} {', '.join(missing)} to the "
+            f"no images link marker{'s' if len(missing) > 1 else ''} {named} to the "
             f"dima-marker {dima}: they were never seen together with it, nor with one that was. "
-            "Take the movie again so that neighbouring markers are in one image"
+            "Take the movie again so that neighbouring markers are in one image",
+            missing,
         )
     chains = {number: chain_to_root(number, parents) for number in T_dima_marker}
     return chains, RigidTransform.concatenate([T_dima_marker[number] for number in numbers])

@@ -15,11 +15,11 @@ STATED = Board(8, 6, 0.05, Family("4X4_100"))
 PIXELS = 56
 
 
-def photograph(board, *, mirrored=False, cover=0.0, sharpen=0.0):
+def photograph(board, *, mirrored=False, cover=0.0, sharpen=0.0, rim=1):
     """A board seen a little from the side, its inner corners where they are."""
     cells, side = board.cells()
     times = round(PIXELS * side / board.square * 4)
-    texture = np.kron(np.pad(cells, 3, constant_values=1), np.ones((times, times))) * 165.0 + 40
+    texture = np.kron(np.pad(cells, 3, constant_values=rim), np.ones((times, times))) * 165.0 + 40
     if mirrored:
         texture = texture[:, ::-1]
     if cover:
@@ -143,3 +143,63 @@ def test_two_boards_of_one_family_in_an_image_are_both_read():
     assert [len(one.ids) for one in look.found] == [35, 35]
     mirrored = look_for_boards(np.ascontiguousarray(both[:, ::-1]), [STATED, other])
     assert (mirrored.instead, mirrored.found) == ("mirrored", (None, None))
+
+
+CHESS = Board(10, 7, 0.05)
+
+
+@pytest.mark.parametrize(
+    ("shown", "stated", "said"),
+    [
+        (CHESS, Board(9, 6, 0.05), "a chessboard of 10 x 7 squares; 9 x 6 were stated"),
+        (Board(9, 6, 0.05), CHESS, "of which 9 x 6 squares are seen; 10 x 7 were stated"),
+        (Board(8, 6, 0.05), STATED, "a chessboard without markers of 4X4_100, 8 x 6 squares"),
+        (Board(9, 7, 0.05, STATED.family), STATED, "a board of 9 squares along"),
+        (Board(7, 5, 0.05, STATED.family), STATED, "a board of 7 squares along"),
+        (replace(STATED, first_id=30), STATED, "ids begin at 30 or near, not at 0"),
+    ],
+    ids=["inner corners counted", "smaller", "no markers", "wider", "narrower", "other ids"],
+)
+def test_boards_of_other_squares_or_ids_are_named(shown, stated, said):
+    look = look_for_boards(photograph(shown)[0], [stated])
+    assert look.found == (None,)
+    assert said in look.instead
+
+
+def test_a_covered_chessboard_says_what_is_seen_of_it():
+    look = look_for_boards(photograph(CHESS, cover=0.3)[0], [CHESS])
+    assert "of which 9 x 7 squares are seen" in look.instead
+
+
+def test_a_chessboard_in_white_on_black_is_told_by_its_rim():
+    image, true = photograph(replace(CHESS, inverted=True), rim=0)
+    look = look_for_boards(image, [CHESS])
+    assert "printed white on black" in look.instead
+    stated = look_for_boards(image, [replace(CHESS, inverted=True)])
+    assert stated.instead == ""
+    assert missed(stated.found[0], true).max() < 0.3
+    assert look_for_boards(photograph(CHESS)[0], [CHESS]).instead == ""
+
+
+@pytest.mark.parametrize("white_on_black", [False, True])
+@pytest.mark.parametrize("stated", [CHESS, STATED], ids=["chessboard", "charuco"])
+def test_grids_of_circles_are_named_whatever_was_stated(stated, white_on_black):
+    image = np.full((480, 640), 210, dtype=np.uint8)
+    for row in range(11):
+        for column in range(4):
+            place = (110 + 100 * column + 50 * (row % 2), 60 + 36 * row)
+            cv2.circle(image, place, 13, 40, -1, cv2.LINE_AA)
+    look = look_for_boards(255 - image if white_on_black else image, [stated])
+    assert "an asymmetric grid of 4 x 11 circles" in look.instead
+
+
+def test_markers_where_a_chessboard_was_stated_are_named():
+    family = Family("APRILTAG_36h11")
+    image = np.full((480, 640), 255, dtype=np.uint8)
+    for row in range(4):
+        for column in range(6):
+            tag = cv2.aruco.generateImageMarker(family.dictionary, 6 * row + column, 70, None, 1)
+            y, x = 40 + 105 * row, 30 + 98 * column
+            image[y : y + 70, x : x + 70] = tag
+    look = look_for_boards(image, [CHESS])
+    assert "APRILTAG_36H11" in look.instead

@@ -94,3 +94,40 @@ def test_a_turn_by_a_tag_is_said_and_pixels_stay_as_stored(tmp_path, order):
     np.testing.assert_array_equal(picture.grey, read_picture(plain).grey)
     assert "a quarter turn" in picture.remarks[0]
     assert read_picture(plain).remarks == ()
+
+
+def test_sixteen_bits_with_an_opaque_cover_keep_their_range(tmp_path):
+    """A cover is always 65535, and says nothing of the bits that the camera uses."""
+    path = tmp_path / "a.png"
+    grey = np.tile(np.arange(16, 4096, 16, dtype=np.uint16), (40, 1))
+    cover = np.full_like(grey, 65535)
+    cv2.imwrite(str(path), np.dstack([grey, grey, grey, cover]))
+    picture = read_picture(path)
+    assert picture.remarks == ("16 bits a pixel, of which 12 are used",)
+    assert np.abs(picture.grey.astype(int) - (grey >> 4)).max() <= 1
+
+
+@pytest.mark.parametrize("ending", ["jpg", "png", "tiff"])
+def test_a_turn_is_said_in_every_kind_of_file_and_never_done(tmp_path, ending):
+    from PIL import Image
+
+    path = tmp_path / f"a.{ending}"
+    tags = Image.Exif()
+    tags[274] = 6
+    shown = np.tile(np.arange(0, 240, 4, dtype=np.uint8), (40, 1))
+    Image.fromarray(shown).save(path, exif=tags)
+    picture = read_picture(path)
+    assert picture.grey.shape == shown.shape
+    assert "quarter turn" in picture.remarks[0]
+
+
+def test_pages_are_counted_and_other_pixels_named(tmp_path):
+    from PIL import Image
+
+    grey = Image.fromarray(np.full((20, 30), 90, dtype=np.uint8))
+    several = tmp_path / "several.tiff"
+    grey.save(several, save_all=True, append_images=[grey, grey])
+    assert read_picture(several).remarks == ("it has 3 pages; the first one is used",)
+    cv2.imwrite(str(tmp_path / "float.tiff"), np.zeros((20, 30), dtype=np.float32))
+    with pytest.raises(InputError, match="its pixels are float32"):
+        read_picture(tmp_path / "float.tiff")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from vision_scenes import opencv_markers
 
-from vision_gt.images.boards import find_board
+from vision_gt.images.boards import find_board, look_for_boards
 from vision_gt.images.files import read_image
 from vision_gt.images.markers import detect_markers
 from vision_gt.optics.camera import Camera
@@ -130,3 +130,20 @@ def test_marker_corners_of_a_photograph(record_property):
 def test_two_markers_in_one_photograph():
     image = read_image(REAL / "vision" / "fiducials" / "tag_245-246_d7_14cm.png")
     assert detect_markers(image, Family("5X5_1000"), PHOTO).numbers == (245, 246)
+
+
+@needs_real
+@pytest.mark.full
+def test_a_wrong_count_of_squares_is_named_on_real_images():
+    """26 photographs of 10 x 7 squares: found as such; as 9 x 6, the inner corners, none is.
+
+    Four of them were, with every second corner or a part of the board. One photograph shows a
+    picture of a smaller board on a screen.
+    """
+    paths = sorted((REAL / "vision" / "opencv_stereo").glob("*.jpg"))
+    right = [look_for_boards(read_image(path), [STEREO]) for path in paths]
+    assert all(look.found[0] is not None and not look.instead for look in right)
+    wrong = [look_for_boards(read_image(path), [Board(9, 6, 0.025)]) for path in paths]
+    assert sum(look.found[0] is not None for look in wrong) <= 1
+    named = [look.instead for look in wrong if "10 x 7 squares; 9 x 6 were" in look.instead]
+    assert len(named) > len(paths) / 2

@@ -101,6 +101,12 @@ CHAIN = "cam0:\n  camera_model: %s\n  distortion_model: %s\n  intrinsics: [500, 
         (SIZED + BRACKETS % 0 + EIGHT, "rational"),
         (SIZED + BRACKETS % 3 + FOUR, "skew"),
         (SIZED + BRACKETS % 0 + FOUR + "xi: 1.2\n", "omnidirectional"),
+        (SIZED + BRACKETS % 0 + FOUR + "fisheye_model: 1\n", "Kannala-Brandt"),
+        (SIZED + BRACKETS % 0 + FOUR + "flags_calibration: fisheye\n", "Kannala-Brandt"),
+        (SIZED + BRACKETS % 0 + FOUR, "may be Brown's k1, k2, p1, p2 or the fisheye lens's"),
+        (SIZED + "model_type: MEI\nprojection_parameters: {gamma1: 1}\n", "omnidirectional"),
+        (BRACKETS % 0 + EIGHT.replace("0.2", "0.0"), "lacks this; add it, in pixels"),
+        ("M1: {data: [1]}\nM2: {data: [1]}\n", "a file of two cameras"),
         (CHAIN % ("pinhole", "equidistant"), "Kannala-Brandt"),
         (CHAIN % ("pinhole", "fov"), "field-of-view"),
         (CHAIN % ("omni", "radtan"), "omnidirectional"),
@@ -133,3 +139,65 @@ def test_a_missing_file_and_a_broken_mat(tmp_path):
 def test_kalibr_cannot_hold_k3():
     with pytest.raises(GtvalError, match="no k3"):
         write_camera(".yaml", "kalibr", a_camera(-0.015))
+
+
+BROWN = [-0.28, 0.07, 0.0002, 1e-5, 0.0]
+OTHERS = {
+    "euroc.yaml": """
+sensor_type: camera
+T_BS: {cols: 4, rows: 4, data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}
+resolution: [640, 480]
+camera_model: pinhole
+intrinsics: [500, 501, 320, 240]
+distortion_model: radial-tangential
+distortion_coefficients: [-0.28, 0.07, 0.0002, 1.0e-05]
+""",
+    "camodocal.yaml": """%YAML:1.0
+---
+model_type: PINHOLE
+camera_name: other
+image_width: 640
+image_height: 480
+distortion_parameters: {k1: -0.28, k2: 0.07, p1: 0.0002, p2: 1.0e-05}
+projection_parameters: {fx: 500, fy: 501, cx: 320, cy: 240}
+""",
+    "sample.yml": """%YAML:1.0
+---
+image_width: 640
+image_height: 480
+fisheye_model: 0
+camera_matrix: {rows: 3, cols: 3, dt: d, data: [500, 0, 320, 0, 501, 240, 0, 0, 1]}
+distortion_coefficients: {rows: 4, cols: 1, dt: d, data: [-0.28, 0.07, 0.0002, 1.0e-05]}
+""",
+    "script.json": """{"camera_matrix": [[500, 0, 320], [0, 501, 240], [0, 0, 1]],
+"dist_coeff": [[-0.28, 0.07, 0.0002, 1.0e-05, 0.0]], "image_width": 640, "image_height": 480}""",
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_files_of_other_programs_are_read(tmp_path, name):
+    path = tmp_path / name
+    path.write_text(OTHERS[name])
+    (found,) = read_cameras(path)
+    assert found.size == (640, 480)
+    assert found.parameters.tolist() == pytest.approx([500, 501, 320, 240, *BROWN])
+
+
+@pytest.mark.parametrize(
+    ("contents", "said"),
+    [
+        ({"kc": np.zeros((4, 1))}, "fisheye lens"),
+        ({"fc_left": np.zeros((2, 1))}, "two cameras"),
+    ],
+)
+def test_files_of_bouguets_other_toolboxes_are_named(tmp_path, contents, said):
+    from scipy.io import savemat
+
+    path = tmp_path / "Calib_Results.mat"
+    savemat(path, {"fc": np.ones((2, 1)), **contents})
+    with pytest.raises(InputError, match=said):
+        read_cameras(path)
+    program = tmp_path / "Calib_Results.m"
+    program.write_text("fc = [ 657.39 ; 657.76 ];")
+    with pytest.raises(InputError, match=r"give the Calib_Results\.mat"):
+        read_cameras(program)

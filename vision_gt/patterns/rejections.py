@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 from typing import Literal
 
+import cv2
 import numpy as np
 
 from validation.poses.angles import Array
 
 Kind = Literal["board", "marker", "corner", "image"]
+_NOWHERE = np.zeros((0, 2))
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,15 @@ class Rejection:
     outline: Array
 
 
-def rejected(kind: Kind, reason: str, number: int | None, outline: Array) -> Rejection:
+def hull(places: Array) -> Array:
+    """(k, 2) the corners of what holds all places (n, 2)."""
+    found = cv2.convexHull(np.asarray(places, dtype=np.float32))
+    return np.asarray(found, dtype=float).reshape(-1, 2)
+
+
+def rejected(
+    kind: Kind, reason: str, number: int | None = None, outline: Array = _NOWHERE
+) -> Rejection:
     """A rejection with its place: the middle of an outline (k, 2)."""
     outline = np.asarray(outline, dtype=float).reshape(-1, 2)
     place = outline.mean(0) if len(outline) else np.full(2, np.nan)

@@ -12,15 +12,23 @@ from validation.campaign.folder import Campaign
 from validation.errors import InputError, Problem
 from validation.systems import Progress, no_progress
 from vision_gt.images.files import CampaignImages, campaign_images, drive_cameras, images_below
-from vision_gt.images.jobs import BoardJob, Found, Job, MarkerJob, detect_all
+from vision_gt.images.jobs import (
+    BoardJob,
+    Found,
+    Job,
+    MarkerJob,
+    check_sizes,
+    detect_all,
+    raise_faults,
+)
 from vision_gt.images.markers import Detection
-from vision_gt.images.rejections import Rejection
 from vision_gt.network.adjustment import KnownBody
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.camera_files import read_cameras
 from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
+from vision_gt.patterns.rejections import Rejection, rejected
 from vision_gt.robot.layout import Frame
 from vision_gt.settings import EXAMPLES, BoardSettings, Placement, VisionSettings, stated
 
@@ -125,14 +133,29 @@ class VisionInputs:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The cameras of the network."""
-        filmed = drive_cameras(self.campaign.folder / self.settings.images / DRIVE)
-        return tuple(self.settings.cameras) or tuple(dict.fromkeys([*self.images.poses, *filmed]))
+        """The cameras of the network: those named, or that see the robot, or that took anything."""
+        images = self.images
+        seeing = dict.fromkeys([*images.poses, *self._filmed])
+        if not seeing:
+            taken = [camera for one in images.network for camera in one.images]
+            of_bar = [camera for camera, _ in images.bar]
+            own = [name for name in images.calibration if name not in images.movie]
+            seeing = dict.fromkeys([*own, *sorted({*taken, *of_bar}), *images.reference])
+        return tuple(self.settings.cameras) or tuple(seeing)
+
+    @property
+    def _filmed(self) -> list[str]:
+        return drive_cameras(self.campaign.folder / self.settings.images / DRIVE)
+
+    @property
+    def shows_robot(self) -> bool:
+        """Whether there are images of the robot at its stops, or on the move."""
+        return bool(self.images.poses or self._filmed)
 
     @property
     def wanted(self) -> tuple[str, ...]:
-        """Those of the network, and those that took the walk around the robot."""
-        return tuple(dict.fromkeys([*self.names, *self.images.movie]))
+        """Those of the network, of the walk around the robot, and all others with a calibration."""
+        return tuple(dict.fromkeys([*self.names, *self.images.movie, *self.images.calibration]))
 
     def board_views(self) -> tuple[dict[str, list[BoardView]], dict[str, tuple[int, int]]]:
         """Views of all boards by what the image was taken for, and each camera's image size.
@@ -142,26 +165,22 @@ class VisionInputs:
         InputError
             For every bad image, and for images of one camera that differ in size.
         """
-        kind = self.settings.detector
         taken = list(self.board_images())
         found = detect_all(
-            [
-                BoardJob(path, camera, moment, self._boards_in(purpose, camera, moment), kind)
-                for purpose, camera, path, moment in taken
-            ],
+            [self.board_job(*one) for one in taken],
             self.workers,
             lambda share: self.progress("looking for boards", 0.45 * share),
         )
-        _raise_faults(found)
+        raise_faults(found)
         views: dict[str, list[BoardView]] = {}
         sizes: dict[str, dict[tuple[int, int], Path]] = {}
         for (purpose, camera, _, _), one in zip(taken, found, strict=True):
-            self._note(one, "the board")
+            self.note(one, "the board")
             sizes.setdefault(camera, {}).setdefault(one.size, one.path)
             views.setdefault(purpose, []).extend(one.boards)
             if not one.boards and not one.note:
-                self.oddities.append((self._shown(one.path), "the board was not found"))
-        _check_sizes(sizes)
+                self._odd(one.path, "the board was not found")
+        check_sizes(sizes)
         return views, {camera: next(iter(by_size)) for camera, by_size in sizes.items()}
 
     def board_images(self) -> Iterator[tuple[str, str, Path, str]]:
@@ -182,15 +201,31 @@ class VisionInputs:
             yield "before", camera, images.before[camera], "before"
             yield "after", camera, images.after[camera], "after"
 
+    def image_of(self, purpose: str, view: BoardView) -> str:
+        """The image of a view, by its name relative to the campaign."""
+        below = {
+            "calibration": Path("calibration", view.camera),
+            "before": Path("steadiness", "before"),
+            "after": Path("steadiness", "after"),
+        }.get(purpose, Path(purpose))
+        return str(Path(self.settings.images) / below / view.source)
+
     @property
     def watched(self) -> tuple[str, ...]:
         """Cameras with an image of before and one of after."""
         images = self.images
         return tuple(n for n in self.names if n in images.before and n in images.after)
 
+    def board_job(self, purpose: str, camera: str, path: Path, moment: str) -> Job:
+        """How to look for boards in an image, by what `board_images` tells of it."""
+        boards = self._boards_in(purpose, camera, moment)
+        return BoardJob(path, camera, moment, boards, self.settings.detector)
+
     def _boards_in(self, purpose: str, camera: str, moment: str) -> list[tuple[int, Board]]:
         """Which boards an image may show, with their parts of the bar."""
         settings = self.settings
+        if purpose == "network" and settings.bar.second is None:
+            return [(0, made_board(settings.bar.first or settings.board))]
         if purpose == "reference":
             return [(0, made_board(settings.reference.board))]
         if purpose not in {"network", "bar"}:
@@ -253,25 +288,25 @@ class VisionInputs:
         detections : dict of (str, str) to Detection
             By camera and stop.
         """
-        walk = self.walk
-        stops = self.stop_images()
-        jobs = [self._marker_job(path, cameras[self.movie_camera]) for path in walk]
-        jobs += [self._marker_job(path, cameras[name]) for (name, _), path in stops.items()]
+        walk = self.walk if self.images.movie and self.movie_camera in cameras else ()
+        stops = {key: path for key, path in self.stop_images().items() if key[0] in cameras}
+        jobs = [self.marker_job(path, cameras[self.movie_camera]) for path in walk]
+        jobs += [self.marker_job(path, cameras[name]) for (name, _), path in stops.items()]
         found = detect_all(
             jobs,
             self.workers,
             lambda share: self.progress("looking for markers", 0.65 + 0.2 * share),
         )
-        _raise_faults(found)
+        raise_faults(found)
         for one in found:
-            self._note(one, "the marker")
+            self.note(one, "the marker")
             for number in one.markers.duplicates:
                 self.oddities.append(
-                    (self._shown(one.path), f"marker {number} is seen twice; neither is used")
+                    (self.shown(one.path), f"marker {number} is seen twice; neither is used")
                 )
             for number in one.markers.strangers:
                 said = f"marker {number} is not in vision.markers.sides; it is not used"
-                self.oddities.append((self._shown(one.path), said))
+                self.oddities.append((self.shown(one.path), said))
         frames = [Frame(one.path.stem, one.markers.views) for one in found[: len(walk)]]
         return frames, dict(zip(stops, (one.markers for one in found[len(walk) :]), strict=True))
 
@@ -279,7 +314,7 @@ class VisionInputs:
         """Markers in the images of the stops with corners as OpenCV finds them."""
         stops = self.stop_images()
         jobs = [
-            self._marker_job(path, cameras[name], fitted=False) for (name, _), path in stops.items()
+            self.marker_job(path, cameras[name], fitted=False) for (name, _), path in stops.items()
         ]
         found = detect_all(jobs, self.workers)
         return dict(zip(stops, (one.markers for one in found), strict=True))
@@ -289,12 +324,13 @@ class VisionInputs:
         poses = self.images.poses
         return {(n, pose): path for n in self.names for pose, path in poses.get(n, {}).items()}
 
-    def _marker_job(self, path: Path, camera: Camera, *, fitted: bool = True) -> Job:
+    def marker_job(self, path: Path, camera: Camera | None, *, fitted: bool = True) -> Job:
+        """How to look for markers in an image."""
         markers = self.settings.markers
         family = Family(markers.family, markers.border)
         return MarkerJob(path, family, tuple(sides_of(self.settings)), camera, fitted)
 
-    def _note(self, found: Found, what: str) -> None:
+    def note(self, found: Found, what: str) -> None:
         """Remember what is odd about an image."""
         said = {
             "blank": "blank: nothing but noise (a covered lens, no light?)",
@@ -302,21 +338,29 @@ class VisionInputs:
             "mirrored",
         }
         if found.note:
-            self._odd_once(found.path, said.get(found.note, found.note), found.note)
+            what = said.get(found.note, found.note)
+            self._odd_once(found.path, what, found.note)
+            self.rejections.append((self.shown(found.path), rejected("image", what)))
         for remark in found.remarks:
             self._odd_once(found.path, remark, remark)
-        self.rejections.extend((self._shown(found.path), one) for one in found.rejected)
+        self.rejections.extend((self.shown(found.path), one) for one in found.rejected)
+
+    def _odd(self, path: Path, what: str) -> None:
+        """Remember that an image is not used, and why."""
+        self.oddities.append((self.shown(path), what))
+        self.rejections.append((self.shown(path), rejected("image", what)))
 
     def _odd_once(self, path: Path, what: str, kind: str) -> None:
         """Remember what is odd; once for each folder where it is the same in all its images."""
-        shown = self._shown(path)
+        shown = self.shown(path)
         same = any(
             text == what and Path(one).parent == Path(shown).parent for one, text in self.oddities
         )
         if not same or kind == "blank":
             self.oddities.append((shown, what))
 
-    def _shown(self, path: Path) -> str:
+    def shown(self, path: Path) -> str:
+        """A file by its name relative to the campaign."""
         return str(path.relative_to(self.campaign.folder))
 
 
@@ -342,8 +386,8 @@ def load_inputs(
     Raises
     ------
     InputError
-        Naming every image that is missing or has a name that says nothing, and every fact of the
-        lab's hardware that campaign.toml has to state.
+        Naming every image that has a name that says nothing, and every fact of the lab's hardware
+        that campaign.toml has to state for these images.
     """
     stated = campaign.section("vision", VisionSettings)
     settings = VisionSettings.model_validate(
@@ -351,7 +395,7 @@ def load_inputs(
     )
     images = campaign_images(campaign.folder / settings.images)
     given = VisionInputs(campaign, settings, images, progress, workers)
-    problems = [*_missing_images(given), *missing_facts(campaign.toml, settings, _needed(given))]
+    problems = [*_strangers(given), *missing_facts(campaign.toml, settings, _needed(given))]
     if problems:
         raise InputError(problems)
     given.oddities.extend(_not_used(given))
@@ -360,33 +404,27 @@ def load_inputs(
 
 def _needed(given: VisionInputs) -> dict[str, str]:
     """Facts of the hardware that these images ask for, and what for."""
-    images = given.images
-    needed = {
-        "vision.reference": "the image of the reference pattern",
-        "vision.markers": "the images of the robot",
-    }
+    images, bar = given.images, given.settings.bar
+    needed = {}
+    if images.reference:
+        needed["vision.reference"] = "the image of the reference pattern"
+    if given.shows_robot or images.movie:
+        needed["vision.markers"] = "the images of the robot"
     if given.watched:
         needed["vision.board"] = "the images of steadiness"
     if any(purpose == "calibration" for purpose, _, _, _ in given.board_images()):
         needed["vision.board"] = "the calibration images"
-    if images.network or images.bar:
+    alone = bar.second is None and bar.second_on_first is None
+    single = alone and not images.bar and (bar.first or given.settings.board) is not None
+    if (images.network or images.bar) and not single:
         needed["vision.bar"] = "the images of the double pattern"
     return needed
 
 
-def _missing_images(given: VisionInputs) -> Iterator[Problem]:
-    """Cameras without what they need."""
-    folder = given.campaign.folder / given.settings.images
-    images, names = given.images, given.names
-    for name in given.wanted:
-        if name not in images.calibration and name not in given.settings.camera_files:
-            said = "has neither calibration images nor an entry in vision.camera_files"
-            yield Problem(folder / "calibration" / name, f"camera {name} {said}")
-    if not images.reference:
-        yield Problem(folder / "reference", "no image of the reference pattern (CAMERA.png)")
-    if not images.movie:
-        yield Problem(folder / "layout", "no movie around the robot (layout/CAMERA/*.png)")
-    for name, path in images.reference.items():
+def _strangers(given: VisionInputs) -> Iterator[Problem]:
+    """Images of the reference pattern by cameras that there are not."""
+    names = given.names
+    for name, path in given.images.reference.items():
         if name not in names:
             yield Problem(path, f"there is no camera '{name}' ({', '.join(names)})")
 
@@ -395,7 +433,8 @@ def _not_used(given: VisionInputs) -> Iterator[tuple[str, str]]:
     """Images that no step looks at, and why; and camera files of cameras that there are not."""
     folder = given.campaign.folder
     used = {path for _, _, path, _ in given.board_images()}
-    used |= {*given.walk, *given.stop_images().values()}
+    walk = given.walk if given.images.movie else ()
+    used |= {*walk, *given.stop_images().values()}
     root = folder / given.settings.images
     for path in images_below(root):
         if path not in used and path.relative_to(root).parts[0] not in {*OF_CHECKS, DRIVE}:
@@ -404,26 +443,3 @@ def _not_used(given: VisionInputs) -> Iterator[tuple[str, str]]:
     for name, file in given.settings.camera_files.items():
         if name not in given.wanted:
             yield file, f"not used: there are no images of camera {name} (vision.camera_files)"
-
-
-def _raise_faults(found: Sequence[Found]) -> None:
-    faults = [Problem(one.path, one.fault) for one in found if one.fault]
-    if faults:
-        raise InputError(faults)
-
-
-def _check_sizes(sizes: Mapping[str, Mapping[tuple[int, int], Path]]) -> None:
-    """Raise where one camera's images differ in size."""
-    problems = []
-    for camera, by_size in sizes.items():
-        (usual, example), *others = by_size.items()
-        problems += [
-            Problem(
-                path,
-                f"{size[0]} x {size[1]} pixels, but {example.name} of camera {camera} has "
-                f"{usual[0]} x {usual[1]}",
-            )
-            for size, path in others
-        ]
-    if problems:
-        raise InputError(problems)

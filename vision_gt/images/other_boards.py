@@ -1,0 +1,387 @@
+"""What an image shows where it does not show the stated board."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from validation.poses.angles import Array
+from vision_gt.images.charuco import MOST_AGREE, Markers, agreement, as_printed
+from vision_gt.images.reading import read_codes
+from vision_gt.patterns.boards import Board
+from vision_gt.patterns.dictionaries import Family
+from vision_gt.patterns.rejections import hull
+
+Image = npt.NDArray[np.uint8]
+Ints = npt.NDArray[np.intp]
+
+_LEAST_MARKERS = 4
+"""Markers that have to agree before a board is said to be another one. A mirrored board of 30
+markers shows 3 ids of 4X4_50 by chance, and those do not agree on a place."""
+_LEAST_SHARE = 0.25
+"""Of the black quadrangles, which squares of a board are too, that have to be read as markers of a
+family: 4 x 4 codes of 1,000 ids read one in 16 of any."""
+_FAMILIES = (
+    *(f"{n}X{n}_1000" for n in (4, 5, 6, 7)),
+    "ARUCO_ORIGINAL",
+    "ARUCO_MIP_36h12",
+    *(f"APRILTAG_{one}" for one in ("16h5", "25h9", "36h10", "36h11")),
+)
+"""All of OpenCV's but those that are the first codes of a larger one."""
+_SMALLER = (50, 100, 250, 1000)
+"""Sizes of OpenCV's own families: the smallest that has all ids is named."""
+
+
+@dataclass(frozen=True)
+class OtherBoard:
+    """What an image shows instead of the stated board.
+
+    Parameters
+    ----------
+    name : str
+        What it is: 'inverted', 'legacy layout', 'mirrored', 'rows and columns exchanged',
+        '4X4_50 where 5X5_50 was stated'.
+    board : Board or None
+        How it can be read, with corners that mean the same; None where it is another thing.
+    outline : (k, 2) array
+        Where it is, pixels.
+    """
+
+    name: str
+    board: Board | None
+    outline: Array
+
+
+_SIZES = range(3, 25)
+"""Squares along a board that are thought of where it is not the stated one."""
+_ALTERNATE, _CONTRAST = 0.95, 15.0
+"""Share of the squares between corners that are dark and light by turns, and grey levels between
+them: cells of markers and gaps between circles are not."""
+_ROUND = 0.82
+"""Of a blob, 4 pi area over the square of its rim: a square has 0.785, an ellipse of 2 to 1
+0.84."""
+_CLEARLY, _LEAST_SIDE = 0.65, 4
+"""Of the way from one colour to the other, and squares in a row: a white rim has half of them
+wrong."""
+_BY_TURNS = 0.7
+"""Share of a found board's squares that are dark and light by turns: half of them by chance, three
+quarters where there are markers in the light ones."""
+_FEW_CORNERS = 15
+"""Fewer are no chessboard: cells of a marker are dark and light by turns, too."""
+_QUICK = cv2.CALIB_CB_FAST_CHECK | cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+_FEW_CIRCLES = 12
+"""Fewer blobs of one size are no grid."""
+
+
+def what_instead(image: Image, board: Board) -> OtherBoard | None:
+    """What an image shows where the stated board is not found; None if nothing is known.
+
+    Parameters
+    ----------
+    image : (h, w) array of uint8
+        Grey levels.
+    board : Board
+        The stated one.
+    """
+    marked = (other_board, _other_size) if board.family is not None else (_markers_instead,)
+    tries = (*marked, _plain, circles)
+    return next((found for look in tries if (found := look(image, board)) is not None), None)
+
+
+def _markers_instead(image: Image, board: Board) -> OtherBoard | None:
+    """A board of markers where a plain chessboard was stated."""
+    return _other_family(image, _markers(image, None)[1], board)
+
+
+def _plain(image: Image, board: Board) -> OtherBoard | None:
+    """A plain chessboard of another size, or one of which a part is seen."""
+    grid = _chessboard(image, board)
+    if grid is None or grid[..., 0].size < _FEW_CORNERS or not _alternates(image, grid):
+        return None
+    down, across = sorted((grid.shape[0] + 1, grid.shape[1] + 1))
+    stated = f"{board.columns} x {board.rows}"
+    if board.family is not None:
+        name = f"a chessboard without markers of {board.family.name}, {across} x {down} squares"
+    elif (across, down) == (max(board.columns, board.rows), min(board.columns, board.rows)):
+        return None
+    elif across <= max(board.columns, board.rows) and down <= min(board.columns, board.rows):
+        name = f"a chessboard of which {across} x {down} squares are seen; {stated} were stated"
+    else:
+        name = f"a chessboard of {across} x {down} squares; {stated} were stated"
+    return OtherBoard(name, None, hull(grid.reshape(-1, 2)))
+
+
+def _chessboard(image: Image, board: Board) -> Array | None:
+    """(r, c, 2) inner corners of a chessboard of the stated size, or else of any."""
+    if board.family is not None:
+        seen, corners = cv2.findChessboardCorners(image, board.inner, flags=_QUICK)
+        if seen:
+            return np.asarray(corners, dtype=float).reshape(*board.inner[::-1], 2)
+    flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
+    try:
+        seen, corners, meta = cv2.findChessboardCornersSBWithMeta(image, (3, 3), flags)
+    except cv2.error:
+        return None
+    if not seen:
+        return None
+    return np.asarray(corners, dtype=float).reshape(*np.asarray(meta).shape[:2], 2)
+
+
+def is_another(image: Image, board: Board, numbers: Ints, pixels: Array) -> bool:
+    """Whether corners that were found are those of another plain board than the stated one.
+
+    Either its squares are not dark and light by turns, as where every second corner was passed
+    over; or they go on beyond its rim: then it is a part of a larger board.
+
+    Parameters
+    ----------
+    image : (h, w) array of uint8
+        Grey levels.
+    board : Board
+        The stated one.
+    numbers : (n,) array of int
+        Which of its corners were found.
+    pixels : (n, 2) array
+        Where.
+    """
+    H, _ = cv2.findHomography(board.corners[numbers, :2] / board.square, pixels, cv2.RANSAC, 3.0)
+    if H is None:
+        return False
+    nx, ny = board.inner
+    inside = np.stack(np.meshgrid(np.arange(nx - 1), np.arange(ny - 1)), -1).reshape(-1, 2)
+    level, seen = _levels(image, H, inside)
+    even = inside.sum(1) % 2 == 0
+    if not (seen & even).any() or not (seen & ~even).any():
+        return False
+    first, other = level[seen & even].mean(), level[seen & ~even].mean()
+    lighter = level > (first + other) / 2
+    if (lighter == even)[seen].mean() < _BY_TURNS and (lighter != even)[seen].mean() < _BY_TURNS:
+        return True
+    along, down = np.arange(-1, nx), np.arange(-1, ny)
+    sides = [np.column_stack([along, np.full(nx + 1, y)]) for y in (-2, ny)]
+    sides += [np.column_stack([np.full(ny + 1, x), down]) for x in (-2, nx)]
+    for side in sides:
+        level, seen = _levels(image, H, side)
+        share = (level - other) / (first - other)  # 1 where it is as the first square, 0 as others
+        right = np.where(side.sum(1) % 2 == 0, share > _CLEARLY, share < 1 - _CLEARLY)
+        if seen.sum() >= _LEAST_SIDE and right[seen].mean() >= _ALTERNATE:
+            return True
+    return False
+
+
+def dark_rim(image: Image, board: Board, numbers: Ints, pixels: Array) -> bool:
+    """Whether the rim around a plain board's squares is dark, as of a print in white on black.
+
+    Parameters
+    ----------
+    image, board, numbers, pixels
+        As for `is_another`.
+    """
+    H, _ = cv2.findHomography(board.corners[numbers, :2] / board.square, pixels, cv2.RANSAC, 3.0)
+    if H is None:
+        return False
+    nx, ny = board.inner
+    inside, _ = _levels(image, H, np.mgrid[: nx - 1, : ny - 1].reshape(2, -1).T)
+    along, down = np.arange(-1, nx), np.arange(-1, ny)
+    # A fifth of a square outside of the outer squares.
+    rim = [np.column_stack([along, np.full(nx + 1, y)]) for y in (-1.7, ny - 0.3)]
+    rim += [np.column_stack([np.full(ny + 1, x), down]) for x in (-1.7, nx - 0.3)]
+    level, seen = _levels(image, H, np.concatenate(rim))
+    low, high = np.quantile(inside, [0.1, 0.9])
+    dark = level < low + (1 - _CLEARLY) * (high - low)
+    return bool(seen.any() and dark[seen].mean() >= _ALTERNATE)
+
+
+def _levels(image: Image, H: Any, squares: Ints) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Grey levels (n,) in the middles of squares (n, 2), and whether these are in the image."""
+    ahead = np.column_stack([squares + 0.5, np.ones(len(squares))]) @ np.asarray(H).T
+    column, row = np.rint(ahead[:, :2] / ahead[:, 2:]).astype(int).T
+    height, width = image.shape
+    seen = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    grey = image[row.clip(0, height - 1), column.clip(0, width - 1)]
+    return grey.astype(float), seen
+
+
+def _alternates(image: Image, grid: Array) -> bool:
+    """Whether the squares between corners (r, c, 2) are dark and light by turns."""
+    middles = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4
+    column, row = np.rint(middles).astype(int).reshape(-1, 2).T
+    grey = image[row.clip(0, image.shape[0] - 1), column.clip(0, image.shape[1] - 1)].astype(float)
+    y, x = np.mgrid[: middles.shape[0], : middles.shape[1]]
+    even = ((x + y) % 2 == 0).ravel()
+    middle = (grey[even].mean() + grey[~even].mean()) / 2
+    darker = grey < middle
+    right = (darker == even) if grey[even].mean() < grey[~even].mean() else (darker != even)
+    apart = abs(float(grey[even].mean() - grey[~even].mean()))
+    return bool(right.mean() >= _ALTERNATE and apart > _CONTRAST)
+
+
+def _other_size(image: Image, board: Board) -> OtherBoard | None:
+    """A ChArUco board of the stated family, but of other squares, or from another id on."""
+    for turned, how in ((False, ""), (True, "inverted, ")):
+        shown = replace(board, inverted=board.inverted != turned)
+        markers, _ = _markers(as_printed(image, shown), board.family)
+        count = len(set(markers.numbers.tolist()))
+        if count < _LEAST_MARKERS:
+            continue
+        low, high = int(markers.numbers.min()), int(markers.numbers.max())
+        ranked = [
+            (agreement(one, markers), one.first_id == board.first_id, one.first_id, one)
+            for one in _of_sizes(shown, low, high)
+        ]
+        most, _, _, best = max(ranked, key=lambda row: row[:3], default=(0, False, 0, shown))
+        if most < max(_LEAST_MARKERS, MOST_AGREE * len(markers.numbers)):
+            continue
+        said = f"a board of {best.columns} squares along"
+        if best.columns == board.columns:
+            said = f"a board whose ids begin at {best.first_id} or near, not at {board.first_id}"
+        elif best.first_id == board.first_id:
+            said += f", {best.rows} or more across"
+        wanted = f"{board.columns} x {board.rows} were stated"
+        return OtherBoard(f"{how}{said}; {wanted}", None, _outline(markers))
+    return None
+
+
+def _of_sizes(board: Board, low: int, high: int) -> Iterator[Board]:
+    """Boards of other sizes whose ids reach from one to another."""
+    most = len(board.family.dictionary.bytesList) if board.family else 0
+    for first in dict.fromkeys((board.first_id, *range(max(low - board.columns, 0), low + 1))):
+        for columns in _SIZES if first in {board.first_id, low} else (board.columns,):
+            rows = max(3, -(-2 * (high - first + 1) // columns))
+            one = replace(board, columns=columns, rows=rows, first_id=first)
+            if rows <= _SIZES[-1] and first <= low and first + one.marker_count <= most:
+                yield one
+
+
+def circles(image: Image, board: Board) -> OtherBoard | None:
+    """A grid of circles where a board was stated; None if there is none."""
+    for shown in (image, np.asarray(255 - image, dtype=np.uint8)):
+        count = _alike_blobs(shown)
+        if count < _FEW_CIRCLES:
+            continue
+        sizes = [(n, count // n) for n in range(3, count // 3 + 1) if count % n == 0]
+        for flag, name in (
+            (cv2.CALIB_CB_SYMMETRIC_GRID, "a symmetric"),
+            (cv2.CALIB_CB_ASYMMETRIC_GRID, "an asymmetric"),
+        ):
+            for across, down in sizes:
+                seen, places = cv2.findCirclesGrid(shown, (across, down), flags=flag)
+                if seen:
+                    outline = np.asarray(places, dtype=float).reshape(-1, 2)
+                    what = "ChArUco board" if board.family else "chessboard"
+                    said = f"{name} grid of {across} x {down} circles, not a {what}"
+                    return OtherBoard(said, None, hull(outline))
+    return None
+
+
+def _alike_blobs(image: Image) -> int:
+    """How many dark blobs of about one size an image shows."""
+    wanted = cv2.SimpleBlobDetector.Params()
+    wanted.filterByCircularity, wanted.minCircularity = True, _ROUND
+    found = cv2.SimpleBlobDetector.create(wanted).detect(image)
+    sizes = np.array([one.size for one in found])
+    if not len(sizes):
+        return 0
+    middle = np.median(sizes)
+    return int(((sizes > middle / 2) & (sizes < 2 * middle)).sum())
+
+
+def other_board(image: Image, board: Board) -> OtherBoard | None:
+    """What a ChArUco board is that is not found as stated; None if there is none.
+
+    Parameters
+    ----------
+    image : (h, w) array of uint8
+        Grey levels.
+    board : Board
+        The stated one.
+    """
+    for turned, how in ((False, ""), (True, "inverted")):
+        shown = replace(board, inverted=board.inverted != turned)
+        seen = as_printed(image, shown)
+        markers, quads = _markers(seen, board.family)
+        found = _best_layout(markers, shown)
+        if found is not None:
+            words = ", ".join(word for word in (how, found.name) if word)
+            return replace(found, name=words) if words else None
+        flipped = _best_layout(_markers(seen[:, ::-1], board.family)[0], shown)
+        if flipped is not None:
+            outline = np.array([image.shape[1] - 1, 0]) + flipped.outline * [-1, 1]
+            words = ", ".join(word for word in (how, "mirrored", flipped.name) if word)
+            return OtherBoard(words, None, outline)
+        strange = _other_family(seen, quads, shown)
+        if strange is not None:
+            words = ", ".join(word for word in (how, strange.name) if word)
+            return replace(strange, name=words)
+    return None
+
+
+def _markers(image: Image, family: Family | None) -> tuple[Markers, Array]:
+    """Markers of a family, and all quadrangles (n, 4, 2) that might be some of any."""
+    if family is None:
+        family = Family(_FAMILIES[0])
+    detector = cv2.aruco.ArucoDetector(family.dictionary)
+    outlines, numbers, others = detector.detectMarkers(np.ascontiguousarray(image))
+    markers = Markers.of(outlines, numbers)
+    quads = np.array(others, dtype=float).reshape(-1, 4, 2)
+    return markers, np.concatenate([markers.outlines, quads])
+
+
+def _layouts(board: Board) -> Iterator[tuple[str, Board, bool]]:
+    """Layouts of the same markers, what they are called, and whether corners mean the same."""
+    older = replace(board, legacy=not board.legacy)
+    yield "", board, True
+    yield ("the newer layout" if board.legacy else "legacy layout"), older, True
+    if board.columns != board.rows:
+        turned = replace(board, columns=board.rows, rows=board.columns)
+        yield "rows and columns exchanged", turned, False
+        both = replace(turned, legacy=not board.legacy)
+        yield "rows and columns exchanged, legacy layout", both, False
+
+
+def _best_layout(markers: Markers, board: Board) -> OtherBoard | None:
+    """The layout that most of the board's markers agree with; None if too few do."""
+    markers = markers.of_board(board)
+    if len(markers.numbers) < _LEAST_MARKERS:
+        return None
+    ranked = [
+        (agreement(one, markers), -place, name, one, same)
+        for place, (name, one, same) in enumerate(_layouts(board))
+    ]
+    count, _, name, chosen, same = max(ranked, key=lambda row: row[:2])
+    if count < max(_LEAST_MARKERS, MOST_AGREE * len(markers.numbers)):
+        return None
+    return OtherBoard(name, chosen if same else None, _outline(markers))
+
+
+def _outline(markers: Markers) -> Array:
+    return hull(markers.outlines.reshape(-1, 2))
+
+
+def _smallest(name: str, highest: int) -> str:
+    """The smallest of the families with the same codes that has an id so high."""
+    kind, _, size = name.partition("_")
+    if size != str(_SMALLER[-1]):
+        return name.upper()
+    return f"{kind}_{next(count for count in _SMALLER if highest < count)}"
+
+
+def _other_family(image: Image, quads: Array, board: Board) -> OtherBoard | None:
+    """Markers of another family than the stated one, among quadrangles (n, 4, 2)."""
+    if len(quads) < _LEAST_MARKERS:
+        return None
+    read = [(name, read_codes(image, quads, Family(name), 0)) for name in _FAMILIES]
+    name, most = max(read, key=lambda one: len(set(one[1].numbers.tolist())))
+    least = max(_LEAST_MARKERS, _LEAST_SHARE * len(most.bordered))
+    if len(set(most.numbers.tolist())) < least:
+        return None
+    outline = _outline(Markers(quads[most.rows], most.numbers))
+    if board.family is None:
+        return OtherBoard(f"a ChArUco board of {name.upper()}", None, outline)
+    named, stated = _smallest(name, int(most.numbers.max())), board.family.name
+    if named.partition("_")[0] == stated.upper().partition("_")[0] and "X" in named:
+        return None
+    return OtherBoard(f"{named} where {stated} was stated", None, outline)

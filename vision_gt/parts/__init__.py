@@ -1,0 +1,1 @@
+"""What the images allow where they do not give poses of the robot in the Vframe."""

@@ -1,0 +1,1 @@
+"""The stages of a campaign before the robot: its images, lenses, network, places of markers."""
