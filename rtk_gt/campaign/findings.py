@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rtk_gt.campaign.lasting_findings import lasting_findings, short_errors
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.checks import differences_said
 from rtk_gt.offsets.estimate import distance_names
@@ -40,6 +41,7 @@ def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
         *_motion(outcome),
         *_antennas(outcome),
         *_consistency(outcome),
+        *lasting_findings(outcome),
         *_leaps(outcome),
         *_assumed(outcome),
         *_records(outcome),
@@ -293,7 +295,7 @@ def _consistency(outcome: RtkOutcome) -> Iterator[Finding]:
             )
             size = (Size(f"mean error of the distance {name}", float(off), "m"),)
             yield Finding("warning", text, SUBJECT, "distance_biased", size)
-    false = int((outcome.offsets.weights == 0).sum())
+    false = int((outcome.offsets.weights == 0).sum()) + short_errors(outcome)
     if false:
         text = f"The antenna distances show a false fix in {false} steps, which give no pose."
         size = (Size("steps with a false fix", false, "steps"),)

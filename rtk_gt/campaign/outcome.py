@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from rtk_gt.offsets.checks import PriorCheck
 from rtk_gt.offsets.estimate import Offsets
+from rtk_gt.offsets.lasting import LastingError
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.path.antennas import Antennas
@@ -33,7 +36,10 @@ class RtkOutcome:
     records : tuple of Fixes
         Of all receivers.
     steps : Steps
-        The same, brought together, as recorded.
+        The same, brought together, without the errors that last.
+    lasting : tuple of LastingError
+        Errors that begin with a jump: taken out of the steps where they stay; where they end, the
+        fixes that have them are left out.
     prior : OffsetPrior
         What campaign.toml states of offsets and distances.
     stated : PriorCheck, optional
@@ -68,6 +74,7 @@ class RtkOutcome:
     settings: RtkSettings
     records: tuple[Fixes, ...]
     steps: Steps
+    lasting: tuple[LastingError, ...]
     prior: OffsetPrior
     stated: PriorCheck | None
     offsets: Offsets
@@ -82,3 +89,10 @@ class RtkOutcome:
     coverage: Coverage
     hold_out: HoldOut | None
     sensors: dict[str, Composed]
+
+    @property
+    def corrected(self) -> Bools:
+        """(n,) True at poses from which a jump was taken out."""
+        starts = [error.start for error in self.lasting if error.stays]
+        first = min(starts, default=np.inf)
+        return np.asarray(self.path.times >= first - 1e-6)

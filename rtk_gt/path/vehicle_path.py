@@ -4,12 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import block_diag
 
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.noise import GpsNoise
+from rtk_gt.offsets.settled import JumpErrors
 from rtk_gt.path.alignment import align
 from rtk_gt.path.antennas import Antennas, check_antennas
-from rtk_gt.path.covariance import noise_covariance, systematic_jacobian
+from rtk_gt.path.covariance import jump_jacobian, noise_covariance, systematic_jacobian
 from rtk_gt.path.orientation import angles_of, matrix_of
 from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
@@ -78,7 +80,13 @@ class VehiclePath(Shown):
 
 
 def vehicle_path(
-    steps: Steps, offsets: Offsets, antennas: Antennas, noise: GpsNoise | None = None
+    steps: Steps,
+    offsets: Offsets,
+    antennas: Antennas,
+    noise: GpsNoise | None = None,
+    *,
+    jumps: JumpErrors | None = None,
+    common: Array | None = None,
 ) -> VehiclePath:
     """The path from recorded steps.
 
@@ -92,6 +100,10 @@ def vehicle_path(
         Where the antennas are on the vehicle.
     noise : GpsNoise, optional
         Of each receiver; that of the offsets' residuals by default.
+    jumps : JumpErrors, optional
+        What is left of the errors of jumps that were taken out of the steps.
+    common : (t, 3, 3) array, optional
+        Covariance of an error that all receivers share at each step, m^2.
 
     Raises
     ------
@@ -115,14 +127,21 @@ def vehicle_path(
             "receivers must be listed as rear, front left, front right"
         )
     noise = noise or GpsNoise(offsets.sigma, offsets.eta)
+    own = noise_covariance(antennas.positions, rotation, noise)
+    if common is not None:
+        own[:, :3, :3] += common[steps.complete]
+    systematic = systematic_jacobian(antennas.positions, rotation, antennas.by_distance)
+    covariance = offsets.covariance
+    if jumps is not None:
+        by_jump = jump_jacobian(antennas.positions, rotation, used.times, jumps)
+        systematic = np.concatenate([systematic, systematic @ jumps.by_offsets - by_jump], axis=-1)
+        covariance = block_diag(covariance, jumps.covariance)
     return VehiclePath(
         times=used.times,
         poses=np.concatenate([translation, angles], axis=1),
-        noise_covariances=noise_covariance(antennas.positions, rotation, noise),
-        systematic_jacobians=systematic_jacobian(
-            antennas.positions, rotation, antennas.by_distance
-        ),
-        systematic_covariance=offsets.covariance,
+        noise_covariances=own,
+        systematic_jacobians=systematic,
+        systematic_covariance=covariance,
         frame=steps.frame,
     )
 
