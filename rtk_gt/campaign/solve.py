@@ -7,12 +7,11 @@ import numpy as np
 from rtk_gt.campaign.inputs import antenna_places, check_places, load_drive, offset_prior
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.checks import PriorCheck, check_prior
-from rtk_gt.offsets.estimate import Offsets, estimate_offsets
-from rtk_gt.offsets.lasting import LastingError, lasting_errors
+from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.minima import all_minima, default_layout
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.offsets.prior import OffsetPrior
-from rtk_gt.offsets.settled import JumpErrors, refined, without_errors
+from rtk_gt.offsets.settled import settle
 from rtk_gt.path.antennas import Places
 from rtk_gt.path.choice import Choice, check_attitude, check_order, choose
 from rtk_gt.path.composition import compose
@@ -54,7 +53,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     progress("offsets of the receivers", 0.3)
     check_together(records, steps, settings.simultaneous)
     prior = offset_prior(settings, steps.frame)
-    steps, lasting, jumps = settle(steps, settings)
+    steps, lasting, jumps = settle(steps, eta=settings.eta, robust=settings.robust)
     chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings))
     offsets, antennas = chosen.offsets, chosen.antennas
     noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
@@ -99,27 +98,6 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
             for sensor in settings.sensors
         },
     )
-
-
-def settle(
-    steps: Steps, settings: RtkSettings
-) -> tuple[Steps, list[LastingError], JumpErrors | None]:
-    """The steps without errors that last, these errors, and what is left of the jumps taken out.
-
-    Parameters
-    ----------
-    steps : Steps
-        As recorded.
-    settings : RtkSettings
-        The table [rtk].
-    """
-    quick = partial(estimate_offsets, eta=settings.eta, robust=settings.robust, bent="never")
-    errors = lasting_errors(steps, quick(steps)) if settings.robust else []
-    cleaned = without_errors(steps, errors)
-    if not errors or cleaned.complete.sum() < steps.complete.sum() / 2:
-        return steps, [], None
-    errors, jumps = refined(cleaned, quick(cleaned), errors)
-    return without_errors(steps, errors), errors, jumps
 
 
 def solve_offsets(

@@ -159,7 +159,7 @@ def _back(times: Array, headings: Array, seen: Contrasts, one: Jump) -> Jump:
     rows = np.flatnonzero(near)
     if len(rows) == 0:
         return replace(one, gain=0.0)
-    turns = np.array([_turned(headings[row : row + 2]) for row in rows])
+    turns = np.array([turned(headings[row : row + 2]) for row in rows])
     wanted = np.einsum("nji,j->ni", turns, -one.size)
     axes = np.einsum("ji,nja->nia", seen.axes, seen.designs(one.receivers)[rows])
     expected = np.einsum("nia,na->ni", axes, wanted) / seen.sigmas[rows]
@@ -190,7 +190,7 @@ def _greatest(
                 continue
             rival = [k for k in range(len(causes)) if k != cause and gains[row, k] > 0]
             alike = [causes[k] for k in rival if gains[row, cause] - gains[row, k] < ALIKE]
-            east = _turned(headings[row : row + 2])
+            east = turned(headings[row : row + 2])
             jump = Jump(
                 int(row), causes[cause], east @ sizes[row, cause],
                 east @ spreads[row, cause] @ east.T, level + GAIN, tuple(alike),
@@ -237,8 +237,8 @@ def _peaks(values: Array, apart: int) -> Ints:
 def gains_of(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> tuple[Array, Array, Array]:
     """Gains (n, c) above the least, sizes (n, c, 3) and covariances (n, c, 3, 3) of each cause.
 
-    Generalised least squares; sizes are along and across the baseline and up. Where a jump changes
-    distances they must have changed; where it does not, only the motion tells, and more is asked.
+    Where a jump changes distances they must have changed; where it does not, only the motion tells,
+    and more is asked.
     """
     n, p = seen.rods.shape[:2]
     along = (seen.values @ seen.axes) / seen.sigmas
@@ -247,26 +247,36 @@ def gains_of(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> tuple[Array,
     spreads = np.zeros((n, len(causes), 3, 3))
     # No cause explains more than there is, nor lies far from the interval that shows most.
     some = maximum_filter1d(np.square(along).sum(1), 4 * UNSURE + 1) > GAIN
-    along = along[some]
+    rows = np.flatnonzero(some)
     for k, cause in enumerate(causes):
-        designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(cause)[some])
-        weighed = designs / seen.sigmas[some, :, None]
-        right = np.einsum("nka,nk->na", weighed, along)
-        information = np.einsum("nka,nkb->nab", weighed, weighed) + np.eye(3) * USUAL**-2
-        spreads[some, k] = np.linalg.inv(information)
-        size = np.einsum("nab,nb->na", spreads[some, k], right)
-        gain = tempered((size * right).sum(1), seen.freedom)
-        change = np.einsum("npa,na->np", weighed[:, -p:], size)
+        gain, size, spreads[rows, k] = fit_of(seen, cause, rows)
+        design = np.einsum("ji,nja->nia", seen.axes[:, -p:], seen.designs(cause)[rows])
+        change = np.einsum("npa,na->np", design / seen.sigmas[rows, -p:, None], size)
         told = np.square(change).sum(1)
-        agrees = 2 * (change * along[:, -p:]).sum(1) > told
+        agrees = 2 * (change * along[rows, -p:]).sum(1) > told
         length = np.linalg.norm(size, axis=1)
         by_distance = (told > TELLING) & agrees & (length > SMALLEST)
         by_motion = (told <= TELLING) & (length > SMALLEST_IN_MOTION)
-        sizes[some, k] = size
-        gains[some, k] = np.select(
+        sizes[rows, k] = size
+        gains[rows, k] = np.select(
             [by_distance, by_motion], [gain - GAIN, gain - GAIN_OF_MOTION], -np.inf
         )
     return gains, sizes, spreads
+
+
+def fit_of(seen: Contrasts, cause: tuple[int, ...], rows: Ints) -> tuple[Array, Array, Array]:
+    """Gains (m,), sizes (m, 3) and covariances (m, 3, 3) of a cause at some intervals.
+
+    Generalised least squares; sizes are along and across the baseline and up.
+    """
+    along = (seen.values[rows] @ seen.axes) / seen.sigmas[rows]
+    designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(cause)[rows])
+    weighed = designs / seen.sigmas[rows, :, None]
+    right = np.einsum("nka,nk->na", weighed, along)
+    information = np.einsum("nka,nkb->nab", weighed, weighed) + np.eye(3) * USUAL**-2
+    spreads = np.linalg.inv(information)
+    sizes = np.einsum("nab,nb->na", spreads, right)
+    return tempered((sizes * right).sum(1), seen.freedom), sizes, spreads
 
 
 def tempered(gains: Array, freedom: float) -> Array:
@@ -274,7 +284,7 @@ def tempered(gains: Array, freedom: float) -> Array:
     return np.asarray(freedom * np.log1p(gains / freedom))
 
 
-def _turned(headings: Array) -> Array:
+def turned(headings: Array) -> Array:
     """(3, 3) rotation from the vehicle's baseline to east, north, up, within an interval."""
     angle = headings[0] + np.angle(np.exp(1j * (headings[-1] - headings[0]))) / 2
     c, s = np.cos(angle), np.sin(angle)

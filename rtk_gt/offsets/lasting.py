@@ -11,6 +11,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.jumps import LONGEST_FALSE, UNSURE, Jump, causes_of, find_jumps, returns
+from rtk_gt.offsets.restarts import find_restart
 from rtk_gt.receivers.fixes import RTK_FIXED, Bools, Ints
 from rtk_gt.receivers.steps import Steps
 from validation.poses.angles import Array
@@ -22,6 +23,8 @@ _OFTEN = 0.6
 SPACING = 0.2
 """Seconds between the epochs that are looked at, of those that are nearer: all tell no more of what
 lasts for seconds, and a vehicle goes only so far in that time."""
+MOST = 4000
+"""Epochs at most from which jumps of the offsets are told: enough for every correlation time."""
 OPEN = 0.3
 """Metres of sigma above which distances are open, and of distances below which they are noise."""
 SHORT = 3
@@ -103,12 +106,37 @@ def lasting_errors(steps: Steps, offsets: Offsets) -> list[LastingError]:
     return _episodes(steps, found)
 
 
+def restarted(steps: Steps, offsets: Offsets) -> LastingError | None:
+    """The likeliest jump of the offsets that stays and is still in the steps; None if none is sure.
+
+    Parameters
+    ----------
+    steps, offsets
+        As in `lasting_errors`.
+    """
+    if not _known(offsets):
+        return None
+    rows = np.flatnonzero(steps.complete)[offsets.weights > 0]
+    rows = rows[:: max(len(rows) // MOST, 1)]
+    positions = steps.positions[rows] + offsets.offsets.values
+    times = steps.times[rows]
+    found = find_restart(times, positions, _headings(positions[..., :2]), offsets)
+    if found is None:
+        return None
+    one = _Timed(float(times[found.row]), float(times[found.row + 1]), found)
+    return _episodes(steps, [one])[0]
+
+
+def _known(offsets: Offsets) -> bool:
+    return bool(offsets.distance_sigmas.max() < OPEN and offsets.distances.min() > OPEN)
+
+
 def _placed(steps: Steps, offsets: Offsets) -> Steps:
     """The steps with offsets added; where these are open, with the antennas on a circle.
 
     A road that leaves offsets open is straight, and the antennas keep their places along it.
     """
-    if offsets.distance_sigmas.max() < OPEN and offsets.distances.min() > OPEN:
+    if _known(offsets):
         return steps.corrected(offsets.offsets)
     together = steps.positions[steps.complete]
     angle = 2 * np.pi * np.arange(len(steps.receivers)) / len(steps.receivers)

@@ -2,17 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from rtk_gt.offsets.estimate import Offsets
+from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.offsets.jumps import UNSURE
-from rtk_gt.offsets.lasting import LastingError
+from rtk_gt.offsets.lasting import LastingError, lasting_errors, restarted
 from rtk_gt.offsets.noise import pair_incidence
+from rtk_gt.receivers.assumptions import ETA
 from rtk_gt.receivers.fixes import Bools
 from rtk_gt.receivers.steps import Steps, pair_differences
 from validation.poses.angles import Array
 
+MOST_RESTARTS = 6
+"""Rounds in which smaller jumps are looked for: a drive with more is no ground truth."""
 NOT_USED = -1
 """Kind of a fix that is left out."""
 
@@ -42,6 +46,46 @@ class JumpErrors:
         """Offsets whose covariance contains what these errors do to them."""
         own = self.by_offsets @ self.covariance @ self.by_offsets.T
         return replace(offsets, covariance=offsets.covariance + own)
+
+
+def settle(
+    steps: Steps, *, eta: float = ETA, robust: bool = True
+) -> tuple[Steps, list[LastingError], JumpErrors | None]:
+    """The steps without errors that last, these errors, and what is left of the jumps taken out.
+
+    Parameters
+    ----------
+    steps : Steps
+        As recorded.
+    eta : float
+        Ratio of the vertical to the horizontal sigma of a position.
+    robust : bool
+        Without it nothing is looked for.
+
+    Raises
+    ------
+    GtvalError
+        As `estimate_offsets`.
+    """
+    if not robust:
+        return steps, [], None
+    quick = partial(estimate_offsets, eta=eta, bent="never")
+    offsets = quick(steps)
+    errors = lasting_errors(steps, offsets)
+    cleaned, jumps = steps, None
+    for _ in range(MOST_RESTARTS):
+        if errors:
+            cleaned = without_errors(steps, errors)
+            if cleaned.complete.sum() < steps.complete.sum() / 2:
+                return steps, [], None
+            errors, jumps = refined(cleaned, quick(cleaned), errors)
+            cleaned = without_errors(steps, errors)
+            offsets = quick(cleaned)
+        restart = restarted(cleaned, offsets)
+        if restart is None:
+            return cleaned, errors, jumps
+        errors = sorted([*errors, restart], key=lambda one: one.start)
+    return cleaned, [one for one in errors if one is not restart], jumps
 
 
 def starting_rows(steps: Steps, error: LastingError) -> Bools:
