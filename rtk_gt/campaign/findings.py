@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rtk_gt.campaign.lasting_findings import lasting_findings, short_errors
+from rtk_gt.campaign.lasting_findings import lasting_findings, short_errors, slow_findings
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.checks import differences_said
 from rtk_gt.offsets.estimate import distance_names
@@ -279,13 +279,7 @@ def _consistency(outcome: RtkOutcome) -> Iterator[Finding]:
         size = (Size("mean square over the assumed one", float(found.mean_square)),)
         severity: Severity = "note" if side == "smaller" else "warning"
         yield Finding(severity, text, SUBJECT, "noise_level", size)
-    if found.correlation_time > 2:
-        text = (
-            f"Neighbouring poses have similar errors: {found.correlation_time:.1f} poses are worth "
-            "one independent one. Averages over neighbours gain less than their number says."
-        )
-        size = (Size("poses worth one", float(found.correlation_time), "poses"),)
-        yield Finding("note", text, SUBJECT, "correlated", size)
+    yield from slow_findings(outcome)
     names = distance_names(outcome.offsets.receivers)
     for name, off, bad in zip(names, found.bias, found.biased, strict=True):
         if bad:

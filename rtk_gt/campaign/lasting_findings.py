@@ -6,12 +6,15 @@ import numpy as np
 
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.lasting import SHORT, LastingError
+from rtk_gt.path.common_errors import CLEARLY
 from validation.results import Finding, Size
 
 SUBJECT = "rtk"
 MOST = 8
 """Lines of single errors; more are counted in one line."""
 NORMAL_95 = 1.96
+LEAST_TAU = 2.0
+"""Poses worth one, above which it is said: white noise makes 1 within a few percent."""
 
 
 def short_errors(outcome: RtkOutcome) -> int:
@@ -68,17 +71,74 @@ def _finding(outcome: RtkOutcome, error: LastingError) -> Finding:
         )
         return Finding("warning", text, SUBJECT, "lasting_false_fix", sizes)
     cause = (
-        "its base station restarted with other coordinates"
+        "their base station restarted with other coordinates"
         if len(error.receivers) > 1
         else "its base station restarted with other coordinates, or its antenna was moved"
     )
     text = (
-        f"{who[0].upper()}{who[1:]} {'jump' if len(error.receivers) > 1 else 'jumps'}{doubt} "
-        f"{what} at second {begin:.1f} and stay so: {cause}. The jump was taken out of what "
+        f"A jump: {who}{doubt} {'are' if len(error.receivers) > 1 else 'is'} off {what} from "
+        f"second {begin:.1f} on: {cause}. The jump was taken out of what "
         "follows, and its uncertainty is in the covariance of these poses. Compare the base "
         "station's coordinates before and after."
     )
     return Finding("warning", text, SUBJECT, "jump", sizes)
+
+
+def slow_findings(outcome: RtkOutcome) -> Iterator[Finding]:
+    """That errors are correlated, and what is known of those that all receivers share."""
+    model, found = outcome.model, outcome.consistency
+    if model is not None:
+        text = (
+            f"The receivers' errors are correlated: beside white noise of {1000 * model.white:.1f} "
+            f"mm each has slow errors of {1000 * model.slow_sigma:.1f} mm that last some "
+            f"{model.lasting:.0f} s (horizontally). All intervals allow for it; averages over "
+            "neighbours gain nothing in that time."
+        )
+        sizes = (
+            Size("slow errors of a receiver", model.slow_sigma, "m"),
+            Size("their duration", model.lasting, "s"),
+        )
+        yield Finding("note", text, SUBJECT, "correlated", sizes)
+    elif found.correlation_time > LEAST_TAU:
+        text = (
+            f"Neighbouring poses have similar errors: {found.correlation_time:.1f} poses are worth "
+            "one independent one. Averages over neighbours gain less than their number says."
+        )
+        tau = Size("poses worth one", float(found.correlation_time), "poses")
+        yield Finding("note", text, SUBJECT, "correlated", (tau,))
+    yield from _common(outcome)
+
+
+def _common(outcome: RtkOutcome) -> Iterator[Finding]:
+    common = outcome.common
+    own = f"the distances of the antennas show {1000 * outcome.noise.sigma:.1f} mm"
+    if common.source == "none":
+        text = (
+            "Errors that all receivers share, of the base station and of the air above, cannot be "
+            "told from motion: they are not included. Where their size is known, state "
+            "`common_sigma` and `common_time` in [rtk]."
+        )
+        yield Finding("note", text, SUBJECT, "common_errors_open")
+    else:
+        lasts = outcome.settings.common_time
+        who = "campaign.toml states" if common.source == "setting" else (
+            f"The receivers state {1000 * common.stated:.1f} mm of themselves, {own}; the rest is "
+            "taken as"
+        )  # fmt: skip
+        duration = f", for {lasts:g} s" if lasts else ", for an unknown time"
+        text = (
+            f"{who} an error of {1000 * common.sigma:.1f} mm that all receivers share{duration}: "
+            "it is in the covariance of the positions, and no average over neighbours lessens it."
+        )
+        size = (Size("error that all share", common.sigma, "m"),)
+        yield Finding("note", text[0].upper() + text[1:], SUBJECT, "common_errors", size)
+    if common.stated * CLEARLY < outcome.noise.sigma:
+        text = (
+            f"The receivers state {1000 * common.stated:.1f} mm of themselves, but {own}: what "
+            "they state is too small. The larger one was used."
+        )
+        size = (Size("found over stated", outcome.noise.sigma / common.stated),)
+        yield Finding("warning", text, SUBJECT, "stated_too_small", size)
 
 
 def jump_rows(outcome: RtkOutcome) -> list[list[object]]:

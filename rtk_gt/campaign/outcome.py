@@ -9,7 +9,9 @@ from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.lasting import LastingError
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.offsets.prior import OffsetPrior
+from rtk_gt.offsets.slow_errors import ErrorModel
 from rtk_gt.path.antennas import Antennas
+from rtk_gt.path.common_errors import CommonErrors
 from rtk_gt.path.composition import Composed
 from rtk_gt.path.consistency import Consistency
 from rtk_gt.path.coverage import Coverage
@@ -51,7 +53,11 @@ class RtkOutcome:
     left : tuple of Offsets
         Other solutions that fit as well; there the nose points against the motion.
     noise : GpsNoise
-        Used for the covariances.
+        Of one receiver, used for the covariances.
+    model : ErrorModel, optional
+        Its slow part, where there is one.
+    common : CommonErrors
+        What is taken of errors that all receivers share.
     path : VehiclePath
         The ground truth.
     leaps : (n,) bool array
@@ -81,6 +87,8 @@ class RtkOutcome:
     antennas: Antennas
     left: tuple[Offsets, ...]
     noise: GpsNoise
+    model: ErrorModel | None
+    common: CommonErrors
     path: VehiclePath
     leaps: Bools
     reference: Array

@@ -25,8 +25,6 @@ SPACING = 0.2
 lasts for seconds, and a vehicle goes only so far in that time."""
 MOST = 4000
 """Epochs at most from which jumps of the offsets are told: enough for every correlation time."""
-OPEN = 0.3
-"""Metres of sigma above which distances are open, and of distances below which they are noise."""
 SHORT = 3
 """Epochs below which an error is a single false fix, which are counted and not listed."""
 
@@ -114,7 +112,7 @@ def restarted(steps: Steps, offsets: Offsets) -> LastingError | None:
     steps, offsets
         As in `lasting_errors`.
     """
-    if not _known(offsets):
+    if not offsets.known:
         return None
     rows = np.flatnonzero(steps.complete)[offsets.weights > 0]
     rows = rows[:: max(len(rows) // MOST, 1)]
@@ -127,16 +125,12 @@ def restarted(steps: Steps, offsets: Offsets) -> LastingError | None:
     return _episodes(steps, [one])[0]
 
 
-def _known(offsets: Offsets) -> bool:
-    return bool(offsets.distance_sigmas.max() < OPEN and offsets.distances.min() > OPEN)
-
-
 def _placed(steps: Steps, offsets: Offsets) -> Steps:
     """The steps with offsets added; where these are open, with the antennas on a circle.
 
     A road that leaves offsets open is straight, and the antennas keep their places along it.
     """
-    if _known(offsets):
+    if offsets.known:
         return steps.corrected(offsets.offsets)
     together = steps.positions[steps.complete]
     angle = 2 * np.pi * np.arange(len(steps.receivers)) / len(steps.receivers)
