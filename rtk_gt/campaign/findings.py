@@ -4,7 +4,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rtk_gt.campaign.lasting_findings import lasting_findings, short_errors, slow_findings
+from rtk_gt.campaign.lasting_findings import (
+    clock_findings,
+    lasting_findings,
+    short_errors,
+    slow_findings,
+)
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.checks import differences_said
 from rtk_gt.offsets.estimate import distance_names
@@ -41,6 +46,7 @@ def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
         *_motion(outcome),
         *_antennas(outcome),
         *_consistency(outcome),
+        *clock_findings(outcome),
         *lasting_findings(outcome),
         *_leaps(outcome),
         *_assumed(outcome),

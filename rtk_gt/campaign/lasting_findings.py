@@ -84,6 +84,23 @@ def _finding(outcome: RtkOutcome, error: LastingError) -> Finding:
     return Finding("warning", text, SUBJECT, "jump", sizes)
 
 
+def clock_findings(outcome: RtkOutcome) -> Iterator[Finding]:
+    """Clocks of receivers that are off."""
+    if outcome.clocks is None:
+        return
+    names = outcome.steps.receivers
+    for k in np.flatnonzero(outcome.clocks.late):
+        late, sigma = outcome.clocks.late[k], outcome.clocks.sigmas[k]
+        text = (
+            f"The stamps of {names[k]} are {abs(late):.3f} s {'late' if late > 0 else 'early'} by "
+            f"those of {names[0]} (95 %: \u00b1 {NORMAL_95 * sigma:.3f} s): its positions were "
+            "taken at the other times, between its fixes. Which of the two clocks is right the "
+            "receivers cannot say; set both by the satellites' time."
+        )
+        size = (Size.normal("lateness of the stamps", late, sigma, "s"),)
+        yield Finding("warning", text, str(names[k]), "receiver_clock", size)
+
+
 def slow_findings(outcome: RtkOutcome) -> Iterator[Finding]:
     """That errors are correlated, and what is known of those that all receivers share."""
     model, found = outcome.model, outcome.consistency

@@ -11,6 +11,7 @@ from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.offsets.slow_errors import ErrorModel
 from rtk_gt.path.antennas import Antennas
+from rtk_gt.path.clocks import Clocks
 from rtk_gt.path.common_errors import CommonErrors
 from rtk_gt.path.composition import Composed
 from rtk_gt.path.consistency import Consistency
@@ -42,6 +43,8 @@ class RtkOutcome:
     lasting : tuple of LastingError
         Errors that begin with a jump: taken out of the steps where they stay; where they end, the
         fixes that have them are left out.
+    clocks : Clocks, optional
+        By how much the receivers' clocks were off; None where they were not.
     prior : OffsetPrior
         What campaign.toml states of offsets and distances.
     stated : PriorCheck, optional
@@ -81,6 +84,7 @@ class RtkOutcome:
     records: tuple[Fixes, ...]
     steps: Steps
     lasting: tuple[LastingError, ...]
+    clocks: Clocks | None
     prior: OffsetPrior
     stated: PriorCheck | None
     offsets: Offsets

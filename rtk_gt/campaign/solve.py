@@ -16,6 +16,7 @@ from rtk_gt.offsets.settled import settle
 from rtk_gt.offsets.slow_errors import ErrorModel
 from rtk_gt.path.antennas import Places
 from rtk_gt.path.choice import Choice, check_attitude, check_order, choose
+from rtk_gt.path.clocks import right_clocks
 from rtk_gt.path.common_errors import common_errors
 from rtk_gt.path.composition import compose
 from rtk_gt.path.consistency import consistency
@@ -56,6 +57,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     progress("offsets of the receivers", 0.3)
     check_together(records, steps, settings.simultaneous)
     prior = offset_prior(settings, steps.frame)
+    steps, clocks = right_clocks(steps, settings.eta)
     steps, lasting, jumps = settle(steps, eta=settings.eta, robust=settings.robust)
     model = error_model(
         steps, estimate_offsets(steps, eta=settings.eta, robust=settings.robust, bent="never")
@@ -84,6 +86,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
         antennas=antennas,
         left=chosen.left,
         lasting=tuple(lasting),
+        clocks=clocks,
         noise=noise,
         model=model,
         common=common,
