@@ -3,7 +3,7 @@
 Drives of a vehicle that the program does not know (`trials.lasting_errors`): jumps of all
 receivers, restarts of the base station of two, false fixes of one, clean hours; then offsets and
 poses with slow errors against the truth, and clocks that are off. Numbers on the command line:
-first seed, drives a condition, and what is run ("jumps", "slow", "clocks" or "all").
+first seed, drives a condition, and what is run ("jumps", "hours", "slow", "clocks" or "all").
 """
 
 import sys
@@ -98,6 +98,15 @@ def jumps(first: int, drives: int) -> None:
             print(f"  {rate:10} {noise:22} alarms {alarms}; {said}; {seconds:.0f} s", flush=True)
 
 
+def hours(first: int, drives: int) -> None:
+    print(f"\nClean hours at 5 Hz with an alarm, of {drives} a condition")
+    for noise, errors in NOISE.items():
+        alarms = 0
+        for seed in range(first, first + drives):
+            alarms += bool(settle(made_drive(seed, errors, seconds=3600.0).steps)[1])
+        print(f"  {noise:22} {alarms}", flush=True)
+
+
 def solved(made: Made) -> tuple[Offsets, VehiclePath, Array]:
     """Offsets, path, and the true poses of the path."""
     quick = estimate_offsets(made.steps, eta=ETA, bent="never")
@@ -146,7 +155,7 @@ def main() -> None:
     given = sys.argv[1:]
     first, drives = (int(n) for n in (given + ["1000", "40"][len(given) :])[:2])
     what = given[2] if len(given) > 2 else "all"
-    for name, run in (("jumps", jumps), ("slow", slow), ("clocks", clocks)):
+    for name, run in (("jumps", jumps), ("hours", hours), ("slow", slow), ("clocks", clocks)):
         if what in (name, "all"):
             run(first, drives)
 

@@ -1,6 +1,7 @@
 """From a campaign's receivers to the path: the whole chain, without printing or drawing."""
 
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,15 +9,16 @@ from rtk_gt.campaign.inputs import antenna_places, check_places, load_drive, off
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.checks import PriorCheck, check_prior
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
+from rtk_gt.offsets.lasting import LastingError
 from rtk_gt.offsets.memory import error_model
 from rtk_gt.offsets.minima import all_minima, default_layout
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.offsets.prior import OffsetPrior
-from rtk_gt.offsets.settled import settle
+from rtk_gt.offsets.settled import JumpErrors, settle
 from rtk_gt.offsets.slow_errors import ErrorModel
 from rtk_gt.path.antennas import Places
 from rtk_gt.path.choice import Choice, check_attitude, check_order, choose
-from rtk_gt.path.clocks import right_clocks
+from rtk_gt.path.clocks import Clocks, right_clocks
 from rtk_gt.path.common_errors import common_errors
 from rtk_gt.path.composition import compose
 from rtk_gt.path.consistency import consistency
@@ -57,11 +59,8 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     progress("offsets of the receivers", 0.3)
     check_together(records, steps, settings.simultaneous)
     prior = offset_prior(settings, steps.frame)
-    steps, clocks = right_clocks(steps, settings.eta)
-    steps, lasting, jumps = settle(steps, eta=settings.eta, robust=settings.robust)
-    model = error_model(
-        steps, estimate_offsets(steps, eta=settings.eta, robust=settings.robust, bent="never")
-    )
+    ready = prepare(steps, settings)
+    steps, jumps, model = ready.steps, ready.jumps, ready.model
     chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings), model)
     offsets, antennas = chosen.offsets, chosen.antennas
     noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
@@ -85,8 +84,8 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
         offsets=offsets,
         antennas=antennas,
         left=chosen.left,
-        lasting=tuple(lasting),
-        clocks=clocks,
+        lasting=tuple(ready.lasting),
+        clocks=ready.clocks,
         noise=noise,
         model=model,
         common=common,
@@ -112,6 +111,30 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
             for sensor in settings.sensors
         },
     )
+
+
+class Prepared(NamedTuple):
+    """Steps at one time and without errors that last, with what was found of clocks and errors."""
+
+    steps: Steps
+    clocks: Clocks | None
+    lasting: list[LastingError]
+    jumps: JumpErrors | None
+    model: ErrorModel | None
+
+
+def prepare(steps: Steps, settings: RtkSettings) -> Prepared:
+    """Recorded steps made ready: clocks set right, jumps and false fixes taken out.
+
+    Raises
+    ------
+    GtvalError
+        As `estimate_offsets`.
+    """
+    steps, clocks = right_clocks(steps, settings.eta)
+    steps, lasting, jumps = settle(steps, eta=settings.eta, robust=settings.robust)
+    quick = estimate_offsets(steps, eta=settings.eta, robust=settings.robust, bent="never")
+    return Prepared(steps, clocks, lasting, jumps, error_model(steps, quick))
 
 
 def solve_offsets(

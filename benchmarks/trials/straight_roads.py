@@ -3,10 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy import special
 from scipy.spatial.transform import Rotation
 
 from data_samples.drives.drive import ANTENNAS
-from rtk_gt.campaign.solve import solve_offsets
+from rtk_gt.campaign.solve import prepare, solve_offsets
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.path.antennas import Places
 from rtk_gt.path.choice import check_attitude
@@ -14,10 +15,23 @@ from rtk_gt.path.vehicle_path import vehicle_path
 from rtk_gt.receivers.steps import Steps
 from rtk_gt.settings import RtkSettings
 from validation.poses.earth_frames import LocalFrame
+from validation.poses.pose_table import SPATIAL, pose_difference
 
 SITE = LocalFrame.from_degrees(45.5, 9.16, 177.0)
 NAMES = ("rear", "front_left", "front_right")
 KNOWLEDGE = ("none", "distances", "two distances", "offsets", "one offset", "both")
+
+
+STANDING = {"moving": False}
+SHORT = {"seconds": 120.0, "interval": 1.0, "sigma": 0.0064}
+ROADS = [
+    *({"degrees": d, "slope": s} for s in (0.0, 1.0, 3.0) for d in (1, 2, 5, 10, 20)),
+    *({"degrees": d, **SHORT} for d in (2, 10, 20)),
+    STANDING,
+    {**STANDING, "bases": False},
+    {**STANDING, **SHORT},
+]
+"""Headings that span 1 to 20 degrees, level and with slopes; short records; a vehicle that stands."""
 
 
 class Road(NamedTuple):
@@ -95,11 +109,30 @@ def prior_of(offsets, distances, offset_sigma=0.005, distance_sigma=0.01):
 def solved(steps, prior, settings=None):
     """Choice and path of the whole chain; a GtvalError where it refuses."""
     settings = settings or RtkSettings()
-    chosen, _ = solve_offsets(steps, prior, settings, Places(ANTENNAS[:, 2]))
-    rows = chosen.offsets.weights > 0
-    path = vehicle_path(steps.select(rows), chosen.offsets, chosen.antennas)
+    ready = prepare(steps, settings)
+    steps = ready.steps
+    chosen, _ = solve_offsets(steps, prior, settings, Places(ANTENNAS[:, 2]), ready.model)
+    rows = np.flatnonzero(steps.complete)[chosen.offsets.weights > 0]
+    path = vehicle_path(
+        steps.select(rows), chosen.offsets, chosen.antennas, jumps=ready.jumps, model=ready.model
+    )
     check_attitude(path)
     return chosen, path
+
+
+def sizes(road, chosen, path):
+    """Errors in standard deviations of the whole: offsets and distances, and the middle pose."""
+    found = chosen.offsets
+    off = (found.offsets.values - road.offsets)[1:].ravel()
+    off = np.concatenate([off, found.distances - road.distances])
+    middle = len(path) // 2
+    row = int(np.searchsorted(road.steps.times, path.times[middle] - 1e-3))
+    error = pose_difference(path.poses[[middle]], road.poses[[row]], SPATIAL)[0]
+    squares = (
+        (off @ np.linalg.pinv(found.covariance, rcond=1e-12, hermitian=True) @ off, 9),
+        (error @ np.linalg.solve(path.covariances[middle], error), 6),
+    )
+    return [float(-special.ndtri(max(special.chdtrc(dof, at), 1e-300) / 2)) for at, dof in squares]
 
 
 HEAD = """name = "Road"
