@@ -9,6 +9,7 @@ from rtk_gt.campaign.lasting_findings import (
     lasting_findings,
     short_errors,
     slow_findings,
+    unseen_findings,
 )
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.checks import differences_said
@@ -48,6 +49,7 @@ def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
         *_consistency(outcome),
         *clock_findings(outcome),
         *lasting_findings(outcome),
+        *unseen_findings(outcome),
         *_leaps(outcome),
         *_assumed(outcome),
         *_records(outcome),

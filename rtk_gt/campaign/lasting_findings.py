@@ -13,6 +13,9 @@ SUBJECT = "rtk"
 MOST = 8
 """Lines of single errors; more are counted in one line."""
 NORMAL_95 = 1.96
+LARGEST_UNSEEN = 0.12
+"""Metres of a jump of all receivers that may stay unseen without a word: a base station that
+averages its coordinates anew moves by more."""
 LEAST_TAU = 2.0
 """Poses worth one, above which it is said: white noise makes 1 within a few percent."""
 
@@ -35,6 +38,20 @@ def lasting_findings(outcome: RtkOutcome) -> Iterator[Finding]:
         )
         size = (Size("more errors that last", len(told) - MOST, "errors"),)
         yield Finding("warning", text, SUBJECT, "many_jumps", size)
+
+
+def unseen_findings(outcome: RtkOutcome) -> Iterator[Finding]:
+    """That a jump of all receivers may be in the drive unseen."""
+    least = outcome.smallest_seen
+    if least <= LARGEST_UNSEEN:
+        return
+    said = f"of less than some {100 * least:.0f} cm" if np.isfinite(least) else "of any size"
+    text = (
+        f"A jump of all receivers {said} would not be seen in this drive: it moves more than that "
+        "by itself between its fixes. Record at 5 Hz or more if the base station may restart."
+    )
+    size = (Size("smallest jump of all that is seen", least, "m"),) if np.isfinite(least) else ()
+    yield Finding("note", text, SUBJECT, "jumps_unseen", size)
 
 
 def _told(error: LastingError) -> bool:

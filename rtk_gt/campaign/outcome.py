@@ -45,6 +45,8 @@ class RtkOutcome:
         fixes that have them are left out.
     clocks : Clocks, optional
         By how much the receivers' clocks were off; None where they were not.
+    smallest_seen : float
+        Metres of a jump of all receivers that half of the intervals would show.
     prior : OffsetPrior
         What campaign.toml states of offsets and distances.
     stated : PriorCheck, optional
@@ -85,6 +87,7 @@ class RtkOutcome:
     steps: Steps
     lasting: tuple[LastingError, ...]
     clocks: Clocks | None
+    smallest_seen: float
     prior: OffsetPrior
     stated: PriorCheck | None
     offsets: Offsets

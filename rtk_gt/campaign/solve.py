@@ -9,7 +9,7 @@ from rtk_gt.campaign.inputs import antenna_places, check_places, load_drive, off
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.checks import PriorCheck, check_prior
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
-from rtk_gt.offsets.lasting import LastingError
+from rtk_gt.offsets.lasting import LastingError, smallest_seen
 from rtk_gt.offsets.memory import error_model
 from rtk_gt.offsets.minima import all_minima, default_layout
 from rtk_gt.offsets.noise import GpsNoise
@@ -86,6 +86,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
         left=chosen.left,
         lasting=tuple(ready.lasting),
         clocks=ready.clocks,
+        smallest_seen=ready.smallest_seen,
         noise=noise,
         model=model,
         common=common,
@@ -121,6 +122,7 @@ class Prepared(NamedTuple):
     lasting: list[LastingError]
     jumps: JumpErrors | None
     model: ErrorModel | None
+    smallest_seen: float
 
 
 def prepare(steps: Steps, settings: RtkSettings) -> Prepared:
@@ -134,7 +136,8 @@ def prepare(steps: Steps, settings: RtkSettings) -> Prepared:
     steps, clocks = right_clocks(steps, settings.eta)
     steps, lasting, jumps = settle(steps, eta=settings.eta, robust=settings.robust)
     quick = estimate_offsets(steps, eta=settings.eta, robust=settings.robust, bent="never")
-    return Prepared(steps, clocks, lasting, jumps, error_model(steps, quick))
+    model = error_model(steps, quick)
+    return Prepared(steps, clocks, lasting, jumps, model, smallest_seen(steps, quick))
 
 
 def solve_offsets(

@@ -113,6 +113,19 @@ def find_jumps(
     return sorted([*found, *_missing(times, positions, headings, found)], key=lambda one: one.row)
 
 
+def least_of_all(times: Array, positions: Array, headings: Array) -> float:
+    """Metres of a jump of all that half of the intervals would show; parameters as above."""
+    least = np.inf
+    everyone = tuple(range(positions.shape[1]))
+    for sides in sides_of(times):
+        seen = contrasts(times, positions, headings, sides)
+        if seen is not None and seen.moving.any():
+            _, _, spreads = fit_of(seen, everyone, np.flatnonzero(seen.moving))
+            widest = np.median(np.linalg.eigvalsh(spreads)[:, -1])
+            least = min(least, float(np.sqrt(GAIN_OF_MOTION * widest)))
+    return max(least, SMALLEST_IN_MOTION)
+
+
 def returns(there: Jump, back: Jump, receivers: int) -> bool:
     """Whether the second is the first one back.
 

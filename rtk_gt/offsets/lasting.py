@@ -10,7 +10,15 @@ import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from rtk_gt.offsets.estimate import Offsets
-from rtk_gt.offsets.jumps import LONGEST_FALSE, UNSURE, Jump, causes_of, find_jumps, returns
+from rtk_gt.offsets.jumps import (
+    LONGEST_FALSE,
+    UNSURE,
+    Jump,
+    causes_of,
+    find_jumps,
+    least_of_all,
+    returns,
+)
 from rtk_gt.offsets.restarts import find_restart
 from rtk_gt.receivers.fixes import RTK_FIXED, Bools, Ints
 from rtk_gt.receivers.steps import Steps
@@ -149,12 +157,26 @@ class _Timed:
     jump: Jump
 
 
+def smallest_seen(steps: Steps, offsets: Offsets) -> float:
+    """Metres of a jump of all receivers that half of the intervals would show in any direction.
+
+    Infinite where the steps are too few. Parameters as in `lasting_errors`.
+    """
+    steps = _placed(steps, offsets)
+    fast = _often(steps)
+    least = np.inf
+    for some in (tuple(range(len(steps.receivers))), *([] if fast is None else [fast])):
+        rows = np.flatnonzero((steps.kinds[:, some] == RTK_FIXED).all(1))
+        if len(rows) < 2:
+            continue
+        times, positions = _thinned(steps, rows, some, np.ones(len(rows), dtype=bool))
+        least = min(least, least_of_all(times, positions, _headings(positions[..., :2])))
+    return least
+
+
 def _jumps(steps: Steps, rows: Ints, columns: tuple[int, ...], good: Bools) -> list[_Timed]:
     """Jumps of some receivers at the times at which they are fixed together."""
-    positions = _bridged(steps.times[rows], steps.positions[rows][:, list(columns)], good)
-    usual = float(np.median(np.diff(steps.times[rows])))
-    positions = positions[:: max(round(SPACING / usual), 1)]
-    times = steps.times[rows][:: max(round(SPACING / usual), 1)]
+    times, positions = _thinned(steps, rows, columns, good)
     headings = _headings(positions[..., :2])
     found = find_jumps(times, positions, headings, causes_of(len(columns)))
     return [
@@ -169,6 +191,15 @@ def _jumps(steps: Steps, rows: Ints, columns: tuple[int, ...], good: Bools) -> l
 def _reversed(there: Jump, back: Jump) -> Jump:
     """What went there, as the clearer jump back tells it."""
     return replace(back, row=there.row, size=-back.size)
+
+
+def _thinned(
+    steps: Steps, rows: Ints, columns: tuple[int, ...], good: Bools
+) -> tuple[Array, Array]:
+    """Times and positions (n, r, 3) that are looked at."""
+    positions = _bridged(steps.times[rows], steps.positions[rows][:, list(columns)], good)
+    stride = max(round(SPACING / float(np.median(np.diff(steps.times[rows])))), 1)
+    return steps.times[rows][::stride], positions[::stride]
 
 
 def _headings(level: Array) -> Array:

@@ -10,13 +10,16 @@ from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.offsets.jumps import UNSURE
 from rtk_gt.offsets.lasting import LastingError, lasting_errors, restarted
 from rtk_gt.offsets.noise import pair_incidence
-from rtk_gt.receivers.assumptions import ETA
+from rtk_gt.receivers.assumptions import ETA, FEWEST_STEPS
 from rtk_gt.receivers.fixes import Bools
 from rtk_gt.receivers.steps import Steps, pair_differences
+from validation.errors import GtvalError
 from validation.poses.angles import Array
 
 MOST_RESTARTS = 6
 """Rounds in which smaller jumps are looked for: a drive with more is no ground truth."""
+LEAST_LEFT = 0.2
+"""Share of the steps that must be left: a judgement; of fewer nobody knows which are right."""
 NOT_USED = -1
 """Kind of a fix that is left out."""
 
@@ -65,7 +68,7 @@ def settle(
     Raises
     ------
     GtvalError
-        As `estimate_offsets`.
+        As `estimate_offsets`, or if too few steps are without such errors.
     """
     if not robust:
         return steps, [], None
@@ -76,8 +79,7 @@ def settle(
     for _ in range(MOST_RESTARTS):
         if errors:
             cleaned = without_errors(steps, errors)
-            if cleaned.complete.sum() < steps.complete.sum() / 2:
-                return steps, [], None
+            _check_left(cleaned, steps, errors)
             errors, jumps = refined(cleaned, quick(cleaned), errors)
             cleaned = without_errors(steps, errors)
             offsets = quick(cleaned)
@@ -86,6 +88,18 @@ def settle(
             return cleaned, errors, jumps
         errors = sorted([*errors, restart], key=lambda one: one.start)
     return cleaned, [one for one in errors if one is not restart], jumps
+
+
+def _check_left(cleaned: Steps, steps: Steps, errors: Sequence[LastingError]) -> None:
+    """Raise if false fixes leave too little of a drive."""
+    left, all_of = int(cleaned.complete.sum()), int(steps.complete.sum())
+    if left < max(FEWEST_STEPS, LEAST_LEFT * all_of):
+        raise GtvalError(
+            f"{len(errors)} jumps and false fixes leave {left} of {all_of} times at which all "
+            "receivers are RTK-fixed: this record is no ground truth. Look at the base station, "
+            "its radio link and what hides the sky; `robust = false` in [rtk] takes the fixes as "
+            "they are"
+        )
 
 
 def starting_rows(steps: Steps, error: LastingError) -> Bools:
