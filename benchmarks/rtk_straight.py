@@ -7,6 +7,7 @@ distances together, and a pose. Numbers on the command line: first seed, seeds a
 
 import sys
 from collections import Counter
+from itertools import product
 
 import numpy as np
 from trials.straight_roads import KNOWLEDGE, ROADS, knowledge_of, prior_of, road_of, sizes, solved
@@ -32,21 +33,20 @@ def reason_of(error: GtvalError) -> str:
 def main() -> None:
     first, count = (int(n) for n in (sys.argv[1:] + ["100", "5"][len(sys.argv) - 1 :])[:2])
     accepted, refused, errors = Counter(), Counter(), []
-    for kind in ROADS:
-        for what in KNOWLEDGE:
-            for seed in range(first, first + count):
-                road = road_of(seed, **kind)
-                prior = prior_of(*knowledge_of(road, what, seed))
-                try:
-                    worst = max(sizes(road, *solved(road.steps, prior)))
-                except GtvalError as error:
-                    refused[what, reason_of(error)] += 1
-                    continue
-                accepted[what] += 1
-                errors.append(worst)
-                if worst > 3:
-                    print(f"  beyond 3 sigmas: {kind}, {what} stated, seed {seed}: {worst:.1f}")
-        print(f"{kind}: {len(errors)} accepted so far", flush=True)
+    for seed in range(first, first + count):
+        for kind, what in product(ROADS, KNOWLEDGE):
+            road = road_of(seed, **kind)
+            prior = prior_of(*knowledge_of(road, what, seed))
+            try:
+                worst = max(sizes(road, *solved(road.steps, prior)))
+            except GtvalError as error:
+                refused[what, reason_of(error)] += 1
+                continue
+            accepted[what] += 1
+            errors.append(worst)
+            if worst > 3:
+                print(f"  beyond 3 sigmas: {kind}, {what} stated, seed {seed}: {worst:.1f}")
+        print(f"seed {seed}: {len(errors)} accepted so far", flush=True)
     beyond = np.array(errors)
     total = len(ROADS) * len(KNOWLEDGE) * count
     print(f"\n{total} records, {len(errors)} accepted, {total - len(errors)} refused")

@@ -158,6 +158,7 @@ def contrasts(
     distances = np.linalg.norm(rods, axis=-1)
     changes = _mean_changes(distances, averaged)
     directions = _seen_from(headings[:-1], rods[:-1] / np.maximum(distances[:-1], TINY)[..., None])
+    motion[~moving] = 0.0
     values = np.concatenate([motion.reshape(n, -1), changes], axis=1)
     axes, sigmas, floor = _scaled(values, moving, motion[0].size, 2 * max(side, averaged))
     freedom = _EFFICIENCY * n / max(side, averaged)

@@ -227,6 +227,8 @@ def _place(seen: Contrasts, row: int, cause: tuple[int, ...], reach: int) -> int
     designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(cause)) / seen.floor[:, None]
     best, place = -np.inf, row
     for at in range(max(row - reach, 1), min(row + reach + 1, n - 1)):
+        if not seen.moving[at - 1 : at + 2].all():
+            continue
         near = [-0.5 * designs[at - 1, :motion], designs[at], -0.5 * designs[at + 1, :motion]]
         design = np.concatenate(near)
         found = np.concatenate([along[at - 1, :motion], along[at], along[at + 1, :motion]])

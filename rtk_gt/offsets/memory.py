@@ -79,6 +79,8 @@ def error_model(steps: Steps, offsets: Offsets) -> ErrorModel | None:
     usual = span / len(blocks.times)
     memories = np.geomspace(SHORTEST * usual, max(LONGEST * span, 4 * usual), _MEMORIES)
     base, _ = _restricted(blocks, _block_diagonal(blocks.white))
+    if base < min(_cost(blocks, *one)[0] for one in product(memories[::3], _SHARES[::2])):
+        return None  # nothing near: white noise, as of most drives
     tried = list(product(memories, _SHARES))
     costs, variances = np.array([_cost(blocks, *one) for one in tried]).T
     if base - costs.min() < CORRELATED_GAIN:

@@ -28,6 +28,12 @@ BETTER = 0.5
 SURE, LEAST = 5.0, 0.01
 """Standard deviations, and seconds, that a clock must be off by to be told: at 8 m/s ten
 milliseconds are 8 cm."""
+SLOWEST = 0.3
+"""Metres a second on average below which noise of the positions passes for motion."""
+VARIED = 0.15
+"""Spread of the speed over its mean that tells clocks: at one speed it is another vehicle."""
+DETERMINED = 0.05
+"""Metres of sigma of the level offsets: on a straight road clocks and offsets exchange."""
 _LONGEST = 1.6
 """Usual intervals over which positions are interpolated at most."""
 _ROUNDS = 6
@@ -65,6 +71,8 @@ def right_clocks(steps: Steps, eta: float) -> tuple[Steps, Clocks | None]:
     noise of the distances is taken; Gauss-Newton of all clocks, offsets and distances together
     refines them. None where no clock is surely off.
     """
+    if _spread_of_speed(steps) < VARIED:
+        return steps, None
     try:
         at_once = _estimate(steps, eta)
         late = np.zeros(len(steps.receivers))
@@ -82,7 +90,8 @@ def right_clocks(steps: Steps, eta: float) -> tuple[Steps, Clocks | None]:
     except GtvalError:  # too few epochs, or none that are seen together: no clock can be told
         return steps, None
     off = np.abs(late) > np.maximum(SURE * refined.sigmas, LEAST)
-    if not (after.known and off.any() and after.sigma < BETTER * at_once.sigma):
+    turned = after.known and after.offset_sigmas[:, :2].max() < DETERMINED
+    if not (turned and off.any() and after.sigma < BETTER * at_once.sigma):
         return steps, None
     late = np.where(off, late, 0.0)
     return shifted_steps(steps, late), replace(refined, late=late)
@@ -111,6 +120,14 @@ def shifted_steps(steps: Steps, late: Array) -> Steps:
         positions[own[good], k] = CubicSpline(times, steps.positions[own, k])(wanted[good])
         kinds[own[~good], k] = -1
     return replace(steps, positions=positions, kinds=kinds)
+
+
+def _spread_of_speed(steps: Steps) -> float:
+    """Standard deviation of the first receiver's speed over its mean; 0 where it stands."""
+    speed = np.linalg.norm(_speeds(steps)[steps.complete, 0, :2], axis=-1)
+    if len(speed) < FEW / 4 or speed.mean() < SLOWEST:
+        return 0.0
+    return float(speed.std() / speed.mean())
 
 
 def _few(steps: Steps) -> Steps:
