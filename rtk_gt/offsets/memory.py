@@ -17,7 +17,7 @@ from rtk_gt.offsets.slow_errors import MOST_NUMBERS, ErrorModel, mean_memory
 from rtk_gt.receivers.steps import Steps, pair_differences
 from validation.poses.angles import Array
 
-SHORTEST, LONGEST = 2.0, 0.3
+SHORTEST, LONGEST = 2.0, 0.2
 """Memories that are tried: from so many blocks to this share of the record; what lasts longer looks
 like offsets."""
 _MEMORIES = 7
