@@ -40,7 +40,7 @@ USUAL = 0.3
 no distance."""
 _ROUNDS = 12
 """At most; each takes all jumps that are the greatest within their windows."""
-BACK = 0.3
+BACK = 0.15
 """Share of a jump by which the jump back may differ, beside its sigmas: errors change meanwhile."""
 _AWAY = 16.0
 """Squared sigmas by which it may differ: three numbers pass that in one of 900."""
@@ -126,18 +126,19 @@ def least_of_all(times: Array, positions: Array, headings: Array) -> float:
     return max(least, SMALLEST_IN_MOTION)
 
 
-def returns(there: Jump, back: Jump, receivers: int) -> bool:
-    """Whether the second is the first one back.
+def mismatch(there: Jump, back: Jump, receivers: int) -> float:
+    """Squared sigmas by which the second is not the first one back; infinite if it is another.
 
     What some receivers do, the others seem to do the other way round.
     """
     others = tuple(k for k in range(receivers) if k not in there.receivers)
     if back.receivers not in (there.receivers, others):
-        return False
+        return np.inf
     off = there.size + (back.size if back.receivers == there.receivers else -back.size)
     spread = there.covariance + back.covariance
     spread = spread + (BACK * np.linalg.norm(there.size)) ** 2 * np.eye(3)
-    return bool(off @ np.linalg.solve(spread, off) < _AWAY)
+    away = float(off @ np.linalg.solve(spread, off))
+    return away if away < _AWAY else np.inf
 
 
 def _missing(times: Array, positions: Array, headings: Array, found: list[Jump]) -> list[Jump]:
@@ -148,7 +149,7 @@ def _missing(times: Array, positions: Array, headings: Array, found: list[Jump])
         one for one in single
         if not any(
             other is not one and abs(times[other.row] - times[one.row]) < LONGEST_FALSE
-            and returns(one, other, count)
+            and np.isfinite(mismatch(one, other, count))
             for other in found
         )
     ]  # fmt: skip
@@ -179,7 +180,7 @@ def _back(times: Array, headings: Array, seen: Contrasts, one: Jump) -> Jump:
     along = (seen.values[rows] @ seen.axes) / seen.sigmas[rows]
     share = (expected * along).sum(1) / np.square(expected).sum(1)
     gains = tempered(np.square(expected).sum(1) * share**2, seen.freedom)
-    gains = np.where(np.abs(share - 1) < 2 * BACK, gains, 0.0)
+    gains = np.where(np.abs(share - 1) < 4 * BACK, gains, 0.0)
     best = int(gains.argmax())
     size = -one.size * share[best]
     return replace(one, row=int(rows[best]), size=size, gain=float(gains[best]))
@@ -316,5 +317,5 @@ def _merged(found: list[Jump]) -> list[Jump]:
                 break
         else:
             kept.append(jump)
-    whole = [one for one in kept if np.linalg.norm(one.size) > SMALLEST / 2]
+    whole = [one for one in kept if np.linalg.norm(one.size) > SMALLEST]
     return sorted(whole, key=lambda one: (one.row, one.receivers))

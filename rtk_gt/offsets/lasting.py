@@ -17,7 +17,7 @@ from rtk_gt.offsets.jumps import (
     causes_of,
     find_jumps,
     least_of_all,
-    returns,
+    mismatch,
 )
 from rtk_gt.offsets.restarts import find_restart
 from rtk_gt.receivers.fixes import RTK_FIXED, Bools, Ints
@@ -279,16 +279,18 @@ def _episodes(steps: Steps, found: list[_Timed]) -> list[LastingError]:
         if k in used:
             continue
         end, jump = np.inf, one.jump
-        for n in range(k + 1, len(found)):
-            other = found[n]
-            if other.after - one.after > LONGEST_FALSE:
-                break
-            if n not in used and returns(one.jump, other.jump, count):
-                used.add(n)
-                end = other.after
-                if other.jump.gain > one.jump.gain:
-                    jump = _reversed(one.jump, other.jump)
-                break
+        later = [
+            n
+            for n in range(k + 1, len(found))
+            if n not in used and found[n].after - one.after < LONGEST_FALSE
+        ]
+        away = [mismatch(one.jump, found[n].jump, count) for n in later]
+        if np.isfinite(away).any():
+            n = later[int(np.argmin(away))]
+            used.add(n)
+            end = found[n].after
+            if found[n].jump.gain > one.jump.gain:
+                jump = _reversed(one.jump, found[n].jump)
         at = (steps.times >= one.after - 1e-6) & (steps.times < end - 1e-6)
         fixed = (steps.kinds[:, list(jump.receivers)] == RTK_FIXED).any(1)
         errors.append(
