@@ -187,6 +187,10 @@ class RtkSettings(Settings):
     ``skip_damaged`` leaves out damaged sentences of NMEA logs. ``confidence`` is that of the
     consistency bound.
 
+    ``common_sigma`` (metres, horizontal) and ``common_time`` (seconds) are of an error that all
+    receivers share, of base station and atmosphere, which no drive shows; without them it is what
+    the receivers state beyond what their distances show.
+
     ``known_offsets`` and ``known_distances`` are what is known beforehand. Offsets less sure than
     ``largest_offset_sigma`` metres count as open; where distances of antennas are less sure than
     ``largest_distance_sigma`` metres there is no path.
@@ -197,6 +201,8 @@ class RtkSettings(Settings):
     up: Literal["ellipsoid", "geocentric"] = "ellipsoid"
     eta: Positive = ETA
     sigma: Positive | None = None
+    common_sigma: Positive | None = None
+    common_time: Positive | None = None
     robust: bool = True
     simultaneous: Positive = SIMULTANEOUS
     max_gap: Positive = 2.0

@@ -48,7 +48,7 @@ def result_of(outcome: "RtkOutcome") -> "SystemResult":
     from validation.results import SystemResult
 
     return SystemResult(
-        tables=[vehicle_table(outcome.path, outcome.leaps)],
+        tables=[vehicle_table(outcome.path, outcome.leaps, outcome.corrected)],
         findings=rtk_findings(outcome),
         sections=rtk_sections(outcome),
         files=rtk_files(outcome),

@@ -21,6 +21,22 @@ def rtk_facts(outcome: RtkOutcome) -> dict[str, object]:
         "antennas": dict(zip(offsets.receivers, outcome.antennas.positions, strict=True)),
         "sigma_horizontal": outcome.noise.sigma,
         "sigma_vertical": outcome.noise.sigma * outcome.noise.eta,
+        "errors_that_last": outcome.model,
+        "common_errors": {
+            "source": outcome.common.source,
+            "sigma": outcome.common.sigma,
+            "stated": outcome.common.stated,
+        },
+        "jumps": [
+            {
+                "receivers": [offsets.receivers[k] for k in one.receivers],
+                "start": one.start,
+                "end": None if one.stays else one.end,
+                "size": one.size,
+                "covariance": one.covariance,
+            }
+            for one in outcome.lasting
+        ],
         "heading_span": heading_span(outcome.path),
         "tilt_spread": tilt_spread(outcome.path),
         "motion": outcome.motion,

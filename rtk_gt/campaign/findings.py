@@ -4,6 +4,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rtk_gt.campaign.lasting_findings import (
+    clock_findings,
+    lasting_findings,
+    short_errors,
+    slow_findings,
+    unseen_findings,
+)
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.checks import differences_said
 from rtk_gt.offsets.estimate import distance_names
@@ -40,6 +47,9 @@ def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
         *_motion(outcome),
         *_antennas(outcome),
         *_consistency(outcome),
+        *clock_findings(outcome),
+        *lasting_findings(outcome),
+        *unseen_findings(outcome),
         *_leaps(outcome),
         *_assumed(outcome),
         *_records(outcome),
@@ -277,13 +287,7 @@ def _consistency(outcome: RtkOutcome) -> Iterator[Finding]:
         size = (Size("mean square over the assumed one", float(found.mean_square)),)
         severity: Severity = "note" if side == "smaller" else "warning"
         yield Finding(severity, text, SUBJECT, "noise_level", size)
-    if found.correlation_time > 2:
-        text = (
-            f"Neighbouring poses have similar errors: {found.correlation_time:.1f} poses are worth "
-            "one independent one. Averages over neighbours gain less than their number says."
-        )
-        size = (Size("poses worth one", float(found.correlation_time), "poses"),)
-        yield Finding("note", text, SUBJECT, "correlated", size)
+    yield from slow_findings(outcome)
     names = distance_names(outcome.offsets.receivers)
     for name, off, bad in zip(names, found.bias, found.biased, strict=True):
         if bad:
@@ -293,7 +297,7 @@ def _consistency(outcome: RtkOutcome) -> Iterator[Finding]:
             )
             size = (Size(f"mean error of the distance {name}", float(off), "m"),)
             yield Finding("warning", text, SUBJECT, "distance_biased", size)
-    false = int((outcome.offsets.weights == 0).sum())
+    false = int((outcome.offsets.weights == 0).sum()) + short_errors(outcome)
     if false:
         text = f"The antenna distances show a false fix in {false} steps, which give no pose."
         size = (Size("steps with a false fix", false, "steps"),)

@@ -2,11 +2,17 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from rtk_gt.offsets.checks import PriorCheck
 from rtk_gt.offsets.estimate import Offsets
+from rtk_gt.offsets.lasting import LastingError
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.offsets.prior import OffsetPrior
+from rtk_gt.offsets.slow_errors import ErrorModel
 from rtk_gt.path.antennas import Antennas
+from rtk_gt.path.clocks import Clocks
+from rtk_gt.path.common_errors import CommonErrors
 from rtk_gt.path.composition import Composed
 from rtk_gt.path.consistency import Consistency
 from rtk_gt.path.coverage import Coverage
@@ -33,7 +39,14 @@ class RtkOutcome:
     records : tuple of Fixes
         Of all receivers.
     steps : Steps
-        The same, brought together, as recorded.
+        The same, brought together, without the errors that last.
+    lasting : tuple of LastingError
+        Errors that begin with a jump: taken out of the steps where they stay; where they end, the
+        fixes that have them are left out.
+    clocks : Clocks, optional
+        By how much the receivers' clocks were off; None where they were not.
+    smallest_seen : float
+        Metres of a jump of all receivers that half of the intervals would show.
     prior : OffsetPrior
         What campaign.toml states of offsets and distances.
     stated : PriorCheck, optional
@@ -45,7 +58,11 @@ class RtkOutcome:
     left : tuple of Offsets
         Other solutions that fit as well; there the nose points against the motion.
     noise : GpsNoise
-        Used for the covariances.
+        Of one receiver, used for the covariances.
+    model : ErrorModel, optional
+        Its slow part, where there is one.
+    common : CommonErrors
+        What is taken of errors that all receivers share.
     path : VehiclePath
         The ground truth.
     leaps : (n,) bool array
@@ -68,12 +85,17 @@ class RtkOutcome:
     settings: RtkSettings
     records: tuple[Fixes, ...]
     steps: Steps
+    lasting: tuple[LastingError, ...]
+    clocks: Clocks | None
+    smallest_seen: float
     prior: OffsetPrior
     stated: PriorCheck | None
     offsets: Offsets
     antennas: Antennas
     left: tuple[Offsets, ...]
     noise: GpsNoise
+    model: ErrorModel | None
+    common: CommonErrors
     path: VehiclePath
     leaps: Bools
     reference: Array
@@ -82,3 +104,10 @@ class RtkOutcome:
     coverage: Coverage
     hold_out: HoldOut | None
     sensors: dict[str, Composed]
+
+    @property
+    def corrected(self) -> Bools:
+        """(n,) True at poses from which a jump was taken out."""
+        starts = [error.start for error in self.lasting if error.stays]
+        first = min(starts, default=np.inf)
+        return np.asarray(self.path.times >= first - 1e-6)

@@ -13,20 +13,28 @@ from rtk_gt.settings import Sensor
 from validation.poses.pose_table import SPATIAL, PoseTable
 
 
-def vehicle_table(path: VehiclePath, leaps: Bools | None = None) -> PoseTable:
+def vehicle_table(
+    path: VehiclePath, leaps: Bools | None = None, corrected: Bools | None = None
+) -> PoseTable:
     """The path of the vehicle; the stops are named by their times.
 
-    Poses that leap against their neighbours say so in their source.
+    Poses that leap against their neighbours, or from which a jump was taken out, say so in their
+    source.
     """
     n = len(path)
     leaps = np.zeros(n, dtype=bool) if leaps is None else leaps
+    corrected = np.zeros(n, dtype=bool) if corrected is None else corrected
+    said = zip(leaps, corrected, strict=True)
     return PoseTable(
         system="rtk",
         ids=tuple(f"{time:.3f}" for time in path.times),
         poses=path.poses,
         covariances=path.covariances,
         components=SPATIAL,
-        sources=tuple("RTK fixed, leaps" if leap else "RTK fixed" for leap in leaps),
+        sources=tuple(
+            f"RTK fixed{', jump taken out' if jump else ''}{', leaps' if leap else ''}"
+            for leap, jump in said
+        ),
         factor=path.shared_factor,
         provenance={"frame": str(path.frame), "published_as": "times are seconds UTC since 1970"},
     )
@@ -34,7 +42,7 @@ def vehicle_table(path: VehiclePath, leaps: Bools | None = None) -> PoseTable:
 
 def sensor_tables(outcome: RtkOutcome) -> dict[str, PoseTable]:
     """The path of each sensor of campaign.toml, by its name."""
-    vehicle = vehicle_table(outcome.path, outcome.leaps)
+    vehicle = vehicle_table(outcome.path, outcome.leaps, outcome.corrected)
     return {
         name: replace(
             vehicle,

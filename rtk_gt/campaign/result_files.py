@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from rtk_gt.campaign.lasting_findings import jump_rows
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.campaign.pose_tables import sensor_tables
 from rtk_gt.offsets.estimate import distance_names
@@ -21,6 +22,10 @@ def rtk_files(outcome: RtkOutcome) -> dict[str, str | bytes]:
         "rtk_quality.csv": _quality(outcome),
         "rtk_gaps.csv": _gaps(outcome),
     }
+    if outcome.lasting:
+        header = ["receivers", "start", "end", "east", "north", "up"]
+        header += ["sigma_east", "sigma_north", "sigma_up", "gain"]
+        files["rtk_jumps.csv"] = csv_text(header, jump_rows(outcome))
     for name, table in sensor_tables(outcome).items():
         files[f"sensor_path_{name}.csv"] = to_csv(table)
         files[f"sensor_path_{name}.tum"] = to_tum(table)

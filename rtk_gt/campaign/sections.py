@@ -281,6 +281,7 @@ def uncertainty_table(outcome: RtkOutcome) -> Table:
     rows: list[Cells] = [
         ["noise, at the origin (W*)", *typical(outcome.reference)],
         ["noise, on the path", *typical(path.noise_covariances)],
+        ["errors that last", *typical(path.lasting_covariances)],
         ["offsets and distances", *typical(path.systematic_covariances)],
         ["together", *typical(path.covariances)],
     ]
@@ -291,8 +292,8 @@ def uncertainty_table(outcome: RtkOutcome) -> Table:
         ["part", "x [mm]", "y [mm]", "z [mm]", "yaw [deg]", "pitch [deg]", "roll [deg]"],
         rows,
         ["", *[".1f"] * 3, *[".3f"] * 3],
-        "Noise is new at each pose. Errors of offsets and distances are the same along the "
-        "whole drive: averaging does not reduce them.",
+        "Noise is new at each pose; errors that last are shared by poses near in time. Errors of "
+        "offsets and distances are the same along the whole drive: averaging does not reduce them.",
     )
 
 

@@ -1,18 +1,25 @@
 """From a campaign's receivers to the path: the whole chain, without printing or drawing."""
 
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from rtk_gt.campaign.inputs import antenna_places, check_places, load_drive, offset_prior
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.checks import PriorCheck, check_prior
-from rtk_gt.offsets.estimate import Offsets
+from rtk_gt.offsets.estimate import Offsets, estimate_offsets
+from rtk_gt.offsets.lasting import LastingError, smallest_seen
+from rtk_gt.offsets.memory import error_model
 from rtk_gt.offsets.minima import all_minima, default_layout
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.offsets.prior import OffsetPrior
+from rtk_gt.offsets.settled import JumpErrors, settle
+from rtk_gt.offsets.slow_errors import ErrorModel
 from rtk_gt.path.antennas import Places
 from rtk_gt.path.choice import Choice, check_attitude, check_order, choose
+from rtk_gt.path.clocks import Clocks, right_clocks
+from rtk_gt.path.common_errors import common_errors
 from rtk_gt.path.composition import compose
 from rtk_gt.path.consistency import consistency
 from rtk_gt.path.covariance import reference_covariance
@@ -52,12 +59,19 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     progress("offsets of the receivers", 0.3)
     check_together(records, steps, settings.simultaneous)
     prior = offset_prior(settings, steps.frame)
-    chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings))
+    ready = prepare(steps, settings)
+    steps, jumps, model = ready.steps, ready.jumps, ready.model
+    chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings), model)
     offsets, antennas = chosen.offsets, chosen.antennas
     noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
     progress("path", 0.5)
     good = _without_false(steps, offsets)
-    path = vehicle_path(good, offsets, antennas, noise)
+    common = common_errors(records, good, noise, settings.common_sigma)
+    path = vehicle_path(
+        good, offsets, antennas, noise, jumps=jumps, model=model, common=common.covariances
+    )
+    if jumps is not None:
+        offsets = jumps.spread(offsets)
     check_attitude(path)
     progress("quality of the path", 0.7)
     return RtkOutcome(
@@ -70,7 +84,12 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
         offsets=offsets,
         antennas=antennas,
         left=chosen.left,
+        lasting=tuple(ready.lasting),
+        clocks=ready.clocks,
+        smallest_seen=ready.smallest_seen,
         noise=noise,
+        model=model,
+        common=common,
         path=path,
         leaps=leaping_poses(path, settings.max_gap),
         reference=reference_covariance(antennas.positions, noise),
@@ -95,8 +114,38 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     )
 
 
+class Prepared(NamedTuple):
+    """Steps at one time and without errors that last, with what was found of clocks and errors."""
+
+    steps: Steps
+    clocks: Clocks | None
+    lasting: list[LastingError]
+    jumps: JumpErrors | None
+    model: ErrorModel | None
+    smallest_seen: float
+
+
+def prepare(steps: Steps, settings: RtkSettings) -> Prepared:
+    """Recorded steps made ready: clocks set right, jumps and false fixes taken out.
+
+    Raises
+    ------
+    GtvalError
+        As `estimate_offsets`.
+    """
+    steps, clocks = right_clocks(steps, settings.eta)
+    steps, lasting, jumps = settle(steps, eta=settings.eta, robust=settings.robust)
+    quick = estimate_offsets(steps, eta=settings.eta, robust=settings.robust, bent="never")
+    model = error_model(steps, quick)
+    return Prepared(steps, clocks, lasting, jumps, model, smallest_seen(steps, quick))
+
+
 def solve_offsets(
-    steps: Steps, prior: OffsetPrior, settings: RtkSettings, places: Places
+    steps: Steps,
+    prior: OffsetPrior,
+    settings: RtkSettings,
+    places: Places,
+    model: ErrorModel | None = None,
 ) -> tuple[Choice, PriorCheck | None]:
     """The vehicle's offsets with the antennas' places, and what is stated beside the drive.
 
@@ -110,6 +159,8 @@ def solve_offsets(
         The table [rtk].
     places : Places
         What is stated of the antennas.
+    model : ErrorModel, optional
+        Of the receivers' errors, where they are slow.
 
     Raises
     ------
@@ -125,7 +176,9 @@ def solve_offsets(
     near = None
     if len(prior.offsets):
         near = np.nan_to_num(prior.offsets)
-    find = partial(all_minima, steps, eta=settings.eta, robust=settings.robust, layout=layout)
+    find = partial(
+        all_minima, steps, eta=settings.eta, robust=settings.robust, layout=layout, model=model
+    )
     minima = find(prior=prior, near=near)
     stated = check_prior(find, prior, minima.best)
     largest = settings.largest_distance_sigma

@@ -20,7 +20,8 @@ class Equations:
     """Linear conditions a = B_offsets (offsets) + kappa of every step and pair.
 
     ``a`` (t, p) and ``design`` (t, p, m) come from the recorded differences; ``shared`` (p, p)
-    says how the noise of two pairs is related and ``signs`` (p, r - 1) which offset enters.
+    says how the noise of two pairs is related, ``signs`` (p, r - 1) which offset enters and
+    ``incidence`` (p, r) which receiver.
     """
 
     differences: Array
@@ -29,6 +30,7 @@ class Equations:
     shared: Array
     signs: Array
     unit: Array
+    incidence: Array
 
 
 def equations_of(positions: Array, eta: float) -> Equations:
@@ -42,7 +44,9 @@ def equations_of(positions: Array, eta: float) -> Equations:
     design = -(signs[None, :, :, None] * differences[:, :, None, :]).reshape(t, p, -1)
     unit = np.diag([1.0, 1.0, eta**2])
     half_squares = np.square(differences).sum(-1) / 2
-    return Equations(differences, half_squares, design, incidence @ incidence.T, signs, unit)
+    return Equations(
+        differences, half_squares, design, incidence @ incidence.T, signs, unit, incidence
+    )
 
 
 class Residuals(NamedTuple):

@@ -28,6 +28,7 @@ from rtk_gt.offsets.robust import (
     expected_weighted_square,
     redescending_weights,
 )
+from rtk_gt.offsets.slow_errors import ErrorModel, summed_covariance
 from rtk_gt.receivers.assumptions import ETA, FEWEST_STEPS
 from rtk_gt.receivers.steps import Steps, pair_differences, receiver_pairs
 from validation.errors import GtvalError
@@ -40,6 +41,8 @@ _ROUNDS = 40
 """At most: a judgement."""
 _ROUGH_SIGMA = 0.01
 """Before the residuals say how large the noise is, in metres: what makers state of RTK."""
+OPEN = 0.3
+"""Metres of sigma above which distances are open, and of distances below which they are noise."""
 SMALLEST_SIGMA = 1e-6
 """Data without noise are weighted as if they had this much, metres: far below any receiver."""
 
@@ -108,6 +111,11 @@ class Offsets(Shown):
         return np.vstack([np.zeros(3), sigmas])
 
     @property
+    def known(self) -> bool:
+        """Whether the antennas are seen: apart, at distances that are not open."""
+        return bool(self.distance_sigmas.max() < OPEN and self.distances.min() > OPEN)
+
+    @property
     def distance_sigmas(self) -> Array:
         """(p,) standard deviations of the distances, metres."""
         k = 3 * (len(self.receivers) - 1)
@@ -122,6 +130,7 @@ def estimate_offsets(
     prior: OffsetPrior | None = None,
     start: Array | None = None,
     bent: Bent = "always",
+    model: ErrorModel | None = None,
 ) -> Offsets:
     """Offsets and distances from the steps at which all receivers are RTK-fixed.
 
@@ -142,6 +151,9 @@ def estimate_offsets(
     bent : {"always", "if sure", "never"}
         Sample what is possible where distances bend it; only where the sample is large enough; or
         not, for a quick look.
+    model : ErrorModel, optional
+        White and slow errors of the receivers, for the covariance; without it errors are white, or
+        as correlated as the residuals seem.
 
     Raises
     ------
@@ -154,8 +166,8 @@ def estimate_offsets(
     distance, |D - c| = d is linear in (c, kappa) as |D|^2 / 2 = c D + kappa with
     kappa = (d^2 - |c|^2) / 2. Weights are those of the first-order covariance of all pairs
     together; the moments are freed from the noise covariance (adjusted least squares: Kukush,
-    Markovsky and Van Huffel 2004). Covariances are of the sandwich form, times the
-    autocorrelation time of the residuals.
+    Markovsky and Van Huffel 2004). Covariances are of the sandwich form, with the model's memory or
+    times the autocorrelation time of the residuals.
     """
     used = steps.select(steps.complete)
     if len(used.receivers) < 2:
@@ -170,7 +182,8 @@ def estimate_offsets(
     prior = prior or OffsetPrior()
     equations = equations_of(used.positions + shift, eta)
     begin = None if start is None else (start - start[0] - shift)[1:].ravel()
-    estimate = _iterate(equations, prior.shifted(shift), begin, robust=robust, bent=bent)
+    timed = None if model is None else (used.times, model)
+    estimate = _iterate(equations, prior.shifted(shift), begin, timed, robust=robust, bent=bent)
     mean, covariance, distances, signal, directions, sigma, weights, tau, costs = estimate
     offsets = shift + np.vstack([np.zeros(3), mean.reshape(-1, 3)])
     corrected = pair_differences(used.positions + offsets)
@@ -193,7 +206,13 @@ def estimate_offsets(
 
 
 def _iterate(
-    equations: Equations, prior: OffsetPrior, start: Array | None, *, robust: bool, bent: Bent
+    equations: Equations,
+    prior: OffsetPrior,
+    start: Array | None,
+    timed: tuple[Array, ErrorModel] | None,
+    *,
+    robust: bool,
+    bent: Bent,
 ) -> tuple[Array, Array, Array, Array, Array, float, Array, float, tuple[Array, float]]:
     """Offsets, joint covariance, distances, signal, directions, sigma_0, weights, tau, costs."""
     t, p, m = equations.design.shape
@@ -235,9 +254,11 @@ def _iterate(
     sigma = float(np.sqrt(weights @ squares / total * loss))
     if robust:
         sigma /= np.sqrt(expected_weighted_square(dof))
+    if timed is not None:
+        sigma = timed[1].sigma
     covariance, distances, meat = _covariance(
         equations, normal, weights, (found.rods, max(sigma, SMALLEST_SIGMA)), whitening,
-        (offsets, kappa, found.centres), (signal, directions, curvature, prior_part), tau,
+        (offsets, kappa, found.centres), (signal, directions, curvature, prior_part), tau, timed,
     )  # fmt: skip
     if (
         bent != "never"
@@ -263,6 +284,7 @@ def _covariance(
     place: tuple[Array, Array, Array],
     curvature: tuple[Array, Array, Array, Array],
     tau: float,
+    timed: tuple[Array, ErrorModel] | None,
 ) -> tuple[Array, Array, Array]:
     """Covariance of (offsets, distances), the distances, and what the drive's scores vary by.
 
@@ -275,18 +297,17 @@ def _covariance(
     signal, directions, hessian, prior_part = curvature
     elimination = np.linalg.solve(normal.kappa, normal.cross.T)
     rods, sigma = noise
-    spread = equations.shared * (rods @ equations.unit @ np.swapaxes(rods, 1, 2))
-    # What the scores W r of each step vary by.
-    filling = (tau * sigma**2 * weights**2)[:, None, None] * (W @ spread @ W)
     design = equations.design - elimination
     known = directions * (signal > 0)
     projector = known @ directions.T
-    meat = np.tensordot(design, filling @ design, ((0, 1), (0, 1)))
-    meat = projector @ meat @ projector.T
+    both = _score_covariance(equations, rods, weights, W, design, (sigma, tau, timed))
+    m = design.shape[2]
+    meat = projector @ both[:m, :m] @ projector.T
     inverse = np.linalg.inv(hessian)
     offsets_cov = inverse @ (meat + prior_part) @ inverse
     kappa_inverse = np.linalg.inv(normal.kappa)
-    kappa_cov = kappa_inverse @ filling.sum(0) @ kappa_inverse
+    kappa_cov = kappa_inverse @ both[m:, m:] @ kappa_inverse
+    between = inverse @ projector @ both[:m, m:] @ kappa_inverse
     # What the squares of noise lift |D|^2 by is known as well as sigma_0 is.
     lift = np.diagonal(equations.shared) * np.trace(equations.unit) / 2 * sigma**2
     kappa_cov = kappa_cov + np.outer(lift, lift) * tau * 2 / (weights.sum() * min(3, len(kappa)))
@@ -301,9 +322,40 @@ def _covariance(
     blocks = pairs.reshape(len(kappa), 3, len(kappa), 3)
     second = np.einsum("paqb,paqb->pq", blocks, blocks) / 2
     own = own + second / np.outer(distances, distances)
-    cross = offsets_cov @ slope.T
-    joint = np.block([[offsets_cov, cross], [cross.T, slope @ offsets_cov @ slope.T + own]])
+    between = between / distances
+    cross = offsets_cov @ slope.T + between
+    twice = slope @ between
+    joint = np.block(
+        [[offsets_cov, cross], [cross.T, slope @ offsets_cov @ slope.T + own + twice + twice.T]]
+    )
     return joint, distances, meat
+
+
+def _score_covariance(
+    equations: Equations,
+    rods: Array,
+    weights: Array,
+    W: Array,
+    design: Array,
+    noise: tuple[float, float, tuple[Array, ErrorModel] | None],
+) -> Array:
+    """Covariance (m + p, m + p) of the summed scores of the offsets and of the constants."""
+    sigma, tau, timed = noise
+    m, p = design.shape[2], len(W)
+    white = tau * sigma**2 if timed is None else timed[1].white ** 2
+    spread = equations.shared * (rods @ equations.unit @ np.swapaxes(rods, 1, 2))
+    # What the scores W r of each step vary by.
+    filling = (white * weights**2)[:, None, None] * (W @ spread @ W)
+    found = np.zeros((m + p, m + p))
+    found[:m, :m] = np.tensordot(design, filling @ design, ((0, 1), (0, 1)))
+    found[m:, m:] = filling.sum(0)
+    if timed is None:
+        return found
+    incidence = equations.incidence
+    errors = incidence[None, :, :, None] * (rods @ np.sqrt(equations.unit))[:, :, None, :]
+    scored = weights[:, None, None] * (W @ errors.reshape(len(rods), p, -1))
+    scores = np.concatenate([np.swapaxes(design, 1, 2) @ scored, scored], axis=1)
+    return np.asarray(found + summed_covariance(timed[0], scores, timed[1]))
 
 
 def _information(drive: tuple[Array, Array, Array], meat: Array) -> tuple[Array, Array]:

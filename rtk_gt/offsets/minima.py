@@ -12,6 +12,7 @@ import numpy as np
 
 from rtk_gt.offsets.estimate import SMALLEST_SIGMA, Offsets, estimate_offsets
 from rtk_gt.offsets.prior import USUAL_ARM, OffsetPrior
+from rtk_gt.offsets.slow_errors import ErrorModel
 from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
 from validation.poses.angles import Array
@@ -67,6 +68,7 @@ def all_minima(
     prior: OffsetPrior,
     layout: Array | None = None,
     near: Array | None = None,
+    model: ErrorModel | None = None,
 ) -> Minima:
     """Offsets and distances from the steps, with all other solutions that are as good.
 
@@ -79,6 +81,8 @@ def all_minima(
         the order in which they go round count. By default rear, front left, front right.
     near : (r, 3) array, optional
         One more start: offsets that are stated elsewhere.
+    model : ErrorModel, optional
+        As in `estimate_offsets`.
 
     Raises
     ------
@@ -90,7 +94,7 @@ def all_minima(
     apart = (used.positions - used.positions[:, :1]).mean(0) if len(used) else np.zeros(0)
     begins = [] if near is None else [near]
     begins += [arms - apart for arms in _arms(layout)]
-    estimate = partial(estimate_offsets, steps, eta=eta, robust=robust, prior=prior)
+    estimate = partial(estimate_offsets, steps, eta=eta, robust=robust, prior=prior, model=model)
     found = [estimate(bent="never"), *(estimate(start=start, bent="never") for start in begins)]
     beside = found[1] if near is not None else None
     found = [one for one in found if one.distances.min() > LEAST_ROD]

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from rtk_gt.offsets.noise import GpsNoise
+from rtk_gt.offsets.settled import JumpErrors
 from rtk_gt.path.alignment import align
 from rtk_gt.path.orientation import angles_of, rotation_rates, skew
 from validation.poses.angles import Array
@@ -124,3 +125,22 @@ def systematic_jacobian(antennas: Array, rotation: Array, by_distance: Array) ->
     turned = np.einsum("...ij,rjp->...rip", rotation, places)
     turned = turned.reshape(*rotation.shape[:-2], 3 * r, -1)
     return np.concatenate([J[..., 3:], -J @ turned], axis=-1)
+
+
+def jump_jacobian(antennas: Array, rotation: Array, times: Array, jumps: JumpErrors) -> Array:
+    """Derivative (n, 6, 3 j) of poses with respect to the sizes of jumps of some antennas.
+
+    Parameters
+    ----------
+    antennas, rotation
+        As in `pose_jacobian`; rotations (n, 3, 3).
+    times : (n,) array
+        Of the poses, seconds since 1970: before its start a jump moves nothing.
+    jumps : JumpErrors
+        Whose jumps, and from when on.
+    """
+    J = pose_jacobian(antennas, rotation).reshape(len(times), 6, len(antennas), 3)
+    after = (times[:, None] >= jumps.starts - 1e-6).astype(float)
+    return np.asarray(
+        np.einsum("tj,jr,tcra->tcja", after, jumps.receivers, J).reshape(len(times), 6, -1)
+    )

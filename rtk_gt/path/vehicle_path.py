@@ -4,12 +4,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import block_diag
 
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.noise import GpsNoise
+from rtk_gt.offsets.settled import JumpErrors
+from rtk_gt.offsets.slow_errors import ErrorModel
 from rtk_gt.path.alignment import align
 from rtk_gt.path.antennas import Antennas, check_antennas
-from rtk_gt.path.covariance import noise_covariance, systematic_jacobian
+from rtk_gt.path.covariance import jump_jacobian, noise_covariance, systematic_jacobian
 from rtk_gt.path.orientation import angles_of, matrix_of
 from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
@@ -29,7 +32,9 @@ class VehiclePath(Shown):
     poses : (n, 6) array
         x, y, z in metres, yaw, pitch, roll in radians.
     noise_covariances : (n, 6, 6) array
-        From the receivers' noise, independent from pose to pose.
+        From the receivers' noise that is new at each pose.
+    lasting_covariances : (n, 6, 6) array
+        From errors that neighbours in time share: slow ones of the receivers, and of all together.
     systematic_jacobians : (n, 6, k) array
         How an error of offsets and distances moves each pose.
     systematic_covariance : (k, k) array
@@ -41,6 +46,7 @@ class VehiclePath(Shown):
     times: Array
     poses: Array
     noise_covariances: Array
+    lasting_covariances: Array
     systematic_jacobians: Array
     systematic_covariance: Array
     frame: LocalFrame
@@ -56,8 +62,9 @@ class VehiclePath(Shown):
 
     @property
     def covariances(self) -> Array:
-        """(n, 6, 6) covariance of each pose, noise and offsets together."""
-        return np.asarray(self.noise_covariances + self.systematic_covariances)
+        """(n, 6, 6) covariance of each pose, noise, lasting errors and offsets together."""
+        own = self.noise_covariances + self.lasting_covariances
+        return np.asarray(own + self.systematic_covariances)
 
     @property
     def shared_factor(self) -> Array:
@@ -73,12 +80,20 @@ class VehiclePath(Shown):
             times=self.times[rows],
             poses=self.poses[rows],
             noise_covariances=self.noise_covariances[rows],
+            lasting_covariances=self.lasting_covariances[rows],
             systematic_jacobians=self.systematic_jacobians[rows],
         )
 
 
 def vehicle_path(
-    steps: Steps, offsets: Offsets, antennas: Antennas, noise: GpsNoise | None = None
+    steps: Steps,
+    offsets: Offsets,
+    antennas: Antennas,
+    noise: GpsNoise | None = None,
+    *,
+    jumps: JumpErrors | None = None,
+    model: ErrorModel | None = None,
+    common: Array | None = None,
 ) -> VehiclePath:
     """The path from recorded steps.
 
@@ -92,6 +107,12 @@ def vehicle_path(
         Where the antennas are on the vehicle.
     noise : GpsNoise, optional
         Of each receiver; that of the offsets' residuals by default.
+    jumps : JumpErrors, optional
+        What is left of the errors of jumps that were taken out of the steps.
+    model : ErrorModel, optional
+        Which share of the noise lasts; without it none.
+    common : (t, 3, 3) array, optional
+        Covariance of an error that all receivers share at each step, m^2.
 
     Raises
     ------
@@ -115,14 +136,24 @@ def vehicle_path(
             "receivers must be listed as rear, front left, front right"
         )
     noise = noise or GpsNoise(offsets.sigma, offsets.eta)
+    own = noise_covariance(antennas.positions, rotation, noise)
+    lasting = own * (0.0 if model is None else 1 - model.white_share)
+    own = own - lasting
+    if common is not None:
+        lasting[:, :3, :3] += common[steps.complete]
+    systematic = systematic_jacobian(antennas.positions, rotation, antennas.by_distance)
+    covariance = offsets.covariance
+    if jumps is not None:
+        by_jump = jump_jacobian(antennas.positions, rotation, used.times, jumps)
+        systematic = np.concatenate([systematic, systematic @ jumps.by_offsets - by_jump], axis=-1)
+        covariance = block_diag(covariance, jumps.covariance)
     return VehiclePath(
         times=used.times,
         poses=np.concatenate([translation, angles], axis=1),
-        noise_covariances=noise_covariance(antennas.positions, rotation, noise),
-        systematic_jacobians=systematic_jacobian(
-            antennas.positions, rotation, antennas.by_distance
-        ),
-        systematic_covariance=offsets.covariance,
+        noise_covariances=own,
+        lasting_covariances=lasting,
+        systematic_jacobians=systematic,
+        systematic_covariance=covariance,
         frame=steps.frame,
     )
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from straight_roads import NAMES, road_of, write_road
+from trials.straight_roads import NAMES, road_of, write_road
 
 from rtk_gt.campaign.solve import solve_campaign
 from rtk_gt.system import result_of

@@ -5,29 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import special
-from straight_roads import KNOWLEDGE, knowledge_of, prior_of, road_of, solved
+from trials.straight_roads import (
+    KNOWLEDGE,
+    ROADS,
+    STANDING,
+    knowledge_of,
+    prior_of,
+    road_of,
+    sizes,
+    solved,
+)
 
 from rtk_gt.path.motion_check import forward_share, motion_check
 from validation.errors import GtvalError
-from validation.poses.pose_table import SPATIAL, pose_difference
-
-STANDING = {"moving": False}
-
-
-def sizes(road, chosen, path):
-    """Errors in standard deviations of the whole: offsets and distances, and the middle pose."""
-    found = chosen.offsets
-    off = (found.offsets.values - road.offsets)[1:].ravel()
-    off = np.concatenate([off, found.distances - road.distances])
-    middle = len(path) // 2
-    row = np.flatnonzero(found.weights > 0)[middle]
-    error = pose_difference(path.poses[[middle]], road.poses[[row]], SPATIAL)[0]
-    squares = (
-        (off @ np.linalg.pinv(found.covariance, rcond=1e-12, hermitian=True) @ off, 9),
-        (error @ np.linalg.solve(path.covariances[middle], error), 6),
-    )
-    return [float(-special.ndtri(max(special.chdtrc(dof, at), 1e-300) / 2)) for at, dof in squares]
 
 
 def trial(seed, what, **kind):
@@ -63,14 +53,10 @@ def test_what_is_accepted_is_right():
 
 @pytest.mark.full
 def test_roads_of_1_to_20_degrees_and_standing_records_with_all_that_may_be_known():
-    roads = [{"degrees": d, "slope": s} for s in (0.0, 1.0, 3.0) for d in (1, 2, 5, 10, 20)]
-    short = {"seconds": 120.0, "interval": 1.0, "sigma": 0.0064}
-    roads += [{"degrees": d, **short} for d in (2, 10, 20)]
-    roads += [STANDING, {**STANDING, "bases": False}, {**STANDING, **short}]
-    errors, accepted = judge(roads, range(20))
+    errors, accepted = judge(ROADS, range(20))
     assert np.mean(errors > 3) < 0.01
     assert (errors < 5).all()
-    assert accepted["offsets"] == accepted["both"] == 20 * len(roads)
+    assert accepted["offsets"] == accepted["both"] == 20 * len(ROADS)
 
 
 @pytest.mark.parametrize("seed", range(4))

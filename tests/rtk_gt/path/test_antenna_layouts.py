@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from straight_roads import SITE, road_of
+from trials.straight_roads import SITE, road_of
 
 from rtk_gt.campaign.inputs import antenna_places, check_places
 from rtk_gt.campaign.solve import solve_offsets

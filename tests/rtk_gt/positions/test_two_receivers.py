@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from straight_roads import SITE, road_of
+from trials.straight_roads import SITE, road_of
 
 from data_samples.drives.drive import ANTENNAS
 from rtk_gt.positions.result import heading_table, positions_result

@@ -192,8 +192,8 @@ def test_a_camera_that_looks_the_wrong_way():
 def path_of(times, poses):
     n = len(times)
     return VehiclePath(
-        times, poses, np.tile(np.eye(6) * 1e-6, (n, 1, 1)), np.zeros((n, 6, 1)),
-        np.zeros((1, 1)), MALAGA,
+        times, poses, np.tile(np.eye(6) * 1e-6, (n, 1, 1)), np.zeros((n, 6, 6)),
+        np.zeros((n, 6, 1)), np.zeros((1, 1)), MALAGA,
     )  # fmt: skip
 
 

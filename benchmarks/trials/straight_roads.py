@@ -1,38 +1,62 @@
 """Straight roads and standing records made in code: what little they determine is known."""
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy import special
 from scipy.spatial.transform import Rotation
 
 from data_samples.drives.drive import ANTENNAS
-from rtk_gt.campaign.solve import solve_offsets
+from rtk_gt.campaign.solve import prepare, solve_offsets
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.path.antennas import Places
-from rtk_gt.path.choice import check_attitude
-from rtk_gt.path.vehicle_path import vehicle_path
+from rtk_gt.path.choice import Choice, check_attitude
+from rtk_gt.path.vehicle_path import VehiclePath, vehicle_path
 from rtk_gt.receivers.steps import Steps
 from rtk_gt.settings import RtkSettings
+from validation.poses.angles import Array
 from validation.poses.earth_frames import LocalFrame
+from validation.poses.pose_table import SPATIAL, pose_difference
 
 SITE = LocalFrame.from_degrees(45.5, 9.16, 177.0)
 NAMES = ("rear", "front_left", "front_right")
 KNOWLEDGE = ("none", "distances", "two distances", "offsets", "one offset", "both")
 
 
+STANDING = {"moving": False}
+SHORT = {"seconds": 120.0, "interval": 1.0, "sigma": 0.0064}
+ROADS = [
+    *({"degrees": d, "slope": s} for s in (0.0, 1.0, 3.0) for d in (1, 2, 5, 10, 20)),
+    *({"degrees": d, **SHORT} for d in (2, 10, 20)),
+    STANDING,
+    {**STANDING, "bases": False},
+    {**STANDING, **SHORT},
+]
+"""Headings that span 1 to 20 degrees, level and with slopes; short records; standing ones."""
+
+
 class Road(NamedTuple):
     """Steps as recorded, and the truth: offsets (3, 3), distances (3,), poses (t, 6)."""
 
     steps: Steps
-    offsets: np.ndarray
-    distances: np.ndarray
-    poses: np.ndarray
+    offsets: Array
+    distances: Array
+    poses: Array
 
 
 def road_of(
-    seed, *, degrees=2.0, moving=True, sigma=0.004, seconds=300.0, interval=0.2, slope=1.0,
-    bases=True, eta=1.75,
-):  # fmt: skip
+    seed: int,
+    *,
+    degrees: float = 2.0,
+    moving: bool = True,
+    sigma: float = 0.004,
+    seconds: float = 300.0,
+    interval: float = 0.2,
+    slope: float = 1.0,
+    bases: bool = True,
+    eta: float = 1.75,
+) -> Road:
     """A road whose headings span ``degrees``, at 8 m/s; or the vehicle stands.
 
     The slope changes by ``slope`` degrees along the road. With ``bases`` each receiver has its
@@ -65,7 +89,9 @@ def road_of(
     return Road(steps, offsets, np.array(distances), poses)
 
 
-def knowledge_of(road, what, seed, offset_sigma=0.005, distance_sigma=0.01):
+def knowledge_of(
+    road: Road, what: str, seed: int, offset_sigma: float = 0.005, distance_sigma: float = 0.01
+) -> tuple[Array | None, Array | None]:
     """Offsets and distances with their sigmas as one would state them; NaN where not stated."""
     generator = np.random.default_rng([seed, 7])
     offsets = road.offsets + generator.normal(size=(3, 3)) * offset_sigma
@@ -82,7 +108,12 @@ def knowledge_of(road, what, seed, offset_sigma=0.005, distance_sigma=0.01):
     return offsets, distances
 
 
-def prior_of(offsets, distances, offset_sigma=0.005, distance_sigma=0.01):
+def prior_of(
+    offsets: Array | None,
+    distances: Array | None,
+    offset_sigma: float = 0.005,
+    distance_sigma: float = 0.01,
+) -> OffsetPrior:
     """What `knowledge_of` gives, with the heights of the antennas."""
     known = {"heights": ANTENNAS[:, 2]}
     if offsets is not None:
@@ -92,14 +123,35 @@ def prior_of(offsets, distances, offset_sigma=0.005, distance_sigma=0.01):
     return OffsetPrior(**known)
 
 
-def solved(steps, prior, settings=None):
+def solved(
+    steps: Steps, prior: OffsetPrior, settings: RtkSettings | None = None
+) -> tuple[Choice, VehiclePath]:
     """Choice and path of the whole chain; a GtvalError where it refuses."""
     settings = settings or RtkSettings()
-    chosen, _ = solve_offsets(steps, prior, settings, Places(ANTENNAS[:, 2]))
-    rows = chosen.offsets.weights > 0
-    path = vehicle_path(steps.select(rows), chosen.offsets, chosen.antennas)
+    ready = prepare(steps, settings)
+    steps = ready.steps
+    chosen, _ = solve_offsets(steps, prior, settings, Places(ANTENNAS[:, 2]), ready.model)
+    rows = np.flatnonzero(steps.complete)[chosen.offsets.weights > 0]
+    path = vehicle_path(
+        steps.select(rows), chosen.offsets, chosen.antennas, jumps=ready.jumps, model=ready.model
+    )
     check_attitude(path)
     return chosen, path
+
+
+def sizes(road: Road, chosen: Choice, path: VehiclePath) -> list[float]:
+    """Errors in standard deviations of the whole: offsets and distances, and the middle pose."""
+    found = chosen.offsets
+    off = (found.offsets.values - road.offsets)[1:].ravel()
+    off = np.concatenate([off, found.distances - road.distances])
+    middle = len(path) // 2
+    row = int(np.searchsorted(road.steps.times, path.times[middle] - 1e-3))
+    error = pose_difference(path.poses[[middle]], road.poses[[row]], SPATIAL)[0]
+    squares = (
+        (off @ np.linalg.pinv(found.covariance, rcond=1e-12, hermitian=True) @ off, 9),
+        (error @ np.linalg.solve(path.covariances[middle], error), 6),
+    )
+    return [float(-special.ndtri(max(special.chdtrc(dof, at), 1e-300) / 2)) for at, dof in squares]
 
 
 HEAD = """name = "Road"
@@ -109,7 +161,7 @@ eta = 1.75
 """
 
 
-def write_road(folder, steps, known="", names=NAMES):
+def write_road(folder: Path, steps: Steps, known: str = "", names: tuple[str, ...] = NAMES) -> None:
     """Steps as a campaign: a CSV file for each receiver, 0.1 mm on the last digit."""
     (folder / "rtk").mkdir(parents=True)
     toml = HEAD

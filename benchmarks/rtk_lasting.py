@@ -1,0 +1,164 @@
+"""Errors of receivers that last: what is found of them, and what covariances say under them.
+
+Drives of a vehicle that the program does not know (`trials.lasting_errors`): jumps of all
+receivers, restarts of the base station of two, false fixes of one, clean hours; then offsets and
+poses with slow errors against the truth, and clocks that are off. Numbers on the command line:
+first seed, drives a condition, and what is run ("jumps", "hours", "slow", "clocks" or "all").
+"""
+
+import sys
+import time
+
+import numpy as np
+from trials.lasting_errors import ETA, Errors, Made, made_drive
+
+from rtk_gt.offsets.estimate import Offsets, estimate_offsets
+from rtk_gt.offsets.lasting import LastingError
+from rtk_gt.offsets.memory import error_model
+from rtk_gt.offsets.settled import settle
+from rtk_gt.path.antennas import antenna_positions
+from rtk_gt.path.clocks import right_clocks
+from rtk_gt.path.vehicle_path import VehiclePath, vehicle_path
+from validation.poses.angles import Array
+from validation.poses.pose_table import SPATIAL, pose_difference
+
+RATES = {
+    "5 Hz": (0.2, 0.2, 0.2),
+    "1 and 5 Hz": (1.0, 0.2, 0.2),
+    "1 Hz": (1.0, 1.0, 1.0),
+}
+NOISE = {
+    "white 3 mm": Errors(0.003),
+    "white 6 mm": Errors(0.006),
+    "slow 10 mm, 30 s": Errors(0.003, 0.010, 30.0),
+    "slow 5 mm, 60 s alone": Errors(0.0, 0.005, 60.0),
+}
+SLOW = {
+    "white 4 mm": (Errors(0.004), 600.0),
+    "3 mm, 30 s alone": (Errors(0.0, 0.003, 30.0), 300.0),
+    "10 mm, 30 s alone": (Errors(0.0, 0.010, 30.0), 300.0),
+    "3 mm, 30 s with white": (Errors(0.004, 0.003, 30.0), 300.0),
+    "10 mm, 60 s with white": (Errors(0.004, 0.010, 60.0), 600.0),
+    "5 mm, 120 s alone": (Errors(0.0, 0.005, 120.0), 1200.0),
+    "10 mm, 120 s with white": (Errors(0.004, 0.010, 120.0), 1200.0),
+}
+KINDS = ("false fix 8 cm level", "false fix 15 cm up", "restart 5 cm", "all 10 cm")
+
+
+def spoilt(made: Made, kind: str, generator: np.random.Generator) -> tuple[Made, LastingError]:
+    """The drive with an error of a kind in it, and that error."""
+    times = made.steps.times
+    first = int(generator.uniform(0.2, 0.7) * len(times))
+    length = round(generator.uniform(5, 60) / float(np.median(np.diff(times))))
+    angle = generator.uniform(0, 2 * np.pi)
+    direction = generator.standard_normal(3)
+    direction /= np.linalg.norm(direction)
+    size, who = {
+        KINDS[0]: (0.08 * np.array([np.cos(angle), np.sin(angle), 0.0]), [generator.integers(3)]),
+        KINDS[1]: (np.array([0.0, 0.0, 0.15 * generator.choice([-1, 1])]), [generator.integers(3)]),
+        KINDS[2]: (0.05 * direction, [1, 2]),
+        KINDS[3]: (0.10 * direction, [0, 1, 2]),
+    }[kind]
+    last = len(times) if kind in KINDS[2:] else min(first + length, len(times) - 60)
+    rows = np.arange(first, last)
+    end = float(times[last]) if last < len(times) else np.inf
+    error = LastingError(
+        tuple(int(k) for k in who), float(times[first]), end, size, np.eye(3), 0.0, len(rows), 0.2
+    )
+    return made.jumped(list(error.receivers), rows, size), error
+
+
+def same_time(found: LastingError, true: LastingError, slack: float) -> bool:
+    """Whether it begins and ends when it does."""
+    begins = abs(found.start - true.start) <= slack
+    return begins and (found.end == true.end or abs(found.end - true.end) <= slack)
+
+
+def jumps(first: int, drives: int) -> None:
+    print(f"Errors that begin with a jump, {drives} drives of ten minutes a condition:")
+    print("found at their time, of them with the right receivers; clean drives with an alarm")
+    for rate, every in RATES.items():
+        for noise, errors in NOISE.items():
+            begin, alarms = time.perf_counter(), 0
+            told = {kind: [0, 0] for kind in KINDS}
+            for seed in range(first, first + drives):
+                made = made_drive(seed, errors, every=every)
+                alarms += bool(settle(made.steps)[1])
+                generator = np.random.default_rng([seed, 5])
+                for kind in KINDS:
+                    bad, true = spoilt(made, kind, generator)
+                    slack = 2.01 * max(every[k] for k in true.receivers)
+                    near = [one for one in settle(bad.steps)[1] if same_time(one, true, slack)]
+                    told[kind][0] += bool(near)
+                    told[kind][1] += any(
+                        true.receivers in (one.receivers, *one.alike) for one in near
+                    )
+            said = ", ".join(f"{kind} {a} ({b})" for kind, (a, b) in told.items())
+            seconds = time.perf_counter() - begin
+            print(f"  {rate:10} {noise:22} alarms {alarms}; {said}; {seconds:.0f} s", flush=True)
+
+
+def hours(first: int, drives: int) -> None:
+    print(f"\nClean hours at 5 Hz with an alarm, of {drives} a condition")
+    for noise, errors in NOISE.items():
+        alarms = 0
+        for seed in range(first, first + drives):
+            alarms += bool(settle(made_drive(seed, errors, seconds=3600.0).steps)[1])
+        print(f"  {noise:22} {alarms}", flush=True)
+
+
+def solved(made: Made) -> tuple[Offsets, VehiclePath, Array]:
+    """Offsets, path, and the true poses of the path."""
+    quick = estimate_offsets(made.steps, eta=ETA, bent="never")
+    model = error_model(made.steps, quick)
+    offsets = estimate_offsets(made.steps, eta=ETA, model=model)
+    antennas = antenna_positions(offsets.distances, made.antennas[:, 2])
+    rows = np.flatnonzero(made.steps.complete)[offsets.weights > 0]
+    path = vehicle_path(made.steps.select(rows), offsets, antennas, model=model)
+    return offsets, path, made.poses[rows]
+
+
+def slow(first: int, drives: int) -> None:
+    print(f"\nSlow errors of each receiver, {drives} drives of ten memories a condition")
+    print(f"  {'':26} {'z of the offsets, rms':>22} {'NEES of a pose / 6':>20}")
+    for name, (errors, seconds) in SLOW.items():
+        scores, squares = [], []
+        for seed in range(first, first + drives):
+            made = made_drive(seed, errors, seconds=seconds, every=(0.5, 0.5, 0.5))
+            offsets, path, true = solved(made)
+            off = (offsets.offsets.values - made.offsets)[1:]
+            scores.append(off / offsets.offset_sigmas[1:])
+            error = pose_difference(path.poses, true, SPATIAL)
+            whole = np.einsum("ni,nij,nj->n", error, np.linalg.inv(path.covariances), error)
+            squares.append(whole.mean() / 6)
+        rms = np.sqrt(np.mean(np.square(scores)))
+        print(f"  {name:26} {rms:22.2f} {np.mean(squares):20.2f}", flush=True)
+
+
+def clocks(first: int, drives: int) -> None:
+    print(f"\nClocks that are off by 0.2 to 1 s, {drives} drives, one of them clean in four")
+    told, worst = 0, 0.0
+    for seed in range(first, first + drives):
+        generator = np.random.default_rng([seed, 9])
+        off = 0.05 * generator.integers(4, 21, 2) * generator.choice([-1, 1], 2)
+        off = off * (seed % 4 > 0)
+        made = made_drive(seed, NOISE["white 3 mm"], seconds=300, delays=(0.0, *off))
+        _, found = right_clocks(made.steps, ETA)
+        late = np.zeros(3) if found is None else found.late
+        error = np.abs(late[1:] + off).max()
+        told += error < 0.01
+        worst = max(worst, error if error < 0.01 else 0.0)
+    print(f"  right to 10 ms: {told} of {drives}; greatest error of these {1000 * worst:.1f} ms")
+
+
+def main() -> None:
+    given = sys.argv[1:]
+    first, drives = (int(n) for n in (given + ["1000", "40"][len(given) :])[:2])
+    what = given[2] if len(given) > 2 else "all"
+    for name, run in (("jumps", jumps), ("hours", hours), ("slow", slow), ("clocks", clocks)):
+        if what in (name, "all"):
+            run(first, drives)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,186 @@
+"""What a person should read of errors that last, one line a cause."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rtk_gt.campaign.outcome import RtkOutcome
+from rtk_gt.offsets.lasting import SHORT, LastingError
+from rtk_gt.path.common_errors import CLEARLY
+from validation.results import Finding, Size
+
+SUBJECT = "rtk"
+MOST = 8
+"""Lines of single errors; more are counted in one line."""
+NORMAL_95 = 1.96
+LARGEST_UNSEEN = 0.12
+"""Metres of a jump of all receivers that may stay unseen without a word: a base station that
+averages its coordinates anew moves by more."""
+LEAST_TAU = 2.0
+"""Poses worth one, above which it is said: white noise makes 1 within a few percent."""
+
+
+def short_errors(outcome: RtkOutcome) -> int:
+    """Epochs with errors of so few epochs that they are single false fixes."""
+    return sum(one.epochs for one in outcome.lasting if not _told(one))
+
+
+def lasting_findings(outcome: RtkOutcome) -> Iterator[Finding]:
+    """False fixes that last, and jumps of one receiver, several or all."""
+    told = [one for one in outcome.lasting if _told(one)]
+    for one in sorted(told, key=lambda error: -error.length)[:MOST]:
+        yield _finding(outcome, one)
+    if len(told) > MOST:
+        text = (
+            f"{len(told) - MOST} more errors that last, all smaller, are in "
+            "results/rtk_jumps.csv: this drive is no ground truth to centimetres. Look at the "
+            "base station and at what hides the sky."
+        )
+        size = (Size("more errors that last", len(told) - MOST, "errors"),)
+        yield Finding("warning", text, SUBJECT, "many_jumps", size)
+
+
+def unseen_findings(outcome: RtkOutcome) -> Iterator[Finding]:
+    """That a jump of all receivers may be in the drive unseen."""
+    least = outcome.smallest_seen
+    if least <= LARGEST_UNSEEN:
+        return
+    said = f"of less than some {100 * least:.0f} cm" if np.isfinite(least) else "of any size"
+    text = (
+        f"A jump of all receivers {said} would not be seen in this drive: it moves more than that "
+        "by itself between its fixes. Record at 5 Hz or more if the base station may restart."
+    )
+    size = (Size("smallest jump of all that is seen", least, "m"),) if np.isfinite(least) else ()
+    yield Finding("note", text, SUBJECT, "jumps_unseen", size)
+
+
+def _told(error: LastingError) -> bool:
+    return error.stays or error.epochs >= SHORT
+
+
+def who_jumps(outcome: RtkOutcome, receivers: tuple[int, ...]) -> str:
+    """The receivers of a jump in words."""
+    names = outcome.steps.receivers
+    if len(receivers) == len(names):
+        return "all receivers"
+    return " and ".join(names[k] for k in receivers)
+
+
+def _finding(outcome: RtkOutcome, error: LastingError) -> Finding:
+    half = NORMAL_95 * error.length_sigma
+    who = who_jumps(outcome, error.receivers)
+    axes = ", ".join(
+        f"{100 * part:+.1f} cm {axis}"
+        for part, axis in zip(error.size, ("east", "north", "up"), strict=True)
+    )
+    begin = error.start - outcome.coverage.start
+    sizes = (
+        Size.normal("jump", error.length, error.length_sigma, "m"),
+        Size("second at which it begins", float(begin), "s"),
+    )
+    what = f"by {100 * error.length:.1f} cm (95 %: \u00b1 {100 * half:.1f} cm; {axes})"
+    doubt = "".join(f", or {who_jumps(outcome, other)} the other way" for other in error.alike[:1])
+    if not error.stays:
+        text = (
+            f"A false fix that lasts: {who}{doubt} is off {what} from second {begin:.1f} to "
+            f"{error.end - outcome.coverage.start:.1f}. These fixes were left out; there are no "
+            "poses. Their kind says RTK fixed: watch for reflections and few satellites there."
+        )
+        return Finding("warning", text, SUBJECT, "lasting_false_fix", sizes)
+    cause = (
+        "their base station restarted with other coordinates"
+        if len(error.receivers) > 1
+        else "its base station restarted with other coordinates, or its antenna was moved"
+    )
+    text = (
+        f"A jump: {who}{doubt} {'are' if len(error.receivers) > 1 else 'is'} off {what} from "
+        f"second {begin:.1f} on: {cause}. The jump was taken out of what "
+        "follows, and its uncertainty is in the covariance of these poses. Compare the base "
+        "station's coordinates before and after."
+    )
+    return Finding("warning", text, SUBJECT, "jump", sizes)
+
+
+def clock_findings(outcome: RtkOutcome) -> Iterator[Finding]:
+    """Clocks of receivers that are off."""
+    if outcome.clocks is None:
+        return
+    names = outcome.steps.receivers
+    for k in np.flatnonzero(outcome.clocks.late):
+        late, sigma = outcome.clocks.late[k], outcome.clocks.sigmas[k]
+        text = (
+            f"The stamps of {names[k]} are {abs(late):.3f} s {'late' if late > 0 else 'early'} by "
+            f"those of {names[0]} (95 %: \u00b1 {NORMAL_95 * sigma:.3f} s): its positions were "
+            "taken at the other times, between its fixes. Which of the two clocks is right the "
+            "receivers cannot say; set both by the satellites' time."
+        )
+        size = (Size.normal("lateness of the stamps", late, sigma, "s"),)
+        yield Finding("warning", text, str(names[k]), "receiver_clock", size)
+
+
+def slow_findings(outcome: RtkOutcome) -> Iterator[Finding]:
+    """That errors are correlated, and what is known of those that all receivers share."""
+    model, found = outcome.model, outcome.consistency
+    if model is not None:
+        text = (
+            f"The receivers' errors are correlated: beside white noise of {1000 * model.white:.1f} "
+            f"mm each has slow errors of {1000 * model.slow_sigma:.1f} mm that last some "
+            f"{model.lasting:.0f} s (horizontally). All intervals allow for it; averages over "
+            "neighbours gain nothing in that time."
+        )
+        sizes = (
+            Size("slow errors of a receiver", model.slow_sigma, "m"),
+            Size("their duration", model.lasting, "s"),
+        )
+        yield Finding("note", text, SUBJECT, "correlated", sizes)
+    elif found.correlation_time > LEAST_TAU:
+        text = (
+            f"Neighbouring poses have similar errors: {found.correlation_time:.1f} poses are worth "
+            "one independent one. Averages over neighbours gain less than their number says."
+        )
+        tau = Size("poses worth one", float(found.correlation_time), "poses")
+        yield Finding("note", text, SUBJECT, "correlated", (tau,))
+    yield from _common(outcome)
+
+
+def _common(outcome: RtkOutcome) -> Iterator[Finding]:
+    common = outcome.common
+    own = f"the distances of the antennas show {1000 * outcome.noise.sigma:.1f} mm"
+    if common.source == "none":
+        text = (
+            "Errors that all receivers share, of the base station and of the air above, cannot be "
+            "told from motion: they are not included. Where their size is known, state "
+            "`common_sigma` and `common_time` in [rtk]."
+        )
+        yield Finding("note", text, SUBJECT, "common_errors_open")
+    else:
+        lasts = outcome.settings.common_time
+        who = "campaign.toml states" if common.source == "setting" else (
+            f"The receivers state {1000 * common.stated:.1f} mm of themselves, {own}; the rest is "
+            "taken as"
+        )  # fmt: skip
+        duration = f", for {lasts:g} s" if lasts else ", for an unknown time"
+        text = (
+            f"{who} an error of {1000 * common.sigma:.1f} mm that all receivers share{duration}: "
+            "it is in the covariance of the positions, and no average over neighbours lessens it."
+        )
+        size = (Size("error that all share", common.sigma, "m"),)
+        yield Finding("note", text[0].upper() + text[1:], SUBJECT, "common_errors", size)
+    if common.stated * CLEARLY < outcome.noise.sigma:
+        text = (
+            f"The receivers state {1000 * common.stated:.1f} mm of themselves, but {own}: what "
+            "they state is too small. The larger one was used."
+        )
+        size = (Size("found over stated", outcome.noise.sigma / common.stated),)
+        yield Finding("warning", text, SUBJECT, "stated_too_small", size)
+
+
+def jump_rows(outcome: RtkOutcome) -> list[list[object]]:
+    """A row for each error that lasts, for the table of results."""
+    return [
+        [
+            who_jumps(outcome, one.receivers), one.start, "" if one.stays else one.end, *one.size,
+            *np.sqrt(np.diagonal(one.covariance)), one.gain,
+        ]
+        for one in outcome.lasting if _told(one)
+    ]  # fmt: skip

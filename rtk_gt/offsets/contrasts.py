@@ -1,0 +1,260 @@
+"""What jumps between two epochs, beside what motion before and after goes on doing.
+
+The way of an antenna from one fix to the next, seen from the vehicle, changes slowly: speed and
+turning go on. A line through some fixes before and one with the same slope through as many after
+therefore differ by noise, unless the error of a receiver jumped. Distances of the antennas stay
+whatever the vehicle does: their means before and after differ by noise alone.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from rtk_gt.offsets.noise import pair_incidence
+from rtk_gt.receivers.fixes import Bools
+from rtk_gt.receivers.steps import pair_differences
+from validation.poses.angles import Array
+from validation.statistics.robust import sigma_from_median
+
+SIDES = (2, 4, 8)
+"""Fixes on each side of a jump that are tried for the motion: two see it where the vehicle turns
+sharply, eight average noise where it does not."""
+LONGEST_SIDE = 1.0
+"""Seconds of such a side at most, but of the shortest: steering changes within a second."""
+DISTANCE_SIDES = (2.0, 10.0)
+"""Seconds on each side whose distances are averaged: in five seconds, the shortest error that
+lasts, both of its ends are then seen apart; ten find the smaller jumps that stay."""
+FEWEST_DISTANCES = 3
+"""Fixes on each side whose distances are averaged at least."""
+_EVEN = 1.5
+"""Intervals of a window are as long as usual within this factor: over a pause all motion fits."""
+_ROUNDS = 4
+"""Covariances of the smaller contrasts settle in two."""
+_GOOD = 0.75
+"""Share of the contrasts, the smaller ones, whose covariance has the axes."""
+_FAR = 0.02
+"""Share of the contrasts by which the length of their tails is judged; jumps are fewer."""
+TINY = 1e-5
+"""Metres added to all sigmas: far below any receiver's noise."""
+_EFFICIENCY = 0.37
+"""Of a standard deviation from the median of normal numbers."""
+NEVER = 1e3
+"""Metres of sigma of the motion over a pause: it says nothing."""
+_AROUND = 10
+"""Windows before and after an interval that say how rough the drive is there."""
+
+
+@dataclass(frozen=True)
+class Contrasts:
+    """Jumps that each of n intervals between epochs seems to have, as noise and motion make them.
+
+    Parameters
+    ----------
+    window : int
+        Fixes on each side within which a second jump would disturb.
+    values : (n, 3 r + p) array
+        Jump of each receiver, along and across its baseline and up, then that of each distance,
+        metres.
+    axes : (3 r + p, 3 r + p) array
+        Principal axes of the contrasts of the whole drive, one a column.
+    sigmas : (n, 3 r + p) array
+        Standard deviations along them, those of the whole drive or, where more, of the time around.
+    floor : (3 r + p,) array
+        Those of the whole drive, without what its tails add.
+    freedom : float
+        How many independent contrasts the sigmas are from.
+    rods : (n, p, 3) array
+        Directions of the pairs, seen from the baseline: how a jump changes the distances.
+    moving : (n,) bool array
+        False at intervals whose window has a pause: only distances tell there.
+    """
+
+    window: int
+    values: Array
+    axes: Array
+    sigmas: Array
+    floor: Array
+    freedom: float
+    rods: Array
+    moving: Bools
+
+    def designs(self, cause: tuple[int, ...]) -> Array:
+        """(n, 3 r + p, 3) what a jump of these receivers does to the contrasts."""
+        n, p = self.rods.shape[:2]
+        count = (self.values.shape[1] - p) // 3
+        hit = np.isin(np.arange(count), cause).astype(float)
+        by_motion = np.kron(hit[:, None], np.eye(3))
+        by_distance = (pair_incidence(count) @ hit)[:, None] * self.rods
+        return np.concatenate([np.broadcast_to(by_motion, (n, 3 * count, 3)), by_distance], axis=1)
+
+
+def step_weights(side: int) -> Array:
+    """(2 side - 1,) weights of the intervals about one that estimate a jump within it.
+
+    Least squares of a line and a jump through the fixes of both sides; a parabola falls out, as the
+    jump is odd and it is even.
+    """
+    place = np.arange(2 * side) - side + 0.5
+    design = np.column_stack([np.ones(2 * side), place, place > 0])
+    by_fix = np.linalg.pinv(design)[2]
+    return np.asarray(np.cumsum(by_fix[::-1])[-2::-1])
+
+
+def _summed(values: Array, weights: Array) -> Array:
+    """(n, ...) weighted sums of the rows about each; rows beyond the ends count as none."""
+    half = len(weights) // 2
+    padded = np.concatenate(
+        [np.zeros((half, *values.shape[1:])), values, np.zeros((half, *values.shape[1:]))]
+    )
+    found = np.zeros(values.shape)
+    for k, weight in enumerate(weights):
+        found += weight * padded[k : k + len(values)]
+    return found
+
+
+def sides_of(times: Array) -> list[tuple[int, int]]:
+    """Fixes on each side whose motion, and whose distances, are looked at together."""
+    if len(times) < 8 * FEWEST_DISTANCES:
+        return []
+    every = float(np.median(np.diff(times)))
+    motion = [side for side in SIDES if side == SIDES[0] or side * every <= LONGEST_SIDE]
+    short, long = (max(round(side / every), FEWEST_DISTANCES) for side in DISTANCE_SIDES)
+    return [*((side, short) for side in motion), (motion[0], long)]
+
+
+def contrasts(
+    times: Array, positions: Array, headings: Array, sides: tuple[int, int]
+) -> Contrasts | None:
+    """The contrasts of the n intervals between n + 1 epochs; None of too few epochs.
+
+    Parameters
+    ----------
+    times : (n + 1,) array
+        Seconds.
+    positions : (n + 1, r, 3) array
+        Of the antennas, offsets added as far as known, metres.
+    headings : (n + 1,) array
+        Of something fixed to the vehicle, radians.
+    sides : (int, int)
+        Fixes on each side whose motion, and whose distances, are looked at.
+
+    Notes
+    -----
+    Along and across are seen from the vehicle, where the way of an antenna is the same all through
+    a turn. Heights are those above the plane through the antennas, averaged over the window: on an
+    even slope a vehicle that turns keeps them.
+    """
+    spacing = np.diff(times)
+    usual = float(np.median(spacing))
+    side, averaged = sides
+    if len(times) < 8 * averaged:
+        return None
+    n = len(spacing)
+    motion = _motion(positions, headings, side)
+    even = (np.abs(spacing / usual - 1) < _EVEN - 1).astype(float)
+    moving = _summed(even, np.ones(2 * side - 1)) > 2 * side - 1.5
+    rods = pair_differences(positions)
+    distances = np.linalg.norm(rods, axis=-1)
+    changes = _mean_changes(distances, averaged)
+    directions = _seen_from(headings[:-1], rods[:-1] / np.maximum(distances[:-1], TINY)[..., None])
+    motion[~moving] = 0.0
+    values = np.concatenate([motion.reshape(n, -1), changes], axis=1)
+    axes, sigmas, floor = _scaled(values, moving, motion[0].size, 2 * max(side, averaged))
+    freedom = _EFFICIENCY * n / max(side, averaged)
+    return Contrasts(max(side, averaged), values, axes, sigmas, floor, freedom, directions, moving)
+
+
+def _seen_from(headings: Array, vectors: Array) -> Array:
+    """(n, k, 3) vectors turned back by the headings (n,)."""
+    cosine, sine = np.cos(headings)[:, None], np.sin(headings)[:, None]
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=-1)
+
+
+def _motion(positions: Array, headings: Array, side: int) -> Array:
+    """(n, r, 3) jumps of the antennas against their motion on both sides."""
+    weights = step_weights(side)
+    moves = np.diff(positions, axis=0)
+    # The middle of the interval: half of the turn within it.
+    middle = headings[:-1] + np.angle(np.exp(1j * np.diff(headings))) / 2
+    values = _summed(_seen_from(middle, moves), weights)
+    lift = _summed(moves, weights)
+    slopes = _summed(_slopes(positions)[:-1], np.full(len(weights), 1 / len(weights)))
+    values[..., 2] = lift[..., 2] - np.einsum("nk,nrk->nr", slopes, lift[..., :2])
+    return values
+
+
+def _mean_changes(distances: Array, side: int) -> Array:
+    """(n, p) mean of the distances after each interval minus that before it; 0 near the ends."""
+    total = np.concatenate([np.zeros((1, distances.shape[1])), np.cumsum(distances, axis=0)])
+    found = np.zeros((len(distances) - 1, distances.shape[1]))
+    middle = total[side:-side]
+    found[side - 1 : len(found) - side + 1] = (
+        total[2 * side :] - 2 * middle + total[: -2 * side]
+    ) / side
+    return found
+
+
+def _slopes(positions: Array) -> Array:
+    """(n, 2) slopes of the plane through the antennas; of two, along their line."""
+    arms = positions - positions.mean(1, keepdims=True)
+    level = arms[..., :2]
+    square = np.einsum("nri,nrj->nij", level, level)
+    inverse = np.linalg.pinv(square, rcond=1e-3, hermitian=True)
+    return np.asarray(np.einsum("nij,nrj,nr->ni", inverse, level, arms[..., 2]))
+
+
+def _scaled(values: Array, moving: Bools, motion: int, window: int) -> tuple[Array, Array, Array]:
+    """Axes of the contrasts, and standard deviations along them, which few jumps do not change.
+
+    Over a pause only the distances, the columns from ``motion`` on, have a spread; the axes are
+    therefore those of the motion given the distances, and of the distances.
+    """
+    known = values[moving]
+    size = values.shape[1]
+    covariance = np.diag(np.square(sigma_from_median(known, axis=0)) + TINY**2)
+    for _ in range(_ROUNDS):
+        squares = np.einsum("ni,ij,nj->n", known, np.linalg.inv(covariance), known)
+        good = squares <= np.quantile(squares, _GOOD)
+        covariance = known[good].T @ known[good] / good.sum() + TINY**2 * np.eye(size)
+    axes = _axes(covariance, motion)
+    sigmas, floor = np.empty(values.shape), np.empty(size)
+    for k in range(size):
+        along = np.abs(values @ axes[:, k])
+        rows = moving if k < motion else np.ones(len(values), dtype=bool)
+        floor[k] = float(sigma_from_median(along[rows])) + TINY
+        around = np.maximum(floor[k], _around(along, window))
+        # A tail that is too long by some factor at 2 % goes on to be so by its square farther out.
+        far = float(np.quantile((along / around)[rows], 1 - _FAR))
+        tail = max(far / -float(special.ndtri(_FAR / 2)), 1.0)
+        sigmas[:, k] = np.where(rows, around * tail**2, NEVER)
+    return axes, sigmas, floor
+
+
+def _axes(covariance: Array, motion: int) -> Array:
+    """Columns: of the motion given the distances, then of the distances.
+
+    Products with them are not correlated; their lengths are those of a change of one metre.
+    """
+    size = len(covariance)
+    distances = covariance[motion:, motion:]
+    gain = covariance[:motion, motion:] @ np.linalg.inv(distances)
+    given = covariance[:motion, :motion] - gain @ covariance[motion:, :motion]
+    axes = np.zeros((size, size))
+    _, own = np.linalg.eigh(given)
+    axes[:motion, :motion] = own
+    axes[motion:, :motion] = -gain.T @ own
+    axes[motion:, motion:] = np.linalg.eigh(distances)[1]
+    return axes
+
+
+def _around(sizes: Array, window: int) -> Array:
+    """(n,) standard deviation of sizes (n,) around each, the interval's own window left out."""
+    stride = max(window // 4, 1)
+    shifts = stride * np.arange(4, 4 + _AROUND)
+    shifts = np.concatenate([-shifts[::-1], shifts])
+    reach = int(shifts[-1])
+    padded = np.pad(sizes, reach, mode="reflect") if len(sizes) > reach else np.pad(sizes, reach)
+    stack = np.stack([padded[reach + s : reach + s + len(sizes)] for s in shifts])
+    return np.asarray(sigma_from_median(stack, axis=0))

@@ -1,0 +1,321 @@
+"""Jumps of the error of one receiver, of several on one base station, or of all.
+
+A base station that restarts at other coordinates moves all its rovers at once; a false fix that
+lasts moves one of them, and back. Every such cause has three numbers, the jump. At each interval
+all causes are held against the contrasts, and the likeliest is taken where chance and the usual
+motion make none so large.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from rtk_gt.offsets.contrasts import Contrasts, contrasts, sides_of
+from rtk_gt.receivers.fixes import Ints
+from validation.poses.angles import Array
+
+GAIN = 40.0
+"""Twice the log likelihood ratio of a jump against none at which there is one: chance makes that of
+three normal numbers in one of 10^8 intervals."""
+GAIN_OF_MOTION = 50.0
+"""The same where only the motion tells, as of all receivers: it has longer tails than noise."""
+GAIN_BACK = 25.0
+"""The same of the one number of a jump back whose size is known, within `LONGEST_FALSE`: in one of
+2 million intervals."""
+LONGEST_FALSE = 120.0
+"""Seconds after which a jump and one back are no false fix any more: a judgement, receivers check
+their ambiguities within a minute."""
+SMALLEST = 0.03
+"""Metres of the smallest jump that is told: a judgement, below the 5 cm of a base station whose
+coordinates are averaged anew, above what multipath does within a second."""
+SMALLEST_IN_MOTION = 0.06
+"""The same where only the motion tells."""
+TELLING = 16.0
+"""Squared sigmas by which a jump changes the distances, from which on they must have changed."""
+USUAL = 0.3
+"""Metres of a usual jump, as a standard deviation, where nothing tells: over a pause heights change
+no distance."""
+_ROUNDS = 12
+"""At most; each takes all jumps that are the greatest within their windows."""
+BACK = 0.15
+"""Share of a jump by which the jump back may differ, beside its sigmas: errors change meanwhile."""
+_AWAY = 16.0
+"""Squared sigmas by which it may differ: three numbers pass that in one of 900."""
+UNSURE = 2
+"""Epochs beside a jump that may be on its other side: noise moves its place by so many."""
+ALIKE = 9.0
+"""Gain by which a cause must be better than another to be told from it: 1 in 100 by chance."""
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A jump between two epochs.
+
+    Parameters
+    ----------
+    row : int
+        Of the last epoch before it.
+    receivers : tuple of int
+        Columns of the receivers whose errors jump.
+    size : (3,) array
+        East, north, up, metres.
+    covariance : (3, 3) array
+        Of the size, m^2.
+    gain : float
+        Twice the log likelihood ratio against no jump.
+    alike : tuple of tuples of int
+        Other receivers whose jump explains it nearly as well.
+    """
+
+    row: int
+    receivers: tuple[int, ...]
+    size: Array
+    covariance: Array
+    gain: float
+    alike: tuple[tuple[int, ...], ...] = ()
+
+
+def causes_of(count: int) -> list[tuple[int, ...]]:
+    """All sets of receivers that may jump together: one alone, those of one base station, all."""
+    return [some for size in range(1, count + 1) for some in combinations(range(count), size)]
+
+
+def find_jumps(
+    times: Array, positions: Array, headings: Array, causes: Sequence[tuple[int, ...]]
+) -> list[Jump]:
+    """Jumps in the order of time.
+
+    Parameters
+    ----------
+    times : (n,) array
+        Seconds.
+    positions : (n, r, 3) array
+        Of the antennas, metres; constant errors do not matter, nor decimetres of the directions.
+    headings : (n,) array
+        Of something fixed to the vehicle, radians.
+    causes : sequence of tuples of int
+        Columns of the receivers that may jump together.
+    """
+    positions = positions.copy()
+    found: list[Jump] = []
+    for _ in range(_ROUNDS):
+        new = _greatest(times, positions, headings, causes)
+        if not new:
+            break
+        for jump in new:
+            after = slice(jump.row + 1, None)
+            positions[after, list(jump.receivers)] -= jump.size
+        found += new
+    found = _merged(found)
+    return sorted([*found, *_missing(times, positions, headings, found)], key=lambda one: one.row)
+
+
+def least_of_all(times: Array, positions: Array, headings: Array) -> float:
+    """Metres of a jump of all that half of the intervals would show; parameters as above."""
+    least = np.inf
+    everyone = tuple(range(positions.shape[1]))
+    for sides in sides_of(times):
+        seen = contrasts(times, positions, headings, sides)
+        if seen is not None and seen.moving.any():
+            _, _, spreads = fit_of(seen, everyone, np.flatnonzero(seen.moving))
+            widest = np.median(np.linalg.eigvalsh(spreads)[:, -1])
+            least = min(least, float(np.sqrt(GAIN_OF_MOTION * widest)))
+    return max(least, SMALLEST_IN_MOTION)
+
+
+def mismatch(there: Jump, back: Jump, receivers: int) -> float:
+    """Squared sigmas by which the second is not the first one back; infinite if it is another.
+
+    What some receivers do, the others seem to do the other way round.
+    """
+    others = tuple(k for k in range(receivers) if k not in there.receivers)
+    if back.receivers not in (there.receivers, others):
+        return np.inf
+    off = there.size + (back.size if back.receivers == there.receivers else -back.size)
+    spread = there.covariance + back.covariance
+    spread = spread + (BACK * np.linalg.norm(there.size)) ** 2 * np.eye(3)
+    away = float(off @ np.linalg.solve(spread, off))
+    return away if away < _AWAY else np.inf
+
+
+def _missing(times: Array, positions: Array, headings: Array, found: list[Jump]) -> list[Jump]:
+    """Jumps of one receiver forth or back where only the other was found: its size is known."""
+    count = positions.shape[1]
+    single = [one for one in found if len(one.receivers) == 1]
+    alone = [
+        one for one in single
+        if not any(
+            other is not one and abs(times[other.row] - times[one.row]) < LONGEST_FALSE
+            and np.isfinite(mismatch(one, other, count))
+            for other in found
+        )
+    ]  # fmt: skip
+    if not alone:
+        return []
+    views = [contrasts(times, positions, headings, sides) for sides in sides_of(times)]
+    new = []
+    for one in alone:
+        backs = [_back(times, headings, seen, one) for seen in views if seen is not None]
+        best = max(backs, key=lambda back: back.gain)
+        if best.gain > GAIN_BACK:
+            new.append(best)
+    return new
+
+
+def _back(times: Array, headings: Array, seen: Contrasts, one: Jump) -> Jump:
+    """The likeliest jump that is the opposite of one and near it in time."""
+    near = (np.abs(times[:-1] - times[one.row]) < LONGEST_FALSE) & (
+        np.abs(np.arange(len(times) - 1) - one.row) > 2 * seen.window
+    )
+    rows = np.flatnonzero(near)
+    if len(rows) == 0:
+        return replace(one, gain=0.0)
+    turns = np.array([turned(headings[row : row + 2]) for row in rows])
+    wanted = np.einsum("nji,j->ni", turns, -one.size)
+    axes = np.einsum("ji,nja->nia", seen.axes, seen.designs(one.receivers)[rows])
+    expected = np.einsum("nia,na->ni", axes, wanted) / seen.sigmas[rows]
+    along = (seen.values[rows] @ seen.axes) / seen.sigmas[rows]
+    share = (expected * along).sum(1) / np.square(expected).sum(1)
+    gains = tempered(np.square(expected).sum(1) * share**2, seen.freedom)
+    gains = np.where(np.abs(share - 1) < 4 * BACK, gains, 0.0)
+    best = int(gains.argmax())
+    size = -one.size * share[best]
+    return replace(one, row=int(rows[best]), size=size, gain=float(gains[best]))
+
+
+def _greatest(
+    times: Array, positions: Array, headings: Array, causes: Sequence[tuple[int, ...]]
+) -> list[Jump]:
+    """The jumps that are the greatest within their windows."""
+    candidates: list[tuple[float, int, Jump]] = []
+    looked = [contrasts(times, positions, headings, sides) for sides in sides_of(times)]
+    views = [seen for seen in looked if seen is not None]
+    for seen in views:
+        gains, sizes, spreads = gains_of(seen, causes)
+        best = gains.max(1)
+        for row in _peaks(best, 2 * seen.window):
+            cause = int(gains[row].argmax())
+            level = float(best[row])
+            row = _place(views[0], int(row), causes[cause], seen.window // 3)  # noqa: PLW2901  (its place in time)
+            if not np.isfinite(gains[row, cause]):
+                continue
+            rival = [k for k in range(len(causes)) if k != cause and gains[row, k] > 0]
+            alike = [causes[k] for k in rival if gains[row, cause] - gains[row, k] < ALIKE]
+            east = turned(headings[row : row + 2])
+            jump = Jump(
+                int(row), causes[cause], east @ sizes[row, cause],
+                east @ spreads[row, cause] @ east.T, level + GAIN, tuple(alike),
+            )  # fmt: skip
+            candidates.append((level, seen.window, jump))
+    taken: list[tuple[int, int, Jump]] = []
+    for _, side, jump in sorted(candidates, key=lambda one: -one[0]):
+        if all(abs(jump.row - row) > 2 * max(side, other) for row, other, _ in taken):
+            taken.append((jump.row, side, jump))
+    return [jump for _, _, jump in taken]
+
+
+def _place(seen: Contrasts, row: int, cause: tuple[int, ...], reach: int) -> int:
+    """The row within ``reach`` of one at which a jump explains the contrasts about it best.
+
+    Of a jump the intervals beside show half, the other way round (`step_weights` of two fixes).
+    """
+    n = len(seen.values)
+    motion = seen.values.shape[1] - seen.rods.shape[1]
+    along = (seen.values @ seen.axes) / seen.floor
+    designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(cause)) / seen.floor[:, None]
+    best, place = -np.inf, row
+    for at in range(max(row - reach, 1), min(row + reach + 1, n - 1)):
+        if not seen.moving[at - 1 : at + 2].all():
+            continue
+        near = [-0.5 * designs[at - 1, :motion], designs[at], -0.5 * designs[at + 1, :motion]]
+        design = np.concatenate(near)
+        found = np.concatenate([along[at - 1, :motion], along[at], along[at + 1, :motion]])
+        size, *_ = np.linalg.lstsq(design, found, rcond=None)
+        gain = float(found @ design @ size)
+        if gain > best:
+            best, place = gain, at
+    return place
+
+
+def _peaks(values: Array, apart: int) -> Ints:
+    """Rows of values above 0 that none within ``apart`` exceeds."""
+    rows = np.flatnonzero(values > 0)
+    if len(rows) == 0:
+        return rows
+    padded = np.pad(values, apart, constant_values=-np.inf)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * apart + 1)[rows]
+    return np.asarray(rows[values[rows] >= windows.max(1)])
+
+
+def gains_of(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> tuple[Array, Array, Array]:
+    """Gains (n, c) above the least, sizes (n, c, 3) and covariances (n, c, 3, 3) of each cause.
+
+    Where a jump changes distances they must have changed; where it does not, only the motion tells,
+    and more is asked.
+    """
+    n, p = seen.rods.shape[:2]
+    along = (seen.values @ seen.axes) / seen.sigmas
+    gains = np.full((n, len(causes)), -np.inf)
+    sizes = np.zeros((n, len(causes), 3))
+    spreads = np.zeros((n, len(causes), 3, 3))
+    # No cause explains more than there is, nor lies far from the interval that shows most.
+    some = maximum_filter1d(np.square(along).sum(1), 4 * UNSURE + 1) > GAIN
+    rows = np.flatnonzero(some)
+    for k, cause in enumerate(causes):
+        gain, size, spreads[rows, k] = fit_of(seen, cause, rows)
+        design = np.einsum("ji,nja->nia", seen.axes[:, -p:], seen.designs(cause)[rows])
+        change = np.einsum("npa,na->np", design / seen.sigmas[rows, -p:, None], size)
+        told = np.square(change).sum(1)
+        agrees = 2 * (change * along[rows, -p:]).sum(1) > told
+        length = np.linalg.norm(size, axis=1)
+        by_distance = (told > TELLING) & agrees & (length > SMALLEST)
+        by_motion = (told <= TELLING) & (length > SMALLEST_IN_MOTION)
+        sizes[rows, k] = size
+        gains[rows, k] = np.select(
+            [by_distance, by_motion], [gain - GAIN, gain - GAIN_OF_MOTION], -np.inf
+        )
+    return gains, sizes, spreads
+
+
+def fit_of(seen: Contrasts, cause: tuple[int, ...], rows: Ints) -> tuple[Array, Array, Array]:
+    """Gains (m,), sizes (m, 3) and covariances (m, 3, 3) of a cause at some intervals.
+
+    Generalised least squares; sizes are along and across the baseline and up.
+    """
+    along = (seen.values[rows] @ seen.axes) / seen.sigmas[rows]
+    designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(cause)[rows])
+    weighed = designs / seen.sigmas[rows, :, None]
+    right = np.einsum("nka,nk->na", weighed, along)
+    information = np.einsum("nka,nkb->nab", weighed, weighed) + np.eye(3) * USUAL**-2
+    spreads = np.linalg.inv(information)
+    sizes = np.einsum("nab,nb->na", spreads, right)
+    return tempered((sizes * right).sum(1), seen.freedom), sizes, spreads
+
+
+def tempered(gains: Array, freedom: float) -> Array:
+    """Gains for sigmas that are known from ``freedom`` numbers only: Student's for normal ones."""
+    return np.asarray(freedom * np.log1p(gains / freedom))
+
+
+def turned(headings: Array) -> Array:
+    """(3, 3) rotation from the vehicle's baseline to east, north, up, within an interval."""
+    angle = headings[0] + np.angle(np.exp(1j * (headings[-1] - headings[0]))) / 2
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _merged(found: list[Jump]) -> list[Jump]:
+    """In the order of time; what several rounds took of one jump is one."""
+    kept: list[Jump] = []
+    for jump in sorted(found, key=lambda one: -one.gain):
+        for k, other in enumerate(kept):
+            if jump.receivers == other.receivers and abs(jump.row - other.row) <= UNSURE:
+                kept[k] = replace(other, size=other.size + jump.size)
+                break
+        else:
+            kept.append(jump)
+    whole = [one for one in kept if np.linalg.norm(one.size) > SMALLEST]
+    return sorted(whole, key=lambda one: (one.row, one.receivers))

@@ -1,0 +1,302 @@
+"""Errors that last: what jumps, who jumps, and until when.
+
+Receivers do not all write at one rate. Those that write most often show best when something jumped
+and whether the vehicle did; all together show who.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import median_filter, uniform_filter1d
+
+from rtk_gt.offsets.estimate import Offsets
+from rtk_gt.offsets.jumps import (
+    LONGEST_FALSE,
+    UNSURE,
+    Jump,
+    causes_of,
+    find_jumps,
+    least_of_all,
+    mismatch,
+)
+from rtk_gt.offsets.restarts import find_restart
+from rtk_gt.receivers.fixes import RTK_FIXED, Bools, Ints
+from rtk_gt.receivers.steps import Steps
+from validation.poses.angles import Array
+
+FASTER = 1.5
+"""Times as many epochs that some receivers must have together to be looked at by themselves."""
+_OFTEN = 0.6
+"""Share of the fixes of the most frequent receiver that others must have to go with it."""
+SPACING = 0.2
+"""Seconds between the epochs that are looked at, of those that are nearer: all tell no more of what
+lasts for seconds, and a vehicle goes only so far in that time."""
+MOST = 4000
+"""Epochs at most from which jumps of the offsets are told: enough for every correlation time."""
+SHORT = 3
+"""Epochs below which an error is a single false fix, which are counted and not listed."""
+
+
+@dataclass(frozen=True)
+class LastingError:
+    """An error that begins with a jump.
+
+    Parameters
+    ----------
+    receivers : tuple of int
+        Columns of those that have it.
+    start, end : float
+        Seconds since 1970 of the first fix that has it and the first that has it no more; infinite
+        if it stays.
+    size : (3,) array
+        East, north and up, metres.
+    covariance : (3, 3) array
+        Of the size, m^2.
+    gain : float
+        Twice the log likelihood ratio against no jump.
+    epochs : int
+        Times at which the receivers have it.
+    spacing : float
+        Seconds between the fixes before and after the jump.
+    alike : tuple of tuples of int
+        Other receivers whose jump would explain it nearly as well.
+    """
+
+    receivers: tuple[int, ...]
+    start: float
+    end: float
+    size: Array
+    covariance: Array
+    gain: float
+    epochs: int
+    spacing: float
+    alike: tuple[tuple[int, ...], ...] = ()
+
+    @property
+    def stays(self) -> bool:
+        """Whether it lasts to the end of the record."""
+        return bool(np.isinf(self.end))
+
+    @property
+    def length(self) -> float:
+        """Metres of the jump."""
+        return float(np.linalg.norm(self.size))
+
+    @property
+    def length_sigma(self) -> float:
+        """Standard deviation of the length."""
+        along = self.size / max(self.length, 1e-9)
+        return float(np.sqrt(along @ self.covariance @ along))
+
+
+def lasting_errors(steps: Steps, offsets: Offsets) -> list[LastingError]:
+    """Errors that begin with a jump, in the order of time.
+
+    Parameters
+    ----------
+    steps : Steps
+        As recorded.
+    offsets : Offsets
+        Of the receivers, to a decimetre.
+    """
+    steps = _placed(steps, offsets)
+    count = len(steps.receivers)
+    every = np.flatnonzero(steps.complete)
+    found = _jumps(steps, every, tuple(range(count)), offsets.weights > 0)
+    fast = _often(steps)
+    if fast is not None:
+        rows = np.flatnonzero((steps.kinds[:, fast] == RTK_FIXED).all(1))
+        if len(rows) > FASTER * len(every):
+            own = _jumps(steps, rows, fast, np.ones(len(rows), dtype=bool))
+            found = _together(found, own, set(fast), count)
+    return _episodes(steps, found)
+
+
+def restarted(steps: Steps, offsets: Offsets) -> LastingError | None:
+    """The likeliest jump of the offsets that stays and is still in the steps; None if none is sure.
+
+    Parameters
+    ----------
+    steps, offsets
+        As in `lasting_errors`.
+    """
+    if not offsets.known:
+        return None
+    rows = np.flatnonzero(steps.complete)[offsets.weights > 0]
+    rows = rows[:: max(len(rows) // MOST, 1)]
+    positions = steps.positions[rows] + offsets.offsets.values
+    times = steps.times[rows]
+    found = find_restart(times, positions, _headings(positions[..., :2]), offsets)
+    if found is None:
+        return None
+    one = _Timed(float(times[found.row]), float(times[found.row + 1]), found)
+    return _episodes(steps, [one])[0]
+
+
+def _placed(steps: Steps, offsets: Offsets) -> Steps:
+    """The steps with offsets added; where these are open, with the antennas on a circle.
+
+    A road that leaves offsets open is straight, and the antennas keep their places along it.
+    """
+    if offsets.known:
+        return steps.corrected(offsets.offsets)
+    together = steps.positions[steps.complete]
+    angle = 2 * np.pi * np.arange(len(steps.receivers)) / len(steps.receivers)
+    circle = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    return replace(
+        steps, positions=steps.positions - np.median(together - together[:, :1], axis=0) + circle
+    )
+
+
+@dataclass(frozen=True)
+class _Timed:
+    """A jump between two times."""
+
+    before: float
+    after: float
+    jump: Jump
+
+
+def smallest_seen(steps: Steps, offsets: Offsets) -> float:
+    """Metres of a jump of all receivers that half of the intervals would show in any direction.
+
+    Infinite where the steps are too few. Parameters as in `lasting_errors`.
+    """
+    steps = _placed(steps, offsets)
+    fast = _often(steps)
+    least = np.inf
+    for some in (tuple(range(len(steps.receivers))), *([] if fast is None else [fast])):
+        rows = np.flatnonzero((steps.kinds[:, some] == RTK_FIXED).all(1))
+        if len(rows) < 2:
+            continue
+        times, positions = _thinned(steps, rows, some, np.ones(len(rows), dtype=bool))
+        least = min(least, least_of_all(times, positions, _headings(positions[..., :2])))
+    return least
+
+
+def _jumps(steps: Steps, rows: Ints, columns: tuple[int, ...], good: Bools) -> list[_Timed]:
+    """Jumps of some receivers at the times at which they are fixed together."""
+    times, positions = _thinned(steps, rows, columns, good)
+    headings = _headings(positions[..., :2])
+    found = find_jumps(times, positions, headings, causes_of(len(columns)))
+    return [
+        _Timed(
+            float(times[one.row]), float(times[one.row + 1]),
+            replace(one, receivers=tuple(columns[k] for k in one.receivers)),
+        )
+        for one in found
+    ]  # fmt: skip
+
+
+def _reversed(there: Jump, back: Jump) -> Jump:
+    """What went there, as the clearer jump back tells it."""
+    return replace(back, row=there.row, size=-back.size)
+
+
+def _thinned(
+    steps: Steps, rows: Ints, columns: tuple[int, ...], good: Bools
+) -> tuple[Array, Array]:
+    """Times and positions (n, r, 3) that are looked at."""
+    positions = _bridged(steps.times[rows], steps.positions[rows][:, list(columns)], good)
+    stride = max(round(SPACING / float(np.median(np.diff(steps.times[rows])))), 1)
+    return steps.times[rows][::stride], positions[::stride]
+
+
+def _headings(level: Array) -> Array:
+    """(n,) headings of the longest baseline, (n, r, 2) level positions, that no jump turns.
+
+    A jump of one of its ends turns it between two epochs, which the median of the turns about that
+    interval leaves out; over a hundred epochs the headings follow the baseline again.
+    """
+    apart = np.linalg.norm(level[:, :, None] - level[:, None], axis=-1)
+    reach = np.median(apart, axis=0)
+    i, j = divmod(int(reach.argmax()), len(reach))
+    baseline = level[:, j] - level[:, i]
+    seen = np.unwrap(np.arctan2(baseline[:, 1], baseline[:, 0]))
+    turns = median_filter(np.diff(seen), 5, mode="nearest")
+    smooth = np.concatenate([[0.0], np.cumsum(turns)])
+    return np.asarray(smooth + uniform_filter1d(seen - smooth, 101, mode="nearest"))
+
+
+def _bridged(times: Array, positions: Array, good: Bools) -> Array:
+    """Positions with single epochs that are bad replaced by what is between their neighbours."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], good, [True]]).astype(int)))
+    bad = np.zeros(len(good), dtype=bool)
+    for begin, end in edges.reshape(-1, 2):
+        if end - begin < SHORT:
+            bad[begin:end] = True
+    if not bad.any() or bad.all():
+        return positions
+    filled = positions.copy()
+    flat = filled.reshape(len(times), -1)
+    for k in range(flat.shape[1]):
+        flat[bad, k] = np.interp(times[bad], times[~bad], flat[~bad, k])
+    return filled
+
+
+def _often(steps: Steps) -> tuple[int, ...] | None:
+    """Receivers that write most often, if they are some but not all."""
+    fixes = (steps.kinds == RTK_FIXED).sum(0)
+    some = tuple(np.flatnonzero(fixes >= _OFTEN * fixes.max()).tolist())
+    return some if 2 <= len(some) < len(fixes) else None
+
+
+def _together(whole: list[_Timed], own: list[_Timed], fast: set[int], count: int) -> list[_Timed]:
+    """What all receivers show, beside what those show that write most often.
+
+    These tell when it was and which of them it was; all together whether the others were, too.
+    """
+    found: list[_Timed] = []
+    used: set[int] = set()
+    for one in own:
+        slow = [
+            k for k, other in enumerate(whole)
+            if other.before < one.after + _slack(other) and one.before < other.after + _slack(other)
+            and k not in used
+        ]  # fmt: skip
+        receivers = one.jump.receivers
+        seen = [whole[k].jump for k in slow if set(whole[k].jump.receivers) & set(receivers)]
+        if set(receivers) == fast and not slow:
+            receivers = tuple(range(count))  # the distances to the others stayed
+        elif seen and set(seen[0].receivers) & fast == set(receivers):
+            receivers = seen[0].receivers
+        used |= set(slow)
+        found.append(replace(one, jump=replace(one.jump, receivers=receivers)))
+    rest = [other for k, other in enumerate(whole) if k not in used]
+    return sorted([*found, *rest], key=lambda one: one.after)
+
+
+def _slack(slow: _Timed) -> float:
+    return (UNSURE + 0.5) * (slow.after - slow.before)
+
+
+def _episodes(steps: Steps, found: list[_Timed]) -> list[LastingError]:
+    """Jumps with the jumps back that end them."""
+    count = len(steps.receivers)
+    errors: list[LastingError] = []
+    used: set[int] = set()
+    for k, one in enumerate(found):
+        if k in used:
+            continue
+        end, jump = np.inf, one.jump
+        later = [
+            n
+            for n in range(k + 1, len(found))
+            if n not in used and found[n].after - one.after < LONGEST_FALSE
+        ]
+        away = [mismatch(one.jump, found[n].jump, count) for n in later]
+        if np.isfinite(away).any():
+            n = later[int(np.argmin(away))]
+            used.add(n)
+            end = found[n].after
+            if found[n].jump.gain > one.jump.gain:
+                jump = _reversed(one.jump, found[n].jump)
+        at = (steps.times >= one.after - 1e-6) & (steps.times < end - 1e-6)
+        fixed = (steps.kinds[:, list(jump.receivers)] == RTK_FIXED).any(1)
+        errors.append(
+            LastingError(
+                jump.receivers, one.after, float(end), jump.size, jump.covariance, jump.gain,
+                int((at & fixed).sum()), one.after - one.before, jump.alike,
+            )
+        )  # fmt: skip
+    return errors

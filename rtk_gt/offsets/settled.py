@@ -1,0 +1,200 @@
+"""A drive without the errors that last: taken out where they stay, left out where they end."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from rtk_gt.offsets.estimate import Offsets, estimate_offsets
+from rtk_gt.offsets.jumps import UNSURE
+from rtk_gt.offsets.lasting import LastingError, lasting_errors, restarted
+from rtk_gt.offsets.noise import pair_incidence
+from rtk_gt.receivers.assumptions import ETA, FEWEST_STEPS
+from rtk_gt.receivers.fixes import Bools
+from rtk_gt.receivers.steps import Steps, pair_differences
+from validation.errors import GtvalError
+from validation.poses.angles import Array
+
+MOST_RESTARTS = 6
+"""Rounds in which smaller jumps are looked for: a drive with more is no ground truth."""
+LEAST_LEFT = 0.2
+"""Share of the steps that must be left: a judgement; of fewer nobody knows which are right."""
+NOT_USED = -1
+"""Kind of a fix that is left out."""
+
+
+@dataclass(frozen=True)
+class JumpErrors:
+    """Errors of the jumps that were taken out, and what they do to offsets and poses.
+
+    Parameters
+    ----------
+    starts : (j,) array
+        Seconds since 1970, from when on each jump counts.
+    receivers : (j, r) array
+        1 where the jump is a receiver's, else 0.
+    covariance : (3 j, 3 j) array
+        Of the sizes, m^2.
+    by_offsets : (k, 3 j) array
+        Error of the offsets and distances that one of the sizes makes.
+    """
+
+    starts: Array
+    receivers: Array
+    covariance: Array
+    by_offsets: Array
+
+    def spread(self, offsets: Offsets) -> Offsets:
+        """Offsets whose covariance contains what these errors do to them."""
+        own = self.by_offsets @ self.covariance @ self.by_offsets.T
+        return replace(offsets, covariance=offsets.covariance + own)
+
+
+def settle(
+    steps: Steps, *, eta: float = ETA, robust: bool = True
+) -> tuple[Steps, list[LastingError], JumpErrors | None]:
+    """The steps without errors that last, these errors, and what is left of the jumps taken out.
+
+    Parameters
+    ----------
+    steps : Steps
+        As recorded.
+    eta : float
+        Ratio of the vertical to the horizontal sigma of a position.
+    robust : bool
+        Without it nothing is looked for.
+
+    Raises
+    ------
+    GtvalError
+        As `estimate_offsets`, or if too few steps are without such errors.
+    """
+    if not robust:
+        return steps, [], None
+    quick = partial(estimate_offsets, eta=eta, bent="never")
+    offsets = quick(steps)
+    errors = lasting_errors(steps, offsets)
+    cleaned, jumps = steps, None
+    for _ in range(MOST_RESTARTS):
+        if errors:
+            cleaned = without_errors(steps, errors)
+            _check_left(cleaned, steps, errors)
+            errors, jumps = refined(cleaned, quick(cleaned), errors)
+            cleaned = without_errors(steps, errors)
+            offsets = quick(cleaned)
+        restart = restarted(cleaned, offsets)
+        if restart is None:
+            return cleaned, errors, jumps
+        errors = sorted([*errors, restart], key=lambda one: one.start)
+    return cleaned, [one for one in errors if one is not restart], jumps
+
+
+def _check_left(cleaned: Steps, steps: Steps, errors: Sequence[LastingError]) -> None:
+    """Raise if false fixes leave too little of a drive."""
+    left, all_of = int(cleaned.complete.sum()), int(steps.complete.sum())
+    if left < max(FEWEST_STEPS, LEAST_LEFT * all_of):
+        raise GtvalError(
+            f"{len(errors)} jumps and false fixes leave {left} of {all_of} times at which all "
+            "receivers are RTK-fixed: this record is no ground truth. Look at the base station, "
+            "its radio link and what hides the sky; `robust = false` in [rtk] takes the fixes as "
+            "they are"
+        )
+
+
+def starting_rows(steps: Steps, error: LastingError) -> Bools:
+    """(t,) True from the first epoch on that has the error."""
+    return np.asarray(steps.times >= error.start - 1e-6)
+
+
+def without_errors(steps: Steps, errors: Sequence[LastingError]) -> Steps:
+    """The steps with errors that stay taken out, and fixes with errors that end left out.
+
+    Some epochs on both sides of a jump are left out, too: noise moves the place where it is found.
+    """
+    positions, kinds = steps.positions.copy(), steps.kinds.copy()
+    for error in errors:
+        if error.stays:
+            positions -= _who(steps, error)[:, None] * np.where(
+                starting_rows(steps, error)[:, None, None], error.size, 0.0
+            )
+        begin, end = _left_out(error)
+        at = (steps.times > begin) & (steps.times < end)
+        kinds[at[:, None] & _who(steps, error)] = NOT_USED
+    return replace(steps, positions=positions, kinds=kinds)
+
+
+def _who(steps: Steps, error: LastingError) -> Bools:
+    """(r,) True for the receivers that have the error."""
+    return np.asarray(np.isin(np.arange(len(steps.receivers)), error.receivers))
+
+
+def _left_out(error: LastingError) -> tuple[float, float]:
+    """Times between which the receivers' fixes are left out."""
+    margin = (UNSURE + 0.5) * error.spacing
+    last = error.start if error.stays else error.end
+    return error.start - margin, last + margin - error.spacing
+
+
+def refined(
+    steps: Steps, offsets: Offsets, errors: Sequence[LastingError]
+) -> tuple[list[LastingError], JumpErrors | None]:
+    """The errors with better sizes of those that stay, and what is left of their errors.
+
+    Parameters
+    ----------
+    steps : Steps
+        With the errors taken out, offsets not added.
+    offsets : Offsets
+        From these steps.
+    errors : sequence of LastingError
+        That were taken out.
+
+    Notes
+    -----
+    The distances of the whole drive tell a jump better than those around it: least squares of the
+    jumps, the offsets and the distances together, with the sizes found around each as knowledge
+    beforehand. Each independent step counts once.
+    """
+    staying = [error for error in errors if error.stays]
+    if not staying:
+        return list(errors), None
+    used = steps.select(steps.complete)
+    good = offsets.weights > 0
+    rods = pair_differences(used.positions[good] + offsets.offsets.values)
+    along = rods / np.linalg.norm(rods, axis=-1, keepdims=True)
+    incidence = pair_incidence(len(steps.receivers))
+    n, p = along.shape[:2]
+    by_offset = (incidence[None, :, 1:, None] * along[:, :, None, :]).reshape(n, p, -1)
+    own = np.concatenate([by_offset, np.broadcast_to(-np.eye(p), (n, p, p))], axis=2)
+    who = np.array([_who(steps, error) for error in staying], dtype=float)
+    after = np.column_stack([starting_rows(used, error)[good] for error in staying]).astype(float)
+    by_jump = np.einsum("tj,jp,tpa->tpja", after, who @ incidence.T, along).reshape(n, p, -1)
+    residuals = offsets.residuals[good]
+    weight = np.linalg.inv(np.atleast_2d(np.cov(residuals.T)) + 1e-12 * np.eye(p))
+    weight = weight / offsets.correlation_time
+    oo = np.einsum("tpa,pq,tqb->ab", own, weight, own)
+    os = np.einsum("tpa,pq,tqb->ab", own, weight, by_jump)
+    ss = np.einsum("tpa,pq,tqb->ab", by_jump, weight, by_jump)
+    known = np.linalg.inv(_blocks([error.covariance for error in staying]))
+    by_offsets = np.linalg.pinv(oo, rcond=1e-9, hermitian=True) @ os
+    covariance = np.linalg.inv(ss - os.T @ by_offsets + known)
+    right = np.einsum("tpa,pq,tq->a", by_jump, weight, residuals)
+    right = right - by_offsets.T @ np.einsum("tpa,pq,tq->a", own, weight, residuals)
+    sizes = (covariance @ right).reshape(-1, 3)
+    better = [
+        replace(error, size=error.size + change, covariance=covariance[k : k + 3, k : k + 3])
+        for error, change, k in zip(staying, sizes, range(0, 3 * len(staying), 3), strict=True)
+    ]
+    starts = np.array([error.start for error in staying])
+    rest = [error for error in errors if not error.stays]
+    both = sorted([*better, *rest], key=lambda one: one.start)
+    return both, JumpErrors(starts, who, covariance, by_offsets)
+
+
+def _blocks(matrices: Sequence[Array]) -> Array:
+    """Block diagonal matrix of 3 x 3 blocks."""
+    found = np.zeros((3 * len(matrices), 3 * len(matrices)))
+    for k, matrix in enumerate(matrices):
+        found[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = matrix
+    return found

@@ -1,0 +1,85 @@
+"""Campaigns with errors that last: what is said of them, and how their poses are marked."""
+
+import csv
+
+import numpy as np
+from trials.lasting_errors import Errors, made_drive
+from trials.straight_roads import write_road
+
+from rtk_gt.campaign.solve import solve_campaign
+from rtk_gt.system import result_of
+from validation.campaign.folder import load_campaign
+
+QUIET = Errors(0.003)
+
+
+def result_for(folder, made):
+    write_road(folder, made.steps)
+    return result_of(solve_campaign(load_campaign(folder)))
+
+
+def finding(result, code):
+    (found,) = [one for one in result.findings if one.code == code]
+    return found
+
+
+def test_a_jump_of_all_receivers_is_said_marked_and_written(tmp_path):
+    made = made_drive(51, QUIET, seconds=200.0)
+    rows = np.arange(500, len(made.steps))
+    result = result_for(tmp_path / "c", made.jumped([0, 1, 2], rows, np.array([0.1, 0.05, 0.05])))
+    found = finding(result, "jump")
+    assert found.text.startswith("A jump: all receivers are off by 1")
+    size = found.sizes[0]
+    # 3.5 standard deviations: the interval is of 95 %.
+    assert abs(size.value - np.sqrt(0.015)) < 3.5 / 1.96 * (size.high - size.value)
+    marked = np.array(["jump taken out" in source for source in result.tables[0].sources])
+    times = np.array([float(one) for one in result.tables[0].ids])
+    np.testing.assert_array_equal(marked, times > made.steps.times[499] + 0.01)
+    (row,) = csv.DictReader(result.files["rtk_jumps.csv"].splitlines())
+    assert row["receivers"] == "all receivers"
+    assert float(row["start"]) == made.steps.times[500]
+    assert row["end"] == ""
+
+
+def test_a_false_fix_that_lasts_is_one_line_and_no_pose(tmp_path):
+    made = made_drive(52, QUIET, seconds=200.0)
+    rows = np.arange(400, 520)
+    result = result_for(tmp_path / "c", made.jumped([2], rows, np.array([0.0, 0.0, 0.15])))
+    assert "front_right is off by 1" in finding(result, "lasting_false_fix").text
+    times = np.array([float(one) for one in result.tables[0].ids])
+    inside = (times > made.steps.times[400] - 0.01) & (times < made.steps.times[520] - 0.01)
+    assert not inside.any()
+
+
+def test_what_receivers_state_beyond_their_distances_is_common_to_all(tmp_path):
+    made = made_drive(53, QUIET, seconds=120.0)
+    write_road(tmp_path / "c", made.steps)
+    for path in (tmp_path / "c" / "rtk").iterdir():
+        head, *lines = path.read_text().splitlines()
+        lines = [f"{line},0.015,0.015,0.030" for line in lines]
+        path.write_text("\n".join([f"{head},sigma_east,sigma_north,sigma_up", *lines]) + "\n")
+    outcome = solve_campaign(load_campaign(tmp_path / "c"))
+    sigmas = np.sqrt(np.diagonal(outcome.path.covariances, axis1=1, axis2=2)).mean(0)
+    # A mean of three has the common part whole, and a third of the variance of its own.
+    np.testing.assert_allclose(sigmas[:3], [0.0148, 0.0148, 0.030], rtol=0.03)
+    assert outcome.common.source == "stated"
+    assert "all receivers share" in finding(result_of(outcome), "common_errors").text
+
+
+def test_a_setting_states_what_all_receivers_share(tmp_path):
+    made = made_drive(54, QUIET, seconds=120.0)
+    write_road(tmp_path / "c", made.steps)
+    toml = tmp_path / "c" / "campaign.toml"
+    text = toml.read_text()
+    assert solve_campaign(load_campaign(tmp_path / "c")).common.source == "none"
+    toml.write_text(text.replace("[rtk]\n", "[rtk]\ncommon_sigma = 0.02\ncommon_time = 600\n"))
+    outcome = solve_campaign(load_campaign(tmp_path / "c"))
+    sigmas = np.sqrt(np.diagonal(outcome.path.covariances, axis1=1, axis2=2)).mean(0)
+    np.testing.assert_allclose(sigmas[:3], [0.0201, 0.0201, 0.0353], rtol=0.03)
+    assert "for 600 s" in finding(result_of(outcome), "common_errors").text
+
+
+def test_a_clock_that_is_off_is_said(tmp_path):
+    made = made_drive(55, QUIET, seconds=200.0, delays=(0.0, 0.0, 0.5))
+    found = finding(result_for(tmp_path / "c", made), "receiver_clock")
+    assert "stamps of front_right are 0.500 s early" in found.text

@@ -1,0 +1,162 @@
+"""Errors that begin with a jump, and slow ones: found, taken out, and in the covariance."""
+
+import numpy as np
+import pytest
+from trials.lasting_errors import ETA, Errors, made_drive
+
+from rtk_gt.offsets.contrasts import step_weights
+from rtk_gt.offsets.estimate import estimate_offsets
+from rtk_gt.offsets.memory import error_model
+from rtk_gt.offsets.settled import settle
+from rtk_gt.offsets.slow_errors import ErrorModel, mean_memory, summed_covariance
+from rtk_gt.path.antennas import antenna_positions
+from rtk_gt.path.clocks import right_clocks
+from rtk_gt.path.vehicle_path import vehicle_path
+from validation.poses.pose_table import SPATIAL, pose_difference
+
+WHITE = Errors(0.003)
+SLOW = Errors(0.003, 0.005, 30.0)
+
+
+def rows_from(made, second, last=None):
+    times = made.steps.times - made.steps.times[0]
+    return np.flatnonzero((times > second - 1e-3) & (times < (last or np.inf) - 1e-3))
+
+
+def squares_of(made, steps, jumps):
+    """Squared normalised errors of the poses, over six."""
+    offsets = estimate_offsets(steps, eta=ETA)
+    rows = np.flatnonzero(steps.complete)[offsets.weights > 0]
+    antennas = antenna_positions(offsets.distances, made.antennas[:, 2])
+    path = vehicle_path(steps.select(rows), offsets, antennas, jumps=jumps)
+    error = pose_difference(path.poses, made.poses[rows], SPATIAL)
+    return np.einsum("ni,nij,nj->n", error, np.linalg.inv(path.covariances), error) / 6, error
+
+
+@pytest.mark.parametrize("side", [2, 4, 8])
+def test_a_jump_is_seen_whole_beside_any_speed_and_acceleration(side):
+    place = np.arange(2.0 * side) - side + 0.5
+    moves = np.diff(3.0 + 2.0 * place + 0.7 * place**2 + 0.1 * (place > 0))
+    assert step_weights(side) @ moves == pytest.approx(0.1, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("who", "size"), [((1, 2), (0.03, -0.035, 0.02)), ((0, 1, 2), (0.06, -0.07, 0.04))]
+)
+def test_a_jump_that_stays_is_found_and_taken_out(who, size):
+    made = made_drive(11, WHITE, seconds=300.0)
+    bad = made.jumped(list(who), rows_from(made, 150.0), np.array(size))
+    steps, errors, jumps = settle(bad.steps)
+    assert [one.receivers for one in errors] == [who]
+    assert errors[0].stays
+    assert abs(errors[0].start - made.steps.times[0] - 150.0) < 0.41
+    off = errors[0].size - size
+    # 99.9 % of three normal numbers.
+    assert off @ np.linalg.solve(errors[0].covariance, off) < 16.3
+    squares, error = squares_of(made, steps, jumps)
+    assert np.abs(error[:, :3]).max() < 0.03
+    # One jump's error is shared by all poses that follow: a wide bound.
+    assert 0.7 < squares.mean() < 2.0
+
+
+@pytest.mark.parametrize("size", [(0.08, 0.0, 0.0), (0.0, 0.0, 0.15)])
+def test_a_false_fix_that_lasts_is_left_out(size):
+    made = made_drive(12, WHITE, seconds=240.0)
+    bad = made.jumped([1], rows_from(made, 100.0, 120.0), np.array(size))
+    steps, errors, _ = settle(bad.steps)
+    assert [one.receivers for one in errors] == [(1,)]
+    np.testing.assert_allclose(
+        np.array([errors[0].start, errors[0].end]) - made.steps.times[0], [100.0, 120.0], atol=0.41
+    )
+    assert not steps.complete[rows_from(made, 100.0, 120.0)].any()
+    # Two or three epochs beside each jump, which noise could put on its other side.
+    assert (~steps.complete).sum() <= len(rows_from(made, 100.0, 120.0)) + 12
+
+
+@pytest.mark.parametrize("errors", [WHITE, SLOW])
+def test_a_clean_drive_has_no_jump(errors):
+    for seed in (21, 22):
+        made = made_drive(seed, errors, seconds=300.0)
+        steps, found, jumps = settle(made.steps)
+        assert (found, jumps) == ([], None)
+        assert steps is made.steps
+
+
+def test_white_errors_have_no_memory_and_slow_ones_theirs():
+    made = made_drive(31, WHITE, seconds=300.0)
+    assert error_model(made.steps, estimate_offsets(made.steps, bent="never")) is None
+    made = made_drive(31, SLOW, seconds=600.0)
+    found = error_model(made.steps, estimate_offsets(made.steps, bent="never"))
+    # Twenty memories, of three distances: the slow variance is known to a factor of 1.5.
+    assert 0.003 < found.slow_sigma < 0.0075
+    assert 12.0 < found.lasting < 75.0
+    assert found.white == pytest.approx(0.003, rel=0.1)
+
+
+def test_a_sum_of_slow_errors_varies_as_simulated():
+    generator = np.random.default_rng(0)
+    times = np.arange(0.0, 60.0, 0.5)
+    scores = np.cos(times / 9)[:, None, None]
+    model = ErrorModel(0.0, np.array([2.0]), np.array([20.0]), np.array([1.0]))
+    covariance = 4.0 * np.exp(-np.abs(times[:, None] - times) / 20.0)
+    draws = generator.multivariate_normal(np.zeros(len(times)), covariance, 20_000)
+    found = summed_covariance(times, scores, model)[0, 0]
+    # A variance of 20,000 draws is off by 1 % (one standard deviation).
+    assert found == pytest.approx((draws @ scores[:, 0, 0]).var(), rel=0.04)
+
+
+def test_the_mean_over_a_block_loses_what_is_quick():
+    length, memory, fine = 3.0, 5.0, 1500
+    places = (np.arange(2 * fine) + 0.5) * length / fine
+    kept = np.exp(-np.abs(places[:, None] - places) / memory)
+    same, other = mean_memory(length, memory)
+    assert same == pytest.approx(kept[:fine, :fine].mean(), rel=1e-3)
+    assert other * np.exp(-length / memory) == pytest.approx(kept[:fine, fine:].mean(), rel=1e-3)
+
+
+def drives_with(errors, seconds, seeds):
+    """Root mean square of the offsets' z, and mean NEES of a pose over 6."""
+    scores, squares = [], []
+    for seed in seeds:
+        made = made_drive(seed, errors, seconds=seconds, every=(0.5, 0.5, 0.5))
+        model = error_model(made.steps, estimate_offsets(made.steps, bent="never"))
+        offsets = estimate_offsets(made.steps, eta=ETA, model=model)
+        scores.append((offsets.offsets.values - made.offsets)[1:] / offsets.offset_sigmas[1:])
+        antennas = antenna_positions(offsets.distances, made.antennas[:, 2])
+        rows = np.flatnonzero(made.steps.complete)[offsets.weights > 0]
+        path = vehicle_path(made.steps.select(rows), offsets, antennas, model=model)
+        error = pose_difference(path.poses, made.poses[rows], SPATIAL)
+        whole = np.einsum("ni,nij,nj->n", error, np.linalg.inv(path.covariances), error)
+        squares.append(whole.mean() / 6)
+    return np.sqrt(np.mean(np.square(scores))), np.mean(squares)
+
+
+def test_offsets_under_slow_errors_fit_their_covariance_in_a_few_drives():
+    """Six drives with some three independent numbers each: 1 within a third, three sigmas."""
+    rms, _ = drives_with(Errors(0.0, 0.010, 30.0), 300.0, range(600, 604))
+    # Taken as white, with the correlation of the residuals, it is 1.6 to 3.8.
+    assert 0.4 < rms < 1.6
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("white", [0.0, 0.004])
+@pytest.mark.parametrize(("slow", "memory"), [(0.003, 30.0), (0.010, 30.0), (0.010, 60.0)])
+def test_offsets_and_poses_under_slow_errors_fit_their_covariance(white, slow, memory):
+    rms, nees = drives_with(Errors(white, slow, memory), 10 * memory, range(700, 740))
+    assert 0.8 < rms < 1.3
+    assert 0.75 < nees < 1.3
+
+
+def test_clocks_that_are_off_are_found_to_a_millisecond():
+    made = made_drive(41, WHITE, seconds=200.0, delays=(0.0, -0.3, 0.4))
+    steps, found = right_clocks(made.steps, ETA)
+    np.testing.assert_allclose(found.late, [0.0, 0.3, -0.4], atol=1e-3)
+    off = estimate_offsets(steps).offsets.values - made.offsets
+    assert np.abs(off[:, :2]).max() < 0.005
+
+
+def test_right_clocks_are_left_alone():
+    made = made_drive(42, SLOW, seconds=200.0)
+    steps, found = right_clocks(made.steps, ETA)
+    assert found is None
+    assert steps is made.steps
