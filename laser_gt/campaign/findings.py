@@ -9,6 +9,7 @@ from laser_gt.campaign.outcome import LaserOutcome
 from laser_gt.logs.motion import MIRROR
 from laser_gt.placing.guesses import GENEROUS, guess_deviations, guess_scatter
 from laser_gt.placing.solution import LaserSolution
+from laser_gt.placing.survey_check import doubt_sizes, doubt_text, shape_of, survey_doubt
 from laser_gt.placing.switches import WRONG_SHARE
 from validation.poses.angles import Array
 from validation.results import Finding, Severity, Size
@@ -51,7 +52,12 @@ def laser_findings(outcome: LaserOutcome) -> list[Finding]:
         found.append(Finding("note", text, "laser", "assumed_sigmas"))
     for solution in outcome.solutions.values():
         found += _of_solution(solution)
-    found += [_mount(outcome), *_guesses(outcome)]
+    doubts = list(_survey_doubts(outcome))
+    found += doubts
+    mount = _mount(outcome)
+    if not doubts or mount.severity != "warning":  # else one cause would have two lines
+        found.append(mount)
+    found += _guesses(outcome)
     if outcome.trajectory.doubtful:
         stops = ", ".join(outcome.trajectory.doubtful)
         text = (
@@ -60,6 +66,24 @@ def laser_findings(outcome: LaserOutcome) -> list[Finding]:
         )
         found.append(Finding("warning", text, "laser", "trajectory"))
     return found
+
+
+def _survey_doubts(outcome: LaserOutcome) -> Iterator[Finding]:
+    """What is wrong where surveyed poses and scans contradict each other."""
+    solution = next(iter(outcome.solutions.values()), None)
+    if solution is None:
+        return
+    for part in range(int(solution.parts.max()) + 1):
+        inside = np.array(solution.stops, dtype=object)[solution.parts == part].tolist()
+        known = outcome.survey.select([s for s in outcome.survey.stops if s in inside])
+        rows = np.array([solution.stops.index(stop) for stop in known.stops], dtype=np.intp)
+        if len(rows) < 2:
+            continue
+        shape = shape_of(solution.graph, rows)
+        doubt = survey_doubt(known.stops, shape, known.poses, known.joint)
+        if doubt is not None:
+            text = doubt_text(doubt, "to the stops")
+            yield Finding("error", text, "laser", "survey_contradicts", doubt_sizes(doubt))
 
 
 def _of_solution(solution: LaserSolution) -> Iterator[Finding]:

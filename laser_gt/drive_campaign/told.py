@@ -6,6 +6,7 @@ from types import ModuleType
 import numpy as np
 
 from laser_gt.driving.log import DriveOutcome
+from laser_gt.placing.survey_check import doubt_sizes, doubt_text
 from validation.results import Figure, Finding, Section, Size, Table, Text
 
 SYSTEM = "laser_drive"
@@ -19,6 +20,15 @@ covariances are then widened by it. A judgement: 1.4 in standard deviations."""
 
 def drive_findings(outcome: DriveOutcome) -> Iterator[Finding]:
     """Findings in the order in which they should be read."""
+    if outcome.doubt is not None:
+        text = doubt_text(outcome.doubt, "to the drive")
+        left = [stop for stop in outcome.doubt.stops if stop not in outcome.anchors]
+        if left:
+            many = "were" if len(left) > 1 else "was"
+            text += f". Until then {' and '.join(left)} {many} left out"
+        else:
+            text += ". The drive is bent by it"
+        yield Finding("error", text, SYSTEM, "survey_contradicts", doubt_sizes(outcome.doubt))
     placed = int(outcome.matched.sum())
     share = placed / outcome.scans
     text = f"{placed} of {outcome.scans} scans are placed by what they saw ({share:.1%})"

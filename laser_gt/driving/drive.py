@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from laser_gt.driving.closing import BACK, closed, through_mount
+from laser_gt.driving.closing import BACK, through_mount
 from laser_gt.driving.graph import (
     HELD,
     LEAST_MISFIT,
@@ -19,6 +19,7 @@ from laser_gt.driving.graph import (
 )
 from laser_gt.driving.log import DriveInputs, DriveOutcome, Report
 from laser_gt.driving.refining import Place, Placed, carried, placed_sweeps
+from laser_gt.driving.surveyed_stops import held_by_stops
 from laser_gt.driving.tracking import GUESS_SIGMAS
 from laser_gt.driving.way import Way, clock_of, tracked_way
 from laser_gt.scans.planar import between, compose, compose_jacobians, inverse
@@ -49,8 +50,8 @@ def solve_log(inputs: DriveInputs, workers: int, report: Report) -> DriveOutcome
         If there are fewer than two scans that can be matched.
     """
     tracked = tracked_way(inputs, report)
-    graph, solved = closed(tracked, workers, report)
-    return _outcome(tracked, graph, solved, workers, report)
+    tracked, graph, solved, doubt = held_by_stops(tracked, workers, report)
+    return replace(_outcome(tracked, graph, solved, workers, report), doubt=doubt)
 
 
 def _outcome(

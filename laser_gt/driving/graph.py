@@ -284,6 +284,18 @@ def marginals(graph: DriveGraph, solved: DrivePoses, scale: float) -> Marginals:
     return Marginals((poses + np.swapaxes(poses, 1, 2)) / 2, cross, last[-3:])
 
 
+def joint_covariance(graph: DriveGraph, solved: DrivePoses, scale: float, nodes: Indices) -> Array:
+    """(3 p, 3 p) covariance of p poses together, with links as `marginals` takes them."""
+    links, steps = _Terms.of(graph.links), _Terms.of(graph.steps)
+    weights = np.where(solved.weights > 0.5, 1.0, 0.0) / scale
+    equations = _equations(graph, links, steps, weights, solved.poses, solved.mount)
+    factor, size = equations.factor(_OPEN), 3 * len(solved.poses) + 3
+    columns = [factor.solve(np.eye(size, 3, -3 * int(node))) for node in nodes]
+    flat = (3 * nodes[:, None] + np.arange(3)).ravel()
+    joint = np.hstack(columns)[flat]
+    return np.asarray((joint + joint.T) / 2)
+
+
 def robot_covariances(
     laser: Array, covariances: Array, cross: Array, mount: Array, spread: Array
 ) -> Array:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from laser_gt.driving.odometer import Odometer
 from laser_gt.driving.sweeps import Sensor
+from laser_gt.placing.survey_check import SurveyDoubt
 from laser_gt.scans.scan import Flags, Indices, Scan, Sweep
 from validation.poses.angles import Array
 from validation.poses.trajectory import Trajectory
@@ -103,6 +104,8 @@ class DriveOutcome:
         Surveyed stops that hold the trajectory.
     odometry_noise : (float, float)
         Of the odometry over a metre: metres, radians; NaN without odometry.
+    doubt : SurveyDoubt or None
+        What is wrong where the surveyed stops contradict the drive.
     """
 
     trajectory: Trajectory
@@ -120,3 +123,4 @@ class DriveOutcome:
     delay_s: float
     anchors: tuple[str, ...]
     odometry_noise: tuple[float, float]
+    doubt: SurveyDoubt | None = None

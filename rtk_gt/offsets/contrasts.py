@@ -126,7 +126,7 @@ def sides_of(times: Array) -> list[tuple[int, int]]:
 def contrasts(
     times: Array, positions: Array, headings: Array, sides: tuple[int, int]
 ) -> Contrasts | None:
-    """The contrasts of the n intervals between n + 1 epochs; None of too few epochs.
+    """The contrasts of the n intervals between n + 1 epochs; None of too few without pauses.
 
     Parameters
     ----------
@@ -154,6 +154,8 @@ def contrasts(
     motion = _motion(positions, headings, side)
     even = (np.abs(spacing / usual - 1) < _EVEN - 1).astype(float)
     moving = _summed(even, np.ones(2 * side - 1)) > 2 * side - 1.5
+    if moving.sum() < 8 * side:
+        return None
     rods = pair_differences(positions)
     distances = np.linalg.norm(rods, axis=-1)
     changes = _mean_changes(distances, averaged)

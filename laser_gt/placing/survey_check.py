@@ -1,0 +1,276 @@
+"""Whether surveyed poses fit the shape that the scans give, and what is wrong where they do not."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+from scipy.stats import chi2
+
+from laser_gt.placing.graph import GraphSolution
+from laser_gt.scans.planar import compose, compose_jacobians, inverse, wrapped
+from laser_gt.scans.scan import Indices
+from validation.poses.angles import Array
+from validation.results import Size
+
+RARE = 1e-6
+"""Probability of a contradiction by chance below which it is told: standard deviations that are a
+sixth too small make of it one in a thousand, for three to ten stops."""
+CLEAR = 10.0
+"""By which twice the logarithm of the likelihood a cause must be better than another to be told
+alone: odds of 150 to 1."""
+_LOOSE = 1e-9
+"""Factor on the information of a mount that may be anything."""
+
+Kind = Literal["stop", "exchanged", "mount", "open"]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Robot poses of p surveyed stops as the scans alone have them, in any frame.
+
+    Parameters
+    ----------
+    poses : (p, 3) array
+        x, y, theta.
+    covariance : (3p, 3p) array
+        Joint one, for a known mount.
+    by_mount : (3p, 3) array
+        Their derivatives by an error of the mount.
+    mount_covariance : (3, 3) array
+        Of the mount as it was measured.
+    """
+
+    poses: Array
+    covariance: Array
+    by_mount: Array
+    mount_covariance: Array
+
+
+def shape_of(solution: GraphSolution, rows: Indices) -> Shape:
+    """The shape of some poses of a graph whose own surveyed stop had a negligible covariance."""
+    n = len(solution.poses)
+    flat = (3 * rows[:, None] + np.arange(3)).ravel()
+    covariance, mount = solution.covariance, solution.covariance[3 * n :, 3 * n :]
+    by_mount = covariance[flat, 3 * n :] @ np.linalg.inv(mount)
+    alone = covariance[np.ix_(flat, flat)] - by_mount @ covariance[3 * n :, flat]
+    return Shape(solution.poses[rows], alone, by_mount, mount)
+
+
+@dataclass(frozen=True)
+class SurveyDoubt:
+    """What contradicts the scans.
+
+    Parameters
+    ----------
+    kind : {'stop', 'exchanged', 'mount', 'open'}
+        One surveyed pose, two exchanged ones, the mount; or several that explain it alike.
+    stops : tuple of str
+        Which.
+    size : (3,) array
+        Surveyed pose less that by the scans and the others, or the mount less the stated one; NaN
+        for the other kinds.
+    sigmas : (3,) array
+        Standard deviations of it.
+    chi_squared, freedom : float, int
+        Of all surveyed poses as they are stated.
+    explained : bool
+        Whether what the cause leaves is within chance.
+    likely : tuple of (str, tuple of str)
+        Where several explain it alike, these.
+    """
+
+    kind: Kind
+    stops: tuple[str, ...]
+    size: Array
+    sigmas: Array
+    chi_squared: float
+    freedom: int
+    explained: bool
+    likely: tuple[tuple[Kind, tuple[str, ...]], ...] = ()
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A cause, what it leaves in squared standard deviations, and what that counts for."""
+
+    kind: Kind
+    stops: tuple[int, ...]
+    left: float
+    freedom: int
+    criterion: float
+
+
+def contradiction(shape: Shape, surveyed: Array, covariance: Array) -> tuple[float, int, bool]:
+    """Squared standard deviations, degrees of freedom, and whether chance makes that.
+
+    Parameters
+    ----------
+    shape : Shape
+        Of p stops.
+    surveyed : (p, 3) array
+        Their poses in the GTV frame.
+    covariance : (3p, 3p) array
+        Joint one.
+    """
+    freedom = 3 * len(surveyed) - 3
+    if freedom <= 0:
+        return 0.0, 0, False
+    squares = _fit(shape, surveyed, covariance)[0]
+    return squares, freedom, bool(chi2.sf(squares, freedom) < RARE)
+
+
+def survey_doubt(
+    names: Sequence[str], shape: Shape, surveyed: Array, covariance: Array
+) -> SurveyDoubt | None:
+    """What is wrong, if chance does not explain how surveyed poses and scans differ.
+
+    One surveyed pose that is off, two that are exchanged, and a wrong mount are held against each
+    other by likelihood, with Schwarz's price for what each may choose. Parameters as of
+    `contradiction`; ``names`` are of the stops.
+    """
+    squares, freedom, told = contradiction(shape, surveyed, covariance)
+    if not told:
+        return None
+    tried = sorted(_causes(shape, surveyed, covariance), key=lambda one: one.criterion)
+    alike = [one for one in tried if one.criterion < tried[0].criterion + CLEAR]
+    best = tried[0]
+    explained = bool(best.freedom > 0 and chi2.sf(best.left, best.freedom) > RARE)
+    named = tuple((one.kind, tuple(names[row] for row in one.stops)) for one in alike)
+    nothing = np.full(3, np.nan)
+    if len(alike) > 1:
+        return SurveyDoubt("open", (), nothing, nothing, squares, freedom, explained, named)
+    size, sigmas = _size(best, shape, surveyed, covariance)
+    return SurveyDoubt(best.kind, named[0][1], size, sigmas, squares, freedom, explained)
+
+
+def with_mount(doubt: SurveyDoubt) -> SurveyDoubt:
+    """The doubt where a wrong mount may have bent the shape as well: it is one of the causes."""
+    others = doubt.likely or ((doubt.kind, doubt.stops),)
+    likely = (("mount", ()), *(one for one in others if one[0] != "mount"))
+    nothing = np.full(3, np.nan)
+    return replace(doubt, kind="open", stops=(), size=nothing, sigmas=nothing, likely=likely)
+
+
+def _causes(shape: Shape, surveyed: Array, covariance: Array) -> Iterator[_Tried]:
+    """All single causes."""
+    count = len(surveyed)
+    price = 3 * np.log(3 * count)
+    for row in range(count):
+        rest = np.delete(np.arange(count), row)
+        left = _fit(*_of(rest, shape, surveyed, covariance))[0]
+        yield _Tried("stop", (row,), left, 3 * count - 6, left + price + 2 * np.log(count))
+    for pair in combinations(range(count), 2):
+        order = np.arange(count)
+        order[list(pair)] = pair[::-1]
+        swapped = _of(order, replace(shape), surveyed, covariance)
+        left = _fit(shape, swapped[1], swapped[2])[0]
+        choice = 2 * np.log(count * (count - 1) / 2)
+        yield _Tried("exchanged", pair, left, 3 * count - 3, left + choice)
+    free = replace(shape, mount_covariance=shape.mount_covariance / _LOOSE)
+    left = _fit(free, surveyed, covariance)[0]
+    yield _Tried("mount", (), left, 3 * count - 6, left + price)
+
+
+def _size(cause: _Tried, shape: Shape, surveyed: Array, covariance: Array) -> tuple[Array, Array]:
+    """By how much the cause is off, (3,), and standard deviations."""
+    if cause.kind == "exchanged":
+        return np.full(3, np.nan), np.full(3, np.nan)
+    if cause.kind == "mount":
+        free = replace(shape, mount_covariance=shape.mount_covariance / _LOOSE)
+        _, _, mount, known = _fit(free, surveyed, covariance)
+        return mount, np.sqrt(np.diagonal(known)[-3:])
+    (row,) = cause.stops
+    rest = np.delete(np.arange(len(surveyed)), row)
+    _, frame, mount, known = _fit(*_of(rest, shape, surveyed, covariance))
+    flat = slice(3 * row, 3 * row + 3)
+    pose = shape.poses[row] + shape.by_mount[flat] @ mount
+    by_frame, by_pose = compose_jacobians(frame, pose)
+    lever = np.hstack([by_frame, by_pose @ shape.by_mount[flat]])
+    own = covariance[flat, flat] + by_pose @ shape.covariance[flat, flat] @ by_pose.T
+    spread = own + lever @ known @ lever.T
+    return wrapped(surveyed[row] - compose(frame, pose)), np.sqrt(np.diagonal(spread))
+
+
+def _of(
+    rows: Indices, shape: Shape, surveyed: Array, covariance: Array
+) -> tuple[Shape, Array, Array]:
+    """Shape and survey of some stops."""
+    flat = (3 * rows[:, None] + np.arange(3)).ravel()
+    some = replace(
+        shape,
+        poses=shape.poses[rows],
+        covariance=shape.covariance[np.ix_(flat, flat)],
+        by_mount=shape.by_mount[flat],
+    )
+    return some, surveyed[rows], covariance[np.ix_(flat, flat)]
+
+
+def _fit(shape: Shape, surveyed: Array, covariance: Array) -> tuple[float, Array, Array, Array]:
+    """Squares left, frame (3,), error of the mount (3,), and the covariance (6, 6) of both."""
+    p = len(surveyed)
+    frame, mount = compose(surveyed[0], inverse(shape.poses[0])), np.zeros(3)
+    prior = np.zeros((6, 6))
+    prior[3:, 3:] = np.linalg.inv(shape.mount_covariance)
+    for _ in range(8):
+        poses = shape.poses + (shape.by_mount @ mount).reshape(p, 3)
+        by_frame, by_pose = compose_jacobians(np.broadcast_to(frame, poses.shape), poses)
+        blocks = np.zeros((p, 3, p, 3))
+        blocks[np.arange(p), :, np.arange(p)] = by_pose
+        turned = blocks.reshape(3 * p, 3 * p)
+        lever = np.hstack([by_frame.reshape(3 * p, 3), turned @ shape.by_mount])
+        weight = np.linalg.inv(covariance + turned @ shape.covariance @ turned.T)
+        off = wrapped(surveyed - compose(frame, poses)).ravel()
+        known = np.linalg.inv(lever.T @ weight @ lever + prior)
+        step = known @ (lever.T @ weight @ off - prior[:, 3:] @ mount)
+        frame, mount = wrapped(frame + step[:3]), mount + step[3:]
+    poses = shape.poses + (shape.by_mount @ mount).reshape(p, 3)
+    off = wrapped(surveyed - compose(frame, poses)).ravel()
+    squares = float(off @ weight @ off + mount @ prior[3:, 3:] @ mount)
+    return squares, frame, mount, known
+
+
+def doubt_text(doubt: SurveyDoubt, whose: str) -> str:
+    """The doubt in words; ``whose`` is what the scans give, such as 'the drive'."""
+    x, y, theta = doubt.size * 1e3
+    sx, sy, st = doubt.sigmas * 1e3
+    off = (
+        f"{x:+.0f} mm, {y:+.0f} mm, {theta:+.1f} mrad (standard deviations "
+        f"{sx:.0f} mm, {sy:.0f} mm, {st:.1f} mrad)"
+    )
+    start = f"the surveyed poses contradict the shape that the scans give {whose}: "
+    if doubt.kind == "stop":
+        return (
+            f"{start}the surveyed pose of stop {doubt.stops[0]} is off by {off} from where the "
+            "others and the scans have it. Measure it again, or leave it out"
+        )
+    if doubt.kind == "exchanged":
+        first, second = doubt.stops
+        return (
+            f"{start}the surveyed stops {first} and {second} are exchanged, or their times or "
+            "scans are. Put them right"
+        )
+    if doubt.kind == "mount":
+        return f"{start}the mount of the laser is off by {off}. Measure it again"
+    what = " or ".join(_named(kind, stops) for kind, stops in doubt.likely[:6])
+    return f"{start}{what}; which, these stops do not say. Check them, or survey one more stop"
+
+
+def _named(kind: Kind, stops: tuple[str, ...]) -> str:
+    if kind == "mount":
+        return "the mount of the laser is wrong"
+    if kind == "exchanged":
+        return f"stops {stops[0]} and {stops[1]} are exchanged"
+    return f"stop {stops[0]} is off"
+
+
+def doubt_sizes(doubt: SurveyDoubt) -> tuple[Size, ...]:
+    """How large the doubt is, for scripts."""
+    ratio = float(np.sqrt(doubt.chi_squared / doubt.freedom))
+    contradiction_size = Size("contradiction over the stated one", ratio)
+    if doubt.kind not in {"stop", "mount"}:
+        return (contradiction_size,)
+    numbers = zip(("x", "y", "theta"), doubt.size.tolist(), ("m", "m", "rad"), strict=True)
+    return (*(Size(f"off in {name}", size, unit) for name, size, unit in numbers),
+            contradiction_size)  # fmt: skip

@@ -1,0 +1,74 @@
+"""Surveyed poses that contradict the scans: what is wrong is named, and chance is not."""
+
+import numpy as np
+import pytest
+
+from laser_gt.placing.survey_check import Shape, doubt_sizes, doubt_text, survey_doubt, with_mount
+from laser_gt.scans.planar import compose
+
+SURVEY, SCANS, MOUNT = (0.004, 0.004, 0.003), (0.002, 0.002, 0.0005), (0.001, 0.001, 0.001)
+
+
+def doubt_of(rng, stops, fault):
+    """Stops in a room, surveyed and scanned with noise; the shape is in a frame of its own."""
+    true = np.column_stack([rng.uniform(0, 8, (stops, 2)), rng.uniform(-3, 3, stops)])
+    surveyed = true + rng.standard_normal(true.shape) * SURVEY
+    mount = rng.standard_normal(3) * MOUNT
+    if fault == "mount":
+        mount += [0.04, 0.02, 0.02]
+    if fault == "stop":
+        surveyed[1] += [0.06, -0.06, 0.0]
+    if fault == "exchanged":
+        surveyed[[0, 2]] = surveyed[[2, 0]]
+    seen = compose(true, np.broadcast_to(-mount, true.shape))
+    seen = compose(np.array([3.0, 1.0, 0.7]), seen + rng.standard_normal(true.shape) * SCANS)
+    by_mount = np.zeros((stops, 3, 3))
+    cosine, sine = np.cos(seen[:, 2]), np.sin(seen[:, 2])
+    by_mount[:, 0, 0], by_mount[:, 0, 1], by_mount[:, 1, 0] = cosine, -sine, sine
+    by_mount[:, 1, 1], by_mount[:, 2, 2] = cosine, 1.0
+    shape = Shape(
+        seen,
+        np.diag(np.tile(SCANS, stops) ** 2),
+        by_mount.reshape(3 * stops, 3),
+        np.diag(MOUNT) ** 2,
+    )
+    names = [str(row) for row in range(stops)]
+    return survey_doubt(names, shape, surveyed, np.diag(np.tile(SURVEY, stops) ** 2))
+
+
+@pytest.mark.parametrize("stops", [2, 3, 10])
+def test_chance_is_accused_of_nothing(stops):
+    rng = np.random.default_rng(stops)
+    assert [doubt_of(rng, stops, "") for _ in range(200)] == 200 * [None]
+
+
+@pytest.mark.parametrize(
+    ("fault", "named"), [("stop", ("1",)), ("exchanged", ("0", "2")), ("mount", ())]
+)
+@pytest.mark.parametrize("stops", [5, 10])
+def test_one_cause_is_named_with_its_size(stops, fault, named):
+    rng = np.random.default_rng(stops)
+    found = [doubt_of(rng, stops, fault) for _ in range(40)]
+    right = [one for one in found if one.kind == fault and one.stops == named]
+    # 15 standard deviations: what is asked of all causes is 95 %.
+    assert len(right) >= 38
+    assert all(one.explained for one in right)
+    if fault != "exchanged":
+        true = {"stop": [0.06, -0.06, 0.0], "mount": [0.04, 0.02, 0.02]}[fault]
+        off = np.array([(one.size - true) / one.sigmas for one in right])
+        # 3 numbers each; 99.9 % bounds of the mean square, as of 38 independent ones.
+        assert 0.45 < np.square(off).mean() < 1.8
+
+
+def test_two_stops_do_not_say_which():
+    doubt = doubt_of(np.random.default_rng(1), 2, "stop")
+    assert doubt.kind == "open"
+    assert {kind for kind, _ in doubt.likely} >= {"stop", "mount"}
+    assert "these stops do not say" in doubt_text(doubt, "to the stops")
+    assert len(doubt_sizes(doubt)) == 1
+
+
+def test_a_bent_shape_makes_the_mount_one_of_the_causes():
+    doubt = with_mount(doubt_of(np.random.default_rng(1), 5, "stop"))
+    assert doubt.kind == "open"
+    assert doubt.likely == (("mount", ()), ("stop", ("1",)))
