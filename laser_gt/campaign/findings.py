@@ -1,6 +1,7 @@
 """What a person should read about a laser GT."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -82,8 +83,9 @@ def _survey_doubts(outcome: LaserOutcome) -> Iterator[Finding]:
         shape = shape_of(solution.graph, rows)
         doubt = survey_doubt(known.stops, shape, known.poses, known.joint)
         if doubt is not None:
-            text = doubt_text(doubt, "to the stops")
-            yield Finding("error", text, "laser", "survey_contradicts", doubt_sizes(doubt))
+            doubt = replace(doubt, assumed=bool(known.assumed))
+            text, sizes = doubt_text(doubt, "to the stops"), doubt_sizes(doubt)
+            yield Finding(doubt.severity, text, "laser", "survey_contradicts", sizes)
 
 
 def _of_solution(solution: LaserSolution) -> Iterator[Finding]:

@@ -188,6 +188,13 @@ def _surveyed_stops(
     n = len(wanted)
     covariances = known.joint.reshape(n, 3, n, 3)[range(n), :, range(n), :]
     return [
-        SurveyedStop(name, by_name[name].start - epoch, by_name[name].end - epoch, pose, spread)
+        SurveyedStop(
+            name,
+            by_name[name].start - epoch,
+            by_name[name].end - epoch,
+            pose,
+            spread,
+            name in known.assumed,
+        )
         for name, pose, spread in zip(wanted, known.poses, covariances, strict=True)
     ]

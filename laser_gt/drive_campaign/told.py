@@ -28,7 +28,8 @@ def drive_findings(outcome: DriveOutcome) -> Iterator[Finding]:
             text += f". Until then {' and '.join(left)} {many} left out"
         else:
             text += ". The drive is bent by it"
-        yield Finding("error", text, SYSTEM, "survey_contradicts", doubt_sizes(outcome.doubt))
+        sizes = doubt_sizes(outcome.doubt)
+        yield Finding(outcome.doubt.severity, text, SYSTEM, "survey_contradicts", sizes)
     placed = int(outcome.matched.sum())
     share = placed / outcome.scans
     text = f"{placed} of {outcome.scans} scans are placed by what they saw ({share:.1%})"

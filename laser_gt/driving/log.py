@@ -27,6 +27,8 @@ class SurveyedStop:
         Seconds, on the clock of the odometry.
     pose, covariance : (3,), (3, 3) arrays
         In the GTV frame.
+    assumed : bool
+        Whether nobody has said how good the survey is.
     """
 
     name: str
@@ -34,6 +36,7 @@ class SurveyedStop:
     end: float
     pose: Array
     covariance: Array
+    assumed: bool = False
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,8 @@ def held_by_stops(
     doubt = survey_doubt(names, shape, surveyed, covariance)
     if doubt is not None and (by_first.weights < 0.5).mean() > TOO_MANY:
         doubt = with_mount(doubt)
+    if doubt is not None:
+        doubt = replace(doubt, assumed=any(stop.assumed for stop in tracked.inputs.stops))
     if doubt is None or doubt.kind not in {"stop", "exchanged"}:
         return tracked, graph, solved, doubt
     if len(doubt.stops) == len(names):

@@ -12,7 +12,7 @@ from laser_gt.placing.graph import GraphSolution
 from laser_gt.scans.planar import compose, compose_jacobians, inverse, wrapped
 from laser_gt.scans.scan import Indices
 from validation.poses.angles import Array
-from validation.results import Size
+from validation.results import Severity, Size
 
 RARE = 1e-6
 """Probability of a contradiction by chance below which it is told: standard deviations that are a
@@ -79,6 +79,8 @@ class SurveyDoubt:
         Whether what the cause leaves is within chance.
     likely : tuple of (str, tuple of str)
         Where several explain it alike, these.
+    assumed : bool
+        Whether somebody has said how good the survey is, or that was assumed.
     """
 
     kind: Kind
@@ -89,6 +91,12 @@ class SurveyDoubt:
     freedom: int
     explained: bool
     likely: tuple[tuple[Kind, tuple[str, ...]], ...] = ()
+    assumed: bool = False
+
+    @property
+    def severity(self) -> Severity:
+        """An error, or a warning where it may be the assumption that is wrong."""
+        return "warning" if self.assumed else "error"
 
 
 @dataclass(frozen=True)
@@ -232,7 +240,14 @@ def _fit(shape: Shape, surveyed: Array, covariance: Array) -> tuple[float, Array
 
 
 def doubt_text(doubt: SurveyDoubt, whose: str) -> str:
-    """The doubt in words; ``whose`` is what the scans give, such as 'the drive'."""
+    """The doubt in words; ``whose`` is what the scans give, such as 'to the drive'."""
+    text = _said(doubt, whose)
+    if doubt.assumed:
+        text += ". Standard deviations of the survey are assumed: state them if they are larger"
+    return text
+
+
+def _said(doubt: SurveyDoubt, whose: str) -> str:
     x, y, theta = doubt.size * 1e3
     sx, sy, st = doubt.sigmas * 1e3
     off = (
