@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from laser_gt.driving.closing import closed
 from laser_gt.driving.graph import DriveGraph, DrivePoses, joint_covariance, solve_drive
@@ -73,12 +74,8 @@ def _shape(graph: DriveGraph, free: DriveGraph) -> tuple[Shape, Array, Array]:
     stiff = replace(free, mount_covariance=STIFF * np.eye(3))
     laser = joint_covariance(stiff, solved, max(solved.misfit, 1.0), nodes)
     count = len(nodes)
-    blocks = np.zeros((count, 3, count, 3))
-    blocks[np.arange(count), :, np.arange(count)] = by_laser
-    turned = blocks.reshape(3 * count, 3 * count)
+    turned = block_diag(*by_laser)
     by_mount = (by_back @ inverse_jacobian(mount)).reshape(3 * count, 3)
     shape = Shape(compose(poses, back), turned @ laser @ turned.T, by_mount, graph.mount_covariance)
-    stated = np.zeros((count, 3, count, 3))
-    stated[np.arange(count), :, np.arange(count)] = [one.covariance for one in graph.anchors]
     surveyed = np.array([one.pose for one in graph.anchors])
-    return shape, surveyed, stated.reshape(3 * count, 3 * count)
+    return shape, surveyed, block_diag(*(one.covariance for one in graph.anchors))

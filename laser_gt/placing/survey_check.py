@@ -6,6 +6,7 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from laser_gt.placing.graph import GraphSolution
@@ -224,9 +225,7 @@ def _fit(shape: Shape, surveyed: Array, covariance: Array) -> tuple[float, Array
     for _ in range(8):
         poses = shape.poses + (shape.by_mount @ mount).reshape(p, 3)
         by_frame, by_pose = compose_jacobians(np.broadcast_to(frame, poses.shape), poses)
-        blocks = np.zeros((p, 3, p, 3))
-        blocks[np.arange(p), :, np.arange(p)] = by_pose
-        turned = blocks.reshape(3 * p, 3 * p)
+        turned = block_diag(*by_pose)
         lever = np.hstack([by_frame.reshape(3 * p, 3), turned @ shape.by_mount])
         weight = np.linalg.inv(covariance + turned @ shape.covariance @ turned.T)
         off = wrapped(surveyed - compose(frame, poses)).ravel()
