@@ -66,12 +66,12 @@ def _without(tracked: Way, stops: tuple[str, ...] | list[str]) -> Way:
 
 def _shape(graph: DriveGraph, free: DriveGraph) -> tuple[Shape, Array, Array]:
     """The robot at the anchors of a graph as a free one has it, and its surveyed poses there."""
-    solved = solve_drive(replace(free, mount_covariance=STIFF * np.eye(3)))
+    stiff = replace(free, mount_covariance=STIFF * np.eye(3))
+    solved = solve_drive(stiff)
     nodes = np.array([one.node for one in graph.anchors], dtype=np.intp)
     mount, poses = solved.mount, solved.poses[nodes]
     back = np.broadcast_to(inverse(mount), poses.shape)
     by_laser, by_back = compose_jacobians(poses, back)
-    stiff = replace(free, mount_covariance=STIFF * np.eye(3))
     laser = joint_covariance(stiff, solved, max(solved.misfit, 1.0), nodes)
     count = len(nodes)
     turned = block_diag(*by_laser)

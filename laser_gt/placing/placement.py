@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from laser_gt.placing.graph import GraphSolution
 from laser_gt.scans.planar import CONTRADICTION, compose, compose_jacobians, inverse, wrapped
@@ -110,7 +111,7 @@ def _fitted(
     for _ in range(10):
         shape = solution.poses + (by_mount @ mount).reshape(n, 3)
         by_frame, by_pose = compose_jacobians(frames[parts], shape)
-        turned = _block_diagonal(by_pose)
+        turned = block_diag(*by_pose)
         by_frames = np.zeros((n, 3, count, 3))
         by_frames[np.arange(n), :, parts] = by_frame
         lever = np.hstack([by_frames.reshape(3 * n, 3 * count), turned @ by_mount])
@@ -128,11 +129,3 @@ def _fitted(
     joint = from_survey @ covariance @ from_survey.T + from_graph @ graph_covariance @ from_graph.T
     joint = (joint + joint.T) / 2
     return Placement(compose(frames[parts], shape), joint, frames, lever, of), mount
-
-
-def _block_diagonal(blocks: Array) -> Array:
-    """(3n, 3n) matrix of (n, 3, 3) blocks."""
-    n = len(blocks)
-    result = np.zeros((n, 3, n, 3))
-    result[np.arange(n), :, np.arange(n), :] = blocks
-    return result.reshape(3 * n, 3 * n)

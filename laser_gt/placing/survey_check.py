@@ -173,8 +173,8 @@ def _causes(shape: Shape, surveyed: Array, covariance: Array) -> Iterator[_Tried
     for pair in combinations(range(count), 2):
         order = np.arange(count)
         order[list(pair)] = pair[::-1]
-        swapped = _of(order, replace(shape), surveyed, covariance)
-        left = _fit(shape, swapped[1], swapped[2])[0]
+        _, poses, spread = _of(order, shape, surveyed, covariance)
+        left = _fit(shape, poses, spread)[0]
         choice = 2 * np.log(count * (count - 1) / 2)
         yield _Tried("exchanged", pair, left, 3 * count - 3, left + choice)
     free = replace(shape, mount_covariance=shape.mount_covariance / _LOOSE)

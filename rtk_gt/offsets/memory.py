@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky
+from scipy.linalg import block_diag, cho_solve, cholesky
 
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.noise import LEAST_SPREAD, pair_incidence
@@ -78,7 +78,7 @@ def error_model(steps: Steps, offsets: Offsets) -> ErrorModel | None:
     span = float(blocks.times[-1] - blocks.times[0])
     usual = span / len(blocks.times)
     memories = np.geomspace(SHORTEST * usual, max(LONGEST * span, 4 * usual), _MEMORIES)
-    base, _ = _restricted(blocks, _block_diagonal(blocks.white))
+    base, _ = _restricted(blocks, block_diag(*blocks.white))
     if base < min(_cost(blocks, *one)[0] for one in product(memories[::3], _SHARES[::2])):
         return None  # nothing near: white noise, as of most drives
     tried = list(product(memories, _SHARES))
@@ -137,14 +137,6 @@ def _blocks(steps: Steps, offsets: Offsets) -> _Blocks | None:
     )  # fmt: skip
 
 
-def _block_diagonal(matrices: Array) -> Array:
-    """(n p, n p) of (n, p, p)."""
-    n, p = matrices.shape[:2]
-    found = np.zeros((n, p, n, p))
-    found[np.arange(n), :, np.arange(n)] = matrices
-    return found.reshape(n * p, n * p)
-
-
 def _cost(blocks: _Blocks, memory: float, share: float) -> tuple[float, float]:
     """Twice the negative log likelihood of a memory and a share of slow errors, and the variance.
 
@@ -158,7 +150,7 @@ def _cost(blocks: _Blocks, memory: float, share: float) -> tuple[float, float]:
     kept = np.where(np.eye(n) > 0, same, other * np.exp(-lags / memory))
     slow = (flat @ flat.T).reshape(n, p, n, p) * kept[:, None, :, None]
     level = float(np.trace(blocks.white.sum(0)) / np.square(flat).sum())
-    white = _block_diagonal(blocks.white) / level
+    white = block_diag(*blocks.white) / level
     cost, variance = _restricted(blocks, share * slow.reshape(n * p, n * p) + (1 - share) * white)
     return cost, variance
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from laser_gt.placing.survey_check import Shape, doubt_sizes, doubt_text, survey_doubt, with_mount
 from laser_gt.scans.planar import compose
@@ -10,7 +11,7 @@ SURVEY, SCANS, MOUNT = (0.004, 0.004, 0.003), (0.002, 0.002, 0.0005), (0.001, 0.
 
 
 def doubt_of(rng, stops, fault):
-    """Stops in a room, surveyed and scanned with noise; the shape is in a frame of its own."""
+    """The doubt of stops surveyed and scanned with noise, in frames of their own; the true size."""
     true = np.column_stack([rng.uniform(0, 8, (stops, 2)), rng.uniform(-3, 3, stops)])
     surveyed = true + rng.standard_normal(true.shape) * SURVEY
     mount = rng.standard_normal(3) * MOUNT
@@ -33,13 +34,14 @@ def doubt_of(rng, stops, fault):
         np.diag(MOUNT) ** 2,
     )
     names = [str(row) for row in range(stops)]
-    return survey_doubt(names, shape, surveyed, np.diag(np.tile(SURVEY, stops) ** 2))
+    doubt = survey_doubt(names, shape, surveyed, np.diag(np.tile(SURVEY, stops) ** 2))
+    return doubt, mount if fault == "mount" else np.array([0.06, -0.06, 0.0])
 
 
 @pytest.mark.parametrize("stops", [2, 3, 10])
 def test_chance_is_accused_of_nothing(stops):
     rng = np.random.default_rng(stops)
-    assert [doubt_of(rng, stops, "") for _ in range(200)] == 200 * [None]
+    assert [doubt_of(rng, stops, "")[0] for _ in range(200)] == 200 * [None]
 
 
 @pytest.mark.parametrize(
@@ -49,19 +51,19 @@ def test_chance_is_accused_of_nothing(stops):
 def test_one_cause_is_named_with_its_size(stops, fault, named):
     rng = np.random.default_rng(stops)
     found = [doubt_of(rng, stops, fault) for _ in range(40)]
-    right = [one for one in found if one.kind == fault and one.stops == named]
+    right = [(one, size) for one, size in found if (one.kind, one.stops) == (fault, named)]
     # 15 standard deviations: what is asked of all causes is 95 %.
     assert len(right) >= 38
-    assert all(one.explained for one in right)
+    assert all(one.explained for one, _ in right)
     if fault != "exchanged":
-        true = {"stop": [0.06, -0.06, 0.0], "mount": [0.04, 0.02, 0.02]}[fault]
-        off = np.array([(one.size - true) / one.sigmas for one in right])
-        # 3 numbers each; 99.9 % bounds of the mean square, as of 38 independent ones.
-        assert 0.45 < np.square(off).mean() < 1.8
+        off = np.array([(one.size - true) / one.sigmas for one, true in right])
+        # Three numbers each; 99.9 % of right covariances are within.
+        low, high = chi2.ppf([5e-4, 1 - 5e-4], off.size) / off.size
+        assert low < np.square(off).mean() < high
 
 
 def test_two_stops_do_not_say_which():
-    doubt = doubt_of(np.random.default_rng(1), 2, "stop")
+    doubt, _ = doubt_of(np.random.default_rng(1), 2, "stop")
     assert doubt.kind == "open"
     assert {kind for kind, _ in doubt.likely} >= {"stop", "mount"}
     assert "these stops do not say" in doubt_text(doubt, "to the stops")
@@ -69,6 +71,6 @@ def test_two_stops_do_not_say_which():
 
 
 def test_a_bent_shape_makes_the_mount_one_of_the_causes():
-    doubt = with_mount(doubt_of(np.random.default_rng(1), 5, "stop"))
+    doubt = with_mount(doubt_of(np.random.default_rng(1), 5, "stop")[0])
     assert doubt.kind == "open"
     assert doubt.likely == (("mount", ()), ("stop", ("1",)))
