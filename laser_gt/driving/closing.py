@@ -12,7 +12,7 @@ from laser_gt.driving.places import loop_candidates, uncertainty
 from laser_gt.driving.tracking import GUESS_SIGMAS
 from laser_gt.driving.way import Way
 from laser_gt.scans.planar import between, compose, compose_jacobians, inverse
-from laser_gt.scans.scan import Sweep
+from laser_gt.scans.scan import Flags, Sweep
 from validation.poses.angles import Array
 
 BACK = (1, 2, 4)
@@ -41,8 +41,9 @@ def closed(tracked: Way, workers: int, report: Report) -> tuple[DriveGraph, Driv
         mount=tracked.mount,
         mount_covariance=np.diag(tracked.inputs.mount_sigmas**2),
         links=links,
-        steps=_steps(tracked),
+        steps=_guessed(tracked),
         anchors=_anchors(tracked),
+        motions=_motions(tracked),
     )
     graph = replace(graph, initial=_first_poses(graph))
     solved = solve_drive(graph)
@@ -52,7 +53,7 @@ def closed(tracked: Way, workers: int, report: Report) -> tuple[DriveGraph, Driv
         believed = [
             one for one, good in zip(graph.links, solved.weights > 0.5, strict=True) if good
         ]
-        sigmas = uncertainty(len(keys), believed, graph.steps)
+        sigmas = uncertainty(len(keys), believed, [*graph.steps, *graph.motions])
         asked = loop_candidates(solved.poses, sigmas, have, widest, most=2)
         if turn == 0:
             asked = [one for one in asked if one.end % 3 == 0]
@@ -76,23 +77,35 @@ def _field(sweep: Sweep) -> float:
     return min(total, 2 * np.pi)
 
 
-def _steps(tracked: Way) -> list[Link]:
-    """Motions between keyframes by odometry; where there is none, those that were tracked."""
-    keys, mount = tracked.track.keyframes, tracked.mount
-    starts, ends = keys[:-1], keys[1:]
-    times = tracked.times[keys]
-    laser = between(tracked.track.poses[starts], tracked.track.poses[ends])
-    covariances = np.tile(np.diag(GUESS_SIGMAS**2), (len(laser), 1, 1))
-    if tracked.odometer is not None:
-        robot = tracked.odometer.at(times)
-        steps = between(robot[:-1], robot[1:])
-        known = tracked.odometer.known(times[:-1]) & tracked.odometer.known(times[1:])
-        laser[known] = compose(compose(inverse(mount), steps[known]), mount)
-        carried_over = through_mount(steps, mount, tracked.odometer.covariance(steps))
-        covariances = np.where(known[:, None, None], carried_over, covariances)
+def _by_odometry(tracked: Way) -> Flags:
+    """(k-1,) whether odometry knows the motion from each keyframe to the next."""
+    times = tracked.times[tracked.track.keyframes]
+    if tracked.odometer is None:
+        return np.zeros(len(times) - 1, dtype=bool)
+    known = tracked.odometer.known(times)
+    return np.asarray(known[:-1] & known[1:])
+
+
+def _guessed(tracked: Way) -> list[Link]:
+    """Motions of the laser frame as they were tracked, where there is no odometry."""
+    keys = tracked.track.poses[tracked.track.keyframes]
+    information = np.diag(1 / GUESS_SIGMAS**2)
     return [
-        Link(number, number + 1, pose, np.linalg.inv(covariance), sure=True)
-        for number, (pose, covariance) in enumerate(zip(laser, covariances, strict=True))
+        Link(number, number + 1, between(keys[number], keys[number + 1]), information, sure=True)
+        for number in np.flatnonzero(~_by_odometry(tracked)).tolist()
+    ]
+
+
+def _motions(tracked: Way) -> list[Link]:
+    """Motions of the robot from keyframe to keyframe by odometry."""
+    if tracked.odometer is None:
+        return []
+    robot = tracked.odometer.at(tracked.times[tracked.track.keyframes])
+    steps = between(robot[:-1], robot[1:])
+    information = np.linalg.inv(tracked.odometer.covariance(steps))
+    return [
+        Link(number, number + 1, steps[number], information[number], sure=True)
+        for number in np.flatnonzero(_by_odometry(tracked)).tolist()
     ]
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import norm
 
 from laser_gt.driving.closing import BACK, through_mount
 from laser_gt.driving.graph import (
@@ -26,6 +27,7 @@ from laser_gt.scans.planar import between, compose, compose_jacobians, inverse
 from laser_gt.scans.scan import Flags, Indices
 from validation.poses.angles import Array
 from validation.poses.trajectory import Clock, Trajectory
+from validation.trajectories.clock.result import ClockEstimate
 
 AROUND = 10
 """Keyframes of the map that a sweep is placed in. A judgement: of a place that was passed several
@@ -73,6 +75,8 @@ def _outcome(
     spread = robot_covariances(laser, covariances, cross, solved.mount, known.mount)
     if not graph.anchors:
         spread[0] = np.eye(3) / HELD  # the frame is that of this pose
+    clock, delay, unsure = _clock(tracked, robot)
+    spread = spread + _by_time(tracked.times, robot, unsure)
     trajectory = Trajectory(
         "laser_drive",
         tracked.times,
@@ -82,13 +86,7 @@ def _outcome(
         clock=Clock("capture", 1 / float(np.median(np.diff(tracked.times)))),
         frame="" if graph.anchors else "own",
     )
-    clock, delay = None, tracked.delay
-    if tracked.odometer is not None and tracked.inputs.own_clock:
-        clock = clock_of(tracked.inputs, tracked.odometer, tracked.times, robot)
-        if clock.verdict == "determined":
-            trajectory, delay = trajectory.shifted(clock.delay_s), delay + clock.delay_s
-        else:  # what the way told before stands
-            clock = tracked.clock or clock
+    trajectory = trajectory.shifted(delay - tracked.delay)
     noise = (np.nan, np.nan)
     if tracked.odometer is not None:
         at_metre = tracked.odometer.covariance(np.array([[1.0, 0.0, 0.0]]))[0]
@@ -114,6 +112,29 @@ def _outcome(
     )
 
 
+def _clock(tracked: Way, robot: Array) -> tuple[ClockEstimate | None, float, float]:
+    """Clock of the scans against the odometry, their delay, and how far a stamp may be off."""
+    if tracked.odometer is None or not tracked.inputs.own_clock:
+        return None, tracked.delay, 0.0
+    found = clock_of(tracked.inputs, tracked.odometer, tracked.times, robot)
+    clock = found if found.verdict == "determined" or tracked.clock is None else tracked.clock
+    if clock.verdict != "determined":
+        return clock, tracked.delay, 0.0
+    delay = tracked.delay + (clock.delay_s if clock is found else 0.0)
+    widths = (clock.high_s - clock.low_s) / 2 / norm.ppf((1 + clock.confidence) / 2)
+    return clock, delay, float(np.hypot(widths, np.nan_to_num(clock.jitter_s)))
+
+
+def _by_time(times: Array, robot: Array, unsure: float) -> Array:
+    """(n, 3, 3) what stamps that may be off by some seconds add to the covariances of poses.
+
+    The pose at a stamp is that of another time: off by the speed times the error of the stamp.
+    """
+    track = np.column_stack([robot[:, :2], np.unwrap(robot[:, 2])])
+    speeds = np.gradient(track, times, axis=0)
+    return np.asarray(unsure**2 * speeds[:, :, None] * speeds[:, None, :])
+
+
 def _loosened(graph: DriveGraph, own: Array) -> list[Anchor]:
     """Anchors with the noise of the scan that they hold added to their own."""
     return [replace(one, covariance=one.covariance + own[one.node]) for one in graph.held]
@@ -132,7 +153,7 @@ def _places(tracked: Way, solved: DrivePoses, own: Array) -> list[Place]:
         inside = np.arange(key + 1, end)
         if not len(inside):
             continue
-        guesses, covariances = _guesses(tracked, key, inside)
+        guesses, covariances = _guesses(tracked, key, inside, solved.mount)
         around = near[node].tolist()
         covariances = covariances + own[node]
         found.append(
@@ -142,7 +163,7 @@ def _places(tracked: Way, solved: DrivePoses, own: Array) -> list[Place]:
     return found
 
 
-def _guesses(tracked: Way, key: int, inside: Indices) -> tuple[Array, Array]:
+def _guesses(tracked: Way, key: int, inside: Indices, mount: Array) -> tuple[Array, Array]:
     """Poses of sweeps seen from a keyframe before they are placed, and covariances."""
     steps = between(tracked.track.poses[key], tracked.track.poses[inside])
     if tracked.odometer is None:
@@ -150,10 +171,10 @@ def _guesses(tracked: Way, key: int, inside: Indices) -> tuple[Array, Array]:
     times = tracked.times
     robot = tracked.odometer.at(times[[key, *inside.tolist()]])
     moved = between(robot[0], robot[1:])
-    covariance = through_mount(moved, tracked.mount, tracked.odometer.covariance(moved))
+    covariance = through_mount(moved, mount, tracked.odometer.covariance(moved))
     unknown = ~tracked.odometer.known(times[inside])
     covariance[unknown] = covariance[unknown] + np.diag(GUESS_SIGMAS**2)
-    by_odometry = compose(compose(inverse(tracked.mount), moved), tracked.mount)
+    by_odometry = compose(compose(inverse(mount), moved), mount)
     return np.where(unknown[:, None], steps, by_odometry), covariance
 
 

@@ -76,9 +76,13 @@ class DriveGraph:
     links : sequence of Link
         Matches; those that are not sure may be switched off. Start and end are poses of the graph.
     steps : sequence of Link
-        Motions by odometry from each pose to the next, always believed.
+        Motions of the laser frame from a pose to the next, always believed: guesses, where there is
+        no odometry.
     anchors : sequence of Anchor
         Surveyed poses; without any the first pose of the robot is held where it is.
+    motions : sequence of Link
+        Motions of the robot by odometry from a pose to the next, always believed. With the matches
+        they tell the mount, as in the calibration of a hand against an eye.
     """
 
     initial: Array
@@ -87,6 +91,7 @@ class DriveGraph:
     links: Sequence[Link]
     steps: Sequence[Link]
     anchors: Sequence[Anchor]
+    motions: Sequence[Link] = ()
 
     @property
     def held(self) -> Sequence[Anchor]:
@@ -203,6 +208,7 @@ def _equations(
         residual, _ = terms.residuals(poses)
         information = terms.information * weight[:, None, None]
         equations.add(terms.ends, terms.jacobians(poses), information, residual)
+    _add_motions(equations, graph, poses, mount)
     nodes = np.array([one.node for one in graph.held], dtype=np.intp)
     stated = np.array([one.pose for one in graph.held])
     stated_covariances = np.array([one.covariance for one in graph.held], dtype=float)
@@ -215,6 +221,25 @@ def _equations(
     measured = np.linalg.inv(graph.mount_covariance)
     equations.add_known([n], measured, wrapped(mount - graph.mount))
     return equations
+
+
+def _add_motions(equations: Equations, graph: DriveGraph, poses: Array, mount: Array) -> None:
+    """Odometry: the robot moved by mount, motion of the laser frame, mount backwards."""
+    if not graph.motions:
+        return
+    motions, back = _Terms.of(graph.motions), inverse(mount)
+    start, end = poses[motions.ends[:, 0]], poses[motions.ends[:, 1]]
+    by_start, by_end = compose_jacobians(inverse(start), end)
+    moved = between(start, end)
+    through = compose(mount, moved)
+    to_mount, to_moved = compose_jacobians(np.broadcast_to(mount, moved.shape), moved)
+    to_through, to_back = compose_jacobians(through, np.broadcast_to(back, moved.shape))
+    by_moved = to_through @ to_moved
+    by_mount = to_through @ to_mount + to_back @ inverse_jacobian(mount)
+    jacobians = [by_moved @ by_start @ inverse_jacobian(start), by_moved @ by_end, by_mount]
+    residual = wrapped(compose(through, back) - motions.poses)
+    where = np.column_stack([motions.ends, np.full(len(moved), len(poses))])
+    equations.add(where, np.stack(jacobians, axis=1), motions.information, residual)
 
 
 def own_noise(graph: DriveGraph, believed: Flags) -> Array:

@@ -1,31 +1,42 @@
 """Where the robot was at any time, by odometry or by a trajectory, and how sure that is."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
 
 import numpy as np
+from scipy.optimize import nnls
+from scipy.stats import chi2
 
 from laser_gt.logs.motion import LONGEST, twist_between
 from laser_gt.scans.planar import between, wrapped
 from laser_gt.scans.scan import Flags
 from validation.poses.angles import Array
-from validation.statistics.robust import sigma_from_median
 
-SLIP_LENGTH, SLIP_ANGLE = 0.02, 0.02
-"""Standard deviation of odometry after a metre of way (metres; radians), and after a radian of
-turning. A judgement, that of wheels on a smooth floor; `Odometer.judged` replaces it by what the
-scans show."""
-LEAST_LENGTH, LEAST_ANGLE = 0.001, 0.0005
-"""Standard deviation of a step of odometry in metres and radians, however short: what a tick of an
-encoder is worth. A judgement."""
+FIRST_LENGTH = np.array([0.02, 0.01, 0.001]) ** 2
+FIRST_ANGLE = np.array([0.02, 0.02, 0.0005]) ** 2
+"""Variances of odometry after a metre of way, after a radian of turning, and of a step however
+short: square metres; square radians. A judgement, that of wheels on a smooth floor and of a tick of
+an encoder; `Odometer.judged` replaces them by what the scans show."""
+UNSURE = 3.0
+"""Standard deviation of these variances, in themselves, before the scans are asked: a judgement
+that counts for nothing beside a few steps, and holds a robot that never turned to something."""
+TRIMMED = 9.0
+"""Squared standard deviations from which on a step counts no more, however far it is off: slips and
+wrong matches. Of normal errors three in a thousand."""
+WITHIN = float(chi2.cdf(TRIMMED, 3) + TRIMMED * chi2.sf(TRIMMED, 1))
+"""Mean square of a normal error of standard deviation 1 that is cut off there: 0.99."""
+ROUNDS = 30
+"""Bound on the rounds of the fit of the variances, which changes by a per cent after ten."""
 HALF = 0.03
 """Half of the shortest time in seconds over which a speed is taken. A judgement: shorter, ticks of
 the encoders show; longer, a robot's change of speed."""
 
+STANDING = 0.01
+"""Metres and radians together below which a step tells nothing: a robot that stands."""
 FEWEST = 20
-"""Steps below which the noise of odometry is not judged: from twenty, a deviation by medians is
-known to a quarter of itself (1.17 / sqrt(20))."""
+"""Steps below which the noise of odometry is not judged: from twenty, a standard deviation is known
+to a sixth of itself (1 / sqrt(40))."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +49,14 @@ class Odometer:
         Seconds, increasing.
     poses : (n, 3) array
         Of the robot.
-    worse : (float, float)
-        Factors on `SLIP_LENGTH` and `SLIP_ANGLE`.
+    length, angle : (3,) array
+        Variances as `FIRST_LENGTH` and `FIRST_ANGLE`: a metre, a radian of turning, a step.
     """
 
     times: Array
     poses: Array
-    worse: tuple[float, float] = (1.0, 1.0)
+    length: Array = field(default_factory=FIRST_LENGTH.copy)
+    angle: Array = field(default_factory=FIRST_ANGLE.copy)
 
     @cached_property
     def _track(self) -> Array:
@@ -80,9 +92,8 @@ class Odometer:
 
     def covariance(self, steps: Array) -> Array:
         """(m, 3, 3) covariances of motions, (m, 3), in the frame of their start."""
-        way, turn = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
-        length = (self.worse[0] * SLIP_LENGTH) ** 2 * way + LEAST_LENGTH**2
-        angle = (self.worse[1] * SLIP_ANGLE) ** 2 * (way + turn) + LEAST_ANGLE**2
+        way = np.hypot(steps[:, 0], steps[:, 1])
+        length, angle = _shares(steps) @ self.length, _shares(steps) @ self.angle
         found = np.zeros((len(steps), 3, 3))
         found[:, 0, 0], found[:, 2, 2] = length, angle
         found[:, 1, 1] = length + angle * way**2 / 3
@@ -92,20 +103,53 @@ class Odometer:
     def judged(self, times: Array, poses: Array) -> Self:
         """The same with the noise that it shows against better poses of the robot, (m, 3).
 
-        The better poses may be in any frame. From medians, so that a few wrong ones do not count.
+        The better poses may be in any frame.
+
+        Notes
+        -----
+        What a robot slips by in turning it does not slip by on straight ways, and most ways are
+        straight: the parts of the noise are fitted to the squares of the differences, each weighted
+        by what the fit expects of it. A difference of many standard deviations is cut off.
         """
-        steps, better = (
-            between(self.at(times)[:-1], self.at(times)[1:]),
-            between(poses[:-1], poses[1:]),
-        )
-        usable = (
-            self.known(times[:-1]) & self.known(times[1:]) & (np.hypot(*better[:, :2].T) > 0.01)
-        )
+        by_odometry = self.at(times)
+        steps, better = between(by_odometry[:-1], by_odometry[1:]), between(poses[:-1], poses[1:])
+        usable = self.known(times[:-1]) & self.known(times[1:])
+        usable &= np.hypot(better[:, 0], better[:, 1]) + np.abs(better[:, 2]) > STANDING
         if usable.sum() < FEWEST:
             return self
-        off = wrapped(steps - better)[usable]
-        sigmas = np.sqrt(
-            np.diagonal(type(self)(self.times, self.poses).covariance(steps[usable]), 0, 1, 2)
+        off, shares = wrapped(steps - better)[usable], _shares(steps[usable])
+        angle = _variances(off[:, 2] ** 2, shares, FIRST_ANGLE)
+        length = _variances(
+            np.concatenate([off[:, 0], off[:, 1]]) ** 2, np.vstack([shares, shares]), FIRST_LENGTH
         )
-        x, y, theta = sigma_from_median(off / sigmas, axis=0).tolist()
-        return type(self)(self.times, self.poses, (float(np.hypot(x, y) / np.sqrt(2)), theta))
+        return replace(self, length=length, angle=angle)
+
+
+def _shares(steps: Array) -> Array:
+    """(m, 3) what the parts of the variances are multiplied by: way, turn, 1."""
+    way, turn = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    return np.column_stack([way, turn, np.ones(len(steps))])
+
+
+def _variances(squares: Array, shares: Array, first: Array) -> Array:
+    """(3,) variances whose sum by the shares, (m, 3), is what squared errors, (m,), are on average.
+
+    Notes
+    -----
+    A square has a standard deviation of root two times its expectation; squares and what the
+    variances are known to before go into one least squares, anew until it stands. The last part is
+    not below that of ``first``.
+    """
+    found = first * max(float(np.median(squares / (shares @ first))) / chi2.median(1), 1e-6)
+    for _ in range(ROUNDS):
+        expected = shares @ found
+        seen = np.minimum(squares, TRIMMED * expected) / WITHIN
+        rows = shares / expected[:, None] / np.sqrt(2)
+        held = np.diag(1 / (UNSURE * first))
+        values = np.concatenate([seen / expected / np.sqrt(2), np.full(3, 1 / UNSURE)])
+        solved, _ = nnls(np.vstack([rows, held]), values)
+        solved[2] = max(solved[2], first[2])
+        if np.allclose(solved, found, rtol=0.01):
+            return np.asarray(solved)
+        found = solved
+    return np.asarray(found)

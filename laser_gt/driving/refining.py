@@ -112,8 +112,9 @@ def _placed(job: Job) -> list[Placed]:
             gain = spread @ np.linalg.inv(spread + covariance)
             joint = gain @ covariance
             pose, spread = wrapped(pose - gain @ off), (joint + joint.T) / 2
-        else:
-            pose, spread = guess, covariance
+        else:  # where the match points elsewhere, the guess is known no better than that
+            doubt = np.outer(off, off) if np.isfinite(spread).all() else np.zeros((3, 3))
+            pose, spread = guess, covariance + doubt
         result.append(Placed(number, place.base, pose, spread, bool(good)))
     return result
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from laser_gt.driving.log import DriveInputs, Report, SurveyedStop
-from laser_gt.driving.odometer import Odometer
+from laser_gt.driving.odometer import FIRST_ANGLE, FIRST_LENGTH, Odometer
 from laser_gt.driving.sweeps import sweeps_of
 from laser_gt.driving.tracking import Track, track
 from laser_gt.scans.planar import compose, inverse
@@ -17,8 +17,9 @@ from validation.poses.trajectory import Trajectory
 from validation.trajectories.clock.estimate import estimate_clock
 from validation.trajectories.clock.result import ClockEstimate
 
-WORSE = (3.0, 3.0)
-"""How much worse than `SLIP_LENGTH` and `SLIP_ANGLE` odometry is taken for before it is judged."""
+WORSE = 9.0
+"""How much larger than `FIRST_LENGTH` and `FIRST_ANGLE` the variances of odometry are taken for
+before it is judged: three times the standard deviations."""
 SLACK = np.array([0.05, 0.05, 0.08])
 """Metres and radians that a step of odometry may be off by as long as its clock is not known: what
 a quarter of a second of braking at 1 m/s^2 and 2 rad/s^2 does to a step of 0.2 s."""
@@ -55,7 +56,9 @@ class Way:
 def tracked_way(inputs: DriveInputs, report: Report) -> Way:
     """The way by submaps; again where the clock or the motion that it shows differ from before."""
     first = next(iter(inputs.sensors.values()))
-    odometer = None if inputs.odometer is None else replace(inputs.odometer, worse=WORSE)
+    odometer = inputs.odometer
+    if odometer is not None:
+        odometer = replace(odometer, length=WORSE * FIRST_LENGTH, angle=WORSE * FIRST_ANGLE)
     motion, delay, clock = odometer, 0.0, None
     for turn in range(4):
         scans = _shifted(inputs.scans, delay)
