@@ -6,7 +6,8 @@ from types import ModuleType
 import numpy as np
 
 from laser_gt.driving.log import DriveOutcome
-from laser_gt.placing.survey_check import doubt_sizes, doubt_text
+from laser_gt.placing.mounts import mount_hint
+from laser_gt.placing.survey_check import doubt_sizes, doubt_text, off_text
 from validation.results import Figure, Finding, Section, Size, Table, Text
 
 SYSTEM = "laser_drive"
@@ -30,6 +31,7 @@ def drive_findings(outcome: DriveOutcome) -> Iterator[Finding]:
             text += ". The drive is bent by it"
         sizes = doubt_sizes(outcome.doubt)
         yield Finding(outcome.doubt.severity, text, SYSTEM, "survey_contradicts", sizes)
+    yield from _mount(outcome)
     placed = int(outcome.matched.sum())
     share = placed / outcome.scans
     text = f"{placed} of {outcome.scans} scans are placed by what they saw ({share:.1%})"
@@ -84,6 +86,23 @@ def drive_findings(outcome: DriveOutcome) -> Iterator[Finding]:
         yield Finding("note", text, SYSTEM, "drive_motion_unknown", size)
 
 
+def _mount(outcome: DriveOutcome) -> Iterator[Finding]:
+    """A stated mount that matches and odometry contradict."""
+    check = outcome.mount_check
+    if check is None or not check.contradicts:
+        return
+    values = off_text(check.difference, check.sigmas)
+    hint = mount_hint(check.stated, check.found)
+    text = (
+        f"the stated laser mount does not fit the odometry: stated less found {values}. {hint}"
+        "The drive goes on with the one found. Measure the mount anew; if it is right, the "
+        "odometry is not that of the robot frame"
+    )
+    numbers = zip(("x", "y", "theta"), check.difference.tolist(), ("m", "m", "rad"), strict=True)
+    sizes = tuple(Size(f"off in {name}", size, unit) for name, size, unit in numbers)
+    yield Finding("error", text, SYSTEM, "drive_mount", sizes)
+
+
 def _clock(outcome: DriveOutcome) -> Iterator[Finding]:
     """The delay of the scanner against the odometry."""
     clock = outcome.clock
@@ -124,6 +143,7 @@ def drive_facts(outcome: DriveOutcome) -> dict[str, object]:
         "misfit": outcome.misfit,
         "anchors": list(outcome.anchors),
         "mount": outcome.mount.tolist(),
+        "mount_contradicted": outcome.mount_check is not None and outcome.mount_check.contradicts,
         "odometry_noise": {"length_m": length, "angle_rad": angle},
         "delay_s": None if clock is None else outcome.delay_s,
         "clock": None if clock is None else clock.verdict,

@@ -19,10 +19,11 @@ from laser_gt.driving.graph import (
     robot_covariances,
 )
 from laser_gt.driving.log import DriveInputs, DriveOutcome, Report
+from laser_gt.driving.mount_check import way_with_mount
 from laser_gt.driving.refining import Place, Placed, carried, placed_sweeps
 from laser_gt.driving.surveyed_stops import held_by_stops
 from laser_gt.driving.tracking import GUESS_SIGMAS
-from laser_gt.driving.way import Way, clock_of, tracked_way
+from laser_gt.driving.way import ROUGH_STEP, Way, clock_of
 from laser_gt.scans.planar import between, compose, compose_jacobians, inverse
 from laser_gt.scans.scan import Flags, Indices
 from validation.poses.angles import Array
@@ -51,9 +52,10 @@ def solve_log(inputs: DriveInputs, workers: int, report: Report) -> DriveOutcome
     GtvalError
         If there are fewer than two scans that can be matched.
     """
-    tracked = tracked_way(inputs, report)
-    tracked, graph, solved, doubt = held_by_stops(tracked, workers, report)
-    return replace(_outcome(tracked, graph, solved, workers, report), doubt=doubt)
+    tracked, graph, solved, mount = way_with_mount(inputs, workers, report)
+    tracked, graph, solved, doubt = held_by_stops(tracked, graph, solved, workers, report)
+    outcome = _outcome(tracked, graph, solved, workers, report)
+    return replace(outcome, doubt=doubt, mount_check=mount)
 
 
 def _outcome(
@@ -119,7 +121,7 @@ def _clock(tracked: Way, robot: Array) -> tuple[ClockEstimate | None, float, flo
     found = clock_of(tracked.inputs, tracked.odometer, tracked.times, robot)
     clock = found if found.verdict == "determined" or tracked.clock is None else tracked.clock
     if clock.verdict != "determined":
-        return clock, tracked.delay, 0.0
+        return clock, tracked.delay, ROUGH_STEP / 2
     delay = tracked.delay + (clock.delay_s if clock is found else 0.0)
     widths = (clock.high_s - clock.low_s) / 2 / norm.ppf((1 + clock.confidence) / 2)
     return clock, delay, float(np.hypot(widths, np.nan_to_num(clock.jitter_s)))

@@ -309,8 +309,16 @@ def marginals(graph: DriveGraph, solved: DrivePoses, scale: float) -> Marginals:
     return Marginals((poses + np.swapaxes(poses, 1, 2)) / 2, cross, last[-3:])
 
 
+def mount_covariance(graph: DriveGraph, solved: DrivePoses, scale: float) -> Array:
+    """(3, 3) covariance of the mount, with links as `marginals` takes them."""
+    return joint_covariance(graph, solved, scale, np.array([len(solved.poses)], dtype=np.intp))
+
+
 def joint_covariance(graph: DriveGraph, solved: DrivePoses, scale: float, nodes: Indices) -> Array:
-    """(3 p, 3 p) covariance of p poses together, with links as `marginals` takes them."""
+    """(3 p, 3 p) covariance of p poses together, with links as `marginals` takes them.
+
+    The node after the last pose is the mount.
+    """
     links, steps = _Terms.of(graph.links), _Terms.of(graph.steps)
     weights = np.where(solved.weights > 0.5, 1.0, 0.0) / scale
     equations = _equations(graph, links, steps, weights, solved.poses, solved.mount)

@@ -27,15 +27,14 @@ STIFF = 1e-12
 
 
 def held_by_stops(
-    tracked: Way, workers: int, report: Report
+    tracked: Way, graph: DriveGraph, solved: DrivePoses, workers: int, report: Report
 ) -> tuple[Way, DriveGraph, DrivePoses, SurveyDoubt | None]:
-    """The drive held by its surveyed stops, without those that the others contradict.
+    """The solved drive held by its surveyed stops, without those that the others contradict.
 
     Stops that are off bend the drive until matches seem wrong. Where they contradict the shape of
     the drive, it is solved with the first of them alone, and what is wrong is looked for in that.
     A stop that is off, or two that are exchanged, are then left out if another one is left.
     """
-    graph, solved = closed(tracked, workers, report)
     if len(graph.anchors) < 2:
         return tracked, graph, solved, None
     shape, surveyed, covariance = _shape(graph, replace(graph, anchors=()))

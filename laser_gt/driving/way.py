@@ -83,7 +83,7 @@ def tracked_way(inputs: DriveInputs, report: Report) -> Way:
         if odometer is not None:
             more = 0.0
             if inputs.own_clock:
-                more = _rough_delay(odometer, times, robot) if turn == 0 else 0.0
+                more = rough_delay(odometer, times, robot) if turn == 0 else 0.0
                 if not more:
                     told = clock_of(inputs, odometer, times, robot)
                     clock = told if told.verdict == "determined" else clock
@@ -127,7 +127,7 @@ def clock_of(inputs: DriveInputs, odometer: Odometer, times: Array, robot: Array
     return estimate_clock(by_odometry, Trajectory("scanner", times, robot, epoch=inputs.epoch))
 
 
-def _rough_delay(odometer: Odometer, times: Array, robot: Array) -> float:
+def rough_delay(odometer: Odometer, times: Array, robot: Array) -> float:
     """The delay at which the odometry turns as the scans do, to a hundredth of a second.
 
     From scans that the delay has bent, the clock may not tell its own exactly; after this one it

@@ -295,3 +295,39 @@ def linear_hand_eye(robot: Array, laser: Array) -> Array:
         lambda a: solve(a)[1], bounds=(best - 0.1, best + 0.1), method="bounded"
     )
     return np.append(solve(float(found.x))[0], wrap(found.x))
+
+
+NEAR = np.array([0.03, 0.03, 0.05])
+"""Metres and radians within which a mount is another one with a slip of the pen put right. A
+judgement: twice what a tape measure and a look along the robot are off by."""
+
+
+def mount_hint(stated: Array, found: Array) -> str:
+    """A slip of the pen that makes of the mount found the one stated, in words; or nothing.
+
+    Parameters
+    ----------
+    stated, found : (3,) array
+        Laser frame in the robot frame.
+    """
+    x, y, theta = stated.tolist()
+    slips = {
+        "It was turned by half a turn": [x, y, theta + np.pi],
+        "Its angle was stated in degrees": [x, y, np.deg2rad(theta)],
+        "Its place was stated in millimetres": [x / 1e3, y / 1e3, theta],
+        "Place and angle were stated in millimetres and degrees": [
+            x / 1e3,
+            y / 1e3,
+            np.deg2rad(theta),
+        ],
+        "Its x has the wrong sign": [-x, y, theta],
+        "Its y has the wrong sign": [x, -y, theta],
+        "Its angle has the wrong sign": [x, y, -theta],
+        "Its x and y were exchanged": [y, x, theta],
+    }
+    if (np.abs(wrapped(stated - found)) < NEAR).all():
+        return ""
+    for said, meant in slips.items():
+        if (np.abs(wrapped(np.array(meant) - found)) < NEAR).all():
+            return f"{said}, it seems. "
+    return ""

@@ -246,13 +246,18 @@ def doubt_text(doubt: SurveyDoubt, whose: str) -> str:
     return text
 
 
-def _said(doubt: SurveyDoubt, whose: str) -> str:
-    x, y, theta = doubt.size * 1e3
-    sx, sy, st = doubt.sigmas * 1e3
-    off = (
+def off_text(size: Array, sigmas: Array) -> str:
+    """An error of a pose, (3,), with its standard deviations, (3,), in words."""
+    x, y, theta = size * 1e3
+    sx, sy, st = sigmas * 1e3
+    return (
         f"{x:+.0f} mm, {y:+.0f} mm, {theta:+.1f} mrad (standard deviations "
-        f"{sx:.0f} mm, {sy:.0f} mm, {st:.1f} mrad)"
+        f"{sx:.1f} mm, {sy:.1f} mm, {st:.1f} mrad)"
     )
+
+
+def _said(doubt: SurveyDoubt, whose: str) -> str:
+    off = off_text(doubt.size, doubt.sigmas)
     start = f"the surveyed poses contradict the shape that the scans give {whose}: "
     if doubt.kind == "stop":
         return (
