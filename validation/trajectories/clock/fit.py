@@ -31,6 +31,12 @@ s/s, shares, rad/s. Wide but for the last four: clocks that differ by more than 
 so are odometers that are wrong by more than 15 %."""
 FIRST_PRIOR = np.array([10.0, 10.0, 30.0, 1e3, 1e-4, 1e-6, 1e-6, 1e-9])
 """While a start is being refined: clocks and odometers as they usually are."""
+WANDER, WANDER_TURNING = (1.0, 0.5), (0.1, 1.0)
+"""What a metre of way and a radian of turning count for in the wandering of a frame: a judgement,
+an odometer that is wrong by as much in a half turn as on a way of a metre and a half; and of the
+heading of one whose wheels slip when it turns. The more likely of the two is taken."""
+IDLE = 0.05
+"""What a second counts for, without motion."""
 SETTLED = 0.1
 """Change of -2 log likelihood in one step; verdicts ask for rises of 9 and more."""
 
@@ -55,12 +61,20 @@ class Fit:
         self.offsets = rows.positions - anchors[rows.node]
         self.steps = np.diff(anchors, axis=0)
         self.base, self.bare = np.zeros(3), path
+        self.heading_wander = WANDER
         self.columns = np.zeros((len(path.times), 7))
 
     def with_rows(self, which: npt.NDArray[np.bool_]) -> "Fit":
         """The same fit to some of the rows."""
         new = Fit(self.path, self.rows.select(which), self.middle)
         new.base, new.bare, new.columns = self.base, self.bare, self.columns
+        new.heading_wander = self.heading_wander
+        return new
+
+    def wandering(self, heading: tuple[float, float]) -> "Fit":
+        """The same fit with other parts of way and turn in what the heading wanders by."""
+        new = copy(self)
+        new.heading_wander = heading
         return new
 
     def times(self, parameters: Array, rows: Rows | None = None) -> Array:
@@ -69,13 +83,18 @@ class Fit:
         return np.asarray(stamps + parameters[DELAY] + parameters[DRIFT] * (stamps - self.middle))
 
     def activity(self, delay: float) -> Array:
-        """(k-1,) motion between nodes in which a frame may wander: metres, radians, time."""
+        """(k-1, 3) motion between nodes in which a frame may wander, for place and heading."""
         own = self.path
         moved = np.hypot(*np.diff(own.positions, axis=0).T)
-        turned = 0.5 * np.abs(np.diff(own.headings))
-        along = np.concatenate([[0.0], np.cumsum(moved + turned + 0.05 * np.diff(own.times))])
-        at = np.interp(self.rows.times[self.rows.starts] + delay, own.times, along)
-        return np.asarray(np.maximum(np.diff(at), 1e-4))
+        turned, passed = np.abs(np.diff(own.headings)), IDLE * np.diff(own.times)
+        nodes = self.rows.times[self.rows.starts] + delay
+
+        def between(way: float, turn: float) -> Array:
+            along = np.concatenate([[0.0], np.cumsum(way * moved + turn * turned + passed)])
+            return np.asarray(np.maximum(np.diff(np.interp(nodes, own.times, along)), 1e-4))
+
+        place, heading = between(*WANDER), between(*self.heading_wander)
+        return np.column_stack([place, place, heading])
 
     def based(self, parameters: Array) -> "Fit":
         """The same fit with the path's systematic errors taken out once for all."""

@@ -5,11 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from validation.poses.angles import Array
+from validation.poses.angles import Array, wrap
 from validation.statistics.robust import sigma_from_median
 
 NODE = 0.4
 """Seconds that share one frame. An odometer that wanders by 5 mm in a second adds 3 mm within."""
+NODE_TURN = 0.15
+"""Radians that share one frame. Wheels that slip by 20 mrad in turning a radian add 8 mrad within:
+what counts as noise of single poses beside that is little enough to tell the two apart."""
 DELAY, DRIFT = 3, 4
 """Places of the two in the parameters: mount's x and y, its heading, delay, drift, and the
 reference's scale, turn scale and turn bias."""
@@ -62,8 +65,11 @@ class Rows:
 
     @classmethod
     def of(cls, times: Array, positions: Array, headings: Array | None) -> "Rows":
-        """Rows with nodes of `NODE` seconds."""
-        place = np.floor((times - times[0]) / NODE)
+        """Rows with nodes of `NODE` seconds, or of less in which `NODE_TURN` is turned."""
+        turned = np.zeros(len(times))
+        if headings is not None and len(times) > 1:
+            turned[1:] = np.cumsum(np.abs(wrap(np.diff(headings))))
+        place = np.floor((times - times[0]) / NODE + turned / NODE_TURN)
         starts = np.flatnonzero(np.diff(place, prepend=-1.0))
         node = np.repeat(np.arange(len(starts)), np.diff([*starts, len(times)]))
         return cls(times, positions, headings, starts, node)
@@ -136,7 +142,7 @@ def first_variances(values: Residuals, *, with_heading: bool) -> Variances:
 def link_variances(activity: Array, variances: Variances) -> Array:
     """(k-1, 3) of the frame's wandering between neighbouring nodes."""
     unit = np.array([variances.walk, variances.walk, variances.turn_walk])
-    return np.asarray(activity[:, None] * unit)
+    return np.asarray(activity * unit)
 
 
 def rotated(vectors: Array, c: Array, s: Array) -> Array:

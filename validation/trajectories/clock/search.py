@@ -6,8 +6,21 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
-from validation.trajectories.clock.fit import FIRST_PRIOR, PRIOR, Fit
-from validation.trajectories.clock.rows import DELAY, Rows, State, Variances, first_variances
+from validation.trajectories.clock.fit import (
+    FIRST_PRIOR,
+    PRIOR,
+    WANDER,
+    WANDER_TURNING,
+    Fit,
+)
+from validation.trajectories.clock.rows import (
+    DELAY,
+    Rows,
+    State,
+    Variances,
+    first_variances,
+    link_variances,
+)
 
 MARGIN = 0.3
 """Seconds by which a delay may move while it is refined: rows have support so far around."""
@@ -17,6 +30,8 @@ SEARCH_ROWS = 900
 """Poses that starts are judged by; the best has all."""
 VARIANCE_ROWS = 1500
 """Poses that variances are judged by: a standard deviation to 2 %."""
+FIRST_TRIES = 90
+"""Points at which the likelihood is asked for the most likely variances, at first."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +45,7 @@ class Candidate:
     state : State
         Where it was refined to.
     activity : array
-        Of its nodes.
+        Of its nodes, (k-1, 3).
     """
 
     fit: Fit
@@ -82,15 +97,41 @@ def refined(one: Candidate, variances: Variances | None) -> tuple[Candidate, Var
 def settled(one: Candidate, variances: Variances, with_jitter: bool) -> tuple[Candidate, Variances]:
     """The delay with its most likely variances, all rows."""
     fit, state = one.fit, one.state
-    for most in (90, 50):
+    for most in (FIRST_TRIES, 50):
         few = thinned(fit, VARIANCE_ROWS)
         sub = state if few is fit else _restarted(few, fit, state)
         activity = one.activity if few is fit else few.activity(one.delay)
         variances = few.likely_variances(sub, variances, activity, PRIOR, with_jitter, most)
+        if most == FIRST_TRIES and fit.with_heading:
+            fit, variances = _wandering(fit, few, sub, variances, with_jitter)
+            one = replace(one, activity=fit.activity(one.delay))
         state = fit.refined(state, variances, one.activity, PRIOR, 4)
         fit = fit.based(state.parameters)
         state = fit.refined(state, variances, one.activity, PRIOR, 12)
     return Candidate(fit, state, one.activity), variances
+
+
+def _wandering(
+    fit: Fit, few: Fit, state: State, variances: Variances, with_jitter: bool
+) -> tuple[Fit, Variances]:
+    """The fit whose heading wanders with turns, if that is more likely, and its variances."""
+    delay = float(state.parameters[DELAY])
+    costs, found = [], []
+    for share in (WANDER, WANDER_TURNING):
+        tried = few.wandering(share)
+        activity = tried.activity(delay)
+        if share != WANDER:
+            ratio = float(np.median(few.activity(delay)[:, 2] / activity[:, 2]))
+            turn_walk = variances.turn_walk * float(np.clip(ratio, 0.2, 5.0))
+            start = replace(variances, turn_walk=turn_walk)
+            variances = tried.likely_variances(
+                state, start, activity, PRIOR, with_jitter, FIRST_TRIES // 2
+            )
+        values = tried.residuals(state)
+        weights = tried.weights(values, variances)
+        costs.append(tried.solve(state, values, variances, weights, PRIOR, activity)[1])
+        found.append((fit.wandering(share), variances))
+    return found[int(np.argmin(costs))]
 
 
 def _restarted(few: Fit, fit: Fit, state: State) -> State:
@@ -174,8 +215,7 @@ def gap(better: Candidate, other: Candidate, variances: Variances) -> Gap:
 
 def _link_cost(one: Candidate, variances: Variances) -> float:
     values = one.fit.residuals(one.state)
-    unit = np.array([variances.walk, variances.walk, variances.turn_walk])
-    return float(np.sum(values.errors**2 / (one.activity[:, None] * unit)))
+    return float(np.sum(values.errors**2 / link_variances(one.activity, variances)))
 
 
 def rows_of(
