@@ -125,6 +125,8 @@ class Match(Shown):
         What speaks against it, and what outweighs that.
     precise : bool
         Whether it would be accepted if it is right.
+    ambiguous : bool
+        Whether a different pose agrees about as well.
     """
 
     reference: str
@@ -150,6 +152,7 @@ class Match(Shown):
     verdict: Verdict = "may be wrong"
     reasons: tuple[str, ...] = ()
     precise: bool = False
+    ambiguous: bool = False
 
     @property
     def used(self) -> bool:
@@ -191,6 +194,7 @@ def with_verdict(found: Match, limits: JudgementSettings) -> Match:
         verdict=max(verdicts, key=VERDICTS.index),
         reasons=tuple(text for _, text in remarks),
         precise=not weaknesses,
+        ambiguous=found.rival > -limits.rival_margin,
     )
 
 

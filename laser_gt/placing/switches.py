@@ -94,6 +94,8 @@ def decided(
     same. Of the matches between two parts (or across a part that knows its own ends badly), those
     that agree with each other to `TELLING` are confirmed together, and else the one that closes
     most loops, `CONFIRMING` at least: a wrong pose would have to be wrong by the same in both.
+    Two that are ambiguous may well be: among equal niches both are wrong by a niche. They confirm
+    each other not.
 
     An imprecise match far from what all together say (`CONTRADICTING`), the farthest first, is left
     to the graph of the others in the same way: along a corridor, doors that look alike a metre
@@ -213,16 +215,25 @@ def _across(
 ) -> dict[int, Match]:
     """The largest group of matches between two parts that agree with each other."""
     groups = _between_parts(part, matches, where, rows)
+    alike = {row for row in rows if matches[row].ambiguous}
     best: list[int] = []
     for edges in groups.values():
         for row, one in edges:
-            agreeing = [at for at, other in edges if at == row or _agree(part, one, other)]
+            agreeing = [
+                at
+                for at, other in edges
+                if at == row or (not {at, row} <= alike and _agree(part, one, other))
+            ]
             best = max(best, agreeing, key=len)
     if len(best) > 1:
         others = f"{len(best) - 1} other match{'es' * (len(best) > 2)}"
         text = f"confirmed by {others} between the same parts"
         return {row: _confirmed(matches[row], text) for row in best}
-    closing = {row: _loops(part, groups, one) for edges in groups.values() for row, one in edges}
+    closing = {
+        row: _loops(part, groups, (row, one), alike)
+        for edges in groups.values()
+        for row, one in edges
+    }
     row = max(closing, key=lambda at: closing[at], default=-1)
     if row < 0 or closing[row] < CONFIRMING:
         return {}
@@ -246,8 +257,13 @@ def _between_parts(
     return groups
 
 
-def _loops(part: Part, groups: Groups, one: Edge) -> int:
-    """How many third parts close a loop with a match between two, less those that do not."""
+def _loops(part: Part, groups: Groups, asked: tuple[int, Edge], alike: set[int]) -> int:
+    """How many third parts close a loop with a match between two, less those that do not.
+
+    Of a loop one match may be ambiguous, and not two: where all looks alike a metre further on,
+    two that are wrong by a metre close it.
+    """
+    row, one = asked
     first, second = (int(part.parts[stop]) for stop in (one.start, one.end))
     closed = 0
     for third in np.unique(part.parts).tolist():
@@ -255,16 +271,21 @@ def _loops(part: Part, groups: Groups, one: Edge) -> int:
             continue
         there = _directed(groups, second, third)
         back = _directed(groups, third, first)
-        told = [_closes(_round(part, (one, go, come))) for go in there for come in back]
+        told = [
+            _closes(_round(part, (one, go, come)))
+            for at, go in there
+            for by, come in back
+            if len({row, at, by} & alike) <= 1
+        ]
         telling = [squared <= CONTRADICTION for squared, tells in told if tells]
         closed += (1 if any(telling) else -1) if telling else 0
     return closed
 
 
-def _directed(groups: Groups, start: int, end: int) -> list[Edge]:
+def _directed(groups: Groups, start: int, end: int) -> list[tuple[int, Edge]]:
     """The matches from one part to another, turned where they were matched the other way."""
-    edges = [edge for _, edge in groups.get((min(start, end), max(start, end)), [])]
-    return edges if start < end else [_turned(edge) for edge in edges]
+    edges = groups.get((min(start, end), max(start, end)), [])
+    return edges if start < end else [(row, _turned(edge)) for row, edge in edges]
 
 
 def _round(part: Part, edges: Sequence[Edge]) -> list[tuple[Array, Array]]:

@@ -105,6 +105,11 @@ class Evidence:
         """
         return self.explained - self.violating + 0.5 * self.hidden
 
+    @property
+    def quality(self) -> Array:
+        """(k,) the same of the points alone that the other sensor could have seen."""
+        return (self.explained - self.violating) / np.maximum(self.overlap, 1e-9)
+
 
 def evidence(reference: Prepared, moving: Prepared, pose: Array, stride: int = 1) -> Evidence:
     """How well each pose agrees with all that both sweeps saw.
