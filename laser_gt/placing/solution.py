@@ -181,8 +181,11 @@ def _with_hanging(
             if rooted[start] != rooted[end]:
                 edge = edge_of(where, one)
                 prior = guess_deviations(trajectory, start, end, sigmas)[[0, 0, 1]] ** 2
-                widened = edge.covariance + WRONG_SHARE * np.diag(prior)
-                edges.append(Edge(start, end, edge.pose, widened, edge.noise))
+                # Of two poses that agree alike neither is taken: the guess is not biased to one.
+                pose = one.guess if one.ambiguous else edge.pose
+                share = 1.0 if one.ambiguous else WRONG_SHARE
+                widened = edge.covariance + share * np.diag(prior)
+                edges.append(Edge(start, end, pose, widened, edge.noise))
                 taken.append(one)
                 break
         else:

@@ -71,10 +71,13 @@ class Fit:
         new.heading_wander = self.heading_wander
         return new
 
-    def wandering(self, heading: tuple[float, float]) -> "Fit":
-        """The same fit with other parts of way and turn in what the heading wanders by."""
-        new = copy(self)
-        new.heading_wander = heading
+    def turning(self) -> "Fit":
+        """The same fit with a heading that wanders by turning, and nodes that end in turns."""
+        rows = self.rows
+        rows = Rows.of(rows.times, rows.positions, rows.headings, by_turn=True)
+        new = Fit(self.path, rows, self.middle)
+        new.base, new.bare, new.columns = self.base, self.bare, self.columns
+        new.heading_wander = WANDER_TURNING
         return new
 
     def times(self, parameters: Array, rows: Rows | None = None) -> Array:

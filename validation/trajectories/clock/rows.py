@@ -55,6 +55,8 @@ class Rows:
         First row of each node.
     node : (n,) array of int
         Of each row.
+    by_turn : bool
+        Whether nodes end where a turn is long, too.
     """
 
     times: Array
@@ -62,17 +64,21 @@ class Rows:
     headings: Array | None
     starts: npt.NDArray[np.intp]
     node: npt.NDArray[np.intp]
+    by_turn: bool = False
 
     @classmethod
-    def of(cls, times: Array, positions: Array, headings: Array | None) -> "Rows":
-        """Rows with nodes of `NODE` seconds, or of less in which `NODE_TURN` is turned."""
-        turned = np.zeros(len(times))
-        if headings is not None and len(times) > 1:
-            turned[1:] = np.cumsum(np.abs(wrap(np.diff(headings))))
-        place = np.floor((times - times[0]) / NODE + turned / NODE_TURN)
+    def of(
+        cls, times: Array, positions: Array, headings: Array | None, *, by_turn: bool = False
+    ) -> "Rows":
+        """Rows with nodes of `NODE` seconds; or of less, in which `NODE_TURN` is turned."""
+        place = (times - times[0]) / NODE
+        if by_turn and headings is not None:
+            turned = np.abs(wrap(np.diff(headings, prepend=headings[0])))
+            place = place + np.cumsum(turned) / NODE_TURN
+        place = np.floor(place)
         starts = np.flatnonzero(np.diff(place, prepend=-1.0))
         node = np.repeat(np.arange(len(starts)), np.diff([*starts, len(times)]))
-        return cls(times, positions, headings, starts, node)
+        return cls(times, positions, headings, starts, node, by_turn)
 
     def __len__(self) -> int:
         return len(self.times)
@@ -80,7 +86,8 @@ class Rows:
     def select(self, which: npt.NDArray[np.bool_]) -> "Rows":
         """Some of the rows."""
         headings = None if self.headings is None else self.headings[which]
-        return Rows.of(self.times[which], self.positions[which], headings)
+        times, positions = self.times[which], self.positions[which]
+        return Rows.of(times, positions, headings, by_turn=self.by_turn)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,6 @@ from validation.poses.angles import Array
 from validation.trajectories.clock.fit import (
     FIRST_PRIOR,
     PRIOR,
-    WANDER,
-    WANDER_TURNING,
     Fit,
 )
 from validation.trajectories.clock.rows import (
@@ -103,35 +101,34 @@ def settled(one: Candidate, variances: Variances, with_jitter: bool) -> tuple[Ca
         activity = one.activity if few is fit else few.activity(one.delay)
         variances = few.likely_variances(sub, variances, activity, PRIOR, with_jitter, most)
         if most == FIRST_TRIES and fit.with_heading:
-            fit, variances = _wandering(fit, few, sub, variances, with_jitter)
-            one = replace(one, activity=fit.activity(one.delay))
+            turning = _turning(few, sub, variances, with_jitter)
+            if turning is not None:
+                other = fit.turning()
+                state = _restarted(other, fit, state)
+                fit, variances = other, turning
+                one = replace(one, activity=fit.activity(one.delay))
         state = fit.refined(state, variances, one.activity, PRIOR, 4)
         fit = fit.based(state.parameters)
         state = fit.refined(state, variances, one.activity, PRIOR, 12)
     return Candidate(fit, state, one.activity), variances
 
 
-def _wandering(
-    fit: Fit, few: Fit, state: State, variances: Variances, with_jitter: bool
-) -> tuple[Fit, Variances]:
-    """The fit whose heading wanders with turns, if that is more likely, and its variances."""
+def _turning(few: Fit, state: State, variances: Variances, with_jitter: bool) -> Variances | None:
+    """The variances of a heading that wanders by turning, if that is more likely."""
+
+    def cost(fit: Fit, at: State, tried: Variances) -> float:
+        values = fit.residuals(at)
+        weights = fit.weights(values, tried)
+        return fit.solve(at, values, tried, weights, PRIOR, fit.activity(delay))[1]
+
     delay = float(state.parameters[DELAY])
-    costs, found = [], []
-    for share in (WANDER, WANDER_TURNING):
-        tried = few.wandering(share)
-        activity = tried.activity(delay)
-        if share != WANDER:
-            ratio = float(np.median(few.activity(delay)[:, 2] / activity[:, 2]))
-            turn_walk = variances.turn_walk * float(np.clip(ratio, 0.2, 5.0))
-            start = replace(variances, turn_walk=turn_walk)
-            variances = tried.likely_variances(
-                state, start, activity, PRIOR, with_jitter, FIRST_TRIES // 2
-            )
-        values = tried.residuals(state)
-        weights = tried.weights(values, variances)
-        costs.append(tried.solve(state, values, variances, weights, PRIOR, activity)[1])
-        found.append((fit.wandering(share), variances))
-    return found[int(np.argmin(costs))]
+    other = few.turning()
+    at = _restarted(other, few, state)
+    activity = other.activity(delay)
+    ratio = few.activity(delay)[:, 2].sum() / activity[:, 2].sum()
+    start = replace(variances, turn_walk=variances.turn_walk * float(ratio))
+    found = other.likely_variances(at, start, activity, PRIOR, with_jitter, FIRST_TRIES // 2)
+    return found if cost(other, at, found) < cost(few, state, variances) else None
 
 
 def _restarted(few: Fit, fit: Fit, state: State) -> State:
