@@ -20,6 +20,11 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array
 
 
+NEITHER = 10.0
+"""Factor on the variance of a guess with which it stands for an ambiguous match: the guesses are in
+the graph already, and are not to count twice."""
+
+
 @dataclass(frozen=True)
 class Gap:
     """Stops that no chain of matches joins with a surveyed stop.
@@ -183,7 +188,7 @@ def _with_hanging(
                 prior = guess_deviations(trajectory, start, end, sigmas)[[0, 0, 1]] ** 2
                 # Of two poses that agree alike neither is taken: the guess is not biased to one.
                 pose = one.guess if one.ambiguous else edge.pose
-                share = 1.0 if one.ambiguous else WRONG_SHARE
+                share = NEITHER if one.ambiguous else WRONG_SHARE
                 widened = edge.covariance + share * np.diag(prior)
                 edges.append(Edge(start, end, pose, widened, edge.noise))
                 taken.append(one)

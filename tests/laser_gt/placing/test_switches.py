@@ -160,3 +160,31 @@ def test_an_imprecise_match_that_contradicts_the_others_is_refuted_and_a_right_o
     # a single chain says nothing against it
     chain = [_match(poses, "a", "b", weak, (1.0, 0.0, 0.0), sigma=0.02), _match(poses, "b", "c")]
     assert [one.verdict for one in _decided(poses[:3], chain)] == ["imprecise", "accepted"]
+
+
+AMBIGUOUS = {"rival": -0.01}
+
+
+def test_ambiguous_matches_confirm_each_other_not_however_well_they_agree():
+    # equal niches a metre apart: all three are wrong by one niche, and agree
+    poses = _stops(6)
+    inside = [_match(poses, *pair) for group in ("abc", "def") for pair in combinations(group, 2)]
+    turned = np.array([1.0, 0.0, 0.0])
+    moved = poses.copy()
+    moved[3:, :2] += turned[:2]
+    across = [_match(moved, first, second, AMBIGUOUS) for first, second in ("ad", "be", "cf")]
+    found = _decided(poses, across + inside)
+    assert {one.verdict for one in found[:3]} == {"may be wrong"}
+    # one that nothing else could be, in agreement with them, decides
+    clear = _match(moved, "a", "e", DOUBTFUL)
+    assert {one.verdict for one in _decided(poses, [clear, *across, *inside])[:4]} == {"accepted"}
+
+
+def test_a_stop_behind_an_ambiguous_match_is_where_the_guess_has_it():
+    poses = _stops(3)
+    chain = [_match(poses, "a", "b"), _match(poses, "b", "c", AMBIGUOUS, (0.3, 0.0, 0.0))]
+    chain[1] = replace(chain[1], guess=between(poses[1], poses[2]))
+    found = _solved(poses, chain)
+    assert np.abs(found.placement.poses[2] - poses[2]).max() < 0.01
+    sigma = np.sqrt(np.diagonal(found.placement.joint)).reshape(3, 3)
+    assert sigma[2, 0] == pytest.approx(SIGMAS[0], rel=0.1)
