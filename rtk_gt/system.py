@@ -42,7 +42,7 @@ def result_of(outcome: "RtkOutcome") -> "SystemResult":
     """An outcome in the form that all systems share."""
     from rtk_gt.campaign.facts import rtk_facts
     from rtk_gt.campaign.findings import rtk_findings
-    from rtk_gt.campaign.pose_tables import vehicle_table
+    from rtk_gt.campaign.pose_tables import vehicle_table, vehicle_trajectory
     from rtk_gt.campaign.result_files import rtk_files
     from rtk_gt.campaign.sections import rtk_overview, rtk_sections
     from validation.results import SystemResult
@@ -54,6 +54,11 @@ def result_of(outcome: "RtkOutcome") -> "SystemResult":
         files=rtk_files(outcome),
         facts=rtk_facts(outcome),
         overview=rtk_overview(outcome),
+        trajectories=(
+            [vehicle_trajectory(outcome.path, outcome.settings.max_gap)]
+            if len(outcome.path) > 1
+            else []
+        ),
     )
 
 

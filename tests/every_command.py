@@ -26,6 +26,7 @@ USES = {
     "plan": "{room}",
     "report": "{room}",
     "rtk camera": "{drive} left_camera {drive}/sensors/left_camera_points.csv --lens {lens}",
+    "rtk clock": "{drive} {drive}/sensors/imu.csv",
     "rtk cloud": "{drive} left_scanner {drive}/scans/left_scanner.csv {out}.ply",
     "rtk coverage": "{drive}",
     "rtk dgps": "{drive} {drive}/sensors/consumer.nmea",

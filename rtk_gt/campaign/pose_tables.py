@@ -3,14 +3,17 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.path.composition import compose, published_composition
 from rtk_gt.path.interpolation import Interpolated
+from rtk_gt.path.orientation import rotation_rates
 from rtk_gt.path.vehicle_path import VehiclePath
 from rtk_gt.receivers.fixes import Bools
 from rtk_gt.settings import Sensor
 from validation.poses.pose_table import SPATIAL, PoseTable
+from validation.poses.trajectory import Clock, Trajectory
 
 
 def vehicle_table(
@@ -37,6 +40,29 @@ def vehicle_table(
         ),
         factor=path.shared_factor,
         provenance={"frame": str(path.frame), "published_as": "times are seconds UTC since 1970"},
+    )
+
+
+def vehicle_trajectory(path: VehiclePath, max_gap: float) -> Trajectory:
+    """The path of the vehicle as poses in time, for a comparison with what else moves.
+
+    Covariances of yaw, pitch and roll become those of a small rotation about the fixed axes.
+    """
+    epoch = int(np.floor(path.times[0]))
+    change = np.zeros((len(path), 6, 6))
+    change[:, :3, :3] = np.eye(3)
+    change[:, 3:, 3:] = rotation_rates(path.poses[:, 3:])
+    turned = Rotation.from_euler("ZYX", path.poses[:, 3:]).as_quat()
+    return Trajectory(
+        system="rtk",
+        times=path.times - epoch,
+        poses=np.column_stack([path.poses[:, :3], turned]),
+        kind="space",
+        covariances=change @ path.covariances @ np.swapaxes(change, -1, -2),
+        epoch=epoch,
+        clock=Clock(stamps="capture"),
+        longest_interval=max_gap,
+        frame=str(path.frame),
     )
 
 

@@ -82,6 +82,25 @@ def fixed_trajectory(outcome: PositionsOutcome) -> Trajectory:
     )
 
 
+def heading_trajectory(outcome: PositionsOutcome) -> Trajectory:
+    """Level positions and headings in time; positions alone where there are no headings."""
+    found = outcome.headings
+    if found is None:
+        return fixed_trajectory(outcome)
+    epoch = int(np.floor(found.times[0]))
+    kept = [0, 1, 3]
+    return Trajectory(
+        system="rtk",
+        times=found.times - epoch,
+        poses=found.poses[:, kept],
+        covariances=found.covariances[:, kept][:, :, kept],
+        epoch=epoch,
+        clock=Clock(stamps="capture"),
+        longest_interval=outcome.settings.max_gap,
+        frame=str(outcome.frame),
+    )
+
+
 def _files(outcome: PositionsOutcome) -> dict[str, str | bytes]:
     gaps = sorted(outcome.coverage.gaps, key=lambda gap: gap.start)
     rows = ([gap.start, gap.duration, gap.length] for gap in gaps)

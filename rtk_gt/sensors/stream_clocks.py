@@ -1,0 +1,110 @@
+"""Clocks of what else is on the vehicle, against the path: IMUs, odometers, any trajectory."""
+
+from pathlib import Path
+
+import numpy as np
+
+from rtk_gt.sensors.sensor_files import read_turns
+from validation.errors import GtvalError
+from validation.poses.angles import Array
+from validation.poses.trajectory import Trajectory
+from validation.trajectories.clock.estimate import Turns, estimate_clock, turn_clock
+from validation.trajectories.clock.result import ClockEstimate
+from validation.trajectories.formats.bags import MAGIC, header_stamps, topic_messages
+from validation.trajectories.formats.reading import read_trajectory
+from validation.trajectories.formats.source import Source, system_name
+
+IMU = "sensor_msgs/msg/Imu"
+
+
+def read_stream(path: Path, topic: str | None = None) -> Trajectory | Turns:
+    """What a sensor's file says of the motion: poses, positions, or headings alone.
+
+    Parameters
+    ----------
+    path : Path
+        A trajectory of any format; a table ``time,yaw,pitch,roll`` or ``time,wx,wy,wz`` of an IMU;
+        a bag with poses or with messages of an IMU.
+    topic : str, optional
+        Of a bag.
+
+    Raises
+    ------
+    GtvalError
+        If it is none of these, or has bad places.
+    """
+    name = system_name(path)
+    if _is_bag(path):
+        try:
+            return _imu_of_bag(path, name, topic)
+        except GtvalError as no_imu:
+            try:
+                return read_trajectory(path, system=name, topic=topic)
+            except GtvalError as no_poses:
+                raise GtvalError(f"{no_poses}; nor an IMU: {no_imu}") from None
+    turns = read_turns(path)
+    if turns is None:
+        return read_trajectory(path, system=name, topic=topic)
+    times, values, rates = turns
+    return turns_of(name, times, values, rates=rates)
+
+
+def turns_of(name: str, times: Array, values: Array, *, rates: bool = False) -> Turns:
+    """Headings of a source from its yaw (n,), or from its rates about the upward axis."""
+    epoch = int(np.floor(times[0]))
+    if rates:
+        return Turns.of_rates(name, times - epoch, values, epoch)
+    return Turns(name, times - epoch, np.unwrap(values), epoch)
+
+
+def stream_clock(
+    reference: Trajectory, stream: Trajectory | Turns, window: float = 60.0
+) -> ClockEstimate:
+    """What is added to a stream's stamps to get the path's time, by the clock of trajectories.
+
+    Parameters
+    ----------
+    reference : Trajectory
+        The path.
+    stream : Trajectory or Turns
+        Of one vehicle with it, in a frame and on a mount of its own.
+    window : float
+        Seconds to both sides in which the delay is sought.
+
+    Raises
+    ------
+    GtvalError
+        If the stream has headings only and the path has none, or one has fewer than three poses.
+
+    Notes
+    -----
+    Whether the z axis of a gyroscope points up or down its file does not tell: the turns do.
+    """
+    if isinstance(stream, Trajectory):
+        return estimate_clock(reference, stream, window=window)
+    return turn_clock(reference, stream, window=window)
+
+
+def _is_bag(path: Path) -> bool:
+    if path.is_dir():
+        return True
+    try:
+        with path.open("rb") as stream:
+            return stream.read(16).startswith(MAGIC)
+    except OSError:
+        return False
+
+
+def _imu_of_bag(path: Path, name: str, topic: str | None) -> Turns:
+    """Rates about z of the messages of an IMU."""
+    source = Source(path, b"")
+    _, _, messages = topic_messages(source, (IMU,), topic, "IMU messages")
+    stamps, _, _ = header_stamps(messages)
+    rates = np.array([message.angular_velocity.z for _, message in messages], dtype=float)
+    order = np.argsort(stamps, kind="stable")
+    order = order[np.diff(stamps[order], prepend=stamps.min() - 1) > 0]
+    if len(order) < 3 or not np.isfinite(rates).all():
+        raise source.error("too few rates with stamps of their own, or rates that are no numbers")
+    epoch = int(stamps.min() // 1_000_000_000)
+    times = (stamps[order] - epoch * 1_000_000_000) / 1e9
+    return Turns.of_rates(name, times, rates[order], epoch)
