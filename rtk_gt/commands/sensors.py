@@ -220,19 +220,17 @@ def camera(
 )
 @AS_JSON
 def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -> None:
-    """Compare another GPS receiver on the vehicle (NMEA or CSV) with the ground truth."""
+    """Compare another GPS receiver on the vehicle (any log) with the ground truth."""
     import numpy as np
 
     from rtk_gt.campaign.pose_tables import vehicle_trajectory
-    from rtk_gt.receivers.fix_csv import read_fix_csv
-    from rtk_gt.receivers.nmea import read_nmea
+    from rtk_gt.receivers.formats.reading import Stated, read_receiver
     from rtk_gt.sensors.characterisation import position_errors, record_trajectory
     from validation.report.terminal import print_findings, print_json, print_table
     from validation.results import Table
     from validation.trajectories.clock.tables import clock_json
 
-    read = read_fix_csv if log.suffix.lower() == ".csv" else read_nmea
-    record = read(log, log.stem)
+    record = read_receiver(log, Stated(log.stem))
     outcome = solved(campaign)
     found = along_path(outcome, record.times, log)
     result = position_errors(record, found, np.array(antenna), outcome.path)

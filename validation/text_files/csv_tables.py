@@ -9,7 +9,7 @@ unit; lengths may state theirs in the cell. Nothing is guessed: what cannot be r
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -142,7 +142,14 @@ class CsvTable:
             raise InputError(sorted(self.problems, key=lambda problem: problem.line or 0))
 
 
-def read_csv(path: Path, columns: Sequence[Column], *, max_bytes: int = MAX_BYTES) -> CsvTable:
+def read_csv(
+    path: Path,
+    columns: Sequence[Column],
+    *,
+    max_bytes: int = MAX_BYTES,
+    data: bytes | None = None,
+    renamed: Mapping[str, str] | None = None,
+) -> CsvTable:
     """The cells of a CSV file, with its bad places recorded in ``problems``.
 
     Call ``raise_problems`` on the result after adding checks of your own.
@@ -155,15 +162,22 @@ def read_csv(path: Path, columns: Sequence[Column], *, max_bytes: int = MAX_BYTE
         What is expected; further columns are ignored.
     max_bytes : int
         A larger file is refused unread.
+    data : bytes, optional
+        Contents of the file, where they were unpacked before.
+    renamed : mapping of str to str, optional
+        What headings are read as, by how they are written.
 
     Raises
     ------
     InputError
         Where nothing can be read: missing, empty, too large, not a table, columns missing.
     """
-    rows = table_rows(path, max_bytes)
+    rows = table_rows(path, max_bytes, data)
     if not rows:
         raise InputError([Problem(path, "the file is empty; expected a header line", 1)])
+    if renamed:
+        line, written = rows[0]
+        rows = [(line, [renamed.get(cell, cell) for cell in written]), *rows[1:]]
     header, units = _matched_header(path, rows, columns)
     table = CsvTable(path)
     for column in columns:

@@ -1,11 +1,11 @@
 """NMEA 0183 logs: positions of GGA, stated errors of GST, dates of RMC and ZDA.
 
 Receivers depart from the standard in ways that do no harm; each is accepted and counted:
-one-digit or lower-case checksums, missing checksums, bytes before the ``$``, empty fields. Of a
-checksum of one digit that digit is tested. A number before the ``$`` that is seconds since 1970 is
-the clock of the computer that wrote the log; it gives the date where no sentence does.
-A sentence whose checksum is wrong, or that is cut, is an error unless the caller asks for such
-sentences to be skipped, which is counted too.
+one-digit or lower-case checksums, missing checksums, bytes before the ``$``, empty fields, a
+second GGA of one time, sentences out of order. Of a checksum of one digit that digit is tested. A
+number before the ``$`` that is seconds since 1970 is the clock of the computer that wrote the log;
+it gives the date where no sentence does. Sentences whose checksum is wrong, or that are cut, are
+left out and counted where they are few; they are errors where they are many or the caller says so.
 """
 
 import re
@@ -17,15 +17,19 @@ from pathlib import Path
 
 import numpy as np
 
-from rtk_gt.receivers.error_ellipses import EllipseRecord, covariances_from_gst
 from rtk_gt.receivers.fixes import FIX_NAMES, Fixes
+from rtk_gt.receivers.formats.error_ellipses import EllipseRecord, covariances_from_gst
+from rtk_gt.receivers.formats.packed import contents
 from validation.errors import MAX_SHOWN_PROBLEMS, InputError, Problem, shown
 from validation.text_files.reading import is_utf16
-from validation.trajectories.formats.rawlog_objects import unpacked
 
-MAX_BYTES = 2_000_000_000
-"""A judgement: a day of GGA and GST at 20 Hz has 0.3 GB."""
 HALF_DAY = 43200.0
+FEW_DAMAGED = 0.05
+"""Share of the lines that may be damaged for the log to be read without them: a judgement. Serial
+lines lose one sentence in thousands; where more are gone, something else is wrong."""
+LATE = 10.0
+"""Seconds by which sentences may be out of order: networks exchange neighbours. One that goes back
+farther begins another log, or a clock was set."""
 _SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3}),([^*$]*)(?:\*([0-9A-Fa-f]{0,2}))?\s*$")
 _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?|[+-]?\.\d+")
 _TIME = re.compile(r"(\d{2})(\d{2})(\d{2}(?:\.\d*)?)")
@@ -38,35 +42,52 @@ class _Log:
     """What has been read so far."""
 
     path: Path
-    skip_damaged: bool
+    skip_damaged: bool | None
     day: float | None
     tolerated: Counter[str] = field(default_factory=Counter)
     problems: list[Problem] = field(default_factory=list)
-    rows: list[tuple[float, float, float, float, int, int, float, int, float]] = field(
+    lost: list[Problem] = field(default_factory=list)
+    lines: int = 0
+    whole: bool = True
+    rows: list[tuple[float, float, float, float, int, int, float, int, float, str]] = field(
         default_factory=list
     )
     host: float = np.nan
+    talker: str = ""
     without_fix: int = 0
     ellipses: dict[float, EllipseRecord] = field(default_factory=dict)
     last_clock: float | None = None
     dated: bool = False
 
     def bad(self, line: int, name: str, value: str, expected: str) -> None:
+        if not self.whole:  # no checksum says that it was written so
+            self.damaged(line, value, f"{name}: {expected}")
+            return
         self.problems.append(Problem(self.path, expected, line, name, value))
         if len(self.problems) > 10 * MAX_SHOWN_PROBLEMS:
             raise InputError(self.problems)
 
     def damaged(self, line: int, value: str, what: str) -> None:
         """A sentence that did not arrive whole."""
-        if self.skip_damaged:
-            self.tolerated[f"damaged sentence skipped ({what})"] += 1
-            return
+        if self.skip_damaged is not False:
+            # What differs from line to line is in the first one's message.
+            kind = re.split(r" is [0-9A-Fa-f]|: ", what)[0]
+            self.tolerated[f"damaged sentence skipped ({kind})"] += 1
         hint = "to leave such sentences out, set `skip_damaged = true` in [rtk]"
-        self.bad(line, "sentence", value, f"{what}; {hint}")
+        if len(self.lost) < 10 * MAX_SHOWN_PROBLEMS:
+            self.lost.append(Problem(self.path, f"{what}; {hint}", line, "sentence", value))
+
+    @property
+    def many_lost(self) -> bool:
+        """Whether damaged sentences are an error."""
+        if self.skip_damaged is not None:
+            return not self.skip_damaged and bool(self.lost)
+        count = sum(n for what, n in self.tolerated.items() if what.startswith("damaged"))
+        return count > FEW_DAMAGED * self.lines
 
 
 def read_nmea(
-    path: Path, receiver: str, *, day: date | None = None, skip_damaged: bool = False
+    path: Path, receiver: str, *, day: date | None = None, skip_damaged: bool | None = None
 ) -> Fixes:
     """The fixes of an NMEA log.
 
@@ -78,8 +99,9 @@ def read_nmea(
         Name for the record.
     day : date, optional
         UTC date of the first sentence, where the log has neither RMC nor ZDA.
-    skip_damaged : bool
-        Leave out sentences that are cut or whose checksum is wrong, and count them.
+    skip_damaged : bool, optional
+        Whether sentences that are cut or whose checksum is wrong are left out and counted; by
+        default where they are few.
 
     Returns
     -------
@@ -91,9 +113,21 @@ def read_nmea(
     InputError
         Naming line, field and value of every bad place.
     """
-    data = unpacked(path, MAX_BYTES)
+    data = contents(path)
     if is_utf16(data):
         raise InputError([Problem(path, "saved as UTF-16; save the file as UTF-8", 1)])
+    return nmea_fixes(path, data, receiver, day=day, skip_damaged=skip_damaged)
+
+
+def nmea_fixes(
+    path: Path,
+    data: bytes,
+    receiver: str,
+    *,
+    day: date | None = None,
+    skip_damaged: bool | None = None,
+) -> Fixes:
+    """The fixes of the contents of an NMEA log; see `read_nmea`."""
     text = data.decode("latin-1")
     start = None if day is None else datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()
     log = _Log(path, skip_damaged, start)
@@ -101,9 +135,13 @@ def read_nmea(
     log.dated = log.day is not None
     for number, line in enumerate(text.split("\n"), 1):
         if line.strip():
+            log.lines += 1
+            log.whole = True
             _read_line(log, number, line.rstrip("\r"))
+    if log.many_lost or (log.lost and not log.rows):
+        log.problems += log.lost
     if not log.rows and not log.problems:
-        log.problems.append(Problem(path, "no GGA sentence with a position in the file"))
+        log.problems.append(Problem(path, _no_position(log, text)))
     if log.problems:
         raise InputError(log.problems)
     return _fixes(log, receiver)
@@ -149,10 +187,11 @@ def _read_line(log: _Log, number: int, line: str) -> None:
             return  # a maker's own sentence
         log.damaged(number, line, "not a whole NMEA sentence")
         return
-    _, kind, body, checksum = match.groups()
+    talker, kind, body, checksum = match.groups()
     readers: dict[str, Callable[[_Log, int, list[str]], None]] = {"GGA": _gga, "GST": _gst}
     if kind not in readers or not _checksum_holds(log, number, line[start:], checksum):
         return
+    log.talker = talker
     readers[kind](log, number, body.split(","))
 
 
@@ -162,6 +201,7 @@ def _checksum_holds(log: _Log, number: int, sentence: str, checksum: str | None)
         if checksum == "" or sentence.count(",") < 8:
             log.damaged(number, sentence, "the sentence is cut")
             return False
+        log.whole = False
         log.tolerated["no checksum"] += 1
         return True
     value = 0
@@ -227,6 +267,10 @@ def _gga(log: _Log, number: int, cells: list[str]) -> None:
     time = _clock(log, number, cells[0])
     if time is None:
         return
+    if not cells[8]:
+        log.tolerated["GGA with an empty altitude left out"] += 1
+        log.without_fix += 1
+        return
     latitude = _angle(log, number, "latitude", cells[1], cells[2], "NS", 90.0)
     longitude = _angle(log, number, "longitude", cells[3], cells[4], "EW", 180.0)
     altitude = _cell(log, number, "altitude", cells[8])
@@ -239,7 +283,7 @@ def _gga(log: _Log, number: int, cells: list[str]) -> None:
     hdop = float(cells[7]) if _NUMBER.fullmatch(cells[7]) else np.nan
     height = (altitude or 0.0) + (separation or 0.0)
     place = (latitude or 0.0, longitude or 0.0, height)
-    log.rows.append((time, *place, int(kind), satellites, hdop, number, log.host))
+    log.rows.append((time, *place, int(kind), satellites, hdop, number, log.host, log.talker))
 
 
 def _angle(
@@ -304,8 +348,37 @@ def _gst(log: _Log, number: int, cells: list[str]) -> None:
     log.ellipses[time] = EllipseRecord(*numbers)
 
 
+def _no_position(log: _Log, text: str) -> str:
+    """Why a log has no position, and what to do."""
+    said = "no GGA sentence with a position in the file"
+    if log.without_fix:
+        return f"{said}: in {log.without_fix} the receiver has no fix, or writes no altitude"
+    if re.search(r"\$..(RMC|GLL)", text):
+        return f"{said}, only sentences without height (RMC, GLL): let the receiver write GGA"
+    return said
+
+
+def _in_order(log: _Log) -> list[int]:
+    """Which rows are taken, in order of time: of several of one time that of the first talker."""
+    times = np.array([row[0] for row in log.rows])
+    order = np.arange(len(times))
+    back = np.diff(times)
+    if (back < 0).any() and (back > -LATE).all():
+        log.tolerated["sentences out of order, sorted"] += int((back < 0).sum())
+        order = np.argsort(times, kind="stable")
+    taken: list[int] = []
+    for row in order.tolist():
+        if not (taken and times[row] == times[taken[-1]]):
+            taken.append(row)
+            continue
+        log.tolerated["another GGA of the same time left out"] += 1
+        if log.rows[row][-1] == log.rows[0][-1] != log.rows[taken[-1]][-1]:
+            taken[-1] = row
+    return taken
+
+
 def _fixes(log: _Log, receiver: str) -> Fixes:
-    table = np.array(log.rows, dtype=float)
+    table = np.array([log.rows[row][:-1] for row in _in_order(log)], dtype=float)
     records = [log.ellipses.get(float(time)) for time in table[:, 0]]
     covariances, notes = covariances_from_gst(records)
     without = len(log.ellipses) - sum(record is not None for record in records)
