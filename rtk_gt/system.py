@@ -34,8 +34,11 @@ class RtkSystem:
 
             return positions_result(solve_positions(campaign, progress))
         from rtk_gt.campaign.solve import solve_campaign
+        from validation.processes import give_back_memory
 
-        return result_of(solve_campaign(campaign, progress))
+        found = result_of(solve_campaign(campaign, progress))
+        give_back_memory()
+        return found
 
 
 def result_of(outcome: "RtkOutcome") -> "SystemResult":
@@ -56,10 +59,18 @@ def result_of(outcome: "RtkOutcome") -> "SystemResult":
         overview=rtk_overview(outcome),
         trajectories=(
             [vehicle_trajectory(outcome.path, outcome.settings.max_gap)]
-            if len(outcome.path) > 1
+            if len(outcome.path) > 1 and _moves_beside(outcome.campaign)
             else []
         ),
     )
+
+
+def _moves_beside(campaign: "Campaign") -> bool:
+    """Whether there is anything that the path could be compared with in time.
+
+    An hour at 20 Hz is a trajectory of 25 MB.
+    """
+    return bool(campaign.settings.published) or bool(set(campaign.extra) - {"rtk"})
 
 
 SYSTEM = RtkSystem()

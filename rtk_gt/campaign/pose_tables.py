@@ -49,16 +49,17 @@ def vehicle_trajectory(path: VehiclePath, max_gap: float) -> Trajectory:
     Covariances of yaw, pitch and roll become those of a small rotation about the fixed axes.
     """
     epoch = int(np.floor(path.times[0]))
-    change = np.zeros((len(path), 6, 6))
-    change[:, :3, :3] = np.eye(3)
-    change[:, 3:, 3:] = rotation_rates(path.poses[:, 3:])
+    covariances = path.covariances
+    rates = rotation_rates(path.poses[:, 3:])
+    covariances[:, 3:] = rates @ covariances[:, 3:]
+    covariances[:, :, 3:] = covariances[:, :, 3:] @ np.swapaxes(rates, -1, -2)
     turned = Rotation.from_euler("ZYX", path.poses[:, 3:]).as_quat()
     return Trajectory(
         system="rtk",
         times=path.times - epoch,
         poses=np.column_stack([path.poses[:, :3], turned]),
         kind="space",
-        covariances=change @ path.covariances @ np.swapaxes(change, -1, -2),
+        covariances=covariances,
         epoch=epoch,
         clock=Clock(stamps="capture"),
         longest_interval=max_gap,
@@ -68,6 +69,8 @@ def vehicle_trajectory(path: VehiclePath, max_gap: float) -> Trajectory:
 
 def sensor_tables(outcome: RtkOutcome) -> dict[str, PoseTable]:
     """The path of each sensor of campaign.toml, by its name."""
+    if not outcome.sensors:
+        return {}
     vehicle = vehicle_table(outcome.path, outcome.leaps, outcome.corrected)
     return {
         name: replace(

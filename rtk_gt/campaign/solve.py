@@ -33,6 +33,7 @@ from rtk_gt.receivers.together import check_together
 from rtk_gt.settings import RtkSettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
+from validation.processes import give_back_memory
 from validation.systems import Progress, no_progress
 
 
@@ -58,11 +59,13 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     settings, records, steps = given.settings, given.records, given.steps
     progress("offsets of the receivers", 0.3)
     check_together(records, steps, settings.simultaneous)
+    give_back_memory()
     prior = offset_prior(settings, steps.frame)
     ready = prepare(steps, settings)
     steps, jumps, model = ready.steps, ready.jumps, ready.model
     chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings), model)
     offsets, antennas = chosen.offsets, chosen.antennas
+    give_back_memory()
     noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
     progress("path", 0.5)
     good = _without_false(steps, offsets)
@@ -73,6 +76,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     if jumps is not None:
         offsets = jumps.spread(offsets)
     check_attitude(path)
+    give_back_memory()
     progress("quality of the path", 0.7)
     return RtkOutcome(
         campaign=campaign,

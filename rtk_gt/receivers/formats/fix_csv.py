@@ -67,6 +67,8 @@ MAKERS = ("fix_type", "fixtype", "status", "solution", "solution_status", "fix_s
 """Names under which makers number kinds each in a way of their own: words only are read there."""
 SEA = {"altitude", "alt", "elevation"}
 MAX_BYTES = 500_000_000
+HEAD = 20_000
+"""Bytes of a file among which its header is looked for."""
 LATEST = 4_102_444_800.0
 """Seconds from 1970 to 2100."""
 NO_TIME = "not a time; expected seconds (not milliseconds) since 1970, or ISO 8601"
@@ -136,7 +138,9 @@ def csv_metres(path: Path, data: bytes, receiver: str) -> tuple[Fixes, Array]:
 def _table(path: Path, data: bytes, places: Sequence[Column]) -> tuple[CsvTable, dict[str, str]]:
     """The table, and the name under which each column was written."""
     columns = [Column("time"), *places, *QUALITY]
-    rows = table_rows(path, MAX_BYTES, data)
+    # The header is in the first lines; a sheet, which is an archive, is read as a whole.
+    first = data if data.startswith(b"PK") else data[:HEAD].rpartition(b"\n")[0] or data
+    rows = table_rows(path, MAX_BYTES, first)
     header = [cell.strip() for cell in rows[0][1]] if rows else []
     renamed, written = {}, {}
     alike = {cell: split_heading(cell.lstrip("# ")) for cell in header}
@@ -173,12 +177,14 @@ def _record(table: CsvTable, written: Mapping[str, str], receiver: str, places: 
     n = len(table)
     if written.get("height") in SEA and not np.isfinite(table.numbers["separation"]).any():
         notes.append(f"The column {written['height']} is taken as height above the ellipsoid.")
-    covariances = np.full((n, 3, 3), np.nan)
+    covariances = np.broadcast_to(np.nan, (n, 3, 3))
     sigmas = np.column_stack(
         [np.array(table.numbers[f"sigma_{axis}"]) for axis in ("east", "north", "up")]
     )
     stated = np.isfinite(sigmas).all(1)
-    covariances[stated] = sigmas[stated][:, :, None] ** 2 * np.eye(3)
+    if stated.any():
+        covariances = covariances.copy()
+        covariances[stated] = sigmas[stated][:, :, None] ** 2 * np.eye(3)
     return Fixes(
         receiver=receiver,
         times=times,
