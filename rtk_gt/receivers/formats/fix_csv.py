@@ -167,6 +167,9 @@ def _table(path: Path, data: bytes, places: Sequence[Column]) -> tuple[CsvTable,
     if given is not None:
         renamed = {cell: renamed[cell.strip()] for cell in given if cell.strip() in renamed}
     table = read_csv(path, columns, max_bytes=MAX_BYTES, data=data, renamed=renamed)
+    if len(table) == 0:
+        table.raise_problems()
+        raise InputError([Problem(path, "no rows below the header; was the file cut?", 1)])
     return table, written
 
 

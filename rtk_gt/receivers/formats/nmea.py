@@ -9,9 +9,7 @@ left out and counted where they are few; they are errors where they are many or 
 """
 
 import re
-from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
 from pathlib import Path
 
@@ -19,71 +17,21 @@ import numpy as np
 
 from rtk_gt.receivers.fixes import FIX_NAMES, Fixes
 from rtk_gt.receivers.formats.error_ellipses import EllipseRecord, covariances_from_gst
+from rtk_gt.receivers.formats.nmea_log import STANDS, NmeaLog, above_sea, in_order
 from rtk_gt.receivers.formats.packed import contents
-from validation.errors import MAX_SHOWN_PROBLEMS, InputError, Problem, shown
+from validation.errors import InputError, Problem, shown
 from validation.text_files.reading import is_utf16
 
 HALF_DAY = 43200.0
-FEW_DAMAGED = 0.05
-"""Share of the lines that may be damaged for the log to be read without them: a judgement. Serial
-lines lose one sentence in thousands; where more are gone, something else is wrong."""
-LATE = 10.0
-"""Seconds by which sentences may be out of order: networks exchange neighbours. One that goes back
-farther begins another log, or a clock was set."""
+NO_GEOID = (
+    "GGA without geoid separation: its altitudes, above the sea or not, are taken as heights above "
+    "the ellipsoid: between receivers an offset, on the Earth an error of tens of metres."
+)
 _SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3}),([^*$]*)(?:\*([0-9A-Fa-f]{0,2}))?\s*$")
 _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?|[+-]?\.\d+")
 _TIME = re.compile(r"(\d{2})(\d{2})(\d{2}(?:\.\d*)?)")
 _HOST = re.compile(r"\s*(\d{9,10}(?:\.\d+)?)\s*[,;]?\s*$")
 _DATED = re.compile(r"\$..(?:RMC,([^,]*),(?:[^,]*,){7}(\d{6})|ZDA,([^,]*),(\d\d,\d\d,\d{4}))")
-
-
-@dataclass
-class _Log:
-    """What has been read so far."""
-
-    path: Path
-    skip_damaged: bool | None
-    day: float | None
-    tolerated: Counter[str] = field(default_factory=Counter)
-    problems: list[Problem] = field(default_factory=list)
-    lost: list[Problem] = field(default_factory=list)
-    lines: int = 0
-    whole: bool = True
-    rows: list[tuple[float, float, float, float, int, int, float, int, float, str]] = field(
-        default_factory=list
-    )
-    host: float = np.nan
-    talker: str = ""
-    without_fix: int = 0
-    ellipses: dict[float, EllipseRecord] = field(default_factory=dict)
-    last_clock: float | None = None
-    dated: bool = False
-
-    def bad(self, line: int, name: str, value: str, expected: str) -> None:
-        if not self.whole:  # no checksum says that it was written so
-            self.damaged(line, value, f"{name}: {expected}")
-            return
-        self.problems.append(Problem(self.path, expected, line, name, value))
-        if len(self.problems) > 10 * MAX_SHOWN_PROBLEMS:
-            raise InputError(self.problems)
-
-    def damaged(self, line: int, value: str, what: str) -> None:
-        """A sentence that did not arrive whole."""
-        if self.skip_damaged is not False:
-            # What differs from line to line is in the first one's message.
-            kind = re.split(r" is [0-9A-Fa-f]|: ", what)[0]
-            self.tolerated[f"damaged sentence skipped ({kind})"] += 1
-        hint = "to leave such sentences out, set `skip_damaged = true` in [rtk]"
-        if len(self.lost) < 10 * MAX_SHOWN_PROBLEMS:
-            self.lost.append(Problem(self.path, f"{what}; {hint}", line, "sentence", value))
-
-    @property
-    def many_lost(self) -> bool:
-        """Whether damaged sentences are an error."""
-        if self.skip_damaged is not None:
-            return not self.skip_damaged and bool(self.lost)
-        count = sum(n for what, n in self.tolerated.items() if what.startswith("damaged"))
-        return count > FEW_DAMAGED * self.lines
 
 
 def read_nmea(
@@ -129,8 +77,10 @@ def nmea_fixes(
 ) -> Fixes:
     """The fixes of the contents of an NMEA log; see `read_nmea`."""
     text = data.decode("latin-1")
+    if "\n" not in text:
+        text = text.replace("\r", "\n")
     start = None if day is None else datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()
-    log = _Log(path, skip_damaged, start)
+    log = NmeaLog(path, skip_damaged, start)
     log.day, log.last_clock = (start, None) if start is not None else _first_date(text)
     log.dated = log.day is not None
     for number, line in enumerate(text.split("\n"), 1):
@@ -138,6 +88,9 @@ def nmea_fixes(
             log.lines += 1
             log.whole = True
             _read_line(log, number, line.rstrip("\r"))
+    if not log.sentences and log.lost:
+        said = "no whole NMEA sentence in the file; name the receiver's log, or set its format"
+        raise InputError([Problem(path, said, log.lost[0].line, "line", log.lost[0].value)])
     if log.many_lost or (log.lost and not log.rows):
         log.problems += log.lost
     if not log.rows and not log.problems:
@@ -169,7 +122,7 @@ def _seconds(clock: re.Match[str]) -> float:
     return 3600 * int(clock[1]) + 60 * int(clock[2]) + float(clock[3])
 
 
-def _read_line(log: _Log, number: int, line: str) -> None:
+def _read_line(log: NmeaLog, number: int, line: str) -> None:
     """Add what one line says."""
     start = line.find("$")
     if start < 0:
@@ -187,15 +140,16 @@ def _read_line(log: _Log, number: int, line: str) -> None:
             return  # a maker's own sentence
         log.damaged(number, line, "not a whole NMEA sentence")
         return
+    log.sentences += 1
     talker, kind, body, checksum = match.groups()
-    readers: dict[str, Callable[[_Log, int, list[str]], None]] = {"GGA": _gga, "GST": _gst}
+    readers: dict[str, Callable[[NmeaLog, int, list[str]], None]] = {"GGA": _gga, "GST": _gst}
     if kind not in readers or not _checksum_holds(log, number, line[start:], checksum):
         return
     log.talker = talker
     readers[kind](log, number, body.split(","))
 
 
-def _checksum_holds(log: _Log, number: int, sentence: str, checksum: str | None) -> bool:
+def _checksum_holds(log: NmeaLog, number: int, sentence: str, checksum: str | None) -> bool:
     """Whether the sentence arrived as sent, as far as its checksum tells."""
     if not checksum:
         if checksum == "" or sentence.count(",") < 8:
@@ -220,7 +174,7 @@ def _checksum_holds(log: _Log, number: int, sentence: str, checksum: str | None)
     return True
 
 
-def _clock(log: _Log, number: int, cell: str, *, of_errors: bool = False) -> float | None:
+def _clock(log: NmeaLog, number: int, cell: str, *, of_errors: bool = False) -> float | None:
     """Seconds since 1970 of a time of day.
 
     Midnight passes where the clock falls by half a day. Where it rises by half a day midnight was
@@ -250,7 +204,7 @@ def _day_of_host(host: float, clock: float) -> float:
     return 0.0 if np.isnan(host) else 86400.0 * round((host - clock) / 86400.0)
 
 
-def _gga(log: _Log, number: int, cells: list[str]) -> None:
+def _gga(log: NmeaLog, number: int, cells: list[str]) -> None:
     """One position; without a fix its cells may be empty."""
     if not 12 <= len(cells) <= 14:
         comma = " (a decimal comma?)" if len(cells) > 14 else ""
@@ -265,29 +219,39 @@ def _gga(log: _Log, number: int, cells: list[str]) -> None:
         log.without_fix += 1
         return
     time = _clock(log, number, cells[0])
-    if time is None:
-        return
-    if not cells[8]:
+    if time is not None and not cells[8]:
         log.tolerated["GGA with an empty altitude left out"] += 1
         log.without_fix += 1
         return
+    place = None if time is None else _place(log, number, cells)
+    if time is None or place is None:
+        return
+    satellites = int(cells[6]) if cells[6].isdigit() else -1
+    hdop = float(cells[7]) if _NUMBER.fullmatch(cells[7]) else np.nan
+    log.rows.append((time, *place, int(kind), satellites, hdop, number, log.host, log.talker))
+
+
+def _place(log: NmeaLog, number: int, cells: list[str]) -> tuple[float, float, float] | None:
+    """Latitude and longitude in radians, and height; None after recording what is bad."""
+    for name, cell in (("altitude", cells[9]), ("geoid separation", cells[11])):
+        if cell not in {"M", "m", ""}:
+            log.bad(number, f"unit of the {name}", cell, "not metres; set the receiver to M")
+            return None
     latitude = _angle(log, number, "latitude", cells[1], cells[2], "NS", 90.0)
     longitude = _angle(log, number, "longitude", cells[3], cells[4], "EW", 180.0)
     altitude = _cell(log, number, "altitude", cells[8])
     separation = _cell(log, number, "geoid separation", cells[10] or "0")
-    if not cells[10]:
-        log.tolerated["no geoid separation: the altitude is taken as ellipsoidal height"] += 1
-    if None in {latitude, longitude, altitude, separation}:
-        return
-    satellites = int(cells[6]) if cells[6].isdigit() else -1
-    hdop = float(cells[7]) if _NUMBER.fullmatch(cells[7]) else np.nan
-    height = (altitude or 0.0) + (separation or 0.0)
-    place = (latitude or 0.0, longitude or 0.0, height)
-    log.rows.append((time, *place, int(kind), satellites, hdop, number, log.host, log.talker))
+    if latitude is None or longitude is None or altitude is None or separation is None:
+        return None
+    if cells[10]:
+        log.geoid.append(separation)
+    else:
+        log.without_geoid.append(len(log.rows))
+    return latitude, longitude, altitude + separation
 
 
 def _angle(
-    log: _Log, number: int, name: str, cell: str, side: str, sides: str, largest: float
+    log: NmeaLog, number: int, name: str, cell: str, side: str, sides: str, largest: float
 ) -> float | None:
     """Radians of an angle written as dddmm.mmmm with its hemisphere."""
     digits = len(str(int(largest)))  # 2 for latitude, 3 for longitude
@@ -318,7 +282,7 @@ def _beyond(cell: str, digits: int, minutes: float, largest: float) -> str:
     return f"out of range; expected up to {largest:g} degrees"
 
 
-def _cell(log: _Log, number: int, name: str, cell: str) -> float | None:
+def _cell(log: NmeaLog, number: int, name: str, cell: str) -> float | None:
     """A number, or None after recording that it is none."""
     if _NUMBER.fullmatch(cell) is None:
         log.bad(number, name, cell, "not a number")
@@ -326,7 +290,7 @@ def _cell(log: _Log, number: int, name: str, cell: str) -> float | None:
     return float(cell)
 
 
-def _gst(log: _Log, number: int, cells: list[str]) -> None:
+def _gst(log: NmeaLog, number: int, cells: list[str]) -> None:
     """Stated errors, kept by their time until all positions are known."""
     if len(cells) != 8:
         log.bad(number, "GST", ",".join(cells), f"{len(cells)} fields, expected 8")
@@ -348,7 +312,7 @@ def _gst(log: _Log, number: int, cells: list[str]) -> None:
     log.ellipses[time] = EllipseRecord(*numbers)
 
 
-def _no_position(log: _Log, text: str) -> str:
+def _no_position(log: NmeaLog, text: str) -> str:
     """Why a log has no position, and what to do."""
     said = "no GGA sentence with a position in the file"
     if log.without_fix:
@@ -358,27 +322,15 @@ def _no_position(log: _Log, text: str) -> str:
     return said
 
 
-def _in_order(log: _Log) -> list[int]:
-    """Which rows are taken, in order of time: of several of one time that of the first talker."""
-    times = np.array([row[0] for row in log.rows])
-    order = np.arange(len(times))
-    back = np.diff(times)
-    if (back < 0).any() and (back > -LATE).all():
-        log.tolerated["sentences out of order, sorted"] += int((back < 0).sum())
-        order = np.argsort(times, kind="stable")
-    taken: list[int] = []
-    for row in order.tolist():
-        if not (taken and times[row] == times[taken[-1]]):
-            taken.append(row)
-            continue
-        log.tolerated["another GGA of the same time left out"] += 1
-        if log.rows[row][-1] == log.rows[0][-1] != log.rows[taken[-1]][-1]:
-            taken[-1] = row
-    return taken
-
-
-def _fixes(log: _Log, receiver: str) -> Fixes:
-    table = np.array([log.rows[row][:-1] for row in _in_order(log)], dtype=float)
+def _fixes(log: NmeaLog, receiver: str) -> Fixes:
+    order = in_order(log)
+    if len(order) < STANDS * len(log.rows):
+        row = log.rows[1]
+        said = f"{len(log.rows)} positions at {len(order)} times: the receiver's clock stands still"
+        raise InputError([Problem(log.path, said, row[7], "time", f"{row[0] % 86400:.2f} s")])
+    above = above_sea(log)
+    table = np.array([log.rows[row][:-1] for row in order], dtype=float)
+    table[:, 3] += above[order]
     records = [log.ellipses.get(float(time)) for time in table[:, 0]]
     covariances, notes = covariances_from_gst(records)
     without = len(log.ellipses) - sum(record is not None for record in records)
@@ -388,6 +340,8 @@ def _fixes(log: _Log, receiver: str) -> Fixes:
         notes = (*notes, "The log has no date (RMC, ZDA); it is that of the computer's clock.")
     elif not log.dated:
         notes = (*notes, "The log has no date (RMC, ZDA); days are counted from 1970-01-01.")
+    if log.without_geoid and not log.geoid:
+        notes = (*notes, NO_GEOID)
     skipped = sum(n for what, n in log.tolerated.items() if what.startswith("damaged"))
     if skipped:
         notes = (*notes, f"{shown(log.path.name)}: {skipped} damaged sentences were left out.")

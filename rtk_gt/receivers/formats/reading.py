@@ -12,6 +12,7 @@ from rtk_gt.receivers.baselines import Baselines
 from rtk_gt.receivers.fixes import Fixes
 from rtk_gt.receivers.formats.bags import bag_fixes
 from rtk_gt.receivers.formats.fix_csv import csv_fixes, csv_metres
+from rtk_gt.receivers.formats.foreign import foreign
 from rtk_gt.receivers.formats.gpx import gpx_fixes
 from rtk_gt.receivers.formats.nmea import nmea_fixes
 from rtk_gt.receivers.formats.novatel import LOGS, novatel_fixes
@@ -22,7 +23,7 @@ from rtk_gt.receivers.formats.ubx import SYNC, ubx_baselines, ubx_fixes
 from rtk_gt.receivers.utm import geodetic_of_utm
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.earth_frames import LocalFrame
-from validation.trajectories.formats.bags import MAGIC
+from validation.trajectories.formats.bags import MAGIC, bag_fault
 from validation.trajectories.formats.rawlog_objects import is_rawlog
 
 FORMATS = ("nmea", "rtklib", "rawlog", "csv", "ubx", "gpx", "novatel", "bag")
@@ -134,6 +135,9 @@ def read_baselines(path: Path, stated: Stated) -> Baselines:
 def _told(path: Path, stated: Stated) -> tuple[str, bytes]:
     """The kind of a file, and its contents; of bags none, as their reader opens them again."""
     if path.is_dir():
+        if bag_fault(path, b""):
+            said = "a folder, and no bag (it has no metadata.yaml); name the file in it"
+            raise InputError([Problem(path, said)])
         return "bag", b""
     try:
         with path.open("rb") as stream:
@@ -143,7 +147,12 @@ def _told(path: Path, stated: Stated) -> tuple[str, bytes]:
     if head.startswith(MAGIC[:2]) or stated.form == "bag":
         return "bag", b""
     data = contents(path)
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):  # PowerShell writes so what it redirects
+        data = data.decode("utf-16", errors="replace").encode()
     form = stated.form if stated.form != "auto" else form_of(path, data)
+    stranger = foreign(data) if form not in {"gpx", "ubx", "rawlog"} else None
+    if stranger is not None:
+        raise InputError([Problem(path, f"this is {stranger}", 1)])
     if form is None:
         said = (
             "a kind of file that neither its content nor its name tells; set format to one of "

@@ -83,6 +83,9 @@ def _solutions(path: Path, data: bytes) -> tuple[str, Array, tuple[str, ...]]:
     kind, utc, notes = _header(path, lines)
     problems: list[Problem] = []
     rows: list[Array] = []
+    if lines and not data.endswith(b"\n") and len(lines[-1].split()) < 13 and len(lines) > 2:
+        notes = (*notes, "The last line is cut and left out.")
+        lines = lines[:-1]
     for number, line in enumerate(lines, 1):
         if line.startswith("%") or not line.strip():
             continue
