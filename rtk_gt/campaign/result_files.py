@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from rtk_gt.campaign.lasting_findings import jump_rows
+from rtk_gt.campaign.lasting_findings import JUMP_COLUMNS, jump_rows
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.campaign.pose_tables import sensor_tables
 from rtk_gt.offsets.estimate import distance_names
@@ -30,9 +30,7 @@ def rtk_files(outcome: RtkOutcome) -> dict[str, Content]:
         "rtk_places.csv": _places(outcome),
     }
     if outcome.lasting:
-        header = ["receivers", "start", "end", "east", "north", "up"]
-        header += ["sigma_east", "sigma_north", "sigma_up", "gain"]
-        files["rtk_jumps.csv"] = csv_text(header, jump_rows(outcome))
+        files["rtk_jumps.csv"] = csv_text(JUMP_COLUMNS, jump_rows(outcome))
     for name, table in sensor_tables(outcome).items():
         files[f"sensor_path_{name}.csv"] = to_csv(table)
         files[f"sensor_path_{name}.tum"] = to_tum(table)

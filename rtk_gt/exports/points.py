@@ -142,6 +142,7 @@ def _of_positions(campaign: Campaign, path: Path) -> Points:
         Column("satellites", "number", blank=True),
         Column("hdop", "number", blank=True),
         *_VARIANCES,
+        Column("remark", required=False, blank=True),
     ]
     table = read_csv(path, columns, max_bytes=_MAX_BYTES)
     table.raise_problems()
@@ -151,7 +152,7 @@ def _of_positions(campaign: Campaign, path: Path) -> Points:
         number["time"],
         np.column_stack([number["latitude"], number["longitude"], number["height"]]),
         tuple(table.text["fix"]),
-        ("",) * len(table),
+        tuple(table.text["remark"]),
         number["satellites"],
         number["hdop"],
         *_sigmas(number),

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from rtk_gt.campaign.lasting_findings import JUMP_COLUMNS, jump_rows
 from rtk_gt.positions.findings import positions_findings
 from rtk_gt.positions.outcome import PositionsOutcome
 from rtk_gt.positions.sections import positions_overview, positions_sections
@@ -10,6 +11,7 @@ from validation.poses.pose_table import SPATIAL, PoseTable
 from validation.poses.trajectory import Clock, Trajectory
 from validation.results import SystemResult
 from validation.text_files.csv_text import csv_text
+from validation.text_files.writing import Content
 
 POSITION = SPATIAL[:3]
 
@@ -39,7 +41,11 @@ def fixed_table(outcome: PositionsOutcome) -> PoseTable:
         poses=outcome.positions[rows],
         covariances=outcome.covariances[rows],
         components=POSITION,
-        sources=("RTK fixed",) * int(rows.sum()),
+        sources=tuple(
+            f"RTK fixed{', ' if said else ''}{said}"
+            for said, good in zip(outcome.remarks, rows, strict=True)
+            if good
+        ),
         provenance={
             "frame": str(outcome.frame), "published_as": "times are seconds UTC since 1970",
         },
@@ -101,22 +107,25 @@ def heading_trajectory(outcome: PositionsOutcome) -> Trajectory:
     )
 
 
-def _files(outcome: PositionsOutcome) -> dict[str, str | bytes]:
+def _files(outcome: PositionsOutcome) -> dict[str, Content]:
     gaps = sorted(outcome.coverage.gaps, key=lambda gap: gap.start)
     rows = ([gap.start, gap.duration, gap.length] for gap in gaps)
-    return {
+    files: dict[str, Content] = {
         "rtk_positions.csv": _all_positions(outcome),
         "rtk_gaps.csv": csv_text(["start", "duration", "length"], rows),
     }
+    if outcome.lasting:
+        files["rtk_jumps.csv"] = csv_text(JUMP_COLUMNS, jump_rows(outcome))
+    return files
 
 
 def _all_positions(outcome: PositionsOutcome) -> str:
     """Each fix with its kind, covariance, satellites and place on the Earth."""
     record = outcome.record
     header = ["time", "x", "y", "z", "xx", "xy", "xz", "yy", "yz", "zz", "fix"]
-    header += ["satellites", "hdop", "latitude", "longitude", "height"]
+    header += ["satellites", "hdop", "latitude", "longitude", "height", "remark"]
     upper = outcome.covariances[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    degrees = np.degrees(record.geodetic[:, :2])
+    degrees, remarks = np.degrees(record.geodetic[:, :2]), outcome.remarks
     rows = (
         [
             float(record.times[k]),
@@ -127,6 +136,7 @@ def _all_positions(outcome: PositionsOutcome) -> str:
             "" if np.isnan(record.hdop[k]) else float(record.hdop[k]),
             *degrees[k].tolist(),
             float(record.geodetic[k, 2]),
+            remarks[k],
         ]
         for k in range(len(record))
     )
@@ -140,7 +150,8 @@ def _facts(outcome: PositionsOutcome) -> dict[str, object]:
         "frame": str(outcome.frame),
         "receiver": outcome.record.receiver,
         "epochs": outcome.record.epochs,
-        "fixed": int(outcome.fixed.sum()),
+        "fixed": int(outcome.record.fixed.sum()),
+        "left_out": int((outcome.record.fixed & outcome.left_out).sum()),
         "share_of_epochs": outcome.fixed_share,
         "share_of_time": found.share_of_time,
         "share_of_length": found.share_of_length,
@@ -148,6 +159,16 @@ def _facts(outcome: PositionsOutcome) -> dict[str, object]:
         "kinds": outcome.kinds,
         "areas": outcome.areas,
         "host_clock": outcome.clock,
+        "jumps": [
+            {
+                "receivers": [outcome.steps.receivers[k] for k in one.receivers],
+                "start": one.start,
+                "end": None if one.stays else one.end,
+                "size": one.size,
+                "covariance": one.covariance,
+            }
+            for one in outcome.lasting
+        ],
         "tolerated": dict(outcome.record.tolerated),
         "headings": _heading_facts(outcome),
     }

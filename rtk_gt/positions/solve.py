@@ -13,10 +13,13 @@ from rtk_gt.campaign.inputs import (
     offset_prior,
 )
 from rtk_gt.offsets.checks import check_prior
+from rtk_gt.offsets.lasting import smallest_seen
 from rtk_gt.offsets.minima import all_minima
 from rtk_gt.offsets.noise import GpsNoise
+from rtk_gt.offsets.settled import settle
 from rtk_gt.path.coverage import coverage
 from rtk_gt.positions.heading import Headings, headings
+from rtk_gt.positions.jumps import PositionJumps, of_first, with_jumps, without_jumps
 from rtk_gt.positions.outcome import AreaQuality, KindQuality, PositionsOutcome
 from rtk_gt.receivers.fixes import FIX_NAMES, NO_FIX, Bools, Fixes
 from rtk_gt.receivers.host_clock import host_clock
@@ -43,36 +46,46 @@ def solve_positions(campaign: Campaign, progress: Progress = no_progress) -> Pos
     given = load_drive(campaign)
     record, steps = given.records[0], given.steps
     found, why = None, ""
+    progress("errors that last", 0.2)
+    jumps = of_first(given.settings, steps)
     if len(given.records) == 2:
         progress("heading", 0.3)
         try:
-            found = _headings(campaign, given)
+            found, jumps = _headings(campaign, given)
         except InputError:
             raise
         except GtvalError as error:  # the positions stand without it
             why = str(error)
-    posed = record.times[record.fixed] if found is None else found.times
+    positions, left_out, spread = without_jumps(record, steps.frame, jumps.lasting)
+    good = record.fixed & ~left_out
+    posed = record.times[good] if found is None else found.times
     progress("quality of the positions", 0.7)
     return PositionsOutcome(
         campaign=campaign,
         settings=given.settings,
         record=record,
         frame=steps.frame,
-        positions=steps.frame.from_geodetic(record.geodetic),
+        positions=positions,
         coverage=coverage(given.records, steps, posed, given.settings.max_gap),
         kinds=qualities(record),
         clock=host_clock(record),
+        steps=steps,
+        lasting=tuple(jumps.lasting),
+        left_out=left_out,
+        jump_covariances=spread,
+        smallest_seen=jumps.smallest_seen,
         areas=_areas(given.settings, record, steps.frame.from_geodetic(record.geodetic)),
         headings=found,
         without_heading=why,
     )
 
 
-def _headings(campaign: Campaign, given: DriveRecords) -> Headings:
-    """Positions and headings of two receivers."""
+def _headings(campaign: Campaign, given: DriveRecords) -> tuple[Headings, PositionJumps]:
+    """Positions and headings of two receivers, and their errors that last."""
     settings, steps = given.settings, given.steps
     check_places(campaign)
     check_together(given.records, steps, settings.simultaneous)
+    steps, lasting, jumps = settle(steps, eta=settings.eta, robust=settings.robust)
     places = antenna_places(settings)
     if places.positions is not None:
         arm = places.positions[1] - places.positions[0]
@@ -84,8 +97,13 @@ def _headings(campaign: Campaign, given: DriveRecords) -> Headings:
     )
     minima = find(prior=prior, near=np.nan_to_num(prior.offsets) if len(prior.offsets) else None)
     check_prior(find, prior, minima.best)
+    if jumps is not None:
+        others = tuple(jumps.spread(one) for one in minima.others)
+        minima = replace(minima, best=jumps.spread(minima.best), others=others)
     noise = None if settings.sigma is None else GpsNoise(settings.sigma, settings.eta)
-    return headings(minima, steps, arm, noise, settings.max_gap)
+    found = headings(minima, steps, arm, noise, settings.max_gap)
+    least = smallest_seen(steps, found.offsets)
+    return with_jumps(found, lasting), PositionJumps(lasting, least)
 
 
 def _areas(settings: RtkSettings, record: Fixes, positions: Array) -> tuple[AreaQuality, ...]:
