@@ -2,12 +2,15 @@
 
 from datetime import date as Day  # noqa: N812  (the key is called date)
 from itertools import combinations
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from rtk_gt.receivers.assumptions import CONFIDENCE, ETA, SIMULTANEOUS
 from validation.campaign.folder import Finite, Name, Positive, Settings
+
+if TYPE_CHECKING:
+    from validation.poses.angles import Array
 
 Six = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 Three = tuple[Finite, Finite, Finite]
@@ -85,6 +88,28 @@ class Area(Settings):
 
     name: Name
     corners: Annotated[list[tuple[Finite, Finite]], Field(min_length=3)]
+
+
+class Aerial(Settings):
+    """An aerial image or a map of the site, as [rtk.aerial], that is drawn under the paths.
+
+    ``file`` is a PNG or JPEG whose sides run north and east; ``north_west`` and ``south_east`` are
+    latitude and longitude of its corners, degrees.
+    """
+
+    file: str
+    north_west: tuple[Finite, Finite]
+    south_east: tuple[Finite, Finite]
+
+    @model_validator(mode="after")
+    def _corners(self) -> "Aerial":
+        (north, west), (south, east) = self.north_west, self.south_east
+        if not (90 >= north > south >= -90 and -180 <= west < east <= 360):
+            raise ValueError(
+                "north_west and south_east are latitude and longitude of the upper left and the "
+                "lower right corner: the first must be farther north and farther west"
+            )
+        return self
 
 
 class SkyPlace(Settings):
@@ -188,9 +213,10 @@ class RtkSettings(Settings):
     """The table [rtk].
 
     ``receivers`` are in the order rear, front left, front right, then others; ``sensors`` are what
-    else is on the vehicle; ``areas`` are named parts of the site; ``plan`` is what `gtval rtk
-    plan` needs. ``origin`` and ``up`` make the local frame: without an origin it is at the first
-    fix, and up is the normal of the ellipsoid or the line from the Earth's centre.
+    else is on the vehicle; ``areas`` are named parts of the site, ``aerial`` is an image of it;
+    ``odometry`` a trajectory that is laid over the positions of one or two receivers; ``plan`` is
+    what `gtval rtk plan` needs. ``origin`` and ``up`` make the local frame: without an origin it is
+    at the first fix, and up is the normal of the ellipsoid or the line from the Earth's centre.
 
     ``sigma`` (metres, horizontal, of one receiver) replaces the noise found from the residuals,
     ``eta`` is the ratio of vertical to horizontal noise; where it is not stated 1.75 is assumed,
@@ -225,9 +251,18 @@ class RtkSettings(Settings):
     known_distances: KnownDistances | None = None
     sensors: list[Sensor] = Field(default_factory=list)
     areas: list[Area] = Field(default_factory=list)
+    aerial: Aerial | None = None
+    odometry: str = ""
     plan: SkySettings = Field(default_factory=SkySettings)
     largest_offset_sigma: Positive = 0.01
     largest_distance_sigma: Positive = LARGEST_DISTANCE_SIGMA
+
+    @property
+    def outlines(self) -> "dict[str, Array]":
+        """Corners (k, 2) of the named areas."""
+        import numpy as np  # noqa: PLC0415  (settings are read where nothing is computed)
+
+        return {area.name: np.array(area.corners) for area in self.areas}
 
     @model_validator(mode="after")
     def _bases(self) -> "RtkSettings":

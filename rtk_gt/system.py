@@ -22,9 +22,12 @@ class RtkSystem:
         return bool(campaign.section("rtk", RtkSettings).receivers)
 
     def inputs(self, campaign: "Campaign") -> list[Path]:
-        """The records of the receivers."""
-        receivers = campaign.section("rtk", RtkSettings).receivers
-        return sorted({campaign.folder / receiver.file for receiver in receivers})
+        """The records of the receivers, and what is drawn beside them."""
+        settings = campaign.section("rtk", RtkSettings)
+        files = {receiver.file for receiver in settings.receivers}
+        files |= {settings.odometry} - {""}
+        files |= {settings.aerial.file} if settings.aerial is not None else set()
+        return sorted(campaign.folder / file for file in files)
 
     def solve(self, campaign: "Campaign", progress: "Progress") -> "SystemResult":
         """Path, findings and report sections."""

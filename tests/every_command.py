@@ -32,6 +32,7 @@ USES = {
     "rtk dgps": "{drive} {drive}/sensors/consumer.nmea",
     "rtk export": "{solved} --to {out}.geojson",
     "rtk imu": "{drive} {drive}/sensors/imu.csv",
+    "rtk noise": "{files}/standing.csv",
     "rtk plan": "--almanac {files}/sky.alm --day 2026-11-30 --at 45.5 9.2 150",
     "rtk reference-covariance": "{drive} --samples 1000",
     "rtk run": "{drive} --dry-run",

@@ -50,8 +50,8 @@ def drive_trajectory(campaign: Path) -> "Trajectory":
     One receiver gives positions, two level positions and headings.
     """
     from rtk_gt.campaign.pose_tables import vehicle_trajectory
-    from rtk_gt.positions.result import heading_trajectory
     from rtk_gt.positions.solve import solve_positions
+    from rtk_gt.positions.trajectories import heading_trajectory
     from rtk_gt.settings import RtkSettings
     from validation.campaign.folder import load_campaign
     from validation.errors import GtvalError
@@ -114,3 +114,9 @@ def lens_of(numbers: tuple[float, ...]) -> "Lens":
     if not (fx > 0 and fy > 0):
         raise click.UsageError(f"--lens: focal lengths {fx:g}, {fy:g} pixels; both must be above 0")
     return Lens(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), np.array(distortion))
+
+
+def need_picture(option: str, file: Path | None) -> None:
+    """A usage error where a picture has another ending than those that are drawn."""
+    if file is not None and file.suffix.lower() not in {".png", ".svg"}:
+        raise click.UsageError(f"{option} writes .png or .svg, not '{file.suffix}'")

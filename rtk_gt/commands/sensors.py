@@ -11,6 +11,7 @@ from rtk_gt.commands.drive import (
     SIGMA,
     along_path,
     lens_of,
+    need_picture,
     sensor_named,
     solved,
 )
@@ -95,7 +96,7 @@ def scanner(
     from rtk_gt.sensors.trajectory import smooth_trajectory
     from validation.report.terminal import print_json
 
-    _need_picture("--histogram", histogram)
+    need_picture("--histogram", histogram)
     files = {sensor: scans}
     for name, file in also:
         if name in files:
@@ -283,7 +284,7 @@ def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> Non
     from validation.results import Table
     from validation.trajectories.clock.tables import clock_json
 
-    _need_picture("--figure", figure)
+    need_picture("--figure", figure)
     times, read = read_imu(angles)
     outcome = solved(campaign)
     max_gap = outcome.settings.max_gap
@@ -295,10 +296,11 @@ def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> Non
         times = times + estimate.delay_s
     result = rate_errors(times, read, outcome.path, max_gap)
     if figure is not None:
-        from rtk_gt.campaign.figures import rates_over_time
+        from rtk_gt.sensors.figures import rates_over_time
         from validation.figures.writing import write_figure
 
-        write_figure(figure, rates_over_time(result, max_gap))
+        yaws = (outcome.path.times, outcome.path.poses[:, 3]), (times, read[:, 0])
+        write_figure(figure, rates_over_time(result, max_gap, yaws))
     if as_json:
         told = None if estimate is None else clock_json(estimate, tolerance())
         print_json({"angles": result, "clock": told})
@@ -357,13 +359,8 @@ def _say_how_to_keep(sensor: str, pose: "Array", spread: "Array") -> None:
         click.echo(line)
 
 
-def _need_picture(option: str, file: Path | None) -> None:
-    if file is not None and file.suffix.lower() not in {".png", ".svg"}:
-        raise click.UsageError(f"{option} writes .png or .svg, not '{file.suffix}'")
-
-
 def _draw_heights(path: Path, scans: "LineScans", before: "Array", after: "Array") -> None:
-    from rtk_gt.campaign.figures import heights_before_and_after
+    from rtk_gt.sensors.figures import heights_before_and_after
     from rtk_gt.sensors.scans import cloud_of
     from validation.figures.writing import write_figure
 

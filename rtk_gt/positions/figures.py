@@ -4,10 +4,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rtk_gt.campaign.figures import fix_modes, kind_colour, reception
+from rtk_gt.campaign.site_figures import draw_site
+from rtk_gt.positions.odometry import Overlay
 from rtk_gt.positions.outcome import PositionsOutcome
-from rtk_gt.positions.solve import semi_axes
 from rtk_gt.receivers.fixes import FIX_NAMES, RTK_FIXED, Ints
+from rtk_gt.receivers.quality import semi_axes
+from validation.figures.errors import COLOURS
 from validation.figures.maps import in_metres
+from validation.figures.thinning import rows_shown
 
 _MOST = 4000
 """Points a figure shows of one kind; more cannot be told apart at a page's width."""
@@ -23,8 +27,8 @@ def _kinds(outcome: PositionsOutcome) -> list[int]:
     return sorted(kinds, key=lambda kind: (kind == RTK_FIXED, kind == 5, kind))
 
 
-def positions_map(outcome: PositionsOutcome) -> Figure:
-    """All fixes from above, coloured by kind."""
+def positions_map(outcome: PositionsOutcome, overlay: Overlay | None = None) -> Figure:
+    """All fixes from above, coloured by kind, with odometry laid over them if wanted."""
     east, north = np.ptp(outcome.positions[:, :2], axis=0)
     height = float(np.clip(6.2 * north / max(east, 1.0) + 1.6, 3.0, 7.0))
     figure = Figure(figsize=(7, height), layout="constrained")
@@ -35,11 +39,20 @@ def positions_map(outcome: PositionsOutcome) -> Figure:
             *outcome.positions[rows, :2].T, ".", ms=3, color=kind_colour(kind),
             label=FIX_NAMES[kind], rasterized=True,
         )  # fmt: skip
+    if overlay is not None:
+        shown = rows_shown(overlay.places)
+        axes.plot(*overlay.places[shown].T, color=COLOURS[0], linewidth=1.2, label="odometry")
     in_metres(axes)
     axes.set_xlabel("east [m], local frame")
     axes.set_ylabel("north [m], local frame")
+    draw_site(axes, outcome.settings, outcome.frame, outcome.campaign.folder)
     axes.legend(fontsize=8, loc="best")
     return figure
+
+
+def odometry_map(outcome: PositionsOutcome) -> Figure:
+    """The way of the odometry over the positions."""
+    return positions_map(outcome, outcome.overlay)
 
 
 def errors_over_time(outcome: PositionsOutcome) -> Figure:

@@ -8,6 +8,7 @@ from rtk_gt.campaign.findings import BACKWARDS, record_findings
 from rtk_gt.campaign.lasting_findings import lasting_findings, unseen_findings
 from rtk_gt.positions.outcome import PositionsOutcome
 from validation.results import Finding, Severity, Size
+from validation.trajectories.clock.tables import Tolerance, clock_findings
 
 SUBJECT = "rtk"
 LATE = 0.5
@@ -24,6 +25,7 @@ def positions_findings(outcome: PositionsOutcome) -> list[Finding]:
         *(unseen_findings(outcome) if outcome.record.fixed.any() else ()),
         *_errors(outcome),
         *_clock(outcome),
+        *_odometry(outcome),
         *record_findings(outcome.record),
     ]
 
@@ -111,6 +113,27 @@ def _errors(outcome: PositionsOutcome) -> Iterator[Finding]:
     )
     size = (Size(f"stated sigma of {best.kind}", best.horizontal[0], "m"),)
     yield Finding("note", text, SUBJECT, "errors_stated", size)
+
+
+def _odometry(outcome: PositionsOutcome) -> Iterator[Finding]:
+    """Odometry laid over the positions, and its clock."""
+    if outcome.without_overlay:
+        text = f"Odometry is not laid over the positions: {outcome.without_overlay}."
+        yield Finding("warning", text, "odometry", "odometry_not_laid")
+        return
+    found = outcome.overlay
+    if found is None:
+        return
+    own, other = found.lengths
+    text = (
+        f"Odometry laid over {found.matched} RTK-fixed positions differs from them by "
+        f"{found.rms:.2f} m (rms) and calls {own:.0f} m {other:.0f} m. Its drift, and where the "
+        "antenna is on the robot, are in that."
+    )
+    yield Finding(
+        "note", text, "odometry", "odometry_overlay", (Size("rms distance", found.rms, "m"),)
+    )
+    yield from clock_findings(found.clock, Tolerance(0.05, 0.05))
 
 
 def _clock(outcome: PositionsOutcome) -> Iterator[Finding]:

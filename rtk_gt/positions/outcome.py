@@ -7,58 +7,15 @@ import numpy as np
 from rtk_gt.offsets.lasting import LastingError
 from rtk_gt.path.coverage import Coverage
 from rtk_gt.positions.heading import Headings
+from rtk_gt.positions.odometry import Overlay
 from rtk_gt.receivers.fixes import Bools, Fixes
 from rtk_gt.receivers.host_clock import HostClock
+from rtk_gt.receivers.quality import AreaQuality, KindQuality
 from rtk_gt.receivers.steps import Steps
 from rtk_gt.settings import RtkSettings
 from validation.campaign.folder import Campaign
 from validation.poses.angles import Array
 from validation.poses.earth_frames import LocalFrame
-
-
-@dataclass(frozen=True)
-class KindQuality:
-    """The fixes of one kind.
-
-    Parameters
-    ----------
-    kind : str
-        'RTK fixed', 'RTK float', ...
-    epochs : int
-        How many.
-    share : float
-        Of all epochs that the receiver reported.
-    horizontal, vertical : (float, float), optional
-        Stated standard deviations in metres, median and 95th percentile: the longer axis of the
-        ellipse, and up; None where not stated.
-    satellites, hdop : float, optional
-        Medians; None where not stated.
-    """
-
-    kind: str
-    epochs: int
-    share: float
-    horizontal: tuple[float, float] | None
-    vertical: tuple[float, float] | None
-    satellites: float | None
-    hdop: float | None
-
-
-@dataclass(frozen=True)
-class AreaQuality:
-    """The fixes in a named area.
-
-    Parameters
-    ----------
-    area : str
-        Its name.
-    kinds : tuple of KindQuality
-        Each kind of fix; shares are of the fixes in the area, as epochs without a position are in
-        none.
-    """
-
-    area: str
-    kinds: tuple[KindQuality, ...]
 
 
 @dataclass(frozen=True)
@@ -100,6 +57,10 @@ class PositionsOutcome:
         Positions with headings, of two receivers.
     without_heading : str
         Why two receivers give none; empty otherwise.
+    overlay : Overlay, optional
+        Odometry laid over the positions.
+    without_overlay : str
+        Why the odometry is not; empty otherwise.
     """
 
     campaign: Campaign
@@ -118,6 +79,8 @@ class PositionsOutcome:
     areas: tuple[AreaQuality, ...] = ()
     headings: Headings | None = None
     without_heading: str = ""
+    overlay: Overlay | None = None
+    without_overlay: str = ""
 
     @property
     def fixed(self) -> Bools:

@@ -6,9 +6,9 @@ from rtk_gt.campaign.lasting_findings import JUMP_COLUMNS, jump_rows
 from rtk_gt.positions.findings import positions_findings
 from rtk_gt.positions.outcome import PositionsOutcome
 from rtk_gt.positions.sections import positions_overview, positions_sections
+from rtk_gt.positions.trajectories import fixed_trajectory
 from rtk_gt.receivers.fixes import FIX_NAMES
 from validation.poses.pose_table import SPATIAL, PoseTable
-from validation.poses.trajectory import Clock, Trajectory
 from validation.results import SystemResult
 from validation.text_files.csv_text import csv_text
 from validation.text_files.writing import Content
@@ -68,43 +68,6 @@ def heading_table(outcome: PositionsOutcome) -> PoseTable:
             "frame": str(outcome.frame), "published_as": "times are seconds UTC since 1970",
         },
     )  # fmt: skip
-
-
-def fixed_trajectory(outcome: PositionsOutcome) -> Trajectory:
-    """The same as positions in time, for a comparison with what else moves."""
-    rows = outcome.fixed
-    times = outcome.record.times[rows]
-    epoch = int(np.floor(times[0]))
-    return Trajectory(
-        system="rtk",
-        times=times - epoch,
-        poses=outcome.positions[rows],
-        kind="points_space",
-        covariances=outcome.covariances[rows],
-        epoch=epoch,
-        clock=Clock(stamps="capture"),
-        longest_interval=outcome.settings.max_gap,
-        frame=str(outcome.frame),
-    )
-
-
-def heading_trajectory(outcome: PositionsOutcome) -> Trajectory:
-    """Level positions and headings in time; positions alone where there are no headings."""
-    found = outcome.headings
-    if found is None:
-        return fixed_trajectory(outcome)
-    epoch = int(np.floor(found.times[0]))
-    kept = [0, 1, 3]
-    return Trajectory(
-        system="rtk",
-        times=found.times - epoch,
-        poses=found.poses[:, kept],
-        covariances=found.covariances[:, kept][:, :, kept],
-        epoch=epoch,
-        clock=Clock(stamps="capture"),
-        longest_interval=outcome.settings.max_gap,
-        frame=str(outcome.frame),
-    )
 
 
 def _files(outcome: PositionsOutcome) -> dict[str, Content]:
@@ -171,6 +134,7 @@ def _facts(outcome: PositionsOutcome) -> dict[str, object]:
         ],
         "tolerated": dict(outcome.record.tolerated),
         "headings": _heading_facts(outcome),
+        "odometry": _overlay_facts(outcome),
     }
 
 
@@ -185,4 +149,18 @@ def _heading_facts(outcome: PositionsOutcome) -> dict[str, object] | None:
         "distance": float(found.offsets.distances[0]),
         "yaw_sigma": float(np.sqrt(np.median(found.covariances[:, 3, 3]))),
         "off_motion": found.off_motion,
+    }
+
+
+def _overlay_facts(outcome: PositionsOutcome) -> dict[str, object] | None:
+    found = outcome.overlay
+    if found is None:
+        return None
+    return {
+        "delay": found.clock.delay_s,
+        "delay_low": found.clock.low_s,
+        "delay_high": found.clock.high_s,
+        "rms": found.rms,
+        "matched": found.matched,
+        "lengths": found.lengths,
     }

@@ -36,6 +36,17 @@ def positions_sections(outcome: PositionsOutcome) -> list[Section]:
             "kinds_over_time",
         ),
     ]
+    if outcome.overlay is not None:
+        blocks.append(
+            _figure(
+                outcome,
+                "rtk_odometry",
+                "Odometry laid over the RTK-fixed positions.",
+                "Map of the positions with the way of the odometry; how far they are apart is in "
+                "the findings.",
+                "odometry_map",
+            )
+        )
     if outcome.areas:
         blocks.append(area_table(outcome))
     if outcome.coverage.gaps:

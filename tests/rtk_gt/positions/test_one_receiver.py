@@ -12,9 +12,10 @@ from click.testing import CliRunner
 from rtk_samples import REAL
 
 from rtk_gt.positions.result import fixed_table, fixed_trajectory, positions_result
-from rtk_gt.positions.solve import inside, solve_positions
+from rtk_gt.positions.solve import solve_positions
 from rtk_gt.receivers.formats.nmea import read_nmea
 from rtk_gt.receivers.host_clock import host_clock
+from rtk_gt.receivers.quality import inside
 from validation.campaign.folder import load_campaign
 from validation.cli import main
 from validation.errors import GtvalError
