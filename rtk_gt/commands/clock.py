@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rtk_gt.commands.drive import drive_trajectory
+from rtk_gt.commands.drive import FINITE, drive_trajectory, lens_of
 from validation.commands.options import AS_JSON, CAMPAIGN, EVERYTHING, PATH, STRICT
 
 if TYPE_CHECKING:
@@ -30,6 +30,12 @@ METRES, RADIANS = 0.05, 0.05
     help="Seconds to both sides in which the delay is looked for.",
 )
 @click.option("--topic", help="Of a bag that has several.")
+@click.option(
+    "--lens",
+    nargs=8,
+    type=FINITE,
+    help="fx fy cx cy k1 k2 p1 p2: the STREAMs are points seen in a camera's images.",
+)
 @AS_JSON
 @STRICT
 @EVERYTHING
@@ -38,6 +44,7 @@ def clock(
     streams: tuple[Path, ...],
     window: float,
     topic: str | None,
+    lens: tuple[float, ...] | None,
     *,
     as_json: bool,
     strict: bool,
@@ -46,16 +53,23 @@ def clock(
     """Tell how late the stamps of each STREAM are by the path of CAMPAIGN.
 
     A STREAM is what moves with the vehicle: an IMU (a table time,yaw,pitch,roll or time,wx,wy,wz
-    in radians, or a bag), odometry, or any trajectory, such as one made of a camera's or a
-    scanner's data. Its frame and its mount may be others. The delay is what must be added to its
-    stamps: one that stamps 0.1 s late has -0.1 s. Nothing is written.
+    in radians, or a bag), odometry, or any trajectory, such as one made of a scanner's data; with
+    --lens it is a camera: a table time,x,y,z,u,v of known points seen in its images. Its frame and
+    its mount may be others. The delay is what must be added to its stamps: one that stamps 0.1 s
+    late has -0.1 s. Nothing is written.
     """
-    from rtk_gt.sensors.stream_clocks import read_stream, stream_clock
+    from rtk_gt.sensors.sensor_files import read_seen_points
+    from rtk_gt.sensors.stream_clocks import camera_stream, read_stream, stream_clock
     from validation.commands.output import end_of_command, print_first_findings
     from validation.report.terminal import print_json, print_table
     from validation.trajectories.clock.tables import clock_json, clock_table, parts_table
 
-    read = [read_stream(path, topic) for path in streams]
+    read: list[Trajectory | Turns]
+    if lens:
+        of_camera = lens_of(lens)
+        read = [camera_stream(path.stem, read_seen_points(path), of_camera) for path in streams]
+    else:
+        read = [read_stream(path, topic) for path in streams]
     reference = drive_trajectory(campaign)
     estimates = [stream_clock(reference, stream, window) for stream in read]
     limits = tolerance()

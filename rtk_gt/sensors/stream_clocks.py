@@ -3,8 +3,10 @@
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from rtk_gt.sensors.sensor_files import read_turns
+from rtk_gt.sensors.camera_pose import Lens
+from rtk_gt.sensors.sensor_files import SeenPoints, read_turns
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.poses.trajectory import Trajectory
@@ -15,6 +17,10 @@ from validation.trajectories.formats.reading import read_trajectory
 from validation.trajectories.formats.source import Source, system_name
 
 IMU = "sensor_msgs/msg/Imu"
+FEWEST_POINTS = 6
+"""Points of an image from which its camera's pose is one, wherever they lie."""
+LARGEST_RESIDUAL = 5.0
+"""Pixels (root mean square) that points are off at most: more is a point that is another."""
 
 
 def read_stream(path: Path, topic: str | None = None) -> Trajectory | Turns:
@@ -55,6 +61,61 @@ def turns_of(name: str, times: Array, values: Array, *, rates: bool = False) -> 
     if rates:
         return Turns.of_rates(name, times - epoch, values, epoch)
     return Turns(name, times - epoch, np.unwrap(values), epoch)
+
+
+def camera_stream(name: str, seen: SeenPoints, lens: Lens) -> Trajectory:
+    """Where a camera was, from the points that each image shows; its clock is the images'.
+
+    Parameters
+    ----------
+    name : str
+        Of the camera.
+    seen : SeenPoints
+        Points known in the local frame, and their pixels.
+    lens : Lens
+        Of the camera.
+
+    Raises
+    ------
+    GtvalError
+        If fewer than three images show `FEWEST_POINTS` points that fit one pose.
+
+    Notes
+    -----
+    Each image by itself, by the least squares of its pixels; images whose pixels are off by more
+    than `LARGEST_RESIDUAL` (root mean square) are left out.
+    """
+    import cv2  # noqa: PLC0415  (half a second that other streams do without)
+
+    times, poses = [], []
+    for time in np.unique(seen.times):
+        rows = seen.times == time
+        if rows.sum() < FEWEST_POINTS:
+            continue
+        points, pixels = seen.points[rows], seen.pixels[rows]
+        found, turn, shift = cv2.solvePnP(
+            points - points.mean(0), pixels, lens.matrix, lens.distortion, flags=cv2.SOLVEPNP_SQPNP
+        )
+        if not found:
+            continue
+        turn, shift = cv2.solvePnPRefineLM(
+            points - points.mean(0), pixels, lens.matrix, lens.distortion, turn, shift
+        )
+        rotation = cv2.Rodrigues(turn)[0]
+        left = lens.project((points - points.mean(0)) @ rotation.T + shift.ravel()) - pixels
+        if not np.sqrt(np.mean(left**2)) < LARGEST_RESIDUAL:
+            continue
+        place = points.mean(0) - rotation.T @ shift.ravel()
+        times.append(float(time))
+        poses.append([*place, *Rotation.from_matrix(rotation.T).as_quat()])
+    if len(times) < 3:
+        raise GtvalError(
+            f"{name}: {len(times)} images show {FEWEST_POINTS} points that fit one pose; three at "
+            "least have a clock, and thirty or more are needed to tell it"
+        )
+    epoch = int(np.floor(times[0]))
+    since = np.array(times) - epoch
+    return Trajectory(name, since, np.array(poses), kind="space", epoch=epoch)
 
 
 def stream_clock(

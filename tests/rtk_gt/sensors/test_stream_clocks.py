@@ -5,10 +5,13 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.spatial.transform import Rotation
 
 from data_samples.drives.drive import DriveSettings, simulate_drive
 from data_samples.drives.files import write_drive
-from rtk_gt.sensors.stream_clocks import read_stream, stream_clock
+from rtk_gt.sensors.camera_pose import Lens
+from rtk_gt.sensors.sensor_files import SeenPoints
+from rtk_gt.sensors.stream_clocks import camera_stream, read_stream, stream_clock
 from validation.cli import main
 from validation.errors import GtvalError, InputError
 from validation.poses.trajectory import Trajectory
@@ -169,3 +172,31 @@ def test_a_bags_imu_is_a_stream(tmp_path):
     stream = read_stream(tmp_path / "bag")
     assert isinstance(stream, Turns)
     np.testing.assert_allclose(stream.headings, 0.05 * np.arange(10), atol=1e-12)
+
+
+def test_a_camera_that_stamps_late_is_told_by_the_points_that_it_sees():
+    """Sixty images of eight points around a road, and pixels with noise of one."""
+    generator = np.random.default_rng(8)
+    times, poses, _ = turning(8, seconds=120.0, speed=3.0)
+    lens = Lens(np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]]), np.zeros(4))
+    mount = Rotation.from_euler("ZYX", [-np.pi / 2, 0, -np.pi / 2])
+    seen = [[], [], []]
+    for k in range(200, len(times), 200):
+        x, y, yaw = poses[k]
+        ahead = np.column_stack(
+            [generator.uniform(4, 12, 8), generator.uniform(-3, 3, 8), generator.uniform(-1, 2, 8)]
+        )
+        points = Rotation.from_euler("Z", yaw).apply(ahead) + np.array([x, y, 0.0])
+        pixels = lens.project(mount.inv().apply(ahead)) + generator.standard_normal((8, 2))
+        seen[0] += [EPOCH + times[k] + 0.3] * 8
+        seen[1] += points.tolist()
+        seen[2] += pixels.tolist()
+    stream = camera_stream("camera", SeenPoints(*map(np.array, seen)), lens)
+    assert len(stream) == len(range(200, len(times), 200))
+    found = stream_clock(path_of(times, poses, generator), stream, window=5.0)
+    assert found.verdict == "determined"
+    assert found.low_s <= -0.3 <= found.high_s
+    assert abs(found.delay_s + 0.3) < 0.05
+    few = SeenPoints(*(np.array(values)[:16] for values in seen))
+    with pytest.raises(GtvalError, match="2 images show"):
+        camera_stream("camera", few, lens)
