@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
 
 from rtk_gt.campaign.figures import kind_colour
 from rtk_gt.offsets.estimate import Offsets, distance_names
@@ -79,26 +81,23 @@ def track_map(
 def draw_site(axes: "Axes", settings: RtkSettings, frame: LocalFrame, folder: Path) -> None:
     """The aerial image under a map, and the outlines of the named areas on it.
 
-    Limits stay those of what was drawn before. The image is taken as plane and north up: over a
+    The limits are those of what is drawn else. The image is taken as plane and north up: over a
     kilometre meridians turn by some hundredths of a degree.
     """
-    if settings.aerial is None and not settings.areas:
-        return
-    axes.autoscale_view()
-    axes.autoscale(enable=False)
-    axes.set_aspect("equal", adjustable="box")
     if settings.aerial is not None:
         (west, north), (east, south) = (
             frame.from_geodetic(np.array([*np.radians(corner), frame.height]))[:2]
             for corner in (settings.aerial.north_west, settings.aerial.south_east)
         )
-        axes.imshow(
-            aerial_image(folder / settings.aerial.file), extent=(west, east, south, north),
-            zorder=-1, alpha=0.75, interpolation="bilinear", aspect="equal",
-        )  # fmt: skip
+        extent = float(west), float(east), float(south), float(north)
+        image = AxesImage(axes, extent=extent, interpolation="bilinear", origin="upper")
+        image.set_data(aerial_image(folder / settings.aerial.file))
+        image.set(zorder=-1, alpha=0.75)
+        axes.add_artist(image)  # which leaves the limits alone
+        image.set_clip_path(axes.patch)
     for area in settings.areas:
         corners = np.array([*area.corners, area.corners[0]])
-        axes.plot(*corners.T, color=GREY, linewidth=1.2, linestyle="--")
+        axes.add_artist(Line2D(*corners.T, color=GREY, linewidth=1.2, linestyle="--"))
         axes.annotate(area.name, corners[:-1].mean(0), ha="center", fontsize=8, color="black")
 
 
