@@ -147,7 +147,7 @@ def _ellipses(
     largest = CHI_95_OF_2 * np.sqrt(np.diagonal(covariance).max())
     for number, (first, second, name) in enumerate(pairs):
         axes.add_patch(
-            _ellipse(covariance[np.ix_([first, second], [first, second])], COLOURS[number], number)
+            ellipse(covariance[np.ix_([first, second], [first, second])], COLOURS[number], number)
         )
         axes.plot([], [], color=COLOURS[number], linestyle=_DASHES[number], label=name)
     axes.set_xlim(-1.15 * largest, 1.15 * largest)
@@ -162,7 +162,8 @@ def _ellipses(
 _DASHES = ("-", "--", ":")
 
 
-def _ellipse(covariance: Array, colour: str, number: int, centre: Array | None = None) -> Ellipse:
+def ellipse(covariance: Array, colour: str, number: int, centre: Array | None = None) -> Ellipse:
+    """The 95 % ellipse of a covariance (2, 2), with the line style of a number."""
     values, vectors = np.linalg.eigh(covariance)
     width, height = 2 * CHI_95_OF_2 * np.sqrt(np.maximum(values[::-1], 0))
     angle = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
@@ -208,7 +209,7 @@ def stated_ellipses(records: Sequence[Fixes]) -> Figure:
             if len(stated) == 0:
                 continue
             middle = np.median(stated, axis=0) * 1e4
-            axes.add_patch(_ellipse(middle, COLOURS[number % 6], number))
+            axes.add_patch(ellipse(middle, COLOURS[number % 6], number))
             axes.plot([], [], color=COLOURS[number % 6], linestyle=_DASHES[number % 3],
                       label=record.receiver)  # fmt: skip
             largest = max(largest, CHI_95_OF_2 * float(np.sqrt(np.diagonal(middle).max())))

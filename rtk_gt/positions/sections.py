@@ -62,6 +62,16 @@ def positions_sections(outcome: PositionsOutcome) -> list[Section]:
                 "errors_over_time",
             )
         )
+        blocks.append(
+            _figure(
+                outcome,
+                "rtk_ellipses",
+                "Stated 95 % error ellipses at moments of the record, RTK fixed above float.",
+                "Two rows of ellipses over time, north up; the medians of their longer axes are in "
+                "the table.",
+                "ellipses_over_time",
+            )
+        )
     reception = _figure(
         outcome,
         "rtk_reception",

@@ -148,7 +148,7 @@ def test_figures_and_findings_of_one_receiver(tmp_path):
     assert "behind the satellites' time" in codes["host_clock"].text
     (section,) = result.sections
     figures = [block for block in section.blocks if hasattr(block, "draw")]
-    assert len(figures) == 4
+    assert len(figures) == 5
     for figure in figures:
         assert figure.draw().axes
 
