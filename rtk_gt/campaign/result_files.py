@@ -13,7 +13,7 @@ from rtk_gt.receivers.fixes import Fixes
 from validation.poses.angles import Array
 from validation.poses.pose_table import to_csv, to_tum
 from validation.text_files.csv_text import csv_text
-from validation.text_files.writing import Content, LargeText
+from validation.text_files.writing import Content, text_of
 
 
 def rtk_files(outcome: RtkOutcome) -> dict[str, Content]:
@@ -58,7 +58,7 @@ def _distances(outcome: RtkOutcome) -> str:
     return csv_text(["pair", "distance", "sigma"], rows)
 
 
-def _quality(outcome: RtkOutcome) -> LargeText:
+def _quality(outcome: RtkOutcome) -> Content:
     """One row for each time at which all receivers are RTK-fixed."""
     offsets, found = outcome.offsets, outcome.consistency
     times = outcome.steps.times[outcome.steps.complete]
@@ -67,7 +67,7 @@ def _quality(outcome: RtkOutcome) -> LargeText:
     q = np.full(len(times), np.nan)  # a step with a false fix has no pose and no q
     q[offsets.weights > 0] = found.q
     columns = [times, q, offsets.weights, *offsets.residuals.T]
-    return LargeText(partial(_number_lines, header, columns))
+    return text_of(partial(_number_lines, header, columns), len(columns) * len(times))
 
 
 def _number_lines(header: Sequence[str], columns: Sequence[Array]) -> Iterator[str]:
@@ -77,7 +77,7 @@ def _number_lines(header: Sequence[str], columns: Sequence[Array]) -> Iterator[s
         yield ",".join(["" if value != value else repr(value) for value in row])  # noqa: PLR0124
 
 
-def _places(outcome: RtkOutcome) -> LargeText:
+def _places(outcome: RtkOutcome) -> Content:
     """Of each pose the place on the Earth, and what its fixes had: satellites and HDOP.
 
     ``satellites`` is the least and ``hdop`` the greatest of the receivers; each has its own, too.
@@ -93,7 +93,7 @@ def _places(outcome: RtkOutcome) -> LargeText:
     # Not told by one receiver is not told of all: the least would be a guess.
     columns = [satellites.min(0), hdop.max(0), *each]
     place = [path.times, np.degrees(geodetic[:, 0]), np.degrees(geodetic[:, 1]), geodetic[:, 2]]
-    return LargeText(partial(_place_lines, header, place, columns))
+    return text_of(partial(_place_lines, header, place, columns), len(header) * len(path))
 
 
 def _place_lines(

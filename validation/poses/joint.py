@@ -12,7 +12,7 @@ from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable
 from validation.text_files.csv_tables import Column, header_of, read_csv
 from validation.text_files.csv_text import csv_text, harmless
-from validation.text_files.writing import Content, LargeText
+from validation.text_files.writing import Content, text_of
 
 LARGEST_WHOLE = 300
 """Numbers of all poses up to which the matrix is written whole, also where it has a factor: 90,000
@@ -41,7 +41,11 @@ def joint_files(table: PoseTable) -> dict[str, Content]:
     """
     path = Path(f"poses_{table.system}.csv")
     if table.factor is not None and table.poses.size > LARGEST_WHOLE:
-        return {factor_path(path).name: LargeText(partial(_factor_lines, table, table.factor))}
+        return {
+            factor_path(path).name: text_of(
+                partial(_factor_lines, table, table.factor), table.factor.size
+            )
+        }
     names = _names(table)
     joint = table.joint_covariance
     return {} if joint is None else {joint_path(path).name: _matrix_text(names, names, joint)}

@@ -8,14 +8,11 @@ from functools import partial
 from validation.errors import FaultyResultError, GtvalError, shown
 from validation.poses.common_origin import follows_files
 from validation.poses.joint import joint_files
-from validation.poses.pose_table import PoseTable, csv_lines, to_csv, to_tum
-from validation.text_files.writing import Content, LargeText
+from validation.poses.pose_table import PoseTable, csv_lines, tum_lines
+from validation.text_files.writing import Content, text_of
 
 _SYSTEM = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 """File systems take names of 255 bytes, of which what stands around this one needs some 30."""
-LARGEST_KEPT = 10_000
-"""Numbers of poses beyond which the text of a table is not kept, but made when it is written: with
-their covariances they are a megabyte."""
 
 
 def pose_files(tables: Iterable[PoseTable]) -> dict[str, Content]:
@@ -35,11 +32,9 @@ def pose_files(tables: Iterable[PoseTable]) -> dict[str, Content]:
             )
         if f"poses_{table.system}.csv" in files:
             raise FaultyResultError(f"two tables are called '{table.system}'")
-        large = table.poses.size > LARGEST_KEPT
-        text = LargeText(partial(csv_lines, table)) if large else to_csv(table)
-        files[f"poses_{table.system}.csv"] = text
+        files[f"poses_{table.system}.csv"] = text_of(partial(csv_lines, table), table.poses.size)
         files |= joint_files(table) | follows_files(table)
         # Stops without numbers have no time to stand in a trajectory.
         with contextlib.suppress(GtvalError):
-            files[f"poses_{table.system}.tum"] = to_tum(table)
+            files[f"poses_{table.system}.tum"] = text_of(tum_lines(table), table.poses.size)
     return files

@@ -3,7 +3,7 @@
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations_with_replacement
 from pathlib import Path
@@ -387,6 +387,13 @@ def to_tum(table: PoseTable, times: Mapping[str, float] | None = None) -> str:
     GtvalError
         If an id has no time and is not a number; if the poses have other components.
     """
+    return "\n".join(tum_lines(table, times)()) + "\n"
+
+
+def tum_lines(
+    table: PoseTable, times: Mapping[str, float] | None = None
+) -> Callable[[], Iterator[str]]:
+    """What makes the lines of `to_tum` without their ends; a GtvalError at once as there."""
     if times is None:
         times = {name: _number_or_nan(name) for name in table.ids}
     if not all(math.isfinite(times.get(name, math.nan)) for name in table.ids):
@@ -395,13 +402,14 @@ def to_tum(table: PoseTable, times: Mapping[str, float] | None = None) -> str:
         )
     if table.components not in {PLANAR, SPATIAL}:
         raise GtvalError(f"system '{table.system}' has poses that the TUM format cannot hold")
-    order = sorted(range(len(table)), key=lambda row: times[table.ids[row]])
-    lines = []
-    for row in order:
-        position, quaternion = _position_and_quaternion(table, row)
-        numbers = [times[table.ids[row]], *position, *quaternion]
-        lines.append(" ".join(repr(float(number)) for number in numbers))
-    return "\n".join(lines) + "\n"
+    stamps = np.array([times[name] for name in table.ids])
+
+    def lines() -> Iterator[str]:
+        for row in np.argsort(stamps, kind="stable").tolist():
+            position, quaternion = _position_and_quaternion(table, row)
+            yield " ".join(repr(float(one)) for one in (stamps[row], *position, *quaternion))
+
+    return lines
 
 
 def _number_or_nan(name: str) -> float:

@@ -42,6 +42,14 @@ class LargeText:
 
 Content = str | bytes | LargeText
 """What a file will hold."""
+LARGEST_KEPT = 10_000
+"""Numbers beyond which the text of a table is not kept, but made when it is written: a megabyte of
+poses with their covariances."""
+
+
+def text_of(lines: Callable[[], Iterable[str]], numbers: int) -> str | LargeText:
+    """The text of lines without their ends, kept where they hold few numbers."""
+    return LargeText(lines) if numbers > LARGEST_KEPT else "\n".join(lines()) + "\n"
 
 
 def write_files(
