@@ -8,17 +8,19 @@ first seed, drives a condition, and what is run ("jumps", "hours", "slow", "cloc
 
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 from trials.lasting_errors import ETA, Errors, Made, made_drive
 
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
-from rtk_gt.offsets.lasting import LastingError
+from rtk_gt.offsets.lasting import LastingError, errors_of_one
 from rtk_gt.offsets.memory import error_model
 from rtk_gt.offsets.settled import settle
 from rtk_gt.path.antennas import antenna_positions
 from rtk_gt.path.clocks import right_clocks
 from rtk_gt.path.vehicle_path import VehiclePath, vehicle_path
+from rtk_gt.receivers.steps import Steps
 from validation.poses.angles import Array
 from validation.poses.pose_table import SPATIAL, pose_difference
 
@@ -98,6 +100,35 @@ def jumps(first: int, drives: int) -> None:
             print(f"  {rate:10} {noise:22} alarms {alarms}; {said}; {seconds:.0f} s", flush=True)
 
 
+def alone(first: int, drives: int) -> None:
+    """The same of the second receiver by itself, at 5 Hz."""
+    print(f"\nOne receiver: errors found at their time, of {drives} drives of ten minutes, alarms")
+    for noise, errors in NOISE.items():
+        alarms, told = 0, dict.fromkeys((KINDS[0], KINDS[1], KINDS[3]), 0)
+        for seed in range(first, first + drives):
+            made = made_drive(seed, errors)
+            alarms += bool(errors_of_one(_second(made))[0])
+            generator = np.random.default_rng([seed, 5])
+            for kind in told:
+                true = LastingError((0,), 0.0, 0.0, np.zeros(3), np.eye(3), 0.0, 0, 0.2)
+                while 1 not in true.receivers:
+                    bad, true = spoilt(made, kind, generator)
+                found = errors_of_one(_second(bad))[0]
+                told[kind] += any(same_time(one, true, 0.41) for one in found)
+        said = ", ".join(f"{kind} {count}" for kind, count in told.items())
+        print(f"  {noise:22} alarms {alarms}; {said}", flush=True)
+
+
+def _second(made: Made) -> Steps:
+    steps = made.steps
+    return replace(
+        steps,
+        receivers=steps.receivers[1:2],
+        positions=steps.positions[:, 1:2],
+        kinds=steps.kinds[:, 1:2],
+    )
+
+
 def hours(first: int, drives: int) -> None:
     print(f"\nClean hours at 5 Hz with an alarm, of {drives} a condition")
     for noise, errors in NOISE.items():
@@ -155,7 +186,8 @@ def main() -> None:
     given = sys.argv[1:]
     first, drives = (int(n) for n in (given + ["1000", "40"][len(given) :])[:2])
     what = given[2] if len(given) > 2 else "all"
-    for name, run in (("jumps", jumps), ("hours", hours), ("slow", slow), ("clocks", clocks)):
+    runs = {"jumps": jumps, "alone": alone, "hours": hours, "slow": slow, "clocks": clocks}
+    for name, run in runs.items():
         if what in (name, "all"):
             run(first, drives)
 

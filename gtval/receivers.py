@@ -12,10 +12,8 @@ from rtk_gt.campaign.pose_tables import vehicle_table
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.path.antennas import antenna_positions
 from rtk_gt.path.vehicle_path import VehiclePath, vehicle_path
-from rtk_gt.receivers.fix_csv import read_fix_csv
 from rtk_gt.receivers.fixes import RTK_FIXED, Fixes
-from rtk_gt.receivers.nmea import read_nmea
-from rtk_gt.receivers.rtklib import read_pos
+from rtk_gt.receivers.formats.reading import Stated, read_receiver
 from rtk_gt.receivers.steps import Steps, common_steps
 from validation.errors import GtvalError
 from validation.poses.earth_frames import LocalFrame
@@ -23,8 +21,6 @@ from validation.poses.pose_table import PoseTable
 
 __all__ = ["Fixes", "Offsets", "VehiclePath"]
 __all__ += ["find_offsets", "find_path", "fixes", "path_table", "read_fixes"]
-
-_READERS = {".csv": read_fix_csv, ".pos": read_pos, ".nmea": read_nmea, ".txt": read_nmea}
 
 
 @said_plainly
@@ -75,12 +71,13 @@ def fixes(
 
 @said_plainly
 def read_fixes(path: str | PathLike[str], receiver: str = "") -> Fixes:
-    """The record of one receiver from a file: NMEA (.nmea, .txt), RTKLIB (.pos) or .csv.
+    """The record of one receiver from a file: NMEA, RTKLIB, u-blox, NovAtel, GPX, a bag, a table.
 
     Parameters
     ----------
     path : path
-        The file. Its CSV form has the columns time, latitude, longitude (degrees) and height.
+        The file, compressed or not; its content tells its form. A table has the columns time,
+        latitude, longitude (degrees) and height.
     receiver : str
         Its name; by default that of the file.
 
@@ -89,7 +86,7 @@ def read_fixes(path: str | PathLike[str], receiver: str = "") -> Fixes:
     InputError
         Naming file, line, field and value of every bad place.
     GtvalError
-        If the file's name does not tell its form.
+        If a library is missing that reads it.
 
     Examples
     --------
@@ -98,10 +95,7 @@ def read_fixes(path: str | PathLike[str], receiver: str = "") -> Fixes:
     'rear'
     """
     file = Path(path)
-    reader = _READERS.get(file.suffix.lower())
-    if reader is None:
-        raise GtvalError(f"{file}: its name should end in one of {', '.join(_READERS)}")
-    return reader(file, receiver or file.stem)
+    return read_receiver(file, Stated(receiver or file.stem))
 
 
 @said_plainly

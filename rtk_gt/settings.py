@@ -2,12 +2,15 @@
 
 from datetime import date as Day  # noqa: N812  (the key is called date)
 from itertools import combinations
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from rtk_gt.receivers.assumptions import CONFIDENCE, ETA, SIMULTANEOUS
 from validation.campaign.folder import Finite, Name, Positive, Settings
+
+if TYPE_CHECKING:
+    from validation.poses.angles import Array
 
 Six = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 Three = tuple[Finite, Finite, Finite]
@@ -20,19 +23,31 @@ class Receiver(Settings):
     """One receiver and its record.
 
     ``name`` is what results call it, ``file`` its record, ``format`` the kind of that file where
-    its ending does not tell. ``label`` is the name inside a rawlog, where it differs; ``date``
-    (UTC, YYYY-MM-DD) that of the first sentence of a log without dates. ``height`` is the z of
-    its antenna in the vehicle frame, metres, and needed of the first three receivers;
-    ``position`` (x, y, z), to a decimetre or so, is needed from the fourth on; where the first
-    three have one, too, the layout is theirs, not rear, front left and front right.
+    its content does not tell. ``label`` is the name inside a rawlog, where it differs, or the topic
+    of a bag; ``date`` (UTC, YYYY-MM-DD) is that of the first sentence of a log without dates.
+    ``all_fixed`` says that fixes whose kind a file cannot tell (GPX) are RTK-fixed.
+
+    ``coordinates`` are what a table has: degrees, UTM with its ``zone``, or metres in the local
+    frame of ``[rtk.origin]``. ``base`` is the receiver on the vehicle from which a rover of a
+    moving base tells its place.
+
+    ``height`` is the z of its antenna in the vehicle frame, metres, and needed of the first three
+    receivers; ``position`` (x, y, z), to a decimetre or so, is needed from the fourth on; where the
+    first three have one, too, the layout is theirs, not rear, front left and front right.
     """
 
     name: Name
     file: str
     height: Finite | None = None
     label: str = ""
-    format: Literal["auto", "nmea", "rtklib", "rawlog", "csv"] = "auto"
+    format: Literal["auto", "nmea", "rtklib", "rawlog", "csv", "ubx", "gpx", "novatel", "bag"] = (
+        "auto"
+    )
     date: Day | None = None
+    all_fixed: bool = False
+    coordinates: Literal["degrees", "utm", "local"] = "degrees"
+    zone: str = ""
+    base: str = ""
     position: Three | None = None
 
 
@@ -73,6 +88,28 @@ class Area(Settings):
 
     name: Name
     corners: Annotated[list[tuple[Finite, Finite]], Field(min_length=3)]
+
+
+class Aerial(Settings):
+    """An aerial image or a map of the site, as [rtk.aerial], that is drawn under the paths.
+
+    ``file`` is a PNG or JPEG whose sides run north and east; ``north_west`` and ``south_east`` are
+    latitude and longitude of its corners, degrees.
+    """
+
+    file: str
+    north_west: tuple[Finite, Finite]
+    south_east: tuple[Finite, Finite]
+
+    @model_validator(mode="after")
+    def _corners(self) -> "Aerial":
+        (north, west), (south, east) = self.north_west, self.south_east
+        if not (90 >= north > south >= -90 and -180 <= west < east <= 360):
+            raise ValueError(
+                "north_west and south_east are latitude and longitude of the upper left and the "
+                "lower right corner: the first must be farther north and farther west"
+            )
+        return self
 
 
 class SkyPlace(Settings):
@@ -176,15 +213,17 @@ class RtkSettings(Settings):
     """The table [rtk].
 
     ``receivers`` are in the order rear, front left, front right, then others; ``sensors`` are what
-    else is on the vehicle; ``areas`` are named parts of the site; ``plan`` is what `gtval rtk
-    plan` needs. ``origin`` and ``up`` make the local frame: without an origin it is at the first
-    fix, and up is the normal of the ellipsoid or the line from the Earth's centre.
+    else is on the vehicle; ``areas`` are named parts of the site, ``aerial`` is an image of it;
+    ``odometry`` a trajectory that is laid over the positions of one or two receivers; ``plan`` is
+    what `gtval rtk plan` needs. ``origin`` and ``up`` make the local frame: without an origin it is
+    at the first fix, and up is the normal of the ellipsoid or the line from the Earth's centre.
 
     ``sigma`` (metres, horizontal, of one receiver) replaces the noise found from the residuals,
     ``eta`` is the ratio of vertical to horizontal noise; where it is not stated 1.75 is assumed,
     and a finding says so. ``robust`` takes out steps with false fixes. ``simultaneous``: stamps
     within so many seconds are one time. Pauses longer than ``max_gap`` seconds are gaps.
-    ``skip_damaged`` leaves out damaged sentences of NMEA logs. ``confidence`` is that of the
+    ``skip_damaged`` says whether damaged sentences of NMEA logs are left out; by default they are
+    where they are few. ``confidence`` is that of the
     consistency bound.
 
     ``common_sigma`` (metres, horizontal) and ``common_time`` (seconds) are of an error that all
@@ -206,15 +245,38 @@ class RtkSettings(Settings):
     robust: bool = True
     simultaneous: Positive = SIMULTANEOUS
     max_gap: Positive = 2.0
-    skip_damaged: bool = False
+    skip_damaged: bool | None = None
     confidence: Annotated[float, Field(gt=0.5, lt=1)] = CONFIDENCE
     known_offsets: KnownOffsets | None = None
     known_distances: KnownDistances | None = None
     sensors: list[Sensor] = Field(default_factory=list)
     areas: list[Area] = Field(default_factory=list)
+    aerial: Aerial | None = None
+    odometry: str = ""
     plan: SkySettings = Field(default_factory=SkySettings)
     largest_offset_sigma: Positive = 0.01
     largest_distance_sigma: Positive = LARGEST_DISTANCE_SIGMA
+
+    @property
+    def outlines(self) -> "dict[str, Array]":
+        """Corners (k, 2) of the named areas."""
+        import numpy as np  # noqa: PLC0415  (settings are read where nothing is computed)
+
+        return {area.name: np.array(area.corners) for area in self.areas}
+
+    @model_validator(mode="after")
+    def _bases(self) -> "RtkSettings":
+        with_base = {one.name: one.base for one in self.receivers}
+        for name, base in with_base.items():
+            if base and with_base.get(base) != "":
+                raise ValueError(f"base '{base}' of {name} is no receiver with a place of its own")
+        for receiver in self.receivers:
+            if (receiver.coordinates == "utm") != bool(receiver.zone):
+                raise ValueError(
+                    f'receiver {receiver.name}: coordinates = "utm" and zone (such as "32N") '
+                    "belong together; state both or none"
+                )
+        return self
 
     @model_validator(mode="after")
     def _names(self) -> "RtkSettings":

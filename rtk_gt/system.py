@@ -22,9 +22,12 @@ class RtkSystem:
         return bool(campaign.section("rtk", RtkSettings).receivers)
 
     def inputs(self, campaign: "Campaign") -> list[Path]:
-        """The records of the receivers."""
-        receivers = campaign.section("rtk", RtkSettings).receivers
-        return sorted({campaign.folder / receiver.file for receiver in receivers})
+        """The records of the receivers, and what is drawn beside them."""
+        settings = campaign.section("rtk", RtkSettings)
+        files = {receiver.file for receiver in settings.receivers}
+        files |= {settings.odometry} - {""}
+        files |= {settings.aerial.file} if settings.aerial is not None else set()
+        return sorted(campaign.folder / file for file in files)
 
     def solve(self, campaign: "Campaign", progress: "Progress") -> "SystemResult":
         """Path, findings and report sections."""
@@ -34,15 +37,18 @@ class RtkSystem:
 
             return positions_result(solve_positions(campaign, progress))
         from rtk_gt.campaign.solve import solve_campaign
+        from validation.processes import give_back_memory
 
-        return result_of(solve_campaign(campaign, progress))
+        found = result_of(solve_campaign(campaign, progress))
+        give_back_memory()
+        return found
 
 
 def result_of(outcome: "RtkOutcome") -> "SystemResult":
     """An outcome in the form that all systems share."""
     from rtk_gt.campaign.facts import rtk_facts
     from rtk_gt.campaign.findings import rtk_findings
-    from rtk_gt.campaign.pose_tables import vehicle_table
+    from rtk_gt.campaign.pose_tables import vehicle_table, vehicle_trajectory
     from rtk_gt.campaign.result_files import rtk_files
     from rtk_gt.campaign.sections import rtk_overview, rtk_sections
     from validation.results import SystemResult
@@ -54,7 +60,20 @@ def result_of(outcome: "RtkOutcome") -> "SystemResult":
         files=rtk_files(outcome),
         facts=rtk_facts(outcome),
         overview=rtk_overview(outcome),
+        trajectories=(
+            [vehicle_trajectory(outcome.path, outcome.settings.max_gap)]
+            if len(outcome.path) > 1 and _moves_beside(outcome.campaign)
+            else []
+        ),
     )
+
+
+def _moves_beside(campaign: "Campaign") -> bool:
+    """Whether there is anything that the path could be compared with in time.
+
+    An hour at 20 Hz is a trajectory of 25 MB.
+    """
+    return bool(campaign.settings.published) or bool(set(campaign.extra) - {"rtk"})
 
 
 SYSTEM = RtkSystem()

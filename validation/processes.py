@@ -1,5 +1,6 @@
-"""Work spread over processes that end quietly when a person interrupts it."""
+"""Work spread over processes that end quietly when a person interrupts it, and their memory."""
 
+import ctypes
 import signal
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -74,3 +75,16 @@ def _counted(
         if progress is not None:
             progress(number / total)
         yield result
+
+
+def give_back_memory() -> None:
+    """Memory that was freed goes back to the system, where its allocator can be asked to.
+
+    The GNU allocator keeps freed arrays of megabytes for later, in pieces that later ones do not
+    fit: of an hour at 20 Hz it kept 150 MB. It takes some milliseconds.
+    """
+    try:
+        trim = ctypes.CDLL(None).malloc_trim
+    except (AttributeError, OSError, TypeError):  # another system, another allocator
+        return
+    trim(0)

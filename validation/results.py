@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
     from validation.poses.pose_table import PoseTable
     from validation.poses.trajectory import Trajectory
+    from validation.text_files.writing import Content
 
 VALIDATION_SYSTEM = "survey"
 """The system whose poses the others are compared with."""
@@ -241,7 +242,7 @@ class SystemResult:
     tables: "Sequence[PoseTable]" = ()
     findings: Sequence[Finding] = ()
     sections: Sequence[Section] = ()
-    files: Mapping[str, str | bytes] = field(default_factory=dict)
+    files: "Mapping[str, Content]" = field(default_factory=dict)
     facts: Mapping[str, object] = field(default_factory=dict)
     landmarks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     overview: Sequence[Table] = ()

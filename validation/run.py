@@ -10,6 +10,7 @@ from validation.explain.telling.section import ExplainParts, explain_campaign
 from validation.explain.telling.sizes import told_once
 from validation.in_time import TimeParts, time_parts
 from validation.poses.pose_table import SPATIAL, PoseTable
+from validation.processes import give_back_memory
 from validation.published.systems import published_systems
 from validation.results import AS_PUBLISHED, VALIDATION_SYSTEM, Finding, Section, SystemResult
 from validation.shown import Shown
@@ -29,6 +30,7 @@ from validation.statistics.error_statistics import IntervalMethod
 from validation.statistics.evaluation import Evaluation, evaluate
 from validation.statistics.result_files import errors_csv, statistics_csv
 from validation.systems import Progress, System, installed_systems, needed_inputs, no_progress
+from validation.text_files.writing import Content
 
 
 @dataclass(frozen=True, repr=False)
@@ -70,7 +72,7 @@ class RunResult(Shown):
     explained: ExplainParts | None = None
     in_time: TimeParts | None = None
     failures: tuple[SystemResult, ...] = ()
-    comparison_files: Mapping[str, str | bytes] = field(default_factory=dict, repr=False)
+    comparison_files: Mapping[str, Content] = field(default_factory=dict, repr=False)
     statements: Statements = field(default_factory=Statements, repr=False)
 
     def with_failures(self, failures: Iterable[SystemResult]) -> "RunResult":
@@ -144,7 +146,7 @@ def run_campaign(
     findings = [finding for system in systems for finding in system.result.findings]
     evaluations, more, failures = _evaluate_all(campaign, systems, method)
     findings += more
-    comparison_files: dict[str, str | bytes] = {}
+    comparison_files: dict[str, Content] = {}
     try:
         comparison_files = _comparison_files(campaign, evaluations)
     except Exception as error:  # noqa: BLE001  (the poses stand without them)
@@ -181,6 +183,7 @@ def run_campaign(
         failures.append(unexpected(STATEMENTS, error))
     findings += statements.findings
     findings += [finding for failure in failures for finding in failure.findings]
+    give_back_memory()
     progress("hashing the inputs", 0.95)
     inputs = input_hashes(campaign.folder)
     progress("done", 1.0)
@@ -429,9 +432,7 @@ COMPARISON, EXPLANATION, IN_TIME, STATEMENTS = "comparison", "explain", "time", 
 """Steps of a run besides the systems."""
 
 
-def _comparison_files(
-    campaign: Campaign, evaluations: Sequence[Evaluation]
-) -> dict[str, str | bytes]:
+def _comparison_files(campaign: Campaign, evaluations: Sequence[Evaluation]) -> dict[str, Content]:
     """Errors and statistics of all systems; nothing where nothing was compared."""
     if not evaluations:
         return {}

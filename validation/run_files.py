@@ -26,10 +26,10 @@ from validation.solving import (
 )
 from validation.systems import inputs_of, installed_systems
 from validation.text_files.json_text import json_text
-from validation.text_files.writing import write_files
+from validation.text_files.writing import Content, write_files
 
 
-def result_files(run: RunResult) -> dict[str, Mapping[str, str | bytes]]:
+def result_files(run: RunResult) -> dict[str, Mapping[str, Content]]:
     """Every file of results/ but run.json: by the step that made it, and by its name."""
     steps = {system.name: system.files for system in run.systems}
     if run.comparison_files:
@@ -59,7 +59,7 @@ def left_over(run: RunResult, *, report: bool) -> LeftOver:
     return kept, out_of_date(run.campaign, kept, now, run.inputs)
 
 
-def _steps(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> dict[str, Step]:
+def _steps(run: RunResult, files: Mapping[str, Mapping[str, Content]]) -> dict[str, Step]:
     """Which inputs and which results each step started from."""
     campaign = run.campaign
     installed = {system.name: system for system in installed_systems()}
@@ -91,7 +91,7 @@ def _steps(run: RunResult, files: Mapping[str, Mapping[str, str | bytes]]) -> di
 
 
 def run_record(
-    run: RunResult, files: Mapping[str, Mapping[str, str | bytes]], left: LeftOver
+    run: RunResult, files: Mapping[str, Mapping[str, Content]], left: LeftOver
 ) -> dict[str, Any]:
     """What run.json holds: everything needed to tell where the numbers came from.
 
@@ -123,7 +123,7 @@ def run_record(
     }
 
 
-def write_results(run: RunResult, report: Mapping[str, str | bytes] | None = None) -> list[Path]:
+def write_results(run: RunResult, report: Mapping[str, Content] | None = None) -> list[Path]:
     """Write all results, and the report if there is one, or nothing at all.
 
     Files that the run before this one made and this one did not are removed, as far as its

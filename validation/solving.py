@@ -45,7 +45,7 @@ from validation.systems import (
     untold_inputs,
 )
 from validation.text_files.json_text import json_text
-from validation.text_files.writing import write_files
+from validation.text_files.writing import Content, LargeText, write_files
 
 LIBRARIES = ("numpy", "scipy", "opencv-contrib-python-headless", "filterpy", "kiss-icp")
 TRACEBACKS = "tracebacks"
@@ -79,7 +79,7 @@ class SolvedSystem:
 
     name: str
     result: SystemResult
-    files: Mapping[str, str | bytes]
+    files: Mapping[str, Content]
     choices: Mapping[str, object] = field(default_factory=dict)
     failed: bool = False
 
@@ -101,7 +101,7 @@ def solved_system(
         (result.findings, (Finding,)),
         (result.sections, (Section,)),
         (result.overview, (Table,)),
-        (result.files.values(), (str, bytes)),
+        (result.files.values(), (str, bytes, LargeText)),
         ((finding.text for finding in result.findings), (str,)),
         ((result.facts, result.landmarks), (Mapping,)),
     ]
@@ -111,7 +111,7 @@ def solved_system(
                 names = " or ".join(kind.__name__ for kind in kinds)
                 raise TypeError(f"'{name}' gives {part!r} where {names} is expected")
     json_text([result.facts, *(table.provenance for table in result.tables)])
-    files: dict[str, str | bytes] = dict(pose_files(result.tables))
+    files: dict[str, Content] = dict(pose_files(result.tables))
     for file, content in result.files.items():
         parts = file.split("/")
         if {"", ".", ".."} & {*parts} or "\\" in file or not file.isprintable():
@@ -225,7 +225,7 @@ def solve_validation(campaign: Campaign, systems: Iterable[System]) -> Campaign:
 def step_of(
     campaign: Campaign,
     sources: Iterable[Path],
-    files: Mapping[str, str | bytes],
+    files: Mapping[str, Content],
     hashes: Mapping[str, str],
     uses: Mapping[str, str] | None = None,
     choices: Mapping[str, object] | None = None,
@@ -281,7 +281,7 @@ def write_step(
     campaign: Campaign,
     name: str,
     sources: Sequence[Path],
-    files: Mapping[str, str | bytes],
+    files: Mapping[str, Content],
     uses: Mapping[str, str],
     choices: Mapping[str, object] | None = None,
     facts: Mapping[str, object] | None = None,

@@ -17,7 +17,7 @@ from rtk_gt.planning.almanacs.orbits import (
     WEEK,
 )
 from rtk_gt.planning.almanacs.two_line import sidereal_time
-from rtk_gt.receivers.rtklib import gps_minus_utc
+from rtk_gt.receivers.gps_time import gps_minus_utc
 
 Row = dict[str, float]
 """Elements of a satellite by the names of `rtk_gt.planning.almanacs.orbits.Elements`."""

@@ -9,7 +9,7 @@ import numpy as np
 from data_samples.sky.constellation import Row
 from rtk_gt.planning.almanacs.orbits import EARTH_RATE, GPS_EPOCH, WEEK
 from rtk_gt.planning.almanacs.two_line import sidereal_time
-from rtk_gt.receivers.rtklib import gps_minus_utc
+from rtk_gt.receivers.gps_time import gps_minus_utc
 
 FORMATS = ("yuma", "sem", "tle", "rinex2", "rinex3")
 

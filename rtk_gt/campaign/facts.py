@@ -49,6 +49,7 @@ def rtk_facts(outcome: RtkOutcome) -> dict[str, object]:
             "mean_square_interval": outcome.consistency.mean_square_interval,
             "correlation_time": outcome.consistency.correlation_time,
         },
+        "areas": outcome.areas,
         "reference_covariance": outcome.reference,
         "interpolation": None if outcome.hold_out is None else outcome.hold_out.chosen,
     }

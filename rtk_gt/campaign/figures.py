@@ -4,23 +4,15 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 from matplotlib.ticker import MaxNLocator
 
-from rtk_gt.offsets.estimate import Offsets, distance_names
-from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.path.consistency import Consistency
 from rtk_gt.path.interpolation import segments
 from rtk_gt.path.vehicle_path import VehiclePath
 from rtk_gt.receivers.fixes import FIX_NAMES, RTK_FIXED, RTK_FLOAT, Fixes
-from rtk_gt.receivers.steps import Steps
-from rtk_gt.sensors.characterisation import RateErrors
-from rtk_gt.sensors.ground import KnownGround
-from rtk_gt.sensors.pass_matching import height_histogram
-from rtk_gt.sensors.scans import Cloud
-from validation.figures.errors import COLOURS, GREY, MARKERS
+from validation.figures.errors import COLOURS, GREY
 from validation.figures.thinning import rows_shown
 from validation.poses.angles import Array
 
@@ -28,8 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 KIND_COLOURS: Mapping[int, str] = {RTK_FIXED: COLOURS[2], RTK_FLOAT: COLOURS[4], 2: COLOURS[3]}
-BESIDE = KnownGround.reach
-"""Farther from the vehicle, in metres, hills take the ground out of its frame."""
 CHI_95_OF_2 = 2.4477
 """95 % radius of a Gaussian in the plane, in standard deviations: the root of -2 ln 0.05."""
 
@@ -86,44 +76,6 @@ def _runs(record: Fixes) -> list[tuple[int, float, float]]:
     ]
 
 
-def track_map(
-    records: Sequence[Fixes], steps: Steps, offsets: Offsets, path: VehiclePath, max_gap: float
-) -> Figure:
-    """The drive from above: where all receivers are fixed together, and where they are not."""
-    record = max(records, key=lambda one: np.ptp(one.times))
-    column = steps.receivers.index(record.receiver)
-    track = steps.frame.from_geodetic(record.geodetic)
-    track = track + offsets.offsets.within(steps.frame)[column]
-    east, north = np.ptp(track[:, :2], axis=0)
-    # As high as the drive is at this width, within what a page takes.
-    height = float(np.clip(6.2 * north / max(east, 1.0) + 1.6, 3.0, 7.0))
-    figure = Figure(figsize=(7, height), layout="constrained")
-    axes = figure.add_subplot()
-    for kind in np.unique(record.kinds):
-        rows = record.kinds == kind
-        axes.plot(
-            *track[rows, :2].T,
-            linestyle="none",
-            marker="." if kind == RTK_FIXED else MARKERS[int(kind) % len(MARKERS)],
-            color=kind_colour(int(kind)),
-            ms=3,
-            label=f"{steps.receivers[column]}: {FIX_NAMES[int(kind)]}",
-        )
-    lines = [path.poses[s, :2] for s in segments(path.times, max_gap) if len(s) > 1]
-    axes.add_collection(
-        LineCollection(
-            lines, colors=COLOURS[0], linewidths=2.5, label="ground truth of the vehicle"
-        )
-    )
-    axes.plot(*path.poses[:, :2].T, ".", color=COLOURS[0], ms=3)
-    axes.set_xlabel("east [m], local frame")
-    axes.set_ylabel("north [m], local frame")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.grid(visible=True, linewidth=0.3)
-    axes.legend(fontsize=8, loc="best")
-    return figure
-
-
 def quality_over_time(found: Consistency, times: Array) -> Figure:
     """The measure q_t of each pose with its bound, as Figure 20 of Blanco 2009."""
     figure = Figure(figsize=(7, 2.6), layout="constrained")
@@ -141,87 +93,6 @@ def quality_over_time(found: Consistency, times: Array) -> Figure:
     axes.set_ylabel("q, Mahalanobis distance")
     axes.grid(visible=True, linewidth=0.3)
     axes.legend(fontsize=8, ncols=3, loc="upper right")
-    return figure
-
-
-def residual_histograms(offsets: Offsets, noise: GpsNoise) -> Figure:
-    """Distances minus their constant values, with the density that the noise predicts.
-
-    As Figure 18 of Blanco 2009, top.
-    """
-    names = distance_names(offsets.receivers)
-    figure = Figure(figsize=(7, 2.6), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(names), sharey=True))
-    predicted = np.sqrt(2) * noise.sigma
-    width = 5 * 1000 * predicted
-    for axes, name, residual in zip(panels, names, offsets.residuals.T, strict=True):
-        good = 1000 * residual[offsets.weights > 0]
-        axes.hist(good, bins=np.linspace(-width, width, 31), density=True, color=COLOURS[5])
-        grid = np.linspace(-width, width, 200)
-        scale = 1000 * predicted
-        density = np.exp(-0.5 * (grid / scale) ** 2) / scale / np.sqrt(2 * np.pi)
-        axes.plot(grid, density, color="black", linewidth=1)
-        axes.set_title(name, fontsize=8)
-        axes.set_xlabel("residual [mm]")
-        axes.set_yticks([])
-    panels[0].set_ylabel("density")
-    return figure
-
-
-def heights_before_and_after(cloud: Cloud, before: Array, after: Array) -> Figure:
-    """Heights of the ground beside the vehicle, in its frame, for two places of a scanner.
-
-    As Figure 15 of Blanco 2009: the better place has the narrower peak.
-    """
-    figure = Figure(figsize=(7, 2.8), layout="constrained")
-    axes = figure.subplots()
-    points = cloud.in_vehicle(after)
-    near = np.linalg.norm(points[:, :2], axis=1) < BESIDE
-    ground = float(np.median(points[near & (points[:, 2] < 0), 2])) if near.any() else 0.0
-    bins = ground + np.arange(-0.5, 0.501, 0.02)
-    middles = (bins[1:] + bins[:-1]) / 2
-    for pose, name, colour, style in (
-        (before, "place measured by hand", COLOURS[1], "--"),
-        (after, "place found", COLOURS[0], "-"),
-    ):
-        share = 100 * height_histogram(cloud, pose, bins, reach=BESIDE)
-        axes.step(middles, share, style, where="mid", color=colour, label=name)
-    axes.set_xlabel("height in the vehicle frame [m]")
-    axes.set_ylabel(f"points within {BESIDE:g} m [%]")
-    axes.grid(visible=True, linewidth=0.3)
-    axes.legend(fontsize=8)
-    return figure
-
-
-def rates_over_time(found: Sequence[RateErrors], max_gap: float) -> Figure:
-    """Yaw rate of the path and of an IMU, and the IMU's errors in all three rates.
-
-    As Figure 17 of Blanco 2009.
-    """
-    figure = Figure(figsize=(7, 4.2), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True)
-    yaw = found[0]
-    start = yaw.times[0]
-    for name, rates, number in (("path", yaw.true, 0), ("IMU", yaw.true + yaw.errors, 1)):
-        for row, part in enumerate(segments(yaw.times, max_gap)):
-            above.plot(
-                yaw.times[part] - start, np.degrees(rates[part]), _DASHES[number],
-                color=COLOURS[number], linewidth=1.2, label=None if row else name,
-            )  # fmt: skip
-    for number, one in enumerate(found):
-        below.plot(
-            one.times - start, np.degrees(one.errors), ".", markersize=3, color=COLOURS[number],
-            label=one.name,
-        )  # fmt: skip
-    above.set_ylabel("yaw rate [deg/s]")
-    below.set_ylabel("error of the IMU [deg/s]")
-    below.set_xlabel("time from the first interval [s]")
-    for axes in (above, below):
-        axes.grid(visible=True, linewidth=0.3)
-        axes.legend(
-            fontsize=8, ncols=3, loc="lower right", bbox_to_anchor=(1, 1), frameon=False,
-            borderaxespad=0,
-        )  # fmt: skip
     return figure
 
 
@@ -276,7 +147,7 @@ def _ellipses(
     largest = CHI_95_OF_2 * np.sqrt(np.diagonal(covariance).max())
     for number, (first, second, name) in enumerate(pairs):
         axes.add_patch(
-            _ellipse(covariance[np.ix_([first, second], [first, second])], COLOURS[number], number)
+            ellipse(covariance[np.ix_([first, second], [first, second])], COLOURS[number], number)
         )
         axes.plot([], [], color=COLOURS[number], linestyle=_DASHES[number], label=name)
     axes.set_xlim(-1.15 * largest, 1.15 * largest)
@@ -291,7 +162,8 @@ def _ellipses(
 _DASHES = ("-", "--", ":")
 
 
-def _ellipse(covariance: Array, colour: str, number: int, centre: Array | None = None) -> Ellipse:
+def ellipse(covariance: Array, colour: str, number: int, centre: Array | None = None) -> Ellipse:
+    """The 95 % ellipse of a covariance (2, 2), with the line style of a number."""
     values, vectors = np.linalg.eigh(covariance)
     width, height = 2 * CHI_95_OF_2 * np.sqrt(np.maximum(values[::-1], 0))
     angle = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
@@ -337,7 +209,7 @@ def stated_ellipses(records: Sequence[Fixes]) -> Figure:
             if len(stated) == 0:
                 continue
             middle = np.median(stated, axis=0) * 1e4
-            axes.add_patch(_ellipse(middle, COLOURS[number % 6], number))
+            axes.add_patch(ellipse(middle, COLOURS[number % 6], number))
             axes.plot([], [], color=COLOURS[number % 6], linestyle=_DASHES[number % 3],
                       label=record.receiver)  # fmt: skip
             largest = max(largest, CHI_95_OF_2 * float(np.sqrt(np.diagonal(middle).max())))

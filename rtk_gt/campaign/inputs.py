@@ -1,34 +1,21 @@
 """A campaign's records of all receivers, and what it states beforehand."""
 
-import gzip
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from rtk_gt.offsets.estimate import distance_names
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.path.antennas import Places
+from rtk_gt.receivers.baselines import on_base
 from rtk_gt.receivers.fix_checks import check_fixes
-from rtk_gt.receivers.fix_csv import read_fix_csv
 from rtk_gt.receivers.fixes import Fixes
-from rtk_gt.receivers.nmea import read_nmea
-from rtk_gt.receivers.rawlog import Rawlog, read_rawlog
-from rtk_gt.receivers.rtklib import read_pos
+from rtk_gt.receivers.formats.reading import Stated, read_baselines, read_receiver
 from rtk_gt.receivers.steps import Steps, common_steps
 from rtk_gt.settings import Receiver, RtkSettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.earth_frames import FrameVectors, LocalFrame
-
-ENDINGS = {
-    ".nmea": "nmea",
-    ".txt": "nmea",
-    ".log": "nmea",
-    ".pos": "rtklib",
-    ".rawlog": "rawlog",
-    ".csv": "csv",
-}
 
 
 @dataclass(frozen=True)
@@ -107,64 +94,35 @@ def read_records(campaign: Campaign, settings: RtkSettings) -> list[Fixes]:
         With the bad places of all files.
     """
     problems: list[Problem] = []
-    records: list[Fixes] = []
-    rawlogs: dict[Path, Rawlog] = {}
-    for receiver in settings.receivers:
+    records: dict[str, Fixes] = {}
+    # Rovers of a moving base come after their base.
+    for receiver in sorted(settings.receivers, key=lambda one: bool(one.base)):
         try:
-            records.append(_read(campaign, receiver, settings, rawlogs))
+            record = _read(campaign, receiver, settings, records.get(receiver.base))
+            if record is not None:
+                records[receiver.name] = record
         except InputError as error:
             problems += error.problems
     if problems:
         raise InputError(dict.fromkeys(problems))
-    check_fixes(records, stated_frame(settings))
-    return records
+    found = [records[receiver.name] for receiver in settings.receivers]
+    check_fixes(found, stated_frame(settings))
+    return found
 
 
 def _read(
-    campaign: Campaign, receiver: Receiver, settings: RtkSettings, rawlogs: dict[Path, Rawlog]
-) -> Fixes:
+    campaign: Campaign, receiver: Receiver, settings: RtkSettings, base: Fixes | None
+) -> Fixes | None:
+    """The record of a receiver; None where that of its base could not be read."""
     path = campaign.folder / receiver.file
-    kind = receiver.format if receiver.format != "auto" else _kind_of(path)
-    if kind == "rawlog":
-        if path not in rawlogs:
-            rawlogs[path] = read_rawlog(path)
-        label = receiver.label or receiver.name
-        found = rawlogs[path].fixes
-        if label not in found:
-            expected = f"no receiver of that label; the rawlog has {', '.join(sorted(found))}"
-            raise InputError([Problem(path, expected, field="label", value=label)])
-        return replace(found[label], receiver=receiver.name)
-    if kind == "nmea":
-        skip = settings.skip_damaged
-        return read_nmea(path, receiver.name, day=receiver.date, skip_damaged=skip)
-    if kind == "rtklib":
-        return read_pos(path, receiver.name)
-    if kind == "csv":
-        return read_fix_csv(path, receiver.name)
-    expected = (
-        f"a kind of file that its name does not tell; set format, or use {', '.join(ENDINGS)}"
-    )
-    raise InputError([Problem(path, expected)])
-
-
-def _kind_of(path: Path) -> str | None:
-    """What a file is by its name, .gz apart; a table that begins with a sentence is a log."""
-    inner = Path(path.stem) if path.suffix.lower() == ".gz" else path
-    kind = ENDINGS.get(inner.suffix.lower())
-    if kind == "csv" and path.is_file() and _begins_with_sentence(path):
-        return "nmea"
-    return kind
-
-
-def _begins_with_sentence(path: Path) -> bool:
-    """Whether the first line holds an NMEA sentence; also of a compressed file."""
-    with path.open("rb") as plain:
-        packed = plain.read(2) == b"\x1f\x8b"
-    try:
-        with gzip.open(path) if packed else path.open("rb") as file:
-            return b"$G" in file.readline(1000)
-    except (OSError, EOFError):
-        return False
+    stated = Stated(
+        receiver.name, receiver.format, receiver.label, receiver.date, settings.skip_damaged,
+        receiver.all_fixed, receiver.coordinates, receiver.zone, stated_frame(settings),
+    )  # fmt: skip
+    if not receiver.base:
+        return read_receiver(path, stated)
+    found = read_baselines(path, stated)
+    return None if base is None else on_base(found, base, settings.simultaneous)
 
 
 def stated_frame(settings: RtkSettings) -> LocalFrame | None:

@@ -1,12 +1,15 @@
 """What a person should read of errors that last, one line a cause."""
 
 from collections.abc import Iterator
+from typing import Protocol
 
 import numpy as np
 
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.lasting import SHORT, LastingError
 from rtk_gt.path.common_errors import CLEARLY
+from rtk_gt.path.coverage import Coverage
+from rtk_gt.receivers.steps import Steps
 from validation.results import Finding, Size
 
 SUBJECT = "rtk"
@@ -16,16 +19,41 @@ NORMAL_95 = 1.96
 LARGEST_UNSEEN = 0.12
 """Metres of a jump of all receivers that may stay unseen without a word: a base station that
 averages its coordinates anew moves by more."""
+JUMP_COLUMNS = (
+    *("receivers", "start", "end", "east", "north", "up"),
+    *("sigma_east", "sigma_north", "sigma_up", "gain"),
+)
+"""Of results/rtk_jumps.csv."""
 LEAST_TAU = 2.0
 """Poses worth one, above which it is said: white noise makes 1 within a few percent."""
 
 
-def short_errors(outcome: RtkOutcome) -> int:
+class WithJumps(Protocol):
+    """What is told of errors that last, of however many receivers."""
+
+    @property
+    def lasting(self) -> tuple[LastingError, ...]:
+        """The errors."""
+
+    @property
+    def steps(self) -> Steps:
+        """Of the receivers."""
+
+    @property
+    def coverage(self) -> Coverage:
+        """From when on seconds are counted."""
+
+    @property
+    def smallest_seen(self) -> float:
+        """Metres of a jump of all that half of the intervals would show."""
+
+
+def short_errors(outcome: WithJumps) -> int:
     """Epochs with errors of so few epochs that they are single false fixes."""
     return sum(one.epochs for one in outcome.lasting if not _told(one))
 
 
-def lasting_findings(outcome: RtkOutcome) -> Iterator[Finding]:
+def lasting_findings(outcome: WithJumps) -> Iterator[Finding]:
     """False fixes that last, and jumps of one receiver, several or all."""
     told = [one for one in outcome.lasting if _told(one)]
     for one in sorted(told, key=lambda error: -error.length)[:MOST]:
@@ -40,15 +68,17 @@ def lasting_findings(outcome: RtkOutcome) -> Iterator[Finding]:
         yield Finding("warning", text, SUBJECT, "many_jumps", size)
 
 
-def unseen_findings(outcome: RtkOutcome) -> Iterator[Finding]:
+def unseen_findings(outcome: WithJumps) -> Iterator[Finding]:
     """That a jump of all receivers may be in the drive unseen."""
     least = outcome.smallest_seen
     if least <= LARGEST_UNSEEN:
         return
     said = f"of less than some {100 * least:.0f} cm" if np.isfinite(least) else "of any size"
+    of_all = "of all receivers " if len(outcome.steps.receivers) > 1 else ""
     text = (
-        f"A jump of all receivers {said} would not be seen in this drive: it moves more than that "
-        "by itself between its fixes. Record at 5 Hz or more if the base station may restart."
+        f"A jump {of_all}{said} would not be seen in this record: the vehicle moves more "
+        "than that by itself between its fixes. Record at 5 Hz or more if the base station may "
+        "restart."
     )
     size = (Size("smallest jump of all that is seen", least, "m"),) if np.isfinite(least) else ()
     yield Finding("note", text, SUBJECT, "jumps_unseen", size)
@@ -58,15 +88,15 @@ def _told(error: LastingError) -> bool:
     return error.stays or error.epochs >= SHORT
 
 
-def who_jumps(outcome: RtkOutcome, receivers: tuple[int, ...]) -> str:
+def who_jumps(outcome: WithJumps, receivers: tuple[int, ...]) -> str:
     """The receivers of a jump in words."""
     names = outcome.steps.receivers
-    if len(receivers) == len(names):
+    if len(receivers) == len(names) > 1:
         return "all receivers"
     return " and ".join(names[k] for k in receivers)
 
 
-def _finding(outcome: RtkOutcome, error: LastingError) -> Finding:
+def _finding(outcome: WithJumps, error: LastingError) -> Finding:
     half = NORMAL_95 * error.length_sigma
     who = who_jumps(outcome, error.receivers)
     axes = ", ".join(
@@ -175,7 +205,7 @@ def _common(outcome: RtkOutcome) -> Iterator[Finding]:
         yield Finding("warning", text, SUBJECT, "stated_too_small", size)
 
 
-def jump_rows(outcome: RtkOutcome) -> list[list[object]]:
+def jump_rows(outcome: WithJumps) -> list[list[object]]:
     """A row for each error that lasts, for the table of results."""
     return [
         [

@@ -20,6 +20,7 @@ from rtk_gt.path.interpolation import HoldOut
 from rtk_gt.path.motion_check import MotionCheck
 from rtk_gt.path.vehicle_path import VehiclePath
 from rtk_gt.receivers.fixes import Bools, Fixes
+from rtk_gt.receivers.quality import AreaQuality
 from rtk_gt.receivers.steps import Steps
 from rtk_gt.settings import RtkSettings
 from validation.campaign.folder import Campaign
@@ -79,6 +80,8 @@ class RtkOutcome:
         Which interpolation does best; None where the path is too short to tell.
     sensors : dict of str to Composed
         Paths of the sensors of campaign.toml.
+    areas : dict of str to tuple of AreaQuality
+        Of each receiver how its fixes are in each named area.
     """
 
     campaign: Campaign
@@ -104,6 +107,7 @@ class RtkOutcome:
     coverage: Coverage
     hold_out: HoldOut | None
     sensors: dict[str, Composed]
+    areas: dict[str, tuple[AreaQuality, ...]]
 
     @property
     def corrected(self) -> Bools:

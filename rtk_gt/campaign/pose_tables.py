@@ -3,14 +3,17 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.path.composition import compose, published_composition
 from rtk_gt.path.interpolation import Interpolated
+from rtk_gt.path.orientation import rotation_rates
 from rtk_gt.path.vehicle_path import VehiclePath
 from rtk_gt.receivers.fixes import Bools
 from rtk_gt.settings import Sensor
 from validation.poses.pose_table import SPATIAL, PoseTable
+from validation.poses.trajectory import Clock, Trajectory
 
 
 def vehicle_table(
@@ -40,8 +43,34 @@ def vehicle_table(
     )
 
 
+def vehicle_trajectory(path: VehiclePath, max_gap: float) -> Trajectory:
+    """The path of the vehicle as poses in time, for a comparison with what else moves.
+
+    Covariances of yaw, pitch and roll become those of a small rotation about the fixed axes.
+    """
+    epoch = int(np.floor(path.times[0]))
+    covariances = path.covariances
+    rates = rotation_rates(path.poses[:, 3:])
+    covariances[:, 3:] = rates @ covariances[:, 3:]
+    covariances[:, :, 3:] = covariances[:, :, 3:] @ np.swapaxes(rates, -1, -2)
+    turned = Rotation.from_euler("ZYX", path.poses[:, 3:]).as_quat()
+    return Trajectory(
+        system="rtk",
+        times=path.times - epoch,
+        poses=np.column_stack([path.poses[:, :3], turned]),
+        kind="space",
+        covariances=covariances,
+        epoch=epoch,
+        clock=Clock(stamps="capture"),
+        longest_interval=max_gap,
+        frame=str(path.frame),
+    )
+
+
 def sensor_tables(outcome: RtkOutcome) -> dict[str, PoseTable]:
     """The path of each sensor of campaign.toml, by its name."""
+    if not outcome.sensors:
+        return {}
     vehicle = vehicle_table(outcome.path, outcome.leaps, outcome.corrected)
     return {
         name: replace(

@@ -1,31 +1,36 @@
 """Files of the RTK system under results/."""
 
+from collections.abc import Iterator, Sequence
+from functools import partial
+
 import numpy as np
 
-from rtk_gt.campaign.lasting_findings import jump_rows
+from rtk_gt.campaign.lasting_findings import JUMP_COLUMNS, jump_rows
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.campaign.pose_tables import sensor_tables
 from rtk_gt.offsets.estimate import distance_names
+from rtk_gt.receivers.fixes import Fixes
+from validation.poses.angles import Array
 from validation.poses.pose_table import to_csv, to_tum
 from validation.text_files.csv_text import csv_text
+from validation.text_files.writing import Content, text_of
 
 
-def rtk_files(outcome: RtkOutcome) -> dict[str, str | bytes]:
+def rtk_files(outcome: RtkOutcome) -> dict[str, Content]:
     """Offsets, quality, gaps and sensor paths by their names; the run writes the vehicle's path.
 
     Sensor paths are no poses of the vehicle: a run must not compare them with its validation
     poses, so that their files are not named like pose tables.
     """
-    files: dict[str, str | bytes] = {
+    files: dict[str, Content] = {
         "rtk_offsets.csv": _offsets(outcome),
         "rtk_distances.csv": _distances(outcome),
         "rtk_quality.csv": _quality(outcome),
         "rtk_gaps.csv": _gaps(outcome),
+        "rtk_places.csv": _places(outcome),
     }
     if outcome.lasting:
-        header = ["receivers", "start", "end", "east", "north", "up"]
-        header += ["sigma_east", "sigma_north", "sigma_up", "gain"]
-        files["rtk_jumps.csv"] = csv_text(header, jump_rows(outcome))
+        files["rtk_jumps.csv"] = csv_text(JUMP_COLUMNS, jump_rows(outcome))
     for name, table in sensor_tables(outcome).items():
         files[f"sensor_path_{name}.csv"] = to_csv(table)
         files[f"sensor_path_{name}.tum"] = to_tum(table)
@@ -53,18 +58,62 @@ def _distances(outcome: RtkOutcome) -> str:
     return csv_text(["pair", "distance", "sigma"], rows)
 
 
-def _quality(outcome: RtkOutcome) -> str:
+def _quality(outcome: RtkOutcome) -> Content:
     """One row for each time at which all receivers are RTK-fixed."""
     offsets, found = outcome.offsets, outcome.consistency
     times = outcome.steps.times[outcome.steps.complete]
-    header = ["time", "q", "weight", *(f"residual {n}" for n in distance_names(offsets.receivers))]
-    q: list[object] = [""] * len(times)  # a step with a false fix has no pose and no q
-    for row, value in zip(np.flatnonzero(offsets.weights > 0), found.q, strict=True):
-        q[int(row)] = float(value)
-    rows = zip(times, q, offsets.weights, offsets.residuals, strict=True)
-    return csv_text(
-        header, ([time, one, weight, *residual] for time, one, weight, residual in rows)
-    )
+    names = distance_names(offsets.receivers)
+    header = ["time", "q", "weight", *(f"residual {name}" for name in names)]
+    q = np.full(len(times), np.nan)  # a step with a false fix has no pose and no q
+    q[offsets.weights > 0] = found.q
+    columns = [times, q, offsets.weights, *offsets.residuals.T]
+    return text_of(partial(_number_lines, header, columns), len(columns) * len(times))
+
+
+def _number_lines(header: Sequence[str], columns: Sequence[Array]) -> Iterator[str]:
+    """Lines of a table of numbers, blank where there is none; floats keep their last bit."""
+    yield csv_text(header, []).rstrip("\n")
+    for row in zip(*(column.tolist() for column in columns), strict=True):
+        yield ",".join(["" if value != value else repr(value) for value in row])  # noqa: PLR0124
+
+
+def _places(outcome: RtkOutcome) -> Content:
+    """Of each pose the place on the Earth, and what its fixes had: satellites and HDOP.
+
+    ``satellites`` is the least and ``hdop`` the greatest of the receivers; each has its own, too.
+    """
+    path, records = outcome.path, outcome.records
+    geodetic = path.frame.to_geodetic(path.poses[:, :3])
+    told = [_reception(one, path.times, outcome.settings.simultaneous) for one in records]
+    satellites = np.array([one for one, _ in told])
+    hdop = np.array([one for _, one in told])
+    header = ["time", "latitude", "longitude", "height", "satellites", "hdop"]
+    header += [f"{what} {one.receiver}" for one in records for what in ("satellites", "hdop")]
+    each = [values for pair in zip(satellites, hdop, strict=True) for values in pair]
+    # Not told by one receiver is not told of all: the least would be a guess.
+    columns = [satellites.min(0), hdop.max(0), *each]
+    place = [path.times, np.degrees(geodetic[:, 0]), np.degrees(geodetic[:, 1]), geodetic[:, 2]]
+    return text_of(partial(_place_lines, header, place, columns), len(header) * len(path))
+
+
+def _place_lines(
+    header: Sequence[str], place: Sequence[Array], columns: Sequence[Array]
+) -> Iterator[str]:
+    """Lines of a table of places: 0.1 mm, and what was received."""
+    yield csv_text(header, []).rstrip("\n")
+    rows = zip(*(column.tolist() for column in (*place, *columns)), strict=True)
+    for time, latitude, longitude, height, *told in rows:
+        cells = ["" if value != value else f"{value:g}" for value in told]  # noqa: PLR0124
+        yield ",".join([f"{time:.3f},{latitude:.9f},{longitude:.9f},{height:.4f}", *cells])
+
+
+def _reception(record: Fixes, times: Array, tolerance: float) -> tuple[Array, Array]:
+    """(n,) satellites and HDOP of a receiver at times; NaN where not told."""
+    at = np.searchsorted(record.times, times - tolerance)
+    at = np.minimum(at, len(record) - 1)
+    there = np.abs(record.times[at] - times) <= tolerance
+    satellites = np.where(there & (record.satellites[at] >= 0), record.satellites[at], np.nan)
+    return satellites, np.where(there, record.hdop[at], np.nan)
 
 
 def _gaps(outcome: RtkOutcome) -> str:

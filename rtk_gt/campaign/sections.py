@@ -11,7 +11,8 @@ from rtk_gt.offsets.estimate import distance_names
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.path.coverage import Coverage
 from rtk_gt.path.interpolation import METHODS, NAMES, HoldOut
-from rtk_gt.receivers.fixes import FIX_NAMES
+from rtk_gt.receivers.fixes import FIX_NAMES, RTK_FIXED, RTK_FLOAT
+from rtk_gt.receivers.quality import inside
 from validation.poses.angles import Array
 from validation.results import Figure, Section, Table, Text
 
@@ -35,13 +36,14 @@ def rtk_sections(outcome: RtkOutcome) -> list[Section]:
                 antenna_table(outcome),
                 _figure(
                     "rtk_residuals",
-                    "Measured distances of the antennas minus their constant values, with the "
-                    "density that the noise predicts.",
+                    "Measured distances of the antennas, and their squares, minus the constant "
+                    "values, with the densities that the noise predicts.",
                     "Histograms of the residuals of each pair of antennas; their spread is in the "
                     "table of distances.",
                     "residual_histograms",
                     outcome.offsets,
                     outcome.noise,
+                    outcome.antennas,
                 ),
             ],
         ),
@@ -66,10 +68,11 @@ def _figure(name: str, caption: str, alternative: str, function: str, *arguments
 
 
 def _draw(function: str, *arguments: object) -> "MatplotlibFigure":
-    """A figure of `rtk_gt.campaign.figures`, imported only when something is drawn."""
-    from rtk_gt.campaign import figures  # noqa: PLC0415
+    """A figure of `rtk_gt.campaign`, imported only when something is drawn."""
+    from rtk_gt.campaign import figures, site_figures  # noqa: PLC0415
 
-    draw: Callable[..., MatplotlibFigure] = getattr(figures, function)
+    room = site_figures if hasattr(site_figures, function) else figures
+    draw: Callable[..., MatplotlibFigure] = getattr(room, function)
     return draw(*arguments)
 
 
@@ -100,9 +103,12 @@ def _coverage_blocks(outcome: RtkOutcome) -> list[Table | Figure | Text]:
             outcome.steps,
             outcome.offsets,
             outcome.path,
-            gap,
+            outcome.settings,
+            outcome.campaign.folder,
         ),
     ]
+    if outcome.areas:
+        blocks.append(areas_table(outcome))
     if outcome.coverage.gaps:
         blocks.append(gap_table(outcome.coverage))
     if any((one.satellites >= 0).any() or np.isfinite(one.hdop).any() for one in outcome.records):
@@ -126,7 +132,41 @@ def _coverage_blocks(outcome: RtkOutcome) -> list[Table | Figure | Text]:
                 outcome.records,
             )
         )
+        blocks.append(
+            _figure(
+                "rtk_stated_over_time",
+                "Errors that the receivers state over time (1 sigma), RTK fixed beside float.",
+                "Points over time on a logarithmic scale, coloured by kind of fix; typical ones "
+                "are in the ellipses.",
+                "stated_over_time",
+                outcome.records,
+            )
+        )
     return blocks
+
+
+def areas_table(outcome: RtkOutcome) -> Table:
+    """How the fixes and the poses of each named area are."""
+    rows: list[Cells] = []
+    sigmas = np.sqrt(np.diagonal(outcome.path.covariances, axis1=1, axis2=2)[:, :2].max(1))
+    for name, corners in outcome.settings.outlines.items():
+        here = inside(corners, outcome.path.poses[:, :2])
+        typical = float(np.median(sigmas[here])) if here.any() else None
+        for receiver, qualities in outcome.areas.items():
+            (own,) = [one for one in qualities if one.area == name]
+            share = {kind.kind: 100 * kind.share for kind in own.kinds}
+            fixes = sum(kind.epochs for kind in own.kinds)
+            fixed, floating = (share.get(FIX_NAMES[kind], 0.0) for kind in (RTK_FIXED, RTK_FLOAT))
+            rows.append([name, receiver, fixes, fixed, floating, int(here.sum()), typical])
+    columns = ["area", "receiver", "fixes", "RTK fixed [%]", "RTK float [%]", "poses"]
+    return Table(
+        "Quality by area",
+        [*columns, "sigma level [m]"],
+        rows,
+        ["", "", "", ".1f", ".1f", "", ".4f"],
+        "Shares of the fixes of each receiver in the area; poses of the vehicle there, and their "
+        "median sigma.",
+    )
 
 
 def coverage_table(coverage: Coverage) -> Table:

@@ -1,5 +1,6 @@
 """From a campaign's receivers to the path: the whole chain, without printing or drawing."""
 
+from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -28,11 +29,16 @@ from rtk_gt.path.interpolation import HoldOut, hold_out
 from rtk_gt.path.leaps import leaping_poses
 from rtk_gt.path.motion_check import motion_check
 from rtk_gt.path.vehicle_path import VehiclePath, vehicle_path
+from rtk_gt.receivers.fixes import Fixes
+from rtk_gt.receivers.quality import AreaQuality, area_qualities
 from rtk_gt.receivers.steps import Steps
 from rtk_gt.receivers.together import check_together
 from rtk_gt.settings import RtkSettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
+from validation.poses.angles import Array
+from validation.poses.earth_frames import LocalFrame
+from validation.processes import give_back_memory
 from validation.systems import Progress, no_progress
 
 
@@ -58,11 +64,13 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     settings, records, steps = given.settings, given.records, given.steps
     progress("offsets of the receivers", 0.3)
     check_together(records, steps, settings.simultaneous)
+    give_back_memory()
     prior = offset_prior(settings, steps.frame)
     ready = prepare(steps, settings)
     steps, jumps, model = ready.steps, ready.jumps, ready.model
     chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings), model)
     offsets, antennas = chosen.offsets, chosen.antennas
+    give_back_memory()
     noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
     progress("path", 0.5)
     good = _without_false(steps, offsets)
@@ -73,6 +81,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     if jumps is not None:
         offsets = jumps.spread(offsets)
     check_attitude(path)
+    give_back_memory()
     progress("quality of the path", 0.7)
     return RtkOutcome(
         campaign=campaign,
@@ -111,7 +120,22 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
             )
             for sensor in settings.sensors
         },
+        areas=_areas(settings, records, steps.frame, offsets.offsets.within(steps.frame)),
     )
+
+
+def _areas(
+    settings: RtkSettings, records: Sequence[Fixes], frame: LocalFrame, offsets: Array
+) -> dict[str, tuple[AreaQuality, ...]]:
+    """How the fixes of each receiver are in each named area; empty where there is none."""
+    if not settings.areas:
+        return {}
+    return {
+        one.receiver: area_qualities(
+            settings.outlines, one, frame.from_geodetic(one.geodetic) + offset
+        )
+        for one, offset in zip(records, offsets, strict=True)
+    }
 
 
 class Prepared(NamedTuple):

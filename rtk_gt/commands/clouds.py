@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rtk_gt.commands.drive import FINITE, along_path, lens_of, sensor_named, solved
+from rtk_gt.commands.drive import FINITE, along_path, lens_of, need_picture, sensor_named, solved
 from validation.commands.options import AS_JSON, CAMPAIGN, PATH
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 @click.option("--images", type=PATH, help="CSV file time,file: colour the points by these.")
 @click.option("--camera", "camera_name", help="The camera of the images in campaign.toml.")
 @click.option("--lens", nargs=8, type=FINITE, help="Of the camera: fx fy cx cy k1 k2 p1 p2.")
+@click.option("--picture", type=PATH, help="Draw the cloud from above and aside (.png, .svg).")
 @AS_JSON
 def cloud(
     campaign: Path,
@@ -31,6 +32,7 @@ def cloud(
     images: Path | None,
     camera_name: str | None,
     lens: tuple[float, ...] | None,
+    picture: Path | None,
     as_json: bool,
 ) -> None:
     """Write the point cloud of a scanner's SCANS along the path as a PLY file.
@@ -49,6 +51,7 @@ def cloud(
     given = (images is not None, camera_name is not None, bool(lens))
     if any(given) and not all(given):
         raise click.UsageError("give --images, --camera and --lens together, or none of them")
+    need_picture("--picture", picture)
     read = read_line_scans(scans)
     pictures = read_images(images) if images is not None else None
     outcome = solved(campaign)
@@ -79,6 +82,11 @@ def cloud(
             "are in gaps. The others are grey."
         )
     write_files(output.parent, {output.name: ply(points, colours)})
+    if picture is not None:
+        from rtk_gt.sensors.figures import cloud_picture
+        from validation.figures.writing import write_figure
+
+        write_figure(picture, cloud_picture(points, colours))
     if as_json:
         print_json(facts)
     else:

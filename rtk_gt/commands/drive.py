@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rtk_gt.sensors.camera_pose import Lens
     from rtk_gt.settings import Sensor
     from validation.poses.angles import Array
+    from validation.poses.trajectory import Trajectory
 
 
 class Number(click.FloatRange):
@@ -41,6 +42,31 @@ def solved(campaign: Path) -> "RtkOutcome":
     loaded = load_campaign(campaign)
     with progress_bar("rtk") as report:
         return solve_campaign(loaded, report)
+
+
+def drive_trajectory(campaign: Path) -> "Trajectory":
+    """The path of a campaign's vehicle in time, from however many receivers; a GtvalError if none.
+
+    One receiver gives positions, two level positions and headings.
+    """
+    from rtk_gt.campaign.pose_tables import vehicle_trajectory
+    from rtk_gt.positions.solve import solve_positions
+    from rtk_gt.positions.trajectories import heading_trajectory
+    from rtk_gt.settings import RtkSettings
+    from validation.campaign.folder import load_campaign
+    from validation.errors import GtvalError
+
+    loaded = load_campaign(campaign)
+    if len(loaded.section("rtk", RtkSettings).receivers) > 2:
+        outcome = solved(campaign)
+        return vehicle_trajectory(outcome.path, outcome.settings.max_gap)
+    with progress_bar("rtk") as report:
+        positions = solve_positions(loaded, report)
+    if positions.fixed.sum() < 3:
+        raise GtvalError(
+            f"{campaign}: {int(positions.fixed.sum())} positions are RTK-fixed; there is no path"
+        )
+    return heading_trajectory(positions)
 
 
 def sensor_named(outcome: "RtkOutcome", name: str) -> "Sensor":
@@ -88,3 +114,9 @@ def lens_of(numbers: tuple[float, ...]) -> "Lens":
     if not (fx > 0 and fy > 0):
         raise click.UsageError(f"--lens: focal lengths {fx:g}, {fy:g} pixels; both must be above 0")
     return Lens(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), np.array(distortion))
+
+
+def need_picture(option: str, file: Path | None) -> None:
+    """A usage error where a picture has another ending than those that are drawn."""
+    if file is not None and file.suffix.lower() not in {".png", ".svg"}:
+        raise click.UsageError(f"{option} writes .png or .svg, not '{file.suffix}'")

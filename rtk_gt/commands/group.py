@@ -2,7 +2,7 @@
 
 import click
 
-from rtk_gt.commands import clouds, export, path, plan, sensors
+from rtk_gt.commands import clock, clouds, export, noise, path, plan, sensors
 from validation.commands.solve import CampaignGroup, solve_command
 
 
@@ -24,6 +24,8 @@ rtk.add_command(_solve, "run")
 for _command in (
     *path.COMMANDS,
     *sensors.COMMANDS,
+    *clock.COMMANDS,
+    *noise.COMMANDS,
     *clouds.COMMANDS,
     *plan.COMMANDS,
     *export.COMMANDS,

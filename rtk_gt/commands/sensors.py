@@ -5,11 +5,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rtk_gt.commands.clock import told_clock, tolerance
 from rtk_gt.commands.drive import (
     FINITE,
     SIGMA,
     along_path,
     lens_of,
+    need_picture,
     sensor_named,
     solved,
 )
@@ -94,7 +96,7 @@ def scanner(
     from rtk_gt.sensors.trajectory import smooth_trajectory
     from validation.report.terminal import print_json
 
-    _need_picture("--histogram", histogram)
+    need_picture("--histogram", histogram)
     files = {sensor: scans}
     for name, file in also:
         if name in files:
@@ -219,23 +221,27 @@ def camera(
 )
 @AS_JSON
 def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -> None:
-    """Compare another GPS receiver on the vehicle (NMEA or CSV) with the ground truth."""
+    """Compare another GPS receiver on the vehicle (any log) with the ground truth."""
     import numpy as np
 
-    from rtk_gt.receivers.fix_csv import read_fix_csv
-    from rtk_gt.receivers.nmea import read_nmea
-    from rtk_gt.sensors.characterisation import position_errors
-    from validation.report.terminal import print_json, print_table
+    from rtk_gt.campaign.pose_tables import vehicle_trajectory
+    from rtk_gt.receivers.formats.reading import Stated, read_receiver
+    from rtk_gt.sensors.characterisation import position_errors, record_trajectory
+    from validation.report.terminal import print_findings, print_json, print_table
     from validation.results import Table
+    from validation.trajectories.clock.tables import clock_json
 
-    read = read_fix_csv if log.suffix.lower() == ".csv" else read_nmea
-    record = read(log, log.stem)
+    record = read_receiver(log, Stated(log.stem))
     outcome = solved(campaign)
     found = along_path(outcome, record.times, log)
     result = position_errors(record, found, np.array(antenna), outcome.path)
     in_gaps = int((~found.available).sum())
+    reference = vehicle_trajectory(outcome.path, outcome.settings.max_gap)
+    moving = record_trajectory(record, outcome.path.frame)
+    estimate, findings = told_clock(reference, moving)
     if as_json:
-        print_json({**vars(result), "fixes_in_gaps": in_gaps})
+        told = None if estimate is None else clock_json(estimate, tolerance())
+        print_json({**vars(result), "fixes_in_gaps": in_gaps, "clock": told})
         return
     rows: list[list[str | int | float | None]] = [
         [axis, float(bias), float(sigma)]
@@ -255,6 +261,7 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
         )
     columns = ["direction", "mean error [m]", "standard error [m]"]
     print_table(Table(f"Errors of {record.receiver}", columns, rows, ["", ".3f", ".3f"], note))
+    print_findings(findings)
 
 
 @click.command()
@@ -263,26 +270,40 @@ def dgps(campaign: Path, log: Path, antenna: tuple[float, ...], as_json: bool) -
 @FIGURE
 @AS_JSON
 def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> None:
-    """Compare the rates of an IMU (CSV time,yaw,pitch,roll in radians) with the ground truth."""
+    """Compare the rates of an IMU (CSV time,yaw,pitch,roll in radians) with the ground truth.
+
+    Where the turns tell that its stamps are late or early, rates are compared at the right times.
+    """
     import numpy as np
 
+    from rtk_gt.campaign.pose_tables import vehicle_trajectory
     from rtk_gt.sensors.characterisation import rate_errors
     from rtk_gt.sensors.sensor_files import read_imu
-    from validation.report.terminal import print_json, print_table
+    from rtk_gt.sensors.stream_clocks import turns_of
+    from validation.report.terminal import print_findings, print_json, print_table
     from validation.results import Table
+    from validation.trajectories.clock.tables import clock_json
 
-    _need_picture("--figure", figure)
+    need_picture("--figure", figure)
     times, read = read_imu(angles)
     outcome = solved(campaign)
     max_gap = outcome.settings.max_gap
+    estimate, findings = told_clock(
+        vehicle_trajectory(outcome.path, max_gap), turns_of(angles.stem, times, read[:, 0])
+    )
+    moved = estimate is not None and estimate.low_s * estimate.high_s > 0
+    if estimate is not None and moved and estimate.verdict == "determined":
+        times = times + estimate.delay_s
     result = rate_errors(times, read, outcome.path, max_gap)
     if figure is not None:
-        from rtk_gt.campaign.figures import rates_over_time
+        from rtk_gt.sensors.figures import rates_over_time
         from validation.figures.writing import write_figure
 
-        write_figure(figure, rates_over_time(result, max_gap))
+        yaws = (outcome.path.times, outcome.path.poses[:, 3]), (times, read[:, 0])
+        write_figure(figure, rates_over_time(result, max_gap, yaws))
     if as_json:
-        print_json({"angles": result})
+        told = None if estimate is None else clock_json(estimate, tolerance())
+        print_json({"angles": result, "clock": told})
         return
     rows: list[list[str | int | float | None]] = [
         [
@@ -301,7 +322,10 @@ def imu(campaign: Path, angles: Path, figure: Path | None, as_json: bool) -> Non
         f"Degrees per second. {result[0].intervals} intervals between poses; the RMSE contains the "
         "path's noise. The rates are those of the path, the drift is the IMU's mean error."
     )
+    if moved:
+        note += " Compared with right stamps: the delay below is added."
     print_table(Table("Rates of the IMU", columns, rows, ["", *[".3f"] * 5], note))
+    print_findings(findings)
 
 
 def _poses(title: str, start: "Array", pose: "Array", spread: "Array", note: str) -> "Table":
@@ -335,13 +359,8 @@ def _say_how_to_keep(sensor: str, pose: "Array", spread: "Array") -> None:
         click.echo(line)
 
 
-def _need_picture(option: str, file: Path | None) -> None:
-    if file is not None and file.suffix.lower() not in {".png", ".svg"}:
-        raise click.UsageError(f"{option} writes .png or .svg, not '{file.suffix}'")
-
-
 def _draw_heights(path: Path, scans: "LineScans", before: "Array", after: "Array") -> None:
-    from rtk_gt.campaign.figures import heights_before_and_after
+    from rtk_gt.sensors.figures import heights_before_and_after
     from rtk_gt.sensors.scans import cloud_of
     from validation.figures.writing import write_figure
 

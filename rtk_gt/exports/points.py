@@ -19,6 +19,8 @@ POSITIONS = "rtk_positions.csv"
 """What one or two receivers leave: all fixes with their place on the Earth."""
 POSES = "poses_rtk.csv"
 """What three and more leave: poses in the local frame of the run."""
+PLACES = "rtk_places.csv"
+"""Beside `POSES`: satellites and HDOP of each pose."""
 _FRAME = re.compile(
     r"latitude (\S+), longitude (\S+) degrees, height (\S+) m, up: (normal|line) .*"
 )
@@ -140,6 +142,7 @@ def _of_positions(campaign: Campaign, path: Path) -> Points:
         Column("satellites", "number", blank=True),
         Column("hdop", "number", blank=True),
         *_VARIANCES,
+        Column("remark", required=False, blank=True),
     ]
     table = read_csv(path, columns, max_bytes=_MAX_BYTES)
     table.raise_problems()
@@ -149,7 +152,7 @@ def _of_positions(campaign: Campaign, path: Path) -> Points:
         number["time"],
         np.column_stack([number["latitude"], number["longitude"], number["height"]]),
         tuple(table.text["fix"]),
-        ("",) * len(table),
+        tuple(table.text["remark"]),
         number["satellites"],
         number["hdop"],
         *_sigmas(number),
@@ -165,7 +168,7 @@ def _of_poses(campaign: Campaign, path: Path) -> Points:
     local = np.column_stack([number["x"], number["y"], number["z"]])
     geodetic = run_frame(campaign).to_geodetic(local)
     geodetic[:, :2] = np.degrees(geodetic[:, :2])
-    unknown = np.full(len(table), np.nan)
+    satellites, hdop = _reception(campaign, number["pose"])
     told = [source.partition(", ") for source in table.text["source"]]
     return Points(
         campaign.settings.name,
@@ -173,10 +176,29 @@ def _of_poses(campaign: Campaign, path: Path) -> Points:
         geodetic,
         tuple(kind for kind, _, _ in told),
         tuple(remark for _, _, remark in told),
-        unknown,
-        unknown,
+        satellites,
+        hdop,
         *_sigmas(number),
     )
+
+
+def _reception(campaign: Campaign, times: Array) -> tuple[Array, Array]:
+    """Least satellites and greatest HDOP of the receivers at each pose; NaN where not told."""
+    unknown = np.full(len(times), np.nan)
+    path = campaign.results / PLACES
+    if not path.is_file():
+        return unknown, unknown
+    names = ("time", "satellites", "hdop")
+    table = read_csv(
+        path, [Column(name, "number", blank=True) for name in names], max_bytes=_MAX_BYTES
+    )
+    table.raise_problems()
+    at, satellites, hdop = (np.array(table.numbers[name]) for name in names)
+    rows = np.minimum(np.searchsorted(at, times - 1e-3), max(len(at) - 1, 0))
+    if len(at) == 0:
+        return unknown, unknown
+    there = np.abs(at[rows] - times) < 2e-3
+    return np.where(there, satellites[rows], np.nan), np.where(there, hdop[rows], np.nan)
 
 
 def _sigmas(number: dict[str, Array]) -> tuple[Array, Array]:

@@ -118,7 +118,7 @@ def without_errors(steps: Steps, errors: Sequence[LastingError]) -> Steps:
             positions -= _who(steps, error)[:, None] * np.where(
                 starting_rows(steps, error)[:, None, None], error.size, 0.0
             )
-        begin, end = _left_out(error)
+        begin, end = left_out(error)
         at = (steps.times > begin) & (steps.times < end)
         kinds[at[:, None] & _who(steps, error)] = NOT_USED
     return replace(steps, positions=positions, kinds=kinds)
@@ -129,7 +129,7 @@ def _who(steps: Steps, error: LastingError) -> Bools:
     return np.asarray(np.isin(np.arange(len(steps.receivers)), error.receivers))
 
 
-def _left_out(error: LastingError) -> tuple[float, float]:
+def left_out(error: LastingError) -> tuple[float, float]:
     """Times between which the receivers' fixes are left out."""
     margin = (UNSURE + 0.5) * error.spacing
     last = error.start if error.stays else error.end

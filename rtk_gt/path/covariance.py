@@ -3,6 +3,7 @@
 All covariances are of (x, y, z, yaw, pitch, roll), metres and radians, in the local frame.
 """
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -15,6 +16,8 @@ from validation.poses.angles import Array
 
 _CHUNK = 8_000
 """Samples worked on at once: few enough to stay in the processor's cache."""
+_AT_ONCE = 8192
+"""Poses, likewise: an hour at 20 Hz has 72,000, whose Jacobians are 31 MB and are copied thrice."""
 
 
 def pose_jacobian(antennas: Array, rotation: Array) -> Array:
@@ -44,6 +47,26 @@ def pose_jacobian(antennas: Array, rotation: Array) -> Array:
     return np.concatenate([moved[..., 0, :, :], by_angle], axis=-2)
 
 
+def piecewise(of: Callable[[Array], Array], values: Array) -> Array:
+    """What a function of (n, ...) arrays gives, some rows at a time: its copies stay small.
+
+    Parameters
+    ----------
+    of : callable
+        Of some rows, or of one value without rows.
+    values : (n, ...) or (3, 3) array
+        Rotations or Jacobians.
+    """
+    if values.ndim == 2 or len(values) <= _AT_ONCE:
+        return of(values)
+    first = of(values[:_AT_ONCE])
+    found = np.empty((len(values), *first.shape[1:]))
+    found[:_AT_ONCE] = first
+    for start in range(_AT_ONCE, len(values), _AT_ONCE):
+        found[start : start + _AT_ONCE] = of(values[start : start + _AT_ONCE])
+    return found
+
+
 def noise_covariance(antennas: Array, rotation: Array, noise: GpsNoise) -> Array:
     """Covariance (..., 6, 6) of poses from the receivers' noise, directly at each orientation.
 
@@ -54,9 +77,13 @@ def noise_covariance(antennas: Array, rotation: Array, noise: GpsNoise) -> Array
     noise : GpsNoise
         Of each receiver, independent, with its larger part along the local vertical.
     """
-    J = pose_jacobian(antennas, rotation)
     spread = np.kron(np.eye(len(antennas)), noise.covariance)
-    return np.asarray(J @ spread @ np.swapaxes(J, -1, -2))
+
+    def of(some: Array) -> Array:
+        J = pose_jacobian(antennas, some)
+        return np.asarray(J @ spread @ np.swapaxes(J, -1, -2))
+
+    return piecewise(of, rotation)
 
 
 def reference_covariance(antennas: Array, noise: GpsNoise) -> Array:
@@ -120,11 +147,15 @@ def systematic_jacobian(antennas: Array, rotation: Array, by_distance: Array) ->
     drive; the published covariances leave them out.
     """
     r = len(antennas)
-    J = pose_jacobian(antennas, rotation)
     places = by_distance.reshape(r, 3, -1)
-    turned = np.einsum("...ij,rjp->...rip", rotation, places)
-    turned = turned.reshape(*rotation.shape[:-2], 3 * r, -1)
-    return np.concatenate([J[..., 3:], -J @ turned], axis=-1)
+
+    def of(some: Array) -> Array:
+        J = pose_jacobian(antennas, some)
+        turned = np.einsum("...ij,rjp->...rip", some, places)
+        turned = turned.reshape(*some.shape[:-2], 3 * r, -1)
+        return np.concatenate([J[..., 3:], -J @ turned], axis=-1)
+
+    return piecewise(of, rotation)
 
 
 def jump_jacobian(antennas: Array, rotation: Array, times: Array, jumps: JumpErrors) -> Array:

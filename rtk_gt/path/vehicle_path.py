@@ -12,7 +12,12 @@ from rtk_gt.offsets.settled import JumpErrors
 from rtk_gt.offsets.slow_errors import ErrorModel
 from rtk_gt.path.alignment import align
 from rtk_gt.path.antennas import Antennas, check_antennas
-from rtk_gt.path.covariance import jump_jacobian, noise_covariance, systematic_jacobian
+from rtk_gt.path.covariance import (
+    jump_jacobian,
+    noise_covariance,
+    piecewise,
+    systematic_jacobian,
+)
 from rtk_gt.path.orientation import angles_of, matrix_of
 from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
@@ -57,14 +62,16 @@ class VehiclePath(Shown):
     @property
     def systematic_covariances(self) -> Array:
         """(n, 6, 6) part of each pose's covariance that all poses share."""
-        J = self.systematic_jacobians
-        return np.asarray(J @ self.systematic_covariance @ np.swapaxes(J, -1, -2))
+        C = self.systematic_covariance
+        return piecewise(lambda J: J @ C @ np.swapaxes(J, -1, -2), self.systematic_jacobians)
 
     @property
     def covariances(self) -> Array:
         """(n, 6, 6) covariance of each pose, noise, lasting errors and offsets together."""
-        own = self.noise_covariances + self.lasting_covariances
-        return np.asarray(own + self.systematic_covariances)
+        found = self.systematic_covariances
+        found += self.noise_covariances
+        found += self.lasting_covariances
+        return found
 
     @property
     def shared_factor(self) -> Array:
@@ -137,9 +144,12 @@ def vehicle_path(
         )
     noise = noise or GpsNoise(offsets.sigma, offsets.eta)
     own = noise_covariance(antennas.positions, rotation, noise)
-    lasting = own * (0.0 if model is None else 1 - model.white_share)
-    own = own - lasting
+    lasting = np.broadcast_to(np.zeros((6, 6)), own.shape)
+    if model is not None:
+        lasting = own * (1 - model.white_share)
+        own -= lasting
     if common is not None:
+        lasting = lasting.copy()
         lasting[:, :3, :3] += common[steps.complete]
     systematic = systematic_jacobian(antennas.positions, rotation, antennas.by_distance)
     covariance = offsets.covariance

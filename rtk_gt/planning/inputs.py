@@ -9,20 +9,15 @@ import numpy as np
 
 from rtk_gt.planning.horizon import Building, Horizon, read_horizon, typed_horizon
 from rtk_gt.planning.plan import Place
-from rtk_gt.receivers.fix_csv import read_fix_csv
 from rtk_gt.receivers.fixes import Fixes
-from rtk_gt.receivers.nmea import MAX_BYTES, read_nmea
-from rtk_gt.receivers.rtklib import read_pos
+from rtk_gt.receivers.formats.reading import Stated, read_receiver
 from rtk_gt.settings import RtkSettings, SkyPlace, SkySettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.earth_frames import LocalFrame
-from validation.trajectories.formats.rawlog_objects import unpacked
 
 Coordinates = tuple[float, float, float]
 """Latitude and longitude in degrees, height above the ellipsoid in metres."""
-_FIRST_LINES = 64_000
-"""Characters in which a log of NMEA has a GGA sentence."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +109,7 @@ def named_rovers(asked: Asked, names: Sequence[str]) -> tuple[Place, ...]:
 
 
 def read_log(path: Path, day: date | None) -> Fixes:
-    """The fixes of a log: NMEA, an RTKLIB solution, or a table of fixes.
+    """The fixes of a log of any kind that is read.
 
     Damaged sentences are left out: here only numbers of satellites are counted.
 
@@ -125,13 +120,7 @@ def read_log(path: Path, day: date | None) -> Fixes:
     GtvalError
         If nothing tells the day.
     """
-    start = unpacked(path, MAX_BYTES)[:_FIRST_LINES].decode("latin-1")
-    name = path.name.lower().removesuffix(".gz")
-    if name.endswith(".pos"):
-        return read_pos(path, path.stem)
-    if "GGA," not in start:
-        return read_fix_csv(path, path.stem)
-    record = read_nmea(path, path.stem, day=day, skip_damaged=True)
+    record = read_receiver(path, Stated(path.stem, day=day, skip_damaged=True))
     if record.times[0] < 0.5 * 86400 * 365:
         raise GtvalError(f"{path}: the log does not tell its date; give it with --day")
     return record

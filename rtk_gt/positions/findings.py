@@ -5,8 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from rtk_gt.campaign.findings import BACKWARDS, record_findings
+from rtk_gt.campaign.lasting_findings import lasting_findings, unseen_findings
 from rtk_gt.positions.outcome import PositionsOutcome
 from validation.results import Finding, Severity, Size
+from validation.trajectories.clock.tables import Tolerance, clock_findings
 
 SUBJECT = "rtk"
 LATE = 0.5
@@ -19,18 +21,24 @@ def positions_findings(outcome: PositionsOutcome) -> list[Finding]:
     return [
         *_coverage(outcome),
         *_heading(outcome),
+        *lasting_findings(outcome),
+        *(unseen_findings(outcome) if outcome.record.fixed.any() else ()),
         *_errors(outcome),
         *_clock(outcome),
+        *_odometry(outcome),
         *record_findings(outcome.record),
     ]
 
 
 def _coverage(outcome: PositionsOutcome) -> Iterator[Finding]:
     found, record, share = outcome.coverage, outcome.record, outcome.fixed_share
-    count = int(outcome.fixed.sum())
+    count = int(record.fixed.sum())
+    false = count - int(outcome.fixed.sum())
+    without = f", {false} of them left out as false or beside a jump" if false else ""
     text = (
-        f"{count} of {record.epochs} epochs are RTK-fixed ({100 * share:.1f} %). Between the first "
-        f"and the last position there is ground truth for {100 * found.share_of_time:.0f} % of the "
+        f"{count} of {record.epochs} epochs are RTK-fixed ({100 * share:.1f} %{without}). Between "
+        "the first and the last position there is ground truth for "
+        f"{100 * found.share_of_time:.0f} % of the "
         f"time and {100 * found.share_of_length:.0f} % of the {found.length:.0f} m. "
     )
     if count == 0:
@@ -100,10 +108,32 @@ def _errors(outcome: PositionsOutcome) -> Iterator[Finding]:
         text += f" and {1000 * best.vertical[0]:.0f} mm in height"
     text += (
         " (medians). One receiver cannot check that: errors of the base station, false fixes and "
-        "reflected signals last for minutes and are not in it."
+        "reflected signals last for minutes and are not in it; only where they begin with a jump "
+        "does the motion show them."
     )
     size = (Size(f"stated sigma of {best.kind}", best.horizontal[0], "m"),)
     yield Finding("note", text, SUBJECT, "errors_stated", size)
+
+
+def _odometry(outcome: PositionsOutcome) -> Iterator[Finding]:
+    """Odometry laid over the positions, and its clock."""
+    if outcome.without_overlay:
+        text = f"Odometry is not laid over the positions: {outcome.without_overlay}."
+        yield Finding("warning", text, "odometry", "odometry_not_laid")
+        return
+    found = outcome.overlay
+    if found is None:
+        return
+    own, other = found.lengths
+    text = (
+        f"Odometry laid over {found.matched} RTK-fixed positions differs from them by "
+        f"{found.rms:.2f} m (rms) and calls {own:.0f} m {other:.0f} m. Its drift, and where the "
+        "antenna is on the robot, are in that."
+    )
+    yield Finding(
+        "note", text, "odometry", "odometry_overlay", (Size("rms distance", found.rms, "m"),)
+    )
+    yield from clock_findings(found.clock, Tolerance(0.05, 0.05))
 
 
 def _clock(outcome: PositionsOutcome) -> Iterator[Finding]:

@@ -4,59 +4,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rtk_gt.offsets.lasting import LastingError
 from rtk_gt.path.coverage import Coverage
 from rtk_gt.positions.heading import Headings
+from rtk_gt.positions.odometry import Overlay
 from rtk_gt.receivers.fixes import Bools, Fixes
 from rtk_gt.receivers.host_clock import HostClock
+from rtk_gt.receivers.quality import AreaQuality, KindQuality
+from rtk_gt.receivers.steps import Steps
 from rtk_gt.settings import RtkSettings
 from validation.campaign.folder import Campaign
 from validation.poses.angles import Array
 from validation.poses.earth_frames import LocalFrame
-
-
-@dataclass(frozen=True)
-class KindQuality:
-    """The fixes of one kind.
-
-    Parameters
-    ----------
-    kind : str
-        'RTK fixed', 'RTK float', ...
-    epochs : int
-        How many.
-    share : float
-        Of all epochs that the receiver reported.
-    horizontal, vertical : (float, float), optional
-        Stated standard deviations in metres, median and 95th percentile: the longer axis of the
-        ellipse, and up; None where not stated.
-    satellites, hdop : float, optional
-        Medians; None where not stated.
-    """
-
-    kind: str
-    epochs: int
-    share: float
-    horizontal: tuple[float, float] | None
-    vertical: tuple[float, float] | None
-    satellites: float | None
-    hdop: float | None
-
-
-@dataclass(frozen=True)
-class AreaQuality:
-    """The fixes in a named area.
-
-    Parameters
-    ----------
-    area : str
-        Its name.
-    kinds : tuple of KindQuality
-        Each kind of fix; shares are of the fixes in the area, as epochs without a position are in
-        none.
-    """
-
-    area: str
-    kinds: tuple[KindQuality, ...]
 
 
 @dataclass(frozen=True)
@@ -83,10 +42,25 @@ class PositionsOutcome:
         Of the computer that wrote the log.
     areas : tuple of AreaQuality
         Quality by named areas.
+    steps : Steps
+        The receivers brought together, as recorded.
+    lasting : tuple of LastingError
+        Errors that begin with a jump: those that stay are taken out of the positions, fixes with
+        those that end are left out.
+    left_out : (n,) bool array
+        Fixes that are said to be RTK-fixed and are left out.
+    jump_covariances : (n, 3, 3) array
+        Of the jumps that were taken out of each position, m^2.
+    smallest_seen : float
+        Metres of a jump that half of the intervals would show.
     headings : Headings, optional
         Positions with headings, of two receivers.
     without_heading : str
         Why two receivers give none; empty otherwise.
+    overlay : Overlay, optional
+        Odometry laid over the positions.
+    without_overlay : str
+        Why the odometry is not; empty otherwise.
     """
 
     campaign: Campaign
@@ -97,19 +71,38 @@ class PositionsOutcome:
     coverage: Coverage
     kinds: tuple[KindQuality, ...]
     clock: HostClock | None
+    steps: Steps
+    lasting: tuple[LastingError, ...]
+    left_out: Bools
+    jump_covariances: Array
+    smallest_seen: float
     areas: tuple[AreaQuality, ...] = ()
     headings: Headings | None = None
     without_heading: str = ""
+    overlay: Overlay | None = None
+    without_overlay: str = ""
 
     @property
     def fixed(self) -> Bools:
         """(n,) True where the position is ground truth."""
-        return self.record.fixed
+        return np.asarray(self.record.fixed & ~self.left_out)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """(n,) 'false fix that lasts' or 'jump taken out' where that is so, else empty."""
+        starts = [one.start for one in self.lasting if one.stays]
+        first = min(starts, default=np.inf) - 1e-6
+        after = (self.record.times >= first).tolist()
+        out = (self.record.fixed & self.left_out).tolist()
+        said = zip(out, after, strict=True)
+        return tuple(
+            "false fix that lasts" if a else "jump taken out" if b else "" for a, b in said
+        )
 
     @property
     def fixed_share(self) -> float:
-        """Share of the epochs that are RTK-fixed."""
-        return float(self.fixed.sum()) / max(self.record.epochs, 1)
+        """Share of the epochs that the receiver calls RTK-fixed."""
+        return float(self.record.fixed.sum()) / max(self.record.epochs, 1)
 
     @property
     def covariances(self) -> Array:
@@ -118,4 +111,4 @@ class PositionsOutcome:
         Receivers state east, north and up at the place; over the kilometres of a drive these are
         the axes of the local frame to a thousandth.
         """
-        return np.asarray(self.record.covariances)
+        return np.asarray(self.record.covariances + self.jump_covariances)

@@ -2,14 +2,16 @@
 
 import numpy as np
 
+from rtk_gt.campaign.lasting_findings import JUMP_COLUMNS, jump_rows
 from rtk_gt.positions.findings import positions_findings
 from rtk_gt.positions.outcome import PositionsOutcome
 from rtk_gt.positions.sections import positions_overview, positions_sections
+from rtk_gt.positions.trajectories import fixed_trajectory
 from rtk_gt.receivers.fixes import FIX_NAMES
 from validation.poses.pose_table import SPATIAL, PoseTable
-from validation.poses.trajectory import Clock, Trajectory
 from validation.results import SystemResult
 from validation.text_files.csv_text import csv_text
+from validation.text_files.writing import Content
 
 POSITION = SPATIAL[:3]
 
@@ -39,7 +41,11 @@ def fixed_table(outcome: PositionsOutcome) -> PoseTable:
         poses=outcome.positions[rows],
         covariances=outcome.covariances[rows],
         components=POSITION,
-        sources=("RTK fixed",) * int(rows.sum()),
+        sources=tuple(
+            f"RTK fixed{', ' if said else ''}{said}"
+            for said, good in zip(outcome.remarks, rows, strict=True)
+            if good
+        ),
         provenance={
             "frame": str(outcome.frame), "published_as": "times are seconds UTC since 1970",
         },
@@ -64,40 +70,25 @@ def heading_table(outcome: PositionsOutcome) -> PoseTable:
     )  # fmt: skip
 
 
-def fixed_trajectory(outcome: PositionsOutcome) -> Trajectory:
-    """The same as positions in time, for a comparison with what else moves."""
-    rows = outcome.fixed
-    times = outcome.record.times[rows]
-    epoch = int(np.floor(times[0]))
-    return Trajectory(
-        system="rtk",
-        times=times - epoch,
-        poses=outcome.positions[rows],
-        kind="points_space",
-        covariances=outcome.covariances[rows],
-        epoch=epoch,
-        clock=Clock(stamps="capture"),
-        longest_interval=outcome.settings.max_gap,
-        frame=str(outcome.frame),
-    )
-
-
-def _files(outcome: PositionsOutcome) -> dict[str, str | bytes]:
+def _files(outcome: PositionsOutcome) -> dict[str, Content]:
     gaps = sorted(outcome.coverage.gaps, key=lambda gap: gap.start)
     rows = ([gap.start, gap.duration, gap.length] for gap in gaps)
-    return {
+    files: dict[str, Content] = {
         "rtk_positions.csv": _all_positions(outcome),
         "rtk_gaps.csv": csv_text(["start", "duration", "length"], rows),
     }
+    if outcome.lasting:
+        files["rtk_jumps.csv"] = csv_text(JUMP_COLUMNS, jump_rows(outcome))
+    return files
 
 
 def _all_positions(outcome: PositionsOutcome) -> str:
     """Each fix with its kind, covariance, satellites and place on the Earth."""
     record = outcome.record
     header = ["time", "x", "y", "z", "xx", "xy", "xz", "yy", "yz", "zz", "fix"]
-    header += ["satellites", "hdop", "latitude", "longitude", "height"]
+    header += ["satellites", "hdop", "latitude", "longitude", "height", "remark"]
     upper = outcome.covariances[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    degrees = np.degrees(record.geodetic[:, :2])
+    degrees, remarks = np.degrees(record.geodetic[:, :2]), outcome.remarks
     rows = (
         [
             float(record.times[k]),
@@ -108,6 +99,7 @@ def _all_positions(outcome: PositionsOutcome) -> str:
             "" if np.isnan(record.hdop[k]) else float(record.hdop[k]),
             *degrees[k].tolist(),
             float(record.geodetic[k, 2]),
+            remarks[k],
         ]
         for k in range(len(record))
     )
@@ -121,7 +113,8 @@ def _facts(outcome: PositionsOutcome) -> dict[str, object]:
         "frame": str(outcome.frame),
         "receiver": outcome.record.receiver,
         "epochs": outcome.record.epochs,
-        "fixed": int(outcome.fixed.sum()),
+        "fixed": int(outcome.record.fixed.sum()),
+        "left_out": int((outcome.record.fixed & outcome.left_out).sum()),
         "share_of_epochs": outcome.fixed_share,
         "share_of_time": found.share_of_time,
         "share_of_length": found.share_of_length,
@@ -129,8 +122,19 @@ def _facts(outcome: PositionsOutcome) -> dict[str, object]:
         "kinds": outcome.kinds,
         "areas": outcome.areas,
         "host_clock": outcome.clock,
+        "jumps": [
+            {
+                "receivers": [outcome.steps.receivers[k] for k in one.receivers],
+                "start": one.start,
+                "end": None if one.stays else one.end,
+                "size": one.size,
+                "covariance": one.covariance,
+            }
+            for one in outcome.lasting
+        ],
         "tolerated": dict(outcome.record.tolerated),
         "headings": _heading_facts(outcome),
+        "odometry": _overlay_facts(outcome),
     }
 
 
@@ -145,4 +149,18 @@ def _heading_facts(outcome: PositionsOutcome) -> dict[str, object] | None:
         "distance": float(found.offsets.distances[0]),
         "yaw_sigma": float(np.sqrt(np.median(found.covariances[:, 3, 3]))),
         "off_motion": found.off_motion,
+    }
+
+
+def _overlay_facts(outcome: PositionsOutcome) -> dict[str, object] | None:
+    found = outcome.overlay
+    if found is None:
+        return None
+    return {
+        "delay": found.clock.delay_s,
+        "delay_low": found.clock.low_s,
+        "delay_high": found.clock.high_s,
+        "rms": found.rms,
+        "matched": found.matched,
+        "lengths": found.lengths,
     }

@@ -36,6 +36,17 @@ def positions_sections(outcome: PositionsOutcome) -> list[Section]:
             "kinds_over_time",
         ),
     ]
+    if outcome.overlay is not None:
+        blocks.append(
+            _figure(
+                outcome,
+                "rtk_odometry",
+                "Odometry laid over the RTK-fixed positions.",
+                "Map of the positions with the way of the odometry; how far they are apart is in "
+                "the findings.",
+                "odometry_map",
+            )
+        )
     if outcome.areas:
         blocks.append(area_table(outcome))
     if outcome.coverage.gaps:
@@ -49,6 +60,16 @@ def positions_sections(outcome: PositionsOutcome) -> list[Section]:
                 "Points over time on a logarithmic scale, coloured by kind of fix; medians are in "
                 "the table.",
                 "errors_over_time",
+            )
+        )
+        blocks.append(
+            _figure(
+                outcome,
+                "rtk_ellipses",
+                "Stated 95 % error ellipses at moments of the record, RTK fixed above float.",
+                "Two rows of ellipses over time, north up; the medians of their longer axes are in "
+                "the table.",
+                "ellipses_over_time",
             )
         )
     reception = _figure(

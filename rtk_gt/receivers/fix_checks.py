@@ -154,6 +154,11 @@ def _mistaken(record: Fixes, centre: Array) -> str:
         ("latitude and longitude are exchanged, without their hemispheres", -longitude, -latitude),
         ("latitude and longitude are exchanged, without their hemispheres", longitude, -latitude),
         ("latitude and longitude are exchanged, without their hemispheres", -longitude, latitude),
+        (
+            "latitude and longitude are in radians; write degrees",
+            np.degrees(latitude),
+            np.degrees(longitude),
+        ),
     ):
         if abs(north) > np.pi / 2:
             continue

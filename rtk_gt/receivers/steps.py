@@ -75,7 +75,7 @@ def receiver_pairs(count: int) -> list[tuple[int, int]]:
 
 def pair_differences(positions: Array) -> Array:
     """(..., p, 3) position of j minus position of i for each pair, of (..., r, 3) positions."""
-    first, second = np.array(receiver_pairs(positions.shape[-2])).T
+    first, second = np.array(receiver_pairs(positions.shape[-2]), dtype=int).reshape(-1, 2).T
     return np.asarray(positions[..., second, :] - positions[..., first, :])
 
 

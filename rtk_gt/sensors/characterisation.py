@@ -11,6 +11,8 @@ from rtk_gt.path.vehicle_path import VehiclePath
 from rtk_gt.receivers.fixes import Fixes
 from validation.errors import GtvalError
 from validation.poses.angles import Array, wrap
+from validation.poses.earth_frames import LocalFrame
+from validation.poses.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,18 @@ def position_errors(
         bias=errors.mean(0),
         bias_sigma=scatter * np.sqrt(tau / len(errors)),
         correlation_time=tau,
+    )
+
+
+def record_trajectory(record: Fixes, frame: LocalFrame) -> Trajectory:
+    """All positions of a receiver in time, in the local frame."""
+    epoch = int(np.floor(record.times[0]))
+    return Trajectory(
+        system=record.receiver,
+        times=record.times - epoch,
+        poses=frame.from_geodetic(record.geodetic),
+        kind="points_space",
+        epoch=epoch,
     )
 
 

@@ -1,16 +1,18 @@
 """CSV files of what hangs on the vehicle: line scans, IMU angles, points seen in images."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from rtk_gt.receivers.fix_csv import NO_TIME, seconds_of
+from rtk_gt.receivers.formats.fix_csv import NO_TIME, seconds_of
 from rtk_gt.sensors.scans import LineScans
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
 from validation.text_files.csv_tables import Column, CsvTable, read_csv
+from validation.text_files.reading import file_bytes
 
 MAX_BYTES = 1_000_000_000
 
@@ -114,6 +116,37 @@ def read_imu(path: Path) -> tuple[Array, Array]:
     _increasing(table, times)
     table.raise_problems()
     return times, np.column_stack([table.numbers[name] for name in names])
+
+
+RATES = ("wz", "rate_z", "gyro_z", "angular_velocity_z", "angular_velocity.z", "yaw_rate")
+"""Names of the column of rates about the upward axis, radians a second."""
+
+
+def read_turns(path: Path) -> tuple[Array, Array, bool] | None:
+    """Times (m,), yaws or rates about the upward axis (m,), and whether they are rates.
+
+    None where the file is no table with a time and one of these, or has positions, too.
+
+    Raises
+    ------
+    InputError
+        Naming file, line, field and value of every bad place.
+    """
+    head = file_bytes(path, MAX_BYTES, text=True)[:2000].decode("utf-8-sig", errors="replace")
+    first = next((line for line in head.splitlines() if line.strip("# ")), "")
+    names = [name.strip().lower() for name in re.split("[,;\t]", first.lstrip("# "))]
+    rate = next((name for name in RATES if name in names), None)
+    if "time" not in names or "x" in names or (rate is None and "yaw" not in names):
+        return None
+    if rate is None:
+        column = Column("yaw", "number", low=-1e5, high=1e5, unit="radians")
+    else:
+        column = Column(rate, "number", low=-40, high=40, unit="radians a second (not degrees)")
+    table = _rows(path, [Column("time"), column])
+    times = _times(table)
+    _increasing(table, times)
+    table.raise_problems()
+    return times, np.array(table.numbers[column.name]), rate is not None
 
 
 def read_images(path: Path) -> tuple[Array, list[Path]]:

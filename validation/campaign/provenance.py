@@ -15,7 +15,7 @@ from typing import Any
 
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
-from validation.text_files.writing import pieces_of
+from validation.text_files.writing import Content, LargeText, pieces_of
 
 COMPUTED = frozenset({"results", "report"})
 """Folders of a campaign that hold nothing a person typed or a sensor recorded."""
@@ -116,7 +116,7 @@ def relative(path: Path, folder: Path) -> str:
     return (path.relative_to(folder) if path.is_relative_to(folder) else path).as_posix()
 
 
-def digest_of(source: Path | str | bytes) -> str:
+def digest_of(source: Path | Content) -> str:
     """SHA-256 of a file, or of a content that is to be written.
 
     Raises
@@ -124,6 +124,8 @@ def digest_of(source: Path | str | bytes) -> str:
     GtvalError
         If the file cannot be read.
     """
+    if isinstance(source, LargeText):
+        return source.digest
     if isinstance(source, str | bytes):
         digest = hashlib.sha256()
         for piece in pieces_of(source):

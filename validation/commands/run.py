@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from validation.run import RunResult
     from validation.statistics.error_statistics import IntervalMethod
     from validation.statistics.evaluation import Evaluation
+    from validation.text_files.writing import Content
 
 PAPER = ("tables_paper.md", "tables_paper.tex")
 RUN_BEFORE_REPORT = 0.7
@@ -177,7 +178,7 @@ def _run_and_write(
         done = run_campaign(
             loaded, lambda what, share: progress(what, share_of_run * share), method
         )
-        files: dict[str, str | bytes] = {}
+        files: dict[str, Content] = {}
         if report:
             from validation.report.files import report_files
 

@@ -6,6 +6,9 @@ import numpy as np
 
 from validation.poses.angles import Array
 
+_AT_ONCE = 8192
+"""Matrices that are tested at a time."""
+
 
 def covariance_fault(covariance: Array) -> str | None:
     """Why a matrix is not a covariance, in words; None if it is one or is all NaN."""
@@ -27,6 +30,9 @@ def covariance_fault(covariance: Array) -> str | None:
 
 def all_sound(covariances: Array) -> bool:
     """Whether each matrix of many (n, k, k) is a covariance, or all NaN, as `covariance_fault`."""
+    if len(covariances) > _AT_ONCE:  # memory: some copies are made
+        pieces = range(0, len(covariances), _AT_ONCE)
+        return all(all_sound(covariances[start : start + _AT_ONCE]) for start in pieces)
     stated = covariances[~np.isnan(covariances).all((1, 2))]
     variance = np.diagonal(stated, axis1=1, axis2=2)
     if not (np.isfinite(stated).all() and (variance > 0).all()):

@@ -1,6 +1,8 @@
 """The covariance of all poses of a table together, as a file beside the table."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,8 @@ from validation.errors import InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable
 from validation.text_files.csv_tables import Column, header_of, read_csv
-from validation.text_files.csv_text import csv_text
+from validation.text_files.csv_text import csv_text, harmless
+from validation.text_files.writing import Content, text_of
 
 LARGEST_WHOLE = 300
 """Numbers of all poses up to which the matrix is written whole, also where it has a factor: 90,000
@@ -29,20 +32,34 @@ def factor_path(path: Path) -> Path:
     return path.with_name("joint_factor_" + path.name.removeprefix("poses_"))
 
 
-def joint_files(table: PoseTable) -> dict[str, str]:
+def joint_files(table: PoseTable) -> dict[str, Content]:
     """The file of a table's joint covariance by its name; none where the table has none.
 
     ``joint_<system>.csv`` has a row and a column for every number of every pose,
     ``joint_factor_<system>.csv`` a row for every number and a column for every shared error. The
     factor is written where the whole matrix would have more than `LARGEST_WHOLE` numbers a side.
     """
-    names = _names(table)
     path = Path(f"poses_{table.system}.csv")
-    if table.factor is not None and len(names) > LARGEST_WHOLE:
-        columns = [f"shared_{column + 1}" for column in range(table.factor.shape[1])]
-        return {factor_path(path).name: _matrix_text(names, columns, table.factor)}
+    if table.factor is not None and table.poses.size > LARGEST_WHOLE:
+        return {
+            factor_path(path).name: text_of(
+                partial(_factor_lines, table, table.factor), table.factor.size
+            )
+        }
+    names = _names(table)
     joint = table.joint_covariance
     return {} if joint is None else {joint_path(path).name: _matrix_text(names, names, joint)}
+
+
+def _factor_lines(table: PoseTable, factor: Array) -> Iterator[str]:
+    """The lines of a factor's file; floats keep their last bit."""
+    yield ",".join(["number", *(f"shared_{column + 1}" for column in range(factor.shape[1]))])
+    k = len(table.components)
+    parts = [component.name for component in table.components]
+    for row, stop in enumerate(table.ids):
+        own = factor[row * k : (row + 1) * k].tolist()
+        for part, numbers in zip(parts, own, strict=True):
+            yield ",".join([harmless(f"{stop}.{part}"), *map(repr, numbers)])
 
 
 def _matrix_text(names: list[str], columns: list[str], matrix: Array) -> str:

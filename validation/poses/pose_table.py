@@ -3,7 +3,7 @@
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations_with_replacement
 from pathlib import Path
@@ -254,31 +254,37 @@ def _covariance_columns(components: Sequence[Component]) -> list[str]:
     return [a.code + b.code for a, b in combinations_with_replacement(components, 2)]
 
 
+_ROWS = 4096
+"""Poses that are turned into text at a time."""
+
+
 def to_csv(table: PoseTable) -> str:
     """The table as CSV text; `from_csv` reads the same numbers back to the last bit.
 
     Columns ``pose``, the components, the upper triangle of the covariance (blank where not
     stated) and ``source``.
     """
+    return "\n".join(csv_lines(table)) + "\n"
+
+
+def csv_lines(table: PoseTable) -> Iterator[str]:
+    """The lines of `to_csv`, without their ends."""
     header = ["pose", *(c.name for c in table.components), *_covariance_columns(table.components)]
-    lines = [",".join([*header, "source"])]
+    yield ",".join([*header, "source"])
     upper = np.triu_indices(len(table.components))
-    for name, pose, covariance, source in zip(
-        table.ids, table.poses, table.covariances, table.sources, strict=True
-    ):
-        stated = np.isfinite(covariance).all()
-        cells = [repr(float(v)) if stated else "" for v in covariance[upper]]
-        lines.append(
-            ",".join(
-                [
-                    _quoted(name),
-                    *(repr(float(v)) for v in pose),
-                    *cells,
-                    _quoted(" ".join(source.split())),
-                ]
-            )
-        )
-    return "\n".join(lines) + "\n"
+    blank = [""] * len(upper[0])
+    for start in range(0, len(table), _ROWS):
+        rows = slice(start, start + _ROWS)
+        covariances = table.covariances[rows]
+        own = covariances[:, upper[0], upper[1]].tolist()
+        stated = np.isfinite(covariances).all(axis=(1, 2)).reshape(-1)
+        poses = table.poses[rows].tolist()
+        for name, pose, cells, known, source in zip(
+            table.ids[rows], poses, own, list(stated), table.sources[rows], strict=True
+        ):
+            covariance = map(repr, cells) if known else blank
+            ends = _quoted(name), _quoted(" ".join(source.split()))
+            yield ",".join([ends[0], *map(repr, pose), *covariance, ends[1]])
 
 
 def _quoted(cell: str) -> str:
@@ -381,6 +387,13 @@ def to_tum(table: PoseTable, times: Mapping[str, float] | None = None) -> str:
     GtvalError
         If an id has no time and is not a number; if the poses have other components.
     """
+    return "\n".join(tum_lines(table, times)()) + "\n"
+
+
+def tum_lines(
+    table: PoseTable, times: Mapping[str, float] | None = None
+) -> Callable[[], Iterator[str]]:
+    """What makes the lines of `to_tum` without their ends; a GtvalError at once as there."""
     if times is None:
         times = {name: _number_or_nan(name) for name in table.ids}
     if not all(math.isfinite(times.get(name, math.nan)) for name in table.ids):
@@ -389,13 +402,14 @@ def to_tum(table: PoseTable, times: Mapping[str, float] | None = None) -> str:
         )
     if table.components not in {PLANAR, SPATIAL}:
         raise GtvalError(f"system '{table.system}' has poses that the TUM format cannot hold")
-    order = sorted(range(len(table)), key=lambda row: times[table.ids[row]])
-    lines = []
-    for row in order:
-        position, quaternion = _position_and_quaternion(table, row)
-        numbers = [times[table.ids[row]], *position, *quaternion]
-        lines.append(" ".join(repr(float(number)) for number in numbers))
-    return "\n".join(lines) + "\n"
+    stamps = np.array([times[name] for name in table.ids])
+
+    def lines() -> Iterator[str]:
+        for row in np.argsort(stamps, kind="stable").tolist():
+            position, quaternion = _position_and_quaternion(table, row)
+            yield " ".join(repr(float(one)) for one in (stamps[row], *position, *quaternion))
+
+    return lines
 
 
 def _number_or_nan(name: str) -> float:

@@ -1,16 +1,18 @@
 """The files of report/, made from a run."""
 
+from validation.processes import give_back_memory
 from validation.report.document import build_document
 from validation.report.html import html_report
 from validation.report.latex import latex_paper, latex_report
 from validation.report.markdown import markdown_paper, markdown_report
 from validation.report.pdf import pdf_report
 from validation.run import RunResult
+from validation.text_files.writing import Content
 
 REPORT = "report.html"
 
 
-def report_files(run: RunResult, *, pdf: bool = False) -> tuple[RunResult, dict[str, str | bytes]]:
+def report_files(run: RunResult, *, pdf: bool = False) -> tuple[RunResult, dict[str, Content]]:
     """report.html, tables of all and of a paper, and report.pdf if wanted, relative to report/.
 
     Parameters
@@ -34,7 +36,8 @@ def report_files(run: RunResult, *, pdf: bool = False) -> tuple[RunResult, dict[
     """
     document = build_document(run)
     page = html_report(document)
-    files: dict[str, str | bytes] = {
+    give_back_memory()  # figures
+    files: dict[str, Content] = {
         REPORT: page,
         "tables.md": markdown_report(document),
         "tables.tex": latex_report(document),

@@ -9,13 +9,13 @@ unit; lengths may state theirs in the cell. Nothing is guessed: what cannot be r
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from pathlib import Path
 
-from validation.errors import MAX_SHOWN_PROBLEMS, InputError, Problem, shown
+from validation.errors import InputError, Problem, shown
 from validation.text_files.csv_text import meant
+from validation.text_files.headings import NUMBER, missing_column
 from validation.text_files.lengths import (
     in_metres,
     split_heading,
@@ -30,11 +30,8 @@ MAX_PROBLEMS = 1000
 """After so many bad places a file is given up: it is something else. A judgement: no one mends
 so many by hand."""
 
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
-_WITH_UNIT = re.compile(rf"{_NUMBER.pattern}\s*([^\W\d_]{{1,6}}|['\"°])")
+_WITH_UNIT = re.compile(rf"{NUMBER.pattern}\s*([^\W\d_]{{1,6}}|['\"°])")
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(([.,' \u00a0\u2009\u202f’])\d{3})+([.,]\d+)?(\s*[^\W\d_]+)?")
-_TITLE_LINES = 20
-"""So many lines may stand above the header for it to be found, and the fix named."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +139,14 @@ class CsvTable:
             raise InputError(sorted(self.problems, key=lambda problem: problem.line or 0))
 
 
-def read_csv(path: Path, columns: Sequence[Column], *, max_bytes: int = MAX_BYTES) -> CsvTable:
+def read_csv(
+    path: Path,
+    columns: Sequence[Column],
+    *,
+    max_bytes: int = MAX_BYTES,
+    data: bytes | None = None,
+    renamed: Mapping[str, str] | None = None,
+) -> CsvTable:
     """The cells of a CSV file, with its bad places recorded in ``problems``.
 
     Call ``raise_problems`` on the result after adding checks of your own.
@@ -155,15 +159,22 @@ def read_csv(path: Path, columns: Sequence[Column], *, max_bytes: int = MAX_BYTE
         What is expected; further columns are ignored.
     max_bytes : int
         A larger file is refused unread.
+    data : bytes, optional
+        Contents of the file, where they were unpacked before.
+    renamed : mapping of str to str, optional
+        What headings are read as, by how they are written.
 
     Raises
     ------
     InputError
         Where nothing can be read: missing, empty, too large, not a table, columns missing.
     """
-    rows = table_rows(path, max_bytes)
+    rows = table_rows(path, max_bytes, data)
     if not rows:
         raise InputError([Problem(path, "the file is empty; expected a header line", 1)])
+    if renamed:
+        line, written = rows[0]
+        rows = [(line, [renamed.get(cell, cell) for cell in written]), *rows[1:]]
     header, units = _matched_header(path, rows, columns)
     table = CsvTable(path)
     for column in columns:
@@ -214,6 +225,7 @@ def _matched_header(
     header = [meant(cell.strip()) for cell in written]
     units: dict[str, str] = {}
     problems = []
+    required = [column.name for column in columns if column.required]
     for column in columns:
         exact = [at for at, name in enumerate(header) if name == column.name]
         alike = [at for at, name in enumerate(header) if split_heading(name)[0] == column.name]
@@ -229,7 +241,7 @@ def _matched_header(
             units[column.name] = unit_of_word(unit) if column.unit == "m" else ""
             header[found[0]] = column.name
         elif column.required:
-            said = f"the column is missing; {_missing(column.name, rows, columns)}"
+            said = f"the column is missing; {missing_column(column.name, rows, required)}"
             problems.append(Problem(path, said, line, column.name))
     if problems:
         raise InputError(problems)
@@ -241,32 +253,6 @@ def _bad_unit(unit: str, column: Column) -> bool:
     if not unit or column.kind != "number":
         return False
     return not unit_of_word(unit) if column.unit == "m" else unit != column.unit.lower()
-
-
-def _missing(name: str, rows: Sequence[Row], columns: Sequence[Column]) -> str:
-    """What to do about a missing column: rename one, delete a title, or write a header."""
-    header = [cell.strip() for cell in rows[0][1]]
-    needed = {column.name for column in columns if column.required}
-    for line, cells in rows[1:_TITLE_LINES]:
-        if needed <= {split_heading(cell)[0] for cell in cells}:
-            return f"the header is on line {line}: delete what stands above it"
-    if len(header) == 1 and {*needed} <= {*re.split(r"[^\w]+", header[0].lower())}:
-        return "write ',' or ';' between the cells"
-    near = get_close_matches(name, [split_heading(h)[0] for h in header], 1, cutoff=0.5)
-    if near:
-        written = next(h for h in header if split_heading(h)[0] == near[0])
-        return f"write '{name}' instead of {shown(written)}"
-    if any(_NUMBER.fullmatch(cell) for cell in header):
-        headings = ",".join(column.name for column in columns if column.required)
-        return f"write a first line with the headings, such as {headings}"
-    return f"{_shown_header(header)}; rename the one that holds it to '{name}'"
-
-
-def _shown_header(header: Sequence[str]) -> str:
-    """The headings as far as a person would read them."""
-    named = [shown(name) for name in header[:MAX_SHOWN_PROBLEMS] if name]
-    more = ", …" if len(header) > MAX_SHOWN_PROBLEMS else ""
-    return "the header has: " + (", ".join(named) + more if named else "nothing")
 
 
 def _add_row(table: CsvTable, line: int, cells: list[str], header: Sequence[str]) -> None:
@@ -350,7 +336,7 @@ def _all_numbers(cells: Sequence[str], column: Column, written_in: str) -> list[
     stripped = [raw.strip() for raw in cells]
     if column.unit == "m" and written_in != "m":
         return None
-    if not all(map(_NUMBER.fullmatch, stripped)):
+    if not all(map(NUMBER.fullmatch, stripped)):
         return None
     numbers = [float(cell.replace(",", ".")) for cell in stripped]
     good = not numbers or (column.low <= min(numbers) and max(numbers) <= column.high)
@@ -397,7 +383,7 @@ def _bad_text(cell: str, column: Column) -> str | None:
 def _number(cell: str, column: Column, written_in: str) -> tuple[float, str | None, bool]:
     """A cell's number, what is wrong with it, and whether it states its own unit."""
     own = False
-    if _NUMBER.fullmatch(cell) is not None:
+    if NUMBER.fullmatch(cell) is not None:
         value = float(cell.replace(",", "."))
         if column.unit == "m" and written_in != "m":
             value = in_metres(value, written_in)

@@ -32,15 +32,24 @@ Row = tuple[int, list[str]]
 """The line (of a sheet, the row) on which it starts, from 1, and its cells."""
 
 
-def table_rows(path: Path, max_bytes: int = MAX_BYTES) -> list[Row]:
+def table_rows(path: Path, max_bytes: int = MAX_BYTES, data: bytes | None = None) -> list[Row]:
     """The non-blank rows of a table, undecodable bytes kept as lone surrogates.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    max_bytes : int
+        A larger one is refused unread.
+    data : bytes, optional
+        Its contents, where they were read, or unpacked, before.
 
     Raises
     ------
     InputError
         If the file is missing, too large, or neither a CSV table nor a sheet.
     """
-    data = file_bytes(path, max_bytes, "a table")
+    data = file_bytes(path, max_bytes, "a table") if data is None else data
     if data.startswith((_ZIP, _OLE)) or path.suffix.lower() in SHEETS:
         return _sheet_rows(path, data)
     text = decoded(data)

@@ -1,21 +1,60 @@
 """Files written whole or not at all."""
 
 import contextlib
+import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
 from pathlib import Path
 
 from validation.errors import GtvalError
 
 _PIECE = 1 << 20
 """Characters that are turned into bytes at a time."""
+_LINES = 4096
+"""Lines, likewise."""
+
+
+@dataclass(frozen=True)
+class LargeText:
+    """A file too large to be kept as text: its lines are made whenever they are needed.
+
+    Parameters
+    ----------
+    lines : callable
+        Makes all lines, without their ends, each time the same.
+    """
+
+    lines: Callable[[], Iterable[str]]
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of its bytes, made once."""
+        digest = hashlib.sha256()
+        for piece in pieces_of(self):
+            digest.update(piece)
+        return digest.hexdigest()
+
+
+Content = str | bytes | LargeText
+"""What a file will hold."""
+LARGEST_KEPT = 10_000
+"""Numbers beyond which the text of a table is not kept, but made when it is written: a megabyte of
+poses with their covariances."""
+
+
+def text_of(lines: Callable[[], Iterable[str]], numbers: int) -> str | LargeText:
+    """The text of lines without their ends, kept where they hold few numbers."""
+    return LargeText(lines) if numbers > LARGEST_KEPT else "\n".join(lines()) + "\n"
 
 
 def write_files(
     folder: Path,
-    contents: Mapping[str, str | bytes],
+    contents: Mapping[str, Content],
     *,
     before: Callable[[], None] = lambda: None,
 ) -> list[Path]:
@@ -30,7 +69,7 @@ def write_files(
     ----------
     folder : Path
         Root of the relative names; made if missing.
-    contents : mapping of str to str or bytes
+    contents : mapping of str to str, bytes or LargeText
         Relative name to content; text is written as UTF-8.
     before : callable
         Called when all are on the disk, just before the first takes its name; what it raises
@@ -72,7 +111,7 @@ def write_files(
     return list(staged)
 
 
-def pieces_of(content: str | bytes) -> Iterator[bytes]:
+def pieces_of(content: Content) -> Iterator[bytes]:
     """The bytes of a file in pieces, as a large text is not to be there twice.
 
     A file name that is no UTF-8 may have got into a text: it is written with escapes.
@@ -80,11 +119,16 @@ def pieces_of(content: str | bytes) -> Iterator[bytes]:
     if isinstance(content, bytes):
         yield content
         return
+    if isinstance(content, LargeText):
+        lines = iter(content.lines())
+        while piece := list(islice(lines, _LINES)):
+            yield ("\n".join(piece) + "\n").encode(errors="backslashreplace")
+        return
     for start in range(0, len(content), _PIECE):
         yield content[start : start + _PIECE].encode(errors="backslashreplace")
 
 
-def _stage(target: Path, content: str | bytes) -> Path:
+def _stage(target: Path, content: Content) -> Path:
     """A flushed temporary file beside the target; removed again if it cannot be filled."""
     handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
     try:

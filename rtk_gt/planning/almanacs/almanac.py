@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rtk_gt.planning.almanacs.orbits import GPS_EPOCH, Elements, positions
-from rtk_gt.receivers.rtklib import gps_minus_utc
+from rtk_gt.receivers.gps_time import gps_minus_utc
 from validation.poses.angles import Array
 
 SYSTEMS = {

@@ -14,7 +14,7 @@ from data_samples.drives.drive import ANTENNAS, OFFSETS, DriveSettings, simulate
 from data_samples.drives.files import write_drive
 from rtk_gt.campaign.solve import solve_campaign
 from rtk_gt.offsets.estimate import estimate_offsets
-from rtk_gt.receivers.rawlog import read_rawlog
+from rtk_gt.receivers.formats.rawlog import read_rawlog
 from rtk_gt.receivers.steps import common_steps
 from rtk_gt.system import SYSTEM, result_of
 from validation.campaign.folder import load_campaign

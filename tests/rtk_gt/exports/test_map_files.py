@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from skies import gga, zda
 
 from rtk_gt.exports.points import stored_points
-from rtk_gt.receivers.fix_csv import read_fix_csv
+from rtk_gt.receivers.formats.fix_csv import read_fix_csv
 from validation.campaign.folder import load_campaign
 from validation.cli import main
 from validation.text_files.csv_tables import Column, read_csv

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from data_samples.drives.drive import LEFT_SCANNER, DriveSettings, scan_along, simulate_drive
 from data_samples.drives.files import nmea_text, scan_text
 from rtk_gt.receivers.fix_checks import check_fixes
-from rtk_gt.receivers.fix_csv import read_fix_csv
-from rtk_gt.receivers.nmea import read_nmea
-from rtk_gt.receivers.rawlog import read_rawlog
-from rtk_gt.receivers.rtklib import read_pos
+from rtk_gt.receivers.formats.fix_csv import read_fix_csv
+from rtk_gt.receivers.formats.nmea import read_nmea
+from rtk_gt.receivers.formats.rawlog import read_rawlog
+from rtk_gt.receivers.formats.rtklib import read_pos
 from rtk_gt.sensors.sensor_files import read_imu, read_line_scans, read_seen_points
 from validation.errors import GtvalError, InputError
 

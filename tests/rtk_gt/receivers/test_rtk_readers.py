@@ -7,11 +7,12 @@ import pytest
 from rtk_samples import FRAGMENT, needs_fragment
 
 from rtk_gt.receivers.fix_checks import check_fixes
-from rtk_gt.receivers.fix_csv import read_fix_csv
 from rtk_gt.receivers.fixes import AUTONOMOUS, RTK_FIXED, RTK_FLOAT
-from rtk_gt.receivers.nmea import read_nmea
-from rtk_gt.receivers.rawlog import read_rawlog
-from rtk_gt.receivers.rtklib import gps_minus_utc, read_pos
+from rtk_gt.receivers.formats.fix_csv import read_fix_csv
+from rtk_gt.receivers.formats.nmea import read_nmea
+from rtk_gt.receivers.formats.rawlog import read_rawlog
+from rtk_gt.receivers.formats.rtklib import read_pos
+from rtk_gt.receivers.gps_time import gps_minus_utc
 from rtk_gt.receivers.steps import common_steps
 from validation.errors import InputError
 from validation.poses.earth_frames import LocalFrame

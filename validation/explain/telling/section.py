@@ -34,6 +34,7 @@ from validation.explain.telling.words import findings
 from validation.poses.pose_table import PLANAR, PoseTable
 from validation.results import Figure, Finding, Section, Table, Text
 from validation.text_files.json_text import json_text
+from validation.text_files.writing import Content
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -60,7 +61,7 @@ class ExplainParts:
     explanation: Explanation | None
     sections: tuple[Section, ...]
     findings: tuple[Finding, ...]
-    files: Mapping[str, str | bytes]
+    files: Mapping[str, Content]
 
 
 def explain_campaign(campaign: "Campaign", tables: Sequence[PoseTable]) -> ExplainParts:
@@ -126,7 +127,7 @@ def explain_others(
     return explained, left_out
 
 
-def _space_files(explained: Sequence[SpaceExplanation]) -> dict[str, str | bytes]:
+def _space_files(explained: Sequence[SpaceExplanation]) -> dict[str, Content]:
     """All numbers, by names relative to results/."""
     if not explained:
         return {}

@@ -38,6 +38,8 @@ class ContinuousPath:
         Standard deviation of the poses about the path: metres, radians.
     rate_variance : (2,) array
         Mean variance of the rates that noise alone makes: (m/s)^2 of each coordinate, (rad/s)^2.
+    has_position : bool
+        Whether positions are known; a gyroscope has headings only, and all positions are zero.
 
     Notes
     -----
@@ -53,6 +55,7 @@ class ContinuousPath:
     has_heading: bool
     noise: Array
     rate_variance: Array
+    has_position: bool = True
 
     def supported(self, t: Array) -> npt.NDArray[np.bool_]:
         """(m,) whether poses stand on both sides of each time, and no gap in between."""
@@ -130,7 +133,7 @@ def _turned(vectors: Array, angle: Array) -> Array:
 
 
 def continuous_path(
-    times: Array, positions: Array, headings: Array | None, gap: float
+    times: Array, positions: Array | None, headings: Array | None, gap: float
 ) -> ContinuousPath:
     """The path through noisy poses, by white noise on acceleration of the most likely strength.
 
@@ -138,7 +141,7 @@ def continuous_path(
     ----------
     times : (n,) array
         Increasing, seconds.
-    positions : (n, 2) array
+    positions : (n, 2) array, optional
         Metres.
     headings : (n,) array, optional
         Radians; half turns among them are taken out.
@@ -150,21 +153,23 @@ def continuous_path(
     Poses far off lose their weight (Tukey's), so that some wrong ones do no harm.
     """
     lifted = None if headings is None else unwrapped(times, headings, gap)
+    places = np.zeros((len(times), 2)) if positions is None else positions
     if len(times) > MOST_SAMPLES:
-        times, positions, lifted = _averaged(times, positions, lifted)
-    moves = _Smoother(times, positions, gap)
+        times, places, lifted = _averaged(times, places, lifted)
+    moves = None if positions is None else _Smoother(times, places, gap)
     turns = None if lifted is None else _Smoother(times, lifted[:, None], gap)
     zero = np.zeros(len(times))
     return ContinuousPath(
         times,
-        moves.values,
-        moves.rates,
+        places if moves is None else moves.values,
+        places if moves is None else moves.rates,
         zero if turns is None else turns.values[:, 0],
         zero if turns is None else turns.rates[:, 0],
         gap,
         turns is not None,
-        np.array([moves.sigma, 0.0 if turns is None else turns.sigma]),
-        np.array([moves.rate_variance, 0.0 if turns is None else turns.rate_variance]),
+        np.array([0.0 if one is None else one.sigma for one in (moves, turns)]),
+        np.array([0.0 if one is None else one.rate_variance for one in (moves, turns)]),
+        moves is not None,
     )
 
 

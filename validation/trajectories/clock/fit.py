@@ -57,6 +57,7 @@ class Fit:
     def __init__(self, path: ContinuousPath, rows: Rows, middle: float) -> None:
         self.path, self.rows, self.middle = path, rows, middle
         self.with_heading = path.has_heading and rows.headings is not None
+        self.with_position = path.has_position
         anchors = rows.positions[rows.starts]
         self.offsets = rows.positions - anchors[rows.node]
         self.steps = np.diff(anchors, axis=0)
@@ -156,6 +157,8 @@ class Fit:
         frames = np.zeros((n, 3, 3))
         frames[:, 0, 0] = frames[:, 1, 1] = frames[:, 2, 2] = 1.0
         frames[:, 0, 2], frames[:, 1, 2] = -turned[:, 1], turned[:, 0]
+        if not self.with_position:
+            out[:, :2], frames[:, :2] = 0.0, 0.0
         step = rotated(self.steps, ca[:-1], sa[:-1])
         back = np.broadcast_to(np.eye(3), (len(step), 3, 3)).copy()
         back[:, 0, 2], back[:, 1, 2] = -step[:, 1], step[:, 0]
@@ -198,7 +201,8 @@ class Fit:
         own = np.zeros((len(weights), 3))
         own[:, :2] = weights[:, :1] / variances.position
         own[:, 2] = weights[:, 1] / variances.heading * self.with_heading
-        good = (weights > 0.5).sum(0) * np.array([2.0, float(self.with_heading)])
+        counted = np.array([2.0 * self.with_position, float(self.with_heading)])
+        good = (weights > 0.5).sum(0) * counted
         determinant = float(good @ np.log([variances.position, variances.heading]))
         inverse = own[:, :, None] * np.eye(3)
         if variances.jitter > 0:
@@ -274,13 +278,16 @@ class Fit:
         Notes
         -----
         A displacement over a second or two turns with the frame, not with the mount. Frames
-        are those that turn the source's displacements of ten seconds around into the path's.
+        are those that turn the source's displacements of ten seconds around into the path's. Where
+        the path has no positions they are those of the headings.
         """
         rows = self.rows
         par = np.zeros(8)
         par[DELAY], par[DRIFT] = delay, drift
         times = self.times(par)
         pose = self.path.at(times)[0]
+        if not self.with_position:
+            return State(par, self._turned_into(times, pose[:, 2]), np.zeros((len(rows.starts), 2)))
         there = pose[:, 0] + 1j * pose[:, 1]
         here = rows.positions[:, 0] + 1j * rows.positions[:, 1]
         later = np.minimum(np.searchsorted(times, times + 1.5), len(times) - 1)
@@ -288,11 +295,7 @@ class Fit:
         product = one * np.conj(two)
         lengths = np.abs(np.abs(one) - np.abs(two))
         product[(lengths > 0.1 + 0.3 * np.abs(one)) | (times[later] > times + 5)] = 0.0
-        total = np.concatenate([[0.0], np.cumsum(product)])
-        middle = times[rows.starts]
-        low, high = np.searchsorted(times, middle - 10), np.searchsorted(times, middle + 10)
-        around = total[high] - total[low] + 0.02 * total[-1] + 1e-12
-        angles = np.unwrap(np.angle(around))
+        angles = np.unwrap(np.angle(self._around(times, product, 0.02)))
         if self.with_heading and rows.headings is not None:
             apart = np.exp(2j * (pose[:, 2] - rows.headings - angles[rows.node]))
             weight = np.minimum(np.abs(product), 1.0) + 1e-9
@@ -300,6 +303,23 @@ class Fit:
         turned = rotated(self.offsets, np.cos(angles)[rows.node], np.sin(angles)[rows.node])
         places = node_medians(pose[:, :2] - turned, rows)
         return State(par, angles, places)
+
+    def _around(
+        self, times: Array, values: npt.NDArray[np.complex128], whole: float
+    ) -> npt.NDArray[np.complex128]:
+        """(k,) sums of ten seconds to both sides of each node, and a share of the whole sum."""
+        total = np.concatenate([[0.0], np.cumsum(values)])
+        middle = times[self.rows.starts]
+        low, high = np.searchsorted(times, middle - 10), np.searchsorted(times, middle + 10)
+        return np.asarray(total[high] - total[low] + whole * total[-1] + 1e-12)
+
+    def _turned_into(self, times: Array, headings: Array) -> Array:
+        """(k,) angles that turn the source's headings of ten seconds around into the path's."""
+        own = self.rows.headings
+        if own is None:
+            return np.zeros(len(self.rows.starts))
+        apart = self._around(times, np.exp(2j * (headings - own)), 0.0)
+        return np.asarray(np.unwrap(np.angle(apart)) / 2)
 
     def refined(
         self,

@@ -137,6 +137,9 @@ def judged(
     turn = np.abs(values.rates[:, 2])
     scored = tuple(sorted(((sign * d, s) for d, s in best.rivals), key=lambda p: p[1]))
     frame, mount, mount_covariance = _transforms(one, covariance, swapped)
+    if not fit.with_position:
+        frame[:2], mount[:2], mount_covariance[:2] = np.nan, np.nan, np.nan
+        mount_covariance[:, :2] = np.nan
     told = verdict != "not_determinable"
     return replace(
         nothing,
@@ -168,7 +171,12 @@ def judged(
         )
         if told
         else (),
-        noise=np.sqrt([variances.position, variances.heading if fit.with_heading else np.nan]),
+        noise=np.sqrt(
+            [
+                variances.position if fit.with_position else np.nan,
+                variances.heading if fit.with_heading else np.nan,
+            ]
+        ),
         wander=np.sqrt([variances.walk, variances.turn_walk]),
         speeds=np.array([np.sqrt(np.mean(speed**2)), np.quantile(speed, 0.95)]),
         turn_rates=np.array([np.sqrt(np.mean(turn**2)), np.quantile(turn, 0.95)]),

@@ -82,7 +82,7 @@ def _rates(path: ContinuousPath, grid: Array) -> list[tuple[Array, Array] | None
     values[mask] = path.at(grid[mask])[1]
     turn = (np.clip(values[:, 2], -4, 4), mask.astype(float)) if path.has_heading else None
     speed = np.clip(np.hypot(values[:, 0], values[:, 1]), 0, 50)
-    return [turn, (speed, mask.astype(float))]
+    return [turn, (speed, mask.astype(float)) if path.has_position else None]
 
 
 def _score(one: tuple[Array, Array], two: tuple[Array, Array], size: int, lags: int) -> Array:

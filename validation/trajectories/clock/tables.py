@@ -121,11 +121,15 @@ def _delay(one: ClockEstimate, tolerance: Tolerance) -> Finding:
     speed, turning = one.speeds[1], one.turn_rates[1]
     text = (
         f"{stamps_in_words(one.delay_s).capitalize()} (delay {1e3 * one.delay_s:+.2f} ms, "
-        f"{percent} interval {low:+.2f} to {high:+.2f} ms). At {speed:.2g} m/s and "
-        f"{turning:.2g} rad/s, which 95 % of the motion is below, that is up to "
-        f"{1e3 * errors[0, 1]:.1f} mm and {1e3 * errors[1, 1]:.1f} mrad"
+        f"{percent} interval {low:+.2f} to {high:+.2f} ms). At "
     )
-    asked = f"{1e3 * tolerance.length:g} mm and {1e3 * tolerance.angle:g} mrad"
+    asked, turned = f"{1e3 * tolerance.angle:g} mrad", f"{1e3 * errors[1, 1]:.1f} mrad"
+    below = f"{turning:.2g} rad/s, which 95 % of the motion is below, that is up to "
+    if speed > 0:
+        asked = f"{1e3 * tolerance.length:g} mm and {asked}"
+        text += f"{speed:.2g} m/s and {below}{1e3 * errors[0, 1]:.1f} mm and {turned}"
+    else:  # a source with headings only
+        text += below + turned
     severity: Severity = "good"
     if answer == "within":
         text += f": within {asked}."

@@ -17,6 +17,8 @@ NAMED = {
 """Differences of the scales of time since 2017."""
 UNCLEAR = "the motion tells too little"
 """What is said of motion that is neither rest nor even."""
+NO_TURN, EVEN_TURN = "the robot does not turn", "the robot turns at a constant rate"
+"""What is said of a source that has headings only."""
 NEXT_TO = 0.5
 """Seconds around a named offset within which it is named; usual latencies stay below."""
 HOUR = 3600.0
@@ -43,6 +45,9 @@ def motion_in_words(fit: Fit, state: State) -> str:
     top = float(np.quantile(speed, 0.9))
     turned = float(np.quantile(np.abs(turn), 0.9))
     still_turning = turned < max(0.01, 4 * noise[1])
+    if not fit.with_position:
+        steady = float(turn.std()) < max(0.05 * turned, 4 * noise[1])
+        return NO_TURN if still_turning else EVEN_TURN if steady else UNCLEAR
     if top < max(0.01, 4 * noise[0]) and still_turning:
         return "the robot stands still"
     even = float(speed.std()) < max(0.02 * top, 4 * noise[0])

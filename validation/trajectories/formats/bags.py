@@ -74,35 +74,70 @@ def read_bag(source: Source, asked: Asked) -> Records:
     InputError
         If the bag is damaged, has no poses, or several topics and none is asked for.
     """
-    path = source.path
-    with _reading(path) as reader:
-        able = {c.topic: c.msgtype for c in reader.connections if c.msgtype in KINDS}
-        topic = _topic(source, able, asked)
-        wanted = [c for c in reader.connections if c.topic == topic]
+    topic, kind, messages = topic_messages(source, KINDS, asked.topic, "poses")
+    records = _records(source, kind, messages, asked)
+    records.facts |= {"topic": topic, "message": kind}
+    return records
+
+
+def topic_messages(
+    source: Source, kinds: Sequence[str], topic: str | None, what: str
+) -> tuple[str, str, list[tuple[int, Any]]]:
+    """The messages of one topic of a bag.
+
+    Parameters
+    ----------
+    source : Source
+        The bag.
+    kinds : sequence of str
+        Kinds of messages that will do, such as ``sensor_msgs/msg/NavSatFix``.
+    topic : str, optional
+        The topic wanted; by default the only one of these kinds.
+    what : str
+        What its messages are, for errors.
+
+    Returns
+    -------
+    topic, kind : str
+        The topic, and the kind of its messages.
+    messages : list of (int, message)
+        Nanoseconds of receipt, and the message.
+
+    Raises
+    ------
+    GtvalError
+        If rosbags is not installed.
+    InputError
+        If the bag is damaged or has no such topic, or several and none is asked for.
+    """
+    with _reading(source.path) as reader:
+        able = {c.topic: c.msgtype for c in reader.connections if c.msgtype in kinds}
+        found = _topic(source, able, topic, what, kinds)
+        wanted = [c for c in reader.connections if c.topic == found]
         messages = [
             (stamp, reader.deserialize(raw, connection.msgtype))
             for connection, stamp, raw in reader.messages(wanted)
         ]
     if not messages:
-        raise source.error(f"no message on {topic}")
-    records = _records(source, able[topic], messages, asked)
-    records.facts |= {"topic": topic, "message": able[topic]}
-    return records
+        raise source.error(f"no message on {found}")
+    return found, able[found], messages
 
 
-def _topic(source: Source, able: Mapping[str, str], asked: Asked) -> str:
-    """The topic that is asked for, or the only one with poses."""
+def _topic(
+    source: Source, able: Mapping[str, str], asked: str | None, what: str, kinds: Sequence[str]
+) -> str:
+    """The topic that is asked for, or the only one of the kinds wanted."""
     named = ", ".join(f"{topic} ({kind.rpartition('/')[2]})" for topic, kind in able.items())
-    if asked.topic is not None:
-        found = [topic for topic in able if topic.strip("/") == asked.topic.strip("/")]
+    if asked is not None:
+        found = [topic for topic in able if topic.strip("/") == asked.strip("/")]
         if not found:
-            raise source.error(f"no poses on {asked.topic}; there are {named or 'none at all'}")
+            raise source.error(f"no {what} on {asked}; there are {named or 'none at all'}")
         return found[0]
     if not able:
-        kinds = ", ".join(kind.rpartition("/")[2] for kind in KINDS)
-        raise source.error(f"the bag has no topic with poses ({kinds})")
+        wanted = ", ".join(kind.rpartition("/")[2] for kind in kinds)
+        raise source.error(f"the bag has no topic with {what} ({wanted})")
     if len(able) > 1:
-        raise source.error(f"several topics with poses: {named}; choose one with --topic")
+        raise source.error(f"several topics with {what}: {named}; choose one with --topic")
     return next(iter(able))
 
 
@@ -113,7 +148,7 @@ def _records(
     if kind == TF:
         messages = _transforms(source, messages, asked)
     numbers = list(range(1, len(messages) + 1))
-    stamps, clock, notes = _stamps(messages)
+    stamps, clock, notes = header_stamps(messages)
     first = messages[0][1]
     records = Records(
         source,
@@ -168,8 +203,8 @@ def _checked(records: Records, rows: Sequence[tuple[float, ...]]) -> Array:
     return values
 
 
-def _stamps(messages: Sequence[tuple[int, Any]]) -> tuple[Any, Clock, list[str]]:
-    """Stamps of the headers in nanoseconds, or of receipt where no header has one."""
+def header_stamps(messages: Sequence[tuple[int, Any]]) -> tuple[Any, Clock, list[str]]:
+    """(n,) stamps of the headers in nanoseconds, or of receipt where no header has one."""
     stamps = np.array(
         [m.header.stamp.sec * 1_000_000_000 + m.header.stamp.nanosec for _, m in messages],
         dtype=np.int64,

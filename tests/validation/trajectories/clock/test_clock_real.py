@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rtk_gt.receivers.rawlog import read_rawlog
+from rtk_gt.receivers.formats.rawlog import read_rawlog
 from validation.poses.earth_frames import ecef_from_geodetic
 from validation.poses.trajectory import Trajectory
 from validation.trajectories.clock.estimate import estimate_clock

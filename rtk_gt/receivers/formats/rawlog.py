@@ -7,17 +7,16 @@ read, anything else is an error that names the class.
 
 from collections import Counter
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from rtk_gt.receivers.fixes import Fixes
+from rtk_gt.receivers.formats.packed import contents
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
-from validation.trajectories.formats.rawlog_objects import Objects, unpacked
-
-MAX_BYTES = 2_000_000_000
-"""A judgement: what fits into the memory of a laptop, unpacked."""
+from validation.trajectories.formats.rawlog_objects import Objects
 
 
 @dataclass
@@ -62,10 +61,16 @@ def read_rawlog(path: Path) -> Rawlog:
     InputError
         Where the file is cut, damaged or holds an object of a class not known here.
     """
+    return rawlog_of(path, contents(path))
+
+
+@lru_cache(maxsize=2)
+def rawlog_of(path: Path, data: bytes) -> Rawlog:
+    """The GPS records of a rawlog's contents; several receivers ask for the same."""
     log = Rawlog()
     rows: dict[str, list[_Row]] = {}
     empty: Counter[str] = Counter()
-    cursor = Objects(path, unpacked(path, MAX_BYTES))
+    cursor = Objects(path, data)
     number = 0
     while not cursor.at_end:
         number += 1

@@ -1,38 +1,31 @@
-"""RTKLIB solution files (.pos) with geodetic or geocentric coordinates."""
+"""RTKLIB solution files (.pos, and Emlid's .LLH): geodetic, geocentric, or from a moving base.
+
+Emlid's receivers write the same rows without the header.
+"""
 
 import re
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
+from rtk_gt.receivers.baselines import Baselines
 from rtk_gt.receivers.fixes import AUTONOMOUS, DGPS, ESTIMATED, RTK_FIXED, RTK_FLOAT, SBAS, Fixes
+from rtk_gt.receivers.formats.packed import contents
+from rtk_gt.receivers.gps_time import of_week, utc_of_gps
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.earth_frames import LocalFrame, geodetic_from_ecef
-from validation.text_files.reading import file_bytes
+from validation.text_files.reading import is_utf16
 
-MAX_BYTES = 2_000_000_000
-"""A judgement: thirteen million solutions, two weeks at 10 Hz."""
 KINDS = {1: RTK_FIXED, 2: RTK_FLOAT, 3: SBAS, 4: DGPS, 5: AUTONOMOUS, 6: ESTIMATED, 7: ESTIMATED}
 """RTKLIB's Q: fix, float, SBAS, DGPS, single, PPP, dead reckoning."""
-GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
-_LEAP_SECONDS = (
-    ("1981-07-01", 1), ("1982-07-01", 2), ("1983-07-01", 3), ("1985-07-01", 4),
-    ("1988-01-01", 5), ("1990-01-01", 6), ("1991-01-01", 7), ("1992-07-01", 8),
-    ("1993-07-01", 9), ("1994-07-01", 10), ("1996-01-01", 11), ("1997-07-01", 12),
-    ("1999-01-01", 13), ("2006-01-01", 14), ("2009-01-01", 15), ("2012-07-01", 16),
-    ("2015-07-01", 17), ("2017-01-01", 18),
-)  # fmt: skip
+BARE = re.compile(r"\s*\d{4}/\d\d/\d\d\s+\d\d:\d\d:\d\d(\.\d+)?(\s+\S+){11,}")
+"""A row of a file without a header: a date, a time, and eleven numbers or more."""
+NO_HEADER = (
+    "No header: rows are taken as Emlid writes them, GPS time, degrees, ellipsoidal heights."
+)
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-
-
-def gps_minus_utc(time: float) -> int:
-    """Leap seconds between GPS time and UTC at a time in seconds since 1970."""
-    steps = [
-        datetime.fromisoformat(day + "T00:00:00+00:00").timestamp() for day, _ in _LEAP_SECONDS
-    ]
-    return int(np.searchsorted(steps, time, side="right"))
 
 
 def read_pos(path: Path, receiver: str) -> Fixes:
@@ -46,10 +39,53 @@ def read_pos(path: Path, receiver: str) -> Fixes:
         Naming line, field and value of every bad place; for heights above the geoid, degrees
         with minutes, or baselines, which this reader does not take.
     """
-    lines = file_bytes(path, MAX_BYTES, text=True).decode("latin-1").splitlines()
-    geodetic, utc = _header(path, lines)
+    return pos_fixes(path, contents(path), receiver)
+
+
+def pos_fixes(path: Path, data: bytes, receiver: str) -> Fixes:
+    """The solutions of a .pos file's contents; see `read_pos`."""
+    kind, rows, notes = _solutions(path, data)
+    if kind == "baseline":
+        said = (
+            "columns e-baseline n-baseline u-baseline: they are from a base to a rover. If the "
+            "base is a receiver of this drive, state `base` at the rover; else set out-solformat "
+            "to llh"
+        )
+        raise InputError([Problem(path, said, field="header")])
+    return _fixes(path, receiver, rows, geodetic=kind == "geodetic", notes=notes)
+
+
+def pos_baselines(path: Path, data: bytes, receiver: str) -> Baselines:
+    """From a moving base to the rover, of a .pos file's contents with baselines.
+
+    Raises
+    ------
+    InputError
+        Naming line, field and value of every bad place, or for other columns.
+    """
+    kind, rows, _ = _solutions(path, data)
+    if kind != "baseline":
+        said = "positions, not baselines: set out-solformat to enu, or take `base` out"
+        raise InputError([Problem(path, said, field="header")])
+    squares = np.sign(rows[:, 6:12]) * rows[:, 6:12] ** 2
+    e, n, u, en, nu, ue = squares.T
+    covariances = np.stack([e, en, ue, en, n, nu, ue, nu, u], axis=-1).reshape(-1, 3, 3)
+    kinds = np.array([KINDS[int(q)] for q in rows[:, 4]])
+    lines = rows[:, 12].astype(np.int64)
+    return Baselines(receiver, rows[:, 0], rows[:, 1:4], kinds, covariances, lines, path)
+
+
+def _solutions(path: Path, data: bytes) -> tuple[str, Array, tuple[str, ...]]:
+    """What the coordinates are, rows with times in UTC, and remarks."""
+    if is_utf16(data):
+        raise InputError([Problem(path, "saved as UTF-16; save the file as UTF-8", 1)])
+    lines = data.decode("latin-1").splitlines()
+    kind, utc, notes = _header(path, lines)
     problems: list[Problem] = []
     rows: list[Array] = []
+    if lines and not data.endswith(b"\n") and len(lines[-1].split()) < 13 and len(lines) > 2:
+        notes = (*notes, "The last line is cut and left out.")
+        lines = lines[:-1]
     for number, line in enumerate(lines, 1):
         if line.startswith("%") or not line.strip():
             continue
@@ -60,17 +96,25 @@ def read_pos(path: Path, receiver: str) -> Fixes:
         problems.append(Problem(path, "no solution in the file"))
     if problems:
         raise InputError(problems)
-    return _fixes(path, receiver, np.array(rows), geodetic=geodetic, utc=utc)
+    table = np.array(rows)
+    if not utc:
+        table[:, 0] = utc_of_gps(table[:, 0])
+    return kind, table, notes
 
 
-def _header(path: Path, lines: list[str]) -> tuple[bool, bool]:
-    """Whether the columns are latitude and longitude, and whether times are UTC."""
+def _header(path: Path, lines: list[str]) -> tuple[str, bool, tuple[str, ...]]:
+    """Whether coordinates are geodetic, geocentric or a baseline, times UTC, and remarks."""
     head = next((line for line in lines if re.match(r"%\s+(GPST|UTC|JST)", line)), None)
+    first = next((line for line in lines if line.strip() and not line.startswith("%")), "")
+    if head is None and BARE.match(first):
+        return "geodetic", False, (NO_HEADER,)
     if head is None:
         expected = "no header line '% GPST latitude(deg) ...'; is this an RTKLIB solution?"
         raise InputError([Problem(path, expected, 1)])
     at = lines.index(head) + 1
-    if "JST" in head or not ("latitude(deg)" in head or "x-ecef(m)" in head):
+    kinds = {"latitude(deg)": "geodetic", "x-ecef(m)": "geocentric", "e-baseline(m)": "baseline"}
+    kind = next((kind for column, kind in kinds.items() if column in head), None)
+    if "JST" in head or kind is None:
         expected = (
             "columns that are not read here; set out-timesys to gpst or utc, out-solformat to "
             "llh with out-degform deg, or to xyz"
@@ -79,7 +123,7 @@ def _header(path: Path, lines: list[str]) -> tuple[bool, bool]:
     if any("geodetic" in line and "lat/lon/height" in line for line in lines[:at]):
         expected = "heights above the geoid; set out-height to ellipsoidal"
         raise InputError([Problem(path, expected, at, "header")])
-    return "latitude(deg)" in head, "UTC" in head
+    return kind, "UTC" in head, ()
 
 
 def _row(path: Path, number: int, line: str, problems: list[Problem]) -> Array | None:
@@ -115,13 +159,14 @@ def _time(first: str, second: str) -> float | None:
             day = datetime.strptime(first, "%Y/%m/%d").replace(tzinfo=UTC)
             hours, minutes, seconds = second.split(":")
             return day.timestamp() + 3600 * int(hours) + 60 * int(minutes) + float(seconds)
-        return (GPS_EPOCH + timedelta(weeks=int(first))).timestamp() + float(second)
+        return of_week(int(first), float(second))
     except ValueError:
         return None
 
 
-def _fixes(path: Path, receiver: str, rows: Array, *, geodetic: bool, utc: bool) -> Fixes:
-    times = rows[:, 0] if utc else rows[:, 0] - [gps_minus_utc(time) for time in rows[:, 0]]
+def _fixes(
+    path: Path, receiver: str, rows: Array, *, geodetic: bool, notes: tuple[str, ...]
+) -> Fixes:
     # Signed roots: RTKLIB writes a negative covariance as minus the root of its size.
     squares = np.sign(rows[:, 6:12]) * rows[:, 6:12] ** 2
     if geodetic:
@@ -136,7 +181,7 @@ def _fixes(path: Path, receiver: str, rows: Array, *, geodetic: bool, utc: bool)
         covariances = axes @ ecef @ axes.T
     return Fixes(
         receiver=receiver,
-        times=times,
+        times=rows[:, 0],
         geodetic=places,
         kinds=np.array([KINDS[int(q)] for q in rows[:, 4]]),
         satellites=rows[:, 5].astype(np.int64),
@@ -144,4 +189,5 @@ def _fixes(path: Path, receiver: str, rows: Array, *, geodetic: bool, utc: bool)
         covariances=covariances,
         lines=rows[:, 12].astype(np.int64),
         source=path,
+        notes=notes,
     )

@@ -1,31 +1,32 @@
 """NMEA 0183 logs: positions of GGA, stated errors of GST, dates of RMC and ZDA.
 
 Receivers depart from the standard in ways that do no harm; each is accepted and counted:
-one-digit or lower-case checksums, missing checksums, bytes before the ``$``, empty fields. Of a
-checksum of one digit that digit is tested. A number before the ``$`` that is seconds since 1970 is
-the clock of the computer that wrote the log; it gives the date where no sentence does.
-A sentence whose checksum is wrong, or that is cut, is an error unless the caller asks for such
-sentences to be skipped, which is counted too.
+one-digit or lower-case checksums, missing checksums, bytes before the ``$``, empty fields, a
+second GGA of one time, sentences out of order. Of a checksum of one digit that digit is tested. A
+number before the ``$`` that is seconds since 1970 is the clock of the computer that wrote the log;
+it gives the date where no sentence does. Sentences whose checksum is wrong, or that are cut, are
+left out and counted where they are few; they are errors where they are many or the caller says so.
 """
 
 import re
-from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
 from pathlib import Path
 
 import numpy as np
 
-from rtk_gt.receivers.error_ellipses import EllipseRecord, covariances_from_gst
 from rtk_gt.receivers.fixes import FIX_NAMES, Fixes
-from validation.errors import MAX_SHOWN_PROBLEMS, InputError, Problem, shown
+from rtk_gt.receivers.formats.error_ellipses import EllipseRecord, covariances_from_gst
+from rtk_gt.receivers.formats.nmea_log import STANDS, NmeaLog, above_sea, in_order
+from rtk_gt.receivers.formats.packed import contents
+from validation.errors import InputError, Problem, shown
 from validation.text_files.reading import is_utf16
-from validation.trajectories.formats.rawlog_objects import unpacked
 
-MAX_BYTES = 2_000_000_000
-"""A judgement: a day of GGA and GST at 20 Hz has 0.3 GB."""
 HALF_DAY = 43200.0
+NO_GEOID = (
+    "GGA without geoid separation: its altitudes, above the sea or not, are taken as heights above "
+    "the ellipsoid: between receivers an offset, on the Earth an error of tens of metres."
+)
 _SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3}),([^*$]*)(?:\*([0-9A-Fa-f]{0,2}))?\s*$")
 _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?|[+-]?\.\d+")
 _TIME = re.compile(r"(\d{2})(\d{2})(\d{2}(?:\.\d*)?)")
@@ -33,40 +34,8 @@ _HOST = re.compile(r"\s*(\d{9,10}(?:\.\d+)?)\s*[,;]?\s*$")
 _DATED = re.compile(r"\$..(?:RMC,([^,]*),(?:[^,]*,){7}(\d{6})|ZDA,([^,]*),(\d\d,\d\d,\d{4}))")
 
 
-@dataclass
-class _Log:
-    """What has been read so far."""
-
-    path: Path
-    skip_damaged: bool
-    day: float | None
-    tolerated: Counter[str] = field(default_factory=Counter)
-    problems: list[Problem] = field(default_factory=list)
-    rows: list[tuple[float, float, float, float, int, int, float, int, float]] = field(
-        default_factory=list
-    )
-    host: float = np.nan
-    without_fix: int = 0
-    ellipses: dict[float, EllipseRecord] = field(default_factory=dict)
-    last_clock: float | None = None
-    dated: bool = False
-
-    def bad(self, line: int, name: str, value: str, expected: str) -> None:
-        self.problems.append(Problem(self.path, expected, line, name, value))
-        if len(self.problems) > 10 * MAX_SHOWN_PROBLEMS:
-            raise InputError(self.problems)
-
-    def damaged(self, line: int, value: str, what: str) -> None:
-        """A sentence that did not arrive whole."""
-        if self.skip_damaged:
-            self.tolerated[f"damaged sentence skipped ({what})"] += 1
-            return
-        hint = "to leave such sentences out, set `skip_damaged = true` in [rtk]"
-        self.bad(line, "sentence", value, f"{what}; {hint}")
-
-
 def read_nmea(
-    path: Path, receiver: str, *, day: date | None = None, skip_damaged: bool = False
+    path: Path, receiver: str, *, day: date | None = None, skip_damaged: bool | None = None
 ) -> Fixes:
     """The fixes of an NMEA log.
 
@@ -78,8 +47,9 @@ def read_nmea(
         Name for the record.
     day : date, optional
         UTC date of the first sentence, where the log has neither RMC nor ZDA.
-    skip_damaged : bool
-        Leave out sentences that are cut or whose checksum is wrong, and count them.
+    skip_damaged : bool, optional
+        Whether sentences that are cut or whose checksum is wrong are left out and counted; by
+        default where they are few.
 
     Returns
     -------
@@ -91,19 +61,40 @@ def read_nmea(
     InputError
         Naming line, field and value of every bad place.
     """
-    data = unpacked(path, MAX_BYTES)
+    data = contents(path)
     if is_utf16(data):
         raise InputError([Problem(path, "saved as UTF-16; save the file as UTF-8", 1)])
+    return nmea_fixes(path, data, receiver, day=day, skip_damaged=skip_damaged)
+
+
+def nmea_fixes(
+    path: Path,
+    data: bytes,
+    receiver: str,
+    *,
+    day: date | None = None,
+    skip_damaged: bool | None = None,
+) -> Fixes:
+    """The fixes of the contents of an NMEA log; see `read_nmea`."""
     text = data.decode("latin-1")
+    if "\n" not in text:
+        text = text.replace("\r", "\n")
     start = None if day is None else datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()
-    log = _Log(path, skip_damaged, start)
+    log = NmeaLog(path, skip_damaged, start)
     log.day, log.last_clock = (start, None) if start is not None else _first_date(text)
     log.dated = log.day is not None
     for number, line in enumerate(text.split("\n"), 1):
         if line.strip():
+            log.lines += 1
+            log.whole = True
             _read_line(log, number, line.rstrip("\r"))
+    if not log.sentences and log.lost:
+        said = "no whole NMEA sentence in the file; name the receiver's log, or set its format"
+        raise InputError([Problem(path, said, log.lost[0].line, "line", log.lost[0].value)])
+    if log.many_lost or (log.lost and not log.rows):
+        log.problems += log.lost
     if not log.rows and not log.problems:
-        log.problems.append(Problem(path, "no GGA sentence with a position in the file"))
+        log.problems.append(Problem(path, _no_position(log, text)))
     if log.problems:
         raise InputError(log.problems)
     return _fixes(log, receiver)
@@ -131,7 +122,7 @@ def _seconds(clock: re.Match[str]) -> float:
     return 3600 * int(clock[1]) + 60 * int(clock[2]) + float(clock[3])
 
 
-def _read_line(log: _Log, number: int, line: str) -> None:
+def _read_line(log: NmeaLog, number: int, line: str) -> None:
     """Add what one line says."""
     start = line.find("$")
     if start < 0:
@@ -149,19 +140,22 @@ def _read_line(log: _Log, number: int, line: str) -> None:
             return  # a maker's own sentence
         log.damaged(number, line, "not a whole NMEA sentence")
         return
-    _, kind, body, checksum = match.groups()
-    readers: dict[str, Callable[[_Log, int, list[str]], None]] = {"GGA": _gga, "GST": _gst}
+    log.sentences += 1
+    talker, kind, body, checksum = match.groups()
+    readers: dict[str, Callable[[NmeaLog, int, list[str]], None]] = {"GGA": _gga, "GST": _gst}
     if kind not in readers or not _checksum_holds(log, number, line[start:], checksum):
         return
+    log.talker = talker
     readers[kind](log, number, body.split(","))
 
 
-def _checksum_holds(log: _Log, number: int, sentence: str, checksum: str | None) -> bool:
+def _checksum_holds(log: NmeaLog, number: int, sentence: str, checksum: str | None) -> bool:
     """Whether the sentence arrived as sent, as far as its checksum tells."""
     if not checksum:
         if checksum == "" or sentence.count(",") < 8:
             log.damaged(number, sentence, "the sentence is cut")
             return False
+        log.whole = False
         log.tolerated["no checksum"] += 1
         return True
     value = 0
@@ -180,7 +174,7 @@ def _checksum_holds(log: _Log, number: int, sentence: str, checksum: str | None)
     return True
 
 
-def _clock(log: _Log, number: int, cell: str, *, of_errors: bool = False) -> float | None:
+def _clock(log: NmeaLog, number: int, cell: str, *, of_errors: bool = False) -> float | None:
     """Seconds since 1970 of a time of day.
 
     Midnight passes where the clock falls by half a day. Where it rises by half a day midnight was
@@ -210,7 +204,7 @@ def _day_of_host(host: float, clock: float) -> float:
     return 0.0 if np.isnan(host) else 86400.0 * round((host - clock) / 86400.0)
 
 
-def _gga(log: _Log, number: int, cells: list[str]) -> None:
+def _gga(log: NmeaLog, number: int, cells: list[str]) -> None:
     """One position; without a fix its cells may be empty."""
     if not 12 <= len(cells) <= 14:
         comma = " (a decimal comma?)" if len(cells) > 14 else ""
@@ -225,25 +219,39 @@ def _gga(log: _Log, number: int, cells: list[str]) -> None:
         log.without_fix += 1
         return
     time = _clock(log, number, cells[0])
-    if time is None:
+    if time is not None and not cells[8]:
+        log.tolerated["GGA with an empty altitude left out"] += 1
+        log.without_fix += 1
         return
+    place = None if time is None else _place(log, number, cells)
+    if time is None or place is None:
+        return
+    satellites = int(cells[6]) if cells[6].isdigit() else -1
+    hdop = float(cells[7]) if _NUMBER.fullmatch(cells[7]) else np.nan
+    log.rows.append((time, *place, int(kind), satellites, hdop, number, log.host, log.talker))
+
+
+def _place(log: NmeaLog, number: int, cells: list[str]) -> tuple[float, float, float] | None:
+    """Latitude and longitude in radians, and height; None after recording what is bad."""
+    for name, cell in (("altitude", cells[9]), ("geoid separation", cells[11])):
+        if cell not in {"M", "m", ""}:
+            log.bad(number, f"unit of the {name}", cell, "not metres; set the receiver to M")
+            return None
     latitude = _angle(log, number, "latitude", cells[1], cells[2], "NS", 90.0)
     longitude = _angle(log, number, "longitude", cells[3], cells[4], "EW", 180.0)
     altitude = _cell(log, number, "altitude", cells[8])
     separation = _cell(log, number, "geoid separation", cells[10] or "0")
-    if not cells[10]:
-        log.tolerated["no geoid separation: the altitude is taken as ellipsoidal height"] += 1
-    if None in {latitude, longitude, altitude, separation}:
-        return
-    satellites = int(cells[6]) if cells[6].isdigit() else -1
-    hdop = float(cells[7]) if _NUMBER.fullmatch(cells[7]) else np.nan
-    height = (altitude or 0.0) + (separation or 0.0)
-    place = (latitude or 0.0, longitude or 0.0, height)
-    log.rows.append((time, *place, int(kind), satellites, hdop, number, log.host))
+    if latitude is None or longitude is None or altitude is None or separation is None:
+        return None
+    if cells[10]:
+        log.geoid.append(separation)
+    else:
+        log.without_geoid.append(len(log.rows))
+    return latitude, longitude, altitude + separation
 
 
 def _angle(
-    log: _Log, number: int, name: str, cell: str, side: str, sides: str, largest: float
+    log: NmeaLog, number: int, name: str, cell: str, side: str, sides: str, largest: float
 ) -> float | None:
     """Radians of an angle written as dddmm.mmmm with its hemisphere."""
     digits = len(str(int(largest)))  # 2 for latitude, 3 for longitude
@@ -274,7 +282,7 @@ def _beyond(cell: str, digits: int, minutes: float, largest: float) -> str:
     return f"out of range; expected up to {largest:g} degrees"
 
 
-def _cell(log: _Log, number: int, name: str, cell: str) -> float | None:
+def _cell(log: NmeaLog, number: int, name: str, cell: str) -> float | None:
     """A number, or None after recording that it is none."""
     if _NUMBER.fullmatch(cell) is None:
         log.bad(number, name, cell, "not a number")
@@ -282,7 +290,7 @@ def _cell(log: _Log, number: int, name: str, cell: str) -> float | None:
     return float(cell)
 
 
-def _gst(log: _Log, number: int, cells: list[str]) -> None:
+def _gst(log: NmeaLog, number: int, cells: list[str]) -> None:
     """Stated errors, kept by their time until all positions are known."""
     if len(cells) != 8:
         log.bad(number, "GST", ",".join(cells), f"{len(cells)} fields, expected 8")
@@ -304,8 +312,25 @@ def _gst(log: _Log, number: int, cells: list[str]) -> None:
     log.ellipses[time] = EllipseRecord(*numbers)
 
 
-def _fixes(log: _Log, receiver: str) -> Fixes:
-    table = np.array(log.rows, dtype=float)
+def _no_position(log: NmeaLog, text: str) -> str:
+    """Why a log has no position, and what to do."""
+    said = "no GGA sentence with a position in the file"
+    if log.without_fix:
+        return f"{said}: in {log.without_fix} the receiver has no fix, or writes no altitude"
+    if re.search(r"\$..(RMC|GLL)", text):
+        return f"{said}, only sentences without height (RMC, GLL): let the receiver write GGA"
+    return said
+
+
+def _fixes(log: NmeaLog, receiver: str) -> Fixes:
+    order = in_order(log)
+    if len(order) < STANDS * len(log.rows):
+        row = log.rows[1]
+        said = f"{len(log.rows)} positions at {len(order)} times: the receiver's clock stands still"
+        raise InputError([Problem(log.path, said, row[7], "time", f"{row[0] % 86400:.2f} s")])
+    above = above_sea(log)
+    table = np.array([log.rows[row][:-1] for row in order], dtype=float)
+    table[:, 3] += above[order]
     records = [log.ellipses.get(float(time)) for time in table[:, 0]]
     covariances, notes = covariances_from_gst(records)
     without = len(log.ellipses) - sum(record is not None for record in records)
@@ -315,6 +340,8 @@ def _fixes(log: _Log, receiver: str) -> Fixes:
         notes = (*notes, "The log has no date (RMC, ZDA); it is that of the computer's clock.")
     elif not log.dated:
         notes = (*notes, "The log has no date (RMC, ZDA); days are counted from 1970-01-01.")
+    if log.without_geoid and not log.geoid:
+        notes = (*notes, NO_GEOID)
     skipped = sum(n for what, n in log.tolerated.items() if what.startswith("damaged"))
     if skipped:
         notes = (*notes, f"{shown(log.path.name)}: {skipped} damaged sentences were left out.")

@@ -1,0 +1,1 @@
+"""Files of receivers, each kind with its reader."""
