@@ -19,7 +19,6 @@ from laser_gt.scans.scan import Flags, Indices
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
-
 NEITHER = 10.0
 """Factor on the variance of a guess with which it stands for an ambiguous match: the guesses are in
 the graph already, and are not to count twice."""
