@@ -6,6 +6,7 @@ from dataclasses import replace
 from laser_gt.campaign.inputs import LaserInputs, load_inputs, references, surveyed_poses
 from laser_gt.campaign.kept import kept_file, key_of, read_matching
 from laser_gt.campaign.outcome import LaserOutcome
+from laser_gt.campaign.slips import likely_slip
 from laser_gt.matching.genetic import GeneticSettings
 from laser_gt.matching.judgement import MatchSettings
 from laser_gt.matching.verdicts import JudgementSettings
@@ -82,6 +83,10 @@ def solve_campaign(
             )
         except GtvalError as error:
             failures[engine] = f"{engine}: {error}"
+    if not solutions:
+        slip = likely_slip(inputs, MatchSettings(length, angle))
+        if slip:
+            failures = {engine: f"{engine}: {slip}" for engine in failures}
     if need_poses and not solutions:
         raise GtvalError("\n".join(dict.fromkeys(failures.values())))
     check, note = None, ""

@@ -302,14 +302,8 @@ NEAR = np.array([0.03, 0.03, 0.05])
 judgement: twice what a tape measure and a look along the robot are off by."""
 
 
-def mount_hint(stated: Array, found: Array) -> str:
-    """A slip of the pen that makes of the mount found the one stated, in words; or nothing.
-
-    Parameters
-    ----------
-    stated, found : (3,) array
-        Laser frame in the robot frame.
-    """
+def mount_slips(stated: Array) -> dict[str, Array]:
+    """What a stated mount, (3,), may have been meant to be, by the slip of the pen in words."""
     x, y, theta = stated.tolist()
     slips = {
         "It was turned by half a turn": [x, y, theta + np.pi],
@@ -325,9 +319,23 @@ def mount_hint(stated: Array, found: Array) -> str:
         "Its angle has the wrong sign": [x, y, -theta],
         "Its x and y were exchanged": [y, x, theta],
     }
+    meant = {said: wrapped(np.array(values)) for said, values in slips.items()}
+    return {
+        said: one for said, one in meant.items() if (np.abs(wrapped(one - stated)) > NEAR).any()
+    }
+
+
+def mount_hint(stated: Array, found: Array) -> str:
+    """A slip of the pen that makes of the mount found the one stated, in words; or nothing.
+
+    Parameters
+    ----------
+    stated, found : (3,) array
+        Laser frame in the robot frame.
+    """
     if (np.abs(wrapped(stated - found)) < NEAR).all():
         return ""
-    for said, meant in slips.items():
-        if (np.abs(wrapped(np.array(meant) - found)) < NEAR).all():
+    for said, meant in mount_slips(stated).items():
+        if (np.abs(wrapped(meant - found)) < NEAR).all():
             return f"{said}, it seems. "
     return ""

@@ -1,0 +1,97 @@
+"""Which slip of the pen would explain that hardly any scans come to lie on each other."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from laser_gt.campaign.inputs import LaserInputs
+from laser_gt.matching.judgement import MatchSettings, match
+from laser_gt.placing.mounts import mount_slips
+from laser_gt.scans.evidence import Prepared
+from laser_gt.scans.planar import between, compose
+from laser_gt.scans.scan import Scan, Sweep
+from validation.poses.angles import Array
+
+PAIRS = 10
+"""Neighbouring stops that are tried, at most: a second of work for each slip."""
+SELDOM, OFTEN = 0.25, 0.5
+"""Share of these pairs that are accepted as the files say, at most, and with the slip put right, at
+least. A judgement: of right files more than a half are, with a wrong mount one by chance."""
+
+
+def likely_slip(inputs: LaserInputs, settings: MatchSettings) -> str:
+    """What was mixed up in mount, scans or odometry, in words; nothing where no slip explains it.
+
+    Parameters
+    ----------
+    inputs : LaserInputs
+        What the files say.
+    settings : MatchSettings
+        How pairs are matched, with the standard deviation of the guess from stop to stop.
+
+    Notes
+    -----
+    Each slip is put right and neighbouring stops are matched anew. Scans whose beams are in reverse
+    order and odometry that is mirrored look alike, so both are named.
+    """
+    odometry = inputs.odometry
+    if odometry is None or len(inputs.sweeps) < 4:
+        return ""
+    pairs = [(k, k + 1) for k in range(min(len(inputs.sweeps) - 1, PAIRS))]
+    sweeps = inputs.sweeps
+
+    def share(poses: Array, seen: Sequence[Prepared]) -> float:
+        good = [
+            match(seen[i], seen[j], between(poses[i], poses[j]), settings).verdict == "accepted"
+            for i, j in pairs
+        ]
+        return float(np.mean(good))
+
+    if share(compose(odometry, inputs.mount), sweeps) > SELDOM:
+        return ""
+    tried = {
+        f"The mount of the laser. {said}": share(compose(odometry, meant), sweeps)
+        for said, meant in mount_slips(inputs.mount).items()
+    }
+    mirrored = compose(odometry * np.array([1.0, -1.0, -1.0]), inputs.mount)
+    tried["The odometry. It is mirrored: y and theta have the wrong sign"] = share(mirrored, sweeps)
+    for said, changed in _SCANS.items():
+        other = _changed(sweeps, changed)
+        if other is not None:
+            tried[f"The scans. {said}"] = share(compose(odometry, inputs.mount), other)
+    best = max(tried.values())
+    if best < OFTEN:
+        return ""
+    likely = [said for said, good in tried.items() if good >= max(0.8 * best, OFTEN)]
+    return (
+        "hardly any scans of neighbouring stops come to lie on each other as the files have them; "
+        f"they do with this put right: {'. Or: '.join(likely)}"
+    )
+
+
+def _reversed(scan: Scan) -> Scan:
+    return replace(scan, ranges=scan.ranges[::-1].copy())
+
+
+def _narrower(scan: Scan) -> Scan:
+    return replace(scan, angles=scan.angles / 2)
+
+
+_SCANS: dict[str, Callable[[Scan], Scan]] = {
+    "Their beams are in reverse order": _reversed,
+    "Their field of view was stated twice as wide as it is": _narrower,
+}
+
+
+def _changed(
+    sweeps: Sequence[Prepared], changed: Callable[[Scan], Scan]
+) -> tuple[Prepared, ...] | None:
+    """The sweeps of one scanner with their scans changed; None for several scanners."""
+    if any(len(one.sweep.views) > 1 for one in sweeps):
+        return None
+    found = []
+    for one in sweeps:
+        (view,) = one.sweep.views
+        found.append(Prepared(Sweep((replace(view, scan=changed(view.scan)),), one.name)))
+    return tuple(found)
