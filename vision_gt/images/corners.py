@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from validation.poses.angles import Array
-from vision_gt.images.edge_samples import Flat, Image, Mask
 from vision_gt.images.edges import HALF_WINDOW, fit_edges, sought_corners
-from vision_gt.images.grey_fits import SHARPENING_WIDTHS
-from vision_gt.images.prints import PrintFit, fit_print
+from vision_gt.prints.edge_samples import Flat, Image, Mask
+from vision_gt.prints.grey_fits import SHARPENING_WIDTHS
+from vision_gt.prints.print_fit import PrintFit, fit_print
 
 _LEAST_HALF_WINDOW = 1.5
 """Pixels: a step of usual blur is seen over three of them."""

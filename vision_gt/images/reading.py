@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
-from vision_gt.images.edge_samples import sampled
 from vision_gt.patterns.dictionaries import Family
+from vision_gt.prints.edge_samples import sampled
 
 Image = npt.NDArray[np.uint8]
 Ints = npt.NDArray[np.intp]

@@ -7,10 +7,10 @@ from scipy.stats import chi2
 from vision_scenes import APRIL, SIDE, close_up, marker_image, random_marker
 
 from data_samples.rendering.image import Optics
-from vision_gt.images.edge_samples import Flat
+from vision_gt.prints.edge_samples import Flat
 from vision_gt.images.markers import detect_markers
-from vision_gt.images.print_look import PADDING, Places, boundaries_in_reach, whiteness
-from vision_gt.images.prints import fit_print
+from vision_gt.prints.print_look import PADDING, Places, boundaries_in_reach, whiteness
+from vision_gt.prints.print_fit import fit_print
 from vision_gt.patterns.dictionaries import ARTOOLKITPLUS, Family
 
 

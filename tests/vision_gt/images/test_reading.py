@@ -9,10 +9,10 @@ import pytest
 from vision_scenes import APRIL, opencv_markers
 
 from vision_gt.images.boards import look_for_boards
-from vision_gt.images.edge_samples import Flat, sampled
+from vision_gt.prints.edge_samples import Flat, sampled
 from vision_gt.images.files import read_image
 from vision_gt.images.markers import detect_markers
-from vision_gt.images.prints import fit_print
+from vision_gt.prints.print_fit import fit_print
 from vision_gt.images.reading import read_codes, turned_corners, wrong_cells_allowed
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family

@@ -6,14 +6,12 @@ it, so only the few boundaries that blur reaches from a pixel are looked at.
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr
 
 from validation.poses.angles import Array
 
-Mask = npt.NDArray[np.bool_]
 Ints = npt.NDArray[np.intp]
 
 REACH = 2.8
@@ -22,11 +20,6 @@ _MOST_BOUNDARIES = 9
 """A judgement: blur that reaches over more cells leaves no print to be seen."""
 PADDING = _MOST_BOUNDARIES + 1
 """Cells of white around a print, so that all that blur reaches is in the table."""
-_FLAT_ONES = 3
-"""Of the rows and columns between boundaries every so many: they say how bright the light is."""
-_TOLD = 3
-"""Pixels from a boundary within which pixels tell where it is, four widths of a usual blur: what
-they say goes with the square of the slope, and the start is some tenths of a pixel off."""
 _ROOT = 1 / np.sqrt(2 * np.pi)
 
 
@@ -177,26 +170,6 @@ def places_in_print(H: Array, places: Array) -> tuple[Places, Array]:
     along_y = np.sqrt(y_right * y_right + y_down * y_down)
     at = Places(x, y, along_x, along_y, x_right * y_right + x_down * y_down)
     return at, np.stack([np.ones_like(x), x, y])
-
-
-def beside_boundaries(cells: Array, corners: Array, shape: tuple[int, ...]) -> Mask:
-    """Pixels (h, w) near boundaries between black and white, and a few of the others."""
-    side = len(cells) - 2 * PADDING
-    first, last = PADDING - 0.5, PADDING - 0.5 + side
-    table = np.array([[first, first], [last, first], [last, last], [first, last]])
-    M = cv2.getPerspectiveTransform(table.astype(np.float32), corners.astype(np.float32))
-    drawn = cv2.warpPerspective(
-        cells.astype(np.uint8),
-        M,
-        (shape[1], shape[0]),
-        flags=cv2.INTER_NEAREST,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=1,
-    )
-    window = np.ones((2 * _TOLD + 1, 2 * _TOLD + 1), dtype=np.uint8)
-    told = np.asarray(cv2.dilate(drawn, window) != cv2.erode(drawn, window))
-    told[::_FLAT_ONES, ::_FLAT_ONES] = True
-    return told
 
 
 def fill_by_light(lit: Array, white: Array, full: Array) -> None:

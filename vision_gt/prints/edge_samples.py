@@ -52,9 +52,16 @@ def sampled(image: Levels, x: Array, y: Array) -> Array:
 
 
 def _monomials(x: Array, y: Array, degree: int) -> Array:
-    """(k, n) monomials of x and y (n,) up to a degree."""
-    powers = [(i - j, j) for i in range(degree + 1) for j in range(i + 1)]
-    return np.stack([x**i * y**j for i, j in powers])
+    """(k, n) monomials of x and y (n,) up to a degree: x^i, x^(i - 1) y ... y^i for each i."""
+    powers = np.empty(((degree + 1) * (degree + 2) // 2, len(x)))
+    powers[0] = 1.0
+    before = 0
+    for i in range(1, degree + 1):
+        first = before + i
+        np.multiply(powers[before:first], x, out=powers[first : first + i])
+        np.multiply(powers[first - 1], y, out=powers[first + i])
+        before = first
+    return powers
 
 
 def _nodes(count: int) -> Array:

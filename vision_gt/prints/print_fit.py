@@ -13,9 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
-from validation.statistics.robust import SIGMA_OF_MEDIAN
-from vision_gt.images.edge_samples import Flat, Image
-from vision_gt.images.grey_fits import (
+from vision_gt.prints.edge_samples import Flat, Image
+from vision_gt.prints.grey_fits import (
     AMOUNT_INFORMATION,
     BLUR_INFORMATION,
     HALO_FROM,
@@ -32,11 +31,18 @@ from vision_gt.images.grey_fits import (
     share_explained,
     tukey_of_one,
 )
-from vision_gt.images.print_look import (
+from vision_gt.prints.pixels import (
+    SQUARE,
+    Rim,
+    Seen,
+    mapped,
+    pixels_around,
+    white_rim,
+)
+from vision_gt.prints.print_look import (
     PADDING,
     Places,
     Whiteness,
-    beside_boundaries,
     boundaries,
     fill_by_light,
     levels_of_light,
@@ -44,16 +50,12 @@ from vision_gt.images.print_look import (
     whiteness,
 )
 
-Ints = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
-Rim = tuple[float, float]
 
-_SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
-"""Corners in the frame of the print: x to the right, y down, half a side long."""
 _CORNERS_BY_CHANGE = np.array(
     [
         [[x, y, 1, 0, 0, 0, -x * x, -x * y], [0, 0, 0, x, y, 1, -x * y, -y * y]]
-        for x, y in _SQUARE.tolist()
+        for x, y in SQUARE.tolist()
     ]
 )
 """Derivative (4, 2, 8) of the corners in the print by a change D of H (1 + D)."""
@@ -69,15 +71,12 @@ more so where white and black are cut off: there it takes up to twenty."""
 _CONVERGED, _DIVERGED = 0.05, 3.0
 """Pixels that a corner moves: as steps shrink fast, the one after would be far smaller; and more
 than the start is off, which is a pixel or two."""
-_ALL_LOOKED_AT = 2000
-"""Pixels up to which all are used; of more, those at the cells' boundaries are, for between them
-nothing says where the print is."""
-_ZONES = 4
-"""Into which what lies beyond the rim of each side is divided: of half a pixel or more each."""
-_ALIKE, _NOISIER, _LEAST_NOISE = 3.5, 4.0, 0.5
-"""Standard deviations that the mean of a zone may be off, and times that it may be more variable
-than the print: more is another thing behind the rim. With less noise (grey levels) than the third
-nothing would pass, as grey levels are whole numbers."""
+_TOLD, _SLOPE_ENDS = 3, 2.0
+"""Pixels from a boundary within which pixels tell where it is, as long as it is known to a pixel or
+two; and widths of the blur within which they do, once it is known: what they say goes with the
+square of the slope, of which two widths and half a pixel leave out 1e-4."""
+_FIRST_LOOKED_AT = 900
+"""Pixels of a large print that its first steps look at: they place its corners to 0.05 pixels."""
 _SAME_RIM, _MOST_ROUNDS = 0.03, 2
 """Share of the pixels that may still come or go, and how often it is judged at most."""
 _WORST_SHARE = 0.1
@@ -122,20 +121,6 @@ class PrintFit:
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """A print's cells (c + 12, c + 12) with all the white around it, and the pixels there.
-
-    ``places`` (3, n) are undistorted pixels, homogeneous, ``grey`` (n,) their levels. ``zone`` (n,)
-    is 0 on the print and its rim; further out it numbers the four sides and how far it is.
-    """
-
-    cells: Array
-    places: Array
-    grey: Array
-    zone: Ints
-
-
-@dataclass(frozen=True)
 class _State:
     """A homography (3, 3) from print to undistorted pixels, blur (pixels), and light (6 or 9,)."""
 
@@ -143,6 +128,37 @@ class _State:
     blur: float
     light: Array
     amount: float = 0.0
+
+    @property
+    def contrast(self) -> float:
+        """Grey levels between white and black, in the middle of the print."""
+        return float(self.light[3] - self.light[0])
+
+
+@dataclass(frozen=True)
+class _Step:
+    """The last step: Jacobian (u, n), the same with weights, the inverse of the normal matrix.
+
+    And the weights (n,) and what is left of the grey levels (n,) after it.
+    """
+
+    jacobian: Array
+    weighted: Array
+    inverse: Array
+    weights: Array
+    left: Array
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """Where steps came to rest: the state, the last look, and which pixels (n,) tell."""
+
+    state: _State
+    look: Whiteness
+    at: Places
+    lit: Array
+    told: Mask
+    step: _Step
 
 
 @dataclass(frozen=True)
@@ -160,7 +176,14 @@ class _Fit:
 
 
 def fit_print(
-    image: Image, start: Array, bits: Array, rim: Rim, flat: Flat, radius: float = 0.0
+    image: Image,
+    start: Array,
+    bits: Array,
+    rim: Rim,
+    flat: Flat,
+    radius: float = 0.0,
+    *,
+    widely: bool = False,
 ) -> PrintFit:
     """The corners of one marker.
 
@@ -179,6 +202,9 @@ def fit_print(
     radius : float
         Of a sharpening whose amount is sought, pixels: the standard deviation of the blurred copy
         from which the image was led away. 0 for an image that was not sharpened.
+    widely : bool
+        Whether pixels are looked at as far from boundaries as where sharpening is sought, so that
+        misfits with and without can be compared.
 
     Notes
     -----
@@ -189,12 +215,10 @@ def fit_print(
     bad = PrintFit(start, np.broadcast_to(np.eye(2), (4, 2, 2)), good=False)
     if not np.isfinite(start).all():
         return bad
-    H = cv2.getPerspectiveTransform(_SQUARE.astype(np.float32), start.astype(np.float32))
-    seen = _around(image, np.asarray(H, dtype=float), bits, rim, flat)
-    if len(seen.grey) < 3 * _UNKNOWNS:
-        return bad
+    H = cv2.getPerspectiveTransform(SQUARE.astype(np.float32), start.astype(np.float32))
+    H = np.asarray(H, dtype=float)
     try:
-        fit = _fitted(seen, np.asarray(H, dtype=float), radius)
+        fit, count = _sought(image, H, bits, rim, flat, radius, widely=widely or radius > 0)
     except np.linalg.LinAlgError:
         return bad
     if fit is None:
@@ -207,46 +231,51 @@ def fit_print(
         return bad
     covariances = covariances * fit.excess
     blur, amount = fit.state.blur, fit.state.amount
-    return PrintFit(corners, covariances, True, blur, fit.misfit, amount, fit.halo, len(seen.grey))
+    return PrintFit(corners, covariances, True, blur, fit.misfit, amount, fit.halo, count)
 
 
-def _around(image: Image, H: Array, bits: Array, rim: Rim, flat: Flat) -> _Seen:
-    """The pixels of the print and its rim that say where it is, and some that say how bright."""
-    sure, reach = (1 + 2 * cells / len(bits) for cells in rim)
-    outline = flat.to_image(_mapped(H, reach * _SQUARE))
-    height, width = image.shape
-    low = np.maximum(np.floor(np.nan_to_num(outline.min(0))).astype(int), 0)
-    high = np.minimum(np.ceil(np.nan_to_num(outline.max(0))).astype(int) + 1, [width, height])
-    high = np.maximum(high, low)
-    cells = np.pad(np.asarray(bits, dtype=float), PADDING, constant_values=1.0)
-    part = image[low[1] : high[1], low[0] : high[0]]
-    if part.size > _ALL_LOOKED_AT:
-        corners = flat.to_image(_mapped(H, _SQUARE)) - low
-        y, x = np.nonzero(beside_boundaries(cells, corners, part.shape))
-    else:
-        y, x = np.mgrid[: part.shape[0], : part.shape[1]].reshape(2, -1)
-    grey = part[y, x]
-    places = np.ones((3, len(x)))
-    places[:2] = flat.from_patch(np.stack([x, y], axis=1) + low.astype(float)).T
-    u, v, nearness = np.linalg.inv(H) @ places
-    with np.errstate(divide="ignore", invalid="ignore"):
-        out = np.maximum(np.abs(u), np.abs(v)) / nearness
-    used = np.flatnonzero((out < reach) & (nearness > 0))
-    zone = np.zeros(len(used), dtype=np.intp)
-    if reach > sure:
-        u, v, out = u[used], v[used], out[used]
-        side = np.where(np.abs(u) > np.abs(v), 0, 2) + (np.where(np.abs(u) > np.abs(v), u, v) > 0)
-        far = ((out - sure) / (reach - sure) * _ZONES).astype(np.intp)
-        zone = np.where(out > sure, 1 + side * _ZONES + far, 0)
-    return _Seen(cells, places[:, used], grey[used].astype(float), zone)
+def _sought(
+    image: Image, H: Array, bits: Array, rim: Rim, flat: Flat, radius: float, *, widely: bool
+) -> tuple[_Fit | None, int]:
+    """The fit from a first homography, or None, and how many pixels were fitted.
+
+    A large print is first fitted to some of its pixels, and then to all near its boundaries: the
+    first steps need not be exact, and once it is known where the boundaries are, they are few.
+    """
+    seen = pixels_around(image, H, bits, rim, flat, _TOLD, None if widely else _FIRST_LOOKED_AT)
+    light = np.zeros(9 if len(seen.grey) > _BENT_LIGHT else 6)
+    start, halo = _State(H, START_BLUR, light), None
+    if seen.some:
+        seen = seen.without_zones()
+        rest = _fitted(seen, start, radius, _SETTLED)
+        if rest is None:
+            return None, 0
+        start, halo = rest.state, _halo(rest, seen.cells)
+        told = max(round(_SLOPE_ENDS * start.blur), 1)
+        seen = pixels_around(image, start.H, bits, rim, flat, told)
+    if len(seen.grey) < 3 * _UNKNOWNS:
+        return None, 0
+    found = _fitted(seen, start, radius, _CONVERGED, judged=halo is not None)
+    if found is None:
+        return None, 0
+    return _ended(found, seen.cells, radius, halo), len(seen.grey)
 
 
-def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
-    """The fit from a first homography; None if it finds no rest."""
+def _fitted(
+    seen: Seen, state: _State, radius: float, enough: float, *, judged: bool = False
+) -> _Rest | None:
+    """Where steps from a state come to rest; None if they find none.
+
+    They end when a corner moves by less than ``enough`` pixels. A state without light is the very
+    first; ``judged`` says that there is nothing but white around the print, or that it was fitted
+    without what is beyond its rim.
+    """
     grey = seen.grey
-    state = _State(H, START_BLUR, np.zeros(9 if len(grey) > _BENT_LIGHT else 6))
-    used, judged, settled = np.ones(len(grey), dtype=bool), not seen.zone.any(), False
-    rounds = 0
+    fresh = not state.light.any()
+    used = np.ones(len(grey), dtype=bool)
+    plain = not seen.zone.any()
+    rounds, settled = int(judged), not fresh
+    judged = plain
     # Large arrays are made once: fresh memory costs more than what is written into it.
     rows = _BLUR + 1 + len(state.light) + (radius > 0)
     jacobian, weighted = np.empty((rows, len(grey))), np.empty((rows, len(grey)))
@@ -257,7 +286,7 @@ def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
         at, lit = places_in_print(state.H, seen.places)
         look, sharper = _look(state, seen.cells, at, radius)
         fill_by_light(lit, look.white, by_light)
-        if step == 1:
+        if step == 1 and fresh:
             # Neither the light nor the amount has a start of its own: the first look tells them.
             state = _lit(state, by_light, sharper, grey)
             if sharper is not None:
@@ -267,7 +296,7 @@ def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
         _jacobian(look, lit, state.light, sharper, jacobian)
         contrast = float(state.light[3] - state.light[0])
         if settled and not judged:
-            white = _white_rim(seen.zone, residual, used)
+            white = white_rim(seen.zone, residual, used)
             rounds += 1
             changed = float((white != used).mean())
             judged, used = changed < _SAME_RIM or rounds == _MOST_ROUNDS, white
@@ -275,7 +304,7 @@ def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
         if clipped:
             # Where the light is cut off as the model foretells, a pixel says no more: no outlier.
             told = used & ~((bright & (residual < 0)) | (dark & (residual > 0)))
-        weights = tukey_of_one(residual, contrast, step) * told
+        weights = tukey_of_one(residual, contrast, step + (not fresh)) * told
         np.multiply(jacobian, weights, out=weighted)
         normal, right = weighted @ jacobian.T, weighted @ residual
         normal[_BLUR, _BLUR] += BLUR_INFORMATION
@@ -290,17 +319,11 @@ def _fitted(seen: _Seen, H: Array, radius: float) -> _Fit | None:
             return None
         state = _changed(state, change)
         settled = bool(moved < _SETTLED)
-        if moved < _CONVERGED and judged:
-            seen_last = (look, at, lit, told)
-            return _ended(
-                state,
-                seen,
-                seen_last,
-                (jacobian, weighted, inverse, change),
-                left=residual,
-                weights=weights,
-                radius=radius,
-            )
+        if moved < enough and judged:
+            # The last step was small: what it changed is linear.
+            left = residual - change @ jacobian
+            taken = _Step(jacobian, weighted, inverse, weights, left)
+            return _Rest(state, look, at, lit, told, taken)
     return None
 
 
@@ -318,58 +341,41 @@ def _lit(state: _State, by_light: Array, sharper: Array | None, grey: Array) -> 
     return replace(state, light=light, amount=amount)
 
 
-def _ended(
-    state: _State,
-    seen: _Seen,
-    last: tuple[Whiteness, Places, Array, Mask],
-    step: tuple[Array, Array, Array, Array],
-    *,
-    left: Array,
-    weights: Array,
-    radius: float,
-) -> _Fit:
-    """What a fit says, once a step has moved it no more.
-
-    ``last`` is the last look (shares of white, places in the print, 1 with x and y, what tells),
-    ``step`` the Jacobian, the same with weights, the inverse of the normal matrix, and the step.
-    """
-    look, at, lit, used = last
-    jacobian, weighted, inverse, change = step
-    contrast = float(state.light[3] - state.light[0])
-    # The last step was small: what it changed is linear.
-    left = left - change @ jacobian
-    variance = float(weights @ left**2) / max(float(weights.sum()) - len(change), 1.0)
-    spread = inverse[:_BLUR, :_BLUR] * max(variance, LEAST_VARIANCE)
-    moves = (inverse[:_BLUR] @ weighted) * left
-    cells = by_cell(moves, lit, len(seen.cells) - 2 * PADDING)
-    excess = excess_of_cells(_corners(state.H)[1], spread, cells, _UNKNOWNS)
-    halo = 0.0
-    if radius <= 0 and np.sqrt(variance) > HALO_FROM * contrast:
-        wide = float(np.hypot(state.blur, HALO_WIDTH))
-        soft = whiteness(seen.cells, at, wide, boundaries(at, wide, seen.cells)).white
-        halo = share_explained(look.white - soft, step[:3], weights, left)
-    kept = float(weights.sum()) / float(used.sum())
+def _ended(rest: _Rest, cells: Array, radius: float, halo: float | None) -> _Fit:
+    """What a fit says, once a step has moved it no more."""
+    state, lit, step = rest.state, rest.lit, rest.step
+    contrast, left, weights = state.contrast, step.left, step.weights
+    variance = _variance(step)
+    spread = step.inverse[:_BLUR, :_BLUR] * max(variance, LEAST_VARIANCE)
+    moves = (step.inverse[:_BLUR] @ step.weighted) * left
+    in_cells = by_cell(moves, lit, len(cells) - 2 * PADDING)
+    excess = excess_of_cells(_corners(state.H)[1], spread, in_cells, _UNKNOWNS)
+    if halo is None:
+        halo = 0.0 if radius > 0 else _halo(rest, cells)
+    kept = float(weights.sum()) / float(rest.told.sum())
     # Weights would hide what a fit does not explain. The rim may have a halo of what is behind it.
-    inside = used & (np.abs(lit[1:]).max(0) < 1)
+    inside = rest.told & (np.abs(lit[1:]).max(0) < 1)
     share = np.abs(left[inside]) / contrast if inside.any() else np.ones(1)
     misfit = float(np.sqrt(np.mean(np.minimum(share, _WORST_SHARE) ** 2)))
     return _Fit(state, spread, variance, kept, contrast, excess, halo, misfit)
 
 
-def _white_rim(zone: Ints, residual: Array, used: Mask) -> Mask:
-    """Pixels (n,) of the print and of as much around it as is as white as the rim.
+def _variance(step: _Step) -> float:
+    """Of the grey levels that are left, square levels."""
+    weights = step.weights
+    freedom = float(weights.sum()) - len(step.inverse)
+    return float(weights @ step.left**2) / max(freedom, 1.0)
 
-    From a side outwards, up to where the mean of a zone is not the rim's.
-    """
-    noise = max(SIGMA_OF_MEDIAN * float(np.median(np.abs(residual[zone == 0]))), _LEAST_NOISE)
-    count, total, squares = (
-        np.bincount(zone, weights, minlength=4 * _ZONES + 1)[1:].reshape(4, _ZONES)
-        for weights in (used.astype(float), residual * used, residual**2 * used)
-    )
-    white = np.abs(total) <= _ALIKE * noise * np.sqrt(count)
-    white &= (squares <= _NOISIER * noise**2 * count) & (count > 0)
-    white = np.logical_and.accumulate(white, axis=1)
-    return np.asarray(np.append(True, white.ravel())[zone])
+
+def _halo(rest: _Rest, cells: Array) -> float:
+    """Which share of what is left looks as if the image had been sharpened."""
+    step = rest.step
+    if not np.sqrt(_variance(step)) > HALO_FROM * rest.state.contrast:
+        return 0.0
+    wide = float(np.hypot(rest.state.blur, HALO_WIDTH))
+    soft = whiteness(cells, rest.at, wide, boundaries(rest.at, wide, cells)).white
+    tried = (step.jacobian, step.weighted, step.inverse)
+    return share_explained(rest.look.white - soft, tried, step.weights, step.left)
 
 
 def _look(state: _State, cells: Array, at: Places, radius: float) -> tuple[Whiteness, Array | None]:
@@ -423,15 +429,9 @@ def _changed(state: _State, change: Array) -> _State:
     return _State(state.H @ (np.eye(3) + D), blur, light, amount)
 
 
-def _mapped(H: Array, points: Array) -> Array:
-    """Points (n, 2) through a homography."""
-    ahead = points @ H[:, :2].T + H[:, 2]
-    return np.asarray(ahead[:, :2] / ahead[:, 2:])
-
-
 def _corners(H: Array) -> tuple[Array, Array]:
     """Corners (4, 2), and their derivatives (4, 2, 8) by a change D of H (1 + D)."""
-    corners = _mapped(H, _SQUARE)
-    ahead = _SQUARE @ H[2, :2] + H[2, 2]
+    corners = mapped(H, SQUARE)
+    ahead = SQUARE @ H[2, :2] + H[2, 2]
     slope = (H[:2, :2] - corners[:, :, None] * H[2, :2]) / ahead[:, None, None]
     return corners, np.asarray(slope @ _CORNERS_BY_CHANGE)
