@@ -13,7 +13,7 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array
 from vision_gt.least_squares.adjustment import Adjustment, Knowledge, adjust, robust_m0
 from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Setup, as_views
-from vision_gt.optics.camera import PARAMETERS, Camera
+from vision_gt.optics.camera import PARAMETERS, Camera, undistort
 from vision_gt.optics.lenses import LensName, fisheye_parameters, rational_parameters
 from vision_gt.optics.planar_pose import planar_solutions
 from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
@@ -31,6 +31,8 @@ _NOISIER = 1.5
 robust loss is linear from four times the stated noise on, and bends little below this."""
 _LEAST_FOR_LENSES, _FOLDS = 8, 4
 """Images from which on other lenses are tried, and parts of them that are held out in turn."""
+_CURVE, _INSIDE = 60, 0.9
+"""Places along half an image's width, and how much of it they cover, at which two lenses agree."""
 _BETTER = 0.9
 """Of the error with Brown's lens on images held out, that another one must have at most."""
 _LEAST_OUTLIER = 0.15
@@ -102,6 +104,16 @@ class Calibration:
         """Root mean square length of all residuals, pixels, as OpenCV states it."""
         whole = np.concatenate(self.residuals)
         return float(np.sqrt((whole**2).sum(1).mean()))
+
+
+def lens_words(found: Calibration) -> str:
+    """Which lens was taken, and by how much it is better on images that took no part."""
+    lens = {"brown": "Brown's", "rational": "rational", "fisheye": "Kannala-Brandt fisheye"}
+    said = f"Lens: {lens[found.camera.lens]}."
+    if found.held_out:
+        errors = ", ".join(f"{lens[one]} {rms:.3f} px" for one, rms in found.held_out.items())
+        said += f" On images held out: {errors}."
+    return said
 
 
 def calibrate(name: str, size: tuple[int, int], views: Sequence[BoardView]) -> Calibration:
@@ -211,10 +223,15 @@ def _start(
     try:
         if lens == "fisheye":
             return Camera(name, size, _fisheye_start(size, points, pixels))
-        flags = cv2.CALIB_RATIONAL_MODEL if lens == "rational" else 0
-        coefficients = np.zeros(8 if flags else 5)
+        flags, coefficients = 0, np.zeros(5)
+        K: npt.NDArray[Any] = np.eye(3)
+        if lens == "rational":
+            # From nothing it ends in a lens that no camera has.
+            near = _fisheye_start(size, points, pixels)
+            K, coefficients = Camera(name, size, near).matrix, _as_rational(near, size)
+            flags = cv2.CALIB_RATIONAL_MODEL | cv2.CALIB_USE_INTRINSIC_GUESS
         _rms, K, found, _r, _t = cv2.calibrateCamera(
-            points, pixels, size, np.eye(3), coefficients, flags=flags
+            points, pixels, size, K, coefficients, flags=flags
         )
     except cv2.error:
         raise GtvalError(
@@ -228,6 +245,20 @@ def _start(
         coefficients = np.asarray(np.ravel(found)[:8], dtype=float)
         return Camera(name, size, rational_parameters(focal, coefficients))
     return Camera(name, size, np.concatenate([focal, np.ravel(found)[:5]]))
+
+
+def _as_rational(fisheye: Array, size: tuple[int, int]) -> Array:
+    """(8,) coefficients of the rational lens that is most like a fisheye lens inside an image."""
+    rim = np.stack([np.linspace(0, size[0] / 2, _CURVE), np.zeros(_CURVE)], 1) * _INSIDE
+    r = undistort(rim + fisheye[2:4], fisheye)[:, 0]
+    r, s = r[1:], rim[1:, 0] / fisheye[0] / r[1:]
+    fine = np.isfinite(s)
+    powers = np.stack([r**2, r**4, r**6], 1)[fine]
+    # (1 + k1 r^2 + ...) - s (k4 r^2 + ...) = s is linear; far points, where s is small, count less.
+    rows = np.concatenate([powers, -s[fine, None] * powers], 1) / (1 + powers[:, 2:])
+    found = np.linalg.lstsq(rows, (s[fine] - 1) / (1 + powers[:, 2]), rcond=1e-9)[0]
+    k1, k2, k3, k4, k5, k6 = found.tolist()
+    return np.array([k1, k2, 0.0, 0.0, k3, k4, k5, k6])
 
 
 def _fisheye_start(size: tuple[int, int], points: list[Any], pixels: list[Any]) -> Array:

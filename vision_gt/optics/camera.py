@@ -94,6 +94,14 @@ class Camera:
         return lens_of(self.parameters)
 
     @property
+    def named(self) -> dict[str, float]:
+        """Its parameters by their names; k4 to k6 of a rational lens, which have no sigma, last."""
+        found = {n: float(v) for n, v in zip(self.names, self.parameters, strict=False) if n}
+        if self.lens == "rational":
+            found |= dict(zip(("k4", "k5", "k6"), self.parameters[10:].tolist(), strict=True))
+        return found
+
+    @property
     def estimated(self) -> npt.NDArray[np.bool_]:
         """(9,) which of the parameters with a covariance the lens has."""
         return np.array([bool(name) for name in self.names])
