@@ -3,7 +3,7 @@
 import ctypes
 import signal
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from multiprocessing import get_context
 from typing import TypeVar
@@ -13,6 +13,9 @@ Result = TypeVar("Result")
 
 _CHUNK = 4
 """Jobs that a process takes at once: few, so that progress is smooth and an interruption short."""
+
+_AHEAD = 3
+"""Jobs for each process that are handed out before one has ended, so that none waits."""
 
 
 def in_processes(
@@ -48,6 +51,60 @@ def in_processes(
         yield from _counted(results, len(jobs), progress)
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def as_they_end(
+    function: Callable[[Job], Result],
+    jobs: Sequence[Job],
+    workers: int,
+    progress: Callable[[float], None] | None = None,
+    prepare: Callable[[], None] | None = None,
+) -> Iterator[tuple[int, Result]]:
+    """The results of a function as they come, each with the number of its job.
+
+    So each can be kept at once: who is interrupted loses what is being worked on, a job for each
+    process. No more jobs are handed out than keep the processes busy, so any number of them takes
+    no more memory.
+
+    Parameters
+    ----------
+    function, jobs, workers, progress, prepare
+        As for `in_processes`.
+    """
+    if workers == 1:
+        yield from enumerate(_counted(map(function, jobs), len(jobs), progress))
+        return
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), prepare)
+    waiting: dict[Future[Result], int] = {}
+    try:
+        ended = 0
+        for number, job in enumerate(jobs):
+            with _interrupts_held():
+                waiting[pool.submit(function, job)] = number
+            if len(waiting) < _AHEAD * workers:
+                continue
+            for result in _ended(waiting):
+                ended += 1
+                _tell(progress, ended / len(jobs))
+                yield result
+        while waiting:
+            for result in _ended(waiting):
+                ended += 1
+                _tell(progress, ended / len(jobs))
+                yield result
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _ended(waiting: "dict[Future[Result], int]") -> Iterator[tuple[int, Result]]:
+    """Those that have ended, once there are some; they wait no more."""
+    done, _ = wait(waiting, return_when=FIRST_COMPLETED)
+    yield from sorted(((waiting.pop(one), one.result()) for one in done), key=lambda pair: pair[0])
+
+
+def _tell(progress: Callable[[float], None] | None, share: float) -> None:
+    if progress is not None:
+        progress(share)
 
 
 @contextmanager

@@ -39,8 +39,8 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.text_files.writing import write_files
 from vision_gt.optics.camera import project
-from vision_gt.optics.camera_files import write_camera
 from vision_gt.optics.transforms import perturbed
+from vision_gt.optics.written_cameras import write_camera
 from vision_gt.patterns.boards import Board
 
 _ROOMS = 60

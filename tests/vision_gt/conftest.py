@@ -43,8 +43,9 @@ def outcome(rendered):
 
 
 @pytest.fixture
-def campaign(rendered, tmp_path) -> Path:
-    """A copy that a test may spoil."""
+def campaign(rendered, outcome, tmp_path) -> Path:
+    """A copy that a test may spoil; what its images show is kept, as by an earlier run."""
+    assert outcome.stops
     folder = tmp_path / "campaign"
     shutil.copytree(rendered, folder)
     return folder

@@ -27,7 +27,8 @@ from vision_gt.images.jobs import BoardJob, Found, Job, MarkerJob, detect_all
 from vision_gt.network.adjustment import Network
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.settings import BoardSettings, VisionSettings, stated
-from vision_gt.stages.inputs import OF_CHECKS, made_board, missing_facts
+from vision_gt.stages.facts import missing_facts
+from vision_gt.stages.inputs import OF_CHECKS, made_board
 
 Taken = Sequence[tuple[str, str, Path]]
 """Camera, name of the place, image."""

@@ -13,7 +13,7 @@ from vision_gt.campaign.findings import fate
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.campaign.printed import seen_in
 from vision_gt.network.adjustment import Network
-from vision_gt.optics.camera_files import write_camera
+from vision_gt.optics.written_cameras import write_camera
 from vision_gt.patterns.rejections import Rejection
 from vision_gt.robot.marker_poses import Layout
 

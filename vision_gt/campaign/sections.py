@@ -15,7 +15,7 @@ from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.campaign.printed import seen_in
 from vision_gt.causes.tables import hypothesis_table, noise_table
 from vision_gt.images.files import Image
-from vision_gt.network.intrinsics import Calibration
+from vision_gt.network.intrinsics import Calibration, lens_words
 from vision_gt.network.solution import NetworkSolution
 from vision_gt.optics.camera import PARAMETERS
 from vision_gt.optics.transforms import change_between
@@ -259,13 +259,21 @@ def parameter_table(calibrations: Mapping[str, Calibration]) -> Table:
     """The intrinsic parameters with their standard deviations."""
     rows = []
     for name, calibration in calibrations.items():
-        values, sigmas = calibration.camera.parameters, calibration.camera.sigmas
+        camera = calibration.camera
         cells = [
-            f"{v:.2f} ± {s:.2f}" if i < 4 else f"{v:.5f} ± {s:.5f}"
-            for i, (v, s) in enumerate(zip(values, sigmas, strict=True))
+            ("" if own in {"", label} else f"{own} = ")
+            + (f"{v:.2f} ± {s:.2f}" if i < 4 else f"{v:.5f} ± {s:.5f}" if own else "")
+            for i, (v, s, own, label) in enumerate(
+                zip(camera.parameters[:9], camera.sigmas, camera.names, PARAMETERS, strict=True)
+            )
         ]
         rows.append((name, *cells))
-    return Table("Intrinsic parameters", ("camera", *PARAMETERS), rows)
+    note = " ".join(
+        f"Camera {name}: {lens_words(one)}"
+        for name, one in calibrations.items()
+        if one.held_out or one.camera.lens != "brown"
+    )
+    return Table("Intrinsic parameters", ("camera", *PARAMETERS), rows, note=note)
 
 
 def _layout_blocks(outcome: VisionOutcome) -> list[Table | Figure | Text]:

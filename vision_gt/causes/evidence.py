@@ -24,7 +24,7 @@ from vision_gt.least_squares.setups import (
 )
 from vision_gt.network.adjustment import Bar, KnownBody, board_starts
 from vision_gt.network.solution import REFERENCE
-from vision_gt.optics.camera import Camera
+from vision_gt.optics.camera import Camera, stacked_parameters
 from vision_gt.optics.transforms import planar_pose, planar_transform
 from vision_gt.patterns.board_views import BoardView
 from vision_gt.robot.layout import Frame
@@ -297,7 +297,7 @@ def _setup(seen: Seen, bodies: Mapping[str, RigidTransform]) -> Setup:
     ]
     return Setup.of(
         RigidTransform.concatenate([seen.T_gtv_camera, RigidTransform.identity()]),
-        np.array([camera.parameters for camera in (*seen.cameras, seen.walker)]),
+        stacked_parameters((*seen.cameras, seen.walker)),
         RigidTransform.concatenate(list(bodies.values())),
         RigidTransform.concatenate([seen.bar.patterns, *T_robot_marker]),
     )

@@ -12,9 +12,8 @@ from validation.systems import Progress, no_progress
 from vision_gt.images.files import list_images, read_image
 from vision_gt.images.jobs import BoardJob, Found, detect_all, detect_in
 from vision_gt.images.pictures import VIDEOS, video_frames
-from vision_gt.network.intrinsics import Calibration, calibrate
+from vision_gt.network.intrinsics import Calibration, calibrate, lens_words
 from vision_gt.network.verdict import calibration_verdict
-from vision_gt.optics.camera import PARAMETERS
 from vision_gt.patterns.board_views import camera_pose_of_board
 from vision_gt.patterns.boards import Board
 
@@ -122,8 +121,14 @@ def calibration_facts(found: Calibration, looks: Sequence[Found] = ()) -> dict[s
     return {
         "camera": found.camera.name,
         "size": list(found.camera.size),
-        "parameters": dict(zip(PARAMETERS, found.camera.parameters.tolist(), strict=True)),
-        "sigmas": dict(zip(PARAMETERS, found.camera.sigmas.tolist(), strict=True)),
+        "lens": found.camera.lens,
+        "held_out_rms": dict(found.held_out),
+        "parameters": dict(found.camera.named),
+        "sigmas": {
+            name: sigma
+            for name, sigma in zip(found.camera.names, found.camera.sigmas.tolist(), strict=True)
+            if name
+        },
         "rms": found.rms,
         "images": {
             view.source: float(rms) for view, rms in zip(found.views, found.image_rms, strict=True)
@@ -159,14 +164,16 @@ def calibration_facts(found: Calibration, looks: Sequence[Found] = ()) -> dict[s
 def parameters_table(found: Calibration) -> Table:
     """The parameters with their standard deviations."""
     camera = found.camera
+    sigmas = camera.sigmas[camera.estimated].tolist()
     return Table.of_columns(
         f"Camera {camera.name}, {camera.size[0]} x {camera.size[1]} pixels",
         [
-            ("parameter", "", PARAMETERS),
-            ("value", ".6g", camera.parameters),
-            ("sigma", ".2g", camera.sigmas),
+            ("parameter", "", list(camera.named)),
+            ("value", ".6g", list(camera.named.values())),
+            ("sigma", ".2g", [*sigmas, *(len(camera.named) - len(sigmas)) * [None]]),
         ],
-        f"rms {found.rms:.3f} px; {100 * found.coverage.share:.0f} % of the image covered.",
+        f"{lens_words(found)} rms {found.rms:.3f} px; {100 * found.coverage.share:.0f} % of the "
+        "image covered.",
     )
 
 

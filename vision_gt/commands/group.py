@@ -136,7 +136,7 @@ def calibrate(
         found, looks = calibration_of_images(images, board, workers, report)
     if target is not None:
         from validation.text_files.writing import write_files
-        from vision_gt.optics.camera_files import write_camera
+        from vision_gt.optics.written_cameras import write_camera
 
         content = write_camera(target.suffix, file_format, found.camera)
         write_files(target.parent, {target.name: content})
@@ -165,7 +165,7 @@ def convert_camera(
     source: Path, target: Path, *, file_format: str, camera: str | None, as_json: bool
 ) -> None:
     """Turn a camera file of one program into that of another."""
-    from vision_gt.optics.camera_files import write_camera
+    from vision_gt.optics.written_cameras import write_camera
 
     content = write_camera(target.suffix, file_format, _camera_of(source, camera))
     _write(target.parent, {target.name: content}, as_json=as_json)

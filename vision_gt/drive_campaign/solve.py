@@ -11,10 +11,10 @@ from validation.trajectories.formats import read_trajectory
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.drive_campaign.detecting import frames_seen
 from vision_gt.drive_campaign.frames import CameraFrames, drive_frames
-from vision_gt.drive_campaign.kept import FOLDER, KeptDetections
 from vision_gt.driving.drive import DriveOutcome, solve_drive
 from vision_gt.driving.stream import Stream, camera_stream
 from vision_gt.images.jobs import MarkerJob
+from vision_gt.images.kept import FOLDER, KeptDetections
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.robot.robot_pose import Floor
 from vision_gt.settings import VisionSettings
@@ -123,7 +123,8 @@ def _stream(
     markers = settings.markers
     family = Family(markers.family, markers.border)
     job = MarkerJob(campaign.folder, family, tuple(sides_of(settings)), camera)
-    kept = KeptDetections(campaign.folder / FOLDER / f"vision_drive_{frames.camera}.jsonl")
+    path = campaign.folder / FOLDER / f"vision_drive_{frames.camera}.jsonl"
+    kept = KeptDetections(path, whole=False)
     found = frames_seen(frames, job, kept, workers, report)
     if len(found) != len(frames):
         said = f"{len(frames)} times, but {frames.video and frames.video.name} has other frames"

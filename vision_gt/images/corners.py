@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from validation.poses.angles import Array
-from vision_gt.images.edge_samples import Flat, Image, Mask
 from vision_gt.images.edges import HALF_WINDOW, fit_edges, sought_corners
-from vision_gt.images.grey_fits import SHARPENING_WIDTHS
-from vision_gt.images.prints import PrintFit, fit_print
+from vision_gt.prints.edge_samples import Flat, Image, Mask
+from vision_gt.prints.grey_fits import SHARPENING_WIDTHS
+from vision_gt.prints.print_fit import SOME, PrintFits, fit_prints, fit_sharpened
 
 _LEAST_HALF_WINDOW = 1.5
 """Pixels: a step of usual blur is seen over three of them."""
@@ -84,16 +84,18 @@ def refine_corners(
     first = flat.from_image(np.asarray(start, dtype=float))
     cells = bits.shape[1]
     corners = sought_corners(image, first, windows(first, cells), flat)
-    fits = [_print(image, (corners[i], first[i]), bits[i], flat) for i in range(m)]
-    fits = _sharpened(image, fits, bits, flat)
-    corners = np.array([fit.corners for fit in fits])
-    covariances = np.array([fit.covariances for fit in fits])
-    good = np.repeat([[fit.good] for fit in fits], 4, axis=1)
+    fits = _prints(image, corners, bits, flat)
+    again = np.flatnonzero(~fits.good)
+    if len(again):
+        fits[again] = _prints(image, first[again], bits[again], flat)
+    _sharpen(image, fits, bits, flat)
+    corners, covariances = fits.corners, fits.covariances
+    good = np.repeat(fits.good[:, None], 4, axis=1)
     lost = np.flatnonzero(~good[:, 0])
     if len(lost):
         half = windows(first[lost], cells)
         corners[lost], covariances[lost], good[lost], _ = fit_edges(image, first[lost], half, flat)
-    unseen = np.array([_PIXEL_AREA / fit.blur**3 for fit in fits])[:, None, None, None]
+    unseen = (_PIXEL_AREA / fits.blur**3)[:, None, None, None]
     refined, scale = flat.to_image_with_slope(corners)
     covariances = scale @ covariances @ np.swapaxes(scale, -1, -2) + unseen**2 * np.eye(2)
     far = np.linalg.norm(refined - start, axis=-1) > 2 * HALF_WINDOW
@@ -105,42 +107,43 @@ def refine_corners(
     )
 
 
-def _sharpened(image: Image, fits: list[PrintFit], bits: Array, flat: Flat) -> list[PrintFit]:
-    """The fits again as prints of a camera that sharpens, where that explains more.
+def _sharpen(image: Image, fits: PrintFits, bits: Array, flat: Flat) -> None:
+    """Fit prints again as those of a camera that sharpens, where that explains more.
 
     How wide the copy is that a camera leads its images away from is found on the marker with the
     largest cells, and is the same for all.
     """
-    good = [i for i, fit in enumerate(fits) if fit.good]
-    if not good or np.median([fits[i].halo for i in good]) < _SHARPENED:
-        return fits
-    sizes = [float(_cells(fits[i].corners[None], bits.shape[1]).min()) for i in good]
-    example = good[int(np.argmax(sizes))]
-    plain = fits[example]
-    tried = [
-        (width, _print(image, (plain.corners,), bits[example], flat, width))
-        for width in SHARPENING_WIDTHS
-    ]
-    width, best = min(tried, key=lambda one: one[1].misfit)
-    if not 2 * plain.pixels * np.log(plain.misfit / max(best.misfit, 1e-6)) > _ODDS:
-        return fits
-    again = [_print(image, (fits[i].corners,), bits[i], flat, width) for i in good]
-    better = {i: fit for i, fit in zip(good, again, strict=True) if fit.misfit < fits[i].misfit}
-    return [better.get(i, fit) for i, fit in enumerate(fits)]
+    good = np.flatnonzero(fits.good)
+    if not len(good) or np.median(fits.halo[good]) < _SHARPENED:
+        return
+    cells = bits.shape[1]
+    sizes = _cells(fits.corners[good], cells).min(1)
+    one = good[[int(np.argmax(sizes))]]
+    tried = np.array([0.0, *SHARPENING_WIDTHS])
+    start, rims, same = (
+        np.repeat(part, len(tried), 0)
+        for part in (fits.corners[one], _rims(fits.corners[one], cells), bits[one])
+    )
+    found = fit_sharpened(image, start, same, rims, flat, tried, SOME)
+    best = 1 + int(np.argmin(found.misfit[1:]))
+    odds = 2 * found.pixels[0] * np.log(found.misfit[0] / max(found.misfit[best], 1e-6))
+    if not odds > _ODDS:
+        return
+    start, radii = fits.corners[good], np.full(len(good), tried[best])
+    again = fit_sharpened(image, start, bits[good], _rims(start, cells), flat, radii)
+    fits[good[again.good]] = again.of(again.good)
 
 
-def _print(
-    image: Image, starts: tuple[Array, ...], bits: Array, flat: Flat, width: float = 0.0
-) -> PrintFit:
-    """The fit of a print from the first of several starts that leads to one."""
-    for start in starts:
-        cell = float(_cells(start[None], len(bits)).min())
-        sure = max(min(1 - _BLUR_BEHIND / cell, _RIM / cell), _LEAST_RIM)
-        rim = sure, max(sure, _RIM / cell)
-        fit = fit_print(image, start, bits, rim, flat, width)
-        if fit.good:
-            break
-    return fit
+def _prints(image: Image, start: Array, bits: Array, flat: Flat) -> PrintFits:
+    """The fits of prints from a start (m, 4, 2)."""
+    return fit_prints(image, start, bits, _rims(start, bits.shape[1]), flat)
+
+
+def _rims(corners: Array, cells: int) -> Array:
+    """(m, 2) cells of white around prints that are surely there, and up to which is looked."""
+    cell = np.maximum(_cells(corners, cells).min(1), 1e-3)
+    sure = np.maximum(np.minimum(1 - _BLUR_BEHIND / cell, _RIM / cell), _LEAST_RIM)
+    return np.stack([sure, np.maximum(sure, _RIM / cell)], axis=1)
 
 
 def windows(corners: Array, cells: int) -> Array:

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from scipy.special import ndtr
 
 from validation.poses.angles import Array
-from vision_gt.images.edge_samples import Flat, Image, Mask, Samples, edge_frame, profiles, samples
-from vision_gt.images.grey_fits import (
+from vision_gt.prints.edge_samples import Flat, Image, Mask, Samples, edge_frame, profiles, samples
+from vision_gt.prints.grey_fits import (
     BLUR_INFORMATION,
     LEAST_BLUR,
     LEAST_VARIANCE,

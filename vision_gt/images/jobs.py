@@ -1,7 +1,7 @@
 """Detection in many images at once, in as many processes as there are processors."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from validation.errors import InputError, Problem
-from validation.processes import in_processes
+from validation.processes import as_they_end
 from vision_gt.images.boards import Detector, FoundBoard, look_for_boards
 from vision_gt.images.files import Image, is_blank, read_picture
 from vision_gt.images.markers import Detection, detect_markers
@@ -126,10 +126,26 @@ def detect_all(
     progress : callable, optional
         Told the share done.
     """
+    found = dict(detect_each(jobs, workers, progress))
+    return [found[i] for i in range(len(jobs))]
+
+
+def detect_each(
+    jobs: Sequence[Job],
+    workers: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Iterator[tuple[int, Found]]:
+    """What the images show, as they are looked at, each with the number of its job.
+
+    Parameters
+    ----------
+    jobs, workers, progress
+        As for `detect_all`.
+    """
     workers = workers or os.cpu_count() or 1
     if len(jobs) < _WORTH_A_POOL:
         workers = 1
-    return list(in_processes(detect_one, jobs, workers, progress, _one_thread))
+    return as_they_end(detect_one, jobs, workers, progress, _one_thread)
 
 
 def _one_thread() -> None:

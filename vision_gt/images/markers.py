@@ -10,12 +10,12 @@ import numpy.typing as npt
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from vision_gt.images.corners import refine_corners, windows
-from vision_gt.images.edge_samples import Flat
 from vision_gt.images.edges import sought_corners
 from vision_gt.images.reading import Reading, might_be_markers, read_codes, turned_corners
 from vision_gt.optics.camera import Camera
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.patterns.rejections import Rejection, rejected
+from vision_gt.prints.edge_samples import Flat
 
 Image = npt.NDArray[np.uint8]
 

@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
-from vision_gt.images.edge_samples import sampled
 from vision_gt.patterns.dictionaries import Family
+from vision_gt.prints.edge_samples import sampled
+from vision_gt.prints.pixels import homographies
 
 Image = npt.NDArray[np.uint8]
 Ints = npt.NDArray[np.intp]
@@ -179,27 +180,6 @@ def _cell_levels(image: Image, quads: Array, cells: int) -> Array:
         seen = ahead[..., :2] / ahead[..., 2:]
     grey = sampled(image, seen[..., 0], seen[..., 1])
     return np.asarray(grey.mean(-1))
-
-
-def homographies(quads: Array) -> Array:
-    """(n, 3, 3) homographies from the unit square to quadrangles (n, 4, 2).
-
-    Notes
-    -----
-    Heckbert, "Fundamentals of texture mapping and image warping", 1989, section 2.2.3.
-    """
-    a, b, c, d = (quads[:, k] for k in range(4))
-    one, two, three = b - c, d - c, a - b + c - d
-    determinant = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
-    determinant = np.where(np.abs(determinant) > 1e-9, determinant, 1e-9)
-    g = (three[:, 0] * two[:, 1] - three[:, 1] * two[:, 0]) / determinant
-    h = (one[:, 0] * three[:, 1] - one[:, 1] * three[:, 0]) / determinant
-    H = np.empty((len(quads), 3, 3))
-    H[:, :2, 0] = b - a + g[:, None] * b
-    H[:, :2, 1] = d - a + h[:, None] * d
-    H[:, :2, 2] = a
-    H[:, 2, 0], H[:, 2, 1], H[:, 2, 2] = g, h, 1.0
-    return H
 
 
 @lru_cache

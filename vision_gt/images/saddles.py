@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.special import ndtr
 
 from validation.poses.angles import Array
-from vision_gt.images.grey_fits import (
+from vision_gt.prints.grey_fits import (
     AMOUNT_INFORMATION,
     BLUR_INFORMATION,
     LEAST_VARIANCE,

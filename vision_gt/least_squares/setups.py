@@ -17,7 +17,8 @@ from vision_gt.patterns.board_views import BoardView
 
 Ints = npt.NDArray[np.intp]
 
-CAMERA_UNKNOWNS = 15
+_ESTIMATED = 9
+CAMERA_UNKNOWNS = 6 + _ESTIMATED
 """Of each camera: six of its pose, then nine intrinsic parameters."""
 
 
@@ -98,8 +99,8 @@ class Setup:
     ----------
     R_camera, t_camera : (c, 3, 3) and (c, 3) arrays
         T_world_camera.
-    intrinsics : (c, 9) array
-        Parameters of the cameras.
+    intrinsics : (c, 9) or (c, 13) array
+        Parameters of the cameras; the first nine are unknowns.
     R_body, t_body : (b, 3, 3) and (b, 3) arrays
         T_world_body.
     R_part, t_part : (p, 3, 3) and (p, 3) arrays
@@ -154,10 +155,12 @@ class Setup:
         c = len(self.R_camera)
         cameras = shared[: CAMERA_UNKNOWNS * c].reshape(c, CAMERA_UNKNOWNS)
         parts = shared[CAMERA_UNKNOWNS * c :].reshape(-1, 6)
+        intrinsics = self.intrinsics.copy()
+        intrinsics[:, :_ESTIMATED] += cameras[:, 6:]
         return Setup(
             rotation_matrices(cameras[:, 3:6]) @ self.R_camera,
             self.t_camera + cameras[:, :3],
-            self.intrinsics + cameras[:, 6:],
+            intrinsics,
             rotation_matrices(bodies[:, 3:]) @ self.R_body,
             self.t_body + bodies[:, :3],
             rotation_matrices(parts[:, 3:]) @ self.R_part,
@@ -170,7 +173,7 @@ class Setup:
             [
                 self.t_camera - other.t_camera,
                 _turn(self.R_camera, other.R_camera),
-                self.intrinsics - other.intrinsics,
+                (self.intrinsics - other.intrinsics)[:, :_ESTIMATED],
             ],
             axis=1,
         )

@@ -20,12 +20,15 @@ from vision_gt.patterns.rejections import Rejection
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-WIDTH, HEIGHT = 16.0, 6.6
-"""Inches of a picture's images; at 100 dots an inch they are about as large as a screen."""
-DOTS_PER_INCH = 100
-_LINE, _LETTERS = 0.24, 220
-"""Inches of a line of text, and its length."""
+WIDTH, HEIGHT = 8.0, 6.0
+"""Inches of each of a picture's images, one above the other: so letters can be read on a phone."""
+DOTS_PER_INCH = 125
+_LINE, _LETTERS, _POINTS = 0.27, 78, 14
+"""Inches of a line of text, its length, and the size of its letters: 9 pixels where the picture is
+390 wide."""
 FOUND, EXPECTED, LEFT = COLOURS[5], COLOURS[4], COLOURS[3]
+_ABOVE = 3.4
+"""Lines above the images: two of the heading and one of the key."""
 _MARGIN, _LEAST, _WHOLE = 0.25, 60.0, 0.6
 """Around what is enlarged, as a share of it; pixels that are shown at least; share of the image's
 width from which on the whole image is enough. A judgement."""
@@ -51,13 +54,12 @@ def picture(look: Look, image: Image) -> Figure:
     letters = _letters(look.rejections)
     lines = _lines(look, letters)
     box = _part(look, image)
-    height = HEIGHT + _LINE * (len(lines) + 1)
-    figure = Figure(figsize=(WIDTH, height), facecolor="white")
-    top, bottom = 1 - _LINE / height, _LINE * len(lines) / height
     panels = [None] if box is None else [None, box]
+    height = HEIGHT * len(panels) + _LINE * (len(lines) + _ABOVE)
+    figure = Figure(figsize=(WIDTH, height), facecolor="white")
+    top, share = 1 - _ABOVE * _LINE / height, HEIGHT / height
     for place, part in enumerate(panels):
-        share = 1 / len(panels)
-        axes = figure.add_axes((share * place + 0.005, bottom, share - 0.01, top - bottom))
+        axes = figure.add_axes((0.005, top - share * (place + 1), 0.99, share - 0.05 / height))
         _draw(axes, look, image, part, letters, named=part is not None or box is None)
         if part is None and box is not None:
             _name_outside(axes, look.rejections, letters, box)
@@ -67,11 +69,20 @@ def picture(look: Look, image: Image) -> Figure:
             axes.plot(*frame.T, "-", color="white", linewidth=0.8, path_effects=_EDGE)
     for number, line in enumerate(lines):
         at = _LINE * (len(lines) - number - 0.75) / height
-        figure.text(0.005, at, line, fontsize=9.5)
+        figure.text(0.005, at, line, fontsize=_POINTS)
     heading = f"{look.title} ({look.image})"
-    figure.text(0.005, 1 - 0.72 * _LINE / height, heading, fontsize=11, weight="bold")
+    for number, line in enumerate(textwrap.wrap(heading, _LETTERS - 10)[:2]):
+        at = 1 - (number + 0.8) * _LINE / height
+        figure.text(0.005, at, line, fontsize=_POINTS, weight="bold")
     figure.legend(
-        handles=_key(), loc="upper right", ncols=4, frameon=False, fontsize=9, borderpad=0.1
+        handles=_key(),
+        loc="upper left",
+        bbox_to_anchor=(0.0, 1 - 1.95 * _LINE / height),
+        ncols=4,
+        frameon=False,
+        fontsize=_POINTS,
+        borderpad=0.0,
+        columnspacing=1.0,
     )
     return figure
 
@@ -142,8 +153,7 @@ def _part(look: Look, image: Image) -> tuple[float, float, float, float] | None:
     points = np.clip(np.concatenate(some), [0, 0], [width - 1, height - 1])
     low, high = points.min(0), points.max(0)
     span = (1 + 2 * _MARGIN) * np.maximum(high - low, _LEAST)
-    # Of the shape of the panel, which is half of the picture.
-    shape = 0.5 * WIDTH / HEIGHT
+    shape = WIDTH / HEIGHT
     span = np.array([max(span[0], shape * span[1]), max(span[1], span[0] / shape)])
     if span[0] > _WHOLE * width or span[1] > _WHOLE * width / shape:
         return None
@@ -235,6 +245,8 @@ def _name_outside(
 
 
 def _say(axes: "Axes", words: str, place: Array, *, below: bool = False) -> None:
+    figure = axes.get_figure(root=True)
+    small = figure is not None and figure.get_size_inches()[0] < WIDTH
     axes.annotate(
         words,
         (float(place[0]), float(place[1])),
@@ -242,7 +254,7 @@ def _say(axes: "Axes", words: str, place: Array, *, below: bool = False) -> None
         textcoords="offset points",
         ha="center",
         va="top" if below else "bottom",
-        fontsize=8,
+        fontsize=8 if small else _POINTS,
         color="white",
         path_effects=_EDGE,
         annotation_clip=True,

@@ -17,7 +17,7 @@ from vision_gt.least_squares.setups import (
     camera_slots,
     part_slots,
 )
-from vision_gt.optics.camera import PARAMETERS, Camera
+from vision_gt.optics.camera import PARAMETERS, Camera, stacked_parameters
 from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
 _LEAST_FACTOR = 0.05
@@ -162,7 +162,7 @@ def adjust_network(
     bodies = list(starts)
     setup = Setup.of(
         RigidTransform.concatenate([T_gtv_camera[name] for name in names]),
-        np.array([camera.parameters for camera in cameras]),
+        stacked_parameters(cameras),
         RigidTransform.concatenate([starts[name] for name in bodies]),
         bar.patterns,
     )
@@ -261,7 +261,7 @@ def _knowledge(
         slots = camera_slots(i)
         knowledge.free[slots.start : slots.start + 6] = True
         if free_intrinsics:
-            knowledge.free[slots] = True
+            knowledge.free[slots.start + 6 : slots.stop] = camera.estimated
         else:
             knowledge.add_camera(i, camera.covariance)
     second = part_slots(setup, 1)

@@ -11,6 +11,7 @@ from vision_gt.least_squares.adjustment import Knowledge, NotDeterminedError, ad
 from vision_gt.least_squares.setups import Setup, as_views
 from vision_gt.network.adjustment import Network
 from vision_gt.network.chain import PairLink
+from vision_gt.optics.camera import stacked_parameters
 from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
 _ALIKE = 2.0
@@ -94,7 +95,7 @@ def _misfit(views: Sequence[BoardView], network: Network, patterns: RigidTransfo
     start = T_gtv_body * patterns[largest.part].inv()
     setup = Setup.of(
         network.T_gtv_camera,
-        np.array([one.parameters for one in network.cameras]),
+        stacked_parameters(network.cameras),
         RigidTransform.concatenate([start]),
         patterns,
     )

@@ -1,19 +1,34 @@
 """The camera model: from points in front of the lens to pixels, and back.
 
 A pinhole with the lens distortion of Brown and Conrady, as OpenCV, ROS, Kalibr and Bouguet's
-toolbox have it. The centre of the top-left pixel is at (0, 0).
+toolbox have it; with thirteen parameters instead of nine, one of the lenses of
+`vision_gt.optics.lenses`. The centre of the top-left pixel is at (0, 0).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from vision_gt.optics.lenses import (
+    COUNT,
+    LensName,
+    denominator,
+    fisheye,
+    is_fisheye,
+    lens_of,
+    thirteen,
+    without_fisheye,
+)
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 """Names of the nine intrinsic parameters, in the order used everywhere."""
 
+_BROWN = 5
+"""Coefficients of Brown's lens."""
 _NEWTON_STEPS = 20
 _CONVERGED, _FOUND = 1e-12, 1e-9
 """Of undistorted coordinates: a thousandth of a millionth of a pixel ends the steps, as they double
@@ -30,10 +45,11 @@ class Camera:
         As in campaign.toml and in the names of images.
     size : (int, int)
         Width and height of its images, pixels.
-    parameters : (9,) array
-        fx, fy, cx, cy in pixels; k1, k2, p1, p2, k3 without unit.
+    parameters : (9,) or (13,) array
+        fx, fy, cx, cy in pixels; k1, k2, p1, p2, k3 without unit; or as `vision_gt.optics.lenses`
+        has them.
     covariance : (9, 9) array
-        Of the parameters; zeros where they are taken as exact.
+        Of the first nine; zeros where they are taken as exact.
 
     Raises
     ------
@@ -51,7 +67,10 @@ class Camera:
         covariance = np.asarray(self.covariance, dtype=float)
         object.__setattr__(self, "parameters", parameters)
         object.__setattr__(self, "covariance", covariance)
-        if parameters.shape != (9,) or not np.isfinite(parameters).all():
+        if parameters.shape == (COUNT,) and lens_of(parameters) == "brown":
+            parameters = parameters[:9]
+            object.__setattr__(self, "parameters", parameters)
+        if parameters.shape not in {(9,), (COUNT,)} or not np.isfinite(parameters).all():
             raise GtvalError(f"camera {self.name}: expected nine finite intrinsic parameters")
         if covariance.shape != (9, 9):
             raise GtvalError(f"camera {self.name}: its covariance is {covariance.shape}")
@@ -66,13 +85,45 @@ class Camera:
 
     @property
     def distortion(self) -> Array:
-        """(5,) k1, k2, p1, p2, k3: the order of OpenCV."""
-        return self.parameters[4:]
+        """(5,) k1, k2, p1, p2, k3: the order of OpenCV; or k1 to k4 of a fisheye lens and 0."""
+        return self.parameters[4:9]
+
+    @property
+    def lens(self) -> LensName:
+        """Which model its lens has."""
+        return lens_of(self.parameters)
+
+    @property
+    def named(self) -> dict[str, float]:
+        """Its parameters by their names; k4 to k6 of a rational lens, which have no sigma, last."""
+        found = {n: float(v) for n, v in zip(self.names, self.parameters, strict=False) if n}
+        if self.lens == "rational":
+            found |= dict(zip(("k4", "k5", "k6"), self.parameters[10:].tolist(), strict=True))
+        return found
+
+    @property
+    def estimated(self) -> npt.NDArray[np.bool_]:
+        """(9,) which of the parameters with a covariance the lens has."""
+        return np.array([bool(name) for name in self.names])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its parameters with a covariance, of nine places; '' for one without meaning."""
+        if self.lens == "fisheye":
+            return ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4", "")
+        return PARAMETERS
 
     @property
     def sigmas(self) -> Array:
         """(9,) standard deviations of the parameters."""
         return np.sqrt(np.diagonal(self.covariance))
+
+
+def stacked_parameters(cameras: Sequence[Camera]) -> Array:
+    """(c, 9) parameters of cameras; (c, 13) where one has another lens than Brown's."""
+    if all(camera.lens == "brown" for camera in cameras):
+        return np.array([camera.parameters for camera in cameras])
+    return np.array([thirteen(camera.parameters) for camera in cameras])
 
 
 def project(points: Array, parameters: Array) -> Array:
@@ -82,7 +133,7 @@ def project(points: Array, parameters: Array) -> Array:
     ----------
     points : (..., 3) array
         In the camera frame (x right, y down, z forward), metres.
-    parameters : (..., 9) array
+    parameters : (..., 9 or 13) array
         Intrinsic parameters.
 
     Returns
@@ -103,7 +154,7 @@ def project_with_jacobians(points: Array, parameters: Array) -> tuple[Array, Arr
     ----------
     points : (..., 3) array
         In the camera frame, metres.
-    parameters : (..., 9) array
+    parameters : (..., 9 or 13) array
         Intrinsic parameters.
 
     Returns
@@ -113,10 +164,11 @@ def project_with_jacobians(points: Array, parameters: Array) -> tuple[Array, Arr
     by_point : (..., 2, 3) array
         Derivative by the point, pixels per metre.
     by_parameters : (..., 2, 9) array
-        Derivative by the intrinsic parameters.
+        Derivative by the first nine intrinsic parameters.
     """
     points = np.asarray(points, dtype=float)
-    parameters = np.broadcast_to(parameters, (*points.shape[:-1], 9))
+    parameters = np.asarray(parameters, dtype=float)
+    parameters = np.broadcast_to(parameters, (*points.shape[:-1], parameters.shape[-1]))
     z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
     normalised = points[..., :2] / z[..., None]
     lens = distorted(normalised, parameters[..., 4:])
@@ -143,8 +195,8 @@ def distorted(normalised: Array, coefficients: Array) -> Array:
     ----------
     normalised : (..., 2) array
         Undistorted image coordinates x / z, y / z.
-    coefficients : (..., 5) array
-        k1, k2, p1, p2, k3.
+    coefficients : (..., 5 or 9) array
+        k1, k2, p1, p2, k3, and what other lenses have.
 
     Returns
     -------
@@ -162,10 +214,14 @@ def distorted(normalised: Array, coefficients: Array) -> Array:
     x2, y2 = x * x, y * y
     r2 = x2 + y2
     radial = _radial(r2, k1, k2, k3)
+    if np.shape(coefficients)[-1] > _BROWN:
+        radial = radial / denominator(r2, coefficients)[0]
     cross = 2 * x * y
     lens = np.empty((*r2.shape, 2))
     lens[..., 0] = x * radial + p1 * cross + p2 * (r2 + 2 * x2)
     lens[..., 1] = y * radial + p1 * (r2 + 2 * y2) + p2 * cross
+    if np.shape(coefficients)[-1] > _BROWN and (wide := is_fisheye(coefficients)).any():
+        return np.where(wide[..., None], fisheye(normalised, coefficients)[0], lens)
     return lens
 
 
@@ -187,8 +243,8 @@ def distortion_jacobians(normalised: Array, coefficients: Array) -> tuple[Array,
     ----------
     normalised : (..., 2) array
         Undistorted image coordinates x / z, y / z.
-    coefficients : (..., 5) array
-        k1, k2, p1, p2, k3.
+    coefficients : (..., 5 or 9) array
+        k1, k2, p1, p2, k3, and what other lenses have.
     """
     x, y = normalised[..., 0], normalised[..., 1]
     r2, cross = x * x + y * y, 2 * x * y
@@ -199,6 +255,12 @@ def distortion_jacobians(normalised: Array, coefficients: Array) -> tuple[Array,
         by_coefficients[..., row, 2 + row] = cross
         by_coefficients[..., row, 3 - row] = r2 + 2 * own * own
         by_coefficients[..., row, 4] = by_coefficients[..., row, 1] * r2
+    if np.shape(coefficients)[-1] > _BROWN:
+        by_coefficients[..., [0, 1, 4]] /= denominator(r2, coefficients)[0][..., None, None]
+        wide = is_fisheye(coefficients)
+        if wide.any():
+            own = fisheye(normalised, coefficients)[2]
+            by_coefficients = np.where(wide[..., None, None], own, by_coefficients)
     return distortion_slopes(normalised, coefficients), by_coefficients
 
 
@@ -209,8 +271,8 @@ def distortion_slopes(normalised: Array, coefficients: Array) -> Array:
     ----------
     normalised : (..., 2) array
         Undistorted image coordinates x / z, y / z.
-    coefficients : (..., 5) array
-        k1, k2, p1, p2, k3.
+    coefficients : (..., 5 or 9) array
+        k1, k2, p1, p2, k3, and what other lenses have.
     """
     x, y = normalised[..., 0], normalised[..., 1]
     k1, k2, p1, p2, k3 = _coefficients(coefficients)
@@ -218,10 +280,16 @@ def distortion_slopes(normalised: Array, coefficients: Array) -> Array:
     r2 = x2 + y2
     radial = _radial(r2, k1, k2, k3)
     slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d(x, y) = slope * (x, y)
+    if np.shape(coefficients)[-1] > _BROWN:
+        below, steeper = denominator(r2, coefficients)
+        slope = (slope - 2 * radial * steeper / below) / below
+        radial = radial / below
     slopes = np.empty((*r2.shape, 2, 2))
     slopes[..., 0, 0] = radial + x2 * slope + 2 * p1 * y + 6 * p2 * x
     slopes[..., 0, 1] = slopes[..., 1, 0] = x * y * slope + 2 * (p1 * x + p2 * y)
     slopes[..., 1, 1] = radial + y2 * slope + 6 * p1 * y + 2 * p2 * x
+    if np.shape(coefficients)[-1] > _BROWN and (wide := is_fisheye(coefficients)).any():
+        return np.where(wide[..., None, None], fisheye(normalised, coefficients)[1], slopes)
     return slopes
 
 
@@ -232,7 +300,7 @@ def undistort(pixels: Array, parameters: Array) -> Array:
     ----------
     pixels : (..., 2) array
         Pixels.
-    parameters : (..., 9) array
+    parameters : (..., 9 or 13) array
         Intrinsic parameters.
 
     Returns
@@ -244,6 +312,8 @@ def undistort(pixels: Array, parameters: Array) -> Array:
     parameters = np.asarray(parameters, dtype=float)
     coefficients = parameters[..., 4:]
     wanted = (np.asarray(pixels, dtype=float) - parameters[..., 2:4]) / parameters[..., :2]
+    if coefficients.shape[-1] > _BROWN and is_fisheye(coefficients).all():
+        return without_fisheye(wanted, coefficients)
     found = wanted.copy()
     with np.errstate(all="ignore"):
         for step in range(_NEWTON_STEPS + 1):

@@ -1,12 +1,13 @@
 """Camera files of other programs: OpenCV, ROS, Kalibr and Bouguet's toolbox.
 
-All four put the centre of the top-left pixel at (0, 0) and share the lens model of
-`vision_gt.optics.camera`; Kalibr's 'radtan' ends after p2.
+All four put the centre of the top-left pixel at (0, 0) and share Brown's lens of
+`vision_gt.optics.camera`; Kalibr's 'radtan' ends after p2. The lenses of `vision_gt.optics.lenses`
+are read where a file names them; others are refused by their names.
 """
 
 import io
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,18 +18,15 @@ import numpy as np
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from vision_gt.optics.camera import Camera
+from vision_gt.optics.lenses import fisheye_parameters, rational_parameters
 
 MAX_BYTES = 20_000_000
 """A judgement: camera files have some kilobytes, images and videos megabytes."""
 _PINHOLE_LENSES = {"plumb_bob", "radtan", "radial-tangential"}
 _NO_LENS = {"none", ""}
+_FISHEYE_LENSES = {"equidistant", "fisheye", "kannala_brandt", "kannala_brandt4", "equi"}
+_RATIONAL_LENSES = {"rational_polynomial"}
 _OTHER_LENSES = {
-    "equidistant": "the Kannala-Brandt fisheye lens",
-    "fisheye": "the Kannala-Brandt fisheye lens",
-    "kannala_brandt": "the Kannala-Brandt fisheye lens",
-    "kannala_brandt4": "the Kannala-Brandt fisheye lens",
-    "equi": "the Kannala-Brandt fisheye lens",
-    "rational_polynomial": "the rational lens",
     "thin_prism_fisheye": "a fisheye lens with a thin prism",
     "fov": "the field-of-view lens",
     "omni": "an omnidirectional camera (Mei's)",
@@ -43,13 +41,12 @@ _FOUR = (
     "four numbers may be Brown's k1, k2, p1, p2 or the fisheye lens's k1 to k4, and the file does "
     "not say which. If they are Brown's add 0.0 as the fifth, k3"
 )
-_BROWN = "here lenses are Brown's (plumb_bob, radtan)"
+_BROWN = "here lenses are Brown's (plumb_bob, radtan), rational, or Kannala-Brandt's fisheye"
 _KEYS = (
     ("camera_matrix", "cameraMatrix", "K", "M1"),
     ("distortion_coefficients", "distCoeffs", "dist_coeffs", "dist_coeff", "dist", "D", "D1"),
 )
 """Names of the camera matrix and of the lens in files of OpenCV's samples and users."""
-FORMATS = ("opencv", "ros", "kalibr", "bouguet")
 
 
 def read_cameras(path: Path) -> list[Camera]:
@@ -81,34 +78,6 @@ def read_cameras(path: Path) -> list[Camera]:
     if isinstance(root.get("distortion_model"), str):
         return [_read_ros(path, root)]
     return [_read_opencv(path, root)]
-
-
-def write_camera(path_suffix: str, file_format: str, camera: Camera) -> bytes:
-    """The bytes of a camera file.
-
-    Parameters
-    ----------
-    path_suffix : str
-        Ending of the file; '.xml' makes OpenCV's XML instead of YAML.
-    file_format : {"opencv", "ros", "kalibr", "bouguet"}
-        Whose file.
-    camera : Camera
-        What to write.
-
-    Raises
-    ------
-    GtvalError
-        For another format, or if the format cannot hold the camera.
-    """
-    writers: Mapping[str, Callable[[Camera], bytes]] = {
-        "opencv": lambda c: _write_opencv(c, xml=path_suffix.lower() == ".xml"),
-        "ros": _write_ros,
-        "kalibr": _write_kalibr,
-        "bouguet": _write_bouguet,
-    }
-    if file_format not in writers:
-        raise GtvalError(f"camera files are written as {', '.join(FORMATS)}, not {file_format!r}")
-    return writers[file_format](camera)
 
 
 def _bad(
@@ -209,17 +178,29 @@ def _whole(path: Path, value: Any, field: str) -> int:
 
 
 def _lens(path: Path, values: Array, field: str) -> Array:
-    """(5,) coefficients; more than five are another lens model unless they are zero."""
+    """(8,) coefficients of Brown's lens or the rational one; others are zero or an error."""
     padded = np.zeros(max(14, len(values)))
     padded[: len(values)] = values
     for first, last, what in (
-        (5, 8, "the rational lens"),
         (8, 12, "a lens with a thin prism"),
         (12, 14, "a lens with a tilted sensor"),
     ):
         if padded[first:last].any():
             raise _bad(path, f"coefficients of {what}; {_BROWN}", field)
-    return padded[:5]
+    return padded[:8]
+
+
+def _is_fisheye(node: Mapping[str, Any]) -> bool:
+    """Whether a file says that its lens is Kannala and Brandt's."""
+    said = [
+        str(value).lower()
+        for key, value in node.items()
+        if isinstance(value, str) and _TELLS_LENS.search(key.lower())
+    ]
+    flags = [value for key, value in node.items() if "fisheye" in key.lower()]
+    return any(one in _FISHEYE_LENSES for one in said) or any(
+        one not in (None, 0.0, "", "false", "False") for one in flags
+    )
 
 
 def _no_other_lens(path: Path, node: Mapping[str, Any], where: str = "") -> None:
@@ -232,12 +213,9 @@ def _no_other_lens(path: Path, node: Mapping[str, Any], where: str = "") -> None
         )
         if what is not None:
             raise _bad(path, f"the coefficients of {what}; {_BROWN}", where + key, model)
-    for key in node:
-        if not ("fisheye" in key.lower() or key == "xi"):
-            continue
-        if node[key] not in (None, 0.0, "", "false", "False"):
-            what = "an omnidirectional camera" if key == "xi" else "the Kannala-Brandt fisheye lens"
-            raise _bad(path, f"the coefficients of {what}; {_BROWN}", where + key, str(node[key]))
+    if node.get("xi") not in (None, 0.0, ""):
+        said = f"the coefficients of an omnidirectional camera; {_BROWN}"
+        raise _bad(path, said, where + "xi", str(node["xi"]))
 
 
 def _made(path: Path, name: str, size: tuple[int, int], parameters: Array) -> Camera:
@@ -254,13 +232,19 @@ def _read_opencv(path: Path, root: Mapping[str, Any]) -> Camera:
         raise _bad(path, "a file of two cameras; give each camera its own", "M2")
     K = _numbers(path, root.get(field), field, (9,)).reshape(3, 3)
     _check_matrix(path, K, field)
-    lens = _numbers(path, root.get(lens_field), lens_field, (4, 5, 8, 12, 14))
-    if len(lens) == 4 and not _says_pinhole(root):
+    fisheye = _is_fisheye(root)
+    counts = (4,) if fisheye else (4, 5, 8, 12, 14)
+    lens = _numbers(path, root.get(lens_field), lens_field, counts)
+    if len(lens) == 4 and not fisheye and not _says_pinhole(root):
         raise _bad(path, _FOUR, lens_field)
     width, height = (_whole(path, root.get(key), key) for key in ("image_width", "image_height"))
     name = root.get("camera_name")
     focal = [K[0, 0], K[1, 1], K[0, 2], K[1, 2]]
-    parameters = np.concatenate([focal, _lens(path, lens, lens_field)])
+    parameters = (
+        fisheye_parameters(np.array(focal), lens)
+        if fisheye
+        else rational_parameters(np.array(focal), _lens(path, lens, lens_field))
+    )
     shown = name if isinstance(name, str) else path.stem
     camera = _made(path, shown, (width, height), parameters)
     field = "parameter_covariance"
@@ -286,8 +270,9 @@ def _check_matrix(path: Path, K: Array, field: str) -> None:
 def _read_ros(path: Path, root: Mapping[str, Any]) -> Camera:
     _no_other_lens(path, root)
     model = root["distortion_model"]
-    if model not in _PINHOLE_LENSES:
-        raise _bad(path, "expected 'plumb_bob'", "distortion_model", model)
+    if model not in _PINHOLE_LENSES | _FISHEYE_LENSES | _RATIONAL_LENSES:
+        wanted = "expected 'plumb_bob', 'rational_polynomial' or 'equidistant'"
+        raise _bad(path, wanted, "distortion_model", model)
     return _read_opencv(path, root)
 
 
@@ -307,16 +292,20 @@ def _kalibr_camera(path: Path, field: str, node: Any) -> Camera:
     model, lens_model = node.get("camera_model"), str(node.get("distortion_model") or "").lower()
     if model != "pinhole":
         raise _bad(path, "expected pinhole", f"{within}camera_model", str(model or ""))
-    if lens_model not in _PINHOLE_LENSES | _NO_LENS:
-        wanted = " or ".join(sorted(_PINHOLE_LENSES))
+    known = _PINHOLE_LENSES | _FISHEYE_LENSES
+    if lens_model not in known | _NO_LENS:
+        wanted = " or ".join(sorted(known))
         raise _bad(path, f"expected {wanted}", f"{within}distortion_model", lens_model)
     focal = _numbers(path, node.get("intrinsics"), f"{within}intrinsics", (4,))
     size = _numbers(path, node.get("resolution"), f"{within}resolution", (2,))
-    lens = np.zeros(5)
+    parameters = np.concatenate([focal, np.zeros(5)])
     if lens_model not in _NO_LENS:
         key = "distortion_coeffs" if field else "distortion_coefficients"
-        lens = _lens(path, _numbers(path, node.get(key), within + key, (4, 5)), within + key)
-    parameters = np.concatenate([focal, lens])
+        values = _numbers(path, node.get(key), within + key, (4, 5))
+        if lens_model in _FISHEYE_LENSES:
+            parameters = fisheye_parameters(focal, values[:4])
+        else:
+            parameters = rational_parameters(focal, _lens(path, values, within + key))
     return _made(path, field or path.stem, (int(size[0]), int(size[1])), parameters)
 
 
@@ -367,77 +356,3 @@ def _read_bouguet(path: Path, data: bytes) -> Camera:
     parameters = np.concatenate([values["fc"], values["cc"], values["kc"]])
     size = int(values["nx"][0]), int(values["ny"][0])
     return Camera(path.stem, size, parameters, covariance)
-
-
-def _write_opencv(camera: Camera, *, xml: bool) -> bytes:
-    flags = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY
-    storage = cv2.FileStorage(".xml" if xml else ".yml", flags)
-    storage.write("camera_name", camera.name)
-    storage.write("image_width", camera.size[0])
-    storage.write("image_height", camera.size[1])
-    storage.write("camera_matrix", camera.matrix)
-    storage.write("distortion_coefficients", camera.distortion[:, None])
-    if camera.covariance.any():
-        storage.write("parameter_covariance", camera.covariance)
-    return str(storage.releaseAndGetString()).encode()
-
-
-def _listed(values: Array) -> str:
-    return "[" + ", ".join(repr(float(v)) for v in np.ravel(values)) + "]"
-
-
-def _write_ros(camera: Camera) -> bytes:
-    K = camera.matrix
-    P = np.column_stack([K, np.zeros(3)])
-    blocks = (
-        ("camera_matrix", 3, 3, K),
-        ("distortion_coefficients", 1, 5, camera.distortion),
-        ("rectification_matrix", 3, 3, np.eye(3)),
-        ("projection_matrix", 3, 4, P),
-    )
-    lines = [
-        f"image_width: {camera.size[0]}",
-        f"image_height: {camera.size[1]}",
-        f'camera_name: "{camera.name}"',
-        "distortion_model: plumb_bob",
-    ]
-    for name, rows, columns, values in blocks:
-        lines += [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: {_listed(values)}"]
-    return ("\n".join(lines) + "\n").encode()
-
-
-def _write_kalibr(camera: Camera) -> bytes:
-    if abs(camera.parameters[8]) > 1e-12:
-        raise GtvalError(
-            f"camera {camera.name}: Kalibr's radtan lens has no k3 ({camera.parameters[8]:g} here)"
-        )
-    lines = [
-        "cam0:",
-        "  camera_model: pinhole",
-        f"  intrinsics: {_listed(camera.parameters[:4])}",
-        "  distortion_model: radtan",
-        f"  distortion_coeffs: {_listed(camera.parameters[4:8])}",
-        f"  resolution: [{camera.size[0]}, {camera.size[1]}]",
-        f"  rostopic: /{camera.name}",
-    ]
-    return ("\n".join(lines) + "\n").encode()
-
-
-def _write_bouguet(camera: Camera) -> bytes:
-    from scipy.io import savemat  # noqa: PLC0415
-
-    column = {
-        "fc": camera.parameters[:2],
-        "cc": camera.parameters[2:4],
-        "kc": camera.distortion,
-    }
-    contents = {key: np.reshape(value, (-1, 1)) for key, value in column.items()}
-    contents["alpha_c"] = np.zeros((1, 1))
-    contents["nx"], contents["ny"] = (np.array([[float(n)]]) for n in camera.size)
-    if camera.covariance.any():
-        errors = 3 * camera.sigmas
-        for key, part in (("fc", errors[:2]), ("cc", errors[2:4]), ("kc", errors[4:])):
-            contents[f"{key}_error"] = np.reshape(part, (-1, 1))
-    stream: Any = io.BytesIO()
-    savemat(stream, contents)
-    return bytes(stream.getvalue())

@@ -1,14 +1,22 @@
 """Poses of flat things from one image of them: both solutions, best first."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from validation.poses.angles import Array
-from vision_gt.optics.camera import project, undistort
-from vision_gt.optics.transforms import rotation_matrices, stacked
+from vision_gt.optics.camera import project, project_with_jacobians, undistort
+from vision_gt.optics.transforms import cross_matrix, rotation_matrices, stacked
+
+_BROWN = 9
+"""Parameters of the lens that OpenCV refines poses with."""
+_STEPS, _REST = 20, 1e-10
+"""Of steps that shrink quadratically, and how small the last is: radians and metres."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +55,7 @@ def planar_solutions(points: Array, pixels: Array, parameters: Array) -> PlanarS
         Points of the thing's plane z = 0, at least four, metres.
     pixels : (n, 2) array
         Where they are seen.
-    parameters : (9,) array
+    parameters : (9,) or (13,) array
         Intrinsic parameters.
 
     Notes
@@ -62,13 +70,17 @@ def planar_solutions(points: Array, pixels: Array, parameters: Array) -> PlanarS
     K = np.array([[parameters[0], 0, parameters[2]], [0, parameters[1], parameters[3]], [0, 0, 1]])
     centre = points.mean(0)
     turned, moved = [], []
+    found: Sequence[npt.NDArray[Any]]
     for R, t in zip(*guesses, strict=True):
         about_centre = (t + R @ centre)[:, None]
-        rotvec, about_centre = cv2.solvePnPRefineLM(
-            points - centre, pixels, K, parameters[4:], cv2.Rodrigues(R)[0], about_centre
-        )
-        turned.append(np.ravel(rotvec))
-        moved.append(np.ravel(about_centre))
+        if len(parameters) > _BROWN:
+            found = _refined(points - centre, pixels, parameters, R, about_centre)
+        else:
+            found = cv2.solvePnPRefineLM(
+                points - centre, pixels, K, parameters[4:], cv2.Rodrigues(R)[0], about_centre
+            )
+        turned.append(np.ravel(found[0]))
+        moved.append(np.ravel(found[1]))
     R = rotation_matrices(np.array(turned))
     t = np.array(moved) - R @ centre
     seen = points @ np.swapaxes(R, 1, 2) + t[:, None]
@@ -77,6 +89,24 @@ def planar_solutions(points: Array, pixels: Array, parameters: Array) -> PlanarS
     if not len(order):
         return None
     return PlanarSolutions(R[order], t[order], errors[order])
+
+
+def _refined(
+    points: Array, pixels: Array, parameters: Array, R: Array, t: Array
+) -> tuple[Array, Array]:
+    """A rotation vector and a translation (3, 1) that fit better; for lenses OpenCV has not."""
+    t = t[:, 0]
+    for _ in range(_STEPS):
+        turned = points @ R.T
+        seen, by_point, _ = project_with_jacobians(turned + t, parameters)
+        if not np.isfinite(seen).all():
+            break
+        J = np.concatenate([-by_point @ cross_matrix(turned), by_point], axis=2).reshape(-1, 6)
+        change = np.linalg.lstsq(J, (pixels - seen).ravel(), rcond=None)[0]
+        R, t = rotation_matrices(change[None, :3])[0] @ R, t + change[3:]
+        if np.abs(change).max() < _REST:
+            break
+    return np.asarray(cv2.Rodrigues(R)[0], dtype=float), t[:, None]
 
 
 def planar_guesses(points: Array, directions: Array) -> tuple[Array, Array] | None:

@@ -15,7 +15,7 @@ from vision_gt.campaign.findings import (
 from vision_gt.campaign.result_files import PLACED, cameras_csv, layout_csv, rejected_csv
 from vision_gt.campaign.sections import calibration_blocks, camera_table, link_table
 from vision_gt.network.verdict import calibration_verdict
-from vision_gt.optics.camera_files import write_camera
+from vision_gt.optics.written_cameras import write_camera
 from vision_gt.parts.solve import VFRAME, PartialOutcome, Placed
 from vision_gt.stages.lenses import examples, left_out
 

@@ -14,7 +14,7 @@ from vision_gt.images.markers import MarkerView
 from vision_gt.least_squares.marginal_pose import BodyPose, MarginalPose
 from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Setup, camera_slots
 from vision_gt.network.adjustment import Network
-from vision_gt.optics.camera import Camera
+from vision_gt.optics.camera import Camera, stacked_parameters
 from vision_gt.optics.transforms import (
     mean_transform,
     planar_jacobian,
@@ -223,7 +223,7 @@ class _Problem:
         known = Setup(
             self.R_camera,
             self.t_camera,
-            np.array([network.cameras[i].parameters for i in self.cameras]),
+            stacked_parameters([network.cameras[i] for i in self.cameras]),
             np.zeros((0, 3, 3)),
             np.zeros((0, 3)),
             R_part[self.parts],

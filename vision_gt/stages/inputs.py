@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -21,6 +21,7 @@ from vision_gt.images.jobs import (
     detect_all,
     raise_faults,
 )
+from vision_gt.images.kept import KeptDetections, detect_new, kept_images
 from vision_gt.images.markers import Detection
 from vision_gt.network.adjustment import KnownBody
 from vision_gt.optics.camera import Camera
@@ -30,7 +31,8 @@ from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.patterns.rejections import Rejection, rejected
 from vision_gt.robot.layout import Frame
-from vision_gt.settings import EXAMPLES, BoardSettings, Placement, VisionSettings, stated
+from vision_gt.settings import BoardSettings, Placement, VisionSettings, stated
+from vision_gt.stages.facts import missing_facts
 
 DRIVE = "drive"
 """Folder of the frames of a robot that drives."""
@@ -75,32 +77,6 @@ def known_reference(settings: VisionSettings) -> KnownBody:
     return KnownBody(RigidTransform.from_components(place, lying), covariance)
 
 
-def missing_facts(
-    toml: Path, settings: VisionSettings, needed: Mapping[str, str]
-) -> Iterator[Problem]:
-    """What a lab has to state of its hardware and did not: nothing here has a default.
-
-    Parameters
-    ----------
-    toml : Path
-        The campaign's.
-    settings : VisionSettings
-        As read.
-    needed : mapping of str to str
-        Keys or tables, such as 'vision.bar', and what they are needed for.
-    """
-    for table, keys in EXAMPLES.items():
-        found: Any = settings
-        for part in table.split(".")[1:]:
-            found = getattr(found, part)
-        for key, example in keys.items():
-            name = f"{table}.{key}"
-            why = needed.get(name) or needed.get(table)
-            if why and getattr(found, key) in (None, "", {}):
-                said = f"needed for {why}; write in [{table}] a line such as: {key} = {example}"
-                yield Problem(toml, said, field=name)
-
-
 @dataclass(frozen=True)
 class VisionInputs:
     """What a campaign holds for the vision system.
@@ -121,6 +97,8 @@ class VisionInputs:
         Images and what is odd about them; grows while images are looked at.
     rejections : list of (str, Rejection)
         Images and what was seen in them and not used; grows while images are looked at.
+    noted : set of (Path, str)
+        Images of which all that is odd has been told, for boards or for markers.
     """
 
     campaign: Campaign
@@ -130,6 +108,12 @@ class VisionInputs:
     workers: int | None = None
     oddities: list[tuple[str, str]] = field(default_factory=list)
     rejections: list[tuple[str, Rejection]] = field(default_factory=list)
+    noted: set[tuple[Path, str]] = field(default_factory=set)
+
+    @cached_property
+    def kept(self) -> KeptDetections:
+        """What is known of images from earlier, in this run or another."""
+        return kept_images(self.campaign.folder)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -166,8 +150,9 @@ class VisionInputs:
             For every bad image, and for images of one camera that differ in size.
         """
         taken = list(self.board_images())
-        found = detect_all(
+        found = detect_new(
             [self.board_job(*one) for one in taken],
+            self.kept,
             self.workers,
             lambda share: self.progress("looking for boards", 0.45 * share),
         )
@@ -292,13 +277,16 @@ class VisionInputs:
         stops = {key: path for key, path in self.stop_images().items() if key[0] in cameras}
         jobs = [self.marker_job(path, cameras[self.movie_camera]) for path in walk]
         jobs += [self.marker_job(path, cameras[name]) for (name, _), path in stops.items()]
-        found = detect_all(
+        found = detect_new(
             jobs,
+            self.kept,
             self.workers,
             lambda share: self.progress("looking for markers", 0.65 + 0.2 * share),
         )
         raise_faults(found)
         for one in found:
+            if (one.path, "the marker") in self.noted:
+                continue
             self.note(one, "the marker")
             for number in one.markers.duplicates:
                 self.oddities.append(
@@ -331,7 +319,10 @@ class VisionInputs:
         return MarkerJob(path, family, tuple(sides_of(self.settings)), camera, fitted)
 
     def note(self, found: Found, what: str) -> None:
-        """Remember what is odd about an image."""
+        """Remember what is odd about an image, once."""
+        if (found.path, what) in self.noted:
+            return
+        self.noted.add((found.path, what))
         said = {
             "blank": "blank: nothing but noise (a covered lens, no light?)",
             "mirrored": f"{what} is only found in the mirror image: the print, or the image, is "

@@ -104,6 +104,7 @@ def test_the_command_and_a_run_write_the_same_bytes_in_two_processes(rendered, t
     alone, run = tmp_path / "alone", tmp_path / "run"
     for folder in (alone, run):
         shutil.copytree(rendered, folder)
+        shutil.rmtree(folder / "kept", ignore_errors=True)
     gtval(1, "vision", str(alone), "--workers", "1")
     gtval(2, "run", str(run))
     record = json.loads((run / "results" / "run.json").read_text())

@@ -1,6 +1,7 @@
 """Frames of a drive in files: times by names, videos, what is kept, what is refused."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -8,12 +9,12 @@ import pytest
 from vision_scenes import APRIL, camera, marker_image, random_marker
 
 from validation.errors import InputError
-from vision_gt.drive_campaign import detecting
 from vision_gt.drive_campaign.detecting import frames_seen
 from vision_gt.drive_campaign.frames import drive_frames
-from vision_gt.drive_campaign.kept import KeptDetections
+from vision_gt.images import jobs
 from vision_gt.images.files import drive_cameras
 from vision_gt.images.jobs import MarkerJob
+from vision_gt.images.kept import KeptDetections, detect_new
 
 JOB = MarkerJob(None, APRIL, (5,), camera(), fitted=False)
 
@@ -105,7 +106,7 @@ def test_a_run_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
     images(tmp_path / "1", names)
     (frames,) = drive_frames(tmp_path)
     looked = []
-    own = detecting.detect_one
+    own = jobs.detect_one
 
     def stopping(job):
         if len(looked) == 2:
@@ -114,15 +115,13 @@ def test_a_run_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
         return own(job)
 
     path = tmp_path / "kept.jsonl"
-    monkeypatch.setattr(detecting, "detect_one", stopping)
+    monkeypatch.setattr(jobs, "detect_one", stopping)
     with pytest.raises(KeyboardInterrupt):
         frames_seen(frames, JOB, KeptDetections(path), workers=1)
     assert len(path.read_text().splitlines()) == 2
     path.write_text(path.read_text() + '{"key": "cut sho')  # killed while it wrote
     looked.clear()
-    monkeypatch.setattr(
-        detecting, "detect_one", lambda job: (looked.append(job.path.name), own(job))[1]
-    )
+    monkeypatch.setattr(jobs, "detect_one", lambda job: (looked.append(job.path.name), own(job))[1])
     found = frames_seen(frames, JOB, KeptDetections(path), workers=1)
     assert looked == names[2:]
     assert [one.markers.numbers for one in found] == [(5,)] * 4
@@ -139,15 +138,13 @@ def test_other_settings_or_another_image_are_looked_at_anew(tmp_path):
     (frames,) = drive_frames(tmp_path)
     path = tmp_path / "kept.jsonl"
     frames_seen(frames, JOB, KeptDetections(path))
-    other = MarkerJob(None, APRIL, (5, 6), camera(), fitted=False)
-    assert not set(KeptDetections(path).found) & set(_keys(frames, other, tmp_path))
+    kept = KeptDetections(path)
+    first = frames.paths[0]
+    detect_new([replace(JOB, path=first)], kept)
+    assert len(kept) == 2
+    detect_new([replace(JOB, path=first, wanted=(5, 6))], kept)
+    assert len(kept) == 3
     images(tmp_path / "2", ["1700000000.0.png"], seed=9)
     (tmp_path / "2" / "1700000000.0.png").replace(tmp_path / "1" / "1700000000.0.png")
     frames_seen(frames, JOB, KeptDetections(path))
-    assert len(KeptDetections(path).found) == 3
-
-
-def _keys(frames, job, folder):
-    kept = KeptDetections(folder / "other.jsonl")
-    frames_seen(frames, job, kept)
-    return kept.found
+    assert len(KeptDetections(path)) == 4

@@ -7,18 +7,19 @@ from scipy.stats import chi2
 from vision_scenes import APRIL, SIDE, close_up, marker_image, random_marker
 
 from data_samples.rendering.image import Optics
-from vision_gt.images.edge_samples import Flat
 from vision_gt.images.markers import detect_markers
-from vision_gt.images.print_look import PADDING, Places, boundaries_in_reach, whiteness
-from vision_gt.images.prints import fit_print
 from vision_gt.patterns.dictionaries import ARTOOLKITPLUS, Family
+from vision_gt.prints.edge_samples import Flat
+from vision_gt.prints.print_fit import fit_prints
+from vision_gt.prints.print_look import PADDING, Places, boundaries_in_reach, whiteness
 
 
 def fitted(image, camera, true, number, start_off, family=APRIL):
     flat = Flat(camera.parameters)
     start = flat.from_image(true) + start_off
-    fit = fit_print(image, start, family.bits(number), (0.5, 0.5), flat)
-    return flat.to_image(fit.corners) - true, fit.covariances, fit.good
+    bits = family.bits(number).reshape(1, family.cells, family.cells)
+    fit = fit_prints(image, start[None], bits, np.full((1, 2), 0.5), flat)
+    return flat.to_image(fit.corners[0]) - true, fit.covariances[0], fit.good[0]
 
 
 @pytest.mark.parametrize("distance", [4.0, 5.0])
@@ -96,11 +97,11 @@ def test_every_family_is_fitted(family):
 @pytest.mark.parametrize("cell", [1.7, 2.5, 3.4, 4.2, 6.0])
 def test_boundaries_out_of_reach_change_nothing(cell):
     # A step is done to ndtr(-2.8) = 0.26 % where blur no longer reaches it, from either side.
-    cells = np.pad(np.random.default_rng(3).integers(0, 2, (8, 8)).astype(float), PADDING)
+    cells = np.pad(np.random.default_rng(3).integers(0, 2, (8, 8)).astype(float), PADDING)[None]
     x, y = np.meshgrid(*2 * [np.linspace(-1.1, 1.1, 60)])
-    along, blur = np.full(x.size, 2 / (8 * cell)), 0.76
-    at = Places(x.ravel(), y.ravel(), along, along, np.zeros(x.size))
-    count = boundaries_in_reach(blur, float(along[0]), 8)
+    along, blur = np.full((1, x.size), 2 / (8 * cell)), np.array([0.76])
+    at = Places(x.reshape(1, -1), y.reshape(1, -1), along, along, np.zeros((1, x.size)))
+    count = int(boundaries_in_reach(blur, along[:, 0], 8)[0])
     near = whiteness(cells, at, blur, (count, count)).white
     all_of_them = whiteness(cells, at, blur, (9, 9)).white
     # Two axes, and two boundaries at the worst place between them.

@@ -9,13 +9,13 @@ import pytest
 from vision_scenes import APRIL, opencv_markers
 
 from vision_gt.images.boards import look_for_boards
-from vision_gt.images.edge_samples import Flat, sampled
 from vision_gt.images.files import read_image
 from vision_gt.images.markers import detect_markers
-from vision_gt.images.prints import fit_print
 from vision_gt.images.reading import read_codes, turned_corners, wrong_cells_allowed
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
+from vision_gt.prints.edge_samples import Flat, sampled
+from vision_gt.prints.print_fit import fit_prints
 
 REAL = Path(
     os.environ.get("GTVAL_REAL_DATA", Path(__file__).resolve().parents[4] / "shared" / "real")
@@ -75,9 +75,10 @@ def test_any_number_of_places_is_sampled():
 
 def test_a_print_of_more_than_32767_pixels_is_fitted():
     image, corners = drawn(APRIL, 3, 40, 460)
-    fit = fit_print(image, corners + 0.4, APRIL.bits(3), (0.5, 0.5), Flat(None))
-    assert fit.good
-    np.testing.assert_allclose(fit.corners, corners, atol=0.05)
+    bits = APRIL.bits(3).reshape(1, APRIL.cells, APRIL.cells)
+    fit = fit_prints(image, corners[None] + 0.4, bits, np.full((1, 2), 0.5), Flat(None))
+    assert fit.good.all()
+    np.testing.assert_allclose(fit.corners[0], corners, atol=0.05)
 
 
 @needs_photos

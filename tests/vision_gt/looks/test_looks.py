@@ -174,7 +174,7 @@ def test_a_look_is_a_file_that_can_be_read(looks, rendered, tmp_path):
     one = looks[0]
     path = tmp_path / name_of(one)
     path.write_bytes(picture_bytes((one, rendered)))
-    assert read_image(path).shape[1] == 1600
+    assert read_image(path).shape[1] == 1000
     assert cv2.imread(str(path)) is not None
 
 

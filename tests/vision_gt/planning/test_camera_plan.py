@@ -14,8 +14,8 @@ from validation.errors import GtvalError, InputError
 from vision_gt.images.markers import MarkerView
 from vision_gt.network.adjustment import Network
 from vision_gt.optics.camera import Camera, project
-from vision_gt.optics.camera_files import write_camera
 from vision_gt.optics.transforms import perturbed, planar_pose, planar_transform
+from vision_gt.optics.written_cameras import write_camera
 from vision_gt.planning.floor import area_of, floor_grid, floor_seen, holes, inside_outline
 from vision_gt.planning.inputs import load_plan
 from vision_gt.planning.mounting import (

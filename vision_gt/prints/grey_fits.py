@@ -45,6 +45,8 @@ LEAST_VARIANCE = 0.1
 """Of grey levels, which are whole numbers: rounding alone has 1/12."""
 _TUKEY = 6.0
 """Standard deviations at which weights end: nearly all normal noise keeps its say."""
+_ENOUGH_FOR_SCALE = 500
+"""Residuals whose median is taken, about: it is then good to 5 %."""
 _MISFIT = (0.05, 0.02)
 """Shares of the contrast that are no outlier's sign: after the first step, when the start may be
 off, and then, for what the model of the blur leaves. Judgements."""
@@ -71,20 +73,21 @@ def tukey(residual: Array, weight: Array, contrast: Array, step: int) -> Array:
     return np.asarray(np.square(1 - ratio))
 
 
-def tukey_of_one(residual: Array, contrast: float, step: int) -> Array:
-    """Tukey's weights (n,) of the residuals of one fit, as `tukey` has them.
+def tukey_of_filled(residual: Array, contrast: Array, step: int) -> Array:
+    """Tukey's weights (m, n) of the residuals of m fits, as `tukey` has them, all of weight 1.
 
     Parameters
     ----------
-    residual : (n,) array
+    residual : (m, n) array
         Grey levels.
     contrast, step
         As for `tukey`.
     """
-    middle = len(residual) // 2
-    scale = SIGMA_OF_MEDIAN * float(np.partition(np.abs(residual), middle)[middle])
-    scale = max(scale, _MISFIT[min(step, 2) - 1] * contrast, 1.0)
-    ratio = np.minimum(np.square(residual / (_TUKEY * scale)), 1.0)
+    some = np.abs(residual[:, :: max(residual.shape[1] // _ENOUGH_FOR_SCALE, 1)])
+    middle = some.shape[1] // 2
+    scale = SIGMA_OF_MEDIAN * np.partition(some, middle, axis=1)[:, middle]
+    scale = np.maximum(np.maximum(scale, _MISFIT[min(step, 2) - 1] * contrast), 1.0)
+    ratio = np.minimum(np.square(residual * (1 / (_TUKEY * scale))[:, None]), 1.0)
     return np.asarray(np.square(1 - ratio))
 
 
@@ -110,37 +113,83 @@ def believable(contrast: Array, kept: Array, sigma: Array, noise: Array) -> Mask
     )
 
 
-def by_cell(moves: Array, lit: Array, cells: int) -> Array:
-    """(8, c) what is left of the grey levels of each cell says that the homography should move."""
-    column, row = (np.floor((v + 1) * cells / 2).astype(np.intp) for v in lit[1:])
-    side = cells + 2
-    cell = np.clip(row + 1, 0, side - 1) * side + np.clip(column + 1, 0, side - 1)
-    sums = [np.bincount(cell, one, minlength=side * side) for one in moves]
-    return np.array(sums, dtype=float)[:, np.bincount(cell, minlength=side * side) > 0]
+def by_cell(moves: Array, lit: Array, counts: Mask, cells: int) -> tuple[Array, Array]:
+    """What is left of the grey levels of each cell says that a homography should move.
+
+    Parameters
+    ----------
+    moves : (m, 8, n) array
+        What each pixel says.
+    lit : (m, 3, n) array
+        1 and the places of pixels in the print.
+    counts : (m, n) array of bool
+        Whether pixels are the print's.
+    cells : int
+        Along a side.
+
+    Returns
+    -------
+    sums : (m, 8, (cells + 2)^2) array
+        Of the moves in each cell, those of the rim included.
+    occupied : (m,) array
+        How many cells hold a pixel.
+    """
+    m, side = len(moves), cells + 2
+    column, row = (
+        np.minimum(np.maximum((lit[:, k] + 1) * (cells / 2) + 1, 0), side - 1).astype(np.intp)
+        for k in (1, 2)
+    )
+    cell = (row * side + column + side * side * np.arange(m)[:, None]).ravel()
+    size = m * side * side
+    sums = [np.bincount(cell, moves[:, k].ravel(), minlength=size) for k in range(moves.shape[1])]
+    held = np.bincount(cell, counts.ravel(), minlength=size).reshape(m, -1)
+    found = np.array(sums, dtype=float).reshape(len(sums), m, -1).transpose(1, 0, 2)
+    return found, (held > 0).sum(1)
 
 
-def excess_of_cells(slopes: Array, spread: Array, moves: Array, unknowns: int) -> float:
-    """By how much the corners' variances are larger than noise of single pixels makes them.
+def excess_of_cells(
+    slopes: Array, spread: Array, moves: Array, occupied: Array, unknowns: int
+) -> Array:
+    """By how much (m,) the corners' variances are larger than noise of single pixels makes them.
 
     Where what is left has the same sign along a boundary (the model of the blur, the light, the
     print), whole cells err together: the sum of squares over cells has that, that over pixels
     has not (Huber's sandwich, by cells).
     """
-    cells = moves.shape[1]
-    together = slopes @ (moves @ moves.T) @ np.swapaxes(slopes, 1, 2)
-    single = slopes @ spread @ np.swapaxes(slopes, 1, 2)
-    ratio = np.trace(together, axis1=1, axis2=2).sum() / np.trace(single, axis1=1, axis2=2).sum()
-    return float(max(ratio * cells / max(cells - unknowns, 1), 1.0))
+    squares = moves @ np.swapaxes(moves, 1, 2)
+    turned = np.swapaxes(slopes, -1, -2)
+    together, single = (
+        np.trace(slopes @ one[:, None] @ turned, axis1=-2, axis2=-1).sum(-1)
+        for one in (squares, spread)
+    )
+    return np.asarray(
+        np.maximum(together / single * occupied / np.maximum(occupied - unknowns, 1), 1.0)
+    )
 
 
 def share_explained(
     change: Array, step: tuple[Array, Array, Array], weights: Array, left: Array
-) -> float:
-    """Which share of what is left (n,) one more unknown would explain, with a derivative (n,).
+) -> Array:
+    """Which share (m,) of what is left (m, n) one more unknown would explain.
 
-    ``step`` is the Jacobian, the same with weights, and the inverse of the normal matrix.
+    Its derivatives are ``change`` (m, n). ``step`` is the Jacobian, the same with weights, and the
+    inverse of the normal matrix.
     """
     jacobian, weighted, inverse = step
-    own = change - (inverse @ (weighted @ change)) @ jacobian
-    most = float(weights @ own**2) * float(weights @ left**2)
-    return float(weights @ (own * left)) ** 2 / most if most > 0 else 0.0
+    known = inverse @ (weighted @ change[..., None])
+    own = change - (np.swapaxes(known, 1, 2) @ jacobian)[:, 0]
+    most = (weights * own**2).sum(1) * (weights * left**2).sum(1)
+    explained = (weights * own * left).sum(1) ** 2
+    return np.asarray(np.where(most > 0, explained / np.where(most > 0, most, 1.0), 0.0))
+
+
+def inverses(normal: Array) -> Array:
+    """(m, u, u) inverses of normal matrices; NaN for those that have none."""
+    try:
+        return np.asarray(np.linalg.inv(normal), dtype=float)
+    except np.linalg.LinAlgError:
+        found = np.full_like(normal, np.nan)
+        for i, one in enumerate(normal):
+            if np.linalg.matrix_rank(one) == len(one):
+                found[i] = np.linalg.inv(one)
+        return found

@@ -52,9 +52,16 @@ def sampled(image: Levels, x: Array, y: Array) -> Array:
 
 
 def _monomials(x: Array, y: Array, degree: int) -> Array:
-    """(k, n) monomials of x and y (n,) up to a degree."""
-    powers = [(i - j, j) for i in range(degree + 1) for j in range(i + 1)]
-    return np.stack([x**i * y**j for i, j in powers])
+    """(k, ...) monomials of x and y (...) up to a degree: x^i, x^(i - 1) y ... y^i for each i."""
+    powers = np.empty(((degree + 1) * (degree + 2) // 2, *x.shape))
+    powers[0] = 1.0
+    before = 0
+    for i in range(1, degree + 1):
+        first = before + i
+        np.multiply(powers[before:first], x, out=powers[first : first + i])
+        np.multiply(powers[first - 1], y, out=powers[first + i])
+        before = first
+    return powers
 
 
 def _nodes(count: int) -> Array:
@@ -93,20 +100,24 @@ class Flat:
         flat = undistort(pixels, self.parameters) * self.parameters[:2] + self.parameters[2:4]
         return np.asarray(flat)
 
-    def from_patch(self, pixels: Array) -> Array:
-        """(n, 2) undistorted pixels of some that lie near each other.
+    def from_patches(self, places: Array) -> None:
+        """Put undistorted pixels in the place of pixels (m, 3, n), homogeneous, in m patches.
 
         Over some dozen pixels the lens is as good as a polynomial of the second degree, over some
         hundred as one of the fourth, fitted here at 9 or 25 places.
         """
-        if self.parameters is None or len(pixels) == 0:
-            return pixels
-        low, high = pixels.min(0), pixels.max(0)
+        if self.parameters is None or places.size == 0:
+            return
+        pixels = places[:, :2]
+        low, high = pixels.min(-1), pixels.max(-1)
         middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1.0)
         degree = 2 if 2 * half.max() < _SMALL_PATCH else 4
-        bends = _FROM_NODES[degree] @ self.from_image(middle + half * _NODES[degree])
-        x, y = ((pixels - middle) / half).T
-        return np.asarray(bends.T @ _monomials(x, y, degree)).T
+        nodes = middle[:, None] + half[:, None] * _NODES[degree]
+        bends = _FROM_NODES[degree] @ self.from_image(nodes)
+        x, y = ((pixels - middle[..., None]) / half[..., None]).transpose(1, 0, 2)
+        powers = _monomials(x, y, degree)
+        for i, bend in enumerate(bends):
+            np.matmul(bend.T, powers[:, i], out=places[i, :2])
 
     def to_image(self, flat: Array) -> Array:
         """(..., 2) pixels of undistorted ones."""

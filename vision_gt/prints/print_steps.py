@@ -1,0 +1,349 @@
+"""Steps that lead prints to where their grey levels are those of an image."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from validation.poses.angles import Array
+from vision_gt.prints.grey_fits import (
+    AMOUNT_INFORMATION,
+    BLUR_INFORMATION,
+    HALO_FROM,
+    HALO_WIDTH,
+    LEAST_BLUR,
+    MOST_AMOUNT,
+    MOST_BLUR,
+    SATURATED,
+    START_BLUR,
+    inverses,
+    share_explained,
+    tukey_of_filled,
+)
+from vision_gt.prints.pixels import (
+    SQUARE,
+    Seen,
+    mapped,
+    white_rims,
+)
+from vision_gt.prints.print_look import (
+    Places,
+    Whiteness,
+    boundaries,
+    contrast_of_light,
+    fill_by_light,
+    places_in_print,
+    whiteness,
+)
+
+Ints = npt.NDArray[np.intp]
+Mask = npt.NDArray[np.bool_]
+
+_CORNERS_BY_CHANGE = np.array(
+    [
+        [[x, y, 1, 0, 0, 0, -x * x, -x * y], [0, 0, 0, x, y, 1, -x * y, -y * y]]
+        for x, y in SQUARE.tolist()
+    ]
+)
+"""Derivative (4, 2, 8) of the corners in the print by a change D of H (1 + D)."""
+BLUR = 8
+"""Eight of the homography, the blur, three of the light on black, three of that on white, and for a
+large marker how that bends (three more); and for an image that was sharpened, how much."""
+_MOST_STEPS, _MOST_SHARPENED = 8, 25
+"""A judgement: one that has not ended by then has found no print. Amount and blur go together, and
+more so where white and black are cut off: there it takes up to twenty."""
+_CONVERGED, _DIVERGED = 0.05, 3.0
+"""Pixels that a corner moves: as steps shrink fast, the one after would be far smaller; and more
+than the start is off, which is a pixel or two."""
+_NEAR = 0.06
+"""The same for a step from where a fit to some of the pixels came to rest: blur and light are known
+by then, and what is not linear in such a step is below a thousandth."""
+_EVERY = 2
+"""Of the pixels of first steps one of so many is enough to look for sharpening."""
+_SAME_RIM, _MOST_ROUNDS = 0.03, 2
+"""Share of the pixels that may still come or go, and how often it is judged at most."""
+_SETTLED = 0.3
+"""Pixels that a corner moves when it is good enough to judge what lies beyond the rim."""
+
+
+@dataclass(frozen=True)
+class State:
+    """Homographies (m, 3, 3) from prints to undistorted pixels, and how these look.
+
+    Blur (m,) in pixels, light (m, 6 or 9), amounts (m,) of sharpening, and its radii (m,) in pixels
+    where such is sought.
+    """
+
+    H: Array
+    blur: Array
+    light: Array
+    amount: Array
+    radius: Array | None
+
+    @property
+    def contrast(self) -> Array:
+        """Grey levels (m,) between white and black, in the middle of the print."""
+        return np.asarray(self.light[:, 3] - self.light[:, 0])
+
+    def of(self, rows: Ints | Mask) -> "State":
+        """Those of some prints."""
+        radius = None if self.radius is None else self.radius[rows]
+        return State(self.H[rows], self.blur[rows], self.light[rows], self.amount[rows], radius)
+
+    @property
+    def unknowns(self) -> int:
+        """How many a fit has."""
+        return BLUR + 1 + int(self.light.shape[1]) + (self.radius is not None)
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Where the steps of some prints came to rest, ``rows`` of those that were fitted together.
+
+    Parameters
+    ----------
+    rows : (m,) array of int
+        Which prints.
+    state : State
+        After the last step.
+    lit : (m, 3, n) array
+        1 and the places of pixels in the prints.
+    told : (m, n) array of bool
+        Which pixels tell something.
+    jacobian, weighted : (m, u, n) array
+        Of the last step, without and with the weights.
+    inverse : (m, u, u) array
+        Of its normal matrix.
+    weights, left : (m, n) array
+        Of the grey levels, and what is left of them.
+    at, look
+        The places of pixels in the prints, and how these look there.
+    """
+
+    rows: Ints
+    state: State
+    lit: Array
+    told: Mask
+    jacobian: Array
+    weighted: Array
+    inverse: Array
+    weights: Array
+    left: Array
+    at: Places
+    look: Whiteness
+
+    def of(self, chosen: Mask) -> "Rest":
+        """That of some of the prints."""
+        parts = {
+            one.name: getattr(self, one.name)[chosen]
+            for one in fields(Rest)
+            if one.name not in ("state", "at", "look")
+        }
+        at = Places(*(getattr(self.at, one.name)[chosen] for one in fields(Places)))
+        look = Whiteness(*(getattr(self.look, one.name)[chosen] for one in fields(Whiteness)))
+        return Rest(state=self.state.of(chosen), at=at, look=look, **parts)
+
+
+def steps_to_rest(
+    seen: Seen, state: State, *, together: bool = False, rims_judged: bool = False
+) -> list[Rest]:
+    """Where steps from a state come to rest; those that find none are in no rest.
+
+    Parameters
+    ----------
+    seen : Seen
+        The pixels.
+    state : State
+        Where to begin. One without light is the very first.
+    together : bool
+        Whether all steps go on until each print is at rest.
+    rims_judged : bool
+        Whether the state was fitted without what is beyond the rims.
+    """
+    enough = _NEAR if rims_judged else _CONVERGED
+    fresh = not state.light.any()
+    rests: list[Rest] = []
+    rows = np.arange(len(seen.grey))
+    plain = np.asarray(~seen.zone.any(1))
+    rounds, settled = np.full(len(rows), int(rims_judged)), np.full(len(rows), not fresh)
+    used = seen.counts
+    jacobian, weighted = _room(seen, state), _room(seen, state)
+    for step in range(1, (_MOST_STEPS if state.radius is None else _MOST_SHARPENED) + 1):
+        at, lit = places_in_print(state.H, seen.places)
+        look, sharper = _look(state, seen.cells, at)
+        by_light = jacobian[:, BLUR + 1 : BLUR + 1 + state.light.shape[1]]
+        fill_by_light(lit, look.white, by_light)
+        if step == 1 and fresh:
+            # Neither the light nor the amount has a start of its own: the first look tells them.
+            state = _lit(state, by_light, sharper, seen)
+            if sharper is not None:
+                look, sharper = _look(state, seen.cells, at)
+                fill_by_light(lit, look.white, by_light)
+        residual = seen.grey - (state.light[:, None] @ by_light)[:, 0]
+        _jacobian(look, lit, state.light, sharper, jacobian)
+        judge = settled & ~plain & (rounds < _MOST_ROUNDS)
+        if judge.any():
+            white = np.where(judge[:, None], white_rims(seen.zone, residual, seen.counts), used)
+            changed = (white != used).sum(1) / np.maximum(seen.counts.sum(1), 1)
+            more = np.where(changed < _SAME_RIM, _MOST_ROUNDS, rounds + 1)
+            rounds = np.where(judge, more, rounds)
+            used = np.asarray(white)
+        told = _not_cut_off(seen.grey, residual, used)
+        weights = tukey_of_filled(residual, state.contrast, step + (not fresh)) * told
+        np.multiply(jacobian, weights[:, None], out=weighted)
+        inverse, change = _solved(jacobian, weighted, residual, state)
+        moved = np.abs((corners_of(state.H)[1] @ change[:, None, :BLUR, None])[..., 0]).max((1, 2))
+        state = _changed(state, change)
+        settled = moved < _SETTLED
+        alive = np.asarray(moved < _DIVERGED)
+        done = (moved < enough) & (plain | (rounds >= _MOST_ROUNDS))
+        if together:
+            done &= bool((done | ~alive).all())
+        if done.any():
+            # The last step was small: what it changed is linear.
+            left = residual - (change[:, None] @ jacobian)[:, 0]
+            last = Rest(
+                rows, state, lit, told, jacobian, weighted, inverse, weights, left, at, look
+            )
+            rests.append(last if done.all() else last.of(done))
+        go = np.asarray(alive & ~done)
+        if not go.any():
+            break
+        if not go.all():
+            seen, state, used = seen.of(go), state.of(go), used[go]
+            rows, plain, rounds, settled = rows[go], plain[go], rounds[go], settled[go]
+        if not go.all() or done.any():
+            jacobian, weighted = _room(seen, state), _room(seen, state)
+    return rests
+
+
+def _room(seen: Seen, state: State) -> Array:
+    """(m, u, n) room for derivatives: made once, as fresh memory costs more than filling it."""
+    return np.empty((len(seen.grey), state.unknowns, seen.grey.shape[1]))
+
+
+def _not_cut_off(grey: Array, residual: Array, used: Mask) -> Mask:
+    """Where light is cut off as the model foretells, a pixel says no more: no outlier."""
+    bright, dark = grey >= SATURATED, grey <= 255 - SATURATED
+    if not (bright.any() or dark.any()):
+        return used
+    return np.asarray(used & ~((bright & (residual < 0)) | (dark & (residual > 0))))
+
+
+def _solved(jacobian: Array, weighted: Array, residual: Array, state: State) -> tuple[Array, Array]:
+    """Inverses (m, u, u) of the normal matrices, and steps (m, u); NaN where there are none."""
+    normal = weighted @ np.swapaxes(jacobian, 1, 2)
+    right = (weighted @ residual[..., None])[..., 0]
+    normal[:, BLUR, BLUR] += BLUR_INFORMATION
+    right[:, BLUR] += BLUR_INFORMATION * (START_BLUR - state.blur)
+    if state.radius is not None:
+        normal[:, -1, -1] += AMOUNT_INFORMATION
+        right[:, -1] -= AMOUNT_INFORMATION * state.amount
+    inverse = inverses(normal)
+    return inverse, (inverse @ right[..., None])[..., 0]
+
+
+def _lit(state: State, by_light: Array, sharper: Array | None, seen: Seen) -> State:
+    """The state with the light, and the amount of sharpening, that explain grey levels best.
+
+    Both are linear: sharpening adds the amount times the contrast times ``sharper`` (m, n).
+    """
+    rows = by_light
+    if sharper is not None:
+        rows = np.concatenate([by_light, sharper[:, None]], axis=1)
+    counted = rows * seen.counts[:, None]
+    normal = counted @ np.swapaxes(rows, 1, 2)
+    if sharper is not None:
+        normal[:, -1, -1] += AMOUNT_INFORMATION
+    found = inverses(normal) @ (counted @ seen.grey[..., None])
+    light = np.asarray(found[:, : by_light.shape[1], 0])
+    if sharper is None:
+        return replace(state, light=light)
+    amount = found[:, -1, 0] / np.maximum(light[:, 3] - light[:, 0], 1.0)
+    return replace(state, light=light, amount=np.clip(amount, 0.0, MOST_AMOUNT))
+
+
+def variances(rest: Rest) -> Array:
+    """Of the grey levels that are left (m,), square levels."""
+    freedom = np.maximum(rest.weights.sum(1) - rest.inverse.shape[1], 1.0)
+    return np.asarray((rest.weights * rest.left**2).sum(1) / freedom)
+
+
+def haloes(rest: Rest, cells: Array) -> Array:
+    """Which share (m,) of what is left looks as if the image had been sharpened.
+
+    Parameters
+    ----------
+    rest : Rest
+        Of a fit without sharpening.
+    cells : (m, s, s) array
+        Of its prints.
+    """
+    large = np.sqrt(variances(rest)) > HALO_FROM * rest.state.contrast
+    if not large.any():
+        return np.zeros(len(large))
+    wide = np.hypot(rest.state.blur, HALO_WIDTH)
+    at = Places(*(getattr(rest.at, one.name)[:, ::_EVERY] for one in fields(Places)))
+    soft = whiteness(cells, at, wide, boundaries(at, wide, cells)).white
+    jacobian, weighted = rest.jacobian[..., ::_EVERY], rest.weighted[..., ::_EVERY]
+    # Of fewer pixels the normal matrix is as much smaller.
+    tried = jacobian, weighted, _EVERY * rest.inverse
+    weights, left = rest.weights[:, ::_EVERY], rest.left[:, ::_EVERY]
+    share = share_explained(rest.look.white[:, ::_EVERY] - soft, tried, weights, left)
+    return np.where(large, share, 0.0)
+
+
+def _look(state: State, cells: Array, at: Places) -> tuple[Whiteness, Array | None]:
+    """The share of white, sharpened by the state's amounts; and its derivative by these."""
+    if state.radius is None:
+        return whiteness(cells, at, state.blur, boundaries(at, state.blur, cells)), None
+    wide = np.hypot(state.blur, state.radius)
+    reached = boundaries(at, wide, cells)
+    sharp = whiteness(cells, at, state.blur, reached)
+    soft = whiteness(cells, at, wide, reached)
+    a, narrower = state.amount[:, None], (state.blur / wide)[:, None]
+    mixed = Whiteness(
+        (1 + a) * sharp.white - a * soft.white,
+        (1 + a) * sharp.by_x - a * soft.by_x,
+        (1 + a) * sharp.by_y - a * soft.by_y,
+        (1 + a) * sharp.by_blur - a * soft.by_blur * narrower,
+    )
+    return mixed, sharp.white - soft.white
+
+
+def _jacobian(
+    look: Whiteness, lit: Array, light: Array, sharper: Array | None, full: Array
+) -> None:
+    """Fill in the derivative (m, u, n) of the grey levels by all unknowns but the light."""
+    contrast = contrast_of_light(light, lit)
+    places = lit[:, 1:]
+    across, down = full[:, 2], full[:, 5]
+    np.multiply(-contrast, look.by_x, out=across)
+    np.multiply(-contrast, look.by_y, out=down)
+    np.multiply(across[:, None], places, out=full[:, :2])
+    np.multiply(down[:, None], places, out=full[:, 3:5])
+    away = full[:, 0] + full[:, 4]
+    np.multiply(-away[:, None], places, out=full[:, 6:8])
+    np.multiply(contrast, look.by_blur, out=full[:, BLUR])
+    if sharper is not None:
+        np.multiply(contrast, sharper, out=full[:, -1])
+
+
+def _changed(state: State, change: Array) -> State:
+    """The state after steps (m, u)."""
+    m, last = len(change), BLUR + 1 + state.light.shape[1]
+    D = np.concatenate([change[:, :BLUR], np.zeros((m, 1))], axis=1).reshape(m, 3, 3)
+    blur = np.clip(state.blur + change[:, BLUR], LEAST_BLUR, MOST_BLUR)
+    amount = state.amount
+    if change.shape[1] > last:
+        amount = np.clip(amount + change[:, last], 0.0, MOST_AMOUNT)
+    light = state.light + change[:, BLUR + 1 : last]
+    return State(state.H @ (np.eye(3) + D), blur, light, amount, state.radius)
+
+
+def corners_of(H: Array) -> tuple[Array, Array]:
+    """Corners (m, 4, 2), and their derivatives (m, 4, 2, 8) by a change D of H (1 + D)."""
+    corners = mapped(H, SQUARE)
+    ahead = SQUARE @ H[:, 2, :2, None] + H[:, 2, 2, None, None]
+    slope = (H[:, None, :2, :2] - corners[..., None] * H[:, None, 2:, :2]) / ahead[..., None]
+    return corners, np.asarray(slope @ _CORNERS_BY_CHANGE)
