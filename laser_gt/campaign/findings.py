@@ -30,6 +30,8 @@ def laser_findings(outcome: LaserOutcome) -> list[Finding]:
     """Findings in the order in which they should be read."""
     severity: Severity = "warning" if outcome.solutions else "error"
     found = [Finding(severity, text, "laser", "no_poses") for text in outcome.failures.values()]
+    if outcome.slip and outcome.solutions:
+        found.append(Finding("error", outcome.slip, "laser", "laser_slip"))
     found += [Finding("note", text, "laser", "left_out") for text in outcome.inputs.left_out]
     found += [Finding("note", text, "laser", "assumed_mount") for text in outcome.inputs.assumed]
     found += _moving(outcome)

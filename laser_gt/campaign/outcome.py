@@ -40,6 +40,8 @@ class LaserOutcome:
         Of the scanners that neighbouring stops show it of.
     keys : mapping of str to str
         Hash of all that the matches of each engine depend on.
+    slip : str
+        What was mixed up in the files, where that explains why hardly any match is accepted.
     """
 
     settings: LaserSettings
@@ -55,3 +57,4 @@ class LaserOutcome:
     published: Published | None
     noise: Mapping[str, RangeNoise] = field(default_factory=dict)
     keys: Mapping[Engine, str] = field(default_factory=dict)
+    slip: str = ""
