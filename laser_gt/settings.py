@@ -132,7 +132,8 @@ class DriveSettings(Settings):
 
     ``scans`` is the log, ``format`` what it is. ``odometry`` is a file of poses in time, in any
     format of trajectories; without it the poses that came along in the log are used, in a bag
-    those of its Odometry or transforms, of which ``odometry_topic`` and ``odometry_body`` choose.
+    those of its Odometry or transforms, of which ``odometry_topic`` and ``odometry_body`` choose;
+    ``odometry_degrees`` says whether its angles are degrees, where a file leaves that open.
     ``stops`` has the columns pose, from, to: when the robot stood where, on the clock of the
     odometry. ``reference`` lists the surveyed stops that hold the drive; empty for all.
     ``max_delay`` is how far apart scans of several scanners may be, in seconds. ``scanners`` has
@@ -143,6 +144,7 @@ class DriveSettings(Settings):
     format: Literal["csv", "carmen", "rawseeds_sick", "rawseeds_hokuyo", "bag", "csm",
                     "breezyslam", "rawlog"] = "csv"  # fmt: skip
     odometry: str | None = None
+    odometry_degrees: bool | None = None
     odometry_topic: str | None = None
     odometry_body: str | None = None
     stops: str = "laser/drive/stops.csv"

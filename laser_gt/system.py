@@ -30,11 +30,18 @@ class LaserSystem:
         return [campaign.folder / file for file in files]
 
     def optional_inputs(self, campaign: "Campaign") -> list[Path]:
-        """Those of them that need not be there: what a log holds itself, and decisions."""
+        """Those of them that need not be there: decisions, and what is not stated.
+
+        Without odometry scans find their way alone, or by what a log holds itself; scans of a table
+        say themselves which stop they are of.
+        """
         settings = campaign.section("laser", LaserSettings)
-        of_log = settings.odometry_format == "csv" and settings.format != "csv"
-        own = settings.odometry if of_log else settings.stops
-        return [campaign.folder / file for file in (settings.decisions, own)]
+        files = [settings.decisions]
+        if "odometry" not in settings.model_fields_set:
+            files.append(settings.odometry)
+        if settings.format == "csv":
+            files.append(settings.stops)
+        return [campaign.folder / file for file in files]
 
     def solve(self, campaign: "Campaign", progress: "Progress", **choices: Any) -> "SystemResult":
         """Poses by scan matching and by the genetic aligner, findings and report sections.

@@ -125,7 +125,8 @@ def verdict_table(matching: Matching) -> Table:
         chosen = matching.of(verdict)
         common = Counter(_kind(reason) for one in chosen for reason in one.reasons).most_common(3)
         rows.append([verdict, len(chosen), "; ".join(f"{kind} ({n})" for kind, n in common)])
-    return Table("Verdicts on the matches", ["verdict", "matches", "most common reasons"], rows)
+    title = f"Verdicts on the matches by {matching.engine}"
+    return Table(title, ["verdict", "matches", "most common reasons"], rows)
 
 
 def fitness_table(matching: Matching) -> Table:
@@ -155,8 +156,8 @@ def fitness_table(matching: Matching) -> Table:
 
 
 def _kind(reason: str) -> str:
-    """A reason with N for its numbers."""
-    return re.sub(r"-?\d[\d.]*", "N", reason)
+    """A reason with dots for its numbers."""
+    return re.sub(r"-?\d[\d.]*", "..", reason)
 
 
 def pose_table(solution: LaserSolution) -> Table:

@@ -24,6 +24,7 @@ from validation.results import VALIDATION_SYSTEM
 from validation.trajectories.formats import read_trajectory
 from validation.trajectories.stops import Stop, read_stops
 
+ANGLE_OPEN = "an angle of more than two turns, which may be degrees"
 FEWEST = 2
 """Poses of odometry that are a motion."""
 
@@ -133,7 +134,16 @@ def _odometry(campaign: Campaign, settings: DriveSettings, log: Path) -> Traject
         if told is None:
             return None
         topic, body = told
-    found = read_trajectory(path, system="odometry", topic=topic, body=body).planar()
+    degrees = settings.odometry_degrees
+    try:
+        found = read_trajectory(path, system="odometry", topic=topic, body=body, degrees=degrees)
+    except InputError as error:
+        if degrees is None and any(one.field == "angle" for one in error.problems):
+            key = "say in campaign.toml, below [laser_drive], odometry_degrees = true, or false"
+            problems = [replace(one, expected=f"{ANGLE_OPEN}: {key}") for one in error.problems]
+            raise InputError(problems) from None
+        raise
+    found = found.planar()
     if not found.has_orientation:
         raise InputError([Problem(path, "odometry needs headings; these are positions only")])
     if len(found) < FEWEST:
