@@ -8,16 +8,12 @@ import numpy as np
 from laser_gt.campaign.inputs import ASSUMED_SIGMAS
 from laser_gt.campaign.outcome import LaserOutcome
 from laser_gt.logs.motion import MIRROR
-from laser_gt.placing.guesses import GENEROUS, guess_deviations, guess_scatter
+from laser_gt.placing.guesses import scatter_from_stop_to_stop, wider_guesses
 from laser_gt.placing.solution import LaserSolution
 from laser_gt.placing.survey_check import doubt_sizes, doubt_text, shape_of, survey_doubt
 from laser_gt.placing.switches import WRONG_SHARE
 from validation.poses.angles import Array
 from validation.results import Finding, Severity, Size
-
-WORSE = 1.5
-"""Guesses are called worse than stated beyond this factor: pairs share the motions that they are
-made of, and from 25 motions a deviation is known to a quarter of itself only."""
 
 MISFIT = 1.5
 """Matches are called contradictory where they contradict each other by this factor more than
@@ -30,8 +26,9 @@ def laser_findings(outcome: LaserOutcome) -> list[Finding]:
     """Findings in the order in which they should be read."""
     severity: Severity = "warning" if outcome.solutions else "error"
     found = [Finding(severity, text, "laser", "no_poses") for text in outcome.failures.values()]
-    if outcome.slip and outcome.solutions:
-        found.append(Finding("error", outcome.slip, "laser", "laser_slip"))
+    if outcome.slip is not None and outcome.solutions:
+        size = (Size("share of pairs accepted with it put right", outcome.slip.share),)
+        found.append(Finding("error", outcome.slip.text, "laser", "laser_slip", size))
     found += [Finding("note", text, "laser", "left_out") for text in outcome.inputs.left_out]
     found += [Finding("note", text, "laser", "assumed_mount") for text in outcome.inputs.assumed]
     found += _moving(outcome)
@@ -238,31 +235,36 @@ def _mount_sizes(values: Array, what: str = "stated less found") -> tuple[Size, 
 
 def _guesses(outcome: LaserOutcome) -> Iterator[Finding]:
     """Whether the guesses were as good as stated, by what the accepted matches say."""
-    sigmas = np.array(outcome.settings.guess_sigmas)
+    sigmas = outcome.settings.guess_sigmas
+    before = outcome.assumed_guesses
     stated = "stated" if "guess_sigmas" in outcome.settings.model_fields_set else "assumed"
-    place = {stop: number for number, stop in enumerate(outcome.inputs.stops)}
-    chain = outcome.trajectory.poses
     for matching in outcome.matchings.values():
         free = [
             one
             for one in matching.matches
             if (one.reference, one.moving) not in outcome.inputs.decisions
         ]
-        expected = [
-            guess_deviations(chain, place[one.reference], place[one.moving], sigmas.tolist())
-            for one in free
-        ]
-        scatter = guess_scatter(free, np.array(expected).reshape(-1, 2) / sigmas)
+        scatter = scatter_from_stop_to_stop(
+            outcome.inputs.stops, outcome.trajectory.poses, free, sigmas
+        )
         if scatter is None:
             continue
         text = (
             f"from stop to stop the initial guesses are off by {scatter[0] * 1e3:.0f} mm and "
             f"{scatter[1] * 1e3:.0f} mrad (standard deviation about the accepted matches; "
-            f"{stated}: {sigmas[0] * 1e3:.0f} mm and {sigmas[1] * 1e3:.0f} mrad)"
         )
-        worse = bool((scatter > WORSE * sigmas).any())
-        if worse:
-            wider = np.maximum(GENEROUS * scatter, sigmas)
+        if before is None:
+            text += f"{stated}: {sigmas[0] * 1e3:.0f} mm and {sigmas[1] * 1e3:.0f} mrad)"
+        else:
+            text += (
+                f"{before[0] * 1e3:.0f} mm and {before[1] * 1e3:.0f} mrad were assumed, and as the "
+                "first matches showed more, all pairs were matched again with "
+                f"{sigmas[0] * 1e3:.0f} mm and {sigmas[1] * 1e3:.0f} mrad; state them: [laser] "
+                f"guess_sigmas = [{sigmas[0]:.2g}, {sigmas[1]:.2g}])"
+            )
+        wider = wider_guesses(scatter, sigmas)
+        worse = wider is not None
+        if wider is not None:
             text += (
                 f". They are worse than {stated}, so the right pose of some pairs may lie outside "
                 f"the search: set [laser] guess_sigmas = [{wider[0]:.2g}, {wider[1]:.2g}]"

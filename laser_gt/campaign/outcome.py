@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from laser_gt.campaign.inputs import LaserInputs
+from laser_gt.campaign.slips import Slip
 from laser_gt.placing.anchors import Surveyed
 from laser_gt.placing.engines import Engine, Matching
 from laser_gt.placing.guesses import Trajectory
@@ -40,8 +41,10 @@ class LaserOutcome:
         Of the scanners that neighbouring stops show it of.
     keys : mapping of str to str
         Hash of all that the matches of each engine depend on.
-    slip : str
+    slip : Slip or None
         What was mixed up in the files, where that explains why hardly any match is accepted.
+    assumed_guesses : (float, float) or None
+        Standard deviations of the guesses that were assumed before the matches showed more.
     """
 
     settings: LaserSettings
@@ -57,4 +60,5 @@ class LaserOutcome:
     published: Published | None
     noise: Mapping[str, RangeNoise] = field(default_factory=dict)
     keys: Mapping[Engine, str] = field(default_factory=dict)
-    slip: str = ""
+    slip: Slip | None = None
+    assumed_guesses: tuple[float, float] | None = None

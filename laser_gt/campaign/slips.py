@@ -1,7 +1,7 @@
 """Which slip of the pen would explain that hardly any scans come to lie on each other."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,8 +24,24 @@ least. Of a thousand pairs with no right answer none is accepted (`benchmarks/la
 so that three of ten are no chance; with right files, but stops far apart, four of ten were."""
 
 
-def likely_slip(inputs: LaserInputs, settings: MatchSettings) -> str:
-    """What was mixed up in mount, scans or odometry, in words; nothing where no slip explains it.
+@dataclass(frozen=True)
+class Slip:
+    """What was mixed up.
+
+    Parameters
+    ----------
+    text : str
+        In words.
+    share : float
+        Of the pairs tried that are accepted with it put right.
+    """
+
+    text: str
+    share: float
+
+
+def likely_slip(inputs: LaserInputs, settings: MatchSettings) -> Slip | None:
+    """What was mixed up in mount, scans or odometry; None where no slip explains it.
 
     Parameters
     ----------
@@ -41,7 +57,7 @@ def likely_slip(inputs: LaserInputs, settings: MatchSettings) -> str:
     """
     odometry = inputs.odometry
     if odometry is None or len(inputs.sweeps) < 4:
-        return ""
+        return None
     pairs = _nearest(odometry)
     sweeps = inputs.sweeps
 
@@ -56,7 +72,7 @@ def likely_slip(inputs: LaserInputs, settings: MatchSettings) -> str:
         return float(np.mean(good))
 
     if share(compose(odometry, inputs.mount), sweeps) > SELDOM:
-        return ""
+        return None
     tried = {
         f"The mount of the laser. {said}": share(compose(odometry, meant), sweeps)
         for said, meant in mount_slips(inputs.mount).items()
@@ -69,12 +85,13 @@ def likely_slip(inputs: LaserInputs, settings: MatchSettings) -> str:
             tried[f"The scans. {said}"] = share(compose(odometry, inputs.mount), other)
     best = max(tried.values())
     if best < OFTEN:
-        return ""
+        return None
     likely = [said for said, good in tried.items() if good >= max(0.8 * best, OFTEN)]
-    return (
+    text = (
         "hardly any scans of stops near each other come to lie on one another as the files have "
         f"them; they do with this put right: {'. Or: '.join(likely)}"
     )
+    return Slip(text, best)
 
 
 def _nearest(odometry: Array) -> list[tuple[int, int]]:

@@ -12,7 +12,11 @@ from laser_gt.matching.judgement import MatchSettings
 from laser_gt.matching.verdicts import JudgementSettings
 from laser_gt.placing.anchors import Surveyed
 from laser_gt.placing.engines import Engine, EngineSettings, Matching, Report, match_pairs
-from laser_gt.placing.guesses import first_trajectory
+from laser_gt.placing.guesses import (
+    first_trajectory,
+    scatter_from_stop_to_stop,
+    wider_guesses,
+)
 from laser_gt.placing.mounts import check_mount
 from laser_gt.placing.noises import scanner_noise, with_noise
 from laser_gt.placing.pairs import PairSettings, find_pairs
@@ -70,12 +74,23 @@ def solve_campaign(
     inputs = replace(inputs, sweeps=with_noise(inputs.sweeps, noise, stated))
     both: tuple[Engine, ...] = ("scanmatch", "genetic") if settings.genetic else ("scanmatch",)
     wanted = tuple(dict.fromkeys(both if engines is None else engines))
+    poses, assumed = trajectory.poses, None
     kept = {
-        engine: _matched(
-            campaign, inputs, trajectory.poses, settings, engine, _part(progress, at, wanted)
+        wanted[0]: _matched(
+            campaign, inputs, poses, settings, wanted[0], _part(progress, 0, wanted)
         )
-        for at, engine in enumerate(wanted)
     }
+    wider = _wider(inputs, poses, settings, kept[wanted[0]][1])
+    if wider is not None:
+        assumed, settings = (
+            settings.guess_sigmas,
+            settings.model_copy(update={"guess_sigmas": wider}),
+        )
+        kept = {}
+    for at, engine in enumerate(wanted):
+        if engine not in kept:
+            part = _part(progress, at, wanted)
+            kept[engine] = _matched(campaign, inputs, poses, settings, engine, part)
     keys = {engine: key for engine, (key, _) in kept.items()}
     matchings = {engine: one for engine, (_, one) in kept.items()}
     mount = (inputs.mount, inputs.mount_sigmas)
@@ -89,9 +104,9 @@ def solve_campaign(
             failures[engine] = f"{engine}: {error}"
     first = matchings[wanted[0]]
     few = len(first.of("accepted")) <= FEW_ACCEPTED * len(first.matches)
-    slip = likely_slip(inputs, MatchSettings(length, angle)) if few else ""
-    if slip and not solutions:
-        failures = {engine: f"{engine}: {slip}" for engine in failures}
+    slip = likely_slip(inputs, MatchSettings(length, angle)) if few else None
+    if slip is not None and not solutions:
+        failures = {engine: f"{engine}: {slip.text}" for engine in failures}
     if need_poses and not solutions:
         raise GtvalError("\n".join(dict.fromkeys(failures.values())))
     check, note = None, ""
@@ -117,7 +132,19 @@ def solve_campaign(
         noise=noise,
         keys=keys,
         slip=slip,
+        assumed_guesses=assumed,
     )
+
+
+def _wider(
+    inputs: LaserInputs, poses: Array, settings: LaserSettings, first: Matching
+) -> tuple[float, float] | None:
+    """Standard deviations of the guesses by first matches, where these show more than assumed."""
+    if "guess_sigmas" in settings.model_fields_set:
+        return None
+    free = [one for one in first.matches if (one.reference, one.moving) not in inputs.decisions]
+    scatter = scatter_from_stop_to_stop(inputs.stops, poses, free, settings.guess_sigmas)
+    return None if scatter is None else wider_guesses(scatter, settings.guess_sigmas)
 
 
 def _part(progress: Report, at: int, engines: Sequence[Engine]) -> Report:

@@ -17,6 +17,10 @@ GENEROUS = 2.0
 """What to take the guesses' deviations for, over their scatter about the accepted matches: those
 are the easy ones. A judgement: twice as wide a search costs time, a narrow one right poses."""
 
+WORSE = 1.5
+"""Times the expected deviation from which on guesses are worse: a deviation of ten is known to a
+third of itself."""
+
 FEWEST = 10
 """Accepted matches below which nothing is said: from ten, a deviation by medians is known to 37 %
 of itself (1.17 / sqrt(10))."""
@@ -111,3 +115,40 @@ def guess_scatter(matches: Sequence[Match], growth: npt.ArrayLike | None = None)
         off /= np.asarray(growth, dtype=float)[accepted][:, [0, 0, 1]]
     x, y, theta = sigma_from_median(off, axis=0)
     return np.array([np.hypot(x, y) / np.sqrt(2), theta])
+
+
+def wider_guesses(scatter: Array, sigmas: Sequence[float]) -> tuple[float, float] | None:
+    """What to search with where guesses scatter by more than was expected; else None.
+
+    Parameters
+    ----------
+    scatter : (2,) array
+        As of `guess_scatter`.
+    sigmas : (float, float)
+        Expected, metres and radians.
+    """
+    if not (scatter > WORSE * np.array(sigmas)).any():
+        return None
+    length, angle = np.maximum(GENEROUS * scatter, sigmas).tolist()
+    return length, angle
+
+
+def scatter_from_stop_to_stop(
+    stops: Sequence[str], poses: Array, matches: Sequence[Match], sigmas: Sequence[float]
+) -> Array | None:
+    """The same of a step from one stop to the next, from matches of stops further apart, too.
+
+    Parameters
+    ----------
+    stops : sequence of str
+        All, in the order of ``poses``, (n, 3), the chain of the guesses.
+    matches : sequence of Match
+        Whose guesses are of that chain.
+    sigmas : (float, float)
+        Expected of a step, which tells how the errors of steps add up.
+    """
+    place = {stop: number for number, stop in enumerate(stops)}
+    expected = [
+        guess_deviations(poses, place[one.reference], place[one.moving], sigmas) for one in matches
+    ]
+    return guess_scatter(matches, np.array(expected).reshape(-1, 2) / np.array(sigmas))
