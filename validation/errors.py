@@ -9,6 +9,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+LINES_NAMED = 15
+"""Of these, lines whose numbers are told."""
+MANY_ALIKE = 5
+"""Bad places of one kind in one column up to which each has a line: more have one cause."""
 MAX_SHOWN_PROBLEMS = 20
 """As many lines as stay on one screen of a terminal; the others are counted."""
 
@@ -78,8 +82,25 @@ class InputError(GtvalError):
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problems)
-        shown = [str(problem) for problem in self.problems[:MAX_SHOWN_PROBLEMS]]
-        more = len(self.problems) - len(shown)
+        shown = _in_words(self.problems)
+        more = len(shown) - MAX_SHOWN_PROBLEMS
         if more > 0:
-            shown.append(f"… and {more} more.")
+            shown = [*shown[:MAX_SHOWN_PROBLEMS], f"… and {more} more."]
         super().__init__("\n".join(shown))
+
+
+def _in_words(problems: Iterable[Problem]) -> list[str]:
+    """The problems as text; of many alike in one column the first, and how many lines have it."""
+    alike: dict[tuple[str, str | None, str], list[Problem]] = {}
+    for one in problems:
+        alike.setdefault((str(one.file), one.field, one.expected), []).append(one)
+    told = []
+    for one in problems:
+        same = alike[str(one.file), one.field, one.expected]
+        if len(same) <= MANY_ALIKE or one.line is None:
+            told.append(str(one))
+        elif one is same[0]:
+            lines = ", ".join(str(other.line) for other in same[1:LINES_NAMED])
+            left = len(same) - LINES_NAMED
+            told.append(f"{one}; so in lines {lines}" + (f" and {left} more" if left > 0 else ""))
+    return told
