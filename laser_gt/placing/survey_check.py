@@ -248,7 +248,8 @@ def doubt_text(doubt: SurveyDoubt, whose: str) -> str:
 
 def off_text(size: Array, sigmas: Array) -> str:
     """An error of a pose, (3,), with its standard deviations, (3,), in words."""
-    x, y, theta = size * 1e3
+    x, y = np.round(size[:2] * 1e3) + 0.0  # no minus before a zero
+    theta = round(float(size[2]) * 1e3, 1) + 0.0
     sx, sy, st = sigmas * 1e3
     return (
         f"{x:+.0f} mm, {y:+.0f} mm, {theta:+.1f} mrad (standard deviations "
