@@ -77,7 +77,7 @@ def check(count, seed):
 
 
 def test_bad_boards_that_opencv_finds_are_found():
-    check(12, 3)
+    check(6, 3)
 
 
 @pytest.mark.full
