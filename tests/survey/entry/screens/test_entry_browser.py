@@ -73,7 +73,7 @@ def join(browser, served, name):
     browser.get(f"{served.url}/#{served.code}")
     browser.find_element("id", "name").send_keys(name)
     browser.find_element("css selector", "#join button").click()
-    wait(lambda: browser.find_elements("id", "distance"))
+    wait(lambda: browser.find_elements("id", "distance"), seconds=60)
     return browser
 
 
