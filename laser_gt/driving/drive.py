@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from laser_gt.driving.closing import BACK, through_mount
 from laser_gt.driving.graph import (
@@ -123,7 +123,7 @@ def _clock(tracked: Way, robot: Array) -> tuple[ClockEstimate | None, float, flo
     if clock.verdict != "determined":
         return clock, tracked.delay, ROUGH_STEP / 2
     delay = tracked.delay + (clock.delay_s if clock is found else 0.0)
-    widths = (clock.high_s - clock.low_s) / 2 / norm.ppf((1 + clock.confidence) / 2)
+    widths = (clock.high_s - clock.low_s) / 2 / ndtri((1 + clock.confidence) / 2)
     return clock, delay, float(np.hypot(widths, np.nan_to_num(clock.jitter_s)))
 
 

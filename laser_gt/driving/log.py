@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from laser_gt.driving.odometer import Odometer
 from laser_gt.driving.sweeps import Sensor
@@ -115,7 +115,7 @@ class DriveMount:
         """Whether chance does not explain the difference."""
         off = self.difference
         squares = off @ np.linalg.solve(self.covariance + self.stated_covariance, off)
-        return bool(chi2.sf(squares, 3) < RARE)
+        return bool(chdtrc(3, squares) < RARE)
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from scipy.optimize import nnls
-from scipy.stats import chi2
+from scipy.special import chdtr, chdtrc, chdtri
 
 from laser_gt.logs.motion import LONGEST, twist_between
 from laser_gt.scans.planar import between, wrapped
@@ -24,7 +23,7 @@ that counts for nothing beside a few steps, and holds a robot that never turned 
 TRIMMED = 9.0
 """Squared standard deviations from which on a step counts no more, however far it is off: slips and
 wrong matches. Of normal errors three in a thousand."""
-WITHIN = float(chi2.cdf(TRIMMED, 3) + TRIMMED * chi2.sf(TRIMMED, 1))
+WITHIN = float(chdtr(3, TRIMMED) + TRIMMED * chdtrc(1, TRIMMED))
 """Mean square of a normal error of standard deviation 1 that is cut off there: 0.99."""
 ROUNDS = 30
 """Bound on the rounds of the fit of the variances, which changes by a per cent after ten."""
@@ -140,7 +139,9 @@ def _variances(squares: Array, shares: Array, first: Array) -> Array:
     variances are known to before go into one least squares, anew until it stands. The last part is
     not below that of ``first``.
     """
-    found = first * max(float(np.median(squares / (shares @ first))) / chi2.median(1), 1e-6)
+    from scipy.optimize import nnls  # noqa: PLC0415  (processes that place scans do without)
+
+    found = first * max(float(np.median(squares / (shares @ first))) / chdtri(1, 0.5), 1e-6)
     for _ in range(ROUNDS):
         expected = shares @ found
         seen = np.minimum(squares, TRIMMED * expected) / WITHIN
