@@ -7,6 +7,7 @@ import numpy as np
 
 from laser_gt.campaign.inputs import LaserInputs
 from laser_gt.matching.judgement import MatchSettings, match
+from laser_gt.placing.guesses import guess_deviations
 from laser_gt.placing.mounts import mount_slips
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import between, compose
@@ -58,14 +59,13 @@ def likely_slip(inputs: LaserInputs, settings: MatchSettings) -> Slip | None:
     odometry = inputs.odometry
     if odometry is None or len(inputs.sweeps) < 4:
         return None
-    pairs = _nearest(odometry)
+    pairs, sigmas = _nearest(odometry), (settings.guess_length, settings.guess_angle)
     sweeps = inputs.sweeps
 
     def share(poses: Array, seen: Sequence[Prepared]) -> float:
         good = []
         for i, j in pairs:
-            further = np.sqrt(j - i)  # the errors of the steps in between add up
-            length, angle = settings.guess_length * further, settings.guess_angle * further
+            length, angle = guess_deviations(poses, i, j, sigmas).tolist()
             form = replace(settings, guess_length=length, guess_angle=angle)
             found = match(seen[i], seen[j], between(poses[i], poses[j]), form)
             good.append(found.verdict == "accepted")

@@ -194,7 +194,7 @@ def with_verdict(found: Match, limits: JudgementSettings) -> Match:
         verdict=max(verdicts, key=VERDICTS.index),
         reasons=tuple(text for _, text in remarks),
         precise=not weaknesses,
-        ambiguous=found.rival > -limits.rival_margin,
+        ambiguous=_ambiguous(found, limits),
     )
 
 
@@ -219,12 +219,17 @@ def _doubts(found: Match, limits: JudgementSettings) -> list[str]:
          f"residuals are {found.scale:.1f} times what range noise explains"),
         (found.returned < limits.return_share,
          f"only {found.returned:.0%} of the disturbed starts come back to this pose"),
-        (found.rival > -limits.rival_margin,
+        (_ambiguous(found, limits),
          "a different pose agrees about as well with what was seen"),
         (found.surprise > limits.contradiction,
          f"it contradicts its guess: {np.sqrt(found.surprise):.1f} standard deviations away"),
     ]  # fmt: skip
     return [text for bad, text in checks if bad]
+
+
+def _ambiguous(found: Match, limits: JudgementSettings) -> bool:
+    """Whether a different pose agrees about as well."""
+    return found.rival > -limits.rival_margin
 
 
 def _weaknesses(found: Match, limits: JudgementSettings) -> list[str]:
