@@ -53,8 +53,8 @@ def likely_slip(inputs: LaserInputs, settings: MatchSettings) -> Slip | None:
 
     Notes
     -----
-    Each slip is put right and stops near each other are matched anew. Scans with beams in reverse
-    order and odometry that is mirrored look alike, so both are named.
+    Each slip is put right and stops near each other are matched anew. Where several make as many
+    pairs come to lie on each other, all of them are named.
     """
     odometry = inputs.odometry
     if odometry is None or len(inputs.sweeps) < 4:

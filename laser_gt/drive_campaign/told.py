@@ -6,6 +6,7 @@ from types import ModuleType
 import numpy as np
 
 from laser_gt.driving.log import DriveOutcome
+from laser_gt.driving.mount_check import contradicts
 from laser_gt.placing.mounts import mount_hint
 from laser_gt.placing.survey_check import doubt_sizes, doubt_text, off_text
 from validation.results import Figure, Finding, Section, Size, Table, Text
@@ -89,10 +90,10 @@ def drive_findings(outcome: DriveOutcome) -> Iterator[Finding]:
 def _mount(outcome: DriveOutcome) -> Iterator[Finding]:
     """A stated mount that matches and odometry contradict."""
     check = outcome.mount_check
-    if check is None or not check.contradicts:
+    if check is None or not contradicts(check):
         return
     values = off_text(check.difference, check.sigmas)
-    hint = mount_hint(check.stated, check.found)
+    hint = mount_hint(check.stated, check.found.mount)
     text = (
         f"the stated laser mount does not fit the odometry: stated less found {values}. {hint}"
         "The drive goes on with the one found. Measure the mount anew; if it is right, the "
@@ -143,7 +144,7 @@ def drive_facts(outcome: DriveOutcome) -> dict[str, object]:
         "misfit": outcome.misfit,
         "anchors": list(outcome.anchors),
         "mount": outcome.mount.tolist(),
-        "mount_contradicted": outcome.mount_check is not None and outcome.mount_check.contradicts,
+        "mount_contradicted": contradicts(outcome.mount_check),
         "odometry_noise": {"length_m": length, "angle_rad": angle},
         "delay_s": None if clock is None else outcome.delay_s,
         "clock": None if clock is None else clock.verdict,

@@ -3,13 +3,10 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from scipy.special import chdtrc
-
 from laser_gt.driving.odometer import Odometer
 from laser_gt.driving.sweeps import Sensor
+from laser_gt.placing.mounts import MountCheck
 from laser_gt.placing.survey_check import SurveyDoubt
-from laser_gt.scans.planar import wrapped
 from laser_gt.scans.scan import Flags, Indices, Scan, Sweep
 from validation.poses.angles import Array
 from validation.poses.trajectory import Trajectory
@@ -17,8 +14,6 @@ from validation.trajectories.clock.result import ClockEstimate
 
 Report = Callable[[str, float], None]
 """Told what is being done and the share done."""
-RARE = 1e-6
-"""Probability of a difference by chance below which it is told, as with surveyed stops."""
 
 
 @dataclass(frozen=True)
@@ -80,45 +75,6 @@ class DriveInputs:
 
 
 @dataclass(frozen=True)
-class DriveMount:
-    """A mount found from a drive.
-
-    Parameters
-    ----------
-    found : (3,) array
-        Laser frame in the robot frame.
-    covariance : (3, 3) array
-        Of it.
-    stated : (3,) array
-        As it was measured.
-    stated_covariance : (3, 3) array
-        Of that.
-    """
-
-    found: Array
-    covariance: Array
-    stated: Array
-    stated_covariance: Array
-
-    @property
-    def difference(self) -> Array:
-        """(3,) stated less found."""
-        return wrapped(self.stated - self.found)
-
-    @property
-    def sigmas(self) -> Array:
-        """(3,) standard deviations of the difference."""
-        return np.asarray(np.sqrt(np.diag(self.covariance + self.stated_covariance)))
-
-    @property
-    def contradicts(self) -> bool:
-        """Whether chance does not explain the difference."""
-        off = self.difference
-        squares = off @ np.linalg.solve(self.covariance + self.stated_covariance, off)
-        return bool(chdtrc(3, squares) < RARE)
-
-
-@dataclass(frozen=True)
 class DriveOutcome:
     """What follows from a log.
 
@@ -154,7 +110,7 @@ class DriveOutcome:
         Of the odometry over a metre: metres, radians; NaN without odometry.
     doubt : SurveyDoubt or None
         What is wrong where the surveyed stops contradict the drive.
-    mount_check : DriveMount or None
+    mount_check : MountCheck or None
         The stated mount against the one by matches and odometry; None without odometry.
     """
 
@@ -174,4 +130,4 @@ class DriveOutcome:
     anchors: tuple[str, ...]
     odometry_noise: tuple[float, float]
     doubt: SurveyDoubt | None = None
-    mount_check: DriveMount | None = None
+    mount_check: MountCheck | None = None

@@ -3,15 +3,18 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtrc
 
 from laser_gt.driving.closing import closed
 from laser_gt.driving.graph import DriveGraph, DrivePoses, mount_covariance, solve_drive
-from laser_gt.driving.log import DriveInputs, DriveMount, Report
+from laser_gt.driving.log import DriveInputs, Report
 from laser_gt.driving.way import Way, rough_delay, tracked_way
-from laser_gt.placing.mounts import OPEN
+from laser_gt.placing.mounts import OPEN, MountCheck, MountEstimate
 from laser_gt.scans.planar import between, compose, rotation, wrapped
 from validation.poses.angles import Array
 
+RARE = 1e-6
+"""Probability of a difference by chance below which it is told, as with surveyed stops."""
 LOOSE = np.diag([100.0, 100.0, 10.0]) ** 2
 """Covariance of a mount of which nothing is stated: metres and radians."""
 WELL_TRACKED = 0.97
@@ -27,7 +30,7 @@ SETTLED = 0.01
 with: a step of a fifth of a radian is then guessed right to 2 mm."""
 
 
-def drive_mount(graph: DriveGraph, solved: DrivePoses) -> DriveMount | None:
+def drive_mount(graph: DriveGraph, solved: DrivePoses) -> MountCheck | None:
     """The mount by matches and odometry alone; None without odometry.
 
     Neither what is stated of the mount counts nor the survey. Where odometry is of another point
@@ -38,12 +41,19 @@ def drive_mount(graph: DriveGraph, solved: DrivePoses) -> DriveMount | None:
     free = replace(graph, mount_covariance=LOOSE, anchors=(), initial=solved.poses)
     found = solve_drive(free)
     spread = mount_covariance(free, found, max(found.misfit, 1.0))
-    return DriveMount(found.mount, spread, graph.mount, graph.mount_covariance)
+    turns = np.array([one.pose[2] for one in graph.motions])
+    estimate = MountEstimate(found.mount, spread, float(np.sqrt(np.mean(turns**2))), len(turns))
+    return MountCheck(graph.mount, np.sqrt(np.diag(graph.mount_covariance)), estimate)
+
+
+def contradicts(check: MountCheck | None) -> bool:
+    """Whether chance does not explain how a stated mount differs from the one of a drive."""
+    return check is not None and bool(chdtrc(3, check.squares) < RARE)
 
 
 def way_with_mount(
     inputs: DriveInputs, workers: int, report: Report
-) -> tuple[Way, DriveGraph, DrivePoses, DriveMount | None]:
+) -> tuple[Way, DriveGraph, DrivePoses, MountCheck | None]:
     """The way and its solved keyframes, with the mount that the odometry tells if it contradicts.
 
     Other arguments as of `laser_gt.driving.drive.solve_log`.
@@ -51,33 +61,38 @@ def way_with_mount(
     tracked = tracked_way(inputs, report)
     graph, solved = closed(tracked, workers, report)
     first = drive_mount(graph, solved)
-    if first is None or not first.contradicts:
+    if first is None or not contradicts(first):
         return tracked, graph, solved, first
     mount = first
     if tracked.track.matched.mean() < WELL_TRACKED:
-        mount = replace(first, found=_by_scans_alone(inputs, first.found, report))
+        mount = _with_place(first, _by_scans_alone(inputs, first.found.mount, report))
     for _ in range(MOUNTS):
         used = mount
         tracked = tracked_way(_with_found(tracked, used), report)
         graph, solved = closed(tracked, workers, report)
         mount = drive_mount(graph, solved) or used
-        if (np.abs(mount.found - used.found) < SETTLED).all():
+        if (np.abs(mount.found.mount - used.found.mount) < SETTLED).all():
             break
-    stated = {"stated": first.stated, "stated_covariance": first.stated_covariance}
-    return tracked, graph, solved, replace(mount, **stated)
+    mount = replace(mount, stated=first.stated, stated_sigmas=first.stated_sigmas)
+    return tracked, graph, solved, mount
 
 
-def _with_found(tracked: Way, mount: DriveMount) -> DriveInputs:
+def _with_place(check: MountCheck, mount: Array) -> MountCheck:
+    """The same with another mount found."""
+    return replace(check, found=replace(check.found, mount=mount))
+
+
+def _with_found(tracked: Way, mount: MountCheck) -> DriveInputs:
     """The log with the mount that was found, known as well as it was found.
 
     Other scanners stay where they are on the first.
     """
     inputs = tracked.inputs
     moved = {
-        name: replace(one, mount=compose(mount.found, between(mount.stated, one.mount)))
+        name: replace(one, mount=compose(mount.found.mount, between(mount.stated, one.mount)))
         for name, one in inputs.sensors.items()
     }
-    return replace(inputs, sensors=moved, mount_sigmas=np.sqrt(np.diag(mount.covariance)))
+    return replace(inputs, sensors=moved, mount_sigmas=mount.found.sigmas)
 
 
 def _by_scans_alone(inputs: DriveInputs, otherwise: Array, report: Report) -> Array:

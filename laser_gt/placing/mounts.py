@@ -85,10 +85,20 @@ class MountCheck:
         return wrapped(self.stated - self.found.mount)
 
     @property
+    def sigmas(self) -> Array:
+        """(3,) standard deviations of the difference."""
+        return np.asarray(np.hypot(self.found.sigmas, self.stated_sigmas))
+
+    @property
+    def squares(self) -> float:
+        """Squared standard deviations of the difference, of 3 degrees of freedom."""
+        covariance = self.found.covariance + np.diag(self.stated_sigmas**2)
+        return float(self.difference @ np.linalg.solve(covariance, self.difference))
+
+    @property
     def agrees(self) -> bool:
         """Whether both sigmas explain the difference (99.9 %)."""
-        covariance = self.found.covariance + np.diag(self.stated_sigmas**2)
-        return float(self.difference @ np.linalg.solve(covariance, self.difference)) < CONTRADICTION
+        return self.squares < CONTRADICTION
 
     @property
     def tells(self) -> bool:
@@ -98,8 +108,7 @@ class MountCheck:
     @property
     def least_shown(self) -> Array:
         """(3,) least error of the stated mount that would show, if it is wrong in one number."""
-        sigmas = np.hypot(self.found.sigmas, self.stated_sigmas)
-        return np.asarray(np.sqrt(CONTRADICTION) * sigmas)
+        return np.asarray(np.sqrt(CONTRADICTION) * self.sigmas)
 
     @property
     def says(self) -> str:

@@ -6,7 +6,16 @@ from typing import TYPE_CHECKING
 import click
 
 from rtk_gt.commands.drive import FINITE, drive_trajectory, lens_of
-from validation.commands.options import AS_JSON, CAMPAIGN, EVERYTHING, PATH, STRICT
+from validation.commands.options import (
+    AS_JSON,
+    CAMPAIGN,
+    CLOCK_WINDOW,
+    EVERYTHING,
+    PATH,
+    STAMP_METRES,
+    STAMP_RADIANS,
+    STRICT,
+)
 
 if TYPE_CHECKING:
     from validation.poses.trajectory import Trajectory
@@ -15,20 +24,11 @@ if TYPE_CHECKING:
     from validation.trajectories.clock.result import ClockEstimate
     from validation.trajectories.clock.tables import Tolerance
 
-METRES, RADIANS = 0.05, 0.05
-"""Errors that stamps may cause where nothing else is asked for: as of `gtval sync`."""
-
 
 @click.command()
 @CAMPAIGN
 @click.argument("streams", type=PATH, nargs=-1, required=True, metavar="STREAM...")
-@click.option(
-    "--window",
-    type=click.FloatRange(min=0.1),
-    default=60.0,
-    show_default=True,
-    help="Seconds to both sides in which the delay is looked for.",
-)
+@CLOCK_WINDOW
 @click.option("--topic", help="Of a bag that has several.")
 @click.option(
     "--lens",
@@ -90,7 +90,7 @@ def tolerance() -> "Tolerance":
     """What stamps may cause."""
     from validation.trajectories.clock.tables import Tolerance
 
-    return Tolerance(METRES, RADIANS)
+    return Tolerance(STAMP_METRES, STAMP_RADIANS)
 
 
 def stream_findings(one: "ClockEstimate") -> "list[Finding]":

@@ -60,3 +60,14 @@ def progress_bar(what: str) -> "Iterator[Progress]":
             bar.update(task, description=what, completed=share)
 
         yield report
+
+
+CLOCK_WINDOW = click.option(
+    "--window",
+    type=click.FloatRange(min=0.1),
+    default=60.0,
+    show_default=True,
+    help="Seconds to both sides in which the delay is looked for.",
+)
+STAMP_METRES, STAMP_RADIANS = 0.05, 0.05
+"""Errors that stamps may cause where nothing else is asked for: as for the limits of a bias."""

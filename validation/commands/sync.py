@@ -6,36 +6,36 @@ from typing import TYPE_CHECKING
 
 import click
 
-from validation.commands.options import AS_JSON, EVERYTHING, PATH, STRICT, progress_bar
+from validation.commands.options import (
+    AS_JSON,
+    CLOCK_WINDOW,
+    EVERYTHING,
+    PATH,
+    STAMP_METRES,
+    STAMP_RADIANS,
+    STRICT,
+    progress_bar,
+)
 
 if TYPE_CHECKING:
     from validation.poses.trajectory import Trajectory
-
-METRES, RADIANS = 0.05, 0.05
-"""Errors that stamps may cause where nothing else is asked for: as for the limits of a bias."""
 
 
 @click.command()
 @click.argument("reference", type=PATH)
 @click.argument("sources", type=PATH, nargs=-1, required=True, metavar="SOURCE...")
-@click.option(
-    "--window",
-    type=click.FloatRange(min=0.1),
-    default=60.0,
-    show_default=True,
-    help="Seconds to both sides in which the delay is looked for.",
-)
+@CLOCK_WINDOW
 @click.option(
     "--tolerance",
     type=click.FloatRange(min=0, min_open=True),
-    default=METRES,
+    default=STAMP_METRES,
     show_default=True,
     help="Metres that wrong stamps may move a position by.",
 )
 @click.option(
     "--tolerance-angle",
     type=click.FloatRange(min=0, min_open=True),
-    default=RADIANS,
+    default=STAMP_RADIANS,
     show_default=True,
     help="Radians that they may turn a heading by.",
 )
