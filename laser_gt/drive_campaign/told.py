@@ -56,6 +56,15 @@ def drive_findings(outcome: DriveOutcome) -> Iterator[Finding]:
         )
         size = (Size("matches switched off", outcome.switched_off, "matches"),)
         yield Finding("note", text, SYSTEM, "drive_switched_off", size)
+    if outcome.slips:
+        first = ", ".join(f"{time + outcome.trajectory.epoch:.1f}" for time in outcome.slips[:5])
+        more = f" and {len(outcome.slips) - 5} more" if len(outcome.slips) > 5 else ""
+        text = (
+            f"the odometry slipped, or the robot was pushed: at {first}{more} (seconds) it is far "
+            "from what the scans say, and is not used there"
+        )
+        size = (Size("steps that slipped", len(outcome.slips), "steps"),)
+        yield Finding("note", text, SYSTEM, "drive_slips", size)
     if outcome.misfit > MISFIT:
         text = (
             f"the matches contradict each other {np.sqrt(outcome.misfit):.1f} times more than "
@@ -141,6 +150,7 @@ def drive_facts(outcome: DriveOutcome) -> dict[str, object]:
         "links": outcome.links,
         "loops": outcome.loops,
         "switched_off": outcome.switched_off,
+        "slips": list(outcome.slips),
         "misfit": outcome.misfit,
         "anchors": list(outcome.anchors),
         "mount": outcome.mount.tolist(),

@@ -104,7 +104,7 @@ def _motions(tracked: Way) -> list[Link]:
     steps = between(robot[:-1], robot[1:])
     information = np.linalg.inv(tracked.odometer.covariance(steps))
     return [
-        Link(number, number + 1, steps[number], information[number], sure=True)
+        Link(number, number + 1, steps[number], information[number])
         for number in np.flatnonzero(_by_odometry(tracked)).tolist()
     ]
 

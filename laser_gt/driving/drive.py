@@ -22,14 +22,16 @@ from laser_gt.driving.log import DriveInputs, DriveOutcome, Report
 from laser_gt.driving.mount_check import way_with_mount
 from laser_gt.driving.refining import Place, Placed, carried, placed_sweeps
 from laser_gt.driving.surveyed_stops import held_by_stops
-from laser_gt.driving.tracking import GUESS_SIGMAS
+from laser_gt.driving.tracking import GUESS_SIGMAS, SURPRISE
 from laser_gt.driving.way import ROUGH_STEP, Way, clock_of
-from laser_gt.scans.planar import between, compose, compose_jacobians, inverse
+from laser_gt.scans.planar import between, compose, compose_jacobians, inverse, wrapped
 from laser_gt.scans.scan import Flags, Indices
 from validation.poses.angles import Array
 from validation.poses.trajectory import Clock, Trajectory
 from validation.trajectories.clock.result import ClockEstimate
 
+TRACKED = np.diag([0.02, 0.02, 0.01]) ** 2
+"""Covariance of a step that was tracked from scan to scan: several times what its matches state."""
 AROUND = 10
 """Keyframes of the map that a sweep is placed in. A judgement: of a place that was passed several
 times those nearest, which have it in view."""
@@ -55,7 +57,11 @@ def solve_log(inputs: DriveInputs, workers: int, report: Report) -> DriveOutcome
     tracked, graph, solved, mount = way_with_mount(inputs, workers, report)
     tracked, graph, solved, doubt = held_by_stops(tracked, graph, solved, workers, report)
     outcome = _outcome(tracked, graph, solved, workers, report)
-    return replace(outcome, doubt=doubt, mount_check=mount)
+    ends = [
+        one.end for one, weight in zip(graph.motions, solved.moving, strict=True) if weight < 0.5
+    ]
+    slips = tuple(tracked.times[tracked.track.keyframes[ends]].tolist())
+    return replace(outcome, doubt=doubt, mount_check=mount, slips=slips)
 
 
 def _outcome(
@@ -177,7 +183,11 @@ def _guesses(tracked: Way, key: int, inside: Indices, mount: Array) -> tuple[Arr
     unknown = ~tracked.odometer.known(times[inside])
     covariance[unknown] = covariance[unknown] + np.diag(GUESS_SIGMAS**2)
     by_odometry = compose(compose(inverse(mount), moved), mount)
-    return np.where(unknown[:, None], steps, by_odometry), covariance
+    off = wrapped(by_odometry - steps)
+    squares = np.einsum("mi,mij,mj->m", off, np.linalg.inv(covariance + TRACKED), off)
+    slipped = tracked.track.matched[inside] & (squares > SURPRISE)
+    covariance[slipped] = TRACKED
+    return np.where((unknown | slipped)[:, None], steps, by_odometry), covariance
 
 
 def _laser_poses(

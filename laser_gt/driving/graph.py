@@ -30,6 +30,12 @@ MAX_STEPS = 100
 hundred standard deviations, for each makes the cost less convex by `SHARPER`."""
 SHARPER = 1.6
 """Factor on the convexity from step to step; the source takes 1.4 and many steps."""
+SLIPPED = 4.0
+"""How many times more than a match a motion by odometry must be off, in squared standard
+deviations, to be left: eight of its own, for what it slips by has tails."""
+BARELY = 1e-4
+"""Weight of a motion that slipped: its standard deviations times a hundred. Enough for poses that
+nothing else holds to be determined."""
 SMALL = 1e-6
 """A step below this, in metres and radians, ends the iteration."""
 LEAST_MISFIT = 0.02
@@ -81,8 +87,9 @@ class DriveGraph:
     anchors : sequence of Anchor
         Surveyed poses; without any the first pose of the robot is held where it is.
     motions : sequence of Link
-        Motions of the robot by odometry from a pose to the next, always believed. With the matches
-        they tell the mount, as in the calibration of a hand against an eye.
+        Motions of the robot by odometry from a pose to the next, believed but where the matches
+        clearly say otherwise: wheels slip. With the matches they tell the mount, as in the
+        calibration of a hand against an eye.
     """
 
     initial: Array
@@ -116,6 +123,8 @@ class DrivePoses:
         Squared residuals of the links in standard deviations.
     misfit : float
         Mean square of the residuals of the links that are believed, over its expectation.
+    moving : (k,) array
+        Weights of the motions by odometry: 1 where believed, `BARELY` where it slipped.
     """
 
     poses: Array
@@ -123,6 +132,7 @@ class DrivePoses:
     weights: Array
     squares: Array
     misfit: float
+    moving: Array
 
 
 @dataclass(frozen=True)
@@ -163,12 +173,14 @@ def solve_drive(graph: DriveGraph) -> DrivePoses:
     links, steps = _Terms.of(graph.links), _Terms.of(graph.steps)
     doubted = np.array([not one.sure for one in graph.links], dtype=bool)
     poses, mount = graph.initial.copy(), graph.mount.copy()
-    weights = np.ones(len(graph.links))
+    weights, moving = np.ones(len(graph.links)), np.ones(len(graph.motions))
     _, squares = links.residuals(poses)
-    worst = float(squares[doubted].max(initial=0.0))
+    slipping = np.array([not one.sure for one in graph.motions], dtype=bool)
+    slips = _motion_squares(graph, poses, mount) / SLIPPED
+    worst = float(max(squares[doubted].max(initial=0.0), slips[slipping].max(initial=0.0)))
     convexity = max(2 * worst / CONTRADICTION - 1, 1e-3) if worst > CONTRADICTION else 0.0
     for _ in range(MAX_STEPS):
-        equations = _equations(graph, links, steps, weights, poses, mount)
+        equations = _equations(graph, links, steps, (weights, moving), poses, mount)
         step = -equations.factor(_OPEN).solve(equations.gradient)
         poses = wrapped(poses + step[:-3].reshape(-1, 3))
         mount = mount + step[-3:]
@@ -176,14 +188,17 @@ def solve_drive(graph: DriveGraph) -> DrivePoses:
         done = np.abs(step).max() < SMALL
         if convexity:
             weights = np.where(doubted, _weights(squares, convexity), 1.0)
+            slips = _motion_squares(graph, poses, mount) / SLIPPED
+            moving = np.where(slipping, np.maximum(_weights(slips, convexity), BARELY), 1.0)
             convexity /= SHARPER
-            done &= bool(((weights < 0.01) | (weights > 0.99)).all())
+            both = np.concatenate([weights, moving])
+            done &= bool(((both < 0.01) | (both > 0.99)).all())
         if done:
             break
     believed = weights > 0.5
     freedom = 3 * int(believed.sum()) - 3 * (len(poses) - 1)
     misfit = float(squares[believed].sum()) / freedom if freedom > 0 else 1.0
-    return DrivePoses(poses, mount, weights, squares, misfit)
+    return DrivePoses(poses, mount, weights, squares, misfit, moving)
 
 
 def _weights(squares: Array, convexity: float) -> Array:
@@ -199,16 +214,21 @@ def _weights(squares: Array, convexity: float) -> Array:
 
 
 def _equations(
-    graph: DriveGraph, links: _Terms, steps: _Terms, weights: Array, poses: Array, mount: Array
+    graph: DriveGraph,
+    links: _Terms,
+    steps: _Terms,
+    weights: tuple[Array, Array],
+    poses: Array,
+    mount: Array,
 ) -> Equations:
     """All terms of the poses and, last, the mount."""
     n = len(poses)
     equations = Equations(n + 1)
-    for terms, weight in ((links, weights), (steps, np.ones(len(graph.steps)))):
+    for terms, weight in ((links, weights[0]), (steps, np.ones(len(graph.steps)))):
         residual, _ = terms.residuals(poses)
         information = terms.information * weight[:, None, None]
         equations.add(terms.ends, terms.jacobians(poses), information, residual)
-    _add_motions(equations, graph, poses, mount)
+    _add_motions(equations, graph, weights[1], poses, mount)
     nodes = np.array([one.node for one in graph.held], dtype=np.intp)
     stated = np.array([one.pose for one in graph.held])
     stated_covariances = np.array([one.covariance for one in graph.held], dtype=float)
@@ -223,7 +243,20 @@ def _equations(
     return equations
 
 
-def _add_motions(equations: Equations, graph: DriveGraph, poses: Array, mount: Array) -> None:
+def _motion_squares(graph: DriveGraph, poses: Array, mount: Array) -> Array:
+    """(k,) squared residuals of the motions by odometry, in standard deviations."""
+    if not graph.motions:
+        return np.zeros(0)
+    motions = _Terms.of(graph.motions)
+    start, end = poses[motions.ends[:, 0]], poses[motions.ends[:, 1]]
+    robot = compose(compose(mount, between(start, end)), inverse(mount))
+    off = wrapped(robot - motions.poses)
+    return np.asarray(np.einsum("ki,kij,kj->k", off, motions.information, off))
+
+
+def _add_motions(
+    equations: Equations, graph: DriveGraph, weights: Array, poses: Array, mount: Array
+) -> None:
     """Odometry: the robot moved by mount, motion of the laser frame, mount backwards."""
     if not graph.motions:
         return
@@ -239,7 +272,8 @@ def _add_motions(equations: Equations, graph: DriveGraph, poses: Array, mount: A
     jacobians = [by_moved @ by_start @ inverse_jacobian(start), by_moved @ by_end, by_mount]
     residual = wrapped(compose(through, back) - motions.poses)
     where = np.column_stack([motions.ends, np.full(len(moved), len(poses))])
-    equations.add(where, np.stack(jacobians, axis=1), motions.information, residual)
+    information = motions.information * weights[:, None, None]
+    equations.add(where, np.stack(jacobians, axis=1), information, residual)
 
 
 def own_noise(graph: DriveGraph, believed: Flags) -> Array:
@@ -295,7 +329,7 @@ class Marginals:
 def marginals(graph: DriveGraph, solved: DrivePoses, scale: float) -> Marginals:
     """Covariances of the poses, the links taken as good to ``scale`` times their covariances."""
     links, steps = _Terms.of(graph.links), _Terms.of(graph.steps)
-    weights = np.where(solved.weights > 0.5, 1.0, 0.0) / scale
+    weights = np.where(solved.weights > 0.5, 1.0, 0.0) / scale, solved.moving
     equations = _equations(graph, links, steps, weights, solved.poses, solved.mount)
     factor, n = equations.factor(_OPEN), len(solved.poses)
     poses, size = np.empty((n, 3, 3)), 3 * n + 3
@@ -320,7 +354,7 @@ def joint_covariance(graph: DriveGraph, solved: DrivePoses, scale: float, nodes:
     The node after the last pose is the mount.
     """
     links, steps = _Terms.of(graph.links), _Terms.of(graph.steps)
-    weights = np.where(solved.weights > 0.5, 1.0, 0.0) / scale
+    weights = np.where(solved.weights > 0.5, 1.0, 0.0) / scale, solved.moving
     equations = _equations(graph, links, steps, weights, solved.poses, solved.mount)
     factor, size = equations.factor(_OPEN), 3 * len(solved.poses) + 3
     columns = [factor.solve(np.eye(size, 3, -3 * int(node))) for node in nodes]

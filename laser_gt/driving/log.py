@@ -112,6 +112,8 @@ class DriveOutcome:
         What is wrong where the surveyed stops contradict the drive.
     mount_check : MountCheck or None
         The stated mount against the one by matches and odometry; None without odometry.
+    slips : tuple of float
+        Stamps of the keyframes to which the odometry is not believed, seconds since the epoch.
     """
 
     trajectory: Trajectory
@@ -131,3 +133,4 @@ class DriveOutcome:
     odometry_noise: tuple[float, float]
     doubt: SurveyDoubt | None = None
     mount_check: MountCheck | None = None
+    slips: tuple[float, ...] = ()

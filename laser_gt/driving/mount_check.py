@@ -39,6 +39,10 @@ def drive_mount(graph: DriveGraph, solved: DrivePoses) -> MountCheck | None:
     if not graph.motions:
         return None
     free = replace(graph, mount_covariance=LOOSE, anchors=(), initial=solved.poses)
+    # With a mount that is far off all odometry seems to slip: first none may.
+    sure = [replace(one, sure=True) for one in graph.motions]
+    first = solve_drive(replace(free, motions=sure))
+    free = replace(free, initial=first.poses, mount=first.mount)
     found = solve_drive(free)
     spread = mount_covariance(free, found, max(found.misfit, 1.0))
     turns = np.array([one.pose[2] for one in graph.motions])

@@ -38,6 +38,11 @@ before alone 75 %, by kiss-icp from there 89 %."""
 WIDE = SearchSettings(window=1.5, heading_window=1.5)
 """Where a sweep is sought that none of these places: metres and radians. A judgement: a robot of
 1 m/s and 1 rad/s over a second and a half."""
+CLEARLY = (0.85, 0.3)
+"""Share of the points of a sweep on the submap, and by how much it must be more than at the pose by
+odometry, for odometry to have slipped. Measured on 22 drives with single slips of 0.1 and 0.2 rad:
+at the right pose 98 % lie on it and by odometry a tenth to a third; once, with people in the way,
+another pose a quarter of a metre off had 73 %."""
 REACH = 0.3
 """Metres within which points are paired at first. A judgement: half a doorway."""
 
@@ -108,6 +113,8 @@ def track(
         guess = between(poses[base], compose(poses[number - 1], step))
         if odometer is not None:
             pose, matched[number] = _matched(submap, own, guess[None], covariance)
+            pose, slipped = _slipped(submap, own, guess, pose)
+            matched[number] |= slipped
         else:
             starts = way.starts(guess, sweeps[number - 1 : number + 1], poses[[base, number - 1]])
             pose, matched[number] = _matched(submap, own, starts, covariance)
@@ -198,3 +205,21 @@ def _matched(submap: Surface, own: Surface, starts: Array, covariance: Array) ->
         return guess, False
     gain = spread @ np.linalg.inv(spread + covariance)
     return wrapped(pose - gain @ off), True
+
+
+def _slipped(submap: Surface, own: Surface, guess: Array, pose: Array) -> tuple[Array, bool]:
+    """Another pose of a sweep, where the scans say that the odometry before it is wrong.
+
+    Wheels that spin or a robot that is pushed are seen by that: it has clearly more of the sweep on
+    the submap than the pose that follows from the odometry.
+    """
+    there = on_map(submap, transform(pose, own.points), MARGIN).mean()
+    if there >= CLEARLY[0]:
+        return pose, False
+    found = align(submap, own, guess + np.array([[0, 0, turn] for turn in FAN]), reach=REACH)
+    shares = [on_map(submap, transform(one, own.points), MARGIN).mean() for one in found.pose]
+    best = int(np.argmax(shares))
+    clear = shares[best] >= CLEARLY[0] and shares[best] >= there + CLEARLY[1]
+    if not clear or not np.isfinite(found.covariance[best]).all():
+        return pose, False
+    return found.pose[best], True

@@ -72,6 +72,31 @@ def test_odometry_that_slips_in_turns_costs_no_scan_and_no_honesty(seed):
     assert (squared(errors, outcome) > chi2.isf(1e-6, 3)).mean() < 0.01
 
 
+def _pushed(drive, times, by):
+    """The odometry of a drive in which the robot turns at some times without its wheels."""
+    given = drive.odometry
+    steps = between(given.poses[:-1], given.poses[1:])
+    steps[np.searchsorted(given.times, times), 2] -= by
+    poses = [given.poses[0]]
+    for step in steps:
+        poses.append(compose(poses[-1], step))
+    return Trajectory("odometry", given.times, np.array(poses), epoch=given.epoch)
+
+
+def test_a_robot_that_is_pushed_is_followed_by_its_scans():
+    drive = laser_drive(7, minutes=0.5, surveyed=3)
+    times = drive.odometry.times[0] + np.array([9.0, 17.0, 24.0])
+    outcome = _solved(replace(drive, odometry=_pushed(drive, times, 0.2)))
+    assert 3 <= len(outcome.slips) <= 5
+    assert outcome.doubt is None
+    assert not contradicts(outcome.mount_check)
+    errors = errors_of(drive, outcome)
+    low, high = chi2.ppf([0.0005, 0.9995], 9) / 3
+    assert low < np.median(squared(errors, outcome)) < high
+    # all but the scan at the push itself, whose beams are put right with a wrong speed
+    assert (np.abs(errors[:, 2]) > 0.02).sum() <= 3
+
+
 @pytest.mark.parametrize(
     ("stated", "said"),
     [
