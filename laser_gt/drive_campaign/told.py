@@ -9,6 +9,7 @@ from laser_gt.driving.log import DriveOutcome
 from laser_gt.driving.mount_check import contradicts
 from laser_gt.placing.mounts import mount_hint
 from laser_gt.placing.survey_check import doubt_sizes, doubt_text, off_text
+from laser_gt.scans.planar import compose, inverse
 from validation.results import Figure, Finding, Section, Size, Table, Text
 
 SYSTEM = "laser_drive"
@@ -102,14 +103,23 @@ def _mount(outcome: DriveOutcome) -> Iterator[Finding]:
     if check is None or not contradicts(check):
         return
     values = off_text(check.difference, check.sigmas)
+    numbers = zip(("x", "y", "theta"), check.difference.tolist(), ("m", "m", "rad"), strict=True)
+    sizes = tuple(Size(f"off in {name}", size, unit) for name, size, unit in numbers)
+    if check.of_point:
+        point = compose(check.stated, inverse(check.found.mount))
+        text = (
+            "the odometry is not of the robot frame: it is of a point that lies at "
+            f"{off_text(point, check.sigmas)} in it. The surveyed stops say that the stated laser "
+            "mount is right, so the odometry is moved by that"
+        )
+        yield Finding("warning", text, SYSTEM, "drive_odometry_point", sizes)
+        return
     hint = mount_hint(check.stated, check.found.mount)
     text = (
         f"the stated laser mount does not fit the odometry: stated less found {values}. {hint}"
         "The drive goes on with the one found. Measure the mount anew; if it is right, the "
         "odometry is not that of the robot frame"
     )
-    numbers = zip(("x", "y", "theta"), check.difference.tolist(), ("m", "m", "rad"), strict=True)
-    sizes = tuple(Size(f"off in {name}", size, unit) for name, size, unit in numbers)
     yield Finding("error", text, SYSTEM, "drive_mount", sizes)
 
 
@@ -155,6 +165,7 @@ def drive_facts(outcome: DriveOutcome) -> dict[str, object]:
         "anchors": list(outcome.anchors),
         "mount": outcome.mount.tolist(),
         "mount_contradicted": contradicts(outcome.mount_check),
+        "odometry_of_other_point": outcome.mount_check is not None and outcome.mount_check.of_point,
         "odometry_noise": {"length_m": length, "angle_rad": angle},
         "delay_s": None if clock is None else outcome.delay_s,
         "clock": None if clock is None else clock.verdict,

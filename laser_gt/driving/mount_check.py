@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtrc
 
-from laser_gt.driving.closing import closed
+from laser_gt.driving.closing import closed, through_mount
 from laser_gt.driving.graph import DriveGraph, DrivePoses, mount_covariance, solve_drive
 from laser_gt.driving.log import DriveInputs, Report
 from laser_gt.driving.way import Way, rough_delay, tracked_way
 from laser_gt.placing.mounts import OPEN, MountCheck, MountEstimate
-from laser_gt.scans.planar import between, compose, rotation, wrapped
+from laser_gt.scans.planar import between, compose, inverse, rotation, wrapped
 from validation.poses.angles import Array
 
 RARE = 1e-6
@@ -78,7 +78,46 @@ def way_with_mount(
         if (np.abs(mount.found.mount - used.found.mount) < SETTLED).all():
             break
     mount = replace(mount, stated=first.stated, stated_sigmas=first.stated_sigmas)
-    return tracked, graph, solved, mount
+    if not _survey_holds(graph, solved, mount):
+        return tracked, graph, solved, mount
+    # The odometry is of another point: it is moved to the robot frame, and the mount is as stated.
+    point = compose(mount.found.mount, inverse(mount.stated))
+    assert inputs.odometer is not None  # a mount was found by it
+    moved = replace(inputs.odometer, poses=compose(inputs.odometer.poses, point))
+    tracked = tracked_way(replace(inputs, odometer=moved), report)
+    graph, solved = closed(tracked, workers, report)
+    return tracked, graph, solved, replace(mount, of_point=True)
+
+
+def _survey_holds(graph: DriveGraph, solved: DrivePoses, mount: MountCheck) -> bool:
+    """Whether the survey tells that the stated mount is right, and the one by odometry wrong."""
+    if len(graph.anchors) < 2:
+        return False
+    used = solved.mount
+    steps = np.array([one.pose for one in graph.motions])
+    laser = compose(compose(inverse(used), steps), used)
+    spreads = through_mount(
+        steps, used, np.linalg.inv(np.array([one.information for one in graph.motions]))
+    )
+    guessed = [
+        replace(one, pose=pose, information=np.linalg.inv(spread) * weight, sure=True)
+        for one, pose, spread, weight in zip(
+            graph.motions, laser, spreads, solved.moving, strict=True
+        )
+    ]
+    free = replace(
+        graph,
+        motions=(),
+        steps=[*graph.steps, *guessed],
+        mount_covariance=LOOSE,
+        initial=solved.poses,
+    )
+    by_survey = solve_drive(free)
+    spread = mount_covariance(free, by_survey, max(by_survey.misfit, 1.0))
+    found = MountEstimate(by_survey.mount, spread, mount.found.turn, len(graph.anchors))
+    stated = MountCheck(mount.stated, mount.stated_sigmas, found)
+    other = MountCheck(mount.found.mount, mount.found.sigmas, found)
+    return stated.agrees and contradicts(other)
 
 
 def _with_place(check: MountCheck, mount: Array) -> MountCheck:

@@ -72,12 +72,15 @@ class MountCheck:
     stated, stated_sigmas : (3,) arrays
         As measured by hand.
     found : MountEstimate
-        From surveyed poses and matches.
+        From surveyed poses and matches, or from matches and odometry.
+    of_point : bool
+        Whether the survey tells that the stated one is right: the odometry is of another point.
     """
 
     stated: Array
     stated_sigmas: Array
     found: MountEstimate
+    of_point: bool = False
 
     @property
     def difference(self) -> Array:

@@ -12,7 +12,7 @@ from laser_gt.drive_campaign.told import drive_findings
 from laser_gt.driving.drive import solve_log
 from laser_gt.driving.mount_check import contradicts
 from laser_gt.placing.mounts import mount_hint
-from laser_gt.scans.planar import between, compose, wrapped
+from laser_gt.scans.planar import between, compose, inverse, wrapped
 from validation.poses.trajectory import Trajectory
 
 
@@ -43,6 +43,21 @@ def test_a_wrong_mount_is_named_and_the_drive_goes_on_with_the_one_found(drive, 
     assert ("half a turn" in error.text) == (off[2] == np.pi)
     errors = errors_of(drive, outcome)
     assert np.sqrt((errors[:, :2] ** 2).sum(1).mean()) < 0.01
+    low, high = chi2.ppf([0.0005, 0.9995], 9) / 3
+    assert low < squared(errors, outcome).mean() < high
+
+
+def test_odometry_of_another_point_is_told_from_a_wrong_mount_by_the_survey(drive):
+    point = np.array([-0.3, 0.05, 0.0])
+    given = drive.odometry
+    off = Trajectory("odometry", given.times, compose(given.poses, point), epoch=given.epoch)
+    outcome = _solved(replace(drive, odometry=off))
+    assert outcome.mount_check.of_point
+    (said,) = [one for one in drive_findings(outcome) if one.severity in {"error", "warning"}]
+    assert said.code == "drive_odometry_point"
+    found = compose(outcome.mount_check.stated, inverse(outcome.mount_check.found.mount))
+    assert (np.abs(wrapped(found - point)) < 4 * outcome.mount_check.sigmas).all()
+    errors = errors_of(drive, outcome)
     low, high = chi2.ppf([0.0005, 0.9995], 9) / 3
     assert low < squared(errors, outcome).mean() < high
 
