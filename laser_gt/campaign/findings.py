@@ -52,10 +52,11 @@ def laser_findings(outcome: LaserOutcome) -> list[Finding]:
         found.append(Finding("note", text, "laser", "assumed_sigmas"))
     for solution in outcome.solutions.values():
         found += _of_solution(solution)
-    doubts = list(_survey_doubts(outcome))
+    # One cause has one line: what was mixed up bends all that follows.
+    doubts = [] if outcome.slip is not None else list(_survey_doubts(outcome))
     found += doubts
     mount = _mount(outcome)
-    if not doubts or mount.severity != "warning":  # else one cause would have two lines
+    if mount.severity != "warning" or not (doubts or outcome.slip is not None):
         found.append(mount)
     found += _guesses(outcome)
     if outcome.trajectory.doubtful:

@@ -16,7 +16,7 @@ from laser_gt.placing.survey_check import (
     survey_doubt,
     with_mount,
 )
-from laser_gt.scans.planar import compose, compose_jacobians, inverse, inverse_jacobian
+from laser_gt.scans.planar import compose, compose_jacobians, inverse
 from validation.poses.angles import Array
 
 TOO_MANY = 0.1
@@ -70,11 +70,9 @@ def _shape(graph: DriveGraph, free: DriveGraph) -> tuple[Shape, Array, Array]:
     nodes = np.array([one.node for one in graph.anchors], dtype=np.intp)
     mount, poses = solved.mount, solved.poses[nodes]
     back = np.broadcast_to(inverse(mount), poses.shape)
-    by_laser, by_back = compose_jacobians(poses, back)
+    by_laser, _ = compose_jacobians(poses, back)
     laser = joint_covariance(stiff, solved, max(solved.misfit, 1.0), nodes)
-    count = len(nodes)
     turned = block_diag(*by_laser)
-    by_mount = (by_back @ inverse_jacobian(mount)).reshape(3 * count, 3)
-    shape = Shape(compose(poses, back), turned @ laser @ turned.T, by_mount, graph.mount_covariance)
+    shape = Shape(compose(poses, back), turned @ laser @ turned.T, mount, graph.mount_covariance)
     surveyed = np.array([one.pose for one in graph.anchors])
     return shape, surveyed, block_diag(*(one.covariance for one in graph.anchors))

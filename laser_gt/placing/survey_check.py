@@ -10,7 +10,14 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from laser_gt.placing.graph import GraphSolution
-from laser_gt.scans.planar import compose, compose_jacobians, inverse, wrapped
+from laser_gt.placing.mounts import mount_hint
+from laser_gt.scans.planar import (
+    compose,
+    compose_jacobians,
+    inverse,
+    inverse_jacobian,
+    wrapped,
+)
 from laser_gt.scans.scan import Indices
 from validation.poses.angles import Array
 from validation.results import Severity, Size
@@ -21,6 +28,8 @@ sixth too small make of it one in a thousand, for three to ten stops."""
 CLEAR = 10.0
 """By which twice the logarithm of the likelihood a cause must be better than another to be told
 alone: odds of 150 to 1."""
+STEPS, SMALL = 30, 1e-7
+"""Bound on the steps of a fit, and the step, in metres and radians, that ends it."""
 _LOOSE = 1e-9
 """Factor on the information of a mount that may be anything."""
 
@@ -37,16 +46,24 @@ class Shape:
         x, y, theta.
     covariance : (3p, 3p) array
         Joint one, for a known mount.
-    by_mount : (3p, 3) array
-        Their derivatives by an error of the mount.
+    mount : (3,) array
+        With which they follow from those of the laser.
     mount_covariance : (3, 3) array
         Of the mount as it was measured.
     """
 
     poses: Array
     covariance: Array
-    by_mount: Array
+    mount: Array
     mount_covariance: Array
+
+    def with_mount(self, more: Array) -> tuple[Array, Array]:
+        """(p, 3) poses with more, (3,), on the mount, and their (3p, 3) derivatives by that."""
+        mount = self.mount + more
+        laser = compose(self.poses, self.mount)
+        back = np.broadcast_to(inverse(mount), laser.shape)
+        by_back = compose_jacobians(laser, back)[1]
+        return compose(laser, back), (by_back @ inverse_jacobian(mount)).reshape(-1, 3)
 
 
 def shape_of(solution: GraphSolution, rows: Indices) -> Shape:
@@ -56,7 +73,7 @@ def shape_of(solution: GraphSolution, rows: Indices) -> Shape:
     covariance, mount = solution.covariance, solution.covariance[3 * n :, 3 * n :]
     by_mount = covariance[flat, 3 * n :] @ np.linalg.inv(mount)
     alone = covariance[np.ix_(flat, flat)] - by_mount @ covariance[3 * n :, flat]
-    return Shape(solution.poses[rows], alone, by_mount, mount)
+    return Shape(solution.poses[rows], alone, solution.mount, mount)
 
 
 @dataclass(frozen=True)
@@ -70,8 +87,8 @@ class SurveyDoubt:
     stops : tuple of str
         Which.
     size : (3,) array
-        Surveyed pose less that by the scans and the others, or the mount less the stated one; NaN
-        for the other kinds.
+        Surveyed pose less that by the scans and the others, or the stated mount less the one that
+        fits; NaN for the other kinds.
     sigmas : (3,) array
         Standard deviations of it.
     chi_squared, freedom : float, int
@@ -80,6 +97,8 @@ class SurveyDoubt:
         Whether what the cause leaves is within chance.
     likely : tuple of (str, tuple of str)
         Where several explain it alike, these.
+    hint : str
+        The slip of the pen that makes such a mount, in words; or nothing.
     assumed : bool
         Whether somebody has said how good the survey is, or that was assumed.
     """
@@ -92,6 +111,7 @@ class SurveyDoubt:
     freedom: int
     explained: bool
     likely: tuple[tuple[Kind, tuple[str, ...]], ...] = ()
+    hint: str = ""
     assumed: bool = False
 
     @property
@@ -151,7 +171,8 @@ def survey_doubt(
     if len(alike) > 1:
         return SurveyDoubt("open", (), nothing, nothing, squares, freedom, explained, named)
     size, sigmas = _size(best, shape, surveyed, covariance)
-    return SurveyDoubt(best.kind, named[0][1], size, sigmas, squares, freedom, explained)
+    hint = mount_hint(shape.mount, shape.mount - size) if best.kind == "mount" else ""
+    return SurveyDoubt(best.kind, named[0][1], size, sigmas, squares, freedom, explained, hint=hint)
 
 
 def with_mount(doubt: SurveyDoubt) -> SurveyDoubt:
@@ -189,14 +210,15 @@ def _size(cause: _Tried, shape: Shape, surveyed: Array, covariance: Array) -> tu
     if cause.kind == "mount":
         free = replace(shape, mount_covariance=shape.mount_covariance / _LOOSE)
         _, _, mount, known = _fit(free, surveyed, covariance)
-        return mount, np.sqrt(np.diagonal(known)[-3:])
+        return -mount, np.sqrt(np.diagonal(known)[-3:])
     (row,) = cause.stops
     rest = np.delete(np.arange(len(surveyed)), row)
     _, frame, mount, known = _fit(*_of(rest, shape, surveyed, covariance))
     flat = slice(3 * row, 3 * row + 3)
-    pose = shape.poses[row] + shape.by_mount[flat] @ mount
+    poses, by_mount = shape.with_mount(mount)
+    pose = poses[row]
     by_frame, by_pose = compose_jacobians(frame, pose)
-    lever = np.hstack([by_frame, by_pose @ shape.by_mount[flat]])
+    lever = np.hstack([by_frame, by_pose @ by_mount[flat]])
     own = covariance[flat, flat] + by_pose @ shape.covariance[flat, flat] @ by_pose.T
     spread = own + lever @ known @ lever.T
     return wrapped(surveyed[row] - compose(frame, pose)), np.sqrt(np.diagonal(spread))
@@ -211,7 +233,6 @@ def _of(
         shape,
         poses=shape.poses[rows],
         covariance=shape.covariance[np.ix_(flat, flat)],
-        by_mount=shape.by_mount[flat],
     )
     return some, surveyed[rows], covariance[np.ix_(flat, flat)]
 
@@ -222,17 +243,19 @@ def _fit(shape: Shape, surveyed: Array, covariance: Array) -> tuple[float, Array
     frame, mount = compose(surveyed[0], inverse(shape.poses[0])), np.zeros(3)
     prior = np.zeros((6, 6))
     prior[3:, 3:] = np.linalg.inv(shape.mount_covariance)
-    for _ in range(8):
-        poses = shape.poses + (shape.by_mount @ mount).reshape(p, 3)
+    for _ in range(STEPS):
+        poses, by_mount = shape.with_mount(mount)
         by_frame, by_pose = compose_jacobians(np.broadcast_to(frame, poses.shape), poses)
         turned = block_diag(*by_pose)
-        lever = np.hstack([by_frame.reshape(3 * p, 3), turned @ shape.by_mount])
+        lever = np.hstack([by_frame.reshape(3 * p, 3), turned @ by_mount])
         weight = np.linalg.inv(covariance + turned @ shape.covariance @ turned.T)
         off = wrapped(surveyed - compose(frame, poses)).ravel()
         known = np.linalg.inv(lever.T @ weight @ lever + prior)
         step = known @ (lever.T @ weight @ off - prior[:, 3:] @ mount)
-        frame, mount = wrapped(frame + step[:3]), mount + step[3:]
-    poses = shape.poses + (shape.by_mount @ mount).reshape(p, 3)
+        frame, mount = wrapped(frame + step[:3]), wrapped(mount + step[3:])
+        if np.abs(step).max() < SMALL:
+            break
+    poses, _ = shape.with_mount(mount)
     off = wrapped(surveyed - compose(frame, poses)).ravel()
     squares = float(off @ weight @ off + mount @ prior[3:, 3:] @ mount)
     return squares, frame, mount, known
@@ -272,7 +295,10 @@ def _said(doubt: SurveyDoubt, whose: str) -> str:
             "scans are. Put them right"
         )
     if doubt.kind == "mount":
-        return f"{start}the mount of the laser is off by {off}. Measure it again"
+        return (
+            f"{start}the stated mount of the laser is off by {off}, stated less found. "
+            f"{doubt.hint}Measure it again"
+        )
     what = " or ".join(_named(kind, stops) for kind, stops in doubt.likely[:6])
     return f"{start}{what}; which, these stops do not say. Check them, or survey one more stop"
 

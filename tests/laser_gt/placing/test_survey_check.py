@@ -5,9 +5,11 @@ import pytest
 from scipy.stats import chi2
 
 from laser_gt.placing.survey_check import Shape, doubt_sizes, doubt_text, survey_doubt, with_mount
-from laser_gt.scans.planar import compose
+from laser_gt.scans.planar import compose, inverse
 
 SURVEY, SCANS, MOUNT = (0.004, 0.004, 0.003), (0.002, 0.002, 0.0005), (0.001, 0.001, 0.001)
+
+STATED = np.array([0.2, 0.1, 0.3])
 
 
 def doubt_of(rng, stops, fault):
@@ -21,21 +23,13 @@ def doubt_of(rng, stops, fault):
         surveyed[1] += [0.06, -0.06, 0.0]
     if fault == "exchanged":
         surveyed[[0, 2]] = surveyed[[2, 0]]
-    seen = compose(true, np.broadcast_to(-mount, true.shape))
-    seen = compose(np.array([3.0, 1.0, 0.7]), seen + rng.standard_normal(true.shape) * SCANS)
-    by_mount = np.zeros((stops, 3, 3))
-    cosine, sine = np.cos(seen[:, 2]), np.sin(seen[:, 2])
-    by_mount[:, 0, 0], by_mount[:, 0, 1], by_mount[:, 1, 0] = cosine, -sine, sine
-    by_mount[:, 1, 1], by_mount[:, 2, 2] = cosine, 1.0
-    shape = Shape(
-        seen,
-        np.diag(np.tile(SCANS, stops) ** 2),
-        by_mount.reshape(3 * stops, 3),
-        np.diag(MOUNT) ** 2,
-    )
+    laser = compose(true, STATED + mount)
+    seen = compose(laser, inverse(STATED)) + rng.standard_normal(true.shape) * SCANS
+    seen = compose(np.array([3.0, 1.0, 0.7]), seen)
+    shape = Shape(seen, np.diag(np.tile(SCANS, stops) ** 2), STATED, np.diag(MOUNT) ** 2)
     names = [str(row) for row in range(stops)]
     doubt = survey_doubt(names, shape, surveyed, np.diag(np.tile(SURVEY, stops) ** 2))
-    return doubt, mount if fault == "mount" else np.array([0.06, -0.06, 0.0])
+    return doubt, -mount if fault == "mount" else np.array([0.06, -0.06, 0.0])
 
 
 @pytest.mark.parametrize("stops", [2, 3, 10])
@@ -74,3 +68,16 @@ def test_a_bent_shape_makes_the_mount_one_of_the_causes():
     doubt = with_mount(doubt_of(np.random.default_rng(1), 5, "stop")[0])
     assert doubt.kind == "open"
     assert doubt.likely == (("mount", ()), ("stop", ("1",)))
+
+
+def test_a_mount_that_is_far_off_is_told_with_its_size_and_the_slip():
+    rng = np.random.default_rng(4)
+    true = np.column_stack([rng.uniform(0, 8, (6, 2)), rng.uniform(-3, 3, 6)])
+    right = STATED * [1, 1, -1]  # the angle has the wrong sign: 0.6 rad
+    seen = compose(compose(true, right), inverse(STATED)) + rng.standard_normal((6, 3)) * SCANS
+    shape = Shape(seen, np.diag(np.tile(SCANS, 6) ** 2), STATED, np.diag(MOUNT) ** 2)
+    doubt = survey_doubt(list("abcdef"), shape, true, np.diag(np.tile(SURVEY, 6) ** 2))
+    assert doubt.kind == "mount"
+    # stated less found, as everywhere
+    assert (np.abs(doubt.size - (STATED - right)) < 4 * doubt.sigmas).all()
+    assert "angle has the wrong sign" in doubt_text(doubt, "to the stops")
