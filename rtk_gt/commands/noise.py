@@ -25,7 +25,7 @@ def noise(logs: tuple[Path, ...], as_json: bool) -> None:
 
     found = [standing_noise(read_receiver(log, Stated(log.stem))) for log in logs]
     if as_json:
-        print_json({"records": found})
+        print_json({"records": found, "remarks": [one.remark for one in found if one.remark]})
         return
     rows: list[list[str | int | float | None]] = [
         [
@@ -42,6 +42,9 @@ def noise(logs: tuple[Path, ...], as_json: bool) -> None:
     )
     formats = ["", "", ".1f", ".1f", ".1f", ".1f", ".2f", ".2f", ".2f", ".1f"]
     print_table(Table("Noise of standing receivers", columns, rows, formats, note))
+    for one in found:
+        if one.remark:
+            click.echo(one.remark)
 
 
 COMMANDS: list[click.Command] = [noise]

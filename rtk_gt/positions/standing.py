@@ -6,8 +6,9 @@ import numpy as np
 from scipy import stats
 
 from rtk_gt.offsets.robust import autocorrelation_time
+from rtk_gt.receivers.fix_checks import check_fixes
 from rtk_gt.receivers.fixes import Fixes
-from validation.errors import GtvalError
+from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.earth_frames import LocalFrame
 
@@ -17,6 +18,12 @@ MOVED = 0.25
 """Metres between the 5 and 95 % of a level coordinate beyond which the receiver moved: a judgement,
 ten times the noise of fixed ambiguities."""
 CONFIDENCE = 0.95
+HUNG = 30
+"""Fixes in a row that are the same to the last digit: noise of 5 mm that changes in 30 s only goes
+by 1.6 mm in so many fixes at 20 Hz, and its last digit is 1 mm in three coordinates."""
+USUAL = (0.5, 6.0)
+"""Eta of receivers: heights are worse than level places by the sky alone, 1.5 to 3 times; a factor
+of two more on either side is a judgement."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +55,17 @@ class StandingNoise:
     high: float
     worth: Array
 
+    @property
+    def remark(self) -> str | None:
+        """What a reader should know about eta, if it is not as receivers have it."""
+        if self.low <= USUAL[1] and self.high >= USUAL[0]:
+            return None
+        return (
+            f"{self.receiver}: eta of {self.eta:.3g} ({self.low:.3g} to {self.high:.3g}) is not "
+            "that of a receiver, which is 1 to 3: see whether heights are metres, whether all "
+            "positions are fixed, and whether its level digits are fine enough"
+        )
+
 
 def standing_noise(record: Fixes) -> StandingNoise:
     """Noise of a receiver that stood, from its RTK-fixed positions.
@@ -56,6 +74,8 @@ def standing_noise(record: Fixes) -> StandingNoise:
     ------
     GtvalError
         If there are too few, or the receiver moved.
+    InputError
+        If times leap by days or positions by kilometres, or the receiver hung.
 
     Notes
     -----
@@ -68,6 +88,8 @@ def standing_noise(record: Fixes) -> StandingNoise:
         raise GtvalError(
             f"{record.source}: {len(fixed)} RTK-fixed positions; at least {FEWEST} are needed"
         )
+    check_fixes([record])
+    _check_changes(fixed)
     latitude, longitude, height = np.median(fixed.geodetic, axis=0).tolist()
     places = LocalFrame(latitude, longitude, height).from_geodetic(fixed.geodetic)
     spread = np.diff(np.quantile(places[:, :2], [0.05, 0.95], axis=0), axis=0).max()
@@ -90,3 +112,29 @@ def standing_noise(record: Fixes) -> StandingNoise:
         record.receiver, n, float(np.ptp(fixed.times)), np.sqrt(variances), float(np.sqrt(ratio)),
         float(low), float(high), worth,
     )  # fmt: skip
+
+
+def _check_changes(fixed: Fixes) -> None:
+    """Raise for positions that repeat to the last digit, and coordinates that never change."""
+    for column, name in enumerate(("latitude", "longitude", "height")):
+        if (fixed.geodetic[:, column] == fixed.geodetic[0, column]).all():
+            raise GtvalError(
+                f"{fixed.source}: the {name} of all {len(fixed)} RTK-fixed positions is the same "
+                "to the last digit: that is no noise. Record with more digits, or the receiver hung"
+            )
+    same = np.r_[False, (np.diff(fixed.geodetic, axis=0) == 0).all(1), False]
+    ends = np.flatnonzero(np.diff(same.astype(int))).reshape(-1, 2)
+    problems = [
+        Problem(
+            fixed.source,
+            f"the receiver hung: {last - first + 1} positions of "
+            f"{fixed.times[last] - fixed.times[first]:.0f} s are the same to the last digit; cut "
+            "them out",
+            int(fixed.lines[first]),
+            "position",
+        )
+        for first, last in ends.tolist()
+        if last - first + 1 >= HUNG
+    ]
+    if problems:
+        raise InputError(problems)

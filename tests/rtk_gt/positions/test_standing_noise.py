@@ -1,5 +1,6 @@
 """The noise of receivers that stand, and its ratio upwards, with an interval that holds."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ from scipy.signal import lfilter
 
 from rtk_gt.positions.standing import standing_noise
 from rtk_gt.receivers.fixes import RTK_FIXED, Fixes
-from validation.errors import GtvalError
+from validation.errors import GtvalError, InputError
 from validation.poses.earth_frames import LocalFrame
 
 SITE = LocalFrame.from_degrees(45.478, 9.232, 160.0)
@@ -55,3 +56,24 @@ def test_a_receiver_that_moved_or_was_hardly_fixed_is_refused():
         standing_noise(standing(1, moved=1.0))
     with pytest.raises(GtvalError, match="20 RTK-fixed positions"):
         standing_noise(standing(1, count=20))
+
+
+def test_a_pause_of_a_year_and_a_receiver_that_hung_are_named():
+    one = standing(1)
+    late = replace(one, times=np.where(np.arange(1800) < 900, one.times, one.times + 3.5e7))
+    with pytest.raises(InputError, match="leaps of days"):
+        standing_noise(late)
+    places = one.geodetic.copy()
+    places[600:700] = places[600]
+    with pytest.raises(InputError, match="hung: 100 positions of 99 s") as told:
+        standing_noise(replace(one, geodetic=places))
+    assert told.value.problems[0].line == 600
+    places = one.geodetic.copy()
+    places[:, 1] = places[0, 1]
+    with pytest.raises(GtvalError, match="longitude of all 1800"):
+        standing_noise(replace(one, geodetic=places))
+
+
+def test_an_eta_that_no_receiver_has_is_remarked():
+    assert "eta of 9" in standing_noise(standing(1, eta=92.0)).remark
+    assert standing_noise(standing(1)).remark is None
