@@ -13,10 +13,10 @@ from dataclasses import replace
 import numpy as np
 from trials.lasting_errors import ETA, Errors, Made, made_drive
 
+from rtk_gt.lasting.errors import LastingError, errors_of_one
+from rtk_gt.lasting.settled import settle
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
-from rtk_gt.offsets.lasting import LastingError, errors_of_one
 from rtk_gt.offsets.memory import error_model
-from rtk_gt.offsets.settled import settle
 from rtk_gt.path.antennas import antenna_positions
 from rtk_gt.path.clocks import right_clocks
 from rtk_gt.path.vehicle_path import VehiclePath, vehicle_path

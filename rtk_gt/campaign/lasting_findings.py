@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from rtk_gt.campaign.outcome import RtkOutcome
-from rtk_gt.offsets.lasting import SHORT, LastingError
+from rtk_gt.lasting.errors import SHORT, LastingError
 from rtk_gt.path.common_errors import CLEARLY
 from rtk_gt.path.coverage import Coverage
 from rtk_gt.receivers.steps import Steps

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rtk_gt.lasting.errors import LastingError
 from rtk_gt.offsets.checks import PriorCheck
 from rtk_gt.offsets.estimate import Offsets
-from rtk_gt.offsets.lasting import LastingError
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.offsets.slow_errors import ErrorModel

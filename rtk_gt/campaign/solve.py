@@ -8,14 +8,14 @@ import numpy as np
 
 from rtk_gt.campaign.inputs import antenna_places, check_places, load_drive, offset_prior
 from rtk_gt.campaign.outcome import RtkOutcome
+from rtk_gt.lasting.errors import LastingError, smallest_seen
+from rtk_gt.lasting.settled import JumpErrors, settle
 from rtk_gt.offsets.checks import PriorCheck, check_prior
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
-from rtk_gt.offsets.lasting import LastingError, smallest_seen
 from rtk_gt.offsets.memory import error_model
 from rtk_gt.offsets.minima import all_minima, default_layout
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.offsets.prior import OffsetPrior
-from rtk_gt.offsets.settled import JumpErrors, settle
 from rtk_gt.offsets.slow_errors import ErrorModel
 from rtk_gt.path.antennas import Places
 from rtk_gt.path.choice import Choice, check_attitude, check_order, choose
@@ -66,7 +66,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     check_together(records, steps, settings.simultaneous)
     give_back_memory()
     prior = offset_prior(settings, steps.frame)
-    ready = prepare(steps, settings)
+    ready = prepare(steps, settings, OffsetPrior(heights=prior.heights))
     steps, jumps, model = ready.steps, ready.jumps, ready.model
     chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings), model)
     offsets, antennas = chosen.offsets, chosen.antennas
@@ -149,8 +149,17 @@ class Prepared(NamedTuple):
     smallest_seen: float
 
 
-def prepare(steps: Steps, settings: RtkSettings) -> Prepared:
+def prepare(steps: Steps, settings: RtkSettings, prior: OffsetPrior | None = None) -> Prepared:
     """Recorded steps made ready: clocks set right, jumps and false fixes taken out.
+
+    Parameters
+    ----------
+    steps : Steps
+        As recorded.
+    settings : RtkSettings
+        The table [rtk].
+    prior : OffsetPrior, optional
+        What is known of the antennas' heights, for `settle`.
 
     Raises
     ------
@@ -158,8 +167,10 @@ def prepare(steps: Steps, settings: RtkSettings) -> Prepared:
         As `estimate_offsets`.
     """
     steps, clocks = right_clocks(steps, settings.eta)
-    steps, lasting, jumps = settle(steps, eta=settings.eta, robust=settings.robust)
-    quick = estimate_offsets(steps, eta=settings.eta, robust=settings.robust, bent="never")
+    steps, lasting, jumps = settle(steps, eta=settings.eta, robust=settings.robust, prior=prior)
+    quick = estimate_offsets(
+        steps, eta=settings.eta, robust=settings.robust, bent="never", prior=prior
+    )
     model = error_model(steps, quick)
     return Prepared(steps, clocks, lasting, jumps, model, smallest_seen(steps, quick))
 

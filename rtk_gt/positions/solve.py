@@ -12,11 +12,11 @@ from rtk_gt.campaign.inputs import (
     load_drive,
     offset_prior,
 )
+from rtk_gt.lasting.errors import smallest_seen
+from rtk_gt.lasting.settled import settle
 from rtk_gt.offsets.checks import check_prior
-from rtk_gt.offsets.lasting import smallest_seen
 from rtk_gt.offsets.minima import all_minima
 from rtk_gt.offsets.noise import GpsNoise
-from rtk_gt.offsets.settled import settle
 from rtk_gt.path.coverage import coverage
 from rtk_gt.positions.heading import Headings, headings
 from rtk_gt.positions.jumps import PositionJumps, of_first, with_jumps, without_jumps

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from trials.lasting_errors import ETA, Errors, made_drive
 
-from rtk_gt.offsets.contrasts import step_weights
+from rtk_gt.lasting.contrasts import step_weights
+from rtk_gt.lasting.settled import settle
 from rtk_gt.offsets.estimate import estimate_offsets
 from rtk_gt.offsets.memory import error_model
-from rtk_gt.offsets.settled import settle
 from rtk_gt.offsets.slow_errors import ErrorModel, mean_memory, summed_covariance
 from rtk_gt.path.antennas import antenna_positions
 from rtk_gt.path.clocks import right_clocks

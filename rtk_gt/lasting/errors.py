@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from rtk_gt.offsets.estimate import Offsets
-from rtk_gt.offsets.jumps import (
+from rtk_gt.lasting.jumps import (
     LONGEST_FALSE,
     SMALLEST_IN_MOTION,
     UNSURE,
@@ -20,7 +19,8 @@ from rtk_gt.offsets.jumps import (
     least_of_all,
     mismatch,
 )
-from rtk_gt.offsets.restarts import find_restart
+from rtk_gt.lasting.restarts import find_restart
+from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.receivers.fixes import RTK_FIXED, Bools, Ints
 from rtk_gt.receivers.steps import Steps
 from validation.poses.angles import Array

@@ -6,10 +6,11 @@ from functools import partial
 
 import numpy as np
 
+from rtk_gt.lasting.errors import LastingError, lasting_errors, restarted
+from rtk_gt.lasting.jumps import UNSURE
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
-from rtk_gt.offsets.jumps import UNSURE
-from rtk_gt.offsets.lasting import LastingError, lasting_errors, restarted
 from rtk_gt.offsets.noise import pair_incidence
+from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.receivers.assumptions import ETA, FEWEST_STEPS
 from rtk_gt.receivers.fixes import Bools
 from rtk_gt.receivers.steps import Steps, pair_differences
@@ -52,7 +53,7 @@ class JumpErrors:
 
 
 def settle(
-    steps: Steps, *, eta: float = ETA, robust: bool = True
+    steps: Steps, *, eta: float = ETA, robust: bool = True, prior: OffsetPrior | None = None
 ) -> tuple[Steps, list[LastingError], JumpErrors | None]:
     """The steps without errors that last, these errors, and what is left of the jumps taken out.
 
@@ -64,6 +65,9 @@ def settle(
         Ratio of the vertical to the horizontal sigma of a position.
     robust : bool
         Without it nothing is looked for.
+    prior : OffsetPrior, optional
+        What is known of the antennas' heights: a level drive leaves them open otherwise, and with
+        them the distances.
 
     Raises
     ------
@@ -72,7 +76,7 @@ def settle(
     """
     if not robust:
         return steps, [], None
-    quick = partial(estimate_offsets, eta=eta, bent="never")
+    quick = partial(estimate_offsets, eta=eta, bent="never", prior=prior)
     offsets = quick(steps)
     errors = lasting_errors(steps, offsets)
     cleaned, jumps = steps, None

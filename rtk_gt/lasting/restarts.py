@@ -7,9 +7,9 @@ second. Who it was, and the second, the motion about it tells.
 
 import numpy as np
 
-from rtk_gt.offsets.contrasts import contrasts, sides_of
+from rtk_gt.lasting.contrasts import contrasts, sides_of
+from rtk_gt.lasting.jumps import ALIKE, GAIN, SMALLEST, USUAL, Jump, fit_of, tempered, turned
 from rtk_gt.offsets.estimate import Offsets
-from rtk_gt.offsets.jumps import ALIKE, GAIN, SMALLEST, USUAL, Jump, fit_of, tempered, turned
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.offsets.robust import autocorrelation_time
 from rtk_gt.receivers.steps import pair_differences

@@ -1,0 +1,1 @@
+"""Errors of receivers that begin with a jump: found, sized, taken out."""
