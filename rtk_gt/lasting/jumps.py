@@ -27,6 +27,9 @@ GAIN_OVER_MOTION = 40.0
 """The same against motion of any roughness about the interval, see `gain_over_motion`: in 2,700
 intervals without a jump, of drives that brake and turn, it was at most 34; of jumps of 10 cm of all
 receivers at 5 and 10 Hz and a noise of 6 mm at least 59."""
+GAIN_WITHOUT_ONE = 12.0
+"""The same without any one of the two epochs on either side, so that one false fix is no jump: of
+those intervals without a jump at most 10, of jumps of 10 cm less in one of 150."""
 GAIN_BACK = 25.0
 """The same of the one number of a jump back whose size is known, within `LONGEST_FALSE`: in one of
 2 million intervals."""
@@ -232,7 +235,17 @@ def _over_motion(times: Array, positions: Array, jump: Jump) -> bool:
     """Whether no motion of the receivers that jump explains it nearly as well."""
     places = positions[:, list(jump.receivers)].mean(1)
     around = range(max(jump.row - UNSURE, 0), min(jump.row + UNSURE + 1, len(times) - 1))
-    return max(gain_over_motion(times, places, row) for row in around) > GAIN_OVER_MOTION
+    gains = [gain_over_motion(times, places, row) for row in around]
+    at = around[int(np.argmax(gains))]
+    return max(gains) > GAIN_OVER_MOTION and all(
+        gain_over_motion(*_without(times, places, epoch), at - (epoch <= at)) > GAIN_WITHOUT_ONE
+        for epoch in range(at - 1, at + 3)
+    )
+
+
+def _without(times: Array, places: Array, epoch: int) -> tuple[Array, Array]:
+    """Times and places but those of an epoch."""
+    return np.delete(times, epoch), np.delete(places, epoch, axis=0)
 
 
 def _place(seen: Contrasts, row: int, cause: tuple[int, ...], reach: int) -> int:

@@ -19,8 +19,10 @@ EDGE = 20
 """Epochs at both ends at which no change is looked for: fewer tell no offsets."""
 _FALSE = 10.0
 """Standard deviations to which a residual counts: a false fix is no change."""
-SLOW = 10.0
-"""Epochs that one independent one is worth, above which errors wander by themselves."""
+SLOW, WANDERING = 3.0, 1.5
+"""Epochs that one independent one is worth, above which errors wander by themselves (white noise of
+five records came to 1.1 at most, slow errors of 30 and 60 s at 1 Hz to 6 and more), and times the
+gain that a jump needs there: sixty clean records with such errors came to 55."""
 SHARP, SHARP_IN_WHITE = 25.0, 9.0
 """Gain that a jump must have between two epochs, where errors wander and where they do not: of
 three normal numbers at a hundred epochs chance makes the first in one of 600 drives."""
@@ -66,10 +68,11 @@ def find_restart(times: Array, positions: Array, headings: Array, offsets: Offse
     each = [_gains(own, by_receiver[:, :, k], residuals) for k in range(r)]
     who = max(range(r), key=lambda k: each[k][0].max())
     gains, tau = each[who]
-    if gains.max() < GAIN:
+    wander = tau > SLOW
+    if gains.max() < (WANDERING if wander else 1.0) * GAIN:
         return None
     found = _placed(times, positions, headings, who, gains)
-    sharp = SHARP if tau > SLOW else SHARP_IN_WHITE
+    sharp = SHARP if wander else SHARP_IN_WHITE
     return found if found is not None and found.gain > sharp else None
 
 
