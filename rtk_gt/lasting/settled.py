@@ -1,6 +1,6 @@
 """A drive without the errors that last: taken out where they stay, left out where they end."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -21,6 +21,8 @@ MOST_RESTARTS = 6
 """Rounds in which smaller jumps are looked for: a drive with more is no ground truth."""
 LEAST_LEFT = 0.2
 """Share of the steps that must be left: a judgement; of fewer nobody knows which are right."""
+_ROUNDS, _STAYS = 6, 1e-3
+"""At most; and metres that no size changes any more."""
 NOT_USED = -1
 """Kind of a fix that is left out."""
 
@@ -78,20 +80,44 @@ def settle(
         return steps, [], None
     quick = partial(estimate_offsets, eta=eta, bent="never", prior=prior)
     offsets = quick(steps)
-    errors = lasting_errors(steps, offsets)
+    found = lasting_errors(steps, offsets)
+    errors = found
     cleaned, jumps = steps, None
     for _ in range(MOST_RESTARTS):
         if errors:
-            cleaned = without_errors(steps, errors)
-            _check_left(cleaned, steps, errors)
-            errors, jumps = refined(cleaned, quick(cleaned), errors)
+            _check_left(without_errors(steps, errors), steps, errors)
+            errors, jumps = _settled_sizes(steps, quick, errors, found)
             cleaned = without_errors(steps, errors)
             offsets = quick(cleaned)
         restart = restarted(cleaned, offsets)
         if restart is None:
             return cleaned, errors, jumps
-        errors = sorted([*errors, restart], key=lambda one: one.start)
-    return cleaned, [one for one in errors if one is not restart], jumps
+        found, settled = [*found, restart], errors
+        errors = [*errors, restart]
+    return cleaned, settled, jumps
+
+
+def _settled_sizes(
+    steps: Steps,
+    quick: Callable[[Steps], Offsets],
+    errors: Sequence[LastingError],
+    found: Sequence[LastingError],
+) -> tuple[list[LastingError], JumpErrors | None]:
+    """The errors with sizes that the whole drive tells, and what is left of their errors.
+
+    A jump of a decimetre bends the offsets by as much at first, so this goes on until the sizes
+    stay.
+    """
+    errors = sorted(errors, key=lambda one: one.start)
+    jumps = None
+    for _ in range(_ROUNDS):
+        cleaned = without_errors(steps, errors)
+        better, jumps = refined(cleaned, quick(cleaned), errors, found)
+        moved = [np.abs(b.size - e.size).max() for b, e in zip(better, errors, strict=True)]
+        errors = better
+        if max(moved) < _STAYS:
+            break
+    return errors, jumps
 
 
 def _check_left(cleaned: Steps, steps: Steps, errors: Sequence[LastingError]) -> None:
@@ -141,7 +167,10 @@ def left_out(error: LastingError) -> tuple[float, float]:
 
 
 def refined(
-    steps: Steps, offsets: Offsets, errors: Sequence[LastingError]
+    steps: Steps,
+    offsets: Offsets,
+    errors: Sequence[LastingError],
+    found: Sequence[LastingError],
 ) -> tuple[list[LastingError], JumpErrors | None]:
     """The errors with better sizes of those that stay, and what is left of their errors.
 
@@ -152,7 +181,9 @@ def refined(
     offsets : Offsets
         From these steps.
     errors : sequence of LastingError
-        That were taken out.
+        That were taken out, in the order of time.
+    found : sequence of LastingError
+        The same as they were found, with sizes and covariances by the time around each.
 
     Notes
     -----
@@ -160,6 +191,7 @@ def refined(
     jumps, the offsets and the distances together, with the sizes found around each as knowledge
     beforehand. Each independent step counts once.
     """
+    errors, found = (sorted(some, key=lambda one: one.start) for some in (errors, found))
     staying = [error for error in errors if error.stays]
     if not staying:
         return list(errors), None
@@ -180,11 +212,14 @@ def refined(
     oo = np.einsum("tpa,pq,tqb->ab", own, weight, own)
     os = np.einsum("tpa,pq,tqb->ab", own, weight, by_jump)
     ss = np.einsum("tpa,pq,tqb->ab", by_jump, weight, by_jump)
-    known = np.linalg.inv(_blocks([error.covariance for error in staying]))
+    around = [one for one in found if one.stays]
+    known = np.linalg.inv(_blocks([one.covariance for one in around]))
+    off = np.concatenate([a.size - b.size for a, b in zip(around, staying, strict=True)])
     by_offsets = np.linalg.pinv(oo, rcond=1e-9, hermitian=True) @ os
     covariance = np.linalg.inv(ss - os.T @ by_offsets + known)
     right = np.einsum("tpa,pq,tq->a", by_jump, weight, residuals)
     right = right - by_offsets.T @ np.einsum("tpa,pq,tq->a", own, weight, residuals)
+    right = right + known @ off
     sizes = (covariance @ right).reshape(-1, 3)
     better = [
         replace(error, size=error.size + change, covariance=covariance[k : k + 3, k : k + 3])
