@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
+from rtk_gt.offsets.costs import costs_of
 from rtk_gt.offsets.estimate import Offsets
-from rtk_gt.offsets.minima import Minima, costs_of
+from rtk_gt.offsets.minima import Minima
 from rtk_gt.offsets.prior import OffsetPrior
 from validation.errors import GtvalError
 from validation.poses.angles import Array

@@ -10,7 +10,8 @@ from functools import partial
 
 import numpy as np
 
-from rtk_gt.offsets.estimate import SMALLEST_SIGMA, Offsets, estimate_offsets
+from rtk_gt.offsets.costs import settled_cost
+from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.offsets.prior import USUAL_ARM, OffsetPrior
 from rtk_gt.offsets.slow_errors import ErrorModel
 from rtk_gt.receivers.steps import Steps
@@ -23,8 +24,6 @@ most of each turn as one."""
 MIRRORED = 2
 """Of them those that are tried with the antennas the other way round: exchanged receivers have one
 solution or two, turned by half."""
-_FALSE = 25.0
-"""Cost of a step at most: a false fix contradicts all solutions alike."""
 LEAST_ROD = 0.1
 """Metres that antennas are apart at least: the width of one. Noise alone fits rods of its size."""
 AS_GOOD = 30.0
@@ -104,7 +103,8 @@ def all_minima(
             "little. State [rtk.known_distances] (a tape measure will do) or [rtk.known_offsets] "
             "from a longer drive; `gtval rtk coverage` works without"
         )
-    costs = dict(zip(map(id, found), costs_of(found), strict=True))
+    best = min(found, key=lambda one: one.sigma)
+    costs = {id(one): settled_cost(used, one, best, prior) for one in found}
     found = _distinct(sorted(found, key=lambda one: costs[id(one)]))
     wanted = _winding(layout)
     upright = [one for one in found if _winding(_mean_arms(used, one)) * wanted >= 0]
@@ -154,17 +154,6 @@ def _arms(layout: Array) -> Array:
     return np.concatenate(
         [arms @ turn.swapaxes(1, 2), (arms * [1, -1, 1]) @ mirrored.swapaxes(1, 2)]
     )
-
-
-def costs_of(found: list[Offsets]) -> list[float]:
-    """-2 log likelihood of each, of drive and knowledge; each independent step counts once."""
-    best = min(found, key=lambda one: one.sigma)
-    sigma = max(best.sigma, SMALLEST_SIGMA)
-    return [
-        float(np.minimum(one.squares / sigma**2, _FALSE).sum()) / best.correlation_time
-        + one.against
-        for one in found
-    ]
 
 
 def _mean_arms(steps: Steps, offsets: Offsets) -> Array:
