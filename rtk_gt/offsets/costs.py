@@ -10,7 +10,7 @@ from validation.poses.angles import Array
 
 FALSE = 25.0
 """Cost of a step at most: a false fix contradicts all solutions alike."""
-_SOME = 3000
+_SOME = 500
 """Steps at least of which costs are taken, where there are more: each counts for several then."""
 _STEPS, _SETTLED = 15, 0.1
 """At most; and by how much less a cost must be to go on."""
@@ -80,7 +80,8 @@ def settled_cost(steps: Steps, offsets: Offsets, best: Offsets, prior: OffsetPri
     cost, normal, right = looked(at)
     damping = 1e-9
     for _ in range(_STEPS):
-        step = np.linalg.solve(normal + damping * np.diag(np.diagonal(normal)), right)
+        size = np.diagonal(normal) + 1e-9 * np.trace(normal)
+        step = np.linalg.solve(normal + damping * np.diag(size), right)
         there = looked(at + step)
         if there[0] > cost:
             damping = max(10 * damping, 1e-3)

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from rtk_gt.offsets.costs import settled_cost
+from rtk_gt.offsets.costs import costs_of, settled_cost
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.offsets.prior import USUAL_ARM, OffsetPrior
 from rtk_gt.offsets.slow_errors import ErrorModel
@@ -29,6 +29,8 @@ LEAST_ROD = 0.1
 AS_GOOD = 30.0
 """A minimum stays possible until its -2 log likelihood is so much larger: noise does that to the
 true one once in 20 million (5.5 standard deviations)."""
+_ROUGHLY = 500.0
+"""Rough cost above the least from which on nothing is compared; they have been off by a hundred."""
 _SAME = 3.0
 """Standard deviations within which two minima are one: a judgement."""
 _ROUNDING = 1e-4
@@ -103,9 +105,13 @@ def all_minima(
             "little. State [rtk.known_distances] (a tape measure will do) or [rtk.known_offsets] "
             "from a longer drive; `gtval rtk coverage` works without"
         )
-    best = min(found, key=lambda one: one.sigma)
-    costs = {id(one): settled_cost(used, one, best, prior) for one in found}
-    found = _distinct(sorted(found, key=lambda one: costs[id(one)]))
+    rough = dict(zip(map(id, found), costs_of(found), strict=True))
+    found = _distinct(sorted(found, key=lambda one: rough[id(one)]))
+    found = [one for one in found if rough[id(one)] - rough[id(found[0])] < _ROUGHLY]
+    quiet = min(found, key=lambda one: one.sigma)
+    compared = [*found, beside] if beside is not None and id(beside) in rough else found
+    costs = {id(one): settled_cost(used, one, quiet, prior) for one in compared}
+    found = sorted(found, key=lambda one: costs[id(one)])
     wanted = _winding(layout)
     upright = [one for one in found if _winding(_mean_arms(used, one)) * wanted >= 0]
     best = upright[0] if upright else found[0]
