@@ -72,14 +72,21 @@ def _in_time(record: Fixes) -> list[Problem]:
     found = []
     for row in np.flatnonzero((steps <= 0) | (steps > LONGEST)):
         step = float(steps[row])
-        what = "the same time as" if step == 0 else f"{abs(step):g} s "
+        what = (
+            "the same time as"
+            if step == 0
+            else (
+                f"{abs(step):g} s " if abs(step) < LONGEST else f"{abs(step) / LONGEST:.2f} days "
+            )
+        )
         if step:
             what += "earlier than" if step < 0 else "later than"
         found.append(
             Problem(
                 record.source,
                 f"{what} the fix before (receiver {record.receiver}); times must increase, "
-                "without leaps of days",
+                "without leaps of days"
+                + ("; cut the log here, one drive a campaign" if step > LONGEST else ""),
                 int(record.lines[row + 1]),
                 "time",
                 f"{record.times[row + 1]:.3f}",

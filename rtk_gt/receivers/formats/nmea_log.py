@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rtk_gt.receivers.formats.dates import Calendar
 from rtk_gt.receivers.formats.error_ellipses import EllipseRecord
 from validation.errors import MAX_SHOWN_PROBLEMS, InputError, Problem
 from validation.poses.angles import Array
@@ -27,7 +28,7 @@ class NmeaLog:
 
     path: Path
     skip_damaged: bool | None
-    day: float | None
+    calendar: Calendar = field(default_factory=Calendar)
     tolerated: Counter[str] = field(default_factory=Counter)
     problems: list[Problem] = field(default_factory=list)
     lost: list[Problem] = field(default_factory=list)
@@ -43,7 +44,6 @@ class NmeaLog:
     without_geoid: list[int] = field(default_factory=list)
     geoid: list[float] = field(default_factory=list)
     ellipses: dict[float, EllipseRecord] = field(default_factory=dict)
-    last_clock: float | None = None
     dated: bool = False
 
     def bad(self, line: int, name: str, value: str, expected: str) -> None:
