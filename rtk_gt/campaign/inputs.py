@@ -11,6 +11,7 @@ from rtk_gt.receivers.baselines import on_base
 from rtk_gt.receivers.fix_checks import check_fixes
 from rtk_gt.receivers.fixes import Fixes
 from rtk_gt.receivers.formats.reading import Stated, read_baselines, read_receiver
+from rtk_gt.receivers.frozen import without_frozen
 from rtk_gt.receivers.steps import Steps, common_steps
 from rtk_gt.settings import Receiver, RtkSettings
 from validation.campaign.folder import Campaign
@@ -86,7 +87,7 @@ def check_places(campaign: Campaign) -> None:
 
 
 def read_records(campaign: Campaign, settings: RtkSettings) -> list[Fixes]:
-    """The fixes of all receivers, in the order of campaign.toml.
+    """The fixes of all receivers, in the order of campaign.toml; where one hung, not fixed.
 
     Raises
     ------
@@ -107,7 +108,7 @@ def read_records(campaign: Campaign, settings: RtkSettings) -> list[Fixes]:
         raise InputError(dict.fromkeys(problems))
     found = [records[receiver.name] for receiver in settings.receivers]
     check_fixes(found, stated_frame(settings))
-    return found
+    return without_frozen(found)
 
 
 def _read(

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from rtk_gt.campaign.outcome import RtkOutcome
-from rtk_gt.lasting.errors import SHORT, LastingError
+from rtk_gt.lasting.errors import SHORT, LastingError, beyond_a_base
 from rtk_gt.path.common_errors import CLEARLY
 from rtk_gt.path.coverage import Coverage
 from rtk_gt.receivers.steps import Steps
@@ -117,6 +117,14 @@ def _finding(outcome: WithJumps, error: LastingError) -> Finding:
             "poses. Their kind says RTK fixed: watch for reflections and few satellites there."
         )
         return Finding("warning", text, SUBJECT, "lasting_false_fix", sizes)
+    if len(error.receivers) == len(outcome.steps.receivers) and beyond_a_base(error):
+        text = (
+            f"A leap that no restart of a base station makes: {who}{doubt} is off {what} from "
+            f"second {begin:.1f} on. The receiver hung, its clock leapt while the vehicle drove, "
+            "or two records were put together. The leap was taken out of what follows, which must "
+            "not be used before that is known."
+        )
+        return Finding("error", text, SUBJECT, "jump", sizes)
     cause = (
         "their base station restarted with other coordinates"
         if len(error.receivers) > 1

@@ -3,12 +3,14 @@
 import csv
 
 import numpy as np
+import pytest
 from trials.lasting_errors import Errors, made_drive
 from trials.straight_roads import write_road
 
 from rtk_gt.campaign.solve import solve_campaign
 from rtk_gt.system import result_of
 from validation.campaign.folder import load_campaign
+from validation.errors import GtvalError
 
 QUIET = Errors(0.003)
 
@@ -39,6 +41,13 @@ def test_a_jump_of_all_receivers_is_said_marked_and_written(tmp_path):
     assert row["receivers"] == "all receivers"
     assert float(row["start"]) == made.steps.times[500]
     assert row["end"] == ""
+
+
+def test_a_leap_of_all_that_no_base_station_makes_is_never_taken_out(tmp_path):
+    made = made_drive(51, QUIET, seconds=200.0)
+    rows = np.arange(500, len(made.steps))
+    with pytest.raises(GtvalError, match=r"(?s)all receivers leap by 2[45] m.*No restart of a base"):
+        result_for(tmp_path / "c", made.jumped([0, 1, 2], rows, np.array([20.0, 15.0, 0.0])))
 
 
 def test_a_false_fix_that_lasts_is_one_line_and_no_pose(tmp_path):
