@@ -46,7 +46,7 @@ def test_a_jump_of_all_receivers_is_said_marked_and_written(tmp_path):
 def test_a_leap_of_all_that_no_base_station_makes_is_never_taken_out(tmp_path):
     made = made_drive(51, QUIET, seconds=200.0)
     rows = np.arange(500, len(made.steps))
-    with pytest.raises(GtvalError, match=r"(?s)all receivers leap by 2[45] m.*No restart of a base"):
+    with pytest.raises(GtvalError, match=r"receivers leap by 2[45] m.*No restart of"):
         result_for(tmp_path / "c", made.jumped([0, 1, 2], rows, np.array([20.0, 15.0, 0.0])))
 
 
