@@ -90,7 +90,7 @@ def nmea_fixes(
         said = "no whole NMEA sentence in the file; name the receiver's log, or set its format"
         raise InputError([Problem(path, said, log.lost[0].line, "line", log.lost[0].value)])
     if log.many_lost or (log.lost and not log.rows):
-        log.problems += log.lost
+        log.problems += log.lost_in_words
     if not log.rows and not log.problems:
         log.problems.append(Problem(path, _no_position(log, text)))
     if log.problems:
