@@ -184,7 +184,16 @@ def slow_findings(outcome: RtkOutcome) -> Iterator[Finding]:
 def _common(outcome: RtkOutcome) -> Iterator[Finding]:
     common = outcome.common
     own = f"the distances of the antennas show {1000 * outcome.noise.sigma:.1f} mm"
-    if common.source == "none":
+    bases = sorted({one.base for one in outcome.settings.receivers} - {""})
+    if common.source == "none" and bases:
+        text = (
+            f"Other receivers are told from {', '.join(bases)}, a moving base that states no "
+            "errors: its own noise is in all positions alike, no distance shows it, and it is not "
+            "in the poses. Let it write GST (or sigmas), or state `common_sigma` and `common_time` "
+            "in [rtk]; 0.01 m is usual for fixed ambiguities."
+        )
+        yield Finding("warning", text, SUBJECT, "base_noise_open")
+    elif common.source == "none":
         text = (
             "Errors that all receivers share, of the base station and of the air above, cannot be "
             "told from motion: they are not included. Where their size is known, state "
@@ -193,9 +202,10 @@ def _common(outcome: RtkOutcome) -> Iterator[Finding]:
         yield Finding("note", text, SUBJECT, "common_errors_open")
     else:
         lasts = outcome.settings.common_time
-        who = "campaign.toml states" if common.source == "setting" else (
+        who = {"setting": "campaign.toml states", "base": "the moving base states"}.get(
+            common.source,
             f"The receivers state {1000 * common.stated:.1f} mm of themselves, {own}; the rest is "
-            "taken as"
+            "taken as",
         )  # fmt: skip
         duration = f", for {lasts:g} s" if lasts else ", for an unknown time"
         text = (
@@ -204,7 +214,7 @@ def _common(outcome: RtkOutcome) -> Iterator[Finding]:
         )
         size = (Size("error that all share", common.sigma, "m"),)
         yield Finding("note", text[0].upper() + text[1:], SUBJECT, "common_errors", size)
-    if common.stated * CLEARLY < outcome.noise.sigma:
+    if common.source != "base" and common.stated * CLEARLY < outcome.noise.sigma:
         text = (
             f"The receivers state {1000 * common.stated:.1f} mm of themselves, but {own}: what "
             "they state is too small. The larger one was used."

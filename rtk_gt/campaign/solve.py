@@ -74,7 +74,8 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
     progress("path", 0.5)
     good = _without_false(steps, offsets)
-    common = common_errors(records, good, noise, settings.common_sigma)
+    base = _base_of_all(settings, records)
+    common = common_errors(records, good, noise, settings.common_sigma, base)
     path = vehicle_path(
         good, offsets, antennas, noise, jumps=jumps, model=model, common=common.covariances
     )
@@ -236,6 +237,15 @@ def _check_determined(offsets: Offsets, largest: float) -> None:
             "[rtk.known_distances] (a tape measure will do) or [rtk.known_offsets] from a longer "
             "drive; `gtval rtk coverage` works without"
         )
+
+
+def _base_of_all(settings: RtkSettings, records: Sequence[Fixes]) -> Fixes | None:
+    """The record of the receiver that all others are told from; None if there is none."""
+    names = {one.base for one in settings.receivers} - {""}
+    told = sum(bool(one.base) for one in settings.receivers)
+    if len(names) != 1 or told < len(records) - 1:
+        return None
+    return next(one for one in records if one.receiver in names)
 
 
 def _without_false(steps: Steps, offsets: Offsets) -> Steps:

@@ -75,6 +75,33 @@ def test_what_receivers_state_beyond_their_distances_is_common_to_all(tmp_path):
     assert "all receivers share" in finding(result_of(outcome), "common_errors").text
 
 
+def test_what_a_moving_base_states_is_in_all_poses(tmp_path):
+    """The way from the base has none of its errors, so that no distance shows them."""
+    steps = made_drive(53, QUIET, seconds=120.0).steps
+    write_road(tmp_path / "c", steps)
+    toml, text = tmp_path / "c" / "campaign.toml", ""
+    for k, name in enumerate(steps.receivers[1:], 1):
+        way = steps.positions[:, k] - steps.positions[:, 0]
+        rows = np.column_stack([steps.times, way])[np.isfinite(way).all(1)].tolist()
+        text = "\n".join(f"{t:.3f},{x!r},{y!r},{z!r},4" for t, x, y, z in rows)
+        path = tmp_path / "c" / "rtk" / f"{name}.csv"
+        path.write_text(f"time,east,north,height,fix\n{text}\n")
+        line = f'name = "{name}"\n'
+        toml.write_text(toml.read_text().replace(line, f'{line}base = "{steps.receivers[0]}"\n'))
+    open_base = result_of(solve_campaign(load_campaign(tmp_path / "c")))
+    assert "common_sigma" in finding(open_base, "base_noise_open").text
+    path = tmp_path / "c" / "rtk" / f"{steps.receivers[0]}.csv"
+    head, *lines = path.read_text().splitlines()
+    lines = [f"{line},0.006,0.006,0.010" for line in lines]
+    path.write_text("\n".join([f"{head},sigma_east,sigma_north,sigma_up", *lines]) + "\n")
+    told = result_of(solve_campaign(load_campaign(tmp_path / "c")))
+    assert "base states an error of 6.0 mm" in finding(told, "common_errors").text
+    more = told.tables[0].covariances - open_base.tables[0].covariances
+    np.testing.assert_allclose(
+        np.diagonal(more, axis1=1, axis2=2).mean(0)[:3], [36e-6, 36e-6, 1e-4], rtol=0.02
+    )
+
+
 def test_a_setting_states_what_all_receivers_share(tmp_path):
     made = made_drive(54, QUIET, seconds=120.0)
     write_road(tmp_path / "c", made.steps)
