@@ -17,8 +17,8 @@ MOST = 8
 """Lines of single errors; more are counted in one line."""
 NORMAL_95 = 1.96
 LARGEST_UNSEEN = 0.12
-"""Metres of a jump of all receivers that may stay unseen without a word: a base station that
-averages its coordinates anew moves by more."""
+"""Metres of a jump of all receivers that may stay unseen without advice to record more often: a
+base station that averages its coordinates anew moves by more."""
 JUMP_COLUMNS = (
     *("receivers", "start", "end", "east", "north", "up"),
     *("sigma_east", "sigma_north", "sigma_up", "gain"),
@@ -69,19 +69,26 @@ def lasting_findings(outcome: WithJumps) -> Iterator[Finding]:
 
 
 def unseen_findings(outcome: WithJumps) -> Iterator[Finding]:
-    """That a jump of all receivers may be in the drive unseen."""
-    least = outcome.smallest_seen
-    if least <= LARGEST_UNSEEN:
-        return
+    """That a jump of all receivers may be in the drive unseen, between fixes and over gaps."""
+    least, found = outcome.smallest_seen, outcome.coverage
     said = f"of less than some {100 * least:.0f} cm" if np.isfinite(least) else "of any size"
     of_all = "of all receivers " if len(outcome.steps.receivers) > 1 else ""
     text = (
         f"A jump {of_all}{said} would not be seen in this record: the vehicle moves more "
-        "than that by itself between its fixes. Record at 5 Hz or more if the base station may "
-        "restart."
+        "than that by itself between its fixes. "
     )
-    size = (Size("smallest jump of all that is seen", least, "m"),) if np.isfinite(least) else ()
-    yield Finding("note", text, SUBJECT, "jumps_unseen", size)
+    gaps = [gap for gap in found.gaps if gap.duration > found.max_gap]
+    if gaps:
+        text += (
+            f"Over a gap one of any size would not: there are {len(gaps)} of more than "
+            f"{found.max_gap:g} s, and what comes after one may be off from what came before. "
+        )
+    if least > LARGEST_UNSEEN:
+        text += "Record at 5 Hz or more if the base station may restart. "
+    text += "Compare the base station's coordinates before and after the drive."
+    sizes = [Size("smallest jump of all that is seen", least, "m")] if np.isfinite(least) else []
+    sizes += [Size("gaps over which none is seen", len(gaps), "gaps")] if gaps else []
+    yield Finding("note", text, SUBJECT, "jumps_unseen", tuple(sizes))
 
 
 def _told(error: LastingError) -> bool:

@@ -10,8 +10,8 @@ from rtk_gt.campaign.inputs import antenna_places, check_places, load_drive, off
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.lasting.errors import LastingError, smallest_seen
 from rtk_gt.lasting.settled import JumpErrors, settle
-from rtk_gt.offsets.checks import PriorCheck, check_prior
-from rtk_gt.offsets.estimate import Offsets, estimate_offsets
+from rtk_gt.offsets.checks import PriorCheck, check_prior, check_units
+from rtk_gt.offsets.estimate import Offsets, distance_names, estimate_offsets
 from rtk_gt.offsets.memory import error_model
 from rtk_gt.offsets.minima import all_minima, default_layout
 from rtk_gt.offsets.noise import GpsNoise
@@ -68,6 +68,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     prior = offset_prior(settings, steps.frame)
     ready = prepare(steps, settings, OffsetPrior(heights=prior.heights))
     steps, jumps, model = ready.steps, ready.jumps, ready.model
+    check_units(prior, ready.quick, distance_names(steps.receivers))
     chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings), model)
     offsets, antennas = chosen.offsets, chosen.antennas
     give_back_memory()
@@ -148,6 +149,7 @@ class Prepared(NamedTuple):
     jumps: JumpErrors | None
     model: ErrorModel | None
     smallest_seen: float
+    quick: Offsets
 
 
 def prepare(steps: Steps, settings: RtkSettings, prior: OffsetPrior | None = None) -> Prepared:
@@ -173,7 +175,7 @@ def prepare(steps: Steps, settings: RtkSettings, prior: OffsetPrior | None = Non
         steps, eta=settings.eta, robust=settings.robust, bent="never", prior=prior
     )
     model = error_model(steps, quick)
-    return Prepared(steps, clocks, lasting, jumps, model, smallest_seen(steps, quick))
+    return Prepared(steps, clocks, lasting, jumps, model, smallest_seen(steps, quick), quick)
 
 
 def solve_offsets(

@@ -1,6 +1,7 @@
 """Campaigns with errors that last: what is said of them, and how their poses are marked."""
 
 import csv
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -8,11 +9,18 @@ from trials.lasting_errors import Errors, made_drive
 from trials.straight_roads import write_road
 
 from rtk_gt.campaign.solve import solve_campaign
+from rtk_gt.receivers.steps import Steps
 from rtk_gt.system import result_of
 from validation.campaign.folder import load_campaign
 from validation.errors import GtvalError
 
 QUIET = Errors(0.003)
+
+
+class Made(NamedTuple):
+    """What `result_for` takes of a drive."""
+
+    steps: Steps
 
 
 def result_for(folder, made):
@@ -41,6 +49,18 @@ def test_a_jump_of_all_receivers_is_said_marked_and_written(tmp_path):
     assert row["receivers"] == "all receivers"
     assert float(row["start"]) == made.steps.times[500]
     assert row["end"] == ""
+
+
+def test_what_a_jump_of_all_may_hide_in_is_said(tmp_path):
+    steps = made_drive(51, QUIET, seconds=200.0).steps
+    whole = finding(result_for(tmp_path / "a", Made(steps)), "jumps_unseen")
+    assert 0 < whole.sizes[0].value < 0.12
+    assert "Over a gap" not in whole.text
+    times = steps.times - steps.times[0]
+    cut = steps.select((times < 80) | (times > 90))
+    found = finding(result_for(tmp_path / "b", Made(cut)), "jumps_unseen")
+    assert "Over a gap one of any size would not: there are 1 of more than 2 s" in found.text
+    assert found.sizes[1].value == 1
 
 
 def test_a_leap_of_all_that_no_base_station_makes_is_never_taken_out(tmp_path):
