@@ -79,8 +79,9 @@ def unseen_findings(outcome: WithJumps) -> Iterator[Finding]:
     )
     gaps = [gap for gap in found.gaps if gap.duration > found.max_gap]
     if gaps:
+        last = "lasts" if len(gaps) == 1 else "last"
         text += (
-            f"Over a gap one of any size would not: there are {len(gaps)} of more than "
+            f"Over a gap one of any size would not: {len(gaps)} {last} more than "
             f"{found.max_gap:g} s, and what comes after one may be off from what came before. "
         )
     if least > LARGEST_UNSEEN:

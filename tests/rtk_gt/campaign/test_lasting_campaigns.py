@@ -59,7 +59,7 @@ def test_what_a_jump_of_all_may_hide_in_is_said(tmp_path):
     times = steps.times - steps.times[0]
     cut = steps.select((times < 80) | (times > 90))
     found = finding(result_for(tmp_path / "b", Made(cut)), "jumps_unseen")
-    assert "Over a gap one of any size would not: there are 1 of more than 2 s" in found.text
+    assert "Over a gap one of any size would not: 1 lasts more than 2 s" in found.text
     assert found.sizes[1].value == 1
 
 
