@@ -352,9 +352,33 @@ def _records(outcome: RtkOutcome) -> Iterator[Finding]:
 
 def record_findings(record: Fixes) -> Iterator[Finding]:
     """Remarks of the reader of one record, and what it tolerated."""
+    yield from _frozen(record)
     for note in record.notes:
         yield Finding("note", note, record.receiver, "record")
     if record.tolerated:
         said = ", ".join(f"{what}: {count}" for what, count in record.tolerated.items())
         text = f"{record.source.name}, accepted: {said}."
         yield Finding("note", text, record.receiver, "tolerated")
+
+
+def _frozen(record: Fixes) -> Iterator[Finding]:
+    """That a receiver hung while the vehicle drove."""
+    if not record.frozen:
+        return
+    worst = max(record.frozen, key=lambda one: one.leap)
+    seconds = sum(one.end - one.begin for one in record.frozen)
+    start = record.times[0]
+    text = (
+        f"Receiver {record.receiver} hung while the vehicle drove: from second "
+        f"{worst.begin - start:.1f} to {worst.end - start:.1f} of its record (line {worst.line}) "
+        f"its position is the same to the last digit {worst.fixes} times, and then leaps by "
+        f"{worst.leap:.1f} m. "
+    )
+    if len(record.frozen) > 1:
+        text += f"It hung {len(record.frozen)} times, for {seconds:.0f} s in all. "
+    text += (
+        "These positions say RTK fixed; they were left out as not fixed. Look at the receiver's "
+        "load, its output rate and its firmware."
+    )
+    sizes = (Size("largest leap", worst.leap, "m"), Size("time in which it hung", seconds, "s"))
+    yield Finding("warning", text, record.receiver, "receiver_hung", sizes)

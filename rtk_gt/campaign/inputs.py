@@ -7,10 +7,12 @@ import numpy as np
 from rtk_gt.offsets.estimate import distance_names
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.path.antennas import Places
+from rtk_gt.receivers.assumptions import VEHICLE_SIZE
 from rtk_gt.receivers.baselines import on_base
 from rtk_gt.receivers.fix_checks import check_fixes
 from rtk_gt.receivers.fixes import Fixes
 from rtk_gt.receivers.formats.reading import Stated, read_baselines, read_receiver
+from rtk_gt.receivers.frozen import without_frozen
 from rtk_gt.receivers.steps import Steps, common_steps
 from rtk_gt.settings import Receiver, RtkSettings
 from validation.campaign.folder import Campaign
@@ -62,7 +64,8 @@ def check_places(campaign: Campaign) -> None:
     InputError
         Naming every key that is missing, with an example.
     """
-    receivers = campaign.section("rtk", RtkSettings).receivers
+    settings = campaign.section("rtk", RtkSettings)
+    receivers = settings.receivers
     if len(receivers) == 1:
         return  # positions are those of its antenna
     wanted = [
@@ -81,12 +84,38 @@ def check_places(campaign: Campaign) -> None:
         for one, key, what in wanted
         if getattr(one, key) is None
     ]
+    problems += _too_large(campaign, settings)
     if problems:
         raise InputError(problems)
 
 
+def _too_large(campaign: Campaign, settings: RtkSettings) -> list[Problem]:
+    """Stated places and distances that no vehicle has: most are in centimetres or millimetres."""
+    receivers = settings.receivers
+    heights = antenna_places(settings).heights
+    key = {one.name: "height" if one.position is None else "position" for one in receivers}
+    sizes = [
+        (f"receivers.{one.name}.{key[one.name]}", float(value), VEHICLE_SIZE, "antenna's height")
+        for one, value in zip(receivers, heights, strict=True)
+    ]
+    if settings.known_distances is not None:
+        for pair, value in settings.known_distances.values.items():
+            sizes.append((f"known_distances.{pair}", value, 2 * VEHICLE_SIZE, "distance"))
+    return [
+        Problem(
+            campaign.toml,
+            f"no {what} on a vehicle; write metres ({value / 100:g} if it is in centimetres, "
+            f"{value / 1000:g} if in millimetres)",
+            field=f"rtk.{name}",
+            value=f"{value:g}",
+        )
+        for name, value, most, what in sizes
+        if abs(value) > most
+    ]
+
+
 def read_records(campaign: Campaign, settings: RtkSettings) -> list[Fixes]:
-    """The fixes of all receivers, in the order of campaign.toml.
+    """The fixes of all receivers, in the order of campaign.toml; where one hung, not fixed.
 
     Raises
     ------
@@ -107,7 +136,7 @@ def read_records(campaign: Campaign, settings: RtkSettings) -> list[Fixes]:
         raise InputError(dict.fromkeys(problems))
     found = [records[receiver.name] for receiver in settings.receivers]
     check_fixes(found, stated_frame(settings))
-    return found
+    return without_frozen(found)
 
 
 def _read(

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from rtk_gt.campaign.outcome import RtkOutcome
-from rtk_gt.lasting.errors import SHORT, LastingError
+from rtk_gt.lasting.errors import SHORT, LastingError, beyond_a_base
 from rtk_gt.path.common_errors import CLEARLY
 from rtk_gt.path.coverage import Coverage
 from rtk_gt.receivers.steps import Steps
@@ -17,8 +17,8 @@ MOST = 8
 """Lines of single errors; more are counted in one line."""
 NORMAL_95 = 1.96
 LARGEST_UNSEEN = 0.12
-"""Metres of a jump of all receivers that may stay unseen without a word: a base station that
-averages its coordinates anew moves by more."""
+"""Metres of a jump of all receivers that may stay unseen without advice to record more often: a
+base station that averages its coordinates anew moves by more."""
 JUMP_COLUMNS = (
     *("receivers", "start", "end", "east", "north", "up"),
     *("sigma_east", "sigma_north", "sigma_up", "gain"),
@@ -69,19 +69,27 @@ def lasting_findings(outcome: WithJumps) -> Iterator[Finding]:
 
 
 def unseen_findings(outcome: WithJumps) -> Iterator[Finding]:
-    """That a jump of all receivers may be in the drive unseen."""
-    least = outcome.smallest_seen
-    if least <= LARGEST_UNSEEN:
-        return
+    """That a jump of all receivers may be in the drive unseen, between fixes and over gaps."""
+    least, found = outcome.smallest_seen, outcome.coverage
     said = f"of less than some {100 * least:.0f} cm" if np.isfinite(least) else "of any size"
     of_all = "of all receivers " if len(outcome.steps.receivers) > 1 else ""
     text = (
         f"A jump {of_all}{said} would not be seen in this record: the vehicle moves more "
-        "than that by itself between its fixes. Record at 5 Hz or more if the base station may "
-        "restart."
+        "than that by itself between its fixes. "
     )
-    size = (Size("smallest jump of all that is seen", least, "m"),) if np.isfinite(least) else ()
-    yield Finding("note", text, SUBJECT, "jumps_unseen", size)
+    gaps = [gap for gap in found.gaps if gap.duration > found.max_gap]
+    if gaps:
+        last = "lasts" if len(gaps) == 1 else "last"
+        text += (
+            f"Over a gap one of any size would not: {len(gaps)} {last} more than "
+            f"{found.max_gap:g} s, and what comes after one may be off from what came before. "
+        )
+    if least > LARGEST_UNSEEN:
+        text += "Record at 5 Hz or more if the base station may restart. "
+    text += "Compare the base station's coordinates before and after the drive."
+    sizes = [Size("smallest jump of all that is seen", least, "m")] if np.isfinite(least) else []
+    sizes += [Size("gaps over which none is seen", len(gaps), "gaps")] if gaps else []
+    yield Finding("note", text, SUBJECT, "jumps_unseen", tuple(sizes))
 
 
 def _told(error: LastingError) -> bool:
@@ -117,6 +125,14 @@ def _finding(outcome: WithJumps, error: LastingError) -> Finding:
             "poses. Their kind says RTK fixed: watch for reflections and few satellites there."
         )
         return Finding("warning", text, SUBJECT, "lasting_false_fix", sizes)
+    if len(error.receivers) == len(outcome.steps.receivers) and beyond_a_base(error):
+        text = (
+            f"A leap that no restart of a base station makes: {who}{doubt} is off {what} from "
+            f"second {begin:.1f} on. The receiver hung, its clock leapt while the vehicle drove, "
+            "or two records were put together. The leap was taken out of what follows, which must "
+            "not be used before that is known."
+        )
+        return Finding("error", text, SUBJECT, "jump", sizes)
     cause = (
         "their base station restarted with other coordinates"
         if len(error.receivers) > 1
@@ -176,7 +192,16 @@ def slow_findings(outcome: RtkOutcome) -> Iterator[Finding]:
 def _common(outcome: RtkOutcome) -> Iterator[Finding]:
     common = outcome.common
     own = f"the distances of the antennas show {1000 * outcome.noise.sigma:.1f} mm"
-    if common.source == "none":
+    bases = sorted({one.base for one in outcome.settings.receivers} - {""})
+    if common.source == "none" and bases:
+        text = (
+            f"Other receivers are told from {', '.join(bases)}, a moving base that states no "
+            "errors: its own noise is in all positions alike, no distance shows it, and it is not "
+            "in the poses. Let it write GST (or sigmas), or state `common_sigma` and `common_time` "
+            "in [rtk]; 0.01 m is usual for fixed ambiguities."
+        )
+        yield Finding("warning", text, SUBJECT, "base_noise_open")
+    elif common.source == "none":
         text = (
             "Errors that all receivers share, of the base station and of the air above, cannot be "
             "told from motion: they are not included. Where their size is known, state "
@@ -185,9 +210,10 @@ def _common(outcome: RtkOutcome) -> Iterator[Finding]:
         yield Finding("note", text, SUBJECT, "common_errors_open")
     else:
         lasts = outcome.settings.common_time
-        who = "campaign.toml states" if common.source == "setting" else (
+        who = {"setting": "campaign.toml states", "base": "the moving base states"}.get(
+            common.source,
             f"The receivers state {1000 * common.stated:.1f} mm of themselves, {own}; the rest is "
-            "taken as"
+            "taken as",
         )  # fmt: skip
         duration = f", for {lasts:g} s" if lasts else ", for an unknown time"
         text = (
@@ -196,7 +222,7 @@ def _common(outcome: RtkOutcome) -> Iterator[Finding]:
         )
         size = (Size("error that all share", common.sigma, "m"),)
         yield Finding("note", text[0].upper() + text[1:], SUBJECT, "common_errors", size)
-    if common.stated * CLEARLY < outcome.noise.sigma:
+    if common.source != "base" and common.stated * CLEARLY < outcome.noise.sigma:
         text = (
             f"The receivers state {1000 * common.stated:.1f} mm of themselves, but {own}: what "
             "they state is too small. The larger one was used."

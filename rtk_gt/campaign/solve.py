@@ -10,8 +10,8 @@ from rtk_gt.campaign.inputs import antenna_places, check_places, load_drive, off
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.lasting.errors import LastingError, smallest_seen
 from rtk_gt.lasting.settled import JumpErrors, settle
-from rtk_gt.offsets.checks import PriorCheck, check_prior
-from rtk_gt.offsets.estimate import Offsets, estimate_offsets
+from rtk_gt.offsets.checks import PriorCheck, check_prior, check_units
+from rtk_gt.offsets.estimate import Offsets, distance_names, estimate_offsets
 from rtk_gt.offsets.memory import error_model
 from rtk_gt.offsets.minima import all_minima, default_layout
 from rtk_gt.offsets.noise import GpsNoise
@@ -68,13 +68,15 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     prior = offset_prior(settings, steps.frame)
     ready = prepare(steps, settings, OffsetPrior(heights=prior.heights))
     steps, jumps, model = ready.steps, ready.jumps, ready.model
+    check_units(prior, ready.quick, distance_names(steps.receivers))
     chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings), model)
     offsets, antennas = chosen.offsets, chosen.antennas
     give_back_memory()
     noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
     progress("path", 0.5)
     good = _without_false(steps, offsets)
-    common = common_errors(records, good, noise, settings.common_sigma)
+    base = _base_of_all(settings, records)
+    common = common_errors(records, good, noise, settings.common_sigma, base)
     path = vehicle_path(
         good, offsets, antennas, noise, jumps=jumps, model=model, common=common.covariances
     )
@@ -147,6 +149,7 @@ class Prepared(NamedTuple):
     jumps: JumpErrors | None
     model: ErrorModel | None
     smallest_seen: float
+    quick: Offsets
 
 
 def prepare(steps: Steps, settings: RtkSettings, prior: OffsetPrior | None = None) -> Prepared:
@@ -172,7 +175,7 @@ def prepare(steps: Steps, settings: RtkSettings, prior: OffsetPrior | None = Non
         steps, eta=settings.eta, robust=settings.robust, bent="never", prior=prior
     )
     model = error_model(steps, quick)
-    return Prepared(steps, clocks, lasting, jumps, model, smallest_seen(steps, quick))
+    return Prepared(steps, clocks, lasting, jumps, model, smallest_seen(steps, quick), quick)
 
 
 def solve_offsets(
@@ -236,6 +239,15 @@ def _check_determined(offsets: Offsets, largest: float) -> None:
             "[rtk.known_distances] (a tape measure will do) or [rtk.known_offsets] from a longer "
             "drive; `gtval rtk coverage` works without"
         )
+
+
+def _base_of_all(settings: RtkSettings, records: Sequence[Fixes]) -> Fixes | None:
+    """The record of the receiver that all others are told from; None if there is none."""
+    names = {one.base for one in settings.receivers} - {""}
+    told = sum(bool(one.base) for one in settings.receivers)
+    if len(names) != 1 or told < len(records) - 1:
+        return None
+    return next(one for one in records if one.receiver in names)
 
 
 def _without_false(steps: Steps, offsets: Offsets) -> Steps:

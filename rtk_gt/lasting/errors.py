@@ -48,6 +48,9 @@ EDGE = 5
 """Epochs at the ends of a record that show no jump of one receiver: nothing holds them outside."""
 SHORT = 3
 """Epochs below which an error is a single false fix, which are counted and not listed."""
+LARGEST_RESTART = 10.0
+"""Metres by which the coordinates of a base station change at most where it restarts: a judgement;
+those of a single point position, the worst that bases take, are off by some metres."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,11 @@ class LastingError:
         """Standard deviation of the length."""
         along = self.size / max(self.length, 1e-9)
         return float(np.sqrt(along @ self.covariance @ along))
+
+
+def beyond_a_base(error: LastingError) -> bool:
+    """Whether a jump is clearly larger than a restart of a base station makes."""
+    return error.length - 3 * error.length_sigma > LARGEST_RESTART
 
 
 def lasting_errors(steps: Steps, offsets: Offsets) -> list[LastingError]:

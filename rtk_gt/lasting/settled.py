@@ -6,7 +6,13 @@ from functools import partial
 
 import numpy as np
 
-from rtk_gt.lasting.errors import LastingError, lasting_errors, restarted
+from rtk_gt.lasting.errors import (
+    LARGEST_RESTART,
+    LastingError,
+    beyond_a_base,
+    lasting_errors,
+    restarted,
+)
 from rtk_gt.lasting.jumps import UNSURE
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.offsets.noise import pair_incidence
@@ -74,13 +80,15 @@ def settle(
     Raises
     ------
     GtvalError
-        As `estimate_offsets`, or if too few steps are without such errors.
+        As `estimate_offsets`, if too few steps are without such errors, or if all receivers jump
+        by more than a base station's coordinates are ever wrong.
     """
     if not robust:
         return steps, [], None
     quick = partial(estimate_offsets, eta=eta, bent="never", prior=prior)
     offsets = quick(steps)
     found = lasting_errors(steps, offsets)
+    _check_restarts(steps, found)
     errors = found
     cleaned, jumps = steps, None
     for _ in range(MOST_RESTARTS):
@@ -118,6 +126,19 @@ def _settled_sizes(
         if max(moved) < _STAYS:
             break
     return errors, jumps
+
+
+def _check_restarts(steps: Steps, errors: Sequence[LastingError]) -> None:
+    """Raise for jumps of all receivers that no restart of a base station makes."""
+    for one in errors:
+        if one.stays and len(one.receivers) == len(steps.receivers) and beyond_a_base(one):
+            raise GtvalError(
+                f"all receivers leap by {one.length:.0f} m at second "
+                f"{one.start - steps.times[0]:.1f} of the record and stay so. No restart of a base "
+                f"station makes more than {LARGEST_RESTART:g} m: the receivers hung, their clocks "
+                "leapt while the vehicle drove, or two records were put together. Cut the files "
+                "there; `robust = false` in [rtk] takes the fixes as they are"
+            )
 
 
 def _check_left(cleaned: Steps, steps: Steps, errors: Sequence[LastingError]) -> None:

@@ -1,6 +1,6 @@
 """Whether the offsets that were stated beforehand agree with what the drive says of them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,43 @@ that, also where a stated sigma is too small by half; between, a finding says it
 FAR = 12.0
 """The same of all components together: of the six of two receivers chance adds some 2.4."""
 AXES = ("x", "y", "z")
+
+
+UNITS = {"feet": 3.28084, "inches": 39.3701, "centimetres": 100.0, "millimetres": 1000.0}
+"""How many of each make a metre."""
+LIKE = 0.05
+"""Share by which stated and seen distance may differ from such a factor: a judgement. The phase
+centres of antennas stand some centimetres off what a tape measure reaches."""
+
+
+def check_units(prior: OffsetPrior, seen: Offsets, names: Sequence[str]) -> None:
+    """Raise for stated distances that are those of the drive in another unit.
+
+    Parameters
+    ----------
+    prior : OffsetPrior
+        With distances, metres; NaN where nothing is stated.
+    seen : Offsets
+        Of the drive without them.
+    names : sequence of str
+        Of the pairs.
+
+    Raises
+    ------
+    GtvalError
+        Naming pair, both distances and the unit.
+    """
+    for k, stated in enumerate(prior.distances):
+        found, sigma = float(seen.distances[k]), float(seen.distance_sigmas[k])
+        if np.isnan(stated) or not sigma < LIKE * found:
+            continue
+        for unit, factor in UNITS.items():
+            if abs(stated / found / factor - 1) < LIKE:
+                raise GtvalError(
+                    f"the distance {names[k]} is stated as {stated:g} m in [rtk.known_distances], "
+                    f"but this drive says {found:.3f} m: {factor:g} times less. It seems to be in "
+                    f"{unit}; write metres ({stated / factor:.3f})"
+                )
 
 
 @dataclass(frozen=True)

@@ -156,7 +156,9 @@ def check_attitude(path: VehiclePath) -> None:
             f"the heading of the vehicle is open by {np.degrees(sigma):.0f} degrees (one standard "
             f"deviation, the most is {np.degrees(LARGEST_HEADING):.0f}): the vehicle turned too "
             "little to tell the offsets across it. State [rtk.known_offsets] from a longer drive "
-            "with turns; `gtval rtk coverage` works without"
+            "with turns; `gtval rtk coverage` works without. If it did turn: a clock that is off "
+            "by tenths of a second looks like another vehicle at one speed; set the receivers' "
+            "clocks by the satellites' time, or drive at several speeds"
         )
 
 

@@ -30,8 +30,8 @@ class CommonErrors:
 
     Parameters
     ----------
-    source : {"setting", "stated", "none"}
-        From campaign.toml, from the receivers, or not known.
+    source : {"setting", "stated", "base", "none"}
+        From campaign.toml, from the receivers, from a moving base, or not known.
     covariances : (t, 3, 3) array, optional
         At each step, m^2; None where nothing is known.
     sigma : float
@@ -40,14 +40,18 @@ class CommonErrors:
         Median horizontal sigma that the receivers state of their fixes; NaN where they do not.
     """
 
-    source: Literal["setting", "stated", "none"]
+    source: Literal["setting", "stated", "base", "none"]
     covariances: Array | None
     sigma: float
     stated: float
 
 
 def common_errors(
-    records: Sequence[Fixes], steps: Steps, noise: GpsNoise, setting: float | None
+    records: Sequence[Fixes],
+    steps: Steps,
+    noise: GpsNoise,
+    setting: float | None,
+    base: Fixes | None = None,
 ) -> CommonErrors:
     """Errors that all receivers share at each step.
 
@@ -61,22 +65,27 @@ def common_errors(
         Of one receiver, as the distances show it.
     setting : float, optional
         Horizontal sigma that campaign.toml states, metres.
+    base : Fixes, optional
+        Of the receiver that all others are told from: its whole error is in all of them, and the
+        distances show nothing of it.
     """
-    stated = _stated(records, steps)
+    stated = _stated(records if base is None else [base], steps)
     level = np.sqrt(np.trace(stated[:, :2, :2], axis1=1, axis2=2) / 2)
     known = np.isfinite(level) & steps.complete
     median = float(np.median(level[known])) if known.any() else np.nan
     if setting is not None:
         own = np.tile(GpsNoise(setting, noise.eta).covariance, (len(steps), 1, 1))
         return CommonErrors("setting", own, setting, median)
-    if not median > CLEARLY * noise.sigma:
+    if not (known.any() if base is not None else median > CLEARLY * noise.sigma):
         return CommonErrors("none", None, 0.0, median)
-    values, axes = np.linalg.eigh(np.where(known[:, None, None], stated, 0.0) - noise.covariance)
+    own = noise.covariance if base is None else np.zeros((3, 3))
+    values, axes = np.linalg.eigh(np.where(known[:, None, None], stated, 0.0) - own)
     found = (axes * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(axes, 1, 2)
     # Where nothing is stated it is as usual.
     found[~known] = np.median(found[known], axis=0)
     sigma = np.sqrt(np.trace(found[known][:, :2, :2], axis1=1, axis2=2) / 2)
-    return CommonErrors("stated", found, float(np.median(sigma)), median)
+    source: Literal["stated", "base"] = "stated" if base is None else "base"
+    return CommonErrors(source, found, float(np.median(sigma)), median)
 
 
 def _stated(records: Sequence[Fixes], steps: Steps) -> Array:

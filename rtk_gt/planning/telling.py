@@ -19,6 +19,9 @@ OLD = 14 * DAY
 LARGEST_ERROR = np.radians(0.1)
 """Error of directions that is a warning: that of line 5 of what a plan has to hold. A satellite
 rises by it in 12 s, and an almanac has it after four weeks."""
+WRONG = np.radians(3.0)
+"""Error of directions that is an error: a judgement. A satellite rises by it in 6 minutes, so that
+windows of a quarter of an hour are wrong by half."""
 FAR = 50e3
 """Metres from base to rover that are told: the atmosphere differs too much for RTK. A judgement;
 makers state 30 to 50 km."""
@@ -136,7 +139,10 @@ def almanac_findings(plan: SkyPlan) -> list[Finding]:
         f"directions are wrong by about {np.degrees(error):.2g} degrees (one standard deviation)."
     )
     sizes = (Size("age", abs(age), "s"), Size("error of directions", error, "rad"))
-    if error > LARGEST_ERROR:
+    if error > WRONG:
+        text += " That is no plan: get the almanac of these days."
+        findings.append(Finding("error", text, subject, "almanac_age", sizes))
+    elif error > LARGEST_ERROR:
         text += " Satellites may have been moved or replaced, too; get a newer file."
         findings.append(Finding("warning", text, subject, "almanac_age", sizes))
     elif abs(age) > OLD:
@@ -173,6 +179,9 @@ def plan_findings(plan: SkyPlan) -> list[Finding]:
             f"{clock(plan.times[most])} UTC. Choose another place or day, or a lower mask."
         )
     severity: Severity = "good" if share > 0.9 else "note" if windows else "warning"
+    if plan.almanac.direction_error(oldest(plan)) > WRONG:
+        said += " With an almanac of another time that says nothing."
+        severity = "note"
     findings = [Finding(severity, said, subject, "good_times", (Size("share", share),))]
     hours = hours_by_sector(plan)
     least = int(np.argmin(hours))

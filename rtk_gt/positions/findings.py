@@ -113,6 +113,23 @@ def _errors(outcome: PositionsOutcome) -> Iterator[Finding]:
     )
     size = (Size(f"stated sigma of {best.kind}", best.horizontal[0], "m"),)
     yield Finding("note", text, SUBJECT, "errors_stated", size)
+    yield from _scatter(outcome)
+
+
+def _scatter(outcome: PositionsOutcome) -> Iterator[Finding]:
+    """That a receiver that stands scatters by more than it states."""
+    found = outcome.scatter
+    if found is None or found.factors.max() == 1:
+        return
+    worst = int(found.factors.argmax())
+    text = (
+        f"Where it stands, the receiver scatters by {1000 * found.seen[0]:.1f} mm in a level "
+        f"coordinate and {1000 * found.seen[1]:.1f} mm up ({found.fixes} fixes), but states "
+        f"{1000 * found.stated[0]:.1f} and {1000 * found.stated[1]:.1f} mm: that is too small. The "
+        "larger ones are in the covariances of all RTK-fixed positions."
+    )
+    size = (Size("found over stated", float(found.factors[worst])),)
+    yield Finding("warning", text, SUBJECT, "stated_too_small", size)
 
 
 def _odometry(outcome: PositionsOutcome) -> Iterator[Finding]:

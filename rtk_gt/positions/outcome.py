@@ -8,6 +8,7 @@ from rtk_gt.lasting.errors import LastingError
 from rtk_gt.path.coverage import Coverage
 from rtk_gt.positions.heading import Headings
 from rtk_gt.positions.odometry import Overlay
+from rtk_gt.positions.scatter import Scatter
 from rtk_gt.receivers.fixes import Bools, Fixes
 from rtk_gt.receivers.host_clock import HostClock
 from rtk_gt.receivers.quality import AreaQuality, KindQuality
@@ -61,6 +62,8 @@ class PositionsOutcome:
         Odometry laid over the positions.
     without_overlay : str
         Why the odometry is not; empty otherwise.
+    scatter : Scatter, optional
+        How the receiver scatters where it stands, beside what it states.
     """
 
     campaign: Campaign
@@ -81,6 +84,7 @@ class PositionsOutcome:
     without_heading: str = ""
     overlay: Overlay | None = None
     without_overlay: str = ""
+    scatter: Scatter | None = None
 
     @property
     def fixed(self) -> Bools:
@@ -108,7 +112,14 @@ class PositionsOutcome:
     def covariances(self) -> Array:
         """(n, 3, 3) of the positions as the receiver states them, m^2; NaN where it does not.
 
+        Those of RTK-fixed positions are larger where it scatters more than it states.
+
         Receivers state east, north and up at the place; over the kilometres of a drive these are
         the axes of the local frame to a thousandth.
         """
-        return np.asarray(self.record.covariances + self.jump_covariances)
+        stated = self.record.covariances
+        if self.scatter is not None:
+            factors = self.scatter.factors[[0, 0, 1]]
+            larger = stated * np.outer(factors, factors)
+            stated = np.where(self.record.fixed[:, None, None], larger, stated)
+        return np.asarray(stated + self.jump_covariances)

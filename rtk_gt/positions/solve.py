@@ -22,6 +22,7 @@ from rtk_gt.positions.heading import Headings, headings
 from rtk_gt.positions.jumps import PositionJumps, of_first, with_jumps, without_jumps
 from rtk_gt.positions.odometry import FEWEST, odometry_overlay
 from rtk_gt.positions.outcome import PositionsOutcome
+from rtk_gt.positions.scatter import scatter_beside_stated
 from rtk_gt.positions.trajectories import fixed_trajectory
 from rtk_gt.receivers.host_clock import host_clock
 from rtk_gt.receivers.quality import area_qualities, qualities
@@ -74,6 +75,7 @@ def solve_positions(campaign: Campaign, progress: Progress = no_progress) -> Pos
         areas=area_qualities(given.settings.outlines, record, positions),
         headings=found,
         without_heading=why,
+        scatter=scatter_beside_stated(record, positions),
     )
     if not given.settings.odometry:
         return outcome

@@ -8,6 +8,7 @@ from scipy import stats
 from rtk_gt.offsets.robust import autocorrelation_time
 from rtk_gt.receivers.fix_checks import check_fixes
 from rtk_gt.receivers.fixes import Fixes
+from rtk_gt.receivers.frozen import repeats
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.earth_frames import LocalFrame
@@ -122,8 +123,6 @@ def _check_changes(fixed: Fixes) -> None:
                 f"{fixed.source}: the {name} of all {len(fixed)} RTK-fixed positions is the same "
                 "to the last digit: that is no noise. Record with more digits, or the receiver hung"
             )
-    same = np.r_[False, (np.diff(fixed.geodetic, axis=0) == 0).all(1), False]
-    ends = np.flatnonzero(np.diff(same.astype(int))).reshape(-1, 2)
     problems = [
         Problem(
             fixed.source,
@@ -133,8 +132,7 @@ def _check_changes(fixed: Fixes) -> None:
             int(fixed.lines[first]),
             "position",
         )
-        for first, last in ends.tolist()
-        if last - first + 1 >= HUNG
+        for first, last in repeats(fixed.geodetic, HUNG).tolist()
     ]
     if problems:
         raise InputError(problems)

@@ -5,8 +5,8 @@ from itertools import combinations
 
 import numpy as np
 
-from rtk_gt.receivers.fixes import Fixes
-from validation.errors import InputError, Problem
+from rtk_gt.receivers.fixes import Bools, Fixes
+from validation.errors import MANY_ALIKE, InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.earth_frames import LocalFrame, ecef_from_geodetic
 
@@ -72,14 +72,21 @@ def _in_time(record: Fixes) -> list[Problem]:
     found = []
     for row in np.flatnonzero((steps <= 0) | (steps > LONGEST)):
         step = float(steps[row])
-        what = "the same time as" if step == 0 else f"{abs(step):g} s "
+        what = (
+            "the same time as"
+            if step == 0
+            else (
+                f"{abs(step):g} s " if abs(step) < LONGEST else f"{abs(step) / LONGEST:.2f} days "
+            )
+        )
         if step:
             what += "earlier than" if step < 0 else "later than"
         found.append(
             Problem(
                 record.source,
                 f"{what} the fix before (receiver {record.receiver}); times must increase, "
-                "without leaps of days",
+                "without leaps of days"
+                + ("; cut the log here, one drive a campaign" if step > LONGEST else ""),
                 int(record.lines[row + 1]),
                 "time",
                 f"{record.times[row + 1]:.3f}",
@@ -90,26 +97,46 @@ def _in_time(record: Fixes) -> list[Problem]:
 
 def _in_place(record: Fixes) -> list[Problem]:
     """RTK-fixed positions that no vehicle could have reached from the one before."""
-    fixed = record.select(record.fixed)
+    nowhere = record.fixed & (record.geodetic[:, :2] == 0).all(1)
+    found = [] if nowhere.all() or not nowhere.any() else [_nowhere(record, nowhere)]
+    fixed = record.select(record.fixed & ~nowhere)
     if len(fixed) < 2:
-        return []
+        return found
     places = ecef_from_geodetic(fixed.geodetic)
     lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)
     times = np.maximum(np.diff(fixed.times), 1e-3)
     # False fixes of metres are for the estimators to weigh; this is for damaged numbers. 1 km: a
     # judgement, a hundred times the largest false fix and a digit of a degree of latitude less.
-    impossible = np.flatnonzero((lengths > FASTEST * times) & (lengths > 1000.0))
-    return [
+    impossible = np.flatnonzero((lengths > FASTEST * times) & (lengths > 1000.0)).tolist()
+    many = len(impossible) > MANY_ALIKE
+    more = (
+        f"; {len(impossible)} positions of this file are so far from the one before: look at the "
+        "columns and the digits of its coordinates, or leave these lines out"
+    )
+    return found + [
         Problem(
             record.source,
             f"{lengths[row] / 1000:.1f} km from the fix {times[row]:g} s before (receiver "
-            f"{record.receiver})",
+            f"{record.receiver}){more if many else ''}",
             int(fixed.lines[row + 1]),
             "position",
-            _degrees(fixed, int(row) + 1),
+            _degrees(fixed, row + 1),
         )
-        for row in impossible
+        for row in impossible[: 1 if many else None]
     ]
+
+
+def _nowhere(record: Fixes, rows: Bools) -> Problem:
+    """Positions of latitude and longitude 0 among others, which receivers write without a fix."""
+    first = int(np.flatnonzero(rows)[0])
+    said = (
+        f"{int(rows.sum())} positions of receiver {record.receiver} are 0, 0, though they are "
+        "marked RTK fixed: it wrote them without a position; leave these lines out, or give them "
+        "the fix kind 0"
+    )
+    return Problem(
+        record.source, said, int(record.lines[first]), "position", _degrees(record, first)
+    )
 
 
 def _degrees(record: Fixes, row: int) -> str:

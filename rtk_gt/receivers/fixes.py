@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +33,20 @@ FIX_NAMES: Mapping[int, str] = MappingProxyType(
         SBAS: "SBAS",
     }
 )
+
+
+class Frozen(NamedTuple):
+    """A stretch in which a receiver hung.
+
+    Its first and last time (s since 1970), how many positions are the same to the last digit, how
+    far the next one leapt (m), and the line of the first.
+    """
+
+    begin: float
+    end: float
+    fixes: int
+    leap: float
+    line: int
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,6 +81,8 @@ class Fixes(Shown):
         Seconds since 1970 at which a computer wrote each fix down; NaN where it did not.
     without_fix : int
         Epochs at which the receiver reported that it has no position.
+    frozen : tuple of Frozen
+        Stretches in which it hung, whose positions are not called fixed.
 
     Raises
     ------
@@ -86,6 +103,7 @@ class Fixes(Shown):
     notes: tuple[str, ...] = ()
     host: Array = field(default_factory=lambda: np.empty(0))
     without_fix: int = 0
+    frozen: tuple[Frozen, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.times)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
+from itertools import permutations
 
 import numpy as np
 
@@ -11,6 +12,12 @@ from rtk_gt.receivers.steps import Steps, receiver_pairs
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
+FOOT = 0.3048
+"""Metres."""
+LEAST_CLIMB, ALIKE = 0.2, 0.97
+"""Standard deviation of the heights (m), and their correlation, from which on two receivers tell
+whether their heights have one unit: noise of 1 cm and tilts of some centimetres change the factor
+between them by less than the 3 % that it may be off."""
 _SHIFTS = np.arange(-40.0, 41.0)
 """Seconds by which clocks are tried to differ: GPS time is 18 s ahead of UTC, and there and back
 of two such mistakes fits in."""
@@ -41,10 +48,29 @@ def check_together(records: Sequence[Fixes], steps: Steps, tolerance: float) -> 
             f"{FEWEST_STEPS} are needed to find their offsets{': ' if reasons else ''}{reasons}"
         )
     together = steps.select(steps.complete).positions
+    _check_feet(records, together[..., 2])
     for i, j in receiver_pairs(len(records)):
         apart = _spread(together[:, j] - together[:, i])
         if apart > 2 * VEHICLE_SIZE:
             raise GtvalError(_not_together(records, steps, (i, j), apart))
+
+
+def _check_feet(records: Sequence[Fixes], heights: Array) -> None:
+    """Raise where the heights (t, r) of a receiver change as those of another do, in feet."""
+    changes = heights - heights.mean(0)
+    spread = changes.std(0)
+    for small, large in permutations(range(len(records)), 2):
+        if not spread[small] > LEAST_CLIMB:
+            continue
+        slope = float(changes[:, small] @ changes[:, large] / np.square(changes[:, small]).sum())
+        alike = slope * spread[small] / spread[large]
+        if alike > ALIKE and abs(slope * FOOT - 1) < 1 - ALIKE:
+            one, other = records[large], records[small]
+            raise GtvalError(
+                f"the heights of {one.receiver} ({one.source.name}) change {slope:.2f} times as "
+                f"much as those of {other.receiver}: they are in feet, whatever the file calls "
+                "them. Set the receiver to metres, or multiply its altitudes by 0.3048"
+            )
 
 
 def _reasons(records: Sequence[Fixes], tolerance: float) -> Iterator[str]:

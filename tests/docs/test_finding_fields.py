@@ -21,7 +21,7 @@ NOTHING_MEASURED = {
     # That something cannot be known.
     *("nees_unavailable", "no_three_cornered_hat", "positions_only", "not_observable", "rivals"),
     *("clock_not_determinable", "compared_in_part", "scatter_only", "steadiness_unknown"),
-    "common_errors_open",
+    *("common_errors_open", "base_noise_open"),
     *("no_uncertainty", "no_correlation", "pose-open", "world-point-open", "m0"),
     *("no_angle_seen", "one_position", "ambiguous", "plan_ambiguous", "trajectory"),
     # A convention, an exchange or a state: there is one, or there is none.

@@ -16,22 +16,20 @@ from pathlib import Path
 import numpy as np
 
 from rtk_gt.receivers.fixes import FIX_NAMES, Fixes
+from rtk_gt.receivers.formats.dates import DAY, TIME, Calendar, seconds_of
 from rtk_gt.receivers.formats.error_ellipses import EllipseRecord, covariances_from_gst
 from rtk_gt.receivers.formats.nmea_log import STANDS, NmeaLog, above_sea, in_order
 from rtk_gt.receivers.formats.packed import contents
 from validation.errors import InputError, Problem, shown
 from validation.text_files.reading import is_utf16
 
-HALF_DAY = 43200.0
 NO_GEOID = (
     "GGA without geoid separation: its altitudes, above the sea or not, are taken as heights above "
     "the ellipsoid: between receivers an offset, on the Earth an error of tens of metres."
 )
 _SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3}),([^*$]*)(?:\*([0-9A-Fa-f]{0,2}))?\s*$")
 _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?|[+-]?\.\d+")
-_TIME = re.compile(r"(\d{2})(\d{2})(\d{2}(?:\.\d*)?)")
 _HOST = re.compile(r"\s*(\d{9,10}(?:\.\d+)?)\s*[,;]?\s*$")
-_DATED = re.compile(r"\$..(?:RMC,([^,]*),(?:[^,]*,){7}(\d{6})|ZDA,([^,]*),(\d\d,\d\d,\d{4}))")
 
 
 def read_nmea(
@@ -80,9 +78,9 @@ def nmea_fixes(
     if "\n" not in text:
         text = text.replace("\r", "\n")
     start = None if day is None else datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()
-    log = NmeaLog(path, skip_damaged, start)
-    log.day, log.last_clock = (start, None) if start is not None else _first_date(text)
-    log.dated = log.day is not None
+    log = NmeaLog(path, skip_damaged)
+    log.calendar = Calendar.of(text, start)
+    log.dated = log.calendar.known
     for number, line in enumerate(text.split("\n"), 1):
         if line.strip():
             log.lines += 1
@@ -92,34 +90,12 @@ def nmea_fixes(
         said = "no whole NMEA sentence in the file; name the receiver's log, or set its format"
         raise InputError([Problem(path, said, log.lost[0].line, "line", log.lost[0].value)])
     if log.many_lost or (log.lost and not log.rows):
-        log.problems += log.lost
+        log.problems += log.lost_in_words
     if not log.rows and not log.problems:
         log.problems.append(Problem(path, _no_position(log, text)))
     if log.problems:
         raise InputError(log.problems)
     return _fixes(log, receiver)
-
-
-def _first_date(text: str) -> tuple[float | None, float | None]:
-    """Midnight of the first RMC or ZDA sentence that has a date, and its own time of day.
-
-    With the time of day, fixes of the evening before a date that was written after midnight are
-    of the day before.
-    """
-    for match in _DATED.finditer(text):
-        layout, value = ("%d%m%y", match[2]) if match[2] else ("%d,%m,%Y", match[4])
-        clock = _TIME.fullmatch(match[1] or match[3] or "")
-        try:
-            day = datetime.strptime(value, layout).replace(tzinfo=UTC).timestamp()
-        except ValueError:
-            continue
-        return day, _seconds(clock) if clock else None
-    return None, None
-
-
-def _seconds(clock: re.Match[str]) -> float:
-    """Seconds of the day of a match of hhmmss.ss."""
-    return 3600 * int(clock[1]) + 60 * int(clock[2]) + float(clock[3])
 
 
 def _read_line(log: NmeaLog, number: int, line: str) -> None:
@@ -175,33 +151,20 @@ def _checksum_holds(log: NmeaLog, number: int, sentence: str, checksum: str | No
 
 
 def _clock(log: NmeaLog, number: int, cell: str, *, of_errors: bool = False) -> float | None:
-    """Seconds since 1970 of a time of day.
-
-    Midnight passes where the clock falls by half a day. Where it rises by half a day midnight was
-    not yet: at the first fix, if the date was written after midnight, and at the errors of a fix,
-    which may be written after the next fix. Other rises are pauses.
-    """
-    match = _TIME.fullmatch(cell)
+    """Seconds since 1970 of a time of day."""
+    match = TIME.fullmatch(cell)
     if match is None or int(match[1]) > 23 or int(match[2]) > 59 or float(match[3]) >= 61:
         log.bad(number, "time", cell, "not a time of day; expected hhmmss.ss")
         return None
-    clock = _seconds(match)
-    if log.day is None:
-        log.day = _day_of_host(log.host, clock)
-    rise = 0.0 if log.last_clock is None else clock - log.last_clock
-    if rise > HALF_DAY and of_errors:
-        return (log.day or 0.0) - 86400.0 + clock
-    if rise < -HALF_DAY:
-        log.day = (log.day or 0.0) + 86400.0
-    elif rise > HALF_DAY and not log.rows:
-        log.day = (log.day or 0.0) - 86400.0
-    log.last_clock = clock
-    return (log.day or 0.0) + clock
+    clock = seconds_of(match)
+    if log.calendar.day is None:
+        log.calendar.day = _day_of_host(log.host, clock)
+    return log.calendar.time(number, clock, first=not log.rows, of_errors=of_errors)
 
 
 def _day_of_host(host: float, clock: float) -> float:
     """Midnight of the day at which a time of day is nearest to a computer's clock."""
-    return 0.0 if np.isnan(host) else 86400.0 * round((host - clock) / 86400.0)
+    return 0.0 if np.isnan(host) else DAY * round((host - clock) / DAY)
 
 
 def _gga(log: NmeaLog, number: int, cells: list[str]) -> None:
@@ -336,7 +299,7 @@ def _fixes(log: NmeaLog, receiver: str) -> Fixes:
     without = len(log.ellipses) - sum(record is not None for record in records)
     if without:
         log.tolerated["GST of a time without a fix"] += without
-    if not log.dated and log.day:
+    if not log.dated and log.calendar.day:
         notes = (*notes, "The log has no date (RMC, ZDA); it is that of the computer's clock.")
     elif not log.dated:
         notes = (*notes, "The log has no date (RMC, ZDA); days are counted from 1970-01-01.")

@@ -2,13 +2,14 @@
 
 import re
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from rtk_gt.receivers.formats.dates import Calendar
 from rtk_gt.receivers.formats.error_ellipses import EllipseRecord
-from validation.errors import MAX_SHOWN_PROBLEMS, InputError, Problem
+from validation.errors import MANY_ALIKE, MAX_SHOWN_PROBLEMS, InputError, Problem
 from validation.poses.angles import Array
 
 FEW_DAMAGED = 0.05
@@ -27,7 +28,7 @@ class NmeaLog:
 
     path: Path
     skip_damaged: bool | None
-    day: float | None
+    calendar: Calendar = field(default_factory=Calendar)
     tolerated: Counter[str] = field(default_factory=Counter)
     problems: list[Problem] = field(default_factory=list)
     lost: list[Problem] = field(default_factory=list)
@@ -43,7 +44,6 @@ class NmeaLog:
     without_geoid: list[int] = field(default_factory=list)
     geoid: list[float] = field(default_factory=list)
     ellipses: dict[float, EllipseRecord] = field(default_factory=dict)
-    last_clock: float | None = None
     dated: bool = False
 
     def bad(self, line: int, name: str, value: str, expected: str) -> None:
@@ -70,8 +70,25 @@ class NmeaLog:
         """Whether damaged sentences are an error."""
         if self.skip_damaged is not None:
             return not self.skip_damaged and bool(self.lost)
+        return self.damaged_count > FEW_DAMAGED * self.lines
+
+    @property
+    def damaged_count(self) -> int:
+        """How many sentences did not arrive whole; where none may be, of those that are kept."""
         count = sum(n for what, n in self.tolerated.items() if what.startswith("damaged"))
-        return count > FEW_DAMAGED * self.lines
+        return max(count, len(self.lost))
+
+    @property
+    def lost_in_words(self) -> list[Problem]:
+        """The damaged sentences as errors: few one by one, many as one, which have one cause."""
+        if len(self.lost) <= MANY_ALIKE:
+            return self.lost
+        first = self.lost[0]
+        said = (
+            f"{first.expected}. In all {self.damaged_count} of {self.lines} lines are damaged: "
+            "look at the cable, its baud rate and the logger, or copy the file again as binary"
+        )
+        return [replace(first, expected=said)]
 
 
 def above_sea(log: NmeaLog) -> Array:

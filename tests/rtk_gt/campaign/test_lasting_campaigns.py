@@ -1,16 +1,26 @@
 """Campaigns with errors that last: what is said of them, and how their poses are marked."""
 
 import csv
+from typing import NamedTuple
 
 import numpy as np
+import pytest
 from trials.lasting_errors import Errors, made_drive
 from trials.straight_roads import write_road
 
 from rtk_gt.campaign.solve import solve_campaign
+from rtk_gt.receivers.steps import Steps
 from rtk_gt.system import result_of
 from validation.campaign.folder import load_campaign
+from validation.errors import GtvalError
 
 QUIET = Errors(0.003)
+
+
+class Made(NamedTuple):
+    """What `result_for` takes of a drive."""
+
+    steps: Steps
 
 
 def result_for(folder, made):
@@ -41,6 +51,25 @@ def test_a_jump_of_all_receivers_is_said_marked_and_written(tmp_path):
     assert row["end"] == ""
 
 
+def test_what_a_jump_of_all_may_hide_in_is_said(tmp_path):
+    steps = made_drive(51, QUIET, seconds=200.0).steps
+    whole = finding(result_for(tmp_path / "a", Made(steps)), "jumps_unseen")
+    assert 0 < whole.sizes[0].value < 0.12
+    assert "Over a gap" not in whole.text
+    times = steps.times - steps.times[0]
+    cut = steps.select((times < 80) | (times > 90))
+    found = finding(result_for(tmp_path / "b", Made(cut)), "jumps_unseen")
+    assert "Over a gap one of any size would not: 1 lasts more than 2 s" in found.text
+    assert found.sizes[1].value == 1
+
+
+def test_a_leap_of_all_that_no_base_station_makes_is_never_taken_out(tmp_path):
+    made = made_drive(51, QUIET, seconds=200.0)
+    rows = np.arange(500, len(made.steps))
+    with pytest.raises(GtvalError, match=r"receivers leap by 2[45] m.*No restart of"):
+        result_for(tmp_path / "c", made.jumped([0, 1, 2], rows, np.array([20.0, 15.0, 0.0])))
+
+
 def test_a_false_fix_that_lasts_is_one_line_and_no_pose(tmp_path):
     made = made_drive(52, QUIET, seconds=200.0)
     rows = np.arange(400, 520)
@@ -64,6 +93,33 @@ def test_what_receivers_state_beyond_their_distances_is_common_to_all(tmp_path):
     np.testing.assert_allclose(sigmas[:3], [0.0148, 0.0148, 0.030], rtol=0.03)
     assert outcome.common.source == "stated"
     assert "all receivers share" in finding(result_of(outcome), "common_errors").text
+
+
+def test_what_a_moving_base_states_is_in_all_poses(tmp_path):
+    """The way from the base has none of its errors, so that no distance shows them."""
+    steps = made_drive(53, QUIET, seconds=120.0).steps
+    write_road(tmp_path / "c", steps)
+    toml, text = tmp_path / "c" / "campaign.toml", ""
+    for k, name in enumerate(steps.receivers[1:], 1):
+        way = steps.positions[:, k] - steps.positions[:, 0]
+        rows = np.column_stack([steps.times, way])[np.isfinite(way).all(1)].tolist()
+        text = "\n".join(f"{t:.3f},{x!r},{y!r},{z!r},4" for t, x, y, z in rows)
+        path = tmp_path / "c" / "rtk" / f"{name}.csv"
+        path.write_text(f"time,east,north,height,fix\n{text}\n")
+        line = f'name = "{name}"\n'
+        toml.write_text(toml.read_text().replace(line, f'{line}base = "{steps.receivers[0]}"\n'))
+    open_base = result_of(solve_campaign(load_campaign(tmp_path / "c")))
+    assert "common_sigma" in finding(open_base, "base_noise_open").text
+    path = tmp_path / "c" / "rtk" / f"{steps.receivers[0]}.csv"
+    head, *lines = path.read_text().splitlines()
+    lines = [f"{line},0.006,0.006,0.010" for line in lines]
+    path.write_text("\n".join([f"{head},sigma_east,sigma_north,sigma_up", *lines]) + "\n")
+    told = result_of(solve_campaign(load_campaign(tmp_path / "c")))
+    assert "base states an error of 6.0 mm" in finding(told, "common_errors").text
+    more = told.tables[0].covariances - open_base.tables[0].covariances
+    np.testing.assert_allclose(
+        np.diagonal(more, axis1=1, axis2=2).mean(0)[:3], [36e-6, 36e-6, 1e-4], rtol=0.02
+    )
 
 
 def test_a_setting_states_what_all_receivers_share(tmp_path):

@@ -79,3 +79,27 @@ def test_exchanged_files_are_named(tmp_path):
         log.write_text(text)
     with pytest.raises(GtvalError, match="files of rear and front_right are exchanged"):
         solve_campaign(load_campaign(tmp_path / "swapped"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "1.8213",
+            "182.13",
+            r"rear - front_left': '182\.13'.*metres \(1\.8213 if it is in cent",
+        ),
+        ("1.8213", "5.975", r"stated as 5\.975 m .* 3\.28084 times less.*in feet; write .*1\.821"),
+        ("1.8213", "71.70", r"field 'rtk\.known_distances\.rear - front_left': '71\.7'"),
+        ("height = 0.", "height = 62.", r"rear\.height': '62.* no antenna's height on a vehicle"),
+    ],
+    ids=["centimetres", "feet", "inches", "height"],
+)
+def test_lengths_in_another_unit_are_named(tmp_path, old, new, words):
+    road = road_of(0, degrees=90.0, interval=1.0)
+    write_road(tmp_path / "road", road.steps, DISTANCES.replace(old, new))
+    toml = tmp_path / "road" / "campaign.toml"
+    if old.startswith("height"):
+        toml.write_text(toml.read_text().replace(old, new))
+    with pytest.raises(GtvalError, match=words):
+        solved(tmp_path / "road")

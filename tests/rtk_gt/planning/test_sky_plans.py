@@ -130,7 +130,8 @@ def test_only_the_systems_wanted_count(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("days", "severity"), [(0, None), (10, None), (20, "note"), (30, "warning"), (-90, "warning")]
+    ("days", "severity"),
+    [(0, None), (10, None), (20, "note"), (30, "warning"), (-90, "warning"), (730, "error")],
 )
 def test_old_almanacs_are_told_with_the_error_that_they_make(tmp_path, days, severity):
     written = almanac(tmp_path, day=DAY)
@@ -141,6 +142,9 @@ def test_old_almanacs_are_told_with_the_error_that_they_make(tmp_path, days, sev
     if told:
         assert f"{abs(days):.1f} days {'before' if days > 0 else 'after'} the times" in told[0].text
         assert told[0].sizes[1].unit == "rad"
+    (good,) = [one for one in plan_findings(plan) if one.code == "good_times"]
+    assert ("another time" in good.text) == (severity == "error")
+    assert good.severity == "note" or severity != "error"
 
 
 def test_a_navigation_file_of_a_week_ago_is_told(tmp_path):

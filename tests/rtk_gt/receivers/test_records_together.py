@@ -61,6 +61,21 @@ def test_what_keeps_receivers_from_common_times_is_said(drive):
         judged(drive, replace(second, times=second.times - second.times[0] // 86400 * 86400))
 
 
+@pytest.mark.parametrize("row", [0, 1])
+def test_heights_in_feet_that_are_called_metres_are_named(row):
+    """Told by how they change; a drive on level ground does not tell."""
+    hilly = simulate_drive(63, DriveSettings(loops=3))
+    records = list(hilly.records)
+    for k, one in enumerate(records):
+        places = one.geodetic.copy()
+        places[:, 2] += 0.5 * np.sin(one.times / 20)
+        places[:, 2] /= 0.3048 if k == row else 1.0
+        records[k] = replace(one, geodetic=places)
+    words = rf"heights of {records[row].receiver} .* change 3\.2\d times .* in feet.*0\.3048"
+    with pytest.raises(GtvalError, match=words):
+        check_together(records, common_steps(records, hilly.frame), 0.005)
+
+
 def prior(offsets):
     return OffsetPrior(offsets=offsets, offset_sigmas=np.full(offsets.shape, 0.005))
 

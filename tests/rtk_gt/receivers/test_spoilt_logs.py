@@ -143,3 +143,26 @@ def test_a_folder_and_a_tar_archive_are_named(tmp_path):
     tar = bytes(257) + b"ustar" + bytes(250)
     with pytest.raises(InputError, match="a tar archive; unpack it"):
         read(tmp_path, tar, "rear.tar")
+
+
+def test_many_damaged_lines_are_one_mistake_with_one_line(tmp_path):
+    spoilt = "\n".join(
+        one.replace("4528", f"45{k % 10}8") if k % 2 else one
+        for k, one in enumerate(GOOD.split("\n"))
+    )
+    with pytest.raises(InputError, match=r"20 of 41 lines are damaged.*baud rate") as raised:
+        read(tmp_path, spoilt)
+    assert len(str(raised.value).splitlines()) == 1
+    assert raised.value.problems[0].line == 2
+
+
+def test_many_positions_of_nowhere_are_one_mistake_with_one_line(tmp_path):
+    zeros = {"c2": lambda k: "0000.00" if k % 3 else "4528.68"}
+    zeros |= {"c4": lambda k: "00000.00" if k % 3 else "00913.92"}
+    with pytest.raises(InputError, match=r"line 3, .*26 positions of .* are 0, 0") as raised:
+        check_fixes([read(tmp_path, log(**zeros))])
+    assert len(str(raised.value).splitlines()) == 1
+    far = log(c2=lambda k: f"{45 - k % 2}28.68")
+    with pytest.raises(InputError, match="39 positions of this file are so far") as raised:
+        check_fixes([read(tmp_path, far)])
+    assert len(str(raised.value).splitlines()) == 1
