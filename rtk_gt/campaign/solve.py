@@ -218,7 +218,7 @@ def solve_offsets(
         all_minima, steps, eta=settings.eta, robust=settings.robust, layout=layout, model=model
     )
     minima = find(prior=prior, near=near)
-    stated = check_prior(find, prior, minima.best)
+    stated = check_prior(find, prior, minima.best, steps)
     largest = settings.largest_distance_sigma
     if minima.mirrored is not None and minima.mirrored.distance_sigmas.max() < largest:
         check_order(minima, steps, places, settings.max_gap)

@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from rtk_gt.offsets.costs import costs_of
+from rtk_gt.offsets.costs import settled_cost
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.minima import Minima
 from rtk_gt.offsets.prior import OffsetPrior
+from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
@@ -86,7 +87,7 @@ class PriorCheck:
 
 
 def check_prior(
-    find: Callable[..., Minima], prior: OffsetPrior, together: Offsets
+    find: Callable[..., Minima], prior: OffsetPrior, together: Offsets, steps: Steps
 ) -> PriorCheck | None:
     """The stated offsets beside those that the drive gives without them; None if none are stated.
 
@@ -98,6 +99,8 @@ def check_prior(
         What was stated. Stated distances are used for both.
     together : Offsets
         From the drive and what is stated.
+    steps : Steps
+        Those of ``find``.
 
     Raises
     ------
@@ -112,7 +115,9 @@ def check_prior(
     solutions = (minima.best, *minima.others) if minima.near is None else (minima.near,)
     checks = [(_against(prior, alone), alone) for alone in solutions]
     found, alone = min(checks, key=lambda one: one[0].away)
-    own, both = costs_of([alone, together])
+    used, quiet = steps.select(steps.complete), min(alone, together, key=lambda one: one.sigma)
+    own = settled_cost(used, alone, quiet, without)
+    both = settled_cost(used, together, quiet, prior)
     # Sigmas of a weak drive are no measure far away; the likelihood is one everywhere.
     worse = both - own > CONTRADICTION**2
     if worse and ((found.sizes > CONTRADICTION).any() or found.away > FAR):

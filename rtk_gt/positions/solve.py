@@ -108,7 +108,7 @@ def _headings(campaign: Campaign, given: DriveRecords) -> tuple[Headings, Positi
         all_minima, steps, eta=settings.eta, robust=settings.robust, layout=places.positions
     )
     minima = find(prior=prior, near=np.nan_to_num(prior.offsets) if len(prior.offsets) else None)
-    check_prior(find, prior, minima.best)
+    check_prior(find, prior, minima.best, steps)
     if jumps is not None:
         others = tuple(jumps.spread(one) for one in minima.others)
         minima = replace(minima, best=jumps.spread(minima.best), others=others)

@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 from trials.lasting_errors import ETA, Errors, made_drive
 
+from rtk_gt.lasting.continuity import gain_over_motion
 from rtk_gt.lasting.contrasts import step_weights
+from rtk_gt.lasting.jumps import GAIN_OVER_MOTION
 from rtk_gt.lasting.settled import settle
 from rtk_gt.offsets.estimate import estimate_offsets
 from rtk_gt.offsets.memory import error_model
+from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.offsets.slow_errors import ErrorModel, mean_memory, summed_covariance
 from rtk_gt.path.antennas import antenna_positions
 from rtk_gt.path.clocks import right_clocks
@@ -160,3 +163,33 @@ def test_right_clocks_are_left_alone():
     steps, found = right_clocks(made.steps, ETA)
     assert found is None
     assert steps is made.steps
+
+
+def test_one_braking_of_a_calm_drive_is_no_jump_and_ten_centimetres_of_all_are():
+    """At 5 Hz; who brakes changes the acceleration within tenths of a second, and only once."""
+    times = np.arange(0.0, 8.0, 0.2)
+    begin = 4.03
+    ramp = np.clip(times - begin, 0.0, 0.6)
+    late = np.clip(times - begin - 0.6, 0.0, None)
+    jerk = -4.0
+    way = 10.0 * times + jerk * (ramp**3 / 6 + ramp**2 / 2 * late + ramp * late**2 / 2)
+    row = int(np.searchsorted(times, begin)) - 1
+    calm, jumped = [], []
+    for seed in range(40):
+        noise = np.random.default_rng(seed).normal(size=(len(times), 3)) * 0.004
+        places = np.column_stack([way, 0 * way, 0 * way]) + noise
+        calm.append(max(gain_over_motion(times, places, row + k) for k in (-1, 0, 1)))
+        places[row + 1 :, 1] += 0.1
+        jumped.append(gain_over_motion(times, places, row))
+    assert max(calm) < GAIN_OVER_MOTION < min(jumped)
+
+
+def test_a_restart_on_level_ground_is_found_where_heights_are_stated():
+    made = made_drive(5, Errors(0.006), seconds=300.0, slopes=0.3)
+    bad = made.jumped([1, 2], rows_from(made, 150.0), np.array([0.1, 0.0, 0.0]))
+    prior = OffsetPrior(heights=made.antennas[:, 2])
+    _, errors, _ = settle(bad.steps, prior=prior)
+    assert [one.receivers for one in errors] == [(1, 2)]
+    off = errors[0].size - [0.1, 0.0, 0.0]
+    assert off @ np.linalg.solve(errors[0].covariance, off) < 16.3
+    assert settle(made.steps, prior=prior)[1] == []

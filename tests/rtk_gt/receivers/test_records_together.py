@@ -82,7 +82,7 @@ def prior(offsets):
 
 def checked(steps, known):
     find = partial(all_minima, steps, eta=1.75, robust=True)
-    return check_prior(find, known, find(prior=known).best)
+    return check_prior(find, known, find(prior=known).best, steps)
 
 
 def test_stated_offsets_that_are_right_agree():
