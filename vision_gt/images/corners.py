@@ -124,13 +124,16 @@ def _sharpen(image: Image, fits: PrintFits, bits: Array, flat: Flat) -> None:
         np.repeat(part, len(tried), 0)
         for part in (fits.corners[one], _rims(fits.corners[one], cells), bits[one])
     )
-    found = fit_sharpened(image, start, same, rims, flat, tried, SOME)
+    bends = fits.bend if fits.bend.any() else None
+    bend = None if bends is None else np.repeat(bends[one], len(tried))
+    found = fit_sharpened(image, start, same, rims, flat, tried, bend, SOME)
     best = 1 + int(np.argmin(found.misfit[1:]))
     odds = 2 * found.pixels[0] * np.log(found.misfit[0] / max(found.misfit[best], 1e-6))
     if not odds > _ODDS:
         return
     start, radii = fits.corners[good], np.full(len(good), tried[best])
-    again = fit_sharpened(image, start, bits[good], _rims(start, cells), flat, radii)
+    bend = None if bends is None else bends[good]
+    again = fit_sharpened(image, start, bits[good], _rims(start, cells), flat, radii, bend)
     fits[good[again.good]] = again.of(again.good)
 
 

@@ -29,6 +29,9 @@ HALO_FROM = 0.015
 """What blur leaves of the grey levels, over the contrast, from which on sharpening is looked for:
 noise of 2 grey levels on a contrast of 130. Below it a halo of five pixels has been seen to move
 corners by 0.01 pixels at most."""
+BEND_INFORMATION, MOST_BEND = 4.0, 4.0
+"""On the bend of the tone curve about none, for noise of one grey level: as of a pixel with noise
+of 2 grey levels that knows it to 1; and at most: a gamma of 2.2 has 1.5. Keeps it solvable."""
 MOST_AMOUNT = 8.0
 """Of sharpening: beyond it an image is lines only."""
 _LEAST_CONTRAST = 12.0

@@ -27,6 +27,7 @@ from vision_gt.prints.print_steps import (
     BLUR,
     Rest,
     State,
+    bend_of,
     corners_of,
     haloes,
     steps_to_rest,
@@ -79,6 +80,8 @@ class PrintFits:
         Which share of what is left looks as if the image had been sharpened.
     amount : (m,) array
         How much it was sharpened: the share that was added of the difference to a blurred copy.
+    bend : (m,) array
+        How bent the tone curve is; 0 where grey levels go with the light.
     """
 
     corners: Array
@@ -89,6 +92,7 @@ class PrintFits:
     pixels: Ints
     halo: Array
     amount: Array
+    bend: Array
 
     def of(self, rows: Mask) -> "PrintFits":
         """Those of some prints."""
@@ -137,6 +141,9 @@ def fit_prints(image: Image, start: Array, bits: Array, rim: Array, flat: Flat) 
     for near in steps_to_rest(seen, state, together=True):
         at, fine = sound[near.rows], near.state
         halo = haloes(near, seen.cells[near.rows])
+        bent, each = bend_of(near)
+        if bent:
+            fine = replace(fine, bend=each)
         told = np.maximum(np.rint(_SLOPE_ENDS * fine.blur), 1).astype(np.intp)
         own = bits[near.rows], rim[near.rows]
         for rows, found in _fitted(image, fine, *own, flat, told, ALL, rims_judged=True):
@@ -152,6 +159,7 @@ def fit_sharpened(
     rim: Array,
     flat: Flat,
     radius: Array,
+    bend: Array | None = None,
     most: int = ALL,
 ) -> PrintFits:
     """The corners of markers in an image that a camera sharpened.
@@ -163,13 +171,15 @@ def fit_sharpened(
     radius : (m,) array
         Pixels: the standard deviation of the blurred copy from which the image was led away, whose
         amount is sought. With 0 it is fitted as one that was not sharpened, to the same pixels.
+    bend : (m,) array, optional
+        Of the tone curve, to begin with; without it the curve is straight.
     most : int
         So many pixels of each print at most.
     """
     fits = _unfitted(start)
     sound, state = _begin(start)
     if len(sound):
-        state = replace(state, radius=radius[sound])
+        state = replace(state, radius=radius[sound], bend=None if bend is None else bend[sound])
         bits, rim = np.asarray(bits, dtype=float)[sound], rim[sound]
         told = np.full(len(sound), _TOLD)
         for rows, found in _fitted(image, state, bits, rim, flat, told, most):
@@ -189,6 +199,7 @@ def _unfitted(start: Array) -> PrintFits:
         none + START_BLUR,
         none + np.inf,
         none.astype(np.intp),
+        none.copy(),
         none.copy(),
         none.copy(),
     )
@@ -271,4 +282,7 @@ def _ended(rest: Rest, counts: Ints, cells: int) -> PrintFits:
     good = believable(contrast, kept, sigma, np.sqrt(variance)) & (held > 0)
     covariances = covariances * excess[:, None, None, None]
     none = np.zeros(len(good))
-    return PrintFits(corners, covariances, good, state.blur, misfit, counts, none, state.amount)
+    bend = none if state.bend is None else state.bend
+    return PrintFits(
+        corners, covariances, good, state.blur, misfit, counts, none, state.amount, bend
+    )

@@ -20,6 +20,8 @@ _MOST_BOUNDARIES = 9
 """A judgement: blur that reaches over more cells leaves no print to be seen."""
 PADDING = _MOST_BOUNDARIES + 1
 """Cells of white around a print, so that all that blur reaches is in the table."""
+_STRAIGHT, _DARKEST = 1e-6, 1e-2
+"""A bend for which the curve is straight to rounding; the least that a logarithm is taken of."""
 _ROOT = 1 / np.sqrt(2 * np.pi)
 
 
@@ -129,6 +131,31 @@ def whiteness(cells: Array, at: Places, blur: Array, boundaries: tuple[int, int]
     white += aslant * both + second
     by_blur = wider_x * at.along_x + wider_y * at.along_y + 2 * blur * at.slant * both
     return Whiteness(white, by_x, by_y, by_blur)
+
+
+def toned(look: Whiteness, bend: Array) -> tuple[Whiteness, Array]:
+    """How prints look through a bent tone curve, and the derivative (m, n) by the bend.
+
+    Parameters
+    ----------
+    look : Whiteness
+        The share of white in the light.
+    bend : (m,) array
+        0 of a camera whose grey levels go with the light.
+
+    Notes
+    -----
+    Grey levels go as the logarithm of 1 + (e^g - 1) w. With g = 1.5 it is that of a gamma of 2.2
+    between 3 and 73 % of the light to 3 % of the contrast, and -g is the same curve turned over.
+    """
+    g = np.where(np.abs(bend) < _STRAIGHT, _STRAIGHT, bend)[:, None]
+    more = np.expm1(g)
+    inside = np.maximum(1 + more * look.white, _DARKEST)
+    white = np.log(inside) / g
+    slope = more / (g * inside)
+    by_bend = ((more + 1) * look.white / inside - white) / g
+    seen = Whiteness(white, look.by_x * slope, look.by_y * slope, look.by_blur * slope)
+    return seen, by_bend
 
 
 def _steps(place: Array, width: Array, half: float, count: int) -> tuple[Ints, Array, Array, Array]:

@@ -8,11 +8,13 @@ import numpy.typing as npt
 from validation.poses.angles import Array
 from vision_gt.prints.grey_fits import (
     AMOUNT_INFORMATION,
+    BEND_INFORMATION,
     BLUR_INFORMATION,
     HALO_FROM,
     HALO_WIDTH,
     LEAST_BLUR,
     MOST_AMOUNT,
+    MOST_BEND,
     MOST_BLUR,
     SATURATED,
     START_BLUR,
@@ -33,6 +35,7 @@ from vision_gt.prints.print_look import (
     contrast_of_light,
     fill_by_light,
     places_in_print,
+    toned,
     whiteness,
 )
 
@@ -48,7 +51,8 @@ _CORNERS_BY_CHANGE = np.array(
 """Derivative (4, 2, 8) of the corners in the print by a change D of H (1 + D)."""
 BLUR = 8
 """Eight of the homography, the blur, three of the light on black, three of that on white, and for a
-large marker how that bends (three more); and for an image that was sharpened, how much."""
+large marker how that bends (three more); for an image that was sharpened, how much; and for one
+whose grey levels do not go with the light, how their curve bends."""
 _MOST_STEPS, _MOST_SHARPENED = 8, 25
 """A judgement: one that has not ended by then has found no print. Amount and blur go together, and
 more so where white and black are cut off: there it takes up to twenty."""
@@ -58,6 +62,11 @@ than the start is off, which is a pixel or two."""
 _NEAR = 0.06
 """The same for a step from where a fit to some of the pixels came to rest: blur and light are known
 by then, and what is not linear in such a step is below a thousandth."""
+_BENDS = 0.1
+"""Change of the bend of the tone curve that is still to come, as of a tenth of a usual one."""
+_BENT = 3.5
+"""Standard deviations from which on the tone curve of an image is taken as bent: chance makes that
+of one image in 2,000."""
 _EVERY = 2
 """Of the pixels of first steps one of so many is enough to look for sharpening."""
 _SAME_RIM, _MOST_ROUNDS = 0.03, 2
@@ -70,8 +79,8 @@ _SETTLED = 0.3
 class State:
     """Homographies (m, 3, 3) from prints to undistorted pixels, and how these look.
 
-    Blur (m,) in pixels, light (m, 6 or 9), amounts (m,) of sharpening, and its radii (m,) in pixels
-    where such is sought.
+    Blur (m,) in pixels, light (m, 6 or 9), amounts (m,) of sharpening, its radii (m,) in pixels
+    where such is sought, and bends (m,) of the tone curve where it is not straight.
     """
 
     H: Array
@@ -79,6 +88,7 @@ class State:
     light: Array
     amount: Array
     radius: Array | None
+    bend: Array | None = None
 
     @property
     def contrast(self) -> Array:
@@ -88,12 +98,15 @@ class State:
     def of(self, rows: Ints | Mask) -> "State":
         """Those of some prints."""
         radius = None if self.radius is None else self.radius[rows]
-        return State(self.H[rows], self.blur[rows], self.light[rows], self.amount[rows], radius)
+        bend = None if self.bend is None else self.bend[rows]
+        plain = self.H[rows], self.blur[rows], self.light[rows], self.amount[rows]
+        return State(*plain, radius, bend)
 
     @property
     def unknowns(self) -> int:
         """How many a fit has."""
-        return BLUR + 1 + int(self.light.shape[1]) + (self.radius is not None)
+        more = (self.radius is not None) + (self.bend is not None)
+        return BLUR + 1 + int(self.light.shape[1]) + more
 
 
 @dataclass(frozen=True)
@@ -170,23 +183,22 @@ def steps_to_rest(
     jacobian, weighted = _room(seen, state), _room(seen, state)
     for step in range(1, (_MOST_STEPS if state.radius is None else _MOST_SHARPENED) + 1):
         at, lit = places_in_print(state.H, seen.places)
-        look, sharper = _look(state, seen.cells, at)
+        look, more = _look(state, seen.cells, at)
         by_light = jacobian[:, BLUR + 1 : BLUR + 1 + state.light.shape[1]]
         fill_by_light(lit, look.white, by_light)
         if step == 1 and fresh:
             # Neither the light nor the amount has a start of its own: the first look tells them.
-            state = _lit(state, by_light, sharper, seen)
-            if sharper is not None:
-                look, sharper = _look(state, seen.cells, at)
-                fill_by_light(lit, look.white, by_light)
+            state = _lit(state, by_light, more.amount, seen)
+            look, more = _look(state, seen.cells, at)
+            fill_by_light(lit, look.white, by_light)
         residual = seen.grey - (state.light[:, None] @ by_light)[:, 0]
-        _jacobian(look, lit, state.light, sharper, jacobian)
+        _jacobian(look, lit, state.light, more, jacobian)
         judge = settled & ~plain & (rounds < _MOST_ROUNDS)
         if judge.any():
             white = np.where(judge[:, None], white_rims(seen.zone, residual, seen.counts), used)
             changed = (white != used).sum(1) / np.maximum(seen.counts.sum(1), 1)
-            more = np.where(changed < _SAME_RIM, _MOST_ROUNDS, rounds + 1)
-            rounds = np.where(judge, more, rounds)
+            judged = np.where(changed < _SAME_RIM, _MOST_ROUNDS, rounds + 1)
+            rounds = np.where(judge, judged, rounds)
             used = np.asarray(white)
         told = _not_cut_off(seen.grey, residual, used)
         weights = tukey_of_filled(residual, state.contrast, step + (not fresh)) * told
@@ -196,7 +208,7 @@ def steps_to_rest(
         state = _changed(state, change)
         settled = moved < _SETTLED
         alive = np.asarray(moved < _DIVERGED)
-        done = (moved < enough) & (plain | (rounds >= _MOST_ROUNDS))
+        done = _small(moved, enough, change, state) & (plain | (rounds >= _MOST_ROUNDS))
         if together:
             done &= bool((done | ~alive).all())
         if done.any():
@@ -236,9 +248,13 @@ def _solved(jacobian: Array, weighted: Array, residual: Array, state: State) -> 
     right = (weighted @ residual[..., None])[..., 0]
     normal[:, BLUR, BLUR] += BLUR_INFORMATION
     right[:, BLUR] += BLUR_INFORMATION * (START_BLUR - state.blur)
+    last = BLUR + 1 + state.light.shape[1]
     if state.radius is not None:
-        normal[:, -1, -1] += AMOUNT_INFORMATION
-        right[:, -1] -= AMOUNT_INFORMATION * state.amount
+        normal[:, last, last] += AMOUNT_INFORMATION
+        right[:, last] -= AMOUNT_INFORMATION * state.amount
+    if state.bend is not None:
+        normal[:, -1, -1] += BEND_INFORMATION
+        right[:, -1] -= BEND_INFORMATION * state.bend
     inverse = inverses(normal)
     return inverse, (inverse @ right[..., None])[..., 0]
 
@@ -293,27 +309,75 @@ def haloes(rest: Rest, cells: Array) -> Array:
     return np.where(large, share, 0.0)
 
 
-def _look(state: State, cells: Array, at: Places) -> tuple[Whiteness, Array | None]:
-    """The share of white, sharpened by the state's amounts; and its derivative by these."""
+def bend_of(rest: Rest) -> tuple[float, Array]:
+    """How bent the tone curve of an image is, 0 if it may be straight; and that (m,) of each print.
+
+    Parameters
+    ----------
+    rest : Rest
+        Of a fit with a straight one.
+
+    Notes
+    -----
+    One linear step of one more unknown: its derivative without what all others explain.
+    """
+    white = np.clip(rest.look.white, 0.0, 1.0)
+    change = rest.state.contrast[:, None] * white * (1 - white) / 2
+    known = rest.inverse @ (rest.weighted @ change[..., None])
+    own = change - (np.swapaxes(known, 1, 2) @ rest.jacobian)[:, 0]
+    information = (rest.weights * own**2).sum(1)
+    score = (rest.weights * own * rest.left).sum(1)
+    variance = variances(rest)
+    total = float((information / variance).sum()) + BEND_INFORMATION
+    found = float((score / variance).sum()) / total
+    if not abs(found) * np.sqrt(total) > _BENT:
+        return 0.0, np.zeros(len(score))
+    each = score / np.maximum(information + BEND_INFORMATION, 1e-9)
+    return found, np.clip(each, -MOST_BEND, MOST_BEND)
+
+
+@dataclass(frozen=True)
+class _More:
+    """Derivatives (m, n) of the share of white by amounts of sharpening and by bends, if any."""
+
+    amount: Array | None = None
+    bend: Array | None = None
+
+
+def _small(moved: Array, enough: float, change: Array, state: State) -> Mask:
+    """Whether (m,) steps are small, in corners and in the bend of the tone curve."""
+    small = np.asarray(moved < enough)
+    return small if state.bend is None else small & (np.abs(change[:, -1]) < _BENDS)
+
+
+def _look(state: State, cells: Array, at: Places) -> tuple[Whiteness, _More]:
+    """The share of white, through the state's tone curve and sharpened by its amounts."""
     if state.radius is None:
-        return whiteness(cells, at, state.blur, boundaries(at, state.blur, cells)), None
+        look = whiteness(cells, at, state.blur, boundaries(at, state.blur, cells))
+        if state.bend is None:
+            return look, _More()
+        look, by_bend = toned(look, state.bend)
+        return look, _More(None, by_bend)
     wide = np.hypot(state.blur, state.radius)
     reached = boundaries(at, wide, cells)
     sharp = whiteness(cells, at, state.blur, reached)
     soft = whiteness(cells, at, wide, reached)
     a, narrower = state.amount[:, None], (state.blur / wide)[:, None]
+    bend = None
+    if state.bend is not None:
+        sharp, by_sharp = toned(sharp, state.bend)
+        soft, by_soft = toned(soft, state.bend)
+        bend = (1 + a) * by_sharp - a * by_soft
     mixed = Whiteness(
         (1 + a) * sharp.white - a * soft.white,
         (1 + a) * sharp.by_x - a * soft.by_x,
         (1 + a) * sharp.by_y - a * soft.by_y,
         (1 + a) * sharp.by_blur - a * soft.by_blur * narrower,
     )
-    return mixed, sharp.white - soft.white
+    return mixed, _More(sharp.white - soft.white, bend)
 
 
-def _jacobian(
-    look: Whiteness, lit: Array, light: Array, sharper: Array | None, full: Array
-) -> None:
+def _jacobian(look: Whiteness, lit: Array, light: Array, more: _More, full: Array) -> None:
     """Fill in the derivative (m, u, n) of the grey levels by all unknowns but the light."""
     contrast = contrast_of_light(light, lit)
     places = lit[:, 1:]
@@ -325,8 +389,11 @@ def _jacobian(
     away = full[:, 0] + full[:, 4]
     np.multiply(-away[:, None], places, out=full[:, 6:8])
     np.multiply(contrast, look.by_blur, out=full[:, BLUR])
-    if sharper is not None:
-        np.multiply(contrast, sharper, out=full[:, -1])
+    row = BLUR + 1 + light.shape[1]
+    for by in (more.amount, more.bend):
+        if by is not None:
+            np.multiply(contrast, by, out=full[:, row])
+            row += 1
 
 
 def _changed(state: State, change: Array) -> State:
@@ -335,10 +402,13 @@ def _changed(state: State, change: Array) -> State:
     D = np.concatenate([change[:, :BLUR], np.zeros((m, 1))], axis=1).reshape(m, 3, 3)
     blur = np.clip(state.blur + change[:, BLUR], LEAST_BLUR, MOST_BLUR)
     amount = state.amount
-    if change.shape[1] > last:
+    if state.radius is not None:
         amount = np.clip(amount + change[:, last], 0.0, MOST_AMOUNT)
+    bend = state.bend
+    if bend is not None:
+        bend = np.clip(bend + change[:, -1], -MOST_BEND, MOST_BEND)
     light = state.light + change[:, BLUR + 1 : last]
-    return State(state.H @ (np.eye(3) + D), blur, light, amount, state.radius)
+    return State(state.H @ (np.eye(3) + D), blur, light, amount, state.radius, bend)
 
 
 def corners_of(H: Array) -> tuple[Array, Array]:
