@@ -25,13 +25,12 @@ class ReadingsPanel:
 
     def has_work(self, campaign: "Campaign") -> bool:
         """Whether there are readings, or stops planned to be read."""
-        from survey.entry.room.planned_stops import lacks_stops  # noqa: PLC0415  (slow to load)
-        from survey.readings.readings import readings_path  # noqa: PLC0415
+        from survey.readings.readings import readings_path  # noqa: PLC0415  (slow to load)
         from survey.settings import SurveySettings  # noqa: PLC0415
 
         settings = campaign.section("survey", SurveySettings)
         there = [readings_path(campaign, settings), campaign.folder / settings.entry.journal]
-        return any(path.exists() for path in there) or not lacks_stops(campaign)
+        return bool(settings.entry.poses) or any(path.exists() for path in there)
 
     def open(self, desk: Desk) -> "OpenReadings":
         """The entry page of a campaign; its journal is opened when somebody looks."""

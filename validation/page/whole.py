@@ -86,6 +86,9 @@ def page_status(folder: Path) -> tuple[Found, dict[str, list[Waiting]]]:
     for panel in found.panels:
         if panel.has_work(desk.campaign()):
             opened = panel.open(desk)
-            told[panel.name] = opened.waiting()
+            try:
+                told[panel.name] = opened.waiting()
+            except GtvalError as error:
+                told[panel.name] = [Waiting(str(error))]
             opened.close()
     return found, told
