@@ -1,5 +1,6 @@
 """`gtval open` as a process, devices that talk to it, and browsers that look at it."""
 
+import contextlib
 import os
 import re
 import shutil
@@ -128,11 +129,14 @@ def joined(browser, served, path="/", name="ann"):
 
 
 def wait(condition, seconds=15):
-    """Until a condition holds."""
+    """Until a condition holds; one about what is just being replaced does not, yet."""
+    from selenium.common.exceptions import NoSuchElementException, StaleElementReferenceException
+
     until = time.monotonic() + seconds
     while time.monotonic() < until:
-        if condition():
-            return
+        with contextlib.suppress(NoSuchElementException, StaleElementReferenceException):
+            if condition():
+                return
         time.sleep(0.03)
     raise AssertionError("it did not happen")
 
@@ -159,7 +163,7 @@ const lights = (c) => c.match(/[\\d.]+/g).slice(0, 3).map((v) => {
 const light = (c) => { const [r, g, b] = lights(c); return .2126 * r + .7152 * g + .0722 * b; };
 const behind = (e) => { for (; e; e = e.parentElement) {
   const c = getComputedStyle(e).backgroundColor;
-  if (!/, 0\\)|transparent/.test(c)) return c; } return 'rgb(255,255,255)'; };
+  if (!/rgba.*, 0\\)|transparent/.test(c)) return c; } return 'rgb(255,255,255)'; };
 const contrast = (e) => {
   const [a, b] = [light(getComputedStyle(e).color), light(behind(e))].sort((x, y) => y - x);
   return (a + .05) / (b + .05); };

@@ -37,7 +37,7 @@ export async function replace(id, path) {
   const mark = focused && (focused.id || focused.getAttribute("href"));
   const open = [...part.querySelectorAll("details")].map((one) => one.open);
   part.innerHTML = answer.text;
-  part.querySelectorAll("details").forEach((one, at) => { one.open = open[at] ?? false; });
+  part.querySelectorAll("details").forEach((one, at) => { if (at < open.length) one.open = open[at]; });
   if (mark) [...part.querySelectorAll("a, button, [tabindex]")].find((one) => one.id === mark || one.getAttribute("href") === mark)?.focus();
   return true;
 }
