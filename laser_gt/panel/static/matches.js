@@ -250,9 +250,11 @@ async function acceptBatch() {
 
 // -- the list -------------------------------------------------------------------------------
 
-let filter = "all";
+let filter = "all", folded = false;
+const narrow = matchMedia("(max-width: 60rem)");
 
 function filtered() {
+  if (narrow.matches && $("batches") && !folded) { $("batches").open = false; folded = true; } // the pair comes first
   const select = $("filter");
   if (!select) return;
   select.value = filter;
