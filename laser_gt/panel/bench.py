@@ -4,7 +4,9 @@ What is decided is appended to the campaign's decisions file, as the command doe
 shown follows from that file: nothing is known here that would be lost with the process.
 """
 
+import sys
 import threading
+import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -26,6 +28,7 @@ from laser_gt.system import SYSTEM
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
 from validation.page.desk import Desk, version_of
+from validation.page.runner import Runner
 from validation.poses.angles import Array
 from validation.results import VALIDATION_SYSTEM
 from validation.solving import solve_validation
@@ -33,6 +36,9 @@ from validation.systems import inputs_of, installed_systems
 from validation.text_files.writing import write_files
 
 ENGINE: Engine = "scanmatch"
+MOST_HERE = 30
+"""Pairs that are matched in this process, in seconds; more in one of their own, whose memory ends
+with it. A judgement: what a few decisions ask for."""
 TAKEN_BACK = "taken back"
 """Note of a decision that restores what counted before."""
 Pair = tuple[str, str]
@@ -118,6 +124,10 @@ class Seen:
         return dict(sorted(found.items(), key=lambda item: -len(item[1])))
 
 
+class _ManyError(Exception):
+    """Many pairs are to be matched."""
+
+
 class Bench:
     """Matches of one campaign, loaded in the background whenever a file has changed."""
 
@@ -178,12 +188,11 @@ class Bench:
             history = decision_history(self.decisions_path(campaign), self._stops(campaign))
             solved = solve_validation(campaign, installed_systems())
 
-            def report(_what: str, share: float) -> None:
-                self.progress = share
-
-            outcome = solve_campaign(
-                solved, report, engines=(ENGINE,), as_published=False, need_poses=False
-            )
+            try:
+                outcome = self._solved(solved, MOST_HERE)
+            except _ManyError:
+                self._make_apart()
+                outcome = self._solved(solved, None)
             before = None if self.seen is None else self.seen.outcome.keys
             if before != outcome.keys:
                 write_files(campaign.results, kept_files(outcome))
@@ -193,6 +202,37 @@ class Bench:
         except Exception as error:  # noqa: BLE001  (told on the page, which goes on)
             self.problem = f"unexpected: {type(error).__name__}: {error}. Please report it"
             self._failed_at = version
+
+    def _solved(self, campaign: Campaign, most: int | None) -> LaserOutcome:
+        """What the campaign holds; `_ManyError` where more than so many pairs are to be matched."""
+        made = [0]
+
+        def report(what: str, share: float) -> None:
+            self.progress = share
+            made[0] += what.startswith(ENGINE)
+            if most is not None and made[0] > most:
+                raise _ManyError
+
+        return solve_campaign(
+            campaign, report, engines=(ENGINE,), as_published=False, need_poses=False
+        )
+
+    def _make_apart(self) -> None:
+        """Make and keep all matches in another process.
+
+        Raises
+        ------
+        GtvalError
+            If that fails.
+        """
+        command = (sys.executable, "-m", "laser_gt.panel.making")
+        making = Runner(self._desk.folder, command)
+        making.start("")
+        while making.state.is_at_work:
+            self.progress = making.state.share
+            time.sleep(0.1)
+        if making.state.state != "done":
+            raise GtvalError(making.state.what)
 
     def _stops(self, campaign: Campaign) -> Collection[str]:
         """Stops that have scans."""
@@ -272,28 +312,32 @@ def undoing(history: Sequence[tuple[str, Decision]], by: str) -> list[Decision]:
     """
     actions: list[list[int]] = []
     last = ""
-    for row, (time, one) in enumerate(history):
+    for row, (at, one) in enumerate(history):
         if one.by != by:
             continue
         if one.note == TAKEN_BACK:
-            if time != last and actions:
+            if at != last and actions:
                 actions.pop()
-        elif time == last and actions:
+        elif at == last and actions:
             actions[-1].append(row)
         else:
             actions.append([row])
-        last = time
-    if not actions:
-        return []
-    rows = actions[-1]
+        last = at
+    restored = (_restoring(history, rows, by) for rows in reversed(actions))
+    return next((some for some in restored if some), [])
+
+
+def _restoring(
+    history: Sequence[tuple[str, Decision]], rows: Sequence[int], by: str
+) -> list[Decision]:
+    """Decisions that restore what counted before one action, for pairs not decided on since."""
     restored = []
     for row in rows:
-        key = _key(history[row][1])
-        same = [at for at, (_, one) in enumerate(history) if _key(one) == key]
-        if any(at > row for at in same):
+        decided = history[row][1]
+        same = [at for at, (_, one) in enumerate(history) if _key(one) == _key(decided)]
+        if same[-1] > row:
             continue
         earlier = [history[at][1] for at in same if at < rows[0]]
-        decided = history[row][1]
         before = earlier[-1] if earlier else replace(decided, kind="open", guess=None)
         restored.append(replace(before, by=by, note=TAKEN_BACK))
     return restored

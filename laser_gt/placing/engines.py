@@ -186,9 +186,10 @@ def match_pairs(
         for row in rows.tolist():
             i, j = pairs[row].tolist()
             names = (sweeps[i].name, sweeps[j].name)
-            report(f"{engine}: {' - '.join(names)}", len(raw) / int(tried.sum()))
             guess, limits = _guess(poses, i, j, decisions.get(names), settings)
             known = _known((before or {}).get(names), guess, limits, row, engine)
+            if known is None:
+                report(f"{engine}: {' - '.join(names)}", len(raw) / int(tried.sum()))
             ends, rng = (sweeps[i], sweeps[j]), generators[row]
             raw[row] = known or _matched(*ends, guess, limits, row, settings, engine, rng)
         found = {row: one.match for row, one in raw.items()}

@@ -21,7 +21,9 @@ from validation.page.runner import Runner
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    return held_up_room(tmp_path_factory.mktemp("held") / "room")
+    made = held_up_room(tmp_path_factory.mktemp("held") / "room")
+    opened(made)  # the matches are kept beside it
+    return made
 
 
 def opened(folder):
@@ -33,7 +35,6 @@ def opened(folder):
 
 @pytest.fixture
 def bench(folder, tmp_path):
-    opened(folder)  # the matches are kept beside it
     return opened(copied(folder, tmp_path / "room"))
 
 

@@ -120,6 +120,7 @@ def joined(browser, served, path="/", name="ann"):
     browser.get(served.url)
     browser.delete_all_cookies()
     browser.get("about:blank")
+    browser.get_log("browser")  # what an earlier server left
     browser.get(f"{served.url}{path}#{served.code}")
     browser.find_element("id", "name").send_keys(name)
     browser.find_element("css selector", "#join button").click()
