@@ -47,8 +47,9 @@ class OpenReadings:
         self._opening = threading.Lock()
         self._entry: tuple[EntrySession, EntryApp] | None = None
         self._greeted: set[str] = set()
-        self.calls: Sequence[Call] = [Call("GET", "", self.page), *calls(self._forward)]
-        self.static: Mapping[str, bytes] = static_files(PACKAGE, FILES)
+        own = [Call("GET", "", self.page), Call("POST", "begin", self.begin)]
+        self.calls: Sequence[Call] = [*own, *calls(self._forward)]
+        self.static: Mapping[str, bytes] = static_files(PACKAGE, (*FILES, "begin.js"))
 
     def version(self) -> str:
         """Changes with every entry, also of others, and with the readings file."""
@@ -111,6 +112,11 @@ class OpenReadings:
 
         from validation.errors import GtvalError  # noqa: PLC0415
 
+        name = await run_in_threadpool(self._written_elsewhere)
+        if name:
+            values = {"name": name}
+            package = "survey.entry.screens"
+            return self._desk.html(package, "begin.html.j2", "readings", device, values)
         try:
             app = await run_in_threadpool(self._ready)
         except GtvalError as error:
@@ -120,6 +126,28 @@ class OpenReadings:
             app.greet(device.person)
             self._greeted.add(device.name)
         return app.page(device, self._desk.head("readings", device))
+
+    def _written_elsewhere(self) -> str:
+        """Name of a file of readings that no journal has taken over; '' where there is none."""
+        from survey.readings.readings import readings_path  # noqa: PLC0415  (slow to load)
+        from survey.settings import SurveySettings  # noqa: PLC0415
+
+        campaign = self._desk.campaign()
+        settings = campaign.section("survey", SurveySettings)
+        path = readings_path(campaign, settings)
+        there = (campaign.folder / settings.entry.journal).exists() or not path.exists()
+        return "" if there or self._entry is not None else path.name
+
+    async def begin(self, request: "Request", device: "Device") -> "Response":  # noqa: ARG002
+        """Take the readings of a file into a journal, to go on from there."""
+        from starlette.concurrency import run_in_threadpool  # noqa: PLC0415  (an extra)
+        from starlette.responses import JSONResponse  # noqa: PLC0415
+
+        from validation.page.requests import json_fields  # noqa: PLC0415
+
+        await json_fields(request)
+        await run_in_threadpool(self._ready)
+        return JSONResponse({})
 
     def _forward(self, path: str) -> "Handler":
         """What hands a request on to the entry page."""
