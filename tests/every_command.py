@@ -23,6 +23,7 @@ USES = {
     "laser decide": "{decided} 1 2 reject",
     "laser inspect": "{decided}",
     "laser solve": "{room} --dry-run",
+    "open": "{room} --status",
     "plan": "{room}",
     "report": "{room}",
     "rtk camera": "{drive} left_camera {drive}/sensors/left_camera_points.csv --lens {lens}",

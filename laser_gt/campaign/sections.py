@@ -123,7 +123,7 @@ def verdict_table(matching: Matching) -> Table:
     rows: list[list[str | int | float | None]] = []
     for verdict in VERDICTS:
         chosen = matching.of(verdict)
-        common = Counter(_kind(reason) for one in chosen for reason in one.reasons).most_common(3)
+        common = Counter(kind_of(reason) for one in chosen for reason in one.reasons).most_common(3)
         rows.append([verdict, len(chosen), "; ".join(f"{kind} ({n})" for kind, n in common)])
     title = f"Verdicts on the matches by {matching.engine}"
     return Table(title, ["verdict", "matches", "most common reasons"], rows)
@@ -155,7 +155,7 @@ def fitness_table(matching: Matching) -> Table:
     )
 
 
-def _kind(reason: str) -> str:
+def kind_of(reason: str) -> str:
     """A reason with dots for its numbers."""
     return re.sub(r"-?\d[\d.]*", "..", reason)
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from laser_gt.campaign.inputs import LaserInputs, load_inputs, references, surveyed_poses
-from laser_gt.campaign.kept import kept_file, key_of, read_matching
+from laser_gt.campaign.kept import base_of, kept_file, key_of, read_matching, read_raw
 from laser_gt.campaign.outcome import LaserOutcome
 from laser_gt.campaign.slips import likely_slip
 from laser_gt.matching.genetic import GeneticSettings
@@ -171,7 +171,22 @@ def _matched(
         settings.pair_overlap,
         settings.pairs_per_stop,
     )
-    form = EngineSettings(
+    form = engine_settings(settings)
+    pairs = find_pairs(poses, [one.sweep for one in inputs.sweeps], limits, inputs.decisions)
+    base = base_of(inputs.sweeps, form, engine)
+    key = f"{base} {key_of(base, poses, pairs, inputs.decisions)}"
+    path = campaign.results / kept_file(engine)
+    kept = read_matching(path, key, engine)
+    if kept is not None:
+        return key, kept
+    before = read_raw(path, base)
+    asked = (inputs.sweeps, poses, pairs, inputs.decisions, form, engine)
+    return key, match_pairs(*asked, progress, before)
+
+
+def engine_settings(settings: LaserSettings) -> EngineSettings:
+    """How pairs are matched, as campaign.toml says."""
+    return EngineSettings(
         settings.guess_sigmas,
         settings.initial,
         _genetic(settings),
@@ -179,11 +194,6 @@ def _matched(
         settings.seed,
         JudgementSettings(**settings.judgement.model_dump()),
     )
-    pairs = find_pairs(poses, [one.sweep for one in inputs.sweeps], limits, inputs.decisions)
-    asked = (inputs.sweeps, poses, pairs, inputs.decisions, form, engine)
-    key = key_of(*asked)
-    kept = read_matching(campaign.results / kept_file(engine), key, engine)
-    return key, kept if kept is not None else match_pairs(*asked, progress)
 
 
 def _published(

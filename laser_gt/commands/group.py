@@ -121,7 +121,7 @@ def inspect(campaign: Path, as_json: bool, engines: "tuple[Engine, ...] | None",
 @CAMPAIGN
 @click.argument("reference")
 @click.argument("moving")
-@click.argument("decision", type=click.Choice(["accept", "reject", "guess"]))
+@click.argument("decision", type=click.Choice(["accept", "reject", "guess", "open"]))
 @click.argument("pose", type=float, nargs=-1)
 @AS_JSON
 @click.option("--by", default="", help="Who or what decided.")
@@ -136,10 +136,11 @@ def decide(
     by: str,
     note: str,
 ) -> None:
-    """Record a decision about the pair REFERENCE MOVING: accept, reject, or guess X Y THETA.
+    """Record a decision about the pair REFERENCE MOVING: accept, reject, guess X Y THETA, or open.
 
     It is added to the campaign's decisions file, where the last one about a pair counts, and the
-    next run obeys it. The guess is the moving laser frame in the reference laser frame.
+    next run obeys it. The guess is the moving laser frame in the reference laser frame; 'open'
+    takes back what was decided before.
     """
     from datetime import datetime
 

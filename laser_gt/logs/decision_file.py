@@ -1,11 +1,13 @@
 """Decisions about matches, whoever or whatever made them: an append-only CSV that runs obey.
 
-Columns: time, reference, moving (stops), decision (accept, reject, guess), x, y, theta (for a
+Columns: time, reference, moving (stops), decision (accept, reject, guess, open), x, y, theta (for a
 guess: the moving laser frame in the reference laser frame; metres, radians), by, note. The last
-decision about a pair counts; a pair named the other way round is the same pair.
+decision about a pair counts; a pair named the other way round is the same pair. 'open' takes back
+what was decided before.
 """
 
-from collections.abc import Collection, Iterator
+import os
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -44,17 +46,36 @@ def read_decisions(path: Path, stops: Collection[str]) -> dict[tuple[str, str], 
     InputError
         Naming every bad place: unknown stops, unknown words, a guess without a pose.
     """
-    if not path.exists():
-        return {}
-    table = read_csv(path, COLUMNS)
     decisions: dict[tuple[str, str], Decision] = {}
-    for row in range(len(table)):
-        decision = _decision(table, row, stops)
-        if decision is not None:
-            decisions[decision.reference, decision.moving] = decision
-            decisions[decision.moving, decision.reference] = decision.turned()
-    table.raise_problems()
+    for _, decision in decision_history(path, stops):
+        one, other = (decision.reference, decision.moving), (decision.moving, decision.reference)
+        decisions[one], decisions[other] = decision, decision.turned()
+        if decision.kind == "open":
+            del decisions[one], decisions[other]
     return decisions
+
+
+def decision_history(path: Path, stops: Collection[str]) -> list[tuple[str, Decision]]:
+    """All decisions with their times, in the order made; none without the file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    stops : collection of str
+        Stops that have scans.
+
+    Raises
+    ------
+    InputError
+        As of `read_decisions`.
+    """
+    if not path.exists():
+        return []
+    table = read_csv(path, COLUMNS)
+    rows = [(table.text["time"][row], _decision(table, row, stops)) for row in range(len(table))]
+    table.raise_problems()
+    return [(time, decision) for time, decision in rows if decision is not None]
 
 
 def _decision(table: CsvTable, row: int, known: Collection[str]) -> Decision | None:
@@ -93,13 +114,22 @@ def _faults(decision: Decision, known: Collection[str]) -> Iterator[tuple[str, s
 
 
 def append_decision(path: Path, decision: Decision, stops: Collection[str], time: str) -> None:
-    """Add a decision to the end of the file, which is made if missing.
+    """Add a decision to the end of the file; see `append_decisions`."""
+    append_decisions(path, [decision], stops, time)
+
+
+def append_decisions(
+    path: Path, decisions: Sequence[Decision], stops: Collection[str], time: str
+) -> None:
+    """Add decisions to the end of the file, which is made if missing, all at once.
+
+    They are on the disk when this returns.
 
     Parameters
     ----------
     path : Path
         The file.
-    decision : Decision
+    decisions : sequence of Decision
         What was decided.
     stops : collection of str
         Stops that have scans.
@@ -109,19 +139,23 @@ def append_decision(path: Path, decision: Decision, stops: Collection[str], time
     Raises
     ------
     GtvalError
-        If the decision is not one that `read_decisions` would take, or the file cannot be
+        If a decision is not one that `read_decisions` would take, or the file cannot be
         written.
     """
-    values = {"reference": decision.reference, "moving": decision.moving, "decision": decision.kind}
-    problems = [
-        Problem(path, expected, None, name, values.get(name))
-        for name, expected in _faults(decision, stops)
-    ]
+    problems, rows = [], []
+    for decision in decisions:
+        kind = decision.kind
+        values = {"reference": decision.reference, "moving": decision.moving, "decision": kind}
+        problems += [
+            Problem(path, expected, None, name, values.get(name))
+            for name, expected in _faults(decision, stops)
+        ]
+        pose = ["", "", ""] if decision.guess is None else [f"{v:.6f}" for v in decision.guess]
+        said = [" ".join(text.split()) for text in (decision.by, decision.note)]
+        rows.append([time, *values.values(), *pose, *said])
     if problems:
         raise InputError(problems)
-    pose = ["", "", ""] if decision.guess is None else [f"{v:.6f}" for v in decision.guess]
-    said = [" ".join(text.split()) for text in (decision.by, decision.note)]
-    text = csv_text(HEADER, [[time, *values.values(), *pose, *said]])
+    text = csv_text(HEADER, rows)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         before = path.read_bytes() if path.exists() else b""
@@ -129,5 +163,7 @@ def append_decision(path: Path, decision: Decision, stops: Collection[str], time
             text = text.partition("\n")[2] if before.endswith(b"\n") else text[text.index("\n") :]
         with path.open("a", encoding="utf-8") as stream:
             stream.write(text)
+            stream.flush()
+            os.fsync(stream.fileno())
     except OSError as error:
         raise GtvalError(f"cannot write {path}: {error.strerror or error}") from error

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from laser_gt.scans.planar import inverse
 from validation.poses.angles import Array
 
-KINDS = ("accept", "reject", "guess")
+KINDS = ("accept", "reject", "guess", "open")
 
 
 @dataclass(frozen=True)
@@ -16,8 +16,8 @@ class Decision:
     ----------
     reference, moving : str
         Stops.
-    kind : {"accept", "reject", "guess"}
-        Take it, leave it, or match again from ``guess``.
+    kind : {"accept", "reject", "guess", "open"}
+        Take it, leave it, match again from ``guess``, or decide nothing any more.
     guess : (3,) array or None
         Moving laser frame in the reference laser frame.
     by, note : str

@@ -198,6 +198,12 @@ def with_verdict(found: Match, limits: JudgementSettings) -> Match:
     )
 
 
+def objections(found: Match, limits: JudgementSettings) -> tuple[str, ...]:
+    """The reasons of a match that say that it may be wrong, those that it is imprecise left out."""
+    weaknesses = set(_weaknesses(found, limits))
+    return tuple(reason for reason in found.reasons if reason not in weaknesses)
+
+
 def _contradicted(found: Match, limits: JudgementSettings) -> list[tuple[bool, str]]:
     """What one scan shows and the other denies, and whether that refutes the match."""
     agreement, violating = limits.agreement, limits.violating

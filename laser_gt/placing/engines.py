@@ -64,6 +64,28 @@ class EngineSettings:
 
 
 @dataclass(frozen=True)
+class Raw:
+    """A match before its loops and the decisions are asked, and what it depends on.
+
+    Parameters
+    ----------
+    match : Match
+        From its guess.
+    sigmas : (float, float)
+        Of that guess, metres and radians.
+    row : int
+        Of its pair, by which chance is drawn.
+    curve : (g,) array or None
+        Best fitness by generation (genetic only).
+    """
+
+    match: Match
+    sigmas: tuple[float, float]
+    row: int
+    curve: Array | None = None
+
+
+@dataclass(frozen=True)
 class Matching:
     """All matches by one engine.
 
@@ -77,12 +99,15 @@ class Matching:
         All triples.
     convergence : mapping
         Best fitness by generation, for each pair of stops (genetic only).
+    raw : mapping
+        The matches before loops and decisions, by their pairs of stops.
     """
 
     engine: Engine
     matches: list[Match]
     loops: list[Loop]
     convergence: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    raw: Mapping[tuple[str, str], Raw] = field(default_factory=dict)
 
     @property
     def accepted(self) -> list[Match]:
@@ -117,6 +142,7 @@ def match_pairs(
     settings: EngineSettings,
     engine: Engine,
     report: Report,
+    before: Mapping[tuple[str, str], Raw] | None = None,
 ) -> Matching:
     """Every pair matched and judged, with what its loops and the decisions say of it.
 
@@ -136,6 +162,9 @@ def match_pairs(
         By what.
     report : callable
         Called with what is being done and the share done.
+    before : mapping of (str, str) to Raw, optional
+        Matches of the same sweeps with the same settings. Those from the same guess are taken
+        over: a decision about one pair costs no match of another.
 
     Notes
     -----
@@ -152,23 +181,18 @@ def match_pairs(
         named = [frozenset(names) for names in decisions]
         tried |= [frozenset((sweeps[i].name, sweeps[j].name)) in named for i, j in pairs.tolist()]
     rows = np.flatnonzero(tried)
-    found: dict[int, Match] = {}
-    convergence: dict[tuple[str, str], Array] = {}
+    raw: dict[int, Raw] = {}
     while True:
         for row in rows.tolist():
             i, j = pairs[row].tolist()
             names = (sweeps[i].name, sweeps[j].name)
-            report(f"{engine}: {' - '.join(names)}", len(found) / int(tried.sum()))
             guess, limits = _guess(poses, i, j, decisions.get(names), settings)
-            if engine == "genetic":
-                winner = genetic_match(
-                    sweeps[i], sweeps[j], generators[row], [guess], settings.genetic, middle=guess
-                )
-                convergence[names] = winner.convergence
-                found[row] = judged(sweeps[i], sweeps[j], guess, winner.finalists, limits)
-            else:
-                start = _start(sweeps[i], sweeps[j], guess, settings)
-                found[row] = match(sweeps[i], sweeps[j], guess, limits, start)
+            known = _known((before or {}).get(names), guess, limits, row, engine)
+            if known is None:
+                report(f"{engine}: {' - '.join(names)}", len(raw) / int(tried.sum()))
+            ends, rng = (sweeps[i], sweeps[j]), generators[row]
+            raw[row] = known or _matched(*ends, guess, limits, row, settings, engine, rng)
+        found = {row: one.match for row, one in raw.items()}
         matches, loops = _told(sweeps, poses, found, decisions, settings)
         rows = _more(poses, pairs, tried, matches, settings.genetic_pairs)
         if not len(rows):
@@ -179,7 +203,74 @@ def match_pairs(
     if better:
         found |= {order[at]: one for at, one in better.items()}
         matches, loops = _told(sweeps, poses, found, decisions, settings)
-    return Matching(engine, matches, loops, convergence)
+    by_pair = {(one.match.reference, one.match.moving): one for one in raw.values()}
+    convergence = {pair: one.curve for pair, one in by_pair.items() if one.curve is not None}
+    return Matching(engine, matches, loops, convergence, by_pair)
+
+
+def _known(
+    raw: Raw | None, guess: Array, limits: MatchSettings, row: int, engine: Engine
+) -> Raw | None:
+    """A match of before, if it is from this guess, and by the same chance."""
+    if raw is None or raw.sigmas != (limits.guess_length, limits.guess_angle):
+        return None
+    same = np.array_equal(raw.match.guess, guess) and (engine == "scanmatch" or raw.row == row)
+    return raw if same else None
+
+
+def _matched(
+    reference: Prepared,
+    moving: Prepared,
+    guess: Array,
+    limits: MatchSettings,
+    row: int,
+    settings: EngineSettings,
+    engine: Engine,
+    rng: np.random.Generator,
+) -> Raw:
+    """One pair matched by an engine."""
+    sigmas = (limits.guess_length, limits.guess_angle)
+    if engine == "genetic":
+        winner = genetic_match(reference, moving, rng, [guess], settings.genetic, middle=guess)
+        found = judged(reference, moving, guess, winner.finalists, limits)
+        return Raw(found, sigmas, row, winner.convergence)
+    start = _start(reference, moving, guess, settings)
+    return Raw(match(reference, moving, guess, limits, start), sigmas, row)
+
+
+def match_by_hand(
+    reference: Prepared, moving: Prepared, guess: Array, settings: EngineSettings
+) -> Match:
+    """The match from a guess that a person gives, as a decision with it gives it.
+
+    Parameters
+    ----------
+    reference, moving : Prepared
+        The two sweeps.
+    guess : (3,) array
+        Moving laser frame in the reference laser frame.
+    settings : EngineSettings
+        How pairs are matched.
+    """
+    limits = replace(BY_HAND, judgement=settings.judgement)
+    return match(reference, moving, guess, limits, _start(reference, moving, guess, settings))
+
+
+def told_anew(
+    sweeps: Sequence[Prepared],
+    poses: Array,
+    matching: Matching,
+    decisions: Mapping[tuple[str, str], Decision],
+    settings: EngineSettings,
+) -> Matching:
+    """The matching if other decisions were made, no pair matched anew.
+
+    What `match_pairs` gives with these decisions, as far as they are no guesses and no stops are
+    joined by submaps.
+    """
+    found = {one.row: one.match for one in matching.raw.values()}
+    matches, loops = _told(sweeps, poses, found, decisions, settings)
+    return replace(matching, matches=matches, loops=loops)
 
 
 def _told(

@@ -12,8 +12,8 @@ from validation.commands.options import AS_JSON, CAMPAIGN, PATH
 
 if TYPE_CHECKING:
     from survey.entry.dialogue.entry_session import EntrySession
-    from survey.entry.record.entries import Person
     from validation.campaign.folder import Campaign
+    from validation.page.people import Person
 
 
 @click.command()
@@ -55,9 +55,9 @@ def enter(
     _read_what_is_no_text()
     with _nothing_collected():
         from survey.entry.dialogue.entry_session import EntrySession
-        from survey.entry.record.entries import Person
         from validation.campaign.folder import load_campaign
         from validation.errors import GtvalError
+        from validation.page.people import Person
 
         loaded = _with_stops(load_campaign(campaign), stops, ask=not (web or status or as_json))
         if second and not by:
@@ -143,7 +143,7 @@ def _print_status(entry_session: "EntrySession", *, as_json: bool) -> None:
         progress_text,
         unchecked_text,
     )
-    from survey.entry.record.entries import Person
+    from validation.page.people import Person
 
     progress = entry_session.guide.progress()
     target = entry_session.guide.next_target(Person(""))

@@ -19,6 +19,7 @@ INDOOR = {
     "laser decide": "{room} 1 2 accept",
     "laser inspect": "{room}",
     "laser solve": "{room} --dry-run",
+    "open": "{room} --status",
     "plan": "{room}",
     "report": "{room}",
     "run": "{room}",

@@ -27,7 +27,7 @@ REPORT, REPORT_FILE = "report", "report/report.html"
 
 REPORT_FILES = (
     REPORT_FILE,
-    *(f"report/{name}" for name in ("tables.md", "tables.tex", "report.pdf")),
+    *(f"report/{name}" for name in ("tables.md", "tables.tex", "to_do.json", "report.pdf")),
     *(f"report/{name}" for name in ("tables_paper.md", "tables_paper.tex")),
 )
 """All that this step may write."""

@@ -11,6 +11,11 @@ COMMANDS: list[click.Command] = [
         "Do all that a campaign has data for: solve, compare, report.",
     ),
     Later(
+        "open",
+        "validation.commands.open_page:open_page",
+        "Open one page for everything that needs a person, in the browser.",
+    ),
+    Later(
         "compare",
         "validation.commands.compare:compare",
         "Compare poses: REFERENCE with one or more SOURCE files, or a campaign's results.",

@@ -1,7 +1,6 @@
 """The commands ``gtval run`` and ``gtval report``."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,12 +19,8 @@ if TYPE_CHECKING:
     from validation.run import RunResult
     from validation.statistics.error_statistics import IntervalMethod
     from validation.statistics.evaluation import Evaluation
-    from validation.text_files.writing import Content
 
 PAPER = ("tables_paper.md", "tables_paper.tex")
-RUN_BEFORE_REPORT = 0.7
-"""Share of the progress bar that a run has before its report is written. A judgement: the report of
-the AD2.3 campaign takes longer than its run, that of a room with images a tenth of it."""
 
 
 @click.command()
@@ -167,23 +162,7 @@ def _run_and_write(
     campaign: Path, method: "IntervalMethod", *, report: bool, pdf: bool = False
 ) -> "RunResult":
     """Run the campaign and write its results, with the report if wanted."""
-    from validation.campaign.folder import load_campaign
-    from validation.run import run_campaign
-    from validation.run_files import left_over, write_results
-    from validation.solving import late_finding
+    from validation.whole_run import run_and_write
 
-    loaded = load_campaign(campaign)
     with progress_bar("reading") as progress:
-        share_of_run = RUN_BEFORE_REPORT if report else 1.0
-        done = run_campaign(
-            loaded, lambda what, share: progress(what, share_of_run * share), method
-        )
-        files: dict[str, Content] = {}
-        if report:
-            from validation.report.files import report_files
-
-            progress("writing the report", RUN_BEFORE_REPORT)
-            done, files = report_files(done, pdf=pdf)
-    _, old = left_over(done, report=report)
-    write_results(done, files)
-    return replace(done, findings=(*done.findings, *late_finding("results", old)))
+        return run_and_write(campaign, progress, method, report=report, pdf=pdf)

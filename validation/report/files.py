@@ -2,18 +2,19 @@
 
 from validation.processes import give_back_memory
 from validation.report.document import build_document
-from validation.report.html import html_report
+from validation.report.html import html_report, listed_items
 from validation.report.latex import latex_paper, latex_report
 from validation.report.markdown import markdown_paper, markdown_report
 from validation.report.pdf import pdf_report
 from validation.run import RunResult
+from validation.text_files.json_text import json_text
 from validation.text_files.writing import Content
 
-REPORT = "report.html"
+REPORT, TO_DO = "report.html", "to_do.json"
 
 
 def report_files(run: RunResult, *, pdf: bool = False) -> tuple[RunResult, dict[str, Content]]:
-    """report.html, tables of all and of a paper, and report.pdf if wanted, relative to report/.
+    """report.html, its list of what to do, tables, and report.pdf if wanted, relative to report/.
 
     Parameters
     ----------
@@ -41,6 +42,7 @@ def report_files(run: RunResult, *, pdf: bool = False) -> tuple[RunResult, dict[
         REPORT: page,
         "tables.md": markdown_report(document),
         "tables.tex": latex_report(document),
+        TO_DO: json_text({"to_do": listed_items(document)}),
     }
     if document.paper:
         files["tables_paper.md"] = markdown_paper(document)

@@ -39,14 +39,14 @@ def html_report(document: Document) -> str:
             document=document,
             sections=sections,
             groups=_groups(document.findings),
-            to_do=_to_do(document, sections),
+            to_do=listed_items(document),
         )
     )
 
 
-def _to_do(document: Document, sections: Sequence[dict[str, Any]]) -> list[dict[str, str]]:
-    """The lines of the list with the place of their evidence."""
-    places = {section["title"]: section["id"] for section in sections}
+def listed_items(document: Document) -> list[dict[str, str]]:
+    """The lines of the list of what to do, each with the place of its evidence in the page."""
+    places = {one.title: f"section-{number}" for number, one in enumerate(document.sections, 1)}
     places[FINDINGS] = "findings"
     return [
         {

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Self
 from survey.entry.dialogue.answers import Answer, same_text
 from survey.entry.dialogue.entry_view import EntryView
 from survey.entry.dialogue.file_changes import bring_together, refuse_sheet
-from survey.entry.record.entries import MAX_NAME, MAX_NOTE, Entry, Kind, Person, clean_text
+from survey.entry.record.entries import MAX_NOTE, Entry, Kind
 from survey.entry.record.journal import BehindError, Journal, NotRecordedError
 from survey.entry.record.numbers import TypedDistance, both_units, parse_distance
 from survey.entry.record.remembered import RememberedDoubts
@@ -26,6 +26,7 @@ from survey.entry.room.targets import Target, check_new_name, load_names
 from survey.settings import SurveySettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
+from validation.page.people import MAX_NAME, Person, clean_text
 
 if TYPE_CHECKING:
     pass

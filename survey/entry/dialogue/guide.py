@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from survey.entry.record.entries import Person
 from survey.entry.record.state import EntryState, Pair
 from survey.entry.room.targets import (
     Names,
@@ -18,6 +17,7 @@ from survey.entry.room.targets import (
 )
 from survey.settings import EntrySettings
 from validation.campaign.folder import Campaign
+from validation.page.people import Person
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,11 @@ from survey.entry.dialogue.answers import Answer
 from survey.entry.dialogue.entry_session import EntrySession
 from survey.entry.dialogue.entry_view import EntryView
 from survey.entry.dialogue.guide import Progress
-from survey.entry.record.entries import Entry, Person
+from survey.entry.record.entries import Entry
 from survey.entry.record.numbers import plain, signed_mm
 from survey.entry.record.state import Pair
 from survey.entry.room.targets import Target, stop_of
+from validation.page.people import Person
 
 if TYPE_CHECKING:
     from survey.entry.room.checks import Verdict

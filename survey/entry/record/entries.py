@@ -23,9 +23,8 @@ KINDS: frozenset[str] = frozenset(get_args(Kind))
 FROM_FILE = "file"
 FROM_FILE_UNUSED = "file, set aside"
 """Devices of readings that were taken over from a readings file; the second: with use = no."""
-MAX_NAME = 80
 MAX_NOTE = 1000
-"""Characters kept of a name and of a remark. A judgement: more is a mistake of a program."""
+"""Characters kept of a remark. A judgement: more is a mistake of a program."""
 
 
 @lru_cache(maxsize=1 << 16)
@@ -100,25 +99,6 @@ class Entry:
         return json.dumps(said, ensure_ascii=False, separators=(",", ":"))
 
 
-@dataclass(frozen=True)
-class Person:
-    """Who does something, and on what.
-
-    Parameters
-    ----------
-    name : str
-        The person at the laser: the observer of the readings.
-    device : str
-        'terminal', or the name of a phone.
-    second : bool
-        Whether this person makes the blind second entries.
-    """
-
-    name: str
-    device: str = "terminal"
-    second: bool = False
-
-
 def entry_from_json(said: Any) -> Entry:
     """The entry that a line's JSON object holds, of a line whose checksum was right.
 
@@ -145,9 +125,3 @@ def entry_from_json(said: Any) -> Entry:
 
 
 _MEMBERS = frozenset(field.name for field in fields(Entry))
-
-
-def clean_text(text: str, most: int) -> str:
-    """The text on one line, shortened, without unprintable characters."""
-    kept = "".join(c if c.isprintable() else " " for c in text)
-    return " ".join(kept.encode("utf-8", "ignore").decode().split())[:most]

@@ -1,11 +1,11 @@
 """Double entries: when two people's values agree, and who may make the second."""
 
-from survey.entry.record.entries import Person
 from survey.entry.record.state import Agree, EntryState, Pair
 from survey.readings.levels import CRITICAL
 from survey.settings import SurveySettings
 from validation.campaign.folder import Instrument
 from validation.errors import GtvalError
+from validation.page.people import Person
 
 
 def agreement(instrument: Instrument, survey: SurveySettings) -> Agree:

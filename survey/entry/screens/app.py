@@ -1,17 +1,14 @@
 """The page and its requests, over an entry session."""
 
 import asyncio
-from collections.abc import Awaitable, Callable, Collection
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import partial
-from importlib.resources import files
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.applications import Starlette
-from starlette.middleware import Middleware
-from starlette.middleware.base import BaseHTTPMiddleware
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
@@ -19,43 +16,26 @@ from starlette.routing import Route
 from survey.entry.dialogue.entry_session import EntrySession
 from survey.entry.dialogue.file_changes import put_edited_file_aside, take_edited_file
 from survey.entry.dialogue.words import jumped_text, undone_text
-from survey.entry.record.entries import MAX_NAME, Person, clean_text
 from survey.entry.record.journal import NotRecordedError
 from survey.entry.room.rough_places import load_rough_places
 from survey.entry.room.targets import Target
-from survey.entry.screens.access import MAX_AGE, Access, AccessError, Device, address_of
 from survey.entry.screens.page_state import answer_state, page_state
-from survey.entry.screens.requests import (
+from validation.page.access import Access, Device
+from validation.page.desk import static_files
+from validation.page.guard import Door, Handler, guarded, routes_of, static_route
+from validation.page.panels import Call
+from validation.page.people import MAX_NAME, Person, clean_text
+from validation.page.requests import (
     RefusedError,
-    check_host,
-    check_origin,
     flag_field,
     json_fields,
     number_field,
     text_field,
 )
-from validation.errors import GtvalError
 
 COOKIE = "gtval_entry"
-STATIC = {
-    "page.css": "text/css",
-    "awake.js": "text/javascript",
-    "meter.js": "text/javascript",
-    "page.js": "text/javascript",
-    "queue.js": "text/javascript",
-    "room_map.js": "text/javascript",
-    "sound.js": "text/javascript",
-}
-HEADERS = {
-    "Content-Security-Policy": (
-        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
-        "img-src data:; form-action 'none'; base-uri 'none'; frame-ancestors 'none'"
-    ),
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Cache-Control": "no-store",
-}
+PACKAGE = "survey.entry.screens"
+FILES = ("page.css", "awake.js", "meter.js", "page.js", "queue.js", "room_map.js", "sound.js")
 LATE = 5.0
 """A reading that waited longer than so many seconds for the link has the time of its typing."""
 MAX_WAIT = 366 * 86400.0
@@ -63,86 +43,53 @@ MAX_WAIT = 366 * 86400.0
 PAUSE = 0.03
 """Seconds between two stops that are looked through, for the requests that wait."""
 
-Handler = Callable[[Request, Device], Awaitable[Response]]
-
 
 class EntryApp:
-    """The requests of the page.
+    """The requests of the page, but for who may send them.
 
     Parameters
     ----------
     entry_session : EntrySession
         One for all devices.
-    access : Access
-        Who is let in.
+    keep : callable
+        Called when a person at a device has changed.
     """
 
-    def __init__(self, entry_session: EntrySession, access: Access) -> None:
+    def __init__(self, entry_session: EntrySession, keep: Callable[[], None]) -> None:
         self._session = entry_session
-        self._access = access
+        self._keep = keep
         self._rough = load_rough_places(entry_session.campaign)
         self._templates = Environment(
-            loader=PackageLoader("survey.entry.screens"),
+            loader=PackageLoader(PACKAGE),
             autoescape=True,
             undefined=StrictUndefined,
             trim_blocks=True,
             lstrip_blocks=True,
         )
-        folder = files("survey.entry.screens") / "static"
         self._serving = 0
         self._examining: asyncio.Task[None] | None = None
-        self._static = {name: (folder / name).read_bytes() for name in STATIC}
+        self.handlers = {
+            "state": self._counted(self.state),
+            "readings": self._counted(self.reading),
+            "actions": self._counted(self.action),
+            "person": self._counted(self.person),
+        }
+        """What a device that was let in may ask for, the page itself apart."""
 
-    def routes(self) -> list[Route]:
-        """All paths that there are."""
-        return [
-            Route("/", self.page, methods=["GET"]),
-            Route("/join", self.join, methods=["POST"]),
-            Route("/static/{name}", self.static, methods=["GET"]),
-            Route("/state", self._for_device(self.state), methods=["GET"]),
-            Route("/readings", self._for_device(self.reading), methods=["POST"]),
-            Route("/actions", self._for_device(self.action), methods=["POST"]),
-            Route("/person", self._for_device(self.person), methods=["POST"]),
-        ]
+    def page(self, device: Device, head: str = "") -> Response:
+        """The page, below a head that it shares with others."""
+        return self._html("page.html.j2", {"state": self._state_of(device), "head": head})
 
-    async def page(self, request: Request) -> Response:
-        """The page, or the one that asks for a code."""
-        device = self._access.device(request.cookies.get(COOKIE))
-        if device is None:
-            name = self._session.campaign.settings.name
-            return self._html("join.html.j2", {"campaign": name})
-        return self._html("page.html.j2", {"state": self._state_of(device)})
+    def join_page(self) -> Response:
+        """The page that asks for a code."""
+        return self._html("join.html.j2", {"campaign": self._session.campaign.settings.name})
 
-    async def static(self, request: Request) -> Response:
-        """A file of the page; only those that are listed exist."""
-        name = request.path_params["name"]
-        if name not in self._static:
-            raise RefusedError(404, "there is no such file")
-        return Response(self._static[name], media_type=STATIC[name])
-
-    async def join(self, request: Request) -> Response:
-        """Let a device in that knows the code."""
-        said = await json_fields(request)
-        code, name = text_field(said, "code", needed=True), text_field(said, "name")
-        address = address_of(request.client.host if request.client else "")
+    def greet(self, person: Person) -> None:
+        """Note that somebody has joined."""
         try:
-            token, device = self._access.join(code, name, address)
-        except AccessError as error:
-            raise RefusedError(403, str(error)) from None
-        try:
-            self._session.begin(device.person)
+            self._session.begin(person)
         except NotRecordedError as error:
             raise RefusedError(503, str(error)) from None
-        response = JSONResponse({"device": device.name})
-        response.set_cookie(
-            COOKIE,
-            token,
-            httponly=True,
-            samesite="strict",
-            secure=request.url.scheme == "https",
-            max_age=int(MAX_AGE),
-        )
-        return response
 
     async def state(self, request: Request, device: Device) -> Response:
         """What the page shows; nothing where it is up to date."""
@@ -198,7 +145,7 @@ class EntryApp:
         said = await json_fields(request)
         name = clean_text(text_field(said, "name"), MAX_NAME)
         device.person = replace(device.person, name=name, second=flag_field(said, "second"))
-        self._access.keep()
+        self._keep()
         return JSONResponse({})
 
     def _actions(self, said: dict[str, Any], person: Person) -> dict[str, Callable[[], str]]:
@@ -248,27 +195,28 @@ class EntryApp:
             "stop": stop,
         }
 
-    def _for_device(self, handler: Handler) -> Callable[[Request], Awaitable[Response]]:
-        """The handler, for devices that were let in; their mistakes in plain words."""
+    def _counted(self, handler: Handler) -> Handler:
+        """The handler; while it is at work, nothing is looked through in between."""
 
-        async def checked(request: Request) -> Response:
-            device = self._access.device(request.cookies.get(COOKIE))
-            if device is None:
-                raise RefusedError(401, "this device was not let in; type the terminal's code")
+        async def recorded(request: Request, device: Device) -> Response:
             self._serving += 1
             try:
                 return await handler(request, device)
             except NotRecordedError as error:
                 raise RefusedError(503, str(error)) from None
-            except GtvalError as error:
-                raise RefusedError(409, str(error)) from None
             finally:
                 self._serving -= 1
 
-        return checked
+        return recorded
 
     def _html(self, template: str, values: dict[str, Any]) -> Response:
         return HTMLResponse(self._templates.get_template(template).render(values))
+
+
+def calls(handler_of: Callable[[str], Handler]) -> list[Call]:
+    """The requests of the page, each with what answers it by its path."""
+    changes = [Call("POST", path, handler_of(path)) for path in ("readings", "actions", "person")]
+    return [Call("GET", "state", handler_of("state")), *changes]
 
 
 def make_app(entry_session: EntrySession, access: Access, hosts: Collection[str]) -> Starlette:
@@ -283,36 +231,21 @@ def make_app(entry_session: EntrySession, access: Access, hosts: Collection[str]
     hosts : collection of str
         Names under which it is served; '*' stands for every address that is a number.
     """
-    guard = Middleware(BaseHTTPMiddleware, dispatch=partial(_guard, hosts=hosts))
-    return Starlette(
-        routes=EntryApp(entry_session, access).routes(),
-        middleware=[guard],
-        exception_handlers={RefusedError: _refusal},
-    )
+    entry = EntryApp(entry_session, access.keep)
+    door = Door(access, COOKIE, entry.greet)
 
+    async def page(request: Request) -> Response:
+        """The page, or the one that asks for a code."""
+        device = door.device(request)
+        return entry.join_page() if device is None else entry.page(device)
 
-async def _guard(
-    request: Request,
-    call_next: Callable[[Request], Awaitable[Response]],
-    hosts: Collection[str],
-) -> Response:
-    """Refuse foreign hosts and origins, and add the headers that protect the page."""
-    try:
-        check_host(request, hosts)
-        if request.method != "GET":
-            check_origin(request)
-        response = await call_next(request)
-    except RefusedError as error:
-        response = await _refusal(request, error)
-    for name, value in HEADERS.items():
-        response.headers[name] = value
-    return response
-
-
-async def _refusal(_request: Request, error: Exception) -> Response:
-    """A refused request as JSON."""
-    assert isinstance(error, RefusedError)
-    return JSONResponse({"error": error.reason}, error.status)
+    routes = [
+        Route("/", page, methods=["GET"]),
+        Route("/join", door.join, methods=["POST"]),
+        Route("/static/{name}", static_route(static_files(PACKAGE, FILES)), methods=["GET"]),
+        *routes_of("", calls(entry.handlers.__getitem__), door),
+    ]
+    return guarded(routes, hosts)
 
 
 def _ago(seconds: float) -> str:

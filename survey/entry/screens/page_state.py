@@ -15,12 +15,13 @@ from survey.entry.dialogue.words import (
     unchecked_text,
     value_text,
 )
-from survey.entry.record.entries import Entry, Person
+from survey.entry.record.entries import Entry
 from survey.entry.record.numbers import plain
 from survey.entry.record.state import Pair
 from survey.entry.room.rough_places import RoughPlaces
 from survey.entry.room.slips import shown_decimals
 from survey.entry.room.targets import Target, stop_of
+from validation.page.people import Person
 
 FOLLOWING = 200
 """Targets sent ahead, for a page that loses the link: an hour's work or more."""

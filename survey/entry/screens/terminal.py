@@ -29,9 +29,10 @@ from survey.entry.dialogue.words import (
     undone_text,
     value_text,
 )
-from survey.entry.record.entries import MAX_NAME, Entry, Person, clean_text
+from survey.entry.record.entries import Entry
 from survey.entry.room.targets import Target, stop_of
 from validation.errors import GtvalError
+from validation.page.people import MAX_NAME, Person, clean_text
 from validation.text_files.lengths import with_unit
 
 if TYPE_CHECKING:

@@ -14,9 +14,10 @@ from data_samples.rooms.campaign_files import campaign_files
 from data_samples.rooms.rooms import RoomSettings, make_room
 from data_samples.rooms.simulate import SimulationSettings, simulate_survey
 from survey.entry.dialogue.entry_session import EntrySession
-from survey.entry.record.entries import Entry, Person
+from survey.entry.record.entries import Entry
 from survey.entry.room.targets import Target
 from validation.campaign.folder import load_campaign
+from validation.page.people import Person
 
 ANN, BOB = Person("ann"), Person("bob")
 Pair = frozenset[str]

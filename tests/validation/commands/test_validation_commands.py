@@ -71,6 +71,7 @@ def test_report_writes_page_and_tables(campaign):
         "tables.tex",
         "tables_paper.md",
         "tables_paper.tex",
+        "to_do.json",
     ]
     told = json.loads(gtval("report", campaign, "--json").stdout)
     assert [path.rsplit("/", 1)[1] for path in told["report"]] == [

@@ -234,7 +234,7 @@ function work() {
     const asked = submissions;
     try {
       const version = always ? "" : state.version;
-      const response = await fetch(`/state?version=${version}`, { signal: AbortSignal.timeout(5000) });
+      const response = await fetch(`state?version=${version}`, { signal: AbortSignal.timeout(5000) });
       const fresh = response.status === 200 ? await response.json() : null;
       if (fresh && asked === submissions && !queue.waiting().length && fresh.version >= state.version) {
         state = fresh;
@@ -252,7 +252,7 @@ function work() {
   }
 
   async function act(said) {
-    const answer = await post("/actions", said);
+    const answer = await post("actions", said);
     if (answer.status === 200) say("ok", [answer.text]);
     else say("look", [answer.error ?? "The laptop cannot be reached; this needs the link."]);
     again = null;
@@ -305,7 +305,7 @@ function work() {
   }
 
   async function setPerson(name) {
-    const answer = await post("/person", { name, second: Boolean($("second")?.checked) });
+    const answer = await post("person", { name, second: Boolean($("second")?.checked) });
     say(answer.status === 200 ? "ok" : "look", [answer.error ?? (answer.status ? `At the laser: ${name || "nobody named"}` : "The laptop cannot be reached; this needs the link.")]);
     await refresh(true);
   }

@@ -36,7 +36,7 @@ export class Queue {
         const [first] = this.waiting();
         if (!first) return true;
         const { typed, ...fields } = first;
-        const answer = await post("/readings", { ...fields, age: Math.max(0, (Date.now() - typed) / 1000) });
+        const answer = await post("readings", { ...fields, age: Math.max(0, (Date.now() - typed) / 1000) });
         if (answer.status === 0 || answer.status === 408 || answer.status >= 500) {
           if (answer.error) told(first, answer);
           return answer.status !== 0;

@@ -7,9 +7,9 @@ import pytest
 from entry_rooms import ANN, BOB, enter_all, entry_room, until
 
 from survey.entry.dialogue.words import answer_lines, doubts_text, unchecked_text
-from survey.entry.record.entries import Person
 from survey.entry.screens.terminal import TerminalEntry
 from validation.errors import GtvalError
+from validation.page.people import Person
 
 
 def test_a_wrong_first_reading_of_a_mark_is_named_with_what_would_fit(entry_session, room):

@@ -3,9 +3,9 @@ from click.testing import CliRunner
 from entry_rooms import ANN, BOB, enter_all, until
 
 from survey.entry.dialogue.report import entry_report
-from survey.entry.record.entries import Person
 from validation.campaign.folder import load_campaign
 from validation.cli import main
+from validation.page.people import Person
 
 BOB_BLIND = Person("bob", second=True)
 

@@ -9,7 +9,6 @@ from surveys import simulated
 
 from data_samples.rooms.campaign_files import write_campaign
 from survey.entry.dialogue.entry_session import EntrySession
-from survey.entry.record.entries import Person
 from survey.entry.record.readings_csv import csv_text
 from survey.entry.room.targets import Target
 from survey.estimation.solve import solve_survey
@@ -17,6 +16,7 @@ from survey.readings.readings import load_readings
 from survey.settings import SurveySettings
 from validation.campaign.folder import load_campaign
 from validation.errors import GtvalError, InputError
+from validation.page.people import Person
 
 BOB_BLIND = Person("bob", second=True)
 

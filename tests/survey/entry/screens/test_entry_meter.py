@@ -13,7 +13,7 @@ import pytest
 from entry_rooms import entry_room
 from entry_server import EntryServer
 
-from survey.entry.screens.certificate import certificate
+from validation.page.certificate import certificate
 
 NODE = shutil.which("node")
 STATIC = files("survey.entry.screens") / "static"

@@ -13,7 +13,7 @@ import httpx
 import pytest
 from entry_server import reading
 
-from survey.entry.screens.connection import MAX_SECONDS
+from validation.page.connection import MAX_SECONDS
 
 SILENT = 300
 """More silent connections than browsers would ever open."""

@@ -11,7 +11,7 @@ import pytest
 from entry_rooms import entry_room
 from entry_server import EntryServer, reading
 
-from survey.entry.screens.access import (
+from validation.page.access import (
     MAX_AGE,
     WINDOW,
     WRONG_CODES,
@@ -19,7 +19,7 @@ from survey.entry.screens.access import (
     AccessError,
     address_of,
 )
-from survey.entry.screens.serving import _listen
+from validation.page.serving import listen
 
 
 def test_a_code_works_once():
@@ -58,7 +58,7 @@ def test_a_stranger_who_guesses_locks_nobody_else_out():
 
 
 def test_the_addresses_of_strangers_take_no_end_of_memory(monkeypatch):
-    monkeypatch.setattr("survey.entry.screens.access.MAX_ADDRESSES", 50)
+    monkeypatch.setattr("validation.page.access.MAX_ADDRESSES", 50)
     access = Access(clock=lambda: 0.0)
     for number in range(200):
         with pytest.raises(AccessError):
@@ -87,9 +87,7 @@ def test_devices_stay_let_in_after_a_restart_and_the_file_lets_nobody_in(tmp_pat
 def test_a_device_is_let_in_for_a_week(tmp_path, monkeypatch):
     access = Access(store=tmp_path / "devices")
     token, device = access.join(access.code, "ann")
-    monkeypatch.setattr(
-        "survey.entry.screens.access.time.time", lambda: device.joined + MAX_AGE + 1
-    )
+    monkeypatch.setattr("validation.page.access.time.time", lambda: device.joined + MAX_AGE + 1)
     assert access.device(token) is None
 
 
@@ -292,5 +290,5 @@ def test_it_ends_orderly_and_notes_that(tmp_path):
 
 def test_small_answers_are_sent_at_once():
     """asyncio turns Nagle's algorithm off only where the listening socket names TCP."""
-    with _listen("127.0.0.1", 0) as listening:
+    with listen("127.0.0.1", 0) as listening:
         assert listening.proto == socket.IPPROTO_TCP

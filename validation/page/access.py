@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from survey.entry.record.entries import MAX_NAME, Entry, Person, clean_text
 from validation.errors import GtvalError
+from validation.page.people import MAX_NAME, Person, clean_text
 
 ALPHABET = "23456789ABCDEFGHJKMNPQRSTUVWXYZ"
 """Without the characters that are read for one another: 0 and O, 1, I and L."""
@@ -45,7 +45,7 @@ class Device:
     Parameters
     ----------
     name : str
-        Its name in the journal.
+        Its name in what it writes.
     person : Person
         Who is at it.
     joined : float
@@ -72,6 +72,8 @@ class Access:
     store : Path, optional
         Where the devices are kept, so that they stay let in after a restart: hashes of what they
         show, which let nobody in.
+    prefix : str
+        Begins the names of the devices.
     """
 
     def __init__(
@@ -80,10 +82,12 @@ class Access:
         clock: Callable[[], float] = time.monotonic,
         used: int = 0,
         store: Path | None = None,
+        prefix: str = DEVICE,
     ) -> None:
         self._announce = announce
         self._clock = clock
         self._store = store
+        self._prefix = prefix
         self._devices: dict[str, Device] = {} if store is None else _kept(store)
         numbers = (_number_of(device.name) for device in self._devices.values())
         self._used = max([used, *numbers])
@@ -120,7 +124,7 @@ class Access:
         token = secrets.token_urlsafe(32)
         self._used += 1
         who = clean_text(name, MAX_NAME)
-        name = f"{DEVICE}{self._used}"
+        name = f"{self._prefix}{self._used}"
         device = Device(name, Person(who, name), time.time())
         self._devices[_hash(token)] = device
         self.keep()
@@ -183,9 +187,9 @@ def address_of(host: str) -> str:
     return host
 
 
-def last_device(entries: Iterable[Entry]) -> int:
-    """The highest number of a device that has written to a journal; 0 if none has."""
-    return max((_number_of(entry.device) for entry in entries), default=0)
+def last_device(names: Iterable[str]) -> int:
+    """The highest number among names of devices that have written something; 0 without any."""
+    return max(map(_number_of, names), default=0)
 
 
 def new_code() -> str:

@@ -21,6 +21,14 @@ class CertificateFile:
     path: Path
     fingerprint: str
 
+    @property
+    def warning(self) -> str:
+        """What to do when the browser warns."""
+        return (
+            "The browser warns once, as nobody vouches for the certificate made here: let it go on "
+            f"where it shows this fingerprint (SHA-256): {self.fingerprint}"
+        )
+
 
 def certificate(path: Path, names: Collection[str]) -> CertificateFile:
     """The certificate of the page: the one of before as long as it is good for all names.

@@ -1,0 +1,249 @@
+"""The panel on which matches are looked at and decided on."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from laser_gt.system import SYSTEM
+from validation.errors import GtvalError
+from validation.page.desk import Desk, english, static_files
+from validation.page.panels import Call, Waiting
+
+if TYPE_CHECKING:
+    from starlette.requests import Request
+    from starlette.responses import Response
+
+    from laser_gt.logs.decisions import Decision
+    from laser_gt.panel.bench import Bench, Seen
+    from validation.campaign.folder import Campaign
+    from validation.page.access import Device
+
+WORDS = english()["matches"]
+FILES = ("matches.css", "matches.js", "scans.js")
+KINDS = ("accept", "reject", "open")
+MOST_METRES = 1e3
+
+
+class MatchesPanel:
+    """The matches of a campaign with scans of stops."""
+
+    name, title = "matches", WORDS["title"]
+
+    def has_work(self, campaign: "Campaign") -> bool:
+        """Whether there are scans."""
+        return SYSTEM.has_data(campaign)
+
+    def open(self, desk: Desk) -> "OpenMatches":
+        """The matches of a campaign; they are loaded when somebody looks."""
+        return OpenMatches(desk)
+
+
+class OpenMatches:
+    """The matches of a campaign, and what people decide about them."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._bench: Bench | None = None
+        self.static: Mapping[str, bytes] = static_files("laser_gt.panel", FILES)
+        self.calls: Sequence[Call] = [
+            Call("GET", "", self.page),
+            Call("GET", "list", self.rows),
+            Call("GET", "pair", self.pair),
+            Call("POST", "try", self.trial),
+            Call("POST", "decide", self.decide),
+            Call("POST", "batch", self.batch),
+            Call("POST", "undo", self.undo),
+        ]
+
+    @property
+    def bench(self) -> "Bench":
+        """Where the matches are, made when it is first asked for."""
+        if self._bench is None:
+            from laser_gt.panel.bench import Bench  # noqa: PLC0415  (numpy, and all of laser GT)
+
+            self._bench = Bench(self._desk)
+        return self._bench
+
+    def version(self) -> str:
+        """Changes with the scans, the decisions, and what was made of them."""
+        return "" if self._bench is None else self._bench.version()
+
+    def waiting(self) -> list[Waiting]:
+        """How many matches are held up, as the last run, or this page since, has them."""
+        seen = None if self._bench is None else self._bench.refresh()
+        if seen is not None:
+            count = seen.matching.counts["may be wrong"]
+        else:
+            from laser_gt.panel.stored import stored_held_up  # noqa: PLC0415  (csv tables)
+
+            found = stored_held_up(self._desk.campaign().results)
+            if found is None:
+                return []
+            count = found
+        text = WORDS["waiting"].replace("{count}", str(count)) if count else WORDS["none_waits"]
+        return [Waiting(text, done=not count, count=count)]
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    async def page(self, request: "Request", device: "Device") -> "Response":  # noqa: ARG002
+        """The whole panel."""
+        values = await self._values()
+        return self._desk.html("laser_gt.panel", "matches.html.j2", "matches", device, values)
+
+    async def rows(self, request: "Request", device: "Device") -> "Response":  # noqa: ARG002
+        """The summary and the list, to be put in place of what the page shows."""
+        values = await self._values()
+        return self._desk.html("laser_gt.panel", "list.html.j2", "matches", device, values)
+
+    async def _values(self) -> dict[str, Any]:
+        """What both show."""
+        from starlette.concurrency import run_in_threadpool  # noqa: PLC0415  (an extra)
+
+        def made() -> dict[str, Any]:
+            from laser_gt.panel.told import rows_told, summary_told  # noqa: PLC0415  (numpy)
+
+            bench = self.bench
+            seen = bench.refresh()
+            state: dict[str, Any] = {"problem": bench.problem, "loading": bench.is_loading}
+            state["progress"] = round(100 * bench.progress)
+            if seen is not None:
+                state |= {"rows": rows_told(seen), "summary": summary_told(seen)}
+            return {"state": state, "data": {}}
+
+        return await run_in_threadpool(made)
+
+    async def pair(self, request: "Request", device: "Device") -> "Response":  # noqa: ARG002
+        """One pair with its scans."""
+        names = (request.query_params.get("reference", ""), request.query_params.get("moving", ""))
+
+        def made() -> dict[str, Any]:
+            from laser_gt.panel.told import pair_told  # noqa: PLC0415  (numpy)
+
+            return pair_told(self.bench.loaded(), names)
+
+        return await _answer(made)
+
+    async def trial(self, request: "Request", device: "Device") -> "Response":  # noqa: ARG002
+        """The match of a pair from a guess, at once."""
+        said = await _said(request)
+        pair, guess = _pair(said), _pose(said)
+
+        def made() -> dict[str, Any]:
+            import time  # noqa: PLC0415
+
+            from laser_gt.panel.told import match_told  # noqa: PLC0415  (numpy)
+
+            seen, started = self.bench.loaded(), time.perf_counter()
+            found = self.bench.tried(pair, guess)
+            sweeps = seen.outcome.inputs.by_stop
+            told = match_told(seen, found, sweeps[found.reference], sweeps[found.moving])
+            return {"match": told, "milliseconds": round(1e3 * (time.perf_counter() - started))}
+
+        return await _answer(made)
+
+    async def decide(self, request: "Request", device: "Device") -> "Response":
+        """Record a decision about one pair."""
+        from laser_gt.logs.decisions import Decision  # noqa: PLC0415  (numpy)
+        from validation.page.requests import RefusedError, text_field  # noqa: PLC0415  (an extra)
+
+        said = await _said(request)
+        kind, note = text_field(said, "decision", needed=True), text_field(said, "note")
+        guess = _pose(said) if kind == "guess" else None
+        if kind not in (*KINDS, "guess"):
+            raise RefusedError(400, f"there is no decision '{kind[:40]}'")
+        names = _pair(said)
+
+        def made() -> dict[str, Any]:
+            seen = self.bench.loaded()
+            one = seen.match(names)
+            decision = Decision(one.reference, one.moving, kind, guess, device.person.name, note)
+            return {"recorded": self.bench.decide([decision], seen)}
+
+        return await _answer(made)
+
+    async def batch(self, request: "Request", device: "Device") -> "Response":
+        """Accept all whose only objection is of one kind, or say what that would place."""
+        from validation.page.requests import flag_field, text_field  # noqa: PLC0415  (an extra)
+
+        said = await _said(request)
+        kind, look = text_field(said, "kind", needed=True), flag_field(said, "look")
+
+        def made() -> dict[str, Any]:
+            seen = self.bench.loaded()
+            decisions = _accepting(seen, kind, device.person.name)
+            if not look:
+                return {"recorded": self.bench.decide(decisions, seen)}
+            before = seen.placed()
+            after = seen.placed(seen.with_decisions(decisions))
+            more = [stop for stop in after if stop not in set(before)]
+            return {"count": len(decisions), "more": more, "placed": len(after)}
+
+        return await _answer(made)
+
+    async def undo(self, request: "Request", device: "Device") -> "Response":
+        """Take back what this person decided last."""
+        await _said(request)
+
+        def made() -> dict[str, Any]:
+            back = self.bench.undo(device.person.name)
+            return {"pairs": [[one.reference, one.moving] for one in back]}
+
+        return await _answer(made)
+
+
+def _accepting(seen: "Seen", kind: str, by: str) -> "list[Decision]":
+    """Decisions that accept all matches with that one objection.
+
+    Raises
+    ------
+    GtvalError
+        If there is none, or no more.
+    """
+    from laser_gt.logs.decisions import Decision  # noqa: PLC0415  (numpy)
+
+    some = seen.sole_objections().get(kind, [])
+    if not some:
+        raise GtvalError("no match is held up by that alone any more")
+    note = f"all with the one objection: {kind}"
+    return [Decision(one.reference, one.moving, "accept", None, by, note) for one in some]
+
+
+async def _said(request: "Request") -> dict[str, Any]:
+    """The members of a request."""
+    from validation.page.requests import json_fields  # noqa: PLC0415  (an extra)
+
+    return await json_fields(request)
+
+
+async def _answer(made: Callable[[], dict[str, Any]]) -> "Response":
+    """What is made in a thread of its own, as JSON."""
+    from starlette.concurrency import run_in_threadpool  # noqa: PLC0415  (an extra)
+    from starlette.responses import JSONResponse  # noqa: PLC0415  (the same)
+
+    from validation.text_files.json_text import as_json  # noqa: PLC0415
+
+    return JSONResponse(as_json(await run_in_threadpool(made)))
+
+
+def _pair(said: dict[str, Any]) -> tuple[str, str]:
+    """The two stops that a request names."""
+    from validation.page.requests import text_field  # noqa: PLC0415  (an extra)
+
+    return text_field(said, "reference", needed=True), text_field(said, "moving", needed=True)
+
+
+def _pose(said: dict[str, Any]) -> Any:
+    """The (3,) pose that a request states, metres and radians."""
+    import numpy as np  # noqa: PLC0415  (slow to load)
+
+    from validation.page.requests import RefusedError  # noqa: PLC0415  (an extra)
+
+    values = [said.get(name) for name in ("x", "y", "theta")]
+    numbers = [v for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
+    if len(numbers) != 3 or not all(abs(v) <= MOST_METRES for v in numbers):
+        raise RefusedError(400, "'x', 'y' and 'theta' must be numbers in metres and radians")
+    x, y, theta = map(float, numbers)
+    return np.array([x, y, float(np.arctan2(np.sin(theta), np.cos(theta)))])
+
+
+PANEL = MatchesPanel()

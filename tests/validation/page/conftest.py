@@ -1,0 +1,37 @@
+"""Small campaigns behind a served page, and a browser."""
+
+import pytest
+from page_rooms import written
+from page_server import BROWSER, DRIVER, PageServer, new_browser
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory):
+    """The page of a small campaign; whatever a module's tests do, it neither ends nor stumbles."""
+    folder = tmp_path_factory.mktemp("page")
+    (folder / "room").mkdir()
+    with PageServer(written(folder / "room"), folder / "log") as server:
+        yield server
+        assert server.process.poll() is None
+        said = server.log.read_text()
+        assert "Traceback" not in said
+        assert "Exception" not in said
+
+
+@pytest.fixture(scope="module")
+def ann(served):
+    """A device that was let in."""
+    with served.join("ann") as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A browser; skipped where there is none."""
+    if not (BROWSER and DRIVER):
+        pytest.skip("Chromium or its driver is not installed")
+    opened = new_browser()
+    try:
+        yield opened
+    finally:
+        opened.quit()

@@ -1,0 +1,203 @@
+"""`gtval open` as a process, devices that talk to it, and browsers that look at it."""
+
+import contextlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import httpx
+
+GTVAL = str(Path(sys.executable).with_name("gtval"))
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
+DRIVER = shutil.which("chromedriver")
+PHONE = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+DESKTOP = {"width": 1280, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+PICTURES = os.environ.get("GTVAL_TEST_PICTURES")
+"""A folder for screenshots, to be looked at."""
+
+
+class PageServer:
+    """The served page of a campaign; killed at the end if it still runs."""
+
+    def __init__(self, folder: Path, log: Path, *options: str) -> None:
+        self.folder = folder
+        self.log = log
+        options = options if "--port" in options else ("--port", "0", *options)
+        with log.open("wb") as stream:
+            self.process = subprocess.Popen(
+                [GTVAL, "open", str(folder), "--no-browser", *options],
+                stdout=stream,
+                stderr=subprocess.STDOUT,
+            )
+        self.url = self._said(r"the page is at (\S+)")
+        self.port = self.url.rpartition(":")[2]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.kill()
+
+    @property
+    def code(self) -> str:
+        """The code that the terminal shows now."""
+        return re.findall(r"#([0-9A-Z]+)\)", self.log.read_text())[-1]
+
+    @contextmanager
+    def join(self, name: str = "ann") -> Iterator[httpx.Client]:
+        """A device that was let in."""
+        with httpx.Client(base_url=self.url, timeout=60) as client:
+            joined = client.post("/join", json={"code": self.code, "name": name})
+            assert joined.status_code == 200, joined.text
+            yield client
+
+    def kill(self) -> None:
+        """End it at once, as a dead battery would."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+
+    def stop(self) -> int:
+        """End it as Ctrl-C does; its exit status."""
+        self.process.send_signal(signal.SIGINT)
+        return self.process.wait(20)
+
+    def memory(self) -> float:
+        """Megabytes that the process has at most had at once."""
+        said = Path(f"/proc/{self.process.pid}/status").read_text()
+        return int(re.search(r"VmHWM:\s+(\d+)", said)[1]) / 1e3
+
+    def _said(self, pattern: str) -> str:
+        until = time.monotonic() + 120
+        while time.monotonic() < until:
+            found = re.search(pattern, self.log.read_text())
+            if found and self.log.read_text().rstrip().endswith(")"):
+                return found[1]
+            if self.process.poll() is not None:
+                break
+            time.sleep(0.02)
+        raise AssertionError(self.log.read_text())
+
+
+def new_browser():
+    """A browser of the size of a desktop."""
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = BROWSER
+    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    opened = webdriver.Chrome(options=options, service=Service(DRIVER))
+    sized(opened, DESKTOP)
+    return opened
+
+
+def sized(browser, size):
+    """The browser, of that size."""
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": size["mobile"]})
+    return browser
+
+
+def joined(browser, served, path="/", name="ann"):
+    """The browser on a path of the page, let in by the code."""
+    browser.get(served.url)
+    browser.delete_all_cookies()
+    browser.get("about:blank")
+    browser.get_log("browser")  # what an earlier server left
+    browser.get(f"{served.url}{path}#{served.code}")
+    browser.find_element("id", "name").send_keys(name)
+    browser.find_element("css selector", "#join button").click()
+    wait(lambda: browser.find_elements("css selector", ".head nav"), 30)
+    browser.get(f"{served.url}{path}")
+    return browser
+
+
+def wait(condition, seconds=15):
+    """Until a condition holds; one about what is just being replaced does not, yet."""
+    from selenium.common.exceptions import NoSuchElementException, StaleElementReferenceException
+
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        with contextlib.suppress(NoSuchElementException, StaleElementReferenceException):
+            if condition():
+                return
+        time.sleep(0.03)
+    raise AssertionError("it did not happen")
+
+
+def picture(browser, name):
+    """A screenshot, where they are wanted."""
+    if PICTURES:
+        browser.save_screenshot(f"{PICTURES}/{name}.png")
+
+
+def errors(browser):
+    """What the console of the browser holds against the page."""
+    return [one["message"] for one in browser.get_log("browser") if one["level"] == "SEVERE"]
+
+
+FAULTS = """
+const seen = (e) => e.getClientRects().length && getComputedStyle(e).visibility !== 'hidden';
+const all = (s) => [...document.querySelectorAll(s)].filter(seen);
+const named = (e) => (e.getAttribute('aria-label') || e.labels?.[0]?.textContent || e.textContent
+  || e.getAttribute('title') || e.getAttribute('alt') || '').trim();
+const ids = [...document.querySelectorAll('[id]')].map((e) => e.id);
+const lights = (c) => c.match(/[\\d.]+/g).slice(0, 3).map((v) => {
+  v = v / 255; return v <= .03928 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4; });
+const light = (c) => { const [r, g, b] = lights(c); return .2126 * r + .7152 * g + .0722 * b; };
+const behind = (e) => { for (; e; e = e.parentElement) {
+  const c = getComputedStyle(e).backgroundColor;
+  if (!/rgba.*, 0\\)|transparent/.test(c)) return c; } return 'rgb(255,255,255)'; };
+const contrast = (e) => {
+  const [a, b] = [light(getComputedStyle(e).color), light(behind(e))].sort((x, y) => y - x);
+  return (a + .05) / (b + .05); };
+const texts = all('body *').filter((e) => [...e.childNodes].some((n) => n.nodeType === 3
+  && n.textContent.trim()) && !e.closest('script, canvas, svg, .unseen, [disabled], .skip'));
+const levels = all('h1, h2, h3, h4').map((e) => +e.tagName[1]);
+return [
+  ...all('button, a[href], input, select, textarea, summary, iframe, canvas, [role=img]')
+    .filter((e) => !named(e)).map((e) => 'no name: ' + e.outerHTML.slice(0, 120)),
+  ...ids.filter((one, at) => ids.indexOf(one) !== at).map((one) => 'id twice: ' + one),
+  ...texts.filter((e) => contrast(e) < 4.5).map((e) => 'contrast '
+    + contrast(e).toFixed(1) + ': ' + e.outerHTML.slice(0, 120)),
+  ...levels.filter((one, at) => at && one > levels[at - 1] + 1)
+    .map((one) => 'heading leaps to ' + one),
+  ...(document.documentElement.lang ? [] : ['no language']),
+  ...(document.title ? [] : ['no title']),
+  ...(document.querySelectorAll('main').length === 1 ? [] : ['not one main']),
+  ...(document.documentElement.scrollWidth > innerWidth ? ['wider than the screen: '
+    + document.documentElement.scrollWidth] : []),
+  ...[...document.querySelectorAll('[aria-labelledby], [aria-describedby], [aria-controls]')]
+    .flatMap((e) => ['aria-labelledby', 'aria-describedby', 'aria-controls']
+      .flatMap((a) => (e.getAttribute(a) || '').split(' ').filter(Boolean)))
+    .filter((one) => !document.getElementById(one)).map((one) => 'leads nowhere: ' + one),
+  ...all('button').filter((e) => e.getBoundingClientRect().height < 23.5)
+    .map((e) => 'small: ' + e.outerHTML.slice(0, 80)),
+  ...[...document.querySelectorAll('[tabindex]')].filter((e) => e.tabIndex > 0)
+    .map((e) => 'order of its own: ' + e.outerHTML.slice(0, 80)),
+];
+"""
+"""What keeps people out who see little, use a screen reader, or no mouse: names, contrast (WCAG
+1.4.3, 4.5 to 1), headings, ids, what scrolls sideways (1.4.10), targets (2.5.8, 24 pixels)."""
+
+
+def faults(browser):
+    """Places of the page that keep somebody out."""
+    return browser.execute_script(FAULTS)

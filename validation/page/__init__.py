@@ -1,0 +1,1 @@
+"""The page in the browser: access, serving, panels found by entry points."""
