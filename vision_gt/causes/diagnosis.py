@@ -41,6 +41,9 @@ heavier tails than normal ones, and 2 and more where two cameras or their files 
 _LEAST_HARM = 1.0
 """Standard deviations by which a lens or a print has to move some pose to be told. All lenses and
 prints differ from what is stated a little, and thousands of corners show it."""
+_SURE_GAIN = 100.0
+"""Of the criterion, from which on a print of another size is told though it moves nothing: a
+judgement, seven times `LEAST_GAIN`."""
 _LEAST_PRINT = 0.002
 """Share of a length below which it is no cause. Paper changes by 1 to 2 per mille with the weather,
 and in overexposed images, compressed as JPEG, white eats 0.8 to 0.9 per mille of the markers."""
@@ -101,6 +104,8 @@ class Diagnosis:
         gradual = isinstance(effect, Scaled) or effect.kind == "lens"
         matters = not gradual or self._moved > _LEAST_HARM
         if isinstance(effect, Scaled) and effect.what == "size":
+            # Poses may be right by what else is known: what was stated is wrong all the same.
+            matters = matters or gained > _SURE_GAIN
             matters = matters and abs(best.what.size[0]) > _LEAST_PRINT
         return best.what if gained > LEAST_GAIN and matters else None
 

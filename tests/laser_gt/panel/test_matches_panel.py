@@ -208,13 +208,13 @@ def test_pairs_are_inspected_moved_accepted_together_and_taken_back_by_mouse(bro
         time.sleep(0.1)
     wait(lambda: decisions(served) == {})
     # All that one thing holds up, together.
-    wait(lambda: "Accept all 3" in browser.find_element("id", "batches").text, 30)
+    wait(lambda: "Accept all 3" in browser.find_element("id", "batches").text)
     wait(lambda: browser.find_element("css selector", "[data-kind]").click() is None)
-    wait(lambda: "would place 3 more" in browser.find_element("id", "batch-text").text, 30)
+    wait(lambda: "would place 3 more" in browser.find_element("id", "batch-text").text)
     picture(browser, "matches_batch")
     browser.find_element("id", "batch-accept").click()
     wait(lambda: len(decisions(served)) == 6)
-    wait(lambda: "All 3 stops are placed" in browser.find_element("id", "placed").text, 30)
+    wait(lambda: "All 3 stops are placed" in browser.find_element("id", "placed").text)
     assert errors(browser) == []
     assert faults(browser) == []
     browser.find_element("id", "undo").click()
@@ -245,7 +245,7 @@ def test_pairs_are_inspected_by_keyboard_alone_and_others_see_it(browser, served
     path = served.folder / "laser/decisions.csv"
     with path.open("a") as stream:
         stream.write("now,1,2,reject,,,,a program,\n")
-    wait(lambda: "reject by a program" in browser.find_element("id", "pairs").text, 30)
+    wait(lambda: "reject by a program" in browser.find_element("id", "pairs").text)
     sized(browser, DESKTOP)
     assert errors(browser) == []
 

@@ -129,7 +129,7 @@ def joined(browser, served, path="/", name="ann"):
     return browser
 
 
-def wait(condition, seconds=15):
+def wait(condition, seconds=60):
     """Until a condition holds; one about what is just being replaced does not, yet."""
     from selenium.common.exceptions import NoSuchElementException, StaleElementReferenceException
 
