@@ -66,7 +66,12 @@ def _board(
         )
     from vision_gt.patterns.boards import Board
     from vision_gt.patterns.dictionaries import Family
+    from vision_gt.settings import in_metres
 
+    try:
+        in_metres(max(square, more["marker"] or 0.0))
+    except ValueError as error:
+        raise click.UsageError(str(error)) from None
     more["marker"] = more["marker"] or 0.0
     return Board(columns, rows, square, Family(family) if family else None, **more)
 
