@@ -7,6 +7,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from validation.campaign.folder import Finite, Name, NotNegative, Positive, Settings
 from validation.errors import GtvalError
+from vision_gt.patterns.boards import LEAST_PLAIN, few_squares
 
 T = TypeVar("T")
 Vector = tuple[Finite, Finite, Finite]
@@ -55,6 +56,12 @@ class BoardSettings(Settings):
     marker: Side | None = None
     inverted: bool = False
     legacy: bool = False
+
+    @model_validator(mode="after")
+    def _can_be_found(self) -> "BoardSettings":
+        if not self.family and min(self.columns, self.rows) < LEAST_PLAIN:
+            raise ValueError(few_squares(self.columns, self.rows))
+        return self
 
 
 class Placement(Settings):

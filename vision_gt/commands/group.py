@@ -37,7 +37,9 @@ def board_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options that say which board images show."""
     options = (
         click.option("--columns", type=click.IntRange(3), help="Squares along the board."),
-        click.option("--rows", type=click.IntRange(3), help="Squares across it."),
+        click.option(
+            "--rows", type=click.IntRange(3), help="Squares across it; 4 or more without markers."
+        ),
         click.option(
             "--square", type=click.FloatRange(0, min_open=True), help="Side of a square, metres."
         ),

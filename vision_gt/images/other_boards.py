@@ -11,7 +11,7 @@ import numpy.typing as npt
 from validation.poses.angles import Array
 from vision_gt.images.charuco import MOST_AGREE, Markers, agreement, as_printed
 from vision_gt.images.reading import read_codes
-from vision_gt.patterns.boards import Board
+from vision_gt.patterns.boards import LEAST_PLAIN, Board
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.patterns.rejections import hull
 
@@ -116,7 +116,7 @@ def _plain(image: Image, board: Board) -> OtherBoard | None:
 
 def _chessboard(image: Image, board: Board) -> Array | None:
     """(r, c, 2) inner corners of a chessboard of the stated size, or else of any."""
-    if board.family is not None:
+    if board.family is not None and min(board.inner) >= LEAST_PLAIN - 1:
         seen, corners = cv2.findChessboardCorners(image, board.inner, flags=_QUICK)
         if seen:
             return np.asarray(corners, dtype=float).reshape(*board.inner[::-1], 2)

@@ -5,11 +5,14 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
+from validation.errors import GtvalError
 from vision_gt.images.boards import look_for_boards
 from vision_gt.images.jobs import BoardJob, detect_in
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
+from vision_gt.settings import BoardSettings
 
 STATED = Board(8, 6, 0.05, Family("4X4_100"))
 PIXELS = 56
@@ -203,3 +206,20 @@ def test_markers_where_a_chessboard_was_stated_are_named():
             image[y : y + 70, x : x + 70] = tag
     look = look_for_boards(image, [CHESS])
     assert "APRILTAG_36H11" in look.instead
+
+
+@pytest.mark.parametrize("rows", [3, 4])
+def test_small_boards_of_markers_are_read_and_missed_without_a_word_of_opencv(rows, tmp_path):
+    small = Board(5, rows, 0.05, STATED.family)
+    image, true = photograph(small)
+    assert len(look_for_boards(image, [small]).found[0].ids) == len(true)
+    nothing = np.random.default_rng(2).integers(60, 200, (480, 640)).astype(np.uint8)
+    found = detect_in(nothing, BoardJob(tmp_path / "a.png", "1", "1", [(0, small)]))
+    assert (found.boards, found.note) == ((), "")
+
+
+def test_chessboards_too_small_for_any_detector_are_refused():
+    with pytest.raises(GtvalError, match="10 x 3 squares is too small"):
+        Board(10, 3, 0.1)
+    with pytest.raises(ValidationError, match="10 x 3 squares is too small"):
+        BoardSettings(columns=10, rows=3, square=0.1)
