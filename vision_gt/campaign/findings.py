@@ -1,6 +1,7 @@
 """What a person should read about the vision system's results."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -8,6 +9,7 @@ from scipy.stats import chi2
 from validation.results import Finding, Severity, Size
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.causes.telling import cause_finding, noise_finding, turned_finding
+from vision_gt.images.other_boards import stated_wrongly
 from vision_gt.network.exchanged import Exchange
 from vision_gt.network.intrinsics import Calibration
 from vision_gt.network.solution import NetworkSolution
@@ -53,12 +55,13 @@ def vision_findings(outcome: VisionOutcome, surveyed: Sequence[str] = ()) -> lis
         *_layout(outcome),
         *_steadiness(outcome),
         *outcome.checks.findings,
-        *oddity_findings(outcome.oddities),
     ]
     if any(one.code != "corner_noise" for one in causes):
         others = _with_symptoms_gathered(others)
     lacks = lack_findings(outcome.lacks, "warning")
-    return [*_coverage(outcome, surveyed), *lacks, *causes, *others]
+    wrong, odd = _of_wrong_boards(outcome.oddities)
+    others += oddity_findings(odd)
+    return [*wrong, *_coverage(outcome, surveyed), *lacks, *causes, *others]
 
 
 def lack_findings(lacks: Sequence[Lack], severity: Severity) -> Iterator[Finding]:
@@ -406,11 +409,25 @@ def _steadiness(outcome: VisionOutcome) -> Iterator[Finding]:
         yield Finding("good", f"Cameras that did not move: {_listed(steady)}.", SUBJECT, "steady")
 
 
+def _of_wrong_boards(
+    oddities: Sequence[tuple[str, str]],
+) -> tuple[list[Finding], list[tuple[str, str]]]:
+    """What is said of boards that were stated wrongly, and the other oddities.
+
+    Said first: what the images do not give, as a chain to a camera, comes of it.
+    """
+    wrong = [one for one in oddities if stated_wrongly(one[1])]
+    told = [replace(one, severity="error") for one in oddity_findings(wrong)]
+    return told, [one for one in oddities if one not in wrong]
+
+
 def oddity_findings(oddities: Sequence[tuple[str, str]]) -> Iterator[Finding]:
-    """Images with something odd about them, by what it is."""
+    """Images with something odd about them, by what it is: how many, and the first few."""
     kinds: dict[str, list[str]] = {}
     for image, what in oddities:
         kinds.setdefault(what, []).append(image)
     for what, images in kinds.items():
-        count = Size("images", len(images), "images")
-        yield Finding("warning", f"{_listed(images, 6)}: {what}.", SUBJECT, "image", (count,))
+        size = Size("images", len(images), "images")
+        count = f"{len(images)} images, " if len(images) > 1 else ""
+        said = f"{count}{_listed(images, 6)}: {what}."
+        yield Finding("warning", said, SUBJECT, "image", (size,))
