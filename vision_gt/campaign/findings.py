@@ -1,7 +1,7 @@
 """What a person should read about the vision system's results."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -416,9 +416,9 @@ def _of_wrong_boards(
 
     Said first: what the images do not give, as a chain to a camera, comes of it.
     """
-    wrong = [one for one in oddities if stated_wrongly(one[1])]
-    told = [replace(one, severity="error") for one in oddity_findings(wrong)]
-    return told, [one for one in oddities if one not in wrong]
+    several = Counter(what for _, what in oddities)
+    wrong = [one for one in oddities if stated_wrongly(one[1]) and several[one[1]] > 1]
+    return list(oddity_findings(wrong)), [one for one in oddities if one not in wrong]
 
 
 def oddity_findings(oddities: Sequence[tuple[str, str]]) -> Iterator[Finding]:
