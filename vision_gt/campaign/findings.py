@@ -30,6 +30,9 @@ _SYMPTOMS = {
     *("survey_check_differs", "displacement_differs"),
 }
 """Codes of what a wrong size, place, lens or file brings with it."""
+_APART, _TURNED = 0.001, 0.001
+"""Metres and radians that a camera's pose is off its stop before it is said. A judgement: it is
+shown in whole millimetres, and a poor fit that moves nothing is said of the stop."""
 _HAND_LENGTH, _HAND_ANGLE = 0.03, np.deg2rad(8)
 """Metres and radians. A judgement: ruler and plumb-line are good to a centimetre and some degrees;
 a wrong id or a marker that was turned is farther off."""
@@ -163,7 +166,9 @@ def poses_apart(outcome: VisionOutcome) -> Iterator[tuple[float, str, str]]:
             if stop.chosen is None or pose is stop.chosen or stop.pose in explained:
                 continue
             length, chance = apart_from(pose, stop.chosen)
-            if chance < POOR_FIT and not pose.ambiguous:
+            off = change_between(pose.T_gtv_robot, stop.chosen.T_gtv_robot)
+            apart = max(np.linalg.norm(off[:3]) / _APART, np.linalg.norm(off[3:]) / _TURNED) > 1
+            if chance < POOR_FIT and not pose.ambiguous and apart:
                 yield length, camera, stop.pose
 
 

@@ -61,6 +61,9 @@ EXCHANGED = "rows and columns exchanged"
 _WHERE = " where "
 _SIZES = range(3, 25)
 """Squares along a board that are thought of where it is not the stated one."""
+_AS_WELL = 0.6
+"""Share of markers that agree on another size, that agree on the stated one: of a few markers of a
+part of a board several sizes are right. A judgement."""
 _ALTERNATE, _CONTRAST = 0.95, 15.0
 """Share of the squares between corners that are dark and light by turns, and grey levels between
 them: cells of markers and gaps between circles are not."""
@@ -276,6 +279,9 @@ def _other_size(image: Image, board: Board, beside: Sequence[Board] = ()) -> Oth
         most, _, _, best = max(ranked, key=lambda row: row[:3], default=(0, False, 0, shown))
         if most < max(_LEAST_MARKERS, MOST_AGREE * len(markers.numbers)):
             continue
+        both = [replace(one, inverted=shown.inverted) for one in (board, *beside)]
+        if max(agreement(one, markers.of_board(one)) for one in both) >= _AS_WELL * most:
+            return None  # a little of a stated board, as which they agree nearly as well
         said = f"a board of {best.columns} squares along"
         stated = {(one.columns, one.first_id) for one in (board, *beside)}
         if (best.columns, best.first_id) in stated:
