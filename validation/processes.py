@@ -1,11 +1,13 @@
 """Work spread over processes that end quietly when a person interrupts it, and their memory."""
 
 import ctypes
+import os
 import signal
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import connection, get_context, parent_process
+from threading import Thread
 from typing import TypeVar
 
 Job = TypeVar("Job")
@@ -44,7 +46,7 @@ def in_processes(
         yield from _counted(map(function, jobs), len(jobs), progress)
         return
     # Spawned, not forked: a process with threads must not be copied.
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), prepare)
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, (prepare,))
     try:
         with _interrupts_held():
             results = pool.map(function, jobs, chunksize=_CHUNK)
@@ -74,7 +76,7 @@ def as_they_end(
     if workers == 1:
         yield from enumerate(_counted(map(function, jobs), len(jobs), progress))
         return
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), prepare)
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, (prepare,))
     waiting: dict[Future[Result], int] = {}
     try:
         ended = 0
@@ -94,6 +96,21 @@ def as_they_end(
                 yield result
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def _begin(prepare: Callable[[], None] | None) -> None:
+    """What each new process does first."""
+    Thread(target=_end_with_parent, daemon=True).start()
+    if prepare is not None:
+        prepare()
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that started it is gone: killed, it cannot end its workers."""
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
 
 
 def _ended(waiting: "dict[Future[Result], int]") -> Iterator[tuple[int, Result]]:

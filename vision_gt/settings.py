@@ -3,10 +3,11 @@
 from collections.abc import Collection
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from validation.campaign.folder import Finite, Name, NotNegative, Positive, Settings
 from validation.errors import GtvalError
+from vision_gt.patterns.boards import LEAST_PLAIN, few_squares
 
 T = TypeVar("T")
 Vector = tuple[Finite, Finite, Finite]
@@ -17,6 +18,25 @@ SixPositive = tuple[Positive, Positive, Positive, Positive, Positive, Positive]
 Count = Annotated[int, Field(ge=3, le=60)]
 Pixels = Annotated[int, Field(ge=16, le=100_000)]
 FieldOfView = Annotated[float, Field(gt=1, lt=170)]
+
+MOST_SIDE, MOST_OFF = 3.0, 10.0
+"""Metres: the side of a square or a marker, and the length from one board of a bar to the other or
+from the robot to its marker. A judgement: no print and no robot is so large, and what is typed in
+millimetres is larger from 3 mm and 10 mm on."""
+
+
+def in_metres(side: float) -> float:
+    """The side of a print; a ValueError where it cannot be in metres."""
+    if side > MOST_SIDE:
+        raise ValueError(f"{side:g} m is no side of a print; sides are in metres: {_typed(side)}")
+    return side
+
+
+def _typed(length: float) -> str:
+    return f"typed in millimetres? Then it is {length / 1000:g}"
+
+
+Side = Annotated[Positive, AfterValidator(in_metres)]
 
 
 class BoardSettings(Settings):
@@ -30,12 +50,18 @@ class BoardSettings(Settings):
 
     columns: Count
     rows: Count
-    square: Positive
+    square: Side
     family: str = ""
     first_id: Annotated[int, Field(ge=0)] = 0
-    marker: Positive | None = None
+    marker: Side | None = None
     inverted: bool = False
     legacy: bool = False
+
+    @model_validator(mode="after")
+    def _can_be_found(self) -> "BoardSettings":
+        if not self.family and min(self.columns, self.rows) < LEAST_PLAIN:
+            raise ValueError(few_squares(self.columns, self.rows))
+        return self
 
 
 class Placement(Settings):
@@ -43,6 +69,13 @@ class Placement(Settings):
 
     translation: Vector
     rotation: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+    @field_validator("translation")
+    @classmethod
+    def _is_near(cls, translation: Vector) -> Vector:
+        if (length := sum(x * x for x in translation) ** 0.5) > MOST_OFF:
+            raise ValueError(f"{length:g} m is too far for a bar or a robot: {_typed(length)} m")
+        return translation
 
     @model_validator(mode="after")
     def _is_rotation(self) -> "Placement":
@@ -104,7 +137,7 @@ class MarkerSettings(Settings):
 
     family: str = ""
     border: Annotated[int, Field(ge=1, le=4)] = 1
-    sides: dict[str, Positive] = Field(default_factory=dict)
+    sides: dict[str, Side] = Field(default_factory=dict)
     dima: int | None = None
     dima_on_robot: Placement | None = None
     dima_sigmas: SixSigmas = (0.0005, 0.0005, 0.0005, 0.001, 0.001, 0.001)
@@ -144,7 +177,7 @@ class TableSettings(Settings):
     corner: tuple[Finite, Finite] | None = None
     heading: Finite = 0.0
     marker: Annotated[int, Field(ge=0)] | None = None
-    marker_side: Positive | None = None
+    marker_side: Side | None = None
     marker_middle: tuple[Finite, Finite] | None = None
     marker_heading: Finite = 0.0
     sigmas: FourSigmas = (0.003, 0.003, 0.002, 0.01)
@@ -254,7 +287,7 @@ class CameraPlanSettings(Settings):
     field_of_view_deg: FieldOfView | None = None
     file: str = ""
     corner_sigma: Positive = 0.1
-    marker_side: Positive | None = None
+    marker_side: Side | None = None
     marker_height: NotNegative | None = None
     marker_lean_deg: Annotated[float, Field(ge=0, le=90)] = 0.0
     marker_radius: NotNegative = 0.0

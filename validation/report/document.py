@@ -183,7 +183,11 @@ def _facts(run: RunResult) -> list[tuple[str, str]]:
         poses += f", taken over from {source}"
     surveyed = any(system.name == VALIDATION_SYSTEM for system in run.systems)
     surveyed &= "published" not in taken_over
-    hand_laser = f"{instrument.model}, ±{1000 * instrument.tolerance:g} mm" if surveyed else ""
+    hand_laser = f"{instrument.model}, ±{1000 * instrument.tolerance:g} mm"
+    if "instrument" not in settings.model_fields_set:
+        hand_laser += " (assumed: campaign.toml has no [instrument])"
+    if not surveyed:
+        hand_laser = ""
     stated = [
         ("place", settings.place),
         ("date", settings.date),

@@ -113,7 +113,8 @@ def _shown(value: float) -> float | None:
 def _seen(one: HeadingCorrelation) -> str:
     """What a camera's signal holds that spoils the correlation."""
     return (
-        f"{one.camera}: of {len(one.times)} images {int(one.spurious.sum())} are spurious, "
+        f"{one.camera}: of {len(one.times)} images {int(one.spurious.sum())} are far from "
+        f"the odometry's heading, "
         f"{one.flips} of them turned by about half a turn; over its {len(one.parts)} parts "
         f"the odometry drifts by {np.degrees(one.drift):.1f} degrees."
     )

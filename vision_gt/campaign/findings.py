@@ -1,5 +1,6 @@
 """What a person should read about the vision system's results."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -8,6 +9,7 @@ from scipy.stats import chi2
 from validation.results import Finding, Severity, Size
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
 from vision_gt.causes.telling import cause_finding, noise_finding, turned_finding
+from vision_gt.images.other_boards import stated_wrongly
 from vision_gt.network.exchanged import Exchange
 from vision_gt.network.intrinsics import Calibration
 from vision_gt.network.solution import NetworkSolution
@@ -28,6 +30,9 @@ _SYMPTOMS = {
     *("survey_check_differs", "displacement_differs"),
 }
 """Codes of what a wrong size, place, lens or file brings with it."""
+_APART, _TURNED = 0.001, 0.001
+"""Metres and radians that a camera's pose is off its stop before it is said. A judgement: it is
+shown in whole millimetres, and a poor fit that moves nothing is said of the stop."""
 _HAND_LENGTH, _HAND_ANGLE = 0.03, np.deg2rad(8)
 """Metres and radians. A judgement: ruler and plumb-line are good to a centimetre and some degrees;
 a wrong id or a marker that was turned is farther off."""
@@ -53,12 +58,13 @@ def vision_findings(outcome: VisionOutcome, surveyed: Sequence[str] = ()) -> lis
         *_layout(outcome),
         *_steadiness(outcome),
         *outcome.checks.findings,
-        *oddity_findings(outcome.oddities),
     ]
     if any(one.code != "corner_noise" for one in causes):
         others = _with_symptoms_gathered(others)
     lacks = lack_findings(outcome.lacks, "warning")
-    return [*_coverage(outcome, surveyed), *lacks, *causes, *others]
+    wrong, odd = _of_wrong_boards(outcome.oddities)
+    others += oddity_findings(odd)
+    return [*wrong, *_coverage(outcome, surveyed), *lacks, *causes, *others]
 
 
 def lack_findings(lacks: Sequence[Lack], severity: Severity) -> Iterator[Finding]:
@@ -160,7 +166,9 @@ def poses_apart(outcome: VisionOutcome) -> Iterator[tuple[float, str, str]]:
             if stop.chosen is None or pose is stop.chosen or stop.pose in explained:
                 continue
             length, chance = apart_from(pose, stop.chosen)
-            if chance < POOR_FIT and not pose.ambiguous:
+            off = change_between(pose.T_gtv_robot, stop.chosen.T_gtv_robot)
+            apart = max(np.linalg.norm(off[:3]) / _APART, np.linalg.norm(off[3:]) / _TURNED) > 1
+            if chance < POOR_FIT and not pose.ambiguous and apart:
                 yield length, camera, stop.pose
 
 
@@ -406,11 +414,25 @@ def _steadiness(outcome: VisionOutcome) -> Iterator[Finding]:
         yield Finding("good", f"Cameras that did not move: {_listed(steady)}.", SUBJECT, "steady")
 
 
+def _of_wrong_boards(
+    oddities: Sequence[tuple[str, str]],
+) -> tuple[list[Finding], list[tuple[str, str]]]:
+    """What is said of boards that were stated wrongly, and the other oddities.
+
+    Said first: what the images do not give, as a chain to a camera, comes of it.
+    """
+    several = Counter(what for _, what in oddities)
+    wrong = [one for one in oddities if stated_wrongly(one[1]) and several[one[1]] > 1]
+    return list(oddity_findings(wrong)), [one for one in oddities if one not in wrong]
+
+
 def oddity_findings(oddities: Sequence[tuple[str, str]]) -> Iterator[Finding]:
-    """Images with something odd about them, by what it is."""
+    """Images with something odd about them, by what it is: how many, and the first few."""
     kinds: dict[str, list[str]] = {}
     for image, what in oddities:
         kinds.setdefault(what, []).append(image)
     for what, images in kinds.items():
-        count = Size("images", len(images), "images")
-        yield Finding("warning", f"{_listed(images, 6)}: {what}.", SUBJECT, "image", (count,))
+        size = Size("images", len(images), "images")
+        count = f"{len(images)} images, " if len(images) > 1 else ""
+        said = f"{count}{_listed(images, 6)}: {what}."
+        yield Finding("warning", said, SUBJECT, "image", (size,))

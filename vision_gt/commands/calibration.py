@@ -1,6 +1,7 @@
 """Calibration of one camera from a folder of images."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,10 +14,12 @@ from vision_gt.images.files import list_images, read_image
 from vision_gt.images.jobs import BoardJob, Found, detect_all, detect_in
 from vision_gt.images.pictures import VIDEOS, video_frames
 from vision_gt.network.intrinsics import Calibration, calibrate, lens_words
+from vision_gt.network.repeats import repeated
 from vision_gt.network.verdict import calibration_verdict
 from vision_gt.patterns.board_views import camera_pose_of_board
 from vision_gt.patterns.boards import Board
 
+AGAIN = "an earlier image again; it counts once"
 MOST_FRAMES = 80
 """Of a video: more show the board in the same places again. A judgement."""
 
@@ -65,6 +68,9 @@ def calibration_of_images(
             f"none of the {len(found)} images in {source} shows a board of {board.columns} x "
             f"{board.rows} squares{why}; count the squares, not the inner corners"
         )
+    same = repeated(views)
+    found = [replace(one, note=AGAIN) if one.path.name in same else one for one in found]
+    views = [view for view in views if view.source not in same]
     return calibrate(source.stem, found[0].size, views), found
 
 

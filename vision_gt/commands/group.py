@@ -37,7 +37,9 @@ def board_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options that say which board images show."""
     options = (
         click.option("--columns", type=click.IntRange(3), help="Squares along the board."),
-        click.option("--rows", type=click.IntRange(3), help="Squares across it."),
+        click.option(
+            "--rows", type=click.IntRange(3), help="Squares across it; 4 or more without markers."
+        ),
         click.option(
             "--square", type=click.FloatRange(0, min_open=True), help="Side of a square, metres."
         ),
@@ -66,7 +68,12 @@ def _board(
         )
     from vision_gt.patterns.boards import Board
     from vision_gt.patterns.dictionaries import Family
+    from vision_gt.settings import in_metres
 
+    try:
+        in_metres(max(square, more["marker"] or 0.0))
+    except ValueError as error:
+        raise click.UsageError(str(error)) from None
     more["marker"] = more["marker"] or 0.0
     return Board(columns, rows, square, Family(family) if family else None, **more)
 

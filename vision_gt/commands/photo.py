@@ -202,7 +202,9 @@ def _photo(
     """What was found; an error that says why where it is nothing."""
     posed, outlines = shown
     if not posed:
-        reasons = dict.fromkeys([*remarks, *(one.reason for one in rejected)])
+        told = " ".join(remarks)
+        left = (one.reason for one in rejected if one.reason not in told)
+        reasons = dict.fromkeys([*remarks, *left])
         why = f" ({'; '.join(reasons)})" if reasons else ""
         raise GtvalError(f"{path}: no {what} gives a pose{why}")
     look = Look(

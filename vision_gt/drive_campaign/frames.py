@@ -114,7 +114,19 @@ def _times(path: Path, stamps: list[str], unit: str | None) -> tuple[int, Array]
         return exact_times(stamps, unit or unit_of(np.array(stamps, dtype=float)))
     except GtvalError as error:
         said = str(error).replace("--unit s, ms, us or ns", '[vision.drive] unit = "s" or the like')
+        if _are_numbers_in_a_row(stamps):
+            said = (
+                f"{stamps[0]}, {stamps[1]} and so on look like numbers of frames, not like times; "
+                "name each frame by its time, or give a video and a table of times"
+            )
         raise InputError([Problem(path, said)]) from None
+
+
+def _are_numbers_in_a_row(stamps: list[str]) -> bool:
+    """Whether stamps count frames: whole, and mostly each one more than the one before."""
+    if len(stamps) < 3 or not all(one.isdigit() for one in stamps):
+        return False
+    return bool(np.median(np.diff(np.array(stamps, dtype=float))) == 1)
 
 
 def _is_number(text: str) -> bool:

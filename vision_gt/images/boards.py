@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from validation.poses.angles import Array
 from vision_gt.images.charuco import as_printed, charuco_corners
-from vision_gt.images.other_boards import dark_rim, is_another, what_instead
+from vision_gt.images.other_boards import as_named, dark_rim, is_another, what_instead
 from vision_gt.images.saddles import refine_saddles
 from vision_gt.patterns.boards import Board
-from vision_gt.patterns.rejections import Rejection, rejected
+from vision_gt.patterns.rejections import Rejection, hull, rejected
 
 Image = npt.NDArray[np.uint8]
 Ints = npt.NDArray[np.intp]
@@ -130,7 +130,7 @@ def find_board(image: Image, board: Board, detector: Detector = "fitted") -> Fou
 
 
 def look_for_boards(
-    image: Image, boards: Sequence[Board], detector: Detector = "fitted"
+    image: Image, boards: Sequence[Board], detector: Detector = "fitted", perhaps: str = ""
 ) -> BoardLook:
     """The boards of an image, and what is there instead where none of them is.
 
@@ -142,6 +142,9 @@ def look_for_boards(
         Any of which may be there.
     detector : {"fitted", "classic", "sector"}
         As for `find_board`.
+    perhaps : str
+        What other images show where these boards were stated: then that alone is looked for, as
+        the search for anything else takes seconds.
     """
     found: list[FoundBoard | None] = []
     left: list[Rejection] = []
@@ -157,8 +160,10 @@ def look_for_boards(
         left += rest
     if any(one is not None for one in found):
         return BoardLook(tuple(found), tuple(left), _perhaps_inverted(image, boards, found))
+    if perhaps:
+        return _as_others(image, boards, perhaps, left)
     for place, board in enumerate(boards):
-        instead = what_instead(image, board)
+        instead = what_instead(image, board, boards)
         if instead is None:
             continue
         if instead.board is not None:
@@ -169,6 +174,19 @@ def look_for_boards(
         left.append(rejected("board", instead.name, None, instead.outline))
         return BoardLook(tuple(found), tuple(left), instead.name)
     return BoardLook(tuple(found), tuple(left))
+
+
+def _as_others(
+    image: Image, boards: Sequence[Board], name: str, left: Sequence[Rejection]
+) -> BoardLook:
+    """Whether an image without the stated boards shows what others show."""
+    for board in boards:
+        other = as_named(board, name)
+        seen = None if other is None else _find_charuco(image, other)[0]
+        if seen is not None:
+            told = rejected("board", name, None, hull(seen.pixels))
+            return BoardLook((None,) * len(boards), (*left, told), name)
+    return BoardLook((None,) * len(boards), tuple(left))
 
 
 def _perhaps_inverted(

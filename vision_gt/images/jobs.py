@@ -38,6 +38,8 @@ class BoardJob:
         What may be there, with its part of the bar.
     detector : {"fitted", "classic", "sector"}
         For plain chessboards.
+    perhaps : str
+        What other images show where these boards were stated.
     """
 
     path: Path
@@ -45,6 +47,7 @@ class BoardJob:
     body: str
     boards: Sequence[tuple[int, Board]]
     detector: Detector = "fitted"
+    perhaps: str = ""
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,8 @@ class Found:
 
 
 Job = BoardJob | MarkerJob
+BOARD_IS = "the board is "
+"""Begins the note of an image whose board is not as stated."""
 
 
 def detect_all(
@@ -177,13 +182,13 @@ def _looked_at(image: Image, size: tuple[int, int], job: Job) -> Found:
     if is_blank(image):
         return Found(job.path, size, note="blank")
     if isinstance(job, BoardJob):
-        look = look_for_boards(image, [board for _, board in job.boards], job.detector)
+        look = look_for_boards(image, [board for _, board in job.boards], job.detector, job.perhaps)
         seen = tuple(
             _view(job, part, board, one)
             for (part, board), one in zip(job.boards, look.found, strict=True)
             if one is not None
         )
-        note = f"the board is {look.instead}" if look.instead else ""
+        note = f"{BOARD_IS}{look.instead}" if look.instead else ""
         return Found(job.path, size, seen, note=note, rejected=look.rejected)
     return _markers(image, size, job)
 

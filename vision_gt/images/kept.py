@@ -136,7 +136,8 @@ def settings_key(job: Job) -> str:
     """All that a detection depends on but for the image, this program's version included."""
     if isinstance(job, BoardJob):
         boards = [(part, astuple(board)) for part, board in job.boards]
-        return repr((version("gtval"), "boards", boards, job.detector))
+        told = (job.perhaps,) if job.perhaps else ()
+        return repr((version("gtval"), "boards", boards, job.detector, *told))
     camera = job.camera
     lens = None if camera is None else (camera.size, np.asarray(camera.parameters).tolist())
     family = (job.family.name, job.family.border)

@@ -1,7 +1,9 @@
 """What an image shows where it does not show the stated board."""
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import cv2
@@ -11,7 +13,7 @@ import numpy.typing as npt
 from validation.poses.angles import Array
 from vision_gt.images.charuco import MOST_AGREE, Markers, agreement, as_printed
 from vision_gt.images.reading import read_codes
-from vision_gt.patterns.boards import Board
+from vision_gt.patterns.boards import LEAST_PLAIN, Board
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.patterns.rejections import hull
 
@@ -55,8 +57,13 @@ class OtherBoard:
     outline: Array
 
 
+EXCHANGED = "rows and columns exchanged"
+_WHERE = " where "
 _SIZES = range(3, 25)
 """Squares along a board that are thought of where it is not the stated one."""
+_AS_WELL = 0.6
+"""Share of markers that agree on another size, that agree on the stated one: of a few markers of a
+part of a board several sizes are right. A judgement."""
 _ALTERNATE, _CONTRAST = 0.95, 15.0
 """Share of the squares between corners that are dark and light by turns, and grey levels between
 them: cells of markers and gaps between circles are not."""
@@ -76,7 +83,41 @@ _FEW_CIRCLES = 12
 """Fewer blobs of one size are no grid."""
 
 
-def what_instead(image: Image, board: Board) -> OtherBoard | None:
+def stated_wrongly(name: str) -> bool:
+    """Whether a name is one of a board that was stated wrongly: one cause for all its images."""
+    return name.endswith((" was stated", " were stated")) or EXCHANGED in name
+
+
+def as_named(board: Board, name: str) -> Board | None:
+    """The board that a name of `what_instead` stands for, where that can be looked for at once."""
+    if name == EXCHANGED:
+        return replace(board, columns=board.rows, rows=board.columns)
+    family, where, _ = name.partition(_WHERE)
+    if not where or board.family is None or " " in family:
+        return None
+    return replace(board, family=Family(family))
+
+
+def named_for_all(names: Collection[str]) -> str:
+    """Of names of one board as several images have it, the one that explains all of them.
+
+    Of families with the same codes it is the smallest that has all ids seen; of others the one
+    that most images say; '' for none.
+    """
+    if not names:
+        return ""
+    most = Counter(name.partition("_")[0] for name in names).most_common(1)[0][0]
+    alike = [name for name in names if name.partition("_")[0] == most]
+    return max(alike, key=lambda name: (_size_of(name), alike.count(name)))
+
+
+def _size_of(name: str) -> int:
+    """Of the family that a name begins with; 0 where it has none."""
+    size = name.partition(_WHERE)[0].rpartition("_")[2]
+    return int(size) if size.isdigit() else 0
+
+
+def what_instead(image: Image, board: Board, beside: Sequence[Board] = ()) -> OtherBoard | None:
     """What an image shows where the stated board is not found; None if nothing is known.
 
     Parameters
@@ -85,8 +126,11 @@ def what_instead(image: Image, board: Board) -> OtherBoard | None:
         Grey levels.
     board : Board
         The stated one.
+    beside : sequence of Board
+        Others that may be there as well; a part of one of them is nothing else.
     """
-    marked = (other_board, _other_size) if board.family is not None else (_markers_instead,)
+    size = partial(_other_size, beside=beside)
+    marked = (other_board, size) if board.family is not None else (_markers_instead,)
     tries = (*marked, _plain, circles)
     return next((found for look in tries if (found := look(image, board)) is not None), None)
 
@@ -116,7 +160,7 @@ def _plain(image: Image, board: Board) -> OtherBoard | None:
 
 def _chessboard(image: Image, board: Board) -> Array | None:
     """(r, c, 2) inner corners of a chessboard of the stated size, or else of any."""
-    if board.family is not None:
+    if board.family is not None and min(board.inner) >= LEAST_PLAIN - 1:
         seen, corners = cv2.findChessboardCorners(image, board.inner, flags=_QUICK)
         if seen:
             return np.asarray(corners, dtype=float).reshape(*board.inner[::-1], 2)
@@ -219,7 +263,7 @@ def _alternates(image: Image, grid: Array) -> bool:
     return bool(right.mean() >= _ALTERNATE and apart > _CONTRAST)
 
 
-def _other_size(image: Image, board: Board) -> OtherBoard | None:
+def _other_size(image: Image, board: Board, beside: Sequence[Board] = ()) -> OtherBoard | None:
     """A ChArUco board of the stated family, but of other squares, or from another id on."""
     for turned, how in ((False, ""), (True, "inverted, ")):
         shown = replace(board, inverted=board.inverted != turned)
@@ -235,7 +279,15 @@ def _other_size(image: Image, board: Board) -> OtherBoard | None:
         most, _, _, best = max(ranked, key=lambda row: row[:3], default=(0, False, 0, shown))
         if most < max(_LEAST_MARKERS, MOST_AGREE * len(markers.numbers)):
             continue
+        both = [replace(one, inverted=shown.inverted) for one in (board, *beside)]
+        if max(agreement(one, markers.of_board(one)) for one in both) >= _AS_WELL * most:
+            return None  # a little of a stated board, as which they agree nearly as well
         said = f"a board of {best.columns} squares along"
+        stated = {(one.columns, one.first_id) for one in (board, *beside)}
+        if (best.columns, best.first_id) in stated:
+            return None  # it is the stated one, of which too little is seen
+        if best.columns == board.rows and best.first_id == board.first_id:
+            return OtherBoard(f"{how}{EXCHANGED}", None, _outline(markers))
         if best.columns == board.columns:
             said = f"a board whose ids begin at {best.first_id} or near, not at {board.first_id}"
         elif best.first_id == board.first_id:
@@ -337,9 +389,9 @@ def _layouts(board: Board) -> Iterator[tuple[str, Board, bool]]:
     yield ("the newer layout" if board.legacy else "legacy layout"), older, True
     if board.columns != board.rows:
         turned = replace(board, columns=board.rows, rows=board.columns)
-        yield "rows and columns exchanged", turned, False
+        yield EXCHANGED, turned, False
         both = replace(turned, legacy=not board.legacy)
-        yield "rows and columns exchanged, legacy layout", both, False
+        yield f"{EXCHANGED}, legacy layout", both, False
 
 
 def _best_layout(markers: Markers, board: Board) -> OtherBoard | None:
@@ -369,6 +421,13 @@ def _smallest(name: str, highest: int) -> str:
     return f"{kind}_{next(count for count in _SMALLER if highest < count)}"
 
 
+def _highest(numbers: Ints, apart: int) -> int:
+    """The highest id of a board, whose ids follow each other; one far above them is misread."""
+    ids = np.unique(numbers)
+    gaps = np.flatnonzero((np.diff(ids) > apart) & (ids[1:] > np.median(ids)))
+    return int(ids[gaps[0]] if len(gaps) else ids[-1])
+
+
 def _other_family(image: Image, quads: Array, board: Board) -> OtherBoard | None:
     """Markers of another family than the stated one, among quadrangles (n, 4, 2)."""
     if len(quads) < _LEAST_MARKERS:
@@ -381,7 +440,8 @@ def _other_family(image: Image, quads: Array, board: Board) -> OtherBoard | None
     outline = _outline(Markers(quads[most.rows], most.numbers))
     if board.family is None:
         return OtherBoard(f"a ChArUco board of {name.upper()}", None, outline)
-    named, stated = _smallest(name, int(most.numbers.max())), board.family.name
+    highest = _highest(most.numbers, board.marker_count)
+    named, stated = _smallest(name, highest), board.family.name
     if named.partition("_")[0] == stated.upper().partition("_")[0] and "X" in named:
         return None
-    return OtherBoard(f"{named} where {stated} was stated", None, outline)
+    return OtherBoard(f"{named}{_WHERE}{stated} was stated", None, outline)

@@ -3,6 +3,7 @@
 import io
 import textwrap
 from collections.abc import Sequence
+from dataclasses import replace
 from string import ascii_lowercase
 from typing import TYPE_CHECKING
 
@@ -51,6 +52,7 @@ def picture(look: Look, image: Image) -> Figure:
     image : (h, w) array of uint8
         Grey levels.
     """
+    look = _with_places(look)
     letters = _letters(look.rejections)
     lines = _lines(look, letters)
     box = _part(look, image)
@@ -104,7 +106,7 @@ def small_pictures(looks: Sequence[Look], images: Sequence[Image]) -> Figure:
     rows = -(-len(looks) // 2)
     figure = Figure(figsize=(_SMALL_WIDTH, 2.35 * rows), layout="constrained")
     grid = figure.subplots(rows, 2, squeeze=False).ravel()
-    for axes, look, image in zip(grid, looks, images, strict=False):
+    for axes, look, image in zip(grid, map(_with_places, looks), images, strict=False):
         _draw(axes, look, image, _part(look, image), {}, named=True, cross=2.0)
         axes.set_title(textwrap.shorten(look.title, 48), fontsize=7)
     for axes in grid[len(looks) :]:
@@ -118,6 +120,25 @@ def small_pictures(looks: Sequence[Look], images: Sequence[Image]) -> Figure:
     whole.imshow(pixels[..., :3], interpolation="none", aspect="auto")
     whole.set_axis_off()
     return flat
+
+
+def _with_places(look: Look) -> Look:
+    """The look with only the points that can be drawn: a pose far off projects to none."""
+
+    def known(points: Array) -> Array:
+        return points if np.isfinite(points).all() else points[:0]
+
+    outlines = [
+        replace(
+            one,
+            found=known(one.found),
+            corners=known(one.corners),
+            expected=known(one.expected),
+            axes=known(one.axes),
+        )
+        for one in look.outlines
+    ]
+    return replace(look, outlines=tuple(outlines))
 
 
 def _letters(rejections: Sequence[Rejection]) -> dict[str, str]:

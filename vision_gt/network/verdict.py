@@ -18,6 +18,10 @@ LEAST_IMAGES = 8
 MOST_SCATTER = 0.5
 """Pixels of a corner's coordinate. Corners of sharp rendered images scatter by 0.02, of the real
 webcams at hand by 0.05 to 0.2; blur and wrong boards make more. A judgement."""
+MOST_STATED = 0.4
+"""Pixels that the image itself leaves open of a corner: 0.01 to 0.05 in sharp images, 0.5 with a
+blur of 6 px and a motion of 13 px. A judgement: with so much the corners are a smear, and what the
+motion shifts is not seen in their scatter."""
 MOST_FOCAL = 0.003
 """Of the focal length, one standard deviation: 12 mm of a robot 4 m away, which is all that the
 first users' system was to be good to."""
@@ -111,6 +115,12 @@ def calibration_verdict(found: Calibration) -> Verdict:
             "not flat, or its squares are counted wrongly."
         )
         lacks.append(Shortcoming("blur", said, "scatter of a corner", found.sigma, "px"))
+    elif (stated := _stated(found)) > MOST_STATED:
+        said = (
+            f"The images are blurred: each leaves {stated:.2f} px open of a corner. Hold the board "
+            "still, focus, and give more light."
+        )
+        lacks.append(Shortcoming("blur", said, "standard deviation of a corner", stated, "px"))
     if coverage.share < LEAST_COVERAGE:
         said = (
             f"The board covered only {100 * coverage.share:.0f} % of the image, not {_where(found)}"
@@ -128,6 +138,12 @@ def calibration_verdict(found: Calibration) -> Verdict:
         count = float(len(found.views))
         lacks.append(Shortcoming("few", said, "images", count, "images"))
     return Verdict(tuple(lacks), _pixels(found), focal)
+
+
+def _stated(found: Calibration) -> float:
+    """The median standard deviation of a corner by its image, pixels; 0 where none is known."""
+    known = [view.sigmas for view in found.views if view.sigmas is not None]
+    return float(np.median(np.concatenate(known))) if known else 0.0
 
 
 def _where(found: Calibration) -> str:

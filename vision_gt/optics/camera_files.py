@@ -63,6 +63,8 @@ def read_cameras(path: Path) -> list[Camera]:
         If the file is missing, cannot be parsed, or lacks something.
     """
     data = _bytes_of(path)
+    if path.suffix.lower() == ".m" and b"ocam" in data.lower():
+        raise _bad(path, "a model of the omnidirectional toolbox (OCamCalib), which is not read")
     if path.suffix.lower() == ".m":
         raise _bad(path, "a program of Bouguet's toolbox; give the Calib_Results.mat beside it")
     if path.suffix.lower() == ".mat":
@@ -165,7 +167,9 @@ def _numbers(path: Path, value: Any, field: str, counts: Sequence[int]) -> Array
     numbers = np.array([one if isinstance(one, float) else np.nan for one in value])
     if len(numbers) not in counts or not np.isfinite(numbers).all():
         wanted = " or ".join(str(n) for n in counts)
-        raise _bad(path, f"expected {wanted} finite numbers, got {len(numbers)}", field)
+        lost = np.flatnonzero(~np.isfinite(numbers))
+        got = f"number {lost[0] + 1} is none" if len(lost) else f"got {len(numbers)}"
+        raise _bad(path, f"expected {wanted} finite numbers, {got}", field)
     return numbers
 
 

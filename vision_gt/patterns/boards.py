@@ -23,8 +23,19 @@ Ints = npt.NDArray[np.intp]
 
 MARKER_SHARE = 0.75
 """Side of a ChArUco marker over that of its square, where nothing else is stated."""
+LEAST_PLAIN = 4
+"""Squares along each side of a board without markers: OpenCV's detectors look for 3 x 3 inner
+corners and more."""
 _MOST_CELLS = 400
 """Into which a square is divided, to draw a marker of any size in it."""
+
+
+def few_squares(columns: int, rows: int) -> str:
+    """What is said of a board without markers that no detector finds."""
+    return (
+        f"a chessboard of {columns} x {rows} squares is too small to be found: {LEAST_PLAIN} x "
+        f"{LEAST_PLAIN} squares are needed, or 3 x 3 with markers (family)"
+    )
 
 
 @dataclass(frozen=True)
@@ -52,7 +63,8 @@ class Board:
     Raises
     ------
     GtvalError
-        For fewer than three squares a side, or markers that are no smaller than the squares.
+        For fewer than three squares a side, four without markers, or markers that are no smaller
+        than the squares.
     """
 
     columns: int
@@ -67,6 +79,8 @@ class Board:
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 3 or self.square <= 0:
             raise GtvalError("a board needs at least 3 x 3 squares of a positive size")
+        if self.family is None and min(self.columns, self.rows) < LEAST_PLAIN:
+            raise GtvalError(few_squares(self.columns, self.rows))
         if not 0 <= self.marker < self.square:
             raise GtvalError("the markers of a board must be smaller than its squares")
 

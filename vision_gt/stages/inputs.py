@@ -23,6 +23,7 @@ from vision_gt.images.jobs import (
 )
 from vision_gt.images.kept import KeptDetections, detect_new, kept_images
 from vision_gt.images.markers import Detection
+from vision_gt.images.wrong_boards import boards_in
 from vision_gt.network.adjustment import KnownBody
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.camera_files import read_cameras
@@ -150,7 +151,7 @@ class VisionInputs:
             For every bad image, and for images of one camera that differ in size.
         """
         taken = list(self.board_images())
-        found = detect_new(
+        found = boards_in(
             [self.board_job(*one) for one in taken],
             self.kept,
             self.workers,
@@ -201,7 +202,7 @@ class VisionInputs:
         images = self.images
         return tuple(n for n in self.names if n in images.before and n in images.after)
 
-    def board_job(self, purpose: str, camera: str, path: Path, moment: str) -> Job:
+    def board_job(self, purpose: str, camera: str, path: Path, moment: str) -> BoardJob:
         """How to look for boards in an image, by what `board_images` tells of it."""
         boards = self._boards_in(purpose, camera, moment)
         return BoardJob(path, camera, moment, boards, self.settings.detector)
@@ -330,25 +331,16 @@ class VisionInputs:
         }
         if found.note:
             what = said.get(found.note, found.note)
-            self._odd_once(found.path, what, found.note)
+            self.oddities.append((self.shown(found.path), what))
             self.rejections.append((self.shown(found.path), rejected("image", what)))
         for remark in found.remarks:
-            self._odd_once(found.path, remark, remark)
+            self.oddities.append((self.shown(found.path), remark))
         self.rejections.extend((self.shown(found.path), one) for one in found.rejected)
 
     def _odd(self, path: Path, what: str) -> None:
         """Remember that an image is not used, and why."""
         self.oddities.append((self.shown(path), what))
         self.rejections.append((self.shown(path), rejected("image", what)))
-
-    def _odd_once(self, path: Path, what: str, kind: str) -> None:
-        """Remember what is odd; once for each folder where it is the same in all its images."""
-        shown = self.shown(path)
-        same = any(
-            text == what and Path(one).parent == Path(shown).parent for one, text in self.oddities
-        )
-        if not same or kind == "blank":
-            self.oddities.append((shown, what))
 
     def shown(self, path: Path) -> str:
         """A file by its name relative to the campaign."""

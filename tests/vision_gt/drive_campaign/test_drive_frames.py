@@ -54,6 +54,7 @@ def test_nanoseconds_are_told_by_their_size(tmp_path):
     [
         (["pose1.png"], "the time of the frame"),
         (["1700000000.1.png", "1700000000.10.png"], "another image has the same time"),
+        (["000000.png", "000001.png", "000002.png"], "look like numbers of frames"),
     ],
 )
 def test_names_that_are_no_times_are_refused(tmp_path, names, said):

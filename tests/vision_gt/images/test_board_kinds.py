@@ -5,11 +5,17 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
+from validation.errors import GtvalError
 from vision_gt.images.boards import look_for_boards
 from vision_gt.images.jobs import BoardJob, detect_in
+from vision_gt.images.kept import KeptDetections
+from vision_gt.images.other_boards import named_for_all
+from vision_gt.images.wrong_boards import boards_in
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
+from vision_gt.settings import BoardSettings
 
 STATED = Board(8, 6, 0.05, Family("4X4_100"))
 PIXELS = 56
@@ -203,3 +209,52 @@ def test_markers_where_a_chessboard_was_stated_are_named():
             image[y : y + 70, x : x + 70] = tag
     look = look_for_boards(image, [CHESS])
     assert "APRILTAG_36H11" in look.instead
+
+
+@pytest.mark.parametrize("rows", [3, 4])
+def test_small_boards_of_markers_are_read_and_missed_without_a_word_of_opencv(rows, tmp_path):
+    small = Board(5, rows, 0.05, STATED.family)
+    image, true = photograph(small)
+    assert len(look_for_boards(image, [small]).found[0].ids) == len(true)
+    nothing = np.random.default_rng(2).integers(60, 200, (480, 640)).astype(np.uint8)
+    found = detect_in(nothing, BoardJob(tmp_path / "a.png", "1", "1", [(0, small)]))
+    assert (found.boards, found.note) == ((), "")
+
+
+def test_chessboards_too_small_for_any_detector_are_refused():
+    with pytest.raises(GtvalError, match="10 x 3 squares is too small"):
+        Board(10, 3, 0.1)
+    with pytest.raises(ValidationError, match="10 x 3 squares is too small"):
+        BoardSettings(columns=10, rows=3, square=0.1)
+
+
+def test_a_little_of_the_bar_s_other_board_is_no_wrong_board():
+    """Of which too few corners are seen for a pose: both boards of a bar are stated."""
+    shown, other = STATED, replace(STATED, first_id=24)
+    image, _ = photograph(shown, cover=0.62)
+    kept = look_for_boards(image, [shown, other])
+    assert kept.instead == ""
+
+
+def test_one_name_explains_all_images_of_a_board_stated_wrongly(tmp_path):
+    """Also where an image shows too little of it to be named by itself, and ids are misread."""
+    paths = [tmp_path / f"{i}.png" for i in range(6)]
+    for i, path in enumerate(paths):
+        board = replace(STATED, first_id=30 * (i % 2))
+        cv2.imwrite(str(path), photograph(board, cover=0.5 * (i == 5))[0])
+    wrong = [(k, replace(STATED, family=Family("5X5_100"), first_id=30 * k)) for k in (0, 1)]
+    jobs = [BoardJob(path, "1", path.stem, wrong) for path in paths]
+    found = boards_in(jobs, KeptDetections(tmp_path / "kept.jsonl"), 1)
+    assert {one.note for one in found} == {"the board is 4X4_100 where 5X5_100 was stated"}
+    assert not any(one.boards for one in found)
+
+
+@pytest.mark.parametrize(
+    ("names", "name"),
+    [
+        (["4X4_50 where 5X5_50 was stated", "4X4_100 where 5X5_50 was stated"], 1),
+        (["mirrored"], 0),
+    ],
+)
+def test_the_name_for_all_is_the_smallest_that_has_all_ids(names, name):
+    assert named_for_all(names) == names[name]

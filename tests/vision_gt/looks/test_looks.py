@@ -118,6 +118,15 @@ def test_a_picture_shows_the_part_that_holds_what_was_found_larger():
     assert np.ptp(whole.get_xlim()) == 1280
 
 
+def test_what_is_expected_nowhere_is_not_drawn():
+    image = np.full((480, 640), 90, dtype=np.uint8)
+    quad = np.array([[100.0, 100], [140, 100], [140, 140], [100, 140]])
+    nowhere = np.full((4, 2), np.nan)
+    outlines = (Outline("6", quad, nowhere), Outline("7", nowhere[:0], nowhere, axes=nowhere))
+    look = Look("vision/poses/1/pose1.png", "stop 1, camera 1", "used", outlines)
+    assert len(picture(look, image).axes) == 2  # what was found is there, enlarged
+
+
 def test_thumbnails_of_many_images_stay_small(looks, rendered):
     many = [replace(one, flagged=True) for one in looks] * 12
     section = looks_section(many, rendered)

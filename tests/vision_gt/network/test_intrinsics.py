@@ -13,6 +13,7 @@ from data_samples.rendering.campaign import _board_in_view
 from data_samples.rooms.cameras import CHESSBOARD
 from validation.errors import GtvalError
 from vision_gt.network.intrinsics import calibrate
+from vision_gt.network.repeats import repeated
 from vision_gt.network.verdict import calibration_verdict
 from vision_gt.patterns.boards import Board
 
@@ -109,3 +110,25 @@ def test_a_verdict_says_what_images_lack():
     assert "few" in {one.kind for one in few.shortcomings}
     blurred = seen(16, 0.7, 1.0, noise=0.8)
     assert "blur" in {one.kind for one in blurred.shortcomings}
+
+
+def test_a_frame_given_twice_counts_once_and_a_board_at_rest_twice():
+    taken = board_views(1)
+    rng = np.random.default_rng(1)
+    first, *_ = taken
+    n = first.pixels.shape
+    again = replace(first, source="copy", pixels=first.pixels + 0.01 * rng.standard_normal(n))
+    rest = replace(first, source="rest", pixels=first.pixels + 0.1 * rng.standard_normal(n))
+    assert repeated([*taken, again, rest]) == {"copy": first.source}
+
+
+def test_corners_of_which_the_image_leaves_much_open_are_said_to_be_blurred():
+    taken = board_views(1)
+
+    def kinds(sigma):
+        views = [replace(v, sigmas=np.full(len(v.ids), sigma)) for v in taken]
+        found = calibrate("1", SIZE, views)
+        return {one.kind for one in calibration_verdict(found).shortcomings}
+
+    assert "blur" not in kinds(0.05)
+    assert "blur" in kinds(0.52)

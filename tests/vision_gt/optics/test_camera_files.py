@@ -71,7 +71,12 @@ def test_kalibr_chain_with_two_cameras(tmp_path):
         ("", "not a camera file"),
         (
             "camera_matrix: {rows: 1, cols: 2, data: [1, 2]}\nimage_width: 1\nimage_height: 1\n",
-            "expected 9 finite numbers",
+            "expected 9 finite numbers, got 2",
+        ),
+        (
+            "camera_matrix: {rows: 3, cols: 3, data: [1, 0, 1, 0, .nan, 1, 0, 0, 1]}\n"
+            "image_width: 1\nimage_height: 1\n",
+            "number 5 is none",
         ),
     ],
 )
@@ -246,4 +251,7 @@ def test_files_of_bouguets_other_toolboxes_are_named(tmp_path, contents, said):
     program = tmp_path / "Calib_Results.m"
     program.write_text("fc = [ 657.39 ; 657.76 ];")
     with pytest.raises(InputError, match=r"give the Calib_Results\.mat"):
+        read_cameras(program)
+    program.write_text("ocam_model.ss = [-200; 0; 0.001];")
+    with pytest.raises(InputError, match="OCamCalib"):
         read_cameras(program)
