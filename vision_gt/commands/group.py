@@ -38,7 +38,7 @@ def board_options(command: Callable[..., Any]) -> Callable[..., Any]:
     options = (
         click.option("--columns", type=click.IntRange(3), help="Squares along the board."),
         click.option(
-            "--rows", type=click.IntRange(3), help="Squares across it; 4 or more without markers."
+            "--rows", type=click.IntRange(3), help="Across it; 4 or more without markers."
         ),
         click.option(
             "--square", type=click.FloatRange(0, min_open=True), help="Side of a square, metres."
@@ -429,8 +429,7 @@ def _camera_of(file: Path, name: str | None) -> "Camera":
     from validation.errors import GtvalError
     from vision_gt.optics.camera_files import read_cameras
 
-    found = read_cameras(file)
-    chosen = [one for one in found if name is None or one.name == name]
+    chosen = [one for one in (found := read_cameras(file)) if name is None or one.name == name]
     if len(chosen) != 1:
         names = ", ".join(one.name for one in found)
         raise GtvalError(f"{file} has the cameras {names}; choose one with --camera")
