@@ -20,7 +20,6 @@ from validation.commands.solve import CampaignGroup, solve_command
 
 if TYPE_CHECKING:
     from vision_gt.commands.looking import Drawn
-    from vision_gt.optics.camera import Camera
     from vision_gt.patterns.boards import Board
 
 MERGE_CAMERAS = click.option(
@@ -172,9 +171,10 @@ def convert_camera(
     source: Path, target: Path, *, file_format: str, camera: str | None, as_json: bool
 ) -> None:
     """Turn a camera file of one program into that of another."""
+    from vision_gt.optics.camera_files import camera_of
     from vision_gt.optics.written_cameras import write_camera
 
-    content = write_camera(target.suffix, file_format, _camera_of(source, camera))
+    content = write_camera(target.suffix, file_format, camera_of(source, camera))
     _write(target.parent, {target.name: content}, as_json=as_json)
 
 
@@ -305,9 +305,10 @@ def pose(
     """
     from validation.report.terminal import print_json, print_table
     from vision_gt.commands.photo import photo_of_board, photo_of_markers
+    from vision_gt.optics.camera_files import camera_of
     from vision_gt.patterns.dictionaries import Family
 
-    chosen = _camera_of(intrinsics, camera)
+    chosen = camera_of(intrinsics, camera)
     if markers is None:
         found = photo_of_board(photo, chosen, _board(**options))
     elif side is None:
@@ -422,18 +423,6 @@ def _write(folder: Path, files: "dict[str, str | bytes]", *, as_json: bool) -> N
         return
     for path in written:
         click.echo(f"Written: {path}")
-
-
-def _camera_of(file: Path, name: str | None) -> "Camera":
-    """The camera of a file, or the one of this name where there are several."""
-    from validation.errors import GtvalError
-    from vision_gt.optics.camera_files import read_cameras
-
-    chosen = [one for one in (found := read_cameras(file)) if name is None or one.name == name]
-    if len(chosen) != 1:
-        names = ", ".join(one.name for one in found)
-        raise GtvalError(f"{file} has the cameras {names}; choose one with --camera")
-    return chosen[0]
 
 
 def _told(drawn: "Drawn", *, as_json: bool) -> None:

@@ -82,6 +82,22 @@ def read_cameras(path: Path) -> list[Camera]:
     return [_read_opencv(path, root)]
 
 
+def camera_of(path: Path, name: str | None = None) -> Camera:
+    """The camera of a file, or the one of this name where there are several.
+
+    Raises
+    ------
+    GtvalError
+        If there are several or none, with their names.
+    """
+    found = read_cameras(path)
+    chosen = [one for one in found if name is None or one.name == name]
+    if len(chosen) != 1:
+        names = ", ".join(one.name for one in found)
+        raise GtvalError(f"{path} has the cameras {names}; choose one with --camera")
+    return chosen[0]
+
+
 def _bad(
     path: Path, expected: str, field: str | None = None, value: str | None = None
 ) -> InputError:
