@@ -32,6 +32,14 @@ def in_metres(side: float) -> float:
     return side
 
 
+def check_side(side: float) -> None:
+    """Refuse the side of a print that an option states, where it cannot be in metres."""
+    try:
+        in_metres(side)
+    except ValueError as error:
+        raise GtvalError(str(error)) from None
+
+
 def _typed(length: float) -> str:
     return f"typed in millimetres? Then it is {length / 1000:g}"
 

@@ -67,12 +67,9 @@ def _board(
         )
     from vision_gt.patterns.boards import Board
     from vision_gt.patterns.dictionaries import Family
-    from vision_gt.settings import in_metres
+    from vision_gt.settings import check_side
 
-    try:
-        in_metres(max(square, more["marker"] or 0.0))
-    except ValueError as error:
-        raise click.UsageError(str(error)) from None
+    check_side(max(square, more["marker"] or 0.0))
     more["marker"] = more["marker"] or 0.0
     return Board(columns, rows, square, Family(family) if family else None, **more)
 

@@ -74,8 +74,10 @@ def test_kalibr_chain_with_two_cameras(tmp_path):
             "expected 9 finite numbers, got 2",
         ),
         (
-            "camera_matrix: {rows: 3, cols: 3, data: [1, 0, 1, 0, .nan, 1, 0, 0, 1]}\n"
-            "image_width: 1\nimage_height: 1\n",
+            (
+                "camera_matrix: {rows: 3, cols: 3, data: [1, 0, 1, 0, .nan, 1, 0, 0, 1]}\n"
+                "image_width: 1\nimage_height: 1\n"
+            ),
             "number 5 is none",
         ),
     ],
