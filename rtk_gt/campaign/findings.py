@@ -15,7 +15,9 @@ from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.checks import differences_said
 from rtk_gt.offsets.estimate import distance_names
 from rtk_gt.path.vehicle_path import heading_span, tilt_spread
+from rtk_gt.receivers.digits import UNIFORM, coarsest
 from rtk_gt.receivers.fixes import Fixes
+from rtk_gt.settings import RtkSettings
 from validation.poses.angles import Array
 from validation.results import Finding, Severity, Size
 
@@ -35,6 +37,10 @@ LARGEST_MISFIT = 0.01
 HOPELESS = 0.5
 """Metres of sigma beyond which an offset is an error: over 1.8 m between front and rear the
 attitude is then open by 15 degrees."""
+
+OTHER_ETA = 2.0
+"""Factor between eta and what receivers state from which on it is said: covariances are then wrong
+by four, where NMEA's rounding and the sky make 1.5."""
 
 
 def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
@@ -348,6 +354,8 @@ def _records(outcome: RtkOutcome) -> Iterator[Finding]:
     """Remarks of the readers, and what they tolerated."""
     for record in outcome.records:
         yield from record_findings(record)
+    yield from _coarse(outcome)
+    yield from _eta_beside_stated(outcome)
 
 
 def record_findings(record: Fixes) -> Iterator[Finding]:
@@ -359,6 +367,45 @@ def record_findings(record: Fixes) -> Iterator[Finding]:
         said = ", ".join(f"{what}: {count}" for what, count in record.tolerated.items())
         text = f"{record.source.name}, accepted: {said}."
         yield Finding("note", text, record.receiver, "tolerated")
+
+
+def _coarse(outcome: RtkOutcome) -> Iterator[Finding]:
+    """That heights are rounded so coarsely that it counts as noise."""
+    stated = outcome.campaign.section("rtk", RtkSettings).eta
+    if outcome.settings.eta <= stated:
+        return
+    name, step = coarsest(outcome.records)
+    text = (
+        f"The heights of receiver {name} have a last digit of {1000 * step:g} mm: rounding alone "
+        f"is off by {1000 * UNIFORM * step:.0f} mm. Vertical noise is taken as "
+        f"{outcome.settings.eta:.1f} times the horizontal one instead of {stated:g}. Heights that "
+        "are rounded alike err together for seconds: pitch and roll are poor all the same. Let the "
+        "receiver write three decimals of altitude."
+    )
+    yield Finding("warning", text, name, "coarse_heights", (Size("last digit", step, "m"),))
+
+
+def _eta_beside_stated(outcome: RtkOutcome) -> Iterator[Finding]:
+    """That what receivers state of their errors contradicts eta."""
+    ratios = [
+        np.sqrt(2 * c[:, 2, 2] / (c[:, 0, 0] + c[:, 1, 1]))
+        for c in (one.covariances[one.fixed] for one in outcome.records)
+    ]
+    told = np.concatenate(ratios)
+    told = told[np.isfinite(told)]
+    if not len(told):
+        return
+    stated, eta = float(np.median(told)), outcome.settings.eta
+    if max(stated / eta, eta / stated) < OTHER_ETA:
+        return
+    text = (
+        f"eta is {eta:.2g}, but the receivers state errors upwards that are {stated:.2g} times the "
+        "level ones. Heights, pitch and roll, and their covariances, go with eta: state it as the "
+        "receivers do, or as `gtval rtk noise` tells it of a record that stands."
+    )
+    yield Finding(
+        "warning", text, SUBJECT, "eta_contradicted", (Size("eta", eta), Size("stated", stated))
+    )
 
 
 def _frozen(record: Fixes) -> Iterator[Finding]:

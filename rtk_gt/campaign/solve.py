@@ -29,6 +29,7 @@ from rtk_gt.path.interpolation import HoldOut, hold_out
 from rtk_gt.path.leaps import leaping_poses
 from rtk_gt.path.motion_check import motion_check
 from rtk_gt.path.vehicle_path import VehiclePath, vehicle_path
+from rtk_gt.receivers.digits import rounded_eta
 from rtk_gt.receivers.fixes import Fixes
 from rtk_gt.receivers.quality import AreaQuality, area_qualities
 from rtk_gt.receivers.steps import Steps
@@ -66,7 +67,12 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     check_together(records, steps, settings.simultaneous)
     give_back_memory()
     prior = offset_prior(settings, steps.frame)
-    ready = prepare(steps, settings, OffsetPrior(heights=prior.heights))
+    heights = OffsetPrior(heights=prior.heights)
+    ready = prepare(steps, settings, heights)
+    eta = rounded_eta(records, ready.quick.sigma, settings.eta)
+    if eta > settings.eta:
+        settings = settings.model_copy(update={"eta": eta})
+        ready = prepare(steps, settings, heights)
     steps, jumps, model = ready.steps, ready.jumps, ready.model
     check_units(prior, ready.quick, distance_names(steps.receivers))
     chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings), model)

@@ -25,6 +25,8 @@ _DIGITS = 64
 _READING = 0.05
 """Of the work, that it takes to read files and to see whether they are known: a millisecond beside
 twenty and more."""
+_LOOKING = 2
+"""Goes up where the code finds other things in the same image: 2 since tone curves are fitted."""
 
 
 class KeptDetections:
@@ -137,11 +139,11 @@ def settings_key(job: Job) -> str:
     if isinstance(job, BoardJob):
         boards = [(part, astuple(board)) for part, board in job.boards]
         told = (job.perhaps,) if job.perhaps else ()
-        return repr((version("gtval"), "boards", boards, job.detector, *told))
+        return repr((version("gtval"), _LOOKING, "boards", boards, job.detector, *told))
     camera = job.camera
     lens = None if camera is None else (camera.size, np.asarray(camera.parameters).tolist())
     family = (job.family.name, job.family.border)
-    return repr((version("gtval"), family, sorted(job.wanted), lens, job.fitted))
+    return repr((version("gtval"), _LOOKING, family, sorted(job.wanted), lens, job.fitted))
 
 
 def key_of(content: bytes, settings: str, frame: int = 0) -> str:

@@ -1,0 +1,45 @@
+"""Heights whose last digit is coarse: their rounding counts as noise upwards."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rtk_gt.receivers.digits import coarsest, height_step, rounded_eta
+from rtk_gt.receivers.fixes import RTK_FIXED, Fixes
+
+COUNT = 400
+
+
+def record(name, digit, seed=1):
+    """A receiver on hills, whose heights are written to a digit, over a geoid of 47.3 m."""
+    noise = np.random.default_rng(seed).normal(0, 0.01, COUNT)
+    heights = 160 + 2 * np.sin(np.arange(COUNT) / 30) + noise
+    heights = np.round(heights / digit) * digit + 47.3
+    return Fixes(
+        receiver=name,
+        times=1.7e9 + 0.2 * np.arange(COUNT),
+        geodetic=np.column_stack([np.full(COUNT, 0.79), np.full(COUNT, 0.16), heights]),
+        kinds=np.full(COUNT, RTK_FIXED),
+        satellites=np.full(COUNT, 12),
+        hdop=np.full(COUNT, 0.9),
+        covariances=np.full((COUNT, 3, 3), np.nan),
+        lines=np.arange(COUNT),
+        source=Path(f"{name}.nmea"),
+    )
+
+
+@pytest.mark.parametrize("digit", [0.1, 0.01, 0.001])
+def test_the_last_digit_is_told(digit):
+    assert height_step(record("rear", digit)) == pytest.approx(digit, rel=1e-6)
+
+
+def test_rounding_counts_where_it_is_beside_the_noise():
+    coarse, fine = record("rear", 0.1), record("front", 0.001)
+    assert coarsest([fine, coarse])[0] == "rear"
+    # Uniform over 0.1 m: 28.9 mm beside 1.75 times 6 mm.
+    assert 0.006 * rounded_eta([fine, coarse], 0.006, 1.75) == pytest.approx(
+        np.hypot(0.0105, 0.1 / np.sqrt(12)), rel=1e-6
+    )
+    assert rounded_eta([fine], 0.006, 1.75) == 1.75
+    assert rounded_eta([fine], 0.006, 0.05) == 0.05
