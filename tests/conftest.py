@@ -44,7 +44,11 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     files.mkdir()
     times = (root / "drive/sensors/imu.csv").read_text().splitlines()[1:200:20]
     (files / "times.csv").write_text("time\n" + "".join(f"{t.split(',')[0]}\n" for t in times))
-    rows = [f"{1712739600 + k},45.478,9.232,{160 + 0.01 * (k % 3)},fixed" for k in range(60)]
+    rows = [
+        f"{1712739600 + k},{45.478 + 5e-8 * (k % 5):.8f},{9.232 + 7e-8 * (k % 7):.8f},"
+        f"{160 + 0.01 * (k % 3)},fixed"
+        for k in range(60)
+    ]
     (files / "standing.csv").write_text("time,latitude,longitude,height,fix\n" + "\n".join(rows))
     turn = [0.1 * k for k in range(60)]
     rows = [f"{t:.1f},{math.sin(t):.4f},{math.cos(t):.4f},{-t:.4f}\n" for t in turn]

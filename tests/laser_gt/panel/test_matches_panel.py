@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 from held_up_rooms import copied, held_up_room
 from page_server import (
-    BROWSER,
     DESKTOP,
-    DRIVER,
     PHONE,
     PageServer,
     errors,
     faults,
     joined,
-    new_browser,
+    open_browser,
     picture,
     sized,
     wait,
@@ -51,13 +49,8 @@ def served(made, tmp_path):
 
 @pytest.fixture(scope="module")
 def browser():
-    if not (BROWSER and DRIVER):
-        pytest.skip("Chromium or its driver is not installed")
-    opened = new_browser()
-    try:
+    with open_browser() as opened:
         yield opened
-    finally:
-        opened.quit()
 
 
 def decisions(served):

@@ -1,20 +1,9 @@
-"""`gtval enter --web` as a process, and devices that talk to it."""
+"""`gtval enter --web` as a process."""
 
-import re
-import signal
-import subprocess
-import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
-import httpx
 from entry_rooms import EntryRoom
-
-GTVAL = str(Path(sys.executable).with_name("gtval"))
+from web_server import WebServer
 
 
 def reading(name: str, **values: object) -> dict[str, object]:
@@ -22,63 +11,11 @@ def reading(name: str, **values: object) -> dict[str, object]:
     return {"id": name, "from": "O", "to": "X", "text": "2.5", "again": True, **values}
 
 
-class EntryServer:
-    """The served page of a room; killed at the end if it still runs."""
+class EntryServer(WebServer):
+    """The served page of a room."""
 
     def __init__(self, room: EntryRoom, log: Path, *options: str, prepare=None) -> None:
         self.room = room
-        self.log = log
-        with log.open("wb") as stream:
-            self.process = subprocess.Popen(
-                [GTVAL, "enter", str(room.folder), "--web", "--port", "0", *options],
-                stdout=stream,
-                stderr=subprocess.STDOUT,
-                preexec_fn=prepare,  # noqa: PLW1509  (sets a limit, nothing else)
-            )
-        self.url = self._said(r"the page is at (\S+)")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.kill()
-
-    @property
-    def code(self) -> str:
-        """The code that the terminal shows now."""
-        return re.findall(r"#([0-9A-Z]+)\)", self.log.read_text())[-1]
-
-    @contextmanager
-    def join(self, name: str = "ann") -> Iterator[httpx.Client]:
-        """A device that was let in."""
-        with httpx.Client(base_url=self.url, timeout=20) as client:
-            joined = client.post("/join", json={"code": self.code, "name": name})
-            assert joined.status_code == 200, joined.text
-            yield client
-
-    def kill(self) -> None:
-        """End it at once, as a dead battery would."""
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGKILL)
-        self.process.wait()
-
-    def stop(self) -> int:
-        """End it as Ctrl-C does; its exit status."""
-        self.process.send_signal(signal.SIGINT)
-        return self.process.wait(20)
-
-    def _said(self, pattern: str) -> str:
-        until = time.monotonic() + 120
-        while time.monotonic() < until:
-            found = re.search(pattern, self.log.read_text())
-            if found and self.log.read_text().rstrip().endswith(")"):
-                return found[1]
-            if self.process.poll() is not None:
-                break
-            time.sleep(0.02)
-        raise AssertionError(self.log.read_text())
+        super().__init__(
+            log, ["enter", str(room.folder), "--web", "--port", "0", *options], prepare
+        )

@@ -2,7 +2,7 @@
 
 import pytest
 from page_rooms import written
-from page_server import BROWSER, DRIVER, PageServer, new_browser
+from page_server import PageServer, open_browser
 
 
 @pytest.fixture(scope="module")
@@ -28,10 +28,5 @@ def ann(served):
 @pytest.fixture(scope="module")
 def browser():
     """A browser; skipped where there is none."""
-    if not (BROWSER and DRIVER):
-        pytest.skip("Chromium or its driver is not installed")
-    opened = new_browser()
-    try:
+    with open_browser() as opened:
         yield opened
-    finally:
-        opened.quit()
