@@ -263,7 +263,7 @@ def test_a_thousand_requests_in_a_burst_lose_nothing(served, ann):
 def test_a_port_that_is_taken_is_a_plain_error(served, tmp_path):
     import subprocess
 
-    from entry_server import GTVAL
+    from web_server import GTVAL
 
     room = entry_room(6, 1, tmp_path / "room")
     port = served.url.rpartition(":")[2]
