@@ -19,10 +19,11 @@ EDGE = 20
 """Epochs at both ends at which no change is looked for: fewer tell no offsets."""
 _FALSE = 10.0
 """Standard deviations to which a residual counts: a false fix is no change."""
-SLOW, WANDERING = 3.0, 1.5
+SLOW, WANDERING = 3.0, 1.25
 """Epochs that one independent one is worth, above which errors wander by themselves (white noise of
 five records came to 1.1 at most, slow errors of 30 and 60 s at 1 Hz to 6 and more), and times the
-gain that a jump needs there: sixty clean records with such errors came to 55."""
+gain that a jump needs there: of sixty clean records with such errors one came to 48 where the jump
+was sharp, too."""
 SHARP, SHARP_IN_WHITE = 25.0, 9.0
 """Gain that a jump must have between two epochs, where errors wander and where they do not: of
 three normal numbers at a hundred epochs chance makes the first in one of 600 drives."""
