@@ -95,6 +95,13 @@ def print_findings(
             _print_line(to, (line, ""))
 
 
+def print_text(text: str) -> None:
+    """Print a sentence or several on stdout, folded where a terminal is narrower."""
+    to = console()
+    for line in wrapped(as_shown(text, to.encoding), _width(to), 0):
+        _print_line(to, (line, ""))
+
+
 def in_short(text: str) -> str:
     """The first sentence without what it says in brackets: not how sure it is, nor what to do."""
     short = sentences(text)[0]

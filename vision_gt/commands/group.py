@@ -124,7 +124,7 @@ def calibrate(
     **options: Any,
 ) -> None:
     """Calibrate one camera from a folder of images, or a video, of a board."""
-    from validation.report.terminal import print_json, print_table
+    from validation.report.terminal import print_json, print_table, print_text
     from vision_gt.commands.calibration import (
         calibration_facts,
         calibration_of_images,
@@ -155,7 +155,7 @@ def calibrate(
     print_table(image_table(found))
     for line in remark_lines(looks):
         click.echo(line)
-    click.echo(calibration_verdict(found).text)
+    print_text(calibration_verdict(found).text)
 
 
 @vision.command("convert-camera")
