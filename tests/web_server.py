@@ -55,6 +55,13 @@ class WebServer:
             assert joined.status_code == 200, joined.text
             yield client
 
+    def check_sound(self) -> None:
+        """Whatever was asked of it, it has neither ended nor stumbled."""
+        assert self.process.poll() is None
+        said = self.log.read_text()
+        assert "Traceback" not in said
+        assert "Exception" not in said
+
     def kill(self) -> None:
         """End it at once, as a dead battery would."""
         if self.process.poll() is None:

@@ -38,7 +38,7 @@ class ReadingsPanel:
 
 
 class OpenReadings:
-    """The entry page of a campaign, and the session behind it once somebody has looked."""
+    """The entry page of a campaign, and the journal behind it once somebody has looked."""
 
     def __init__(self, desk: Desk) -> None:
         from survey.entry.screens.app import FILES, PACKAGE, calls  # noqa: PLC0415  (an extra)
@@ -67,12 +67,12 @@ class OpenReadings:
         from survey.entry.dialogue.entry_session import EntrySession  # noqa: PLC0415  (slow to load)
         from survey.entry.dialogue.words import progress_text  # noqa: PLC0415
 
-        session = self._entry[0] if self._entry else EntrySession.look(self._desk.campaign())
-        if not session.journal.entries and session.readings_file.path.exists():
+        entered = self._entry[0] if self._entry else EntrySession.look(self._desk.campaign())
+        if not entered.journal.entries and entered.readings_file.path.exists():
             return []  # read and written down elsewhere
-        progress = session.guide.progress()
+        progress = entered.guide.progress()
         told = [Waiting(progress_text(progress), done=progress.left == 0)]
-        doubtful = len(session.doubtful_so_far()) if self._entry else 0
+        doubtful = len(entered.doubtful_so_far()) if self._entry else 0
         if doubtful:
             told.append(
                 Waiting(f"{doubtful} doubtful: measure them again, or keep them", count=doubtful)
@@ -80,13 +80,13 @@ class OpenReadings:
         return told
 
     def close(self) -> None:
-        """End the session, if there is one; the readings file is brought up to date."""
+        """Close the journal, if it is open; the readings file is brought up to date."""
         if self._entry is not None:
             from survey.entry.screens.serving import SERVER  # noqa: PLC0415
 
-            session, self._entry = self._entry[0], None
-            session.end(SERVER)
-            session.close()
+            entered, self._entry = self._entry[0], None
+            entered.end(SERVER)
+            entered.close()
 
     def _ready(self) -> "EntryApp":
         """What answers, its journal open.
@@ -101,9 +101,9 @@ class OpenReadings:
                 from survey.entry.dialogue.entry_session import EntrySession  # noqa: PLC0415
                 from survey.entry.screens.app import EntryApp  # noqa: PLC0415  (an extra)
 
-                session = EntrySession.open(self._desk.campaign(), "gtval open")
-                session.prepare()
-                self._entry = session, EntryApp(session, self._desk.keep_devices)
+                entered = EntrySession.open(self._desk.campaign(), "gtval open")
+                entered.prepare()
+                self._entry = entered, EntryApp(entered, self._desk.keep_devices)
             return self._entry[1]
 
     async def page(self, request: "Request", device: "Device") -> "Response":  # noqa: ARG002

@@ -170,6 +170,16 @@ def excess_of_cells(
     )
 
 
+def left_over(change: Array, step: tuple[Array, Array, Array]) -> Array:
+    """What derivatives (m, n) have that none of a step's unknowns has.
+
+    ``step`` is the Jacobian, the same with weights, and the inverse of the normal matrix.
+    """
+    jacobian, weighted, inverse = step
+    known = inverse @ (weighted @ change[..., None])
+    return np.asarray(change - (np.swapaxes(known, 1, 2) @ jacobian)[:, 0])
+
+
 def share_explained(
     change: Array, step: tuple[Array, Array, Array], weights: Array, left: Array
 ) -> Array:
@@ -178,9 +188,7 @@ def share_explained(
     Its derivatives are ``change`` (m, n). ``step`` is the Jacobian, the same with weights, and the
     inverse of the normal matrix.
     """
-    jacobian, weighted, inverse = step
-    known = inverse @ (weighted @ change[..., None])
-    own = change - (np.swapaxes(known, 1, 2) @ jacobian)[:, 0]
+    own = left_over(change, step)
     most = (weights * own**2).sum(1) * (weights * left**2).sum(1)
     explained = (weights * own * left).sum(1) ** 2
     return np.asarray(np.where(most > 0, explained / np.where(most > 0, most, 1.0), 0.0))

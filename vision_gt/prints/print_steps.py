@@ -19,6 +19,7 @@ from vision_gt.prints.grey_fits import (
     SATURATED,
     START_BLUR,
     inverses,
+    left_over,
     share_explained,
     tukey_of_filled,
 )
@@ -323,8 +324,7 @@ def bend_of(rest: Rest) -> tuple[float, Array]:
     """
     white = np.clip(rest.look.white, 0.0, 1.0)
     change = rest.state.contrast[:, None] * white * (1 - white) / 2
-    known = rest.inverse @ (rest.weighted @ change[..., None])
-    own = change - (np.swapaxes(known, 1, 2) @ rest.jacobian)[:, 0]
+    own = left_over(change, (rest.jacobian, rest.weighted, rest.inverse))
     information = (rest.weights * own**2).sum(1)
     score = (rest.weights * own * rest.left).sum(1)
     variance = variances(rest)

@@ -8,18 +8,8 @@ import httpx
 import numpy as np
 import pytest
 from held_up_rooms import copied, held_up_room
-from page_server import (
-    DESKTOP,
-    PHONE,
-    PageServer,
-    errors,
-    faults,
-    joined,
-    open_browser,
-    picture,
-    sized,
-    wait,
-)
+from page_server import PageServer, errors, faults, joined, picture, wait
+from web_browser import DESKTOP, PHONE, open_browser, sized
 
 from laser_gt.logs.decision_file import decision_history, read_decisions
 

@@ -1,20 +1,11 @@
 """`gtval open` as a process, and browsers that look at it."""
 
 import contextlib
-import os
-import shutil
 import time
 from pathlib import Path
 
-import pytest
+from web_browser import PICTURES
 from web_server import WebServer
-
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
-DRIVER = shutil.which("chromedriver")
-PHONE = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
-DESKTOP = {"width": 1280, "height": 900, "deviceScaleFactor": 1, "mobile": False}
-PICTURES = os.environ.get("GTVAL_TEST_PICTURES")
-"""A folder for screenshots, to be looked at."""
 
 
 class PageServer(WebServer):
@@ -24,40 +15,6 @@ class PageServer(WebServer):
         self.folder = folder
         options = options if "--port" in options else ("--port", "0", *options)
         super().__init__(log, ["open", str(folder), "--no-browser", *options])
-
-
-@contextlib.contextmanager
-def open_browser():
-    """A browser of the size of a desktop, closed at the end; skips where there is none."""
-    if not (BROWSER and DRIVER):
-        pytest.skip("Chromium or its driver is not installed")
-    opened = new_browser()
-    try:
-        yield opened
-    finally:
-        opened.quit()
-
-
-def new_browser():
-    """A browser of the size of a desktop."""
-    from selenium import webdriver
-    from selenium.webdriver.chrome.service import Service
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    opened = webdriver.Chrome(options=options, service=Service(DRIVER))
-    sized(opened, DESKTOP)
-    return opened
-
-
-def sized(browser, size):
-    """The browser, of that size."""
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": size["mobile"]})
-    return browser
 
 
 def joined(browser, served, path="/", name="ann"):

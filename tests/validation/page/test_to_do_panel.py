@@ -5,7 +5,8 @@ import sys
 
 import pytest
 from page_rooms import written
-from page_server import DESKTOP, PHONE, PageServer, errors, faults, joined, picture, sized, wait
+from page_server import PageServer, errors, faults, joined, picture, wait
+from web_browser import DESKTOP, PHONE, sized
 
 from validation.errors import GtvalError
 from validation.page.desk import Desk

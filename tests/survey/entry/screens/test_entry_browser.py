@@ -1,36 +1,22 @@
 """The page in a real browser of the size of a phone."""
 
 import contextlib
-import os
-import shutil
 import time
 
 import pytest
 from entry_rooms import enter_all, entry_room
 from entry_server import EntryServer
-
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
-DRIVER = shutil.which("chromedriver")
+from web_browser import BROWSER, DRIVER, PHONE, PICTURES, new_browser
 
 pytestmark = [
     pytest.mark.browser,
     pytest.mark.skipif(not (BROWSER and DRIVER), reason="Chromium or its driver is not installed"),
 ]
-PHONE = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
-PICTURES = os.environ.get("GTVAL_TEST_PICTURES")
-"""A folder for screenshots, to be looked at."""
 
 
-def new_browser():
-    from selenium import webdriver
-    from selenium.webdriver.chrome.service import Service
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    opened = webdriver.Chrome(options=options, service=Service(DRIVER))
+def phone():
+    """A browser of the size of a phone."""
+    opened = new_browser()
     opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
     return opened
 
@@ -39,7 +25,7 @@ def new_browser():
 def browsers():
     opened = []
     try:
-        opened += [new_browser(), new_browser()]
+        opened += [phone(), phone()]
         yield opened
     finally:
         for one in opened:

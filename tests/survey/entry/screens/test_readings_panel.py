@@ -5,7 +5,8 @@ import shutil
 import pytest
 from entry_rooms import enter_all, entry_room
 from entry_server import reading
-from page_server import BROWSER, DRIVER, PHONE, PageServer, errors, joined, new_browser, sized, wait
+from page_server import PageServer, errors, joined, wait
+from web_browser import BROWSER, DRIVER, PHONE, new_browser, sized
 
 
 def test_a_reading_is_recorded_and_survives_a_kill(tmp_path):
@@ -28,20 +29,20 @@ def test_a_reading_is_recorded_and_survives_a_kill(tmp_path):
 
 def test_where_it_is_open_elsewhere_the_panel_says_so(tmp_path):
     room = entry_room(5, 1, tmp_path / "room")
-    session = room.open()
+    opened = room.open()
     try:
         with PageServer(room.folder, tmp_path / "log") as server, server.join() as ann:
             assert "cannot be shown" in ann.get("/readings/").text
             assert ann.post("/readings/readings", json=reading("one")).status_code == 409
     finally:
-        session.close()
+        opened.close()
 
 
 def test_a_look_at_readings_written_elsewhere_changes_no_file(tmp_path):
     room = entry_room(5, 1, tmp_path / "room")
-    session = room.open()
-    enter_all(session, room, 5)
-    session.close()
+    opened = room.open()
+    enter_all(opened, room, 5)
+    opened.close()
     for path in room.journal.parent.glob("journal*"):
         path.unlink()
     shutil.rmtree(room.folder / "results", ignore_errors=True)
