@@ -5,7 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from rtk_gt.receivers.fixes import Fixes
+from validation.poses.angles import Array
 
+EARTH = 6.4e6
+"""Metres from its centre, to a hundredth."""
 FINER = 1e-5
 """Metres: finer steps are those of the arithmetic, not of a receiver."""
 COARSE = 0.3
@@ -14,22 +17,25 @@ UNIFORM = float(1 / np.sqrt(12))
 """Standard deviation of what is rounded to whole numbers."""
 
 
-def height_step(record: Fixes) -> float:
-    """Metres of the last digit of a receiver's heights; 0 if they are too fine to tell.
+def last_digits(geodetic: Array) -> Array:
+    """Metres of the last digit of latitude, longitude and height; 0 of those too fine to tell.
 
     Parameters
     ----------
-    record : Fixes
-        Of one receiver.
+    geodetic : (n, 3) array
+        Radians, radians, metres.
     """
-    apart = np.diff(np.unique(record.geodetic[record.fixed, 2]))
-    apart = apart[apart > FINER]
-    return float(apart.min()) if len(apart) else 0.0
+    if not len(geodetic):
+        return np.zeros(3)
+    metres = geodetic * [EARTH, EARTH * np.cos(geodetic[0, 0]), 1.0]
+    apart = (np.diff(np.unique(column)) for column in metres.T)
+    steps = np.array([np.min(one[one > FINER], initial=np.inf) for one in apart])
+    return np.where(np.isfinite(steps), steps, 0.0)
 
 
 def coarsest(records: Sequence[Fixes]) -> tuple[str, float]:
     """The receiver with the coarsest heights, and their last digit in metres."""
-    steps = {record.receiver: height_step(record) for record in records}
+    steps = {one.receiver: float(last_digits(one.geodetic[one.fixed])[2]) for one in records}
     name = max(steps, key=lambda one: steps[one])
     return name, steps[name]
 

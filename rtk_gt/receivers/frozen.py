@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rtk_gt.receivers.digits import last_digits
 from rtk_gt.receivers.fixes import ESTIMATED, Fixes, Frozen, Ints
 from validation.poses.angles import Array
 from validation.poses.earth_frames import ecef_from_geodetic
@@ -18,8 +19,6 @@ STARTING = 10.0
 """m/s^2 that no vehicle starts with: wheels slip."""
 DIGITS = 3.0
 """Last digits that a leap must exceed: slower vehicles go from one to the next."""
-EARTH = 6.4e6
-"""Metres from its centre, to a hundredth."""
 
 
 def repeats(geodetic: Array, fewest: int) -> Ints:
@@ -50,6 +49,7 @@ def frozen_stretches(record: Fixes) -> tuple[list[Frozen], Ints]:
     """
     fixed = np.flatnonzero(record.fixed)
     places = record.geodetic[fixed]
+    digit = float(last_digits(places).max())
     found, rows = [], [np.empty(0, dtype=np.int64)]
     for first, last in repeats(places, FEWEST_SAME).tolist():
         if last + 1 == len(fixed):
@@ -57,7 +57,7 @@ def frozen_stretches(record: Fixes) -> tuple[list[Frozen], Ints]:
         here, there = ecef_from_geodetic(places[[last, last + 1]])
         leap = float(np.linalg.norm(there - here))
         seconds = float(record.times[fixed[last + 1]] - record.times[fixed[last]])
-        if leap < max(LEAPT, DIGITS * _digit(places), STARTING * seconds**2 / 2):
+        if leap < max(LEAPT, DIGITS * digit, STARTING * seconds**2 / 2):
             continue
         row = int(fixed[first])
         begin, end = record.times[row], record.times[fixed[last]]
@@ -65,12 +65,6 @@ def frozen_stretches(record: Fixes) -> tuple[list[Frozen], Ints]:
         found.append(Frozen(float(begin), float(end), count, leap, int(record.lines[row])))
         rows.append(fixed[first + 1 : last + 1])
     return found, np.concatenate(rows)
-
-
-def _digit(places: Array) -> float:
-    """Metres of the smallest step between different neighbours, of the coarsest coordinate."""
-    steps = np.abs(np.diff(places, axis=0)) * [EARTH, EARTH * np.cos(places[0, 0]), 1.0]
-    return float(max(np.min(column[column > 0], initial=np.inf) for column in steps.T))
 
 
 def without_frozen(records: Sequence[Fixes]) -> list[Fixes]:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rtk_gt.receivers.digits import coarsest, height_step, rounded_eta
+from rtk_gt.receivers.digits import coarsest, last_digits, rounded_eta
 from rtk_gt.receivers.fixes import RTK_FIXED, Fixes
 
 COUNT = 400
@@ -31,7 +31,9 @@ def record(name, digit, seed=1):
 
 @pytest.mark.parametrize("digit", [0.1, 0.01, 0.001])
 def test_the_last_digit_is_told(digit):
-    assert height_step(record("rear", digit)) == pytest.approx(digit, rel=1e-6)
+    steps = last_digits(record("rear", digit).geodetic)
+    assert steps[2] == pytest.approx(digit, rel=1e-6)
+    assert (steps[:2] == 0).all()  # a latitude and a longitude that never change tell none
 
 
 def test_rounding_counts_where_it_is_beside_the_noise():
