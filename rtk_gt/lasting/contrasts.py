@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from rtk_gt.lasting.unequal_rates import filled, fixed_rows, spread_over, together_rows
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.receivers.fixes import Bools
 from rtk_gt.receivers.steps import pair_differences
@@ -133,7 +134,8 @@ def contrasts(
     times : (n + 1,) array
         Seconds.
     positions : (n + 1, r, 3) array
-        Of the antennas, offsets added as far as known, metres.
+        Of the antennas, offsets added as far as known, metres; NaN where a receiver that writes
+        less often has none.
     headings : (n + 1,) array
         Of something fixed to the vehicle, radians.
     sides : (int, int)
@@ -143,28 +145,42 @@ def contrasts(
     -----
     Along and across are seen from the vehicle, where the way of an antenna is the same all through
     a turn. Heights are those above the plane through the antennas, averaged over the window: on an
-    even slope a vehicle that turns keeps them.
+    even slope a vehicle that turns keeps them. What a receiver shows that writes less often is that
+    of its own interval, for all intervals within it.
     """
-    spacing = np.diff(times)
-    usual = float(np.median(spacing))
     side, averaged = sides
     if len(times) < 8 * averaged:
         return None
-    n = len(spacing)
-    motion = _motion(positions, headings, side)
-    even = (np.abs(spacing / usual - 1) < _EVEN - 1).astype(float)
-    moving = _summed(even, np.ones(2 * side - 1)) > 2 * side - 1.5
+    n, r = len(times) - 1, positions.shape[1]
+    whole = filled(positions, headings)
+    motion, moving = np.zeros((n, r, 3)), np.ones(n, dtype=bool)
+    for rows, receivers in fixed_rows(positions):
+        few = side if len(rows) == n + 1 else SIDES[0]
+        own = _motion(whole[rows], headings[rows], few)[:, receivers]
+        motion[:, receivers] = spread_over(rows, own, n)
+        moving &= spread_over(rows, _even(times[rows], few), n)
     if moving.sum() < 8 * side:
         return None
-    rods = pair_differences(positions)
+    rods = pair_differences(whole)
     distances = np.linalg.norm(rods, axis=-1)
-    changes = _mean_changes(distances, averaged)
+    changes = np.zeros((n, distances.shape[1]))
+    for rows, pairs in together_rows(positions):
+        share = (len(rows) - 1) / n
+        fixes = max(round(averaged * share), FEWEST_DISTANCES)
+        changes[:, pairs] = spread_over(rows, _mean_changes(distances[rows][:, pairs], fixes), n)
     directions = _seen_from(headings[:-1], rods[:-1] / np.maximum(distances[:-1], TINY)[..., None])
     motion[~moving] = 0.0
     values = np.concatenate([motion.reshape(n, -1), changes], axis=1)
     axes, sigmas, floor = _scaled(values, moving, motion[0].size, 2 * max(side, averaged))
     freedom = _EFFICIENCY * n / max(side, averaged)
     return Contrasts(max(side, averaged), values, axes, sigmas, floor, freedom, directions, moving)
+
+
+def _even(times: Array, side: int) -> Bools:
+    """(n,) True for the intervals about which no fix is missing."""
+    spacing = np.diff(times)
+    even = (np.abs(spacing / np.median(spacing) - 1) < _EVEN - 1).astype(float)
+    return np.asarray(_summed(even, np.ones(2 * side - 1)) > 2 * side - 1.5)
 
 
 def _seen_from(headings: Array, vectors: Array) -> Array:

@@ -9,12 +9,14 @@ motion make none so large.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Protocol
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from rtk_gt.lasting.continuity import gain_over_motion
 from rtk_gt.lasting.contrasts import Contrasts, contrasts, sides_of
+from rtk_gt.lasting.unequal_rates import has_fix, often
 from rtk_gt.receivers.fixes import Bools, Ints
 from validation.poses.angles import Array
 
@@ -105,6 +107,7 @@ def find_jumps(
         Seconds.
     positions : (n, r, 3) array
         Of the antennas, metres; constant errors do not matter, nor decimetres of the directions.
+        NaN where a receiver that writes less often than others has none.
     headings : (n,) array
         Of something fixed to the vehicle, radians.
     causes : sequence of tuples of int
@@ -137,7 +140,23 @@ def least_of_all(times: Array, positions: Array, headings: Array) -> float:
     return max(least, SMALLEST_IN_MOTION)
 
 
-def mismatch(there: Jump, back: Jump, receivers: int) -> float:
+class Sized(Protocol):
+    """A jump of some receivers, however it was found."""
+
+    @property
+    def receivers(self) -> tuple[int, ...]:
+        """Columns of the receivers."""
+
+    @property
+    def size(self) -> Array:
+        """(3,) east, north, up, metres."""
+
+    @property
+    def covariance(self) -> Array:
+        """(3, 3) of the size, m^2."""
+
+
+def mismatch(there: Sized, back: Sized, receivers: int) -> float:
     """Squared sigmas by which the second is not the first one back; infinite if it is another.
 
     What some receivers do, the others seem to do the other way round.
@@ -204,13 +223,14 @@ def _greatest(
     candidates: list[tuple[float, int, Jump]] = []
     looked = [contrasts(times, positions, headings, sides) for sides in sides_of(times)]
     views = [seen for seen in looked if seen is not None]
+    places = _Places(times, positions, headings)
     for seen in views:
         gains, sizes, spreads, by_motion = gains_of(seen, causes)
         best = gains.max(1)
         for row in _peaks(best, 2 * seen.window):
             cause = int(gains[row].argmax())
             level = float(best[row])
-            row = _place(views[0], int(row), causes[cause], seen.window // 3)  # noqa: PLW2901  (its place in time)
+            row = places.best(int(row), causes[cause], seen.window // 3)  # noqa: PLW2901  (its place in time)
             if not np.isfinite(gains[row, cause]):
                 continue
             rival = [k for k in range(len(causes)) if k != cause and gains[row, k] > 0]
@@ -233,7 +253,10 @@ def _greatest(
 
 def _over_motion(times: Array, positions: Array, jump: Jump) -> bool:
     """Whether no motion of the receivers that jump explains it nearly as well."""
-    places = positions[:, list(jump.receivers)].mean(1)
+    who = [k for k in jump.receivers if k in often(positions)] or list(jump.receivers)
+    rows = np.flatnonzero(has_fix(positions)[:, who].all(1))
+    times, places = times[rows], positions[rows][:, who].mean(1)
+    jump = replace(jump, row=int(np.searchsorted(rows, jump.row, side="right")) - 1)
     around = range(max(jump.row - UNSURE, 0), min(jump.row + UNSURE + 1, len(times) - 1))
     gains = [gain_over_motion(times, places, row) for row in around]
     at = around[int(np.argmax(gains))]
@@ -248,27 +271,41 @@ def _without(times: Array, places: Array, epoch: int) -> tuple[Array, Array]:
     return np.delete(times, epoch), np.delete(places, epoch, axis=0)
 
 
-def _place(seen: Contrasts, row: int, cause: tuple[int, ...], reach: int) -> int:
-    """The row within ``reach`` of one at which a jump explains the contrasts about it best.
+class _Places:
+    """Where in time a jump is, as the receivers that write most often show it."""
 
-    Of a jump the intervals beside show half, the other way round (`step_weights` of two fixes).
-    """
-    n = len(seen.values)
-    motion = seen.values.shape[1] - seen.rods.shape[1]
-    along = (seen.values @ seen.axes) / seen.floor
-    designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(cause)) / seen.floor[:, None]
-    best, place = -np.inf, row
-    for at in range(max(row - reach, 1), min(row + reach + 1, n - 1)):
-        if not seen.moving[at - 1 : at + 2].all():
-            continue
-        near = [-0.5 * designs[at - 1, :motion], designs[at], -0.5 * designs[at + 1, :motion]]
-        design = np.concatenate(near)
-        found = np.concatenate([along[at - 1, :motion], along[at], along[at + 1, :motion]])
-        size, *_ = np.linalg.lstsq(design, found, rcond=None)
-        gain = float(found @ design @ size)
-        if gain > best:
-            best, place = gain, at
-    return place
+    def __init__(self, times: Array, positions: Array, headings: Array) -> None:
+        self._often = often(positions)
+        self._reach = (len(positions) - 1) // max(min(has_fix(positions).sum(0)) - 1, 1)
+        own = positions[:, self._often]
+        self._seen = contrasts(times, own, headings, sides_of(times)[0])
+
+    def best(self, row: int, cause: tuple[int, ...], reach: int) -> int:
+        """The row within ``reach`` of one at which a jump explains the contrasts about it best.
+
+        Of a jump the intervals beside show half, the other way round (`step_weights` of two fixes).
+        """
+        seen = self._seen
+        columns = tuple(np.flatnonzero(np.isin(self._often, cause)).tolist())
+        if seen is None or not columns:
+            return row
+        reach = max(reach, self._reach if self._reach > 1 else 0)
+        n = len(seen.values)
+        motion = seen.values.shape[1] - seen.rods.shape[1]
+        along = (seen.values @ seen.axes) / seen.floor
+        designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(columns)) / seen.floor[:, None]
+        best, place = -np.inf, row
+        for at in range(max(row - reach, 1), min(row + reach + 1, n - 1)):
+            if not seen.moving[at - 1 : at + 2].all():
+                continue
+            near = [-0.5 * designs[at - 1, :motion], designs[at], -0.5 * designs[at + 1, :motion]]
+            design = np.concatenate(near)
+            found = np.concatenate([along[at - 1, :motion], along[at], along[at + 1, :motion]])
+            size, *_ = np.linalg.lstsq(design, found, rcond=None)
+            gain = float(found @ design @ size)
+            if gain > best:
+                best, place = gain, at
+        return place
 
 
 def _peaks(values: Array, apart: int) -> Ints:
@@ -320,14 +357,19 @@ def fit_of(seen: Contrasts, cause: tuple[int, ...], rows: Ints) -> tuple[Array, 
 
     Generalised least squares; sizes are along and across the baseline and up.
     """
+    right, information = evidence(seen, cause, rows)
+    spreads = np.linalg.inv(information + np.eye(3) * USUAL**-2)
+    sizes = np.einsum("nab,nb->na", spreads, right)
+    return tempered((sizes * right).sum(1), seen.freedom), sizes, np.asarray(spreads, dtype=float)
+
+
+def evidence(seen: Contrasts, cause: tuple[int, ...], rows: Ints) -> tuple[Array, Array]:
+    """Information (m, 3, 3) on the size of a jump at some intervals, and (m, 3) times the size."""
     along = (seen.values[rows] @ seen.axes) / seen.sigmas[rows]
     designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(cause)[rows])
     weighed = designs / seen.sigmas[rows, :, None]
     right = np.einsum("nka,nk->na", weighed, along)
-    information = np.einsum("nka,nkb->nab", weighed, weighed) + np.eye(3) * USUAL**-2
-    spreads = np.linalg.inv(information)
-    sizes = np.einsum("nab,nb->na", spreads, right)
-    return tempered((sizes * right).sum(1), seen.freedom), sizes, spreads
+    return right, np.einsum("nka,nkb->nab", weighed, weighed)
 
 
 def tempered(gains: Array, freedom: float) -> Array:
