@@ -65,8 +65,10 @@ class Contrasts:
         Those of the whole drive, without what its tails add.
     freedom : float
         How many independent contrasts the sigmas are from.
-    rods : (n, p, 3) array
-        Directions of the pairs, seen from the baseline: how a jump changes the distances.
+    rods : (2, n, p, 3) array
+        Directions of the pairs, seen from the baseline: how a jump changes the distances. First the
+        mean after the interval, for an error that begins there, then that before, for one that
+        ends: meanwhile a vehicle may turn.
     moving : (n,) bool array
         False at intervals whose window has a pause: only distances tell there.
     """
@@ -80,13 +82,17 @@ class Contrasts:
     rods: Array
     moving: Bools
 
-    def designs(self, cause: tuple[int, ...]) -> Array:
-        """(n, 3 r + p, 3) what a jump of these receivers does to the contrasts."""
-        n, p = self.rods.shape[:2]
+    def designs(self, cause: tuple[int, ...], ends: bool = False) -> Array:
+        """(n, 3 r + p, 3) what a jump of these receivers does to the contrasts.
+
+        Of an error that begins, or ends.
+        """
+        rods = self.rods[int(ends)]
+        n, p = rods.shape[:2]
         count = (self.values.shape[1] - p) // 3
         hit = np.isin(np.arange(count), cause).astype(float)
         by_motion = np.kron(hit[:, None], np.eye(3))
-        by_distance = (pair_incidence(count) @ hit)[:, None] * self.rods
+        by_distance = (pair_incidence(count) @ hit)[:, None] * rods
         return np.concatenate([np.broadcast_to(by_motion, (n, 3 * count, 3)), by_distance], axis=1)
 
 
@@ -163,12 +169,17 @@ def contrasts(
         return None
     rods = pair_differences(whole)
     distances = np.linalg.norm(rods, axis=-1)
-    changes = np.zeros((n, distances.shape[1]))
+    along = rods / np.maximum(distances, TINY)[..., None]
+    changes, sides_seen = np.zeros((n, distances.shape[1])), np.zeros((2, n, *along.shape[1:]))
     for rows, pairs in together_rows(positions):
-        share = (len(rows) - 1) / n
-        fixes = max(round(averaged * share), FEWEST_DISTANCES)
-        changes[:, pairs] = spread_over(rows, _mean_changes(distances[rows][:, pairs], fixes), n)
-    directions = _seen_from(headings[:-1], rods[:-1] / np.maximum(distances[:-1], TINY)[..., None])
+        fixes = max(round(averaged * (len(rows) - 1) / n), FEWEST_DISTANCES)
+        before, after = _means(distances[rows][:, pairs], fixes)
+        changes[:, pairs] = spread_over(rows, after - before, n)
+        for seen, mean in zip(
+            sides_seen, reversed(_means(along[rows][:, pairs], fixes)), strict=True
+        ):
+            seen[:, pairs] = spread_over(rows, mean, n)
+    directions = np.stack([_seen_from(headings[:-1], seen) for seen in sides_seen])
     motion[~moving] = 0.0
     values = np.concatenate([motion.reshape(n, -1), changes], axis=1)
     axes, sigmas, floor = _scaled(values, moving, motion[0].size, 2 * max(side, averaged))
@@ -203,15 +214,17 @@ def _motion(positions: Array, headings: Array, side: int) -> Array:
     return values
 
 
-def _mean_changes(distances: Array, side: int) -> Array:
-    """(n, p) mean of the distances after each interval minus that before it; 0 near the ends."""
-    total = np.concatenate([np.zeros((1, distances.shape[1])), np.cumsum(distances, axis=0)])
-    found = np.zeros((len(distances) - 1, distances.shape[1]))
+def _means(values: Array, side: int) -> tuple[Array, Array]:
+    """(n, ...) means of n + 1 values before and after each interval; 0 near the ends."""
+    total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    before, after = np.zeros((2, len(values) - 1, *values.shape[1:]))
+    inside = slice(side - 1, len(before) - side + 1)
     middle = total[side:-side]
-    found[side - 1 : len(found) - side + 1] = (
-        total[2 * side :] - 2 * middle + total[: -2 * side]
-    ) / side
-    return found
+    before[inside], after[inside] = (
+        (middle - total[: -2 * side]) / side,
+        (total[2 * side :] - middle) / side,
+    )
+    return before, after
 
 
 def _slopes(positions: Array) -> Array:

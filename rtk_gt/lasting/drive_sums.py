@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rtk_gt.lasting.jumps import USUAL
+from rtk_gt.lasting.causes import USUAL
 from rtk_gt.receivers.fixes import Ints
 from validation.poses.angles import Array
 

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
+from rtk_gt.lasting.causes import SMALLEST_IN_MOTION, causes_of
 from rtk_gt.lasting.jumps import (
     LONGEST_FALSE,
-    SMALLEST_IN_MOTION,
     Jump,
-    causes_of,
     find_jumps,
     least_of_all,
     mismatch,
+    passed,
 )
 from rtk_gt.lasting.restarts import Motion, find_change
 from rtk_gt.lasting.unequal_rates import often, own_interval
@@ -307,11 +307,6 @@ def _jumps(steps: Steps, rows: Ints, columns: tuple[int, ...], bad: Bools) -> li
     return timed
 
 
-def _reversed(there: Jump, back: Jump) -> Jump:
-    """What went there, as the clearer jump back tells it."""
-    return replace(back, row=there.row, size=-back.size)
-
-
 def _thinned(steps: Steps, rows: Ints, columns: tuple[int, ...], bad: Bools) -> tuple[Array, Array]:
     """Times and positions (n, r, 3) that are looked at; NaN where one is not fixed."""
     fixed = steps.kinds[rows][:, list(columns)] == RTK_FIXED
@@ -376,13 +371,15 @@ def _episodes(steps: Steps, found: list[_Timed]) -> list[LastingError]:
             for n in range(k + 1, len(found))
             if n not in used and found[n].after - one.after < LONGEST_FALSE
         ]
-        away = [mismatch(one.jump, found[n].jump, count) for n in later]
-        if np.isfinite(away).any():
-            n = later[int(np.argmin(away))]
+        ends = [(n, passed(one.jump, found[n].jump, count)) for n in later]
+        best = min(
+            ((end[0], n, end[1]) for n, end in ends if end is not None),
+            key=lambda pair: pair[0], default=None,
+        )  # fmt: skip
+        if best is not None:
+            _, n, jump = best
             used.add(n)
             end = found[n].after
-            if found[n].jump.gain > one.jump.gain:
-                jump = _reversed(one.jump, found[n].jump)
         errors.append(
             LastingError(
                 jump.receivers, one.after, float(end), jump.size, jump.covariance, jump.gain,

@@ -8,23 +8,30 @@ motion make none so large.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Protocol
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
+from rtk_gt.lasting.causes import (
+    GAIN,
+    GAIN_OF_MOTION,
+    SMALLEST,
+    SMALLEST_IN_MOTION,
+    UNSURE,
+    USUAL,
+    causes_of,
+    fit_of,
+    gains_of,
+    tempered,
+    told_at,
+    turned,
+)
 from rtk_gt.lasting.continuity import gain_over_motion
 from rtk_gt.lasting.contrasts import Contrasts, contrasts, sides_of
 from rtk_gt.lasting.unequal_rates import has_fix, often
-from rtk_gt.receivers.fixes import Bools, Ints
+from rtk_gt.receivers.fixes import Ints
 from validation.poses.angles import Array
 
-GAIN = 40.0
-"""Twice the log likelihood ratio of a jump against none at which there is one: chance makes that of
-three normal numbers in one of 10^8 intervals."""
-GAIN_OF_MOTION = 50.0
-"""The same where only the motion tells, as of all receivers: it has longer tails than noise."""
 GAIN_OVER_MOTION = 40.0
 """The same against motion of any roughness about the interval, see `gain_over_motion`: in 2,700
 intervals without a jump, of drives that brake and turn, it was at most 34; of jumps of 10 cm of all
@@ -38,24 +45,12 @@ GAIN_BACK = 25.0
 LONGEST_FALSE = 120.0
 """Seconds after which a jump and one back are no false fix any more: a judgement, receivers check
 their ambiguities within a minute."""
-SMALLEST = 0.03
-"""Metres of the smallest jump that is told: a judgement, below the 5 cm of a base station whose
-coordinates are averaged anew, above what multipath does within a second."""
-SMALLEST_IN_MOTION = 0.06
-"""The same where only the motion tells."""
-TELLING = 16.0
-"""Squared sigmas by which a jump changes the distances, from which on they must have changed."""
-USUAL = 0.3
-"""Metres of a usual jump, as a standard deviation, where nothing tells: over a pause heights change
-no distance."""
 _ROUNDS = 12
 """At most; each takes all jumps that are the greatest within their windows."""
 BACK = 0.15
 """Share of a jump by which the jump back may differ, beside its sigmas: errors change meanwhile."""
 _AWAY = 16.0
 """Squared sigmas by which it may differ: three numbers pass that in one of 900."""
-UNSURE = 2
-"""Epochs beside a jump that may be on its other side: noise moves its place by so many."""
 ALIKE = 9.0
 """Gain by which a cause must be better than another to be told from it: 1 in 100 by chance."""
 
@@ -80,6 +75,9 @@ class Jump:
         Other receivers whose jump explains it nearly as well.
     by_motion : bool
         Whether only the motion tells it, no distance.
+    told : tuple of (2, c, 3) array and (2, c, 3, 3) array
+        Information on the size of each cause's jump, times the size and by itself, east, north, up,
+        of an error that begins and of one that ends.
     """
 
     row: int
@@ -89,11 +87,7 @@ class Jump:
     gain: float
     alike: tuple[tuple[int, ...], ...] = ()
     by_motion: bool = False
-
-
-def causes_of(count: int) -> list[tuple[int, ...]]:
-    """All sets of receivers that may jump together: one alone, those of one base station, all."""
-    return [some for size in range(1, count + 1) for some in combinations(range(count), size)]
+    told: tuple[Array, Array] = (np.zeros((2, 0, 3)), np.zeros((2, 0, 3, 3)))
 
 
 def find_jumps(
@@ -171,6 +165,53 @@ def mismatch(there: Sized, back: Sized, receivers: int) -> float:
     return away if away < _AWAY else np.inf
 
 
+def passed(there: Jump, back: Jump, receivers: int) -> tuple[float, Jump] | None:
+    """How much worse one error that goes again explains two jumps, and that error; None if none.
+
+    Parameters
+    ----------
+    there, back : Jump
+        In the order of time.
+    receivers : int
+        How many there are.
+
+    Notes
+    -----
+    Who jumped each jump tells badly by itself; one cause and one size must do for both.
+    """
+    causes = causes_of(receivers)
+    if there.told[0].shape[1] != len(causes) or back.told[0].shape[1] != len(causes):
+        away = mismatch(there, back, receivers)
+        return (away, there) if np.isfinite(away) else None
+    usual = np.eye(3) * USUAL**-2
+
+    def whole(told: tuple[Array, Array]) -> tuple[Array, Array]:
+        sizes = np.asarray(np.linalg.solve(told[1] + usual, told[0][..., None])[..., 0], float)
+        return sizes, (sizes * told[0]).sum(-1)
+
+    (_, first), (after, second) = whole(there.told), whole(back.told)
+    right, information = there.told[0][0], there.told[1][0]
+    # The jump back may be another by a share.
+    slack = (BACK * np.linalg.norm(there.size)) ** 2 * np.eye(3)
+    loose = np.linalg.inv(np.linalg.inv(back.told[1][1] + usual) + slack)
+    spreads = np.linalg.inv(information + loose + usual)
+    wanted = -after[1]
+    sizes = np.einsum("cij,cj->ci", spreads, right + np.einsum("cij,cj->ci", loose, wanted))
+    off = sizes - wanted
+    both = 2 * (sizes * right).sum(1) - np.einsum("ci,cij,cj->c", sizes, information, sizes)
+    both = both + second[1] - np.einsum("ci,cij,cj->c", off, loose, off)
+    best = int(both.argmax())
+    loss = float(first.max() + second.max() - both[best])
+    if loss > _AWAY + ALIKE or np.linalg.norm(sizes[best]) < SMALLEST:
+        return None
+    alike = tuple(c for c, gain in zip(causes, both, strict=True) if both[best] - gain < ALIKE)
+    found = replace(
+        there, receivers=causes[best], size=sizes[best], covariance=spreads[best],
+        alike=tuple(c for c in alike if c != causes[best]),
+    )  # fmt: skip
+    return loss, found
+
+
 def _missing(times: Array, positions: Array, headings: Array, found: list[Jump]) -> list[Jump]:
     """Jumps of one receiver forth or back where only the other was found: its size is known."""
     count = positions.shape[1]
@@ -179,7 +220,7 @@ def _missing(times: Array, positions: Array, headings: Array, found: list[Jump])
         one for one in single
         if not any(
             other is not one and abs(times[other.row] - times[one.row]) < LONGEST_FALSE
-            and np.isfinite(mismatch(one, other, count))
+            and passed(*_in_time(one, other), receivers=count) is not None
             for other in found
         )
     ]  # fmt: skip
@@ -188,14 +229,18 @@ def _missing(times: Array, positions: Array, headings: Array, found: list[Jump])
     views = [contrasts(times, positions, headings, sides) for sides in sides_of(times)]
     new = []
     for one in alone:
-        backs = [_back(times, headings, seen, one) for seen in views if seen is not None]
+        backs = [_back(times, headings, seen, one, count) for seen in views if seen is not None]
         best = max(backs, key=lambda back: back.gain)
         if best.gain > GAIN_BACK:
             new.append(best)
     return new
 
 
-def _back(times: Array, headings: Array, seen: Contrasts, one: Jump) -> Jump:
+def _in_time(one: Jump, other: Jump) -> tuple[Jump, Jump]:
+    return (one, other) if one.row <= other.row else (other, one)
+
+
+def _back(times: Array, headings: Array, seen: Contrasts, one: Jump, count: int) -> Jump:
     """The likeliest jump that is the opposite of one and near it in time."""
     near = (np.abs(times[:-1] - times[one.row]) < LONGEST_FALSE) & (
         np.abs(np.arange(len(times) - 1) - one.row) > 2 * seen.window
@@ -213,7 +258,9 @@ def _back(times: Array, headings: Array, seen: Contrasts, one: Jump) -> Jump:
     gains = np.where(np.abs(share - 1) < 4 * BACK, gains, 0.0)
     best = int(gains.argmax())
     size = -one.size * share[best]
-    return replace(one, row=int(rows[best]), size=size, gain=float(gains[best]))
+    row = int(rows[best])
+    told = told_at(seen, headings, row, causes_of(count))
+    return replace(one, row=row, size=size, gain=float(gains[best]), told=told)
 
 
 def _greatest(
@@ -229,7 +276,7 @@ def _greatest(
         best = gains.max(1)
         for row in _peaks(best, 2 * seen.window):
             cause = int(gains[row].argmax())
-            level = float(best[row])
+            level, at = float(best[row]), int(row)
             row = places.best(int(row), causes[cause], seen.window // 3)  # noqa: PLW2901  (its place in time)
             if not np.isfinite(gains[row, cause]):
                 continue
@@ -239,7 +286,7 @@ def _greatest(
             jump = Jump(
                 int(row), causes[cause], east @ sizes[row, cause],
                 east @ spreads[row, cause] @ east.T, level + GAIN, tuple(alike),
-                bool(by_motion[row, cause]),
+                bool(by_motion[row, cause]), told_at(seen, headings, at, causes),
             )  # fmt: skip
             candidates.append((level, seen.window, jump))
     taken: list[tuple[int, int, Jump]] = []
@@ -291,7 +338,7 @@ class _Places:
             return row
         reach = max(reach, self._reach if self._reach > 1 else 0)
         n = len(seen.values)
-        motion = seen.values.shape[1] - seen.rods.shape[1]
+        motion = seen.values.shape[1] - seen.rods.shape[2]
         along = (seen.values @ seen.axes) / seen.floor
         designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(columns)) / seen.floor[:, None]
         best, place = -np.inf, row
@@ -316,72 +363,6 @@ def _peaks(values: Array, apart: int) -> Ints:
     padded = np.pad(values, apart, constant_values=-np.inf)
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * apart + 1)[rows]
     return np.asarray(rows[values[rows] >= windows.max(1)])
-
-
-def gains_of(
-    seen: Contrasts, causes: Sequence[tuple[int, ...]]
-) -> tuple[Array, Array, Array, Bools]:
-    """Gains (n, c) above the least, sizes (n, c, 3) and covariances (n, c, 3, 3) of each cause.
-
-    And whether (n, c) only the motion tells it.
-    Where a jump changes distances they must have changed; where it does not, only the motion tells,
-    and more is asked.
-    """
-    n, p = seen.rods.shape[:2]
-    along = (seen.values @ seen.axes) / seen.sigmas
-    gains = np.full((n, len(causes)), -np.inf)
-    sizes = np.zeros((n, len(causes), 3))
-    spreads = np.zeros((n, len(causes), 3, 3))
-    only_motion = np.zeros((n, len(causes)), dtype=bool)
-    # No cause explains more than there is, nor lies far from the interval that shows most.
-    some = maximum_filter1d(np.square(along).sum(1), 4 * UNSURE + 1) > GAIN
-    rows = np.flatnonzero(some)
-    for k, cause in enumerate(causes):
-        gain, size, spreads[rows, k] = fit_of(seen, cause, rows)
-        design = np.einsum("ji,nja->nia", seen.axes[:, -p:], seen.designs(cause)[rows])
-        change = np.einsum("npa,na->np", design / seen.sigmas[rows, -p:, None], size)
-        told = np.square(change).sum(1)
-        agrees = 2 * (change * along[rows, -p:]).sum(1) > told
-        length = np.linalg.norm(size, axis=1)
-        by_distance = (told > TELLING) & agrees & (length > SMALLEST)
-        by_motion = (told <= TELLING) & (length > SMALLEST_IN_MOTION)
-        sizes[rows, k], only_motion[rows, k] = size, by_motion
-        gains[rows, k] = np.select(
-            [by_distance, by_motion], [gain - GAIN, gain - GAIN_OF_MOTION], -np.inf
-        )
-    return gains, sizes, spreads, only_motion
-
-
-def fit_of(seen: Contrasts, cause: tuple[int, ...], rows: Ints) -> tuple[Array, Array, Array]:
-    """Gains (m,), sizes (m, 3) and covariances (m, 3, 3) of a cause at some intervals.
-
-    Generalised least squares; sizes are along and across the baseline and up.
-    """
-    right, information = evidence(seen, cause, rows)
-    spreads = np.linalg.inv(information + np.eye(3) * USUAL**-2)
-    sizes = np.einsum("nab,nb->na", spreads, right)
-    return tempered((sizes * right).sum(1), seen.freedom), sizes, np.asarray(spreads, dtype=float)
-
-
-def evidence(seen: Contrasts, cause: tuple[int, ...], rows: Ints) -> tuple[Array, Array]:
-    """Information (m, 3, 3) on the size of a jump at some intervals, and (m, 3) times the size."""
-    along = (seen.values[rows] @ seen.axes) / seen.sigmas[rows]
-    designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(cause)[rows])
-    weighed = designs / seen.sigmas[rows, :, None]
-    right = np.einsum("nka,nk->na", weighed, along)
-    return right, np.einsum("nka,nkb->nab", weighed, weighed)
-
-
-def tempered(gains: Array, freedom: float) -> Array:
-    """Gains for sigmas that are known from ``freedom`` numbers only: Student's for normal ones."""
-    return np.asarray(freedom * np.log1p(gains / freedom))
-
-
-def turned(headings: Array) -> Array:
-    """(3, 3) rotation from the vehicle's baseline to east, north, up, within an interval."""
-    angle = headings[0] + np.angle(np.exp(1j * (headings[-1] - headings[0]))) / 2
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _merged(found: list[Jump]) -> list[Jump]:

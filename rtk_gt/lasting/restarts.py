@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rtk_gt.lasting.causes import GAIN, SMALLEST, evidence, tempered, turned
 from rtk_gt.lasting.contrasts import Contrasts, contrasts, sides_of
 from rtk_gt.lasting.drive_sums import DriveSums
-from rtk_gt.lasting.jumps import ALIKE, GAIN, LONGEST_FALSE, SMALLEST, evidence, tempered, turned
+from rtk_gt.lasting.jumps import ALIKE, LONGEST_FALSE
 from rtk_gt.lasting.unequal_rates import own_interval
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.noise import pair_incidence
@@ -374,8 +375,16 @@ def _placed(times: Array, about: Motion, seen: Contrasts, found: _Candidate) -> 
     for cause, sign in (((found.who,), 1.0), (others, -1.0)):
         size = sign * found.size
         edges = [
-            _edge(times, about, seen, cause, gains, (way * size, found.spread))
-            for gains, way in zip(map(found.edge_gains, names), (1.0, -1.0), strict=False)
+            _edge(
+                times,
+                about,
+                seen,
+                cause,
+                name == "last",
+                found.edge_gains(name),
+                (way * size, found.spread),
+            )
+            for name, way in zip(names, (1.0, -1.0), strict=False)
         ]
         # The motion at both edges and the distances tell the size independently.
         told = np.linalg.inv(found.spread)
@@ -392,6 +401,7 @@ def _edge(
     about: Motion,
     seen: Contrasts,
     cause: tuple[int, ...],
+    ends: bool,
     gains: Array,
     known: tuple[Array, Array],
 ) -> _Edge:
@@ -406,7 +416,7 @@ def _edge(
     if len(rows) == 0:
         rows = np.array([int(by_distance.argmax())])
     turns = np.array([turned(about.headings[row : row + 2]) for row in rows])
-    right, information = evidence(seen, cause, rows)
+    right, information = evidence(seen, cause, rows, ends)
     right = np.einsum("nij,nj->ni", turns, right)
     information = np.einsum("nij,njk,nlk->nil", turns, information, turns)
     size, weight = known[0], np.linalg.inv(known[1])

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from rtk_gt.lasting.causes import SMALLEST, UNSURE
 from rtk_gt.lasting.errors import (
     LARGEST_RESTART,
     LastingError,
@@ -14,7 +15,6 @@ from rtk_gt.lasting.errors import (
     ended,
     lasting_errors,
 )
-from rtk_gt.lasting.jumps import SMALLEST, UNSURE
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.offsets.prior import OffsetPrior
