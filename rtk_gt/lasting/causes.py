@@ -1,6 +1,7 @@
 """What contrasts say of a jump of some receivers: its size, and how well it explains them."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -18,7 +19,7 @@ GAIN_OF_MOTION = 50.0
 SMALLEST = 0.03
 """Metres of the smallest jump that is told: a judgement, below the 5 cm of a base station whose
 coordinates are averaged anew, above what multipath does within a second."""
-SMALLEST_IN_MOTION = 0.06
+SMALLEST_IN_MOTION = 0.045
 """The same where only the motion tells."""
 TELLING = 16.0
 """Squared sigmas by which a jump changes the distances, from which on they must have changed."""
@@ -34,24 +35,43 @@ def causes_of(count: int) -> list[tuple[int, ...]]:
     return [some for size in range(1, count + 1) for some in combinations(range(count), size)]
 
 
-def gains_of(
-    seen: Contrasts, causes: Sequence[tuple[int, ...]]
-) -> tuple[Array, Array, Array, Bools]:
-    """Gains (n, c) above the least, sizes (n, c, 3) and covariances (n, c, 3, 3) of each cause.
+@dataclass(frozen=True)
+class Jumped:
+    """What n intervals say of c causes.
 
-    And whether (n, c) only the motion tells it.
-    Where a jump changes distances they must have changed; where it does not, only the motion tells,
-    and more is asked.
+    Parameters
+    ----------
+    gains : (n, c) array
+        Above the least that a jump must have; minus infinity where none was looked for.
+    allowed : (n, c) bool array
+        Whether it would be told: where it changes distances they must have changed, and it must be
+        large enough.
+    sizes : (n, c, 3) array
+        Along and across the baseline and up, metres.
+    spreads : (n, c, 3, 3) array
+        Their covariances, m^2.
+    by_motion : (n, c) bool array
+        Whether only the motion tells it.
     """
+
+    gains: Array
+    allowed: Bools
+    sizes: Array
+    spreads: Array
+    by_motion: Bools
+
+
+def jumped(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> Jumped:
+    """What all intervals say of some causes."""
     n, p = seen.rods.shape[1:3]
+    c = len(causes)
     along = (seen.values @ seen.axes) / seen.sigmas
-    gains = np.full((n, len(causes)), -np.inf)
-    sizes = np.zeros((n, len(causes), 3))
-    spreads = np.zeros((n, len(causes), 3, 3))
-    only_motion = np.zeros((n, len(causes)), dtype=bool)
+    found = Jumped(
+        np.full((n, c), -np.inf), np.zeros((n, c), dtype=bool), np.zeros((n, c, 3)),
+        np.zeros((n, c, 3, 3)), np.zeros((n, c), dtype=bool),
+    )  # fmt: skip
     # No cause explains more than there is, nor lies far from the interval that shows most.
-    some = maximum_filter1d(np.square(along).sum(1), 4 * UNSURE + 1) > GAIN
-    rows = np.flatnonzero(some)
+    rows = np.flatnonzero(maximum_filter1d(np.square(along).sum(1), 4 * UNSURE + 1) > GAIN)
     for k, cause in enumerate(causes):
         for ends in (False, True):
             gain, size, spread = fit_of(seen, cause, rows, ends)
@@ -59,18 +79,16 @@ def gains_of(
             design = np.einsum("ji,nja->nia", seen.axes[:, -p:], designs)
             change = np.einsum("npa,na->np", design / seen.sigmas[rows, -p:, None], size)
             told = np.square(change).sum(1)
-            agrees = 2 * (change * along[rows, -p:]).sum(1) > told
-            length = np.linalg.norm(size, axis=1)
-            by_distance = (told > TELLING) & agrees & (length > SMALLEST)
-            by_motion = (told <= TELLING) & (length > SMALLEST_IN_MOTION)
-            gain = np.select(
-                [by_distance, by_motion], [gain - GAIN, gain - GAIN_OF_MOTION], -np.inf
-            )
-            better = gain > gains[rows, k] if ends else np.ones(len(rows), dtype=bool)
-            some = rows[better]
-            gains[some, k], sizes[some, k] = gain[better], size[better]
-            spreads[some, k], only_motion[some, k] = spread[better], by_motion[better]
-    return gains, sizes, spreads, only_motion
+            by_motion = told <= TELLING
+            agrees = by_motion | (2 * (change * along[rows, -p:]).sum(1) > told)
+            least = np.where(by_motion, SMALLEST_IN_MOTION, SMALLEST)
+            gain = gain - np.where(by_motion, GAIN_OF_MOTION, GAIN)
+            better = gain > found.gains[rows, k]
+            at = rows[better]
+            found.gains[at, k], found.by_motion[at, k] = gain[better], by_motion[better]
+            found.sizes[at, k], found.spreads[at, k] = size[better], spread[better]
+            found.allowed[at, k] = (agrees & (np.linalg.norm(size, axis=1) > least))[better]
+    return found
 
 
 def fit_of(

@@ -21,7 +21,7 @@ from rtk_gt.lasting.causes import (
     USUAL,
     causes_of,
     fit_of,
-    gains_of,
+    jumped,
     tempered,
     told_at,
     turned,
@@ -42,6 +42,8 @@ those intervals without a jump at most 10, of jumps of 10 cm less in one of 150.
 GAIN_BACK = 25.0
 """The same of the one number of a jump back whose size is known, within `LONGEST_FALSE`: in one of
 2 million intervals."""
+NEAR = 30.0
+"""Gain below the greatest within which a cause may be the right one elsewhere nearby."""
 LONGEST_FALSE = 120.0
 """Seconds after which a jump and one back are no false fix any more: a judgement, receivers check
 their ambiguities within a minute."""
@@ -110,7 +112,11 @@ def find_jumps(
     positions = positions.copy()
     found: list[Jump] = []
     for _ in range(_ROUNDS):
-        new = _greatest(times, positions, headings, causes)
+        # Where one jumped already, motion alone does not tell that others did, too.
+        new = [
+            jump for jump in _greatest(times, positions, headings, causes)
+            if not jump.by_motion or all(abs(jump.row - one.row) > UNSURE for one in found)
+        ]  # fmt: skip
         if not new:
             break
         for jump in new:
@@ -272,23 +278,28 @@ def _greatest(
     views = [seen for seen in looked if seen is not None]
     places = _Places(times, positions, headings)
     for seen in views:
-        gains, sizes, spreads, by_motion = gains_of(seen, causes)
-        best = gains.max(1)
-        for row in _peaks(best, 2 * seen.window):
-            cause = int(gains[row].argmax())
-            level, at = float(best[row]), int(row)
-            row = places.best(int(row), causes[cause], seen.window // 3)  # noqa: PLW2901  (its place in time)
-            if not np.isfinite(gains[row, cause]):
+        told = jumped(seen, causes)
+        best = np.where(told.allowed, told.gains, -np.inf).max(1)
+        for peak in _peaks(best, 2 * seen.window):
+            some = np.flatnonzero(told.gains[peak] > told.gains[peak].max() - NEAR)
+            # Who it was the motion tells, where it was.
+            reach = seen.window // 3
+            rows = np.array([places.best(int(peak), causes[int(k)], reach) for k in some])
+            reached = told.gains[rows, some]
+            likely = reached > reached.max() - ALIKE
+            sure = likely & told.allowed[rows, some]
+            if not sure.any():
                 continue
-            rival = [k for k in range(len(causes)) if k != cause and gains[row, k] > 0]
-            alike = [causes[k] for k in rival if gains[row, cause] - gains[row, k] < ALIKE]
+            chosen = int(np.where(sure, reached, -np.inf).argmax())
+            row, cause = int(rows[chosen]), int(some[chosen])
+            alike = tuple(causes[int(k)] for k in some[likely] if k != cause)
             east = turned(headings[row : row + 2])
             jump = Jump(
-                int(row), causes[cause], east @ sizes[row, cause],
-                east @ spreads[row, cause] @ east.T, level + GAIN, tuple(alike),
-                bool(by_motion[row, cause]), told_at(seen, headings, at, causes),
+                row, causes[cause], east @ told.sizes[row, cause],
+                east @ told.spreads[row, cause] @ east.T, float(best[peak]) + GAIN, alike,
+                bool(told.by_motion[row, cause]), told_at(seen, headings, row, causes),
             )  # fmt: skip
-            candidates.append((level, seen.window, jump))
+            candidates.append((float(best[peak]), seen.window, jump))
     taken: list[tuple[int, int, Jump]] = []
     for _, side, jump in sorted(candidates, key=lambda one: -one[0]):
         if all(abs(jump.row - row) > 2 * max(side, other) for row, other, _ in taken) and (

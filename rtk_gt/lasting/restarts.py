@@ -43,6 +43,9 @@ was sharp, too."""
 SHARP, SHARP_IN_WHITE = 25.0, 9.0
 """Gain that a jump must have between two epochs, where errors wander and where they do not: of
 three normal numbers at a hundred epochs chance makes the first in one of 600 drives."""
+CLEAR_IN_WHITE = 160.0
+"""Gain from which on no jump need be sharp where errors do not wander: a vehicle that stands, or
+goes on straight, may show nothing within half a minute of it. Four times the least."""
 RAMP = 5.0
 """Seconds to both sides of a slow change that a jump must explain better, where no motion is sharp:
 errors that wander by multipath take longer."""
@@ -171,6 +174,11 @@ class _Candidate:
             first, last = np.full(some.sum(), self.first), at[some]
         found = np.zeros(n + 1)
         found[some] = self.sums.fit(first, last)[2]
+        # One that begins or ends elsewhere, far from it in gain, is another error.
+        here = self.first if edge == "first" else self.last
+        far = np.flatnonzero(found < found[here] - 2 * _NEAR)
+        found[: max(far[far < here], default=0)] = 0.0
+        found[min(far[far > here], default=n + 1) :] = 0.0
         return found
 
     def sudden(self, every: float) -> float:
@@ -215,14 +223,22 @@ def find_change(times: Array, positions: Array, offsets: Offsets, about: Motion)
     options = [placed for one in bent for placed in _placed(times, about, seen, one)]
     options.sort(key=lambda one: -one.total)
     best = options[0]
-    needed = SHARP if best.of.tau > SLOW else SHARP_IN_WHITE
-    if _told(best.of, n) <= 0 or max(best.motion, best.of.sudden(drive.every)) < needed:
+    if _told(best.of, n) <= 0 or not _sharp(best, drive.every):
         return None
     alike = dict.fromkeys(
         one.cause for one in options
         if one.cause != best.cause and best.total - one.total < ALIKE
     )  # fmt: skip
     return best.change(tuple(alike)) if np.linalg.norm(best.size) > SMALLEST else None
+
+
+def _sharp(best: "_Option", every: float) -> bool:
+    """Whether it came at once, or nothing else makes as much."""
+    wander = best.of.tau > SLOW
+    if not wander and best.of.gain > CLEAR_IN_WHITE:
+        return True
+    sharp = max(best.motion, best.of.sudden(every))
+    return sharp > (SHARP if wander else SHARP_IN_WHITE)
 
 
 def _told(one: _Candidate, n: int) -> float:
