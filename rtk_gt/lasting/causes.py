@@ -11,16 +11,16 @@ from rtk_gt.lasting.contrasts import Contrasts
 from rtk_gt.receivers.fixes import Bools, Ints
 from validation.poses.angles import Array
 
-GAIN = 40.0
-"""Twice the log likelihood ratio of a jump against none at which there is one: chance makes that of
-three normal numbers in one of 10^8 intervals."""
+GAIN = 46.0
+"""Twice the log likelihood ratio of a jump against none at which there is one. Of three normal
+numbers chance makes that in one of 10^9 intervals; of 75 clean hours one came to 43."""
 GAIN_OF_MOTION = 50.0
 """The same where only the motion tells, as of all receivers: it has longer tails than noise."""
 SMALLEST = 0.03
 """Metres of the smallest jump that is told: a judgement, below the 5 cm of a base station whose
 coordinates are averaged anew, above what multipath does within a second."""
-SMALLEST_IN_MOTION = 0.045
-"""The same where only the motion tells."""
+SMALLEST_IN_MOTION, SMALLEST_OF_ALL = 0.045, 0.06
+"""The same where only the motion tells, of some receivers and of all: a jolt moves all."""
 TELLING = 16.0
 """Squared sigmas by which a jump changes the distances, from which on they must have changed."""
 USUAL = 0.3
@@ -64,7 +64,7 @@ class Jumped:
 def jumped(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> Jumped:
     """What all intervals say of some causes."""
     n, p = seen.rods.shape[1:3]
-    c = len(causes)
+    c, count = len(causes), max(map(len, causes))
     along = (seen.values @ seen.axes) / seen.sigmas
     found = Jumped(
         np.full((n, c), -np.inf), np.zeros((n, c), dtype=bool), np.zeros((n, c, 3)),
@@ -81,7 +81,8 @@ def jumped(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> Jumped:
             told = np.square(change).sum(1)
             by_motion = told <= TELLING
             agrees = by_motion | (2 * (change * along[rows, -p:]).sum(1) > told)
-            least = np.where(by_motion, SMALLEST_IN_MOTION, SMALLEST)
+            smallest = SMALLEST_OF_ALL if len(cause) == count else SMALLEST_IN_MOTION
+            least = np.where(by_motion, smallest, SMALLEST)
             gain = gain - np.where(by_motion, GAIN_OF_MOTION, GAIN)
             better = gain > found.gains[rows, k]
             at = rows[better]

@@ -209,7 +209,7 @@ def _motion(positions: Array, headings: Array, side: int) -> Array:
     middle = headings[:-1] + np.angle(np.exp(1j * np.diff(headings))) / 2
     values = _summed(_seen_from(middle, moves), weights)
     lift = _summed(moves, weights)
-    slopes = _summed(_slopes(positions)[:-1], np.full(len(weights), 1 / len(weights)))
+    slopes = _summed(antenna_planes(positions)[2][:-1], np.full(len(weights), 1 / len(weights)))
     values[..., 2] = lift[..., 2] - np.einsum("nk,nrk->nr", slopes, lift[..., :2])
     return values
 
@@ -227,13 +227,21 @@ def _means(values: Array, side: int) -> tuple[Array, Array]:
     return before, after
 
 
-def _slopes(positions: Array) -> Array:
-    """(n, 2) slopes of the plane through the antennas; of two, along their line."""
+def antenna_planes(positions: Array) -> tuple[Array, Array, Array]:
+    """Planes through antennas (n, r, 3), of two along their line.
+
+    Returns
+    -------
+    (n, 2, 2), (n, r, 2) and (n, 2) arrays
+        Inverse of the arms' square, 1/m^2; the arms from the middle, metres; and the slopes, east
+        and north.
+    """
     arms = positions - positions.mean(1, keepdims=True)
     level = arms[..., :2]
     square = np.einsum("nri,nrj->nij", level, level)
     inverse = np.linalg.pinv(square, rcond=1e-3, hermitian=True)
-    return np.asarray(np.einsum("nij,nrj,nr->ni", inverse, level, arms[..., 2]))
+    slopes = np.einsum("nij,nrj,nr->ni", inverse, level, arms[..., 2])
+    return np.asarray(inverse, dtype=float), level, np.asarray(slopes, dtype=float)
 
 
 def _scaled(values: Array, moving: Bools, motion: int, window: int) -> tuple[Array, Array, Array]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from rtk_gt.lasting.causes import SMALLEST_IN_MOTION, causes_of
+from rtk_gt.lasting.causes import SMALLEST_OF_ALL, causes_of
 from rtk_gt.lasting.jumps import (
     LONGEST_FALSE,
     Jump,
@@ -211,7 +211,7 @@ def errors_of_one(steps: Steps) -> tuple[list[LastingError], float]:
     found = [
         one
         for one in find_jumps(times, positions, course, [(0,)])
-        if np.linalg.norm(one.size) > SMALLEST_IN_MOTION and EDGE <= one.row < len(times) - 1 - EDGE
+        if np.linalg.norm(one.size) > SMALLEST_OF_ALL and EDGE <= one.row < len(times) - 1 - EDGE
     ]
     timed = [_Timed(float(times[one.row]), float(times[one.row + 1]), one) for one in found]
     errors = [one for one in _episodes(steps, timed) if one.gain > _gain_of_one(one)]

@@ -16,7 +16,7 @@ from rtk_gt.lasting.causes import (
     GAIN,
     GAIN_OF_MOTION,
     SMALLEST,
-    SMALLEST_IN_MOTION,
+    SMALLEST_OF_ALL,
     UNSURE,
     USUAL,
     causes_of,
@@ -137,7 +137,7 @@ def least_of_all(times: Array, positions: Array, headings: Array) -> float:
             _, _, spreads = fit_of(seen, everyone, np.flatnonzero(seen.moving))
             widest = np.median(np.linalg.eigvalsh(spreads)[:, -1])
             least = min(least, float(np.sqrt(GAIN_OF_MOTION * widest)))
-    return max(least, SMALLEST_IN_MOTION)
+    return max(least, SMALLEST_OF_ALL)
 
 
 class Sized(Protocol):

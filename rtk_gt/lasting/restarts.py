@@ -9,16 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rtk_gt.lasting.causes import GAIN, SMALLEST, evidence, tempered, turned
+from rtk_gt.lasting.causes import SMALLEST, evidence, tempered, turned
 from rtk_gt.lasting.contrasts import Contrasts, contrasts, sides_of
 from rtk_gt.lasting.drive_sums import DriveSums
 from rtk_gt.lasting.jumps import ALIKE, LONGEST_FALSE
 from rtk_gt.lasting.unequal_rates import own_interval
+from rtk_gt.lasting.whole_drive import WholeDrive
 from rtk_gt.offsets.estimate import Offsets
-from rtk_gt.offsets.noise import pair_incidence
-from rtk_gt.offsets.robust import autocorrelation_time
 from rtk_gt.receivers.fixes import Ints
-from rtk_gt.receivers.steps import pair_differences
 from validation.poses.angles import Array
 
 EDGE = 20
@@ -28,13 +26,12 @@ FEWEST = 4
 SHORTEST, _LONGER = 4.0, 1.25
 """Seconds of the shortest error that goes again that is looked for, below the 5 s of the shortest
 that lasts, and by how much the next is longer: at most an eighth of it is then missed."""
-GAIN_OF_PASSING = 50.0
-"""Gain of an error that goes again: there are ten times as many of them as of those that stay."""
+GAIN, GAIN_OF_PASSING = 40.0, 50.0
+"""Gain of an error that stays, chance makes that of three normal numbers in one of 10^8 epochs; and
+of one that goes again, of which there are ten times as many."""
 PASSING = 20.0
 """Gain that an error that goes again must have above one that stays: its end is one more number
 that is chosen, and a number that is chosen from thousands is worth that."""
-_FALSE, _PLAIN = 10.0, 0.1
-"""Standard deviations, or metres, to which a residual counts: false fixes of metres are others."""
 SLOW, WANDERING = 3.0, 1.25
 """Epochs that one independent one is worth, above which errors wander by themselves (white noise of
 five records came to 1.1 at most, slow errors of 30 and 60 s at 1 Hz to 6 and more), and times the
@@ -108,47 +105,6 @@ class Change:
 
 
 @dataclass(frozen=True)
-class _Drive:
-    """Distances of n epochs and p pairs, and how they change with offsets and errors."""
-
-    rods: Array
-    residuals: Array
-    own: Array
-    every: float
-
-    @classmethod
-    def of(cls, times: Array, positions: Array, offsets: Offsets) -> "_Drive":
-        n, r = positions.shape[:2]
-        rods = pair_differences(positions)
-        lengths = np.linalg.norm(rods, axis=-1, keepdims=True)
-        along = rods / lengths
-        residuals = lengths[..., 0] - offsets.distances
-        spread = 1.4826 * np.median(np.abs(residuals - np.median(residuals, axis=0)), axis=0)
-        most = np.maximum(_FALSE * spread, _PLAIN)
-        by_offset = pair_incidence(r)[None, :, 1:, None] * along[:, :, None, :]
-        p = along.shape[1]
-        own = np.concatenate(
-            [by_offset.reshape(n, p, -1), np.broadcast_to(-np.eye(p), (n, p, p))], axis=2
-        )
-        every = float(np.median(np.diff(times)))
-        return cls(rods, np.clip(residuals, -most, most), own, every)
-
-    def error(self, who: int, size: Array) -> Array:
-        """(n, p, 4) design of an error of a receiver, about a size (3,).
-
-        The last column is what the distances change by beyond it, as they are no straight lines.
-        """
-        p = self.rods.shape[1]
-        count = next(r for r in range(2, p + 2) if r * (r - 1) // 2 == p)
-        sign = pair_incidence(count)[:, who, None]
-        right = self.rods - sign * size
-        length = np.linalg.norm(right, axis=-1, keepdims=True)
-        design = sign * right / length
-        whole = np.linalg.norm(self.rods, axis=-1) - length[..., 0]
-        return np.concatenate([design, (whole - design @ size)[..., None]], axis=-1)
-
-
-@dataclass(frozen=True)
 class _Candidate:
     """An error of one receiver in the epochs [first, last), by distances alone."""
 
@@ -211,7 +167,7 @@ def find_change(times: Array, positions: Array, offsets: Offsets, about: Motion)
     n, r = positions.shape[:2]
     if n < 4 * EDGE:
         return None
-    drive = _Drive.of(times, positions, offsets)
+    drive = WholeDrive.of(times, positions, offsets)
     each = [_likeliest(drive, k) for k in range(r)]
     sure = [one for one in each if _told(one, n) > 0]
     sides = sides_of(about.times)
@@ -248,11 +204,11 @@ def _told(one: _Candidate, n: int) -> float:
     return float(told) - (WANDERING if one.tau > SLOW else 1.0) * least
 
 
-def _likeliest(drive: _Drive, who: int) -> _Candidate:
+def _likeliest(drive: WholeDrive, who: int) -> _Candidate:
     """The likeliest error of a receiver, small beside the distances."""
     n = len(drive.residuals)
     error = drive.error(who, np.zeros(3))[..., :3]
-    weight = _weight(drive.residuals)
+    weight, _ = drive.weight(drive.residuals)
     for _ in range(2):
         sums = DriveSums.of(drive.own, error, drive.residuals, weight)
         first, last, gain = _best(sums, drive.every)
@@ -260,18 +216,12 @@ def _likeliest(drive: _Drive, who: int) -> _Candidate:
         at = ((np.arange(n) >= first) & (np.arange(n) < last))[:, None]
         change = sums.change(first, last, sizes[0])
         fitted = drive.residuals - drive.own @ change - at * (error @ sizes[0])
-        tau = autocorrelation_time(fitted)
-        used, weight = weight, _weight(fitted) / tau
+        used = weight
+        weight, tau = drive.weight(fitted)
     return _Candidate(who, first, last, sizes[0], spreads[0], gain, tau, sums, used)
 
 
-def _weight(residuals: Array) -> Array:
-    """(p, p) weight of residuals (n, p)."""
-    p = residuals.shape[1]
-    return np.asarray(np.linalg.inv(np.atleast_2d(np.cov(residuals.T)) + 1e-12 * np.eye(p)))
-
-
-def _bent(drive: _Drive, found: _Candidate) -> list[_Candidate]:
+def _bent(drive: WholeDrive, found: _Candidate) -> list[_Candidate]:
     """The same with distances that are no straight lines, from several sizes at first.
 
     Upwards a distance hardly changes at first, and by the same up and down: from a few centimetres
