@@ -90,6 +90,7 @@ def settle(
     offsets = quick(steps)
     found = lasting_errors(steps, offsets)
     _check_restarts(steps, found)
+    found = [_by_the_drive(steps, quick, found, one) for one in found]
     errors = found
     cleaned, jumps = steps, None
     for _ in range(MOST_RESTARTS):
@@ -104,6 +105,25 @@ def settle(
         settled = errors
         found, errors = _with_another(steps, found, errors, another)
     return cleaned, settled, jumps
+
+
+def _by_the_drive(
+    steps: Steps,
+    quick: Callable[[Steps], Offsets],
+    found: Sequence[LastingError],
+    one: LastingError,
+) -> LastingError:
+    """An error that goes again as the whole drive shows it, which places its ends better."""
+    if one.stays:
+        return one
+    others = without_errors(steps, [other for other in found if other is not one])
+    if int(others.complete.sum()) < FEWEST_STEPS:
+        return one
+    better = changed(others, quick(others))
+    if better is None or better.stays or one.receivers not in (better.receivers, *better.alike):
+        return one
+    both = min(one.end, better.end) - max(one.start, better.start)
+    return better if both > (one.end - one.start) / 2 else one
 
 
 def _with_another(
