@@ -78,7 +78,9 @@ def same_time(found: LastingError, true: LastingError, slack: float) -> bool:
 
 def jumps(first: int, drives: int) -> None:
     print(f"Errors that begin with a jump, {drives} drives of ten minutes a condition:")
-    print("found at their time, of them with the right receivers; clean drives with an alarm")
+    print(
+        "found within two fixes of their time, with the right receivers; clean drives with an alarm"
+    )
     for rate, every in RATES.items():
         for noise, errors in NOISE.items():
             begin, alarms = time.perf_counter(), 0
@@ -89,8 +91,10 @@ def jumps(first: int, drives: int) -> None:
                 generator = np.random.default_rng([seed, 5])
                 for kind in KINDS:
                     bad, true = spoilt(made, kind, generator)
-                    slack = 2.01 * max(every[k] for k in true.receivers)
-                    near = [one for one in settle(bad.steps)[1] if same_time(one, true, slack)]
+                    near = [
+                        one for one in settle(bad.steps)[1]
+                        if same_time(one, true, 2.01 * max(one.spacing, 0.2))
+                    ]  # fmt: skip
                     told[kind][0] += bool(near)
                     told[kind][1] += any(
                         true.receivers in (one.receivers, *one.alike) for one in near

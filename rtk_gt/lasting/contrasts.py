@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from rtk_gt.lasting.unequal_rates import filled, fixed_rows, spread_over, together_rows
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.receivers.fixes import Bools
 from rtk_gt.receivers.steps import pair_differences
@@ -64,8 +65,10 @@ class Contrasts:
         Those of the whole drive, without what its tails add.
     freedom : float
         How many independent contrasts the sigmas are from.
-    rods : (n, p, 3) array
-        Directions of the pairs, seen from the baseline: how a jump changes the distances.
+    rods : (2, n, p, 3) array
+        Directions of the pairs, seen from the baseline: how a jump changes the distances. First the
+        mean after the interval, for an error that begins there, then that before, for one that
+        ends: meanwhile a vehicle may turn.
     moving : (n,) bool array
         False at intervals whose window has a pause: only distances tell there.
     """
@@ -79,13 +82,17 @@ class Contrasts:
     rods: Array
     moving: Bools
 
-    def designs(self, cause: tuple[int, ...]) -> Array:
-        """(n, 3 r + p, 3) what a jump of these receivers does to the contrasts."""
-        n, p = self.rods.shape[:2]
+    def designs(self, cause: tuple[int, ...], ends: bool = False) -> Array:
+        """(n, 3 r + p, 3) what a jump of these receivers does to the contrasts.
+
+        Of an error that begins, or ends.
+        """
+        rods = self.rods[int(ends)]
+        n, p = rods.shape[:2]
         count = (self.values.shape[1] - p) // 3
         hit = np.isin(np.arange(count), cause).astype(float)
         by_motion = np.kron(hit[:, None], np.eye(3))
-        by_distance = (pair_incidence(count) @ hit)[:, None] * self.rods
+        by_distance = (pair_incidence(count) @ hit)[:, None] * rods
         return np.concatenate([np.broadcast_to(by_motion, (n, 3 * count, 3)), by_distance], axis=1)
 
 
@@ -133,7 +140,8 @@ def contrasts(
     times : (n + 1,) array
         Seconds.
     positions : (n + 1, r, 3) array
-        Of the antennas, offsets added as far as known, metres.
+        Of the antennas, offsets added as far as known, metres; NaN where a receiver that writes
+        less often has none.
     headings : (n + 1,) array
         Of something fixed to the vehicle, radians.
     sides : (int, int)
@@ -143,28 +151,47 @@ def contrasts(
     -----
     Along and across are seen from the vehicle, where the way of an antenna is the same all through
     a turn. Heights are those above the plane through the antennas, averaged over the window: on an
-    even slope a vehicle that turns keeps them.
+    even slope a vehicle that turns keeps them. What a receiver shows that writes less often is that
+    of its own interval, for all intervals within it.
     """
-    spacing = np.diff(times)
-    usual = float(np.median(spacing))
     side, averaged = sides
     if len(times) < 8 * averaged:
         return None
-    n = len(spacing)
-    motion = _motion(positions, headings, side)
-    even = (np.abs(spacing / usual - 1) < _EVEN - 1).astype(float)
-    moving = _summed(even, np.ones(2 * side - 1)) > 2 * side - 1.5
+    n, r = len(times) - 1, positions.shape[1]
+    whole = filled(positions, headings)
+    motion, moving = np.zeros((n, r, 3)), np.ones(n, dtype=bool)
+    for rows, receivers in fixed_rows(positions):
+        few = side if len(rows) == n + 1 else SIDES[0]
+        own = _motion(whole[rows], headings[rows], few)[:, receivers]
+        motion[:, receivers] = spread_over(rows, own, n)
+        moving &= spread_over(rows, _even(times[rows], few), n)
     if moving.sum() < 8 * side:
         return None
-    rods = pair_differences(positions)
+    rods = pair_differences(whole)
     distances = np.linalg.norm(rods, axis=-1)
-    changes = _mean_changes(distances, averaged)
-    directions = _seen_from(headings[:-1], rods[:-1] / np.maximum(distances[:-1], TINY)[..., None])
+    along = rods / np.maximum(distances, TINY)[..., None]
+    changes, sides_seen = np.zeros((n, distances.shape[1])), np.zeros((2, n, *along.shape[1:]))
+    for rows, pairs in together_rows(positions):
+        fixes = max(round(averaged * (len(rows) - 1) / n), FEWEST_DISTANCES)
+        before, after = _means(distances[rows][:, pairs], fixes)
+        changes[:, pairs] = spread_over(rows, after - before, n)
+        for seen, mean in zip(
+            sides_seen, reversed(_means(along[rows][:, pairs], fixes)), strict=True
+        ):
+            seen[:, pairs] = spread_over(rows, mean, n)
+    directions = np.stack([_seen_from(headings[:-1], seen) for seen in sides_seen])
     motion[~moving] = 0.0
     values = np.concatenate([motion.reshape(n, -1), changes], axis=1)
     axes, sigmas, floor = _scaled(values, moving, motion[0].size, 2 * max(side, averaged))
     freedom = _EFFICIENCY * n / max(side, averaged)
     return Contrasts(max(side, averaged), values, axes, sigmas, floor, freedom, directions, moving)
+
+
+def _even(times: Array, side: int) -> Bools:
+    """(n,) True for the intervals about which no fix is missing."""
+    spacing = np.diff(times)
+    even = (np.abs(spacing / np.median(spacing) - 1) < _EVEN - 1).astype(float)
+    return np.asarray(_summed(even, np.ones(2 * side - 1)) > 2 * side - 1.5)
 
 
 def _seen_from(headings: Array, vectors: Array) -> Array:
@@ -182,29 +209,39 @@ def _motion(positions: Array, headings: Array, side: int) -> Array:
     middle = headings[:-1] + np.angle(np.exp(1j * np.diff(headings))) / 2
     values = _summed(_seen_from(middle, moves), weights)
     lift = _summed(moves, weights)
-    slopes = _summed(_slopes(positions)[:-1], np.full(len(weights), 1 / len(weights)))
+    slopes = _summed(antenna_planes(positions)[2][:-1], np.full(len(weights), 1 / len(weights)))
     values[..., 2] = lift[..., 2] - np.einsum("nk,nrk->nr", slopes, lift[..., :2])
     return values
 
 
-def _mean_changes(distances: Array, side: int) -> Array:
-    """(n, p) mean of the distances after each interval minus that before it; 0 near the ends."""
-    total = np.concatenate([np.zeros((1, distances.shape[1])), np.cumsum(distances, axis=0)])
-    found = np.zeros((len(distances) - 1, distances.shape[1]))
+def _means(values: Array, side: int) -> tuple[Array, Array]:
+    """(n, ...) means of n + 1 values before and after each interval; 0 near the ends."""
+    total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    before, after = np.zeros((2, len(values) - 1, *values.shape[1:]))
+    inside = slice(side - 1, len(before) - side + 1)
     middle = total[side:-side]
-    found[side - 1 : len(found) - side + 1] = (
-        total[2 * side :] - 2 * middle + total[: -2 * side]
-    ) / side
-    return found
+    before[inside], after[inside] = (
+        (middle - total[: -2 * side]) / side,
+        (total[2 * side :] - middle) / side,
+    )
+    return before, after
 
 
-def _slopes(positions: Array) -> Array:
-    """(n, 2) slopes of the plane through the antennas; of two, along their line."""
+def antenna_planes(positions: Array) -> tuple[Array, Array, Array]:
+    """Planes through antennas (n, r, 3), of two along their line.
+
+    Returns
+    -------
+    (n, 2, 2), (n, r, 2) and (n, 2) arrays
+        Inverse of the arms' square, 1/m^2; the arms from the middle, metres; and the slopes, east
+        and north.
+    """
     arms = positions - positions.mean(1, keepdims=True)
     level = arms[..., :2]
     square = np.einsum("nri,nrj->nij", level, level)
     inverse = np.linalg.pinv(square, rcond=1e-3, hermitian=True)
-    return np.asarray(np.einsum("nij,nrj,nr->ni", inverse, level, arms[..., 2]))
+    slopes = np.einsum("nij,nrj,nr->ni", inverse, level, arms[..., 2])
+    return np.asarray(inverse, dtype=float), level, np.asarray(slopes, dtype=float)
 
 
 def _scaled(values: Array, moving: Bools, motion: int, window: int) -> tuple[Array, Array, Array]:

@@ -9,17 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
+from rtk_gt.lasting.causes import SMALLEST_OF_ALL, causes_of
 from rtk_gt.lasting.jumps import (
     LONGEST_FALSE,
-    SMALLEST_IN_MOTION,
-    UNSURE,
     Jump,
-    causes_of,
     find_jumps,
     least_of_all,
     mismatch,
+    passed,
 )
-from rtk_gt.lasting.restarts import find_restart
+from rtk_gt.lasting.restarts import Motion, find_change
+from rtk_gt.lasting.unequal_rates import often, own_interval
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.receivers.fixes import RTK_FIXED, Bools, Ints
 from rtk_gt.receivers.steps import Steps
@@ -105,6 +105,15 @@ class LastingError:
         return float(np.sqrt(along @ self.covariance @ along))
 
 
+@dataclass(frozen=True)
+class _Timed:
+    """A jump between two times."""
+
+    before: float
+    after: float
+    jump: Jump
+
+
 def beyond_a_base(error: LastingError) -> bool:
     """Whether a jump is clearly larger than a restart of a base station makes."""
     return error.length - 3 * error.length_sigma > LARGEST_RESTART
@@ -121,16 +130,64 @@ def lasting_errors(steps: Steps, offsets: Offsets) -> list[LastingError]:
         Of the receivers, to a decimetre.
     """
     steps = _placed(steps, offsets)
-    count = len(steps.receivers)
-    every = np.flatnonzero(steps.complete)
-    found = _jumps(steps, every, tuple(range(count)), offsets.weights > 0)
+    everyone = tuple(range(len(steps.receivers)))
+    rows, bad = _looked_at(steps, offsets)
+    found = _jumps(steps, rows, everyone, bad)
     fast = _often(steps)
     if fast is not None:
-        rows = np.flatnonzero((steps.kinds[:, fast] == RTK_FIXED).all(1))
-        if len(rows) > FASTER * len(every):
-            own = _jumps(steps, rows, fast, np.ones(len(rows), dtype=bool))
-            found = _together(found, own, set(fast), count)
+        found = sorted([*found, *_alone(steps, fast, found)], key=lambda one: one.after)
     return _episodes(steps, found)
+
+
+def _looked_at(steps: Steps, offsets: Offsets) -> tuple[Ints, Bools]:
+    """Rows of the steps that are looked at, and which of them are single bad epochs.
+
+    Those of the receivers that write most often, if these are some but not all; else those at which
+    all are fixed.
+    """
+    every = np.flatnonzero(steps.complete)
+    fast = _often(steps)
+    rows = every if fast is None else np.flatnonzero((steps.kinds[:, fast] == RTK_FIXED).all(1))
+    if len(rows) <= FASTER * len(every):
+        rows = every
+    return rows, np.isin(rows, every[_single(offsets)])
+
+
+def _single(offsets: Offsets) -> Bools:
+    """(t,) the bad steps that are fewer in a row than an error that lasts, and unlike those beside.
+
+    At the edge of an error that lasts some steps may be bad and others not.
+    """
+    bad = offsets.weights <= 0
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(int)))
+    found = np.zeros(len(bad), dtype=bool)
+    for begin, end in edges.reshape(-1, 2):
+        inside, beside = [(begin, begin - 1), (end - 1, end)], offsets.residuals
+        alike = [
+            np.linalg.norm(beside[own] - beside[other]) < np.linalg.norm(beside[own]) / 2
+            for own, other in inside
+            if 0 <= other < len(bad)
+        ]
+        if end - begin < SHORT and not any(alike):
+            found[begin:end] = True
+    return found
+
+
+def _alone(steps: Steps, fast: tuple[int, ...], found: list[_Timed]) -> list[_Timed]:
+    """Jumps of those that write most often while the others have no fix."""
+    together = steps.times[steps.complete]
+    if len(together) < 2:
+        return []
+    usual = float(np.median(np.diff(together)))
+    rows = np.flatnonzero((steps.kinds[:, fast] == RTK_FIXED).all(1))
+    kept = []
+    for one in _jumps(steps, rows, fast, np.zeros(len(rows), dtype=bool)):
+        at = int(np.searchsorted(together, one.after - 1e-6))
+        gap = np.diff(together[max(at - 1, 0) : at + 1]).sum() if 0 < at < len(together) else np.inf
+        near = any(abs(other.after - one.after) < 2 * gap for other in found)
+        if gap > FASTER * usual and not (np.isfinite(gap) and near):
+            kept.append(one)
+    return kept
 
 
 def errors_of_one(steps: Steps) -> tuple[list[LastingError], float]:
@@ -149,12 +206,12 @@ def errors_of_one(steps: Steps) -> tuple[list[LastingError], float]:
     rows = np.flatnonzero(steps.complete)
     if len(rows) < 2:
         return [], np.inf
-    times, positions = _thinned(steps, rows, (0,), np.ones(len(rows), dtype=bool))
+    times, positions = _thinned(steps, rows, (0,), np.zeros(len(rows), dtype=bool))
     course = _course(times, positions[:, 0, :2])
     found = [
         one
         for one in find_jumps(times, positions, course, [(0,)])
-        if np.linalg.norm(one.size) > SMALLEST_IN_MOTION and EDGE <= one.row < len(times) - 1 - EDGE
+        if np.linalg.norm(one.size) > SMALLEST_OF_ALL and EDGE <= one.row < len(times) - 1 - EDGE
     ]
     timed = [_Timed(float(times[one.row]), float(times[one.row + 1]), one) for one in found]
     errors = [one for one in _episodes(steps, timed) if one.gain > _gain_of_one(one)]
@@ -179,8 +236,8 @@ def _course(times: Array, level: Array) -> Array:
     return np.asarray(np.interp(times, times[moving], way))
 
 
-def restarted(steps: Steps, offsets: Offsets) -> LastingError | None:
-    """The likeliest jump of the offsets that stays and is still in the steps; None if none is sure.
+def changed(steps: Steps, offsets: Offsets) -> LastingError | None:
+    """The likeliest error that is still in the steps by the whole drive; None if none is sure.
 
     Parameters
     ----------
@@ -189,15 +246,21 @@ def restarted(steps: Steps, offsets: Offsets) -> LastingError | None:
     """
     if not offsets.known:
         return None
-    rows = np.flatnonzero(steps.complete)[offsets.weights > 0]
+    every = np.flatnonzero(steps.complete)
+    rows = every[~_single(offsets)]
     rows = rows[:: max(len(rows) // MOST, 1)]
-    positions = steps.positions[rows] + offsets.offsets.values
-    times = steps.times[rows]
-    found = find_restart(times, positions, _headings(positions[..., :2]), offsets)
+    placed = _placed(steps, offsets)
+    looked, bad = _looked_at(steps, offsets)
+    times, positions = _thinned(placed, looked, tuple(range(len(steps.receivers))), bad)
+    about = Motion(times, positions, _headings(positions))
+    found = find_change(steps.times[rows], placed.positions[rows], offsets, about)
     if found is None:
         return None
-    one = _Timed(float(times[found.row]), float(times[found.row + 1]), found)
-    return _episodes(steps, [one])[0]
+    return LastingError(
+        found.receivers, found.start, found.end, found.size, found.covariance, found.gain,
+        _epochs(steps, found.receivers, found.start, found.end), found.start - found.before,
+        found.alike,
+    )  # fmt: skip
 
 
 def _placed(steps: Steps, offsets: Offsets) -> Steps:
@@ -215,15 +278,6 @@ def _placed(steps: Steps, offsets: Offsets) -> Steps:
     )
 
 
-@dataclass(frozen=True)
-class _Timed:
-    """A jump between two times."""
-
-    before: float
-    after: float
-    jump: Jump
-
-
 def smallest_seen(steps: Steps, offsets: Offsets) -> float:
     """Metres of a jump of all receivers that half of the intervals would show in any direction.
 
@@ -236,45 +290,42 @@ def smallest_seen(steps: Steps, offsets: Offsets) -> float:
         rows = np.flatnonzero((steps.kinds[:, some] == RTK_FIXED).all(1))
         if len(rows) < 2:
             continue
-        times, positions = _thinned(steps, rows, some, np.ones(len(rows), dtype=bool))
-        least = min(least, least_of_all(times, positions, _headings(positions[..., :2])))
+        times, positions = _thinned(steps, rows, some, np.zeros(len(rows), dtype=bool))
+        least = min(least, least_of_all(times, positions, _headings(positions)))
     return least
 
 
-def _jumps(steps: Steps, rows: Ints, columns: tuple[int, ...], good: Bools) -> list[_Timed]:
+def _jumps(steps: Steps, rows: Ints, columns: tuple[int, ...], bad: Bools) -> list[_Timed]:
     """Jumps of some receivers at the times at which they are fixed together."""
-    times, positions = _thinned(steps, rows, columns, good)
-    headings = _headings(positions[..., :2])
-    found = find_jumps(times, positions, headings, causes_of(len(columns)))
-    return [
-        _Timed(
-            float(times[one.row]), float(times[one.row + 1]),
-            replace(one, receivers=tuple(columns[k] for k in one.receivers)),
-        )
-        for one in found
-    ]  # fmt: skip
+    times, positions = _thinned(steps, rows, columns, bad)
+    found = find_jumps(times, positions, _headings(positions), causes_of(len(columns)))
+    timed = []
+    for one in found:
+        before, after = own_interval(positions, one.receivers, one.row)
+        named = replace(one, receivers=tuple(columns[k] for k in one.receivers))
+        timed.append(_Timed(float(times[before]), float(times[after]), named))
+    return timed
 
 
-def _reversed(there: Jump, back: Jump) -> Jump:
-    """What went there, as the clearer jump back tells it."""
-    return replace(back, row=there.row, size=-back.size)
-
-
-def _thinned(
-    steps: Steps, rows: Ints, columns: tuple[int, ...], good: Bools
-) -> tuple[Array, Array]:
-    """Times and positions (n, r, 3) that are looked at."""
-    positions = _bridged(steps.times[rows], steps.positions[rows][:, list(columns)], good)
+def _thinned(steps: Steps, rows: Ints, columns: tuple[int, ...], bad: Bools) -> tuple[Array, Array]:
+    """Times and positions (n, r, 3) that are looked at; NaN where one is not fixed."""
+    fixed = steps.kinds[rows][:, list(columns)] == RTK_FIXED
+    found = np.where(fixed[..., None], steps.positions[rows][:, list(columns)], np.nan)
+    positions = _bridged(steps.times[rows], found, bad)
     stride = max(round(SPACING / float(np.median(np.diff(steps.times[rows])))), 1)
-    return steps.times[rows][::stride], positions[::stride]
+    # Those that write less often must not fall between the epochs that are kept.
+    first = max(range(stride), key=lambda k: int(fixed[k::stride].all(1).sum()))
+    return steps.times[rows][first::stride], positions[first::stride]
 
 
-def _headings(level: Array) -> Array:
-    """(n,) headings of the longest baseline, (n, r, 2) level positions, that no jump turns.
+def _headings(positions: Array) -> Array:
+    """(n,) headings of the longest baseline, of (n, r, 3) positions, that no jump turns.
 
-    A jump of one of its ends turns it between two epochs, which the median of the turns about that
-    interval leaves out; over a hundred epochs the headings follow the baseline again.
+    Of receivers that have one at every epoch. A jump of one of its ends turns it between two
+    epochs, which the median of the turns about that interval leaves out; over a hundred epochs the
+    headings follow the baseline again.
     """
+    level = positions[:, often(positions), :2]
     apart = np.linalg.norm(level[:, :, None] - level[:, None], axis=-1)
     reach = np.median(apart, axis=0)
     i, j = divmod(int(reach.argmax()), len(reach))
@@ -285,20 +336,18 @@ def _headings(level: Array) -> Array:
     return np.asarray(smooth + uniform_filter1d(seen - smooth, 101, mode="nearest"))
 
 
-def _bridged(times: Array, positions: Array, good: Bools) -> Array:
-    """Positions with single epochs that are bad replaced by what is between their neighbours."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], good, [True]]).astype(int)))
-    bad = np.zeros(len(good), dtype=bool)
-    for begin, end in edges.reshape(-1, 2):
-        if end - begin < SHORT:
-            bad[begin:end] = True
+def _bridged(times: Array, positions: Array, bad: Bools) -> Array:
+    """Positions with the epochs that are bad replaced by what is between their neighbours."""
     if not bad.any() or bad.all():
         return positions
-    filled = positions.copy()
-    flat = filled.reshape(len(times), -1)
-    for k in range(flat.shape[1]):
-        flat[bad, k] = np.interp(times[bad], times[~bad], flat[~bad, k])
-    return filled
+    bridged = positions.copy()
+    for k in often(positions):
+        for axis in range(3):
+            good = positions[~bad, k, axis]
+            bridged[bad, k, axis] = np.interp(times[bad], times[~bad], good)
+    rare = np.setdiff1d(np.arange(positions.shape[1]), often(positions))
+    bridged[np.ix_(bad, rare)] = np.nan
+    return bridged
 
 
 def _often(steps: Steps) -> tuple[int, ...] | None:
@@ -306,35 +355,6 @@ def _often(steps: Steps) -> tuple[int, ...] | None:
     fixes = (steps.kinds == RTK_FIXED).sum(0)
     some = tuple(np.flatnonzero(fixes >= _OFTEN * fixes.max()).tolist())
     return some if 2 <= len(some) < len(fixes) else None
-
-
-def _together(whole: list[_Timed], own: list[_Timed], fast: set[int], count: int) -> list[_Timed]:
-    """What all receivers show, beside what those show that write most often.
-
-    These tell when it was and which of them it was; all together whether the others were, too.
-    """
-    found: list[_Timed] = []
-    used: set[int] = set()
-    for one in own:
-        slow = [
-            k for k, other in enumerate(whole)
-            if other.before < one.after + _slack(other) and one.before < other.after + _slack(other)
-            and k not in used
-        ]  # fmt: skip
-        receivers = one.jump.receivers
-        seen = [whole[k].jump for k in slow if set(whole[k].jump.receivers) & set(receivers)]
-        if set(receivers) == fast and not slow:
-            receivers = tuple(range(count))  # the distances to the others stayed
-        elif seen and set(seen[0].receivers) & fast == set(receivers):
-            receivers = seen[0].receivers
-        used |= set(slow)
-        found.append(replace(one, jump=replace(one.jump, receivers=receivers)))
-    rest = [other for k, other in enumerate(whole) if k not in used]
-    return sorted([*found, *rest], key=lambda one: one.after)
-
-
-def _slack(slow: _Timed) -> float:
-    return (UNSURE + 0.5) * (slow.after - slow.before)
 
 
 def _episodes(steps: Steps, found: list[_Timed]) -> list[LastingError]:
@@ -351,19 +371,46 @@ def _episodes(steps: Steps, found: list[_Timed]) -> list[LastingError]:
             for n in range(k + 1, len(found))
             if n not in used and found[n].after - one.after < LONGEST_FALSE
         ]
-        away = [mismatch(one.jump, found[n].jump, count) for n in later]
-        if np.isfinite(away).any():
-            n = later[int(np.argmin(away))]
+        ends = [(n, passed(one.jump, found[n].jump, count)) for n in later]
+        best = min(
+            ((end[0], n, end[1]) for n, end in ends if end is not None),
+            key=lambda pair: pair[0], default=None,
+        )  # fmt: skip
+        if best is not None:
+            _, n, jump = best
             used.add(n)
             end = found[n].after
-            if found[n].jump.gain > one.jump.gain:
-                jump = _reversed(one.jump, found[n].jump)
-        at = (steps.times >= one.after - 1e-6) & (steps.times < end - 1e-6)
-        fixed = (steps.kinds[:, list(jump.receivers)] == RTK_FIXED).any(1)
         errors.append(
             LastingError(
                 jump.receivers, one.after, float(end), jump.size, jump.covariance, jump.gain,
-                int((at & fixed).sum()), one.after - one.before, jump.alike,
+                _epochs(steps, jump.receivers, one.after, end), one.after - one.before, jump.alike,
             )
         )  # fmt: skip
     return errors
+
+
+def _epochs(steps: Steps, receivers: tuple[int, ...], start: float, end: float) -> int:
+    """Times from a start to before an end at which one of the receivers is fixed."""
+    at = (steps.times >= start - 1e-6) & (steps.times < end - 1e-6)
+    fixed = (steps.kinds[:, list(receivers)] == RTK_FIXED).any(1)
+    return int((at & fixed).sum())
+
+
+def ended(steps: Steps, one: LastingError, other: LastingError) -> LastingError | None:
+    """The first of two errors that stay, ended by the second if that is the jump back; else None.
+
+    Parameters
+    ----------
+    steps : Steps
+        As recorded.
+    one, other : LastingError
+        In any order.
+    """
+    first, second = sorted((one, other), key=lambda error: error.start)
+    apart = second.start - first.start
+    if not (first.stays and second.stays and 0 < apart < LONGEST_FALSE):
+        return None
+    if not np.isfinite(mismatch(first, second, len(steps.receivers))):
+        return None
+    epochs = _epochs(steps, first.receivers, first.start, second.start)
+    return replace(first, end=second.start, epochs=epochs)

@@ -8,21 +8,30 @@ motion make none so large.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from typing import Protocol
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
+from rtk_gt.lasting.causes import (
+    GAIN,
+    GAIN_OF_MOTION,
+    SMALLEST,
+    SMALLEST_OF_ALL,
+    UNSURE,
+    USUAL,
+    causes_of,
+    fit_of,
+    jumped,
+    tempered,
+    told_at,
+    turned,
+)
 from rtk_gt.lasting.continuity import gain_over_motion
 from rtk_gt.lasting.contrasts import Contrasts, contrasts, sides_of
-from rtk_gt.receivers.fixes import Bools, Ints
+from rtk_gt.lasting.unequal_rates import has_fix, often
+from rtk_gt.receivers.fixes import Ints
 from validation.poses.angles import Array
 
-GAIN = 40.0
-"""Twice the log likelihood ratio of a jump against none at which there is one: chance makes that of
-three normal numbers in one of 10^8 intervals."""
-GAIN_OF_MOTION = 50.0
-"""The same where only the motion tells, as of all receivers: it has longer tails than noise."""
 GAIN_OVER_MOTION = 40.0
 """The same against motion of any roughness about the interval, see `gain_over_motion`: in 2,700
 intervals without a jump, of drives that brake and turn, it was at most 34; of jumps of 10 cm of all
@@ -33,27 +42,17 @@ those intervals without a jump at most 10, of jumps of 10 cm less in one of 150.
 GAIN_BACK = 25.0
 """The same of the one number of a jump back whose size is known, within `LONGEST_FALSE`: in one of
 2 million intervals."""
+NEAR = 30.0
+"""Gain below the greatest within which a cause may be the right one elsewhere nearby."""
 LONGEST_FALSE = 120.0
 """Seconds after which a jump and one back are no false fix any more: a judgement, receivers check
 their ambiguities within a minute."""
-SMALLEST = 0.03
-"""Metres of the smallest jump that is told: a judgement, below the 5 cm of a base station whose
-coordinates are averaged anew, above what multipath does within a second."""
-SMALLEST_IN_MOTION = 0.06
-"""The same where only the motion tells."""
-TELLING = 16.0
-"""Squared sigmas by which a jump changes the distances, from which on they must have changed."""
-USUAL = 0.3
-"""Metres of a usual jump, as a standard deviation, where nothing tells: over a pause heights change
-no distance."""
 _ROUNDS = 12
 """At most; each takes all jumps that are the greatest within their windows."""
 BACK = 0.15
 """Share of a jump by which the jump back may differ, beside its sigmas: errors change meanwhile."""
 _AWAY = 16.0
 """Squared sigmas by which it may differ: three numbers pass that in one of 900."""
-UNSURE = 2
-"""Epochs beside a jump that may be on its other side: noise moves its place by so many."""
 ALIKE = 9.0
 """Gain by which a cause must be better than another to be told from it: 1 in 100 by chance."""
 
@@ -78,6 +77,9 @@ class Jump:
         Other receivers whose jump explains it nearly as well.
     by_motion : bool
         Whether only the motion tells it, no distance.
+    told : tuple of (2, c, 3) array and (2, c, 3, 3) array
+        Information on the size of each cause's jump, times the size and by itself, east, north, up,
+        of an error that begins and of one that ends.
     """
 
     row: int
@@ -87,11 +89,7 @@ class Jump:
     gain: float
     alike: tuple[tuple[int, ...], ...] = ()
     by_motion: bool = False
-
-
-def causes_of(count: int) -> list[tuple[int, ...]]:
-    """All sets of receivers that may jump together: one alone, those of one base station, all."""
-    return [some for size in range(1, count + 1) for some in combinations(range(count), size)]
+    told: tuple[Array, Array] = (np.zeros((2, 0, 3)), np.zeros((2, 0, 3, 3)))
 
 
 def find_jumps(
@@ -105,6 +103,7 @@ def find_jumps(
         Seconds.
     positions : (n, r, 3) array
         Of the antennas, metres; constant errors do not matter, nor decimetres of the directions.
+        NaN where a receiver that writes less often than others has none.
     headings : (n,) array
         Of something fixed to the vehicle, radians.
     causes : sequence of tuples of int
@@ -113,7 +112,11 @@ def find_jumps(
     positions = positions.copy()
     found: list[Jump] = []
     for _ in range(_ROUNDS):
-        new = _greatest(times, positions, headings, causes)
+        # Where one jumped already, motion alone does not tell that others did, too.
+        new = [
+            jump for jump in _greatest(times, positions, headings, causes)
+            if not jump.by_motion or all(abs(jump.row - one.row) > UNSURE for one in found)
+        ]  # fmt: skip
         if not new:
             break
         for jump in new:
@@ -134,10 +137,26 @@ def least_of_all(times: Array, positions: Array, headings: Array) -> float:
             _, _, spreads = fit_of(seen, everyone, np.flatnonzero(seen.moving))
             widest = np.median(np.linalg.eigvalsh(spreads)[:, -1])
             least = min(least, float(np.sqrt(GAIN_OF_MOTION * widest)))
-    return max(least, SMALLEST_IN_MOTION)
+    return max(least, SMALLEST_OF_ALL)
 
 
-def mismatch(there: Jump, back: Jump, receivers: int) -> float:
+class Sized(Protocol):
+    """A jump of some receivers, however it was found."""
+
+    @property
+    def receivers(self) -> tuple[int, ...]:
+        """Columns of the receivers."""
+
+    @property
+    def size(self) -> Array:
+        """(3,) east, north, up, metres."""
+
+    @property
+    def covariance(self) -> Array:
+        """(3, 3) of the size, m^2."""
+
+
+def mismatch(there: Sized, back: Sized, receivers: int) -> float:
     """Squared sigmas by which the second is not the first one back; infinite if it is another.
 
     What some receivers do, the others seem to do the other way round.
@@ -152,6 +171,53 @@ def mismatch(there: Jump, back: Jump, receivers: int) -> float:
     return away if away < _AWAY else np.inf
 
 
+def passed(there: Jump, back: Jump, receivers: int) -> tuple[float, Jump] | None:
+    """How much worse one error that goes again explains two jumps, and that error; None if none.
+
+    Parameters
+    ----------
+    there, back : Jump
+        In the order of time.
+    receivers : int
+        How many there are.
+
+    Notes
+    -----
+    Who jumped each jump tells badly by itself; one cause and one size must do for both.
+    """
+    causes = causes_of(receivers)
+    if there.told[0].shape[1] != len(causes) or back.told[0].shape[1] != len(causes):
+        away = mismatch(there, back, receivers)
+        return (away, there) if np.isfinite(away) else None
+    usual = np.eye(3) * USUAL**-2
+
+    def whole(told: tuple[Array, Array]) -> tuple[Array, Array]:
+        sizes = np.asarray(np.linalg.solve(told[1] + usual, told[0][..., None])[..., 0], float)
+        return sizes, (sizes * told[0]).sum(-1)
+
+    (_, first), (after, second) = whole(there.told), whole(back.told)
+    right, information = there.told[0][0], there.told[1][0]
+    # The jump back may be another by a share.
+    slack = (BACK * np.linalg.norm(there.size)) ** 2 * np.eye(3)
+    loose = np.linalg.inv(np.linalg.inv(back.told[1][1] + usual) + slack)
+    spreads = np.linalg.inv(information + loose + usual)
+    wanted = -after[1]
+    sizes = np.einsum("cij,cj->ci", spreads, right + np.einsum("cij,cj->ci", loose, wanted))
+    off = sizes - wanted
+    both = 2 * (sizes * right).sum(1) - np.einsum("ci,cij,cj->c", sizes, information, sizes)
+    both = both + second[1] - np.einsum("ci,cij,cj->c", off, loose, off)
+    best = int(both.argmax())
+    loss = float(first.max() + second.max() - both[best])
+    if loss > _AWAY + ALIKE or np.linalg.norm(sizes[best]) < SMALLEST:
+        return None
+    alike = tuple(c for c, gain in zip(causes, both, strict=True) if both[best] - gain < ALIKE)
+    found = replace(
+        there, receivers=causes[best], size=sizes[best], covariance=spreads[best],
+        alike=tuple(c for c in alike if c != causes[best]),
+    )  # fmt: skip
+    return loss, found
+
+
 def _missing(times: Array, positions: Array, headings: Array, found: list[Jump]) -> list[Jump]:
     """Jumps of one receiver forth or back where only the other was found: its size is known."""
     count = positions.shape[1]
@@ -160,7 +226,7 @@ def _missing(times: Array, positions: Array, headings: Array, found: list[Jump])
         one for one in single
         if not any(
             other is not one and abs(times[other.row] - times[one.row]) < LONGEST_FALSE
-            and np.isfinite(mismatch(one, other, count))
+            and passed(*_in_time(one, other), receivers=count) is not None
             for other in found
         )
     ]  # fmt: skip
@@ -169,14 +235,18 @@ def _missing(times: Array, positions: Array, headings: Array, found: list[Jump])
     views = [contrasts(times, positions, headings, sides) for sides in sides_of(times)]
     new = []
     for one in alone:
-        backs = [_back(times, headings, seen, one) for seen in views if seen is not None]
+        backs = [_back(times, headings, seen, one, count) for seen in views if seen is not None]
         best = max(backs, key=lambda back: back.gain)
         if best.gain > GAIN_BACK:
             new.append(best)
     return new
 
 
-def _back(times: Array, headings: Array, seen: Contrasts, one: Jump) -> Jump:
+def _in_time(one: Jump, other: Jump) -> tuple[Jump, Jump]:
+    return (one, other) if one.row <= other.row else (other, one)
+
+
+def _back(times: Array, headings: Array, seen: Contrasts, one: Jump, count: int) -> Jump:
     """The likeliest jump that is the opposite of one and near it in time."""
     near = (np.abs(times[:-1] - times[one.row]) < LONGEST_FALSE) & (
         np.abs(np.arange(len(times) - 1) - one.row) > 2 * seen.window
@@ -194,7 +264,9 @@ def _back(times: Array, headings: Array, seen: Contrasts, one: Jump) -> Jump:
     gains = np.where(np.abs(share - 1) < 4 * BACK, gains, 0.0)
     best = int(gains.argmax())
     size = -one.size * share[best]
-    return replace(one, row=int(rows[best]), size=size, gain=float(gains[best]))
+    row = int(rows[best])
+    told = told_at(seen, headings, row, causes_of(count))
+    return replace(one, row=row, size=size, gain=float(gains[best]), told=told)
 
 
 def _greatest(
@@ -204,24 +276,30 @@ def _greatest(
     candidates: list[tuple[float, int, Jump]] = []
     looked = [contrasts(times, positions, headings, sides) for sides in sides_of(times)]
     views = [seen for seen in looked if seen is not None]
+    places = _Places(times, positions, headings)
     for seen in views:
-        gains, sizes, spreads, by_motion = gains_of(seen, causes)
-        best = gains.max(1)
-        for row in _peaks(best, 2 * seen.window):
-            cause = int(gains[row].argmax())
-            level = float(best[row])
-            row = _place(views[0], int(row), causes[cause], seen.window // 3)  # noqa: PLW2901  (its place in time)
-            if not np.isfinite(gains[row, cause]):
+        told = jumped(seen, causes)
+        best = np.where(told.allowed, told.gains, -np.inf).max(1)
+        for peak in _peaks(best, 2 * seen.window):
+            some = np.flatnonzero(told.gains[peak] > told.gains[peak].max() - NEAR)
+            # Who it was the motion tells, where it was.
+            reach = seen.window // 3
+            rows = np.array([places.best(int(peak), causes[int(k)], reach) for k in some])
+            reached = told.gains[rows, some]
+            likely = reached > reached.max() - ALIKE
+            sure = likely & told.allowed[rows, some]
+            if not sure.any():
                 continue
-            rival = [k for k in range(len(causes)) if k != cause and gains[row, k] > 0]
-            alike = [causes[k] for k in rival if gains[row, cause] - gains[row, k] < ALIKE]
+            chosen = int(np.where(sure, reached, -np.inf).argmax())
+            row, cause = int(rows[chosen]), int(some[chosen])
+            alike = tuple(causes[int(k)] for k in some[likely] if k != cause)
             east = turned(headings[row : row + 2])
             jump = Jump(
-                int(row), causes[cause], east @ sizes[row, cause],
-                east @ spreads[row, cause] @ east.T, level + GAIN, tuple(alike),
-                bool(by_motion[row, cause]),
+                row, causes[cause], east @ told.sizes[row, cause],
+                east @ told.spreads[row, cause] @ east.T, float(best[peak]) + GAIN, alike,
+                bool(told.by_motion[row, cause]), told_at(seen, headings, row, causes),
             )  # fmt: skip
-            candidates.append((level, seen.window, jump))
+            candidates.append((float(best[peak]), seen.window, jump))
     taken: list[tuple[int, int, Jump]] = []
     for _, side, jump in sorted(candidates, key=lambda one: -one[0]):
         if all(abs(jump.row - row) > 2 * max(side, other) for row, other, _ in taken) and (
@@ -233,7 +311,10 @@ def _greatest(
 
 def _over_motion(times: Array, positions: Array, jump: Jump) -> bool:
     """Whether no motion of the receivers that jump explains it nearly as well."""
-    places = positions[:, list(jump.receivers)].mean(1)
+    who = [k for k in jump.receivers if k in often(positions)] or list(jump.receivers)
+    rows = np.flatnonzero(has_fix(positions)[:, who].all(1))
+    times, places = times[rows], positions[rows][:, who].mean(1)
+    jump = replace(jump, row=int(np.searchsorted(rows, jump.row, side="right")) - 1)
     around = range(max(jump.row - UNSURE, 0), min(jump.row + UNSURE + 1, len(times) - 1))
     gains = [gain_over_motion(times, places, row) for row in around]
     at = around[int(np.argmax(gains))]
@@ -248,27 +329,41 @@ def _without(times: Array, places: Array, epoch: int) -> tuple[Array, Array]:
     return np.delete(times, epoch), np.delete(places, epoch, axis=0)
 
 
-def _place(seen: Contrasts, row: int, cause: tuple[int, ...], reach: int) -> int:
-    """The row within ``reach`` of one at which a jump explains the contrasts about it best.
+class _Places:
+    """Where in time a jump is, as the receivers that write most often show it."""
 
-    Of a jump the intervals beside show half, the other way round (`step_weights` of two fixes).
-    """
-    n = len(seen.values)
-    motion = seen.values.shape[1] - seen.rods.shape[1]
-    along = (seen.values @ seen.axes) / seen.floor
-    designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(cause)) / seen.floor[:, None]
-    best, place = -np.inf, row
-    for at in range(max(row - reach, 1), min(row + reach + 1, n - 1)):
-        if not seen.moving[at - 1 : at + 2].all():
-            continue
-        near = [-0.5 * designs[at - 1, :motion], designs[at], -0.5 * designs[at + 1, :motion]]
-        design = np.concatenate(near)
-        found = np.concatenate([along[at - 1, :motion], along[at], along[at + 1, :motion]])
-        size, *_ = np.linalg.lstsq(design, found, rcond=None)
-        gain = float(found @ design @ size)
-        if gain > best:
-            best, place = gain, at
-    return place
+    def __init__(self, times: Array, positions: Array, headings: Array) -> None:
+        self._often = often(positions)
+        self._reach = (len(positions) - 1) // max(min(has_fix(positions).sum(0)) - 1, 1)
+        own = positions[:, self._often]
+        self._seen = contrasts(times, own, headings, sides_of(times)[0])
+
+    def best(self, row: int, cause: tuple[int, ...], reach: int) -> int:
+        """The row within ``reach`` of one at which a jump explains the contrasts about it best.
+
+        Of a jump the intervals beside show half, the other way round (`step_weights` of two fixes).
+        """
+        seen = self._seen
+        columns = tuple(np.flatnonzero(np.isin(self._often, cause)).tolist())
+        if seen is None or not columns:
+            return row
+        reach = max(reach, self._reach if self._reach > 1 else 0)
+        n = len(seen.values)
+        motion = seen.values.shape[1] - seen.rods.shape[2]
+        along = (seen.values @ seen.axes) / seen.floor
+        designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(columns)) / seen.floor[:, None]
+        best, place = -np.inf, row
+        for at in range(max(row - reach, 1), min(row + reach + 1, n - 1)):
+            if not seen.moving[at - 1 : at + 2].all():
+                continue
+            near = [-0.5 * designs[at - 1, :motion], designs[at], -0.5 * designs[at + 1, :motion]]
+            design = np.concatenate(near)
+            found = np.concatenate([along[at - 1, :motion], along[at], along[at + 1, :motion]])
+            size, *_ = np.linalg.lstsq(design, found, rcond=None)
+            gain = float(found @ design @ size)
+            if gain > best:
+                best, place = gain, at
+        return place
 
 
 def _peaks(values: Array, apart: int) -> Ints:
@@ -279,67 +374,6 @@ def _peaks(values: Array, apart: int) -> Ints:
     padded = np.pad(values, apart, constant_values=-np.inf)
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * apart + 1)[rows]
     return np.asarray(rows[values[rows] >= windows.max(1)])
-
-
-def gains_of(
-    seen: Contrasts, causes: Sequence[tuple[int, ...]]
-) -> tuple[Array, Array, Array, Bools]:
-    """Gains (n, c) above the least, sizes (n, c, 3) and covariances (n, c, 3, 3) of each cause.
-
-    And whether (n, c) only the motion tells it.
-    Where a jump changes distances they must have changed; where it does not, only the motion tells,
-    and more is asked.
-    """
-    n, p = seen.rods.shape[:2]
-    along = (seen.values @ seen.axes) / seen.sigmas
-    gains = np.full((n, len(causes)), -np.inf)
-    sizes = np.zeros((n, len(causes), 3))
-    spreads = np.zeros((n, len(causes), 3, 3))
-    only_motion = np.zeros((n, len(causes)), dtype=bool)
-    # No cause explains more than there is, nor lies far from the interval that shows most.
-    some = maximum_filter1d(np.square(along).sum(1), 4 * UNSURE + 1) > GAIN
-    rows = np.flatnonzero(some)
-    for k, cause in enumerate(causes):
-        gain, size, spreads[rows, k] = fit_of(seen, cause, rows)
-        design = np.einsum("ji,nja->nia", seen.axes[:, -p:], seen.designs(cause)[rows])
-        change = np.einsum("npa,na->np", design / seen.sigmas[rows, -p:, None], size)
-        told = np.square(change).sum(1)
-        agrees = 2 * (change * along[rows, -p:]).sum(1) > told
-        length = np.linalg.norm(size, axis=1)
-        by_distance = (told > TELLING) & agrees & (length > SMALLEST)
-        by_motion = (told <= TELLING) & (length > SMALLEST_IN_MOTION)
-        sizes[rows, k], only_motion[rows, k] = size, by_motion
-        gains[rows, k] = np.select(
-            [by_distance, by_motion], [gain - GAIN, gain - GAIN_OF_MOTION], -np.inf
-        )
-    return gains, sizes, spreads, only_motion
-
-
-def fit_of(seen: Contrasts, cause: tuple[int, ...], rows: Ints) -> tuple[Array, Array, Array]:
-    """Gains (m,), sizes (m, 3) and covariances (m, 3, 3) of a cause at some intervals.
-
-    Generalised least squares; sizes are along and across the baseline and up.
-    """
-    along = (seen.values[rows] @ seen.axes) / seen.sigmas[rows]
-    designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(cause)[rows])
-    weighed = designs / seen.sigmas[rows, :, None]
-    right = np.einsum("nka,nk->na", weighed, along)
-    information = np.einsum("nka,nkb->nab", weighed, weighed) + np.eye(3) * USUAL**-2
-    spreads = np.linalg.inv(information)
-    sizes = np.einsum("nab,nb->na", spreads, right)
-    return tempered((sizes * right).sum(1), seen.freedom), sizes, spreads
-
-
-def tempered(gains: Array, freedom: float) -> Array:
-    """Gains for sigmas that are known from ``freedom`` numbers only: Student's for normal ones."""
-    return np.asarray(freedom * np.log1p(gains / freedom))
-
-
-def turned(headings: Array) -> Array:
-    """(3, 3) rotation from the vehicle's baseline to east, north, up, within an interval."""
-    angle = headings[0] + np.angle(np.exp(1j * (headings[-1] - headings[0]))) / 2
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _merged(found: list[Jump]) -> list[Jump]:

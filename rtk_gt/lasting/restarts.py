@@ -1,24 +1,37 @@
-"""Jumps that stay, from what the whole drive says of the offsets before and after.
+"""Errors that stay or go again, from what the whole drive says of the offsets with and without.
 
-A base station that restarts changes the offsets of its receivers for good. Turns and slopes show
-offsets to millimetres over minutes, and so a change of them that is too small to be seen within a
-second. Who it was, and the second, the motion about it tells.
+A base station that restarts changes the offsets of its receivers for good, a false fix those of one
+for a while. Turns and slopes show offsets to millimetres over minutes, and so a change of them that
+is too small to be seen within a second. Who it was, and the second, the motion about it tells.
 """
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rtk_gt.lasting.contrasts import contrasts, sides_of
-from rtk_gt.lasting.jumps import ALIKE, GAIN, SMALLEST, USUAL, Jump, fit_of, tempered, turned
+from rtk_gt.lasting.causes import SMALLEST, evidence, tempered, turned
+from rtk_gt.lasting.contrasts import Contrasts, contrasts, sides_of
+from rtk_gt.lasting.drive_sums import DriveSums
+from rtk_gt.lasting.jumps import ALIKE, LONGEST_FALSE
+from rtk_gt.lasting.unequal_rates import own_interval
+from rtk_gt.lasting.whole_drive import WholeDrive
 from rtk_gt.offsets.estimate import Offsets
-from rtk_gt.offsets.noise import pair_incidence
-from rtk_gt.offsets.robust import autocorrelation_time
-from rtk_gt.receivers.steps import pair_differences
+from rtk_gt.receivers.fixes import Ints
 from validation.poses.angles import Array
 
 EDGE = 20
-"""Epochs at both ends at which no change is looked for: fewer tell no offsets."""
-_FALSE = 10.0
-"""Standard deviations to which a residual counts: a false fix is no change."""
+"""Epochs at both ends at which no change that stays is looked for: fewer tell no offsets."""
+FEWEST = 4
+"""Epochs of an error that goes again, and before and after it, at least."""
+SHORTEST, _LONGER = 4.0, 1.25
+"""Seconds of the shortest error that goes again that is looked for, below the 5 s of the shortest
+that lasts, and by how much the next is longer: at most an eighth of it is then missed."""
+GAIN, GAIN_OF_PASSING = 40.0, 50.0
+"""Gain of an error that stays, chance makes that of three normal numbers in one of 10^8 epochs; and
+of one that goes again, of which there are ten times as many."""
+PASSING = 20.0
+"""Gain that an error that goes again must have above one that stays: its end is one more number
+that is chosen, and a number that is chosen from thousands is worth that."""
 SLOW, WANDERING = 3.0, 1.25
 """Epochs that one independent one is worth, above which errors wander by themselves (white noise of
 five records came to 1.1 at most, slow errors of 30 and 60 s at 1 Hz to 6 and more), and times the
@@ -27,12 +40,113 @@ was sharp, too."""
 SHARP, SHARP_IN_WHITE = 25.0, 9.0
 """Gain that a jump must have between two epochs, where errors wander and where they do not: of
 three normal numbers at a hundred epochs chance makes the first in one of 600 drives."""
+CLEAR_IN_WHITE = 160.0
+"""Gain from which on no jump need be sharp where errors do not wander: a vehicle that stands, or
+goes on straight, may show nothing within half a minute of it. Four times the least."""
+RAMP = 5.0
+"""Seconds to both sides of a slow change that a jump must explain better, where no motion is sharp:
+errors that wander by multipath take longer."""
+UPWARDS = (0.15, -0.15)
+"""Metres upwards from which a vertical error is looked for, beside level ones."""
+_ROUNDS = 4
+"""Sizes settle to a millimetre in three."""
 _NEAR = 30.0
 """Gain below the greatest within which the jump may be elsewhere: 5 standard deviations."""
 
 
-def find_restart(times: Array, positions: Array, headings: Array, offsets: Offsets) -> Jump | None:
-    """The likeliest jump of one receiver against the others that stays; None if none is sure.
+@dataclass(frozen=True)
+class Motion:
+    """What shows the motion of the vehicle, at more times than all receivers have a fix together.
+
+    Parameters
+    ----------
+    times : (m,) array
+        Seconds.
+    positions : (m, r, 3) array
+        Of the antennas, metres; NaN where one has none.
+    headings : (m,) array
+        Of something fixed to the vehicle, radians.
+    """
+
+    times: Array
+    positions: Array
+    headings: Array
+
+
+@dataclass(frozen=True)
+class Change:
+    """An error that begins, and ends unless it stays.
+
+    Parameters
+    ----------
+    receivers : tuple of int
+        Columns of those that have it.
+    before, start, end : float
+        Seconds of the last fix without it, of the first with it, and of the first without it again;
+        the last is infinite if it stays.
+    size : (3,) array
+        East, north, up, metres.
+    covariance : (3, 3) array
+        Of the size, m^2.
+    gain : float
+        Twice the log likelihood ratio against no error.
+    alike : tuple of tuples of int
+        Other receivers whose error explains it nearly as well.
+    """
+
+    receivers: tuple[int, ...]
+    before: float
+    start: float
+    end: float
+    size: Array
+    covariance: Array
+    gain: float
+    alike: tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """An error of one receiver in the epochs [first, last), by distances alone."""
+
+    who: int
+    first: int
+    last: int
+    size: Array
+    spread: Array
+    gain: float
+    tau: float
+    sums: DriveSums
+    weight: Array
+
+    def edge_gains(self, edge: str) -> Array:
+        """(n + 1,) gains of errors that begin, or end, at other epochs."""
+        n = len(self.sums.right) - 1
+        at = np.arange(n + 1)
+        if edge == "first":
+            some = at < self.last
+            first, last = at[some], np.full(some.sum(), self.last)
+        else:
+            some = at > self.first
+            first, last = np.full(some.sum(), self.first), at[some]
+        found = np.zeros(n + 1)
+        found[some] = self.sums.fit(first, last)[2]
+        # One that begins or ends elsewhere, far from it in gain, is another error.
+        here = self.first if edge == "first" else self.last
+        far = np.flatnonzero(found < found[here] - 2 * _NEAR)
+        found[: max(far[far < here], default=0)] = 0.0
+        found[min(far[far > here], default=n + 1) :] = 0.0
+        return found
+
+    def sudden(self, every: float) -> float:
+        """Gain above that of an error that comes and goes slowly."""
+        reach = max(round(RAMP / every), 1)
+        if self.last < len(self.sums.right) - 1:
+            reach = min(reach, max((self.last - self.first) // 2, 1))
+        return self.gain - self.sums.gain_of_slow(self.first, self.last, reach)
+
+
+def find_change(times: Array, positions: Array, offsets: Offsets, about: Motion) -> Change | None:
+    """The likeliest error of one receiver against the others that lasts; None if none is sure.
 
     Parameters
     ----------
@@ -40,94 +154,245 @@ def find_restart(times: Array, positions: Array, headings: Array, offsets: Offse
         Seconds.
     positions : (n, r, 3) array
         Of the antennas, offsets added, metres.
-    headings : (n,) array
-        Of something fixed to the vehicle, radians.
     offsets : Offsets
         That were added, with the distances.
+    about : Motion
+        Of the same vehicle, which tells when it was.
 
     Notes
     -----
-    At each epoch least squares of a jump there, with offsets and distances free; the residuals that
-    are then left tell noise and correlation, so that errors that are slow by themselves pass for
-    no jump. Sums from the end on serve all epochs at once.
+    The residuals that are left with it tell noise and correlation, so that errors that are slow by
+    themselves pass for none.
     """
     n, r = positions.shape[:2]
     if n < 4 * EDGE:
         return None
-    rods = pair_differences(positions)
-    lengths = np.linalg.norm(rods, axis=-1, keepdims=True)
-    along = rods / lengths
-    residuals = lengths[..., 0] - offsets.distances
-    spread = 1.4826 * np.median(np.abs(residuals - np.median(residuals, axis=0)), axis=0) + 1e-6
-    residuals = np.clip(residuals, -_FALSE * spread, _FALSE * spread)
-    incidence = pair_incidence(r)
-    p = along.shape[1]
-    by_receiver = incidence[None, :, :, None] * along[:, :, None, :]
-    own = np.concatenate(
-        [by_receiver[:, :, 1:].reshape(n, p, -1), np.broadcast_to(-np.eye(p), (n, p, p))], axis=2
-    )
-    each = [_gains(own, by_receiver[:, :, k], residuals) for k in range(r)]
-    who = max(range(r), key=lambda k: each[k][0].max())
-    gains, tau = each[who]
-    wander = tau > SLOW
-    if gains.max() < (WANDERING if wander else 1.0) * GAIN:
+    drive = WholeDrive.of(times, positions, offsets)
+    each = [_likeliest(drive, k) for k in range(r)]
+    sure = [one for one in each if _told(one, n) > 0]
+    sides = sides_of(about.times)
+    seen = contrasts(about.times, about.positions, about.headings, sides[0]) if sides else None
+    if not sure or seen is None:
         return None
-    found = _placed(times, positions, headings, who, gains)
-    sharp = SHARP if wander else SHARP_IN_WHITE
-    return found if found is not None and found.gain > sharp else None
+    some = [one for one in each if one.gain > max(other.gain for other in sure) / 2]
+    bent = [other for one in some for other in _bent(drive, one)]
+    options = [placed for one in bent for placed in _placed(times, about, seen, one)]
+    options.sort(key=lambda one: -one.total)
+    best = options[0]
+    if _told(best.of, n) <= 0 or not _sharp(best, drive.every):
+        return None
+    alike = dict.fromkeys(
+        one.cause for one in options
+        if one.cause != best.cause and best.total - one.total < ALIKE
+    )  # fmt: skip
+    return best.change(tuple(alike)) if np.linalg.norm(best.size) > SMALLEST else None
 
 
-def _gains(own: Array, jump: Array, residuals: Array) -> tuple[Array, float]:
-    """Gains (n,) of a jump at each epoch, and how many epochs one independent one is worth."""
-    n, p = residuals.shape
-    weight = np.linalg.inv(np.atleast_2d(np.cov(residuals.T)) + 1e-12 * np.eye(p))
+def _sharp(best: "_Option", every: float) -> bool:
+    """Whether it came at once, or nothing else makes as much."""
+    wander = best.of.tau > SLOW
+    if not wander and best.of.gain > CLEAR_IN_WHITE:
+        return True
+    sharp = max(best.motion, best.of.sudden(every))
+    return sharp > (SHARP if wander else SHARP_IN_WHITE)
+
+
+def _told(one: _Candidate, n: int) -> float:
+    """Gain above the least that an error must have to be sure."""
+    least = GAIN if one.last == n else GAIN_OF_PASSING
+    told = tempered(np.array(one.gain), n * len(one.weight) / one.tau)
+    return float(told) - (WANDERING if one.tau > SLOW else 1.0) * least
+
+
+def _likeliest(drive: WholeDrive, who: int) -> _Candidate:
+    """The likeliest error of a receiver, small beside the distances."""
+    n = len(drive.residuals)
+    error = drive.error(who, np.zeros(3))[..., :3]
+    weight, _ = drive.weight(drive.residuals)
     for _ in range(2):
-        left = own.transpose(0, 2, 1) @ weight
-        oo = np.tensordot(left, own, ((0, 2), (0, 1)))
-        oo = oo + 1e-9 * np.trace(oo) * np.eye(len(oo))
-        weighed = jump.transpose(0, 2, 1) @ weight
-        os = np.cumsum((left @ jump)[::-1], axis=0)[::-1]
-        ss = np.cumsum((weighed @ jump)[::-1], axis=0)[::-1]
-        # A jump of the position is one of the opposite sign in what has to be added.
-        right = np.cumsum((weighed @ residuals[..., None])[::-1, :, 0], axis=0)[::-1]
-        rest = np.linalg.solve(oo, (left @ residuals[..., None]).sum(0)[:, 0])
-        solved = np.linalg.solve(oo, os)
-        information = ss - np.swapaxes(os, 1, 2) @ solved + np.eye(3) * USUAL**-2
-        score = right - np.einsum("nka,k->na", os, rest)
-        sizes = np.linalg.solve(information, score[..., None])[..., 0]
-        gains = np.einsum("na,na->n", sizes, score)
-        gains[:EDGE] = gains[-EDGE:] = 0.0
-        at = int(gains.argmax())
-        after = (np.arange(n) >= at)[:, None]
-        change = rest - solved[at] @ sizes[at]
-        fitted = residuals - own @ change - after * (jump @ sizes[at])
-        weight = np.linalg.inv(np.atleast_2d(np.cov(fitted.T)) + 1e-12 * np.eye(p))
-        tau = autocorrelation_time(fitted)
-        weight = weight / tau
-    gains = tempered(gains, n * p / tau)
-    return np.where(np.linalg.norm(sizes, axis=1) > SMALLEST, gains, 0.0), tau
+        sums = DriveSums.of(drive.own, error, drive.residuals, weight)
+        first, last, gain = _best(sums, drive.every)
+        sizes, spreads, _ = sums.fit(np.array([first]), np.array([last]))
+        at = ((np.arange(n) >= first) & (np.arange(n) < last))[:, None]
+        change = sums.change(first, last, sizes[0])
+        fitted = drive.residuals - drive.own @ change - at * (error @ sizes[0])
+        used = weight
+        weight, tau = drive.weight(fitted)
+    return _Candidate(who, first, last, sizes[0], spreads[0], gain, tau, sums, used)
 
 
-def _placed(times: Array, positions: Array, headings: Array, who: int, gains: Array) -> Jump | None:
-    """The jump at the interval, and of the receivers, that motion and distances about it say."""
-    views = [contrasts(times, positions, headings, sides) for sides in sides_of(times)]
-    seen = views[0] if views else None
-    rows = np.flatnonzero(gains > gains.max() - _NEAR) - 1
-    rows = rows[rows >= 0]
-    if seen is None or len(rows) == 0:
-        return None
-    others = tuple(k for k in range(positions.shape[1]) if k != who)
-    found = []
-    for cause in ((who,), others):
-        gain, sizes, spreads = fit_of(seen, cause, rows)
-        at = int((gain + gains[rows + 1]).argmax())
-        found.append((float(gain[at] + gains[rows[at] + 1]), cause, at, sizes[at], spreads[at]))
-    found.sort(key=lambda one: -one[0])
-    (total, cause, at, size, spread), (second, rival, *_) = found
-    row = int(rows[at])
-    east = turned(headings[row : row + 2])
-    alike = (rival,) if total - second < ALIKE else ()
-    if np.linalg.norm(size) < SMALLEST:
-        return None
-    sharp = total - float(gains[row + 1])
-    return Jump(row, cause, east @ size, east @ spread @ east.T, sharp, alike)
+def _bent(drive: WholeDrive, found: _Candidate) -> list[_Candidate]:
+    """The same with distances that are no straight lines, from several sizes at first.
+
+    Upwards a distance hardly changes at first, and by the same up and down: from a few centimetres
+    nothing leads to the decimetres of a false fix.
+    """
+    options = []
+    for size in (found.size, *(np.array([0.0, 0.0, up]) for up in UPWARDS)):
+        one = replace(found, size=size)
+        for _ in range(_ROUNDS):
+            error = drive.error(one.who, one.size)
+            sums = DriveSums.of(drive.own, error, drive.residuals, one.weight)
+            first, last = one.first, one.last
+            if last < len(drive.rods):
+                first, last, _ = _moved(sums, (first, last, 0.0))
+            sizes, spreads, gains = sums.fit(np.array([first]), np.array([last]))
+            one = replace(
+                one, first=first, last=last, size=sizes[0], spread=spreads[0],
+                gain=float(gains[0]), sums=sums,
+            )  # fmt: skip
+        options.append(one)
+    return options
+
+
+def _best(sums: DriveSums, every: float) -> tuple[int, int, float]:
+    """First and last epoch of the error with the greatest gain, and the gain."""
+    n = len(sums.right) - 1
+    first = np.arange(EDGE, n - EDGE)
+    best = _greatest_of(sums, first, np.full(len(first), n))
+    passing = (0, 0, 0.0)
+    length = max(SHORTEST, FEWEST * every)
+    while length < min(LONGEST_FALSE, n * every / 2):
+        count = round(length / every)
+        first = np.arange(FEWEST, n - FEWEST - count)
+        if len(first):
+            passing = max(passing, _greatest_of(sums, first, first + count), key=lambda one: one[2])
+        length *= _LONGER
+    if passing[2] > 0:
+        passing = _moved(sums, passing)
+    return passing if passing[2] > best[2] + PASSING else best
+
+
+def _moved(sums: DriveSums, passing: tuple[int, int, float]) -> tuple[int, int, float]:
+    """The same with the best beginning and end about it."""
+    n = len(sums.right) - 1
+    for _ in range(3):
+        first, last, _ = passing
+        reach = max((last - first) // 4, 1)
+        begins = np.arange(max(first - reach, FEWEST), min(first + reach + 1, last - FEWEST + 1))
+        if len(begins):
+            passing = max(
+                passing,
+                _greatest_of(sums, begins, np.full(len(begins), last)),
+                key=lambda one: one[2],
+            )
+        first = passing[0]
+        ends = np.arange(max(last - reach, first + FEWEST), min(last + reach, n - FEWEST) + 1)
+        if len(ends):
+            passing = max(
+                passing, _greatest_of(sums, np.full(len(ends), first), ends), key=lambda one: one[2]
+            )
+    return passing
+
+
+def _greatest_of(sums: DriveSums, first: Ints, last: Ints) -> tuple[int, int, float]:
+    """The first and last epoch of those that have the greatest gain, and the gain."""
+    sizes, _, gains = sums.fit(first, last)
+    gains = np.where(np.linalg.norm(sizes, axis=1) > SMALLEST, gains, 0.0)
+    at = int(gains.argmax())
+    return int(first[at]), int(last[at]), float(gains[at])
+
+
+@dataclass(frozen=True)
+class _Edge:
+    """Where an error begins or ends: times of the fixes on both sides, and what the motion says.
+
+    ``information`` (3, 3) on the size and ``right`` (3,), that times the size.
+    """
+
+    before: float
+    after: float
+    information: Array
+    right: Array
+    gain: float
+
+
+@dataclass(frozen=True)
+class _Option:
+    """An error of some receivers, by distances and motion together."""
+
+    of: _Candidate
+    cause: tuple[int, ...]
+    edges: tuple[_Edge, ...]
+    size: Array
+    covariance: Array
+    motion: float
+
+    @property
+    def total(self) -> float:
+        """Gain of distances and motion."""
+        return self.of.gain + self.motion
+
+    def change(self, alike: tuple[tuple[int, ...], ...]) -> Change:
+        """What is told of it."""
+        end = self.edges[1].after if len(self.edges) > 1 else np.inf
+        return Change(
+            self.cause, self.edges[0].before, self.edges[0].after, end, self.size,
+            self.covariance, self.of.gain, alike,
+        )  # fmt: skip
+
+
+def _placed(times: Array, about: Motion, seen: Contrasts, found: _Candidate) -> list[_Option]:
+    """The error as the receiver's and as the others', at the intervals that the motion shows."""
+    n, r = len(times), about.positions.shape[1]
+    others = tuple(k for k in range(r) if k != found.who)
+    names = ["first"] if found.last == n else ["first", "last"]
+    options = []
+    for cause, sign in (((found.who,), 1.0), (others, -1.0)):
+        size = sign * found.size
+        edges = [
+            _edge(
+                times,
+                about,
+                seen,
+                cause,
+                name == "last",
+                found.edge_gains(name),
+                (way * size, found.spread),
+            )
+            for name, way in zip(names, (1.0, -1.0), strict=False)
+        ]
+        # The motion at both edges and the distances tell the size independently.
+        told = np.linalg.inv(found.spread)
+        covariance = np.linalg.inv(told + sum(edge.information for edge in edges))
+        ways = zip(edges, (1.0, -1.0), strict=False)
+        size = covariance @ (told @ size + sum(way * edge.right for edge, way in ways))
+        motion = sum(edge.gain for edge in edges)
+        options.append(_Option(found, cause, tuple(edges), size, covariance, motion))
+    return options
+
+
+def _edge(
+    times: Array,
+    about: Motion,
+    seen: Contrasts,
+    cause: tuple[int, ...],
+    ends: bool,
+    gains: Array,
+    known: tuple[Array, Array],
+) -> _Edge:
+    """The interval at which motion and distances show a jump of a known size best.
+
+    ``gains`` (n + 1,) are those of the distances; the size is known with its covariance.
+    """
+    # Of each interval of the motion the first epoch of all receivers after it.
+    after = np.searchsorted(times, about.times[1:] - 1e-6)
+    by_distance = gains[after] - gains.max()
+    rows = np.flatnonzero(by_distance > -_NEAR)
+    if len(rows) == 0:
+        rows = np.array([int(by_distance.argmax())])
+    turns = np.array([turned(about.headings[row : row + 2]) for row in rows])
+    right, information = evidence(seen, cause, rows, ends)
+    right = np.einsum("nij,nj->ni", turns, right)
+    information = np.einsum("nij,njk,nlk->nil", turns, information, turns)
+    size, weight = known[0], np.linalg.inv(known[1])
+    best = np.linalg.solve(information + weight, (right + weight @ size)[..., None])[..., 0]
+    off = best - size
+    gain = 2 * (best * right).sum(1) - np.einsum("ni,nij,nj->n", best, information, best)
+    gain = gain - np.einsum("ni,ij,nj->n", off, weight, off) + by_distance[rows]
+    at = int(gain.argmax())
+    first, last = own_interval(about.positions, cause, int(rows[at]))
+    return _Edge(
+        float(about.times[first]), float(about.times[last]), information[at], right[at],
+        float(gain[at]),
+    )  # fmt: skip

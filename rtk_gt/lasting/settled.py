@@ -6,14 +6,15 @@ from functools import partial
 
 import numpy as np
 
+from rtk_gt.lasting.causes import SMALLEST, UNSURE
 from rtk_gt.lasting.errors import (
     LARGEST_RESTART,
     LastingError,
     beyond_a_base,
+    changed,
+    ended,
     lasting_errors,
-    restarted,
 )
-from rtk_gt.lasting.jumps import UNSURE
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.offsets.prior import OffsetPrior
@@ -89,20 +90,77 @@ def settle(
     offsets = quick(steps)
     found = lasting_errors(steps, offsets)
     _check_restarts(steps, found)
+    found = [_by_the_drive(steps, quick, found, one) for one in found]
     errors = found
     cleaned, jumps = steps, None
     for _ in range(MOST_RESTARTS):
         if errors:
             _check_left(without_errors(steps, errors), steps, errors)
-            errors, jumps = _settled_sizes(steps, quick, errors, found)
+            found, errors, jumps = _those_that_stay(steps, quick, errors, found)
             cleaned = without_errors(steps, errors)
             offsets = quick(cleaned)
-        restart = restarted(cleaned, offsets)
-        if restart is None:
+        another = changed(cleaned, offsets)
+        if another is None:
             return cleaned, errors, jumps
-        found, settled = [*found, restart], errors
-        errors = [*errors, restart]
+        settled = errors
+        found, errors = _with_another(steps, found, errors, another)
     return cleaned, settled, jumps
+
+
+def _by_the_drive(
+    steps: Steps,
+    quick: Callable[[Steps], Offsets],
+    found: Sequence[LastingError],
+    one: LastingError,
+) -> LastingError:
+    """An error that goes again as the whole drive shows it, which places its ends better."""
+    if one.stays:
+        return one
+    others = without_errors(steps, [other for other in found if other is not one])
+    if int(others.complete.sum()) < FEWEST_STEPS:
+        return one
+    better = changed(others, quick(others))
+    if better is None or better.stays or one.receivers not in (better.receivers, *better.alike):
+        return one
+    both = min(one.end, better.end) - max(one.start, better.start)
+    return better if both > (one.end - one.start) / 2 else one
+
+
+def _with_another(
+    steps: Steps,
+    found: Sequence[LastingError],
+    errors: Sequence[LastingError],
+    another: LastingError,
+) -> tuple[list[LastingError], list[LastingError]]:
+    """Errors as found and with settled sizes, and another: the end of one of them, or a new one."""
+    found, errors = (sorted(some, key=lambda one: one.start) for some in (found, errors))
+    for k, (rough, one) in enumerate(zip(found, errors, strict=True)):
+        both = ended(steps, one, another)
+        if both is not None:
+            first = ended(steps, rough, another) or both
+            return [*found[:k], first, *found[k + 1 :]], [*errors[:k], both, *errors[k + 1 :]]
+    return [*found, another], [*errors, another]
+
+
+def _those_that_stay(
+    steps: Steps,
+    quick: Callable[[Steps], Offsets],
+    errors: Sequence[LastingError],
+    found: Sequence[LastingError],
+) -> tuple[list[LastingError], list[LastingError], JumpErrors | None]:
+    """As found and with settled sizes, without those of which the whole drive shows nothing.
+
+    The motion about a time may show the end of an error that has gone, or a jolt.
+    """
+    found = sorted(found, key=lambda one: one.start)
+    while errors:
+        errors, jumps = _settled_sizes(steps, quick, errors, found)
+        kept = [not one.stays or one.length >= SMALLEST for one in errors]
+        if all(kept):
+            return list(found), errors, jumps
+        errors = [one for one, stays in zip(errors, kept, strict=True) if stays]
+        found = [one for one, stays in zip(found, kept, strict=True) if stays]
+    return [], [], None
 
 
 def _settled_sizes(

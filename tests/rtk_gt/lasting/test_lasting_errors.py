@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 from trials.lasting_errors import ETA, Errors, made_drive
 
+from rtk_gt.lasting.causes import USUAL
 from rtk_gt.lasting.continuity import gain_over_motion
 from rtk_gt.lasting.contrasts import step_weights
+from rtk_gt.lasting.drive_sums import DriveSums
 from rtk_gt.lasting.jumps import GAIN_OVER_MOTION
 from rtk_gt.lasting.settled import settle
+from rtk_gt.lasting.unequal_rates import filled
 from rtk_gt.offsets.estimate import estimate_offsets
 from rtk_gt.offsets.memory import error_model
 from rtk_gt.offsets.prior import OffsetPrior
@@ -193,3 +196,77 @@ def test_a_restart_on_level_ground_is_found_where_heights_are_stated():
     off = errors[0].size - [0.1, 0.0, 0.0]
     assert off @ np.linalg.solve(errors[0].covariance, off) < 16.3
     assert settle(made.steps, prior=prior)[1] == []
+
+
+MIXED = (1.0, 0.2, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("who", "size", "last"),
+    [((1, 2), (0.03, 0.04, 0.0), None), ((0,), (0.08, 0.0, 0.0), 180.0), ((2,), (0, 0, 0.15), 165)],
+)
+def test_receivers_of_unequal_rates_show_who_it_was(who, size, last):
+    """The reference writes once a second, the two others five times."""
+    made = made_drive(14, WHITE, seconds=300.0, every=MIXED)
+    bad = made.jumped(list(who), rows_from(made, 150.4, last), np.array(size))
+    _, (error,), _ = settle(bad.steps)
+    assert who in (error.receivers, *error.alike)
+    assert error.length == pytest.approx(np.linalg.norm(size), abs=0.02)
+    # As often as the receivers write that have it.
+    first = 150.4 if 0 not in who else 151.0
+    assert abs(error.start - made.steps.times[0] - first) < 0.41 + (0 in who)
+    assert error.stays == (last is None)
+
+
+def test_a_false_fix_too_small_for_its_motion_is_found_by_the_whole_drive():
+    """At 1 Hz an antenna goes metres from fix to fix, but its distances stay."""
+    made = made_drive(16, Errors(0.006), seconds=300.0, every=(1.0, 1.0, 1.0))
+    bad = made.jumped([0], rows_from(made, 150.0, 175.0), np.array([0.0, 0.08, 0.0]))
+    _, (error,), _ = settle(bad.steps)
+    assert (error.receivers, error.stays) == ((0,), False)
+    off = np.array([error.start, error.end]) - made.steps.times[0] - [150.0, 175.0]
+    assert np.abs(off).max() < 2.1
+    assert error.length == pytest.approx(0.08, abs=0.01)
+
+
+def test_sums_over_the_drive_give_the_gain_of_least_squares():
+    """Twice the log likelihood ratio, by two whole adjustments with numpy."""
+    rng = np.random.default_rng(3)
+    n, p, k = 60, 2, 4
+    own, error = rng.normal(size=(n, p, k)), rng.normal(size=(n, p, 3))
+    weight = np.array([[2.0, 0.3], [0.3, 1.0]])
+    residuals = rng.normal(size=(n, p))
+    first, last = 20, 45
+    inside = ((np.arange(n) >= first) & (np.arange(n) < last))[:, None, None]
+    root = np.linalg.cholesky(weight).T
+
+    def cost(design, known):
+        A, b = (root @ design).reshape(n * p, -1), (root @ residuals[..., None]).ravel()
+        # What is known of a size: about nothing, with a standard deviation of 30 cm.
+        A = np.vstack([A, known])
+        x = np.linalg.lstsq(A, np.append(b, np.zeros(len(known))), rcond=None)[0]
+        return np.square(A @ x - np.append(b, np.zeros(len(known)))).sum(), x
+
+    without, _ = cost(own, np.zeros((0, k)))
+    both = np.concatenate([own, inside * error], axis=2)
+    known = np.hstack([np.zeros((3, k)), np.eye(3) / USUAL])
+    least, found = cost(both, known)
+    sums = DriveSums.of(own, error, residuals, weight)
+    sizes, _, gains = sums.fit(np.array([first]), np.array([last]))
+    np.testing.assert_allclose(sizes[0], found[k:], rtol=1e-6)
+    assert gains[0] == pytest.approx(without - least, rel=1e-6)
+    np.testing.assert_allclose(sums.change(first, last, sizes[0]), found[:k], rtol=1e-6)
+
+
+def test_an_antenna_between_its_fixes_goes_with_the_vehicle():
+    times = np.arange(0.0, 10.0, 0.2)
+    headings = 0.3 * times
+    R = np.array([[[np.cos(h), -np.sin(h)], [np.sin(h), np.cos(h)]] for h in headings])
+    way = np.column_stack([5 * times, 2 * times])
+    arms = np.array([[0.0, 0.0], [1.7, 0.5], [1.7, -0.5]])
+    level = way[:, None] + np.einsum("tij,rj->tri", R, arms)
+    positions = np.concatenate([level, np.full((len(times), 3, 1), 2.0)], axis=2)
+    seen = positions.copy()
+    seen[np.arange(len(times)) % 5 > 0, 0] = np.nan
+    inside = slice(0, 46)
+    np.testing.assert_allclose(filled(seen, headings)[inside], positions[inside], atol=1e-9)

@@ -1,0 +1,112 @@
+"""What a whole drive shows of offsets and errors: distances of the antennas, and how they lean."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rtk_gt.lasting.way_slopes import way_slopes
+from rtk_gt.offsets.estimate import Offsets
+from rtk_gt.offsets.noise import pair_incidence
+from rtk_gt.offsets.robust import autocorrelation_time
+from rtk_gt.receivers.fixes import Bools
+from rtk_gt.receivers.steps import pair_differences
+from validation.poses.angles import Array
+
+FALSE, PLAIN = 10.0, 0.1
+"""Standard deviations, or metres, to which a residual counts: false fixes of metres are others."""
+
+
+@dataclass(frozen=True)
+class WholeDrive:
+    """Residuals of n epochs and q kinds, and how they change with offsets and errors.
+
+    Parameters
+    ----------
+    rods : (n, p, 3) array
+        Between the antennas of each pair, metres.
+    residuals : (n, q) array
+        Of the p distances, metres, and of the slope along the way where there is one.
+    own : (n, q, k) array
+        What errors of the offsets, of the distances and of the lean add.
+    by_height : (n, r) array
+        What heights of the antennas add to the slope; empty without slopes.
+    moving : (n,) bool array
+        Where there is a slope.
+    every : float
+        Seconds between epochs.
+    """
+
+    rods: Array
+    residuals: Array
+    own: Array
+    by_height: Array
+    moving: Bools
+    every: float
+
+    @classmethod
+    def of(cls, times: Array, positions: Array, offsets: Offsets) -> "WholeDrive":
+        """From positions (n, r, 3) with offsets added, metres, and what is known of these."""
+        n, r = positions.shape[:2]
+        rods = pair_differences(positions)
+        lengths = np.linalg.norm(rods, axis=-1, keepdims=True)
+        along = rods / lengths
+        p = along.shape[1]
+        residuals = _clipped(lengths[..., 0] - offsets.distances, PLAIN)
+        by_offset = pair_incidence(r)[None, :, 1:, None] * along[:, :, None, :]
+        own = np.concatenate(
+            [by_offset.reshape(n, p, -1), np.broadcast_to(-np.eye(p), (n, p, p))], axis=2
+        )
+        every = float(np.median(np.diff(times)))
+        slopes = way_slopes(times, positions)
+        if slopes is None:
+            return cls(rods, residuals, own, np.zeros((n, 0)), np.zeros(n, dtype=bool), every)
+        lean = np.linalg.lstsq(slopes.ahead, slopes.values, rcond=None)[0]
+        values = np.zeros((n, 1))
+        values[slopes.moving] = _clipped((slopes.values - slopes.ahead @ lean)[slopes.moving, None])
+        row = np.zeros((n, 1, own.shape[2] + 2))
+        row[:, 0, 2 : 3 * (r - 1) : 3] = slopes.by_height[:, 1:]
+        row[:, 0, -2:] = slopes.ahead
+        own = np.concatenate([np.pad(own, ((0, 0), (0, 0), (0, 2))), row], axis=1)
+        residuals = np.concatenate([residuals, values], axis=1)
+        return cls(rods, residuals, own, slopes.by_height, slopes.moving, every)
+
+    def error(self, who: int, size: Array) -> Array:
+        """(n, q, 4) design of an error of a receiver, about a size (3,).
+
+        The last column is what the distances change by beyond it, as they are no straight lines.
+        """
+        p = self.rods.shape[1]
+        count = next(r for r in range(2, p + 2) if r * (r - 1) // 2 == p)
+        sign = pair_incidence(count)[:, who, None]
+        right = self.rods - sign * size
+        length = np.linalg.norm(right, axis=-1, keepdims=True)
+        design = sign * right / length
+        whole = np.linalg.norm(self.rods, axis=-1) - length[..., 0]
+        found = np.concatenate([design, (whole - design @ size)[..., None]], axis=-1)
+        if self.by_height.shape[1] == 0:
+            return found
+        lean = np.zeros((len(found), 1, 4))
+        lean[:, 0, 2] = self.by_height[:, who]
+        return np.concatenate([found, lean], axis=1)
+
+    def weight(self, residuals: Array) -> tuple[Array, float]:
+        """(q, q) weight of residuals (n, q) and how many epochs one independent one is worth.
+
+        The latter of the distances; each kind is weighed by its own.
+        """
+        p = self.rods.shape[1]
+        distances, q = residuals[:, :p], residuals.shape[1]
+        tau = autocorrelation_time(distances)
+        found = np.zeros((q, q))
+        found[:p, :p] = np.linalg.inv(np.atleast_2d(np.cov(distances.T)) + 1e-12 * np.eye(p)) / tau
+        if q > p:
+            slopes = residuals[self.moving, p:]
+            found[p, p] = 1 / (float(slopes.var()) + 1e-12) / autocorrelation_time(slopes)
+        return found, tau
+
+
+def _clipped(residuals: Array, least: float = 0.0) -> Array:
+    """Residuals (n, q) as far as they count."""
+    spread = 1.4826 * np.median(np.abs(residuals - np.median(residuals, axis=0)), axis=0)
+    most = np.maximum(FALSE * spread, least)
+    return np.clip(residuals, -most, most)
