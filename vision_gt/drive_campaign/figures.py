@@ -21,7 +21,7 @@ def drive_map(outcome: DriveOutcome) -> Figure:
     assert outcome.trajectory is not None
     axes.plot(*outcome.trajectory.positions.T, "-", color=GREY, linewidth=1.0, label="fused")
     for number, one in enumerate(outcome.streams):
-        poses = one.poses[one.kept]
+        poses = one.poses[one.posed]
         some = poses[:: max(len(poses) // MOST, 1)]
         colour = COLOURS[number % len(COLOURS)]
         axes.plot(*some[:, :2].T, ".", color=colour, markersize=3, label=f"camera {one.camera}")
@@ -45,7 +45,7 @@ def drive_time(outcome: DriveOutcome) -> Figure:
         if clock is not None and clock.verdict == "determined":
             times = times + clock.delay_s
         spurious = np.array([v == "spurious" for v in one.verdicts], dtype=bool)
-        upper.plot(times[one.kept], np.full(one.kept.sum(), number), "|", color=colour)
+        upper.plot(times[one.posed], np.full(one.posed.sum(), number), "|", color=colour)
         upper.plot(times[spurious], np.full(spurious.sum(), number + 0.25), "x", color=colour)
     upper.set_yticks(range(len(outcome.streams)), [f"camera {s.camera}" for s in outcome.streams])
     upper.set_ylim(-0.5, len(outcome.streams) - 0.3)
