@@ -5,6 +5,7 @@ from matplotlib.figure import Figure
 
 from validation.figures.errors import COLOURS, GREY
 from validation.figures.maps import in_metres
+from validation.trajectories.clock.result import added
 from vision_gt.driving.drive import DriveOutcome
 
 MOST = 3000
@@ -43,7 +44,7 @@ def drive_time(outcome: DriveOutcome) -> Figure:
         times = one.times + (one.epoch - trajectory.epoch)
         clock = outcome.clocks.get(one.camera)
         if clock is not None and clock.verdict == "determined":
-            times = times + clock.delay_s
+            times = times + added(clock, one.times + (one.epoch - clock.epoch))
         spurious = np.array([v == "spurious" for v in one.verdicts], dtype=bool)
         upper.plot(times[one.posed], np.full(one.posed.sum(), number), "|", color=colour)
         upper.plot(times[spurious], np.full(spurious.sum(), number + 0.25), "x", color=colour)

@@ -7,6 +7,7 @@ import numpy as np
 
 from validation.results import Figure, Finding, Section, Severity, Size, Table, Text
 from validation.text_files.csv_text import csv_text
+from validation.trajectories.clock.tables import jump_findings
 from validation.trajectories.correlation_telling import correlation_section
 from validation.trajectories.formats import trajectory_text
 from vision_gt.drive_campaign.solve import CampaignDrive
@@ -70,6 +71,12 @@ def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
             "states."
         )
         yield Finding("note", text, SYSTEM, "one_clock")
+    for clock in outcome.clocks.values():
+        yield from jump_findings(clock)
+        if clock.jumps and drive.odometry is None and len(outcome.clocks) == 1:
+            text = "Two cameras do not tell whose clock jumped: it may be that of the other one."
+            size = (Size("jumps of the clock", len(clock.jumps)),)
+            yield Finding("note", text, clock.source, "jump_of_either", size)
     for one in outcome.streams:
         yield from _of_camera(one, drive.unread.get(one.camera, 0))
     for name in drive.strangers:
@@ -196,5 +203,12 @@ def drive_facts(drive: CampaignDrive) -> dict[str, object]:
             if clock.verdict != "determined"
             else {"delay_s": clock.delay_s, "low_s": clock.low_s, "high_s": clock.high_s}
             for name, clock in outcome.clocks.items()
+        },
+        "clock_jumps": {
+            name: [
+                {"stamp_s": one.stamp_s + clock.epoch, "size_s": one.size_s} for one in clock.jumps
+            ]
+            for name, clock in outcome.clocks.items()
+            if clock.jumps
         },
     }

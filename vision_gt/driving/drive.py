@@ -11,6 +11,7 @@ from validation.poses.trajectory import Trajectory
 from validation.results import Finding
 from validation.shown import Shown
 from validation.trajectories.clock.estimate import sync
+from validation.trajectories.clock.jumps import parted
 from validation.trajectories.clock.result import ClockEstimate
 from validation.trajectories.smoothing.fusion import fuse
 from validation.trajectories.smoothing.source import Fused, Source
@@ -114,11 +115,17 @@ def solve_drive(
     if not used:
         return DriveOutcome(tuple(judged.values()), clocks, assumed, left_out)
     progress("fusing the cameras", 0.8)
-    sources = [_source(seen[name], known.get(name)) for name in used]
+    parts = [part for name in used for part in _pieces(judged[name], known.get(name))]
+    sources = [_source(part, clock) for part, clock in parts]
     fused = fuse(sources, odometry=odometry)
-    for name, weights in zip(used, fused.weights, strict=True):
-        judged[name] = judged[name].judged(weights < SPURIOUS)
-    trajectory = _with_shared(fused, [judged[name] for name in used], sources)
+    good = [
+        part.judged(weights < SPURIOUS)
+        for (part, _), weights in zip(parts, fused.weights, strict=True)
+    ]
+    for name in used:
+        verdicts = [verdict for one in good if one.camera == name for verdict in one.verdicts]
+        judged[name] = replace(judged[name], verdicts=tuple(verdicts))
+    trajectory = _with_shared(fused, good, sources)
     return DriveOutcome(
         *(tuple(judged.values()), clocks, assumed, left_out),
         *(trajectory, fused.supported, fused.findings),
@@ -137,16 +144,17 @@ def _clocks(
     if odometry is not None:
         told = sync(odometry, list(seen.values()), window=window, progress=progress)
         clocks = {name: told[trajectory.system] for name, trajectory in seen.items()}
-        known = {n: Clock.of(c) for n, c in clocks.items() if c.verdict == "determined"}
-        if not known or len(known) == len(clocks):
+        told_of = {n: c for n, c in clocks.items() if c.verdict == "determined"}
+        known = {n: Clock.of(c) for n, c in told_of.items() if not c.jumps}
+        if not known or len(told_of) == len(clocks):
             return clocks, None
-        epoch, reference = odometry.epoch, None
-        links = Links(streams, epoch, window)
+        steady = [one for one in streams if one.camera in known or one.camera not in told_of]
+        links, reference = Links(steady, odometry.epoch, window), None
     else:
         progress("clocks of the cameras", 0.5)
         links = Links(streams, next(iter(seen.values())).epoch, window)
         reference = links.reference()
-        known = {reference: links.own(reference)}
+        known = {reference: links.own((reference, 0))}
     for name, clock in links.estimates(known).items():
         if clock.verdict == "determined" or name not in clocks:
             clocks[name] = clock
@@ -160,8 +168,21 @@ def _why(clock: ClockEstimate) -> str:
     return clock.reason or "its poses do not tell its delay"
 
 
-def _source(trajectory: Trajectory, clock: ClockEstimate | None) -> Source:
+def _pieces(
+    stream: Stream, clock: ClockEstimate | None
+) -> list[tuple[Stream, ClockEstimate | None]]:
+    """The frames of a camera between the jumps of its clock, each part with its delay."""
+    if clock is None or not clock.pieces:
+        return [(stream, clock)]
+    stamps = stream.times + (stream.epoch - clock.epoch)
+    between = parted(stamps, [jump.stamp_s for jump in clock.jumps])
+    return [(stream.part(rows), piece) for rows, piece in zip(between, clock.pieces, strict=True)]
+
+
+def _source(stream: Stream, clock: ClockEstimate | None) -> Source:
     """A camera's poses with what is known of its clock."""
+    trajectory = stream.trajectory(whole=False)
+    assert trajectory is not None  # a stream without one has no clock
     if clock is None:
         return Source(trajectory)
     drift = (clock.drift_low_ppm, clock.drift_high_ppm)

@@ -2,14 +2,16 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from validation.poses.angles import Array
+from validation.trajectories.clock.jumps import jumping
 from validation.trajectories.clock.result import ClockEstimate, Verdict
 from validation.trajectories.smoothing.source import NORMAL_95
-from vision_gt.driving.pair_delay import PairDelay, Seen, pair_delay
+from vision_gt.driving.pair_delay import PairDelay, jump_between, pair_delay
+from vision_gt.driving.seen import Seen
 from vision_gt.driving.stream import Stream
 
 UNKNOWN: Verdict = "not_determinable"
@@ -83,6 +85,12 @@ class Clock:
         )
 
 
+Node = tuple[str, int]
+"""A camera, and the number of a piece between two jumps of its clock."""
+MOST_JUMPS = 4
+"""Jumps in one drive, of all cameras together, that are followed; a judgement."""
+
+
 class Links:
     """The delays of all pairs of cameras that see the robot at the same time.
 
@@ -94,37 +102,83 @@ class Links:
         Seconds that common times count from.
     window : float
         Seconds to both sides in which a delay is looked for.
+
+    Notes
+    -----
+    Where the delay of a pair jumps, one of the two clocks does: that of the camera in more such
+    pairs, and of two alike that of the one with fewer poses. Its stream is two from there on.
     """
 
     def __init__(self, streams: Sequence[Stream], epoch: int, window: float) -> None:
         found = [Seen.of(stream, epoch) for stream in streams]
-        self.seen = {one.camera: one for one in found if one is not None}
-        self.epoch = epoch
-        self.pairs: dict[tuple[str, str], PairDelay] = {}
-        for one, two in itertools.combinations(self.seen, 2):
+        self.seen: dict[Node, Seen] = {(one.camera, 0): one for one in found if one is not None}
+        self.epoch, self.window = epoch, window
+        self.stamps: dict[str, list[float]] = {}
+        for _ in range(MOST_JUMPS):
+            if not self._split():
+                break
+        self.pairs: dict[tuple[Node, Node], PairDelay] = {}
+        for one, two in self._couples():
             pair = pair_delay(self.seen[one], self.seen[two], window)
             self.pairs[one, two], self.pairs[two, one] = pair, pair.reverse()
 
-    def reference(self) -> str:
-        """The camera with most poses among those that most poses are linked with."""
-        poses = {name: len(one.times) for name, one in self.seen.items()}
-        with_others = {
-            name: sum(poses[other] for other in self.clocks({name: self.own(name)}))
-            for name in poses
-        }
-        return max(poses, key=lambda name: (with_others[name], poses[name]))
+    def _couples(self) -> list[tuple[Node, Node]]:
+        """Pairs of pieces of different cameras."""
+        return [(a, b) for a, b in itertools.combinations(self.seen, 2) if a[0] != b[0]]
 
-    def own(self, camera: str) -> Clock:
+    def _split(self) -> bool:
+        """Part the stream of a camera whose clock jumps; whether there is one."""
+        pairs = [
+            (one, two)
+            for one, two in self._couples()
+            if jump_between(self.seen[one], self.seen[two], self.window)
+        ]
+        if not pairs:
+            return False
+        blamed = max(
+            (node for pair in pairs for node in pair),
+            key=lambda n: (sum(n in pair for pair in pairs), -len(self.seen[n].times)),
+        )
+        other = next(a if b == blamed else b for a, b in pairs if blamed in (a, b))
+        found = jump_between(self.seen[other], self.seen[blamed], self.window)
+        if found is None:
+            return False
+        one = self.seen[blamed]
+        parts = one.part(0, found[0] + 1), one.part(found[0] + 1, len(one.times))
+        between = self.stamps.setdefault(one.camera, [])
+        between.append(one.stamp_after(found[0]))
+        between.sort()
+        pieces = [n for n in self.seen if n[0] == one.camera and n != blamed]
+        rest = [self.seen.pop(n) for n in pieces] + [p for p in parts if p is not None]
+        del self.seen[blamed]
+        rest.sort(key=lambda piece: float(piece.times[0]))
+        self.seen |= {(one.camera, number): piece for number, piece in enumerate(rest)}
+        return True
+
+    def reference(self) -> str:
+        """The camera with most poses among those that most poses are linked with.
+
+        One whose clock does not jump, if there is one.
+        """
+        steady = [node for node in self.seen if node[0] not in self.stamps] or list(self.seen)
+        poses = {node: len(one.times) for node, one in self.seen.items()}
+        linked = {
+            node: sum(poses[other] for other in self.clocks({node: self.own(node)}))
+            for node in steady
+        }
+        return max(steady, key=lambda node: (linked[node], poses[node]))[0]
+
+    def own(self, node: Node) -> Clock:
         """The clock of the camera whose stamps are the common time."""
-        times = self.seen[camera].times
+        times = self.seen[node].times
         return Clock(0.0, 0.0, float(times[0] + times[-1]) / 2, np.zeros((2, 2)))
 
-    def clocks(self, known: Mapping[str, Clock]) -> dict[str, Clock]:
-        """The clocks of all cameras that links lead to, by the chains that are best known.
+    def clocks(self, known: Mapping[Node, Clock]) -> dict[Node, Clock]:
+        """The clocks of all pieces that links lead to, by the chains that are best known.
 
         Parameters
         ----------
-        known : mapping of str to Clock
+        known : mapping
             Where chains begin.
         """
         best = dict(known)
@@ -136,23 +190,45 @@ class Links:
             ]
             if not tried:
                 return best
-            name, clock = min(tried, key=lambda entry: float(entry[1].covariance[0, 0]))
-            best[name] = clock
+            node, clock = min(tried, key=lambda entry: float(entry[1].covariance[0, 0]))
+            best[node] = clock
 
     def estimates(self, known: Mapping[str, Clock]) -> dict[str, ClockEstimate]:
-        """What Time would tell of all cameras that are not known, those without a link too."""
-        linked = self.clocks(known)
+        """What Time would tell of all cameras that are not known, those without a link too.
+
+        Parameters
+        ----------
+        known : mapping of str to Clock
+            Clocks that do not jump, by camera.
+        """
+        linked = self.clocks({(name, 0): clock for name, clock in known.items()})
+        cameras = dict.fromkeys(camera for camera, _ in self.seen)
         found = {}
-        for name, one in self.seen.items():
+        for name in cameras:
             if name in known:
                 continue
-            if name in linked:
-                interval = float(np.median(np.diff(one.times)))
-                found[name] = linked[name].told(f"vision_{name}", self.epoch, interval)
-                continue
-            pairs = [pair for (_, two), pair in self.pairs.items() if two == name]
-            told = max(pairs, key=lambda pair: pair.rows, default=None)
-            reason = "no other camera sees the robot" if told is None else told.reason
-            verdict: Verdict = "ambiguous" if told and told.verdict == "ambiguous" else UNKNOWN
-            found[name] = ClockEstimate(f"vision_{name}", self.epoch, verdict, reason)
+            nodes = sorted(node for node in self.seen if node[0] == name)
+            pieces = [self._estimate(node, linked.get(node)) for node in nodes]
+            untold = [one for one in pieces if one.verdict != "determined"]
+            found[name] = (
+                pieces[0]
+                if len(pieces) == 1
+                else untold[0]
+                if untold
+                else jumping(pieces, self.stamps[name])
+            )
         return found
+
+    def _estimate(self, node: Node, clock: Clock | None) -> ClockEstimate:
+        """What Time would tell of a piece."""
+        one, system = self.seen[node], f"vision_{node[0]}"
+        if clock is not None:
+            told = clock.told(system, self.epoch, float(np.median(np.diff(one.times))))
+            return replace(told, poses=len(one.times))
+        pairs = [pair for (_, two), pair in self.pairs.items() if two == node]
+        likely = max(pairs, key=lambda pair: pair.rows, default=None)
+        reason = "no other camera sees the robot" if likely is None else likely.reason
+        if node[0] in self.stamps:
+            reason = f"its clock jumps, and of a part {reason}"
+        ambiguous = likely is not None and likely.verdict == "ambiguous"
+        return ClockEstimate(system, self.epoch, "ambiguous" if ambiguous else UNKNOWN, reason)

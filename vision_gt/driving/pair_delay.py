@@ -12,12 +12,11 @@ import numpy.typing as npt
 from scipy import stats
 
 from validation.poses.angles import Array, wrap
-from validation.trajectories.clock.continuous import ContinuousPath, continuous_path
 from validation.trajectories.clock.judging import BELIEF, LEAST_SHARE, WIDEST, excluded
+from validation.trajectories.clock.jumps import CLEAR, SHIFTS, jump_place, sharpest_place
 from validation.trajectories.clock.result import Verdict
 from validation.trajectories.clock.search import Gap
-from validation.trajectories.clock.stamps import FrameLine, frame_line
-from vision_gt.driving.stream import Stream
+from vision_gt.driving.seen import Seen
 
 FEWEST_ROWS = 12
 """Frames that both must share. A delay, a drift and a frame are five numbers of three times as
@@ -30,8 +29,8 @@ ROUGH = (0.1, 0.1)
 """Metres and radians within which two poses are of one time, before the noise is known."""
 BLOCK = 2.0
 """Seconds of errors that count as one: a path through noisy poses has errors as long as that."""
-MEDIAN_OF_2, MEDIAN_OF_3 = float(stats.chi2.ppf(0.5, 2)), float(stats.chi2.ppf(0.5, 3))
-"""Medians of squares of two and of three numbers, in variances."""
+MEDIAN_OF_3 = float(stats.chi2.ppf(0.5, 3))
+"""Median of the sum of three squares, in variances."""
 CUT = float(stats.chi2.ppf(0.997, 3))
 """Squared distance beyond which a pose loses weight: 0.3 % of good ones."""
 MOVED = float(stats.chi2.ppf(0.999, 3))
@@ -41,68 +40,6 @@ DRIFT = 1e-4
 FREE = 10.0
 """Metres and radians: a frame of which nothing is known."""
 ROUNDS = 8
-
-
-@dataclass(frozen=True)
-class Seen:
-    """A camera's poses with times freed of jitter, and the path through them.
-
-    Parameters
-    ----------
-    camera : str
-        Its name.
-    times : (n,) array
-        Seconds since the common epoch.
-    poses, own, common : arrays
-        As those of a `Stream`.
-    line : FrameLine, optional
-        Of a camera with a rate.
-    path : ContinuousPath
-        Through the poses.
-    calm : float
-        Variance of the path's places over that of the poses: the smoother, the less.
-    """
-
-    camera: str
-    times: Array
-    poses: Array
-    own: Array
-    common: npt.NDArray[np.float32]
-    line: FrameLine | None
-    path: ContinuousPath
-    calm: float
-
-    @classmethod
-    def of(cls, stream: Stream, epoch: int) -> "Seen | None":
-        """What a stream has; None where its poses are too few."""
-        moving = stream.trajectory(whole=False)
-        if moving is None:
-            return None
-        kept = stream.posed
-        times = stream.times[kept] + (stream.epoch - epoch)
-        line = None if stream.clock.stamps == "capture" else frame_line(times)
-        if line is not None:
-            times = line.times
-        poses = stream.poses[kept]
-        path = continuous_path(times, poses[:, :2], poses[:, 2], moving.gap)
-        # Residuals about a path that was fitted have the noise, less what the path took of it.
-        left = float(np.median(((poses[:, :2] - path.positions) ** 2).sum(1))) / MEDIAN_OF_2
-        calm = float(np.clip(1 - left / max(float(path.noise[0]) ** 2, 1e-18), 0, 1))
-        return cls(
-            *(stream.camera, times, poses, stream.own[kept], stream.common[kept]),
-            *(line, path, calm),
-        )
-
-    def between(self, at: Array) -> Array:
-        """(n, 3) standard deviations of the path in between its poses, for how it bends there.
-
-        A chord is off its arc by the bend times the square of the interval over 8. A path that
-        bends one way and back does so at the ends of an interval, not in its middle.
-        """
-        right = np.clip(np.searchsorted(self.times, at, side="right"), 1, len(self.times) - 1)
-        ends = self.times[right - 1], self.times[right] - 1e-9
-        bend = np.maximum(*(np.abs(self.path.at(end)[2]) for end in ends))
-        return np.asarray(bend * (ends[1] - ends[0])[:, None] ** 2 / 8)
 
 
 @dataclass(frozen=True)
@@ -142,7 +79,16 @@ class PairDelay:
     @property
     def half(self) -> float:
         """Half of the 95 % interval of the delay, seconds."""
-        return self.quantile * float(np.sqrt(self.covariance[0, 0]))
+        return self.half_at(self.at)
+
+    def delay_at(self, stamp: float) -> float:
+        """The delay at a stamp."""
+        return self.delay + self.drift * (stamp - self.at)
+
+    def half_at(self, stamp: float) -> float:
+        """Half of the 95 % interval of the delay at a stamp, seconds."""
+        carried = np.array([1.0, stamp - self.at])
+        return self.quantile * float(np.sqrt(carried @ self.covariance @ carried))
 
     def reverse(self) -> "PairDelay":
         """The delay of the first camera's stamps against the second's."""
@@ -167,19 +113,73 @@ def pair_delay(first: Seen, second: Seen, window: float) -> PairDelay:
     of the overlap show among themselves. A delay is told where it is open by less than `WIDEST`,
     and no other one fits as well.
     """
-    grid = np.arange(-window, window + GRID / 2, GRID)
+    best = _best(first, second, window)
+    return best if isinstance(best, PairDelay) else _judged(best, _delays(window))
+
+
+def jump_between(
+    first: Seen, second: Seen, window: float
+) -> tuple[int, PairDelay, PairDelay] | None:
+    """Where the delay of the second camera against the first jumps; None where it does not.
+
+    Returns
+    -------
+    (int, PairDelay, PairDelay) or None
+        The place of the second's last pose before the jump, and the delays before and after.
+    """
+    best = _best(first, second, window)
+    if isinstance(best, PairDelay):
+        return None
+    shifts = np.concatenate([[0.0], -SHIFTS, SHIFTS])
+    times = second.times[best.rows]
+    last = jump_place(best.costs(best.delay + shifts))
+    if last is None:
+        return None
+    found = _parts(first, second, int(best.rows[last]), window)
+    if found is None:
+        return None
+    delays = np.array([one.delay + one.drift * (times[last] - one.at) for one in found])
+    last = sharpest_place(best.costs(delays), times, float(delays[1] - delays[0]))
+    place = int(best.rows[last])
+    found = _parts(first, second, place, window)
+    return None if found is None else (place, *found)
+
+
+def _parts(
+    first: Seen, second: Seen, last: int, window: float
+) -> tuple[PairDelay, PairDelay] | None:
+    """The delays up to a pose and after it; None where they are not told, or are the same."""
+    one, two = second.part(0, last + 1), second.part(last + 1, len(second.times))
+    if one is None or two is None:
+        return None
+    before, after = pair_delay(first, one, window), pair_delay(first, two, window)
+    if not before.verdict == after.verdict == "determined":
+        return None
+    at = float(second.times[last])
+    apart = abs(after.delay_at(at) - before.delay_at(at))
+    half = np.hypot(before.half_at(at), after.half_at(at))
+    return (before, after) if apart > CLEAR * half else None
+
+
+def _delays(window: float) -> Array:
+    """Delays that are tried."""
+    return np.arange(-window, window + GRID / 2, GRID)
+
+
+def _best(first: Seen, second: Seen, window: float) -> "_Fit | PairDelay":
+    """The delay that fits best, or why there is none."""
+    grid = _delays(window)
     agreeing = np.array([_agreeing(first, second, delay).sum() for delay in grid])
     if agreeing.max(initial=0.0) < FEWEST_ROWS / 2:
-        return PairDelay("not_determinable", "the two never see the robot at the same time")
+        return PairDelay("not_determinable", "no other camera sees the robot at the same time")
     tops = np.flatnonzero(
         (agreeing >= np.append(agreeing[1:], -1)) & (agreeing > np.append(-1, agreeing[:-1]))
     )
     tops = tops[np.argsort(-agreeing[tops])][:4]
     fits = [one for top in tops if (one := _fitted(first, second, float(grid[top]))) is not None]
     if not fits:
-        return PairDelay("not_determinable", "too few frames are of the same time")
-    best = max(fits, key=lambda one: one.agreeing())
-    return _judged(best, grid)
+        return PairDelay("not_determinable", "too few frames are of the same time as another's")
+    return max(fits, key=lambda one: one.agreeing())
 
 
 def _agreeing(first: Seen, second: Seen, delay: float) -> Array:
@@ -257,6 +257,19 @@ class _Fit:
     def distances(self, off: Array, inverse: Array) -> Array:
         """(n,) squared distances in standard deviations."""
         return np.asarray(np.einsum("ni,nij,nj->n", off, inverse, off) / self.scale)
+
+    def costs(self, delays: Array) -> Array:
+        """(k, n) bounded costs of the rows under other delays."""
+        found = np.full((len(delays), len(self.rows)), np.nan)
+        for row, delay in enumerate(delays):
+            inside = self.first.path.supported(self.times(float(delay)))
+            if not inside.any():
+                continue
+            unknowns = np.concatenate([[delay], self.unknowns[1:]])
+            other = replace(self, rows=self.rows[inside], unknowns=unknowns)
+            found[row, inside] = _row_costs(other, self.scale)
+        # The first are those of the delay that fits: it has poses on both sides of all rows.
+        return np.where(np.isnan(found), _row_costs(self, self.scale), found)
 
     def stepped(self, wide: float = 1.0) -> tuple["_Fit", float]:
         """After a step, and how many standard deviations the delay moved."""

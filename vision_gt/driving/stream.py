@@ -115,6 +115,19 @@ class Stream(Shown):
             clock=self.clock,
         )
 
+    def part(self, rows: Mask) -> "Stream":
+        """Some of the frames."""
+        which = np.flatnonzero(rows)
+        return replace(
+            self,
+            times=self.times[which],
+            verdicts=tuple(self.verdicts[row] for row in which),
+            numbers=tuple(self.numbers[row] for row in which),
+            poses=self.poses[which],
+            own=self.own[which],
+            common=self.common[which],
+        )
+
     def judged(self, which: Mask, verdict: Verdict = "spurious") -> "Stream":
         """The stream with another verdict for some of its frames, one a pose of `trajectory`."""
         verdicts = list(self.verdicts)
