@@ -12,7 +12,6 @@ from validation.trajectories.clock.judging import Best
 from validation.trajectories.clock.result import ClockEstimate, Jump
 from validation.trajectories.clock.rows import DRIFT, Variances, link_variances
 from validation.trajectories.clock.search import (
-    SEARCH_ROWS,
     Candidate,
     restarted,
     thinned,
@@ -24,6 +23,8 @@ SHIFTS = 0.01 * 2.0 ** np.arange(9)
 between two of them is off by a third at most, and shows nearly as well."""
 STEADY = 2e-4
 """Rate of a clock against another's beyond which there is none: ten times that of a poor quartz."""
+ROWS = 450
+"""Poses among which a jump is looked for at first: a place to a quarter of a percent."""
 LEAST_ROWS = 20
 """Poses on each side of a jump: fewer have no delay of their own."""
 SUSPECT = 40.0
@@ -46,7 +47,7 @@ def suspected(best: Best) -> float | None:
     under each, the best two values and the best place between them follow from running sums.
     """
     one = best.candidate
-    few = thinned(one.fit, SEARCH_ROWS)
+    few = thinned(one.fit, ROWS)
     parameters = one.state.parameters.copy()
     parameters[DRIFT] = np.clip(parameters[DRIFT], -STEADY, STEADY)
     state = replace(one.state, parameters=parameters)
@@ -128,8 +129,8 @@ def _under(one: Candidate, delays: Array, variances: Variances) -> Array:
         if held is not None:
             costs[row, np.searchsorted(times, held.fit.rows.times)] = _costs(held, variances)
     # Without a pose on both sides of its time nothing speaks for a delay, nor against it.
-    usual = np.nan_to_num(np.nanmin(costs, axis=0)) if np.isfinite(costs).any() else 0.0
-    return np.where(np.isnan(costs), usual, costs)
+    usual = np.nan_to_num(costs, nan=np.inf).min(0)
+    return np.where(np.isnan(costs), np.where(np.isinf(usual), 0.0, usual), costs)
 
 
 def _costs(one: Candidate, variances: Variances) -> Array:
