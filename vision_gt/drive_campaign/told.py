@@ -107,9 +107,9 @@ def drive_table(drive: CampaignDrive) -> Table:
         whole = one.own[one.posed] + one.shared[one.posed]
         sigmas = np.sqrt(np.diagonal(whole, axis1=1, axis2=2))
         clock = drive.outcome.clocks.get(one.camera)
-        known = clock is not None and clock.verdict == "determined"
-        delay = f"{1e3 * clock.delay_s:+.1f}" if clock is not None and known else ""
-        half = f"{500 * (clock.high_s - clock.low_s):.1f}" if clock is not None and known else ""
+        told = () if clock is None or clock.verdict != "determined" else clock.pieces or (clock,)
+        delay = ", ".join(f"{1e3 * piece.delay_s:+.1f}" for piece in told)
+        half = ", ".join(f"{500 * (piece.high_s - piece.low_s):.1f}" for piece in told)
         rows.append(
             [
                 one.camera,
@@ -127,9 +127,35 @@ def drive_table(drive: CampaignDrive) -> Table:
     return Table("Cameras in the drive", heads, rows)
 
 
+def parts_of_delays(drive: CampaignDrive) -> Table:
+    """The delays of all cameras by parts of the drive."""
+    parts = [
+        (name, clock.epoch, part)
+        for name, clock in drive.outcome.clocks.items()
+        if clock.verdict == "determined"
+        for piece in clock.pieces or (clock,)
+        for part in piece.parts
+    ]
+    return Table.of_columns(
+        "Delays by parts of the drive",
+        [
+            ("camera", "", [name for name, _, _ in parts]),
+            ("from [s]", ".1f", [part.first_s + epoch for _, epoch, part in parts]),
+            ("to [s]", ".1f", [part.last_s + epoch for _, epoch, part in parts]),
+            ("delay [ms]", "+.1f", [1e3 * part.delay_s for _, _, part in parts]),
+            ("low [ms]", "+.1f", [1e3 * part.low_s for _, _, part in parts]),
+            ("high [ms]", "+.1f", [1e3 * part.high_s for _, _, part in parts]),
+        ],
+        note="Against the odometry. What it is off by lasts for seconds, and makes parts differ by "
+        "some milliseconds more than their intervals say.",
+    )
+
+
 def drive_sections(drive: CampaignDrive) -> list[Section]:
     """Tables and figures, and the document's way of finding delays beside them."""
     blocks: list[Text | Table | Figure] = [Text(TEXT), drive_table(drive)]
+    if any(clock.parts for clock in drive.outcome.clocks.values()):
+        blocks.append(parts_of_delays(drive))
     if drive.outcome.trajectory is not None:
         blocks += [
             Figure(
