@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
+from vision_gt.images.reading import drawn_apart
 from vision_gt.patterns.boards import Board
 
 Image = npt.NDArray[np.uint8]
@@ -40,7 +41,7 @@ def charuco_corners(image: Image, board: Board) -> CharucoCorners | None:
         As printed: inverted, or of the older layout.
     """
     detector = cv2.aruco.CharucoDetector(board.charuco())
-    corners, ids, outlines, numbers = detector.detectBoard(as_printed(image, board))
+    corners, ids, outlines, numbers = detector.detectBoard(as_printed(drawn_apart(image), board))
     if ids is None or len(ids) < _LEAST_CORNERS:
         return None
     markers = Markers.of(outlines, numbers).of_board(board)

@@ -11,7 +11,13 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array
 from vision_gt.images.corners import refine_corners, windows
 from vision_gt.images.edges import sought_corners
-from vision_gt.images.reading import Reading, might_be_markers, read_codes, turned_corners
+from vision_gt.images.reading import (
+    Reading,
+    drawn_apart,
+    might_be_markers,
+    read_codes,
+    turned_corners,
+)
 from vision_gt.optics.camera import Camera
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.patterns.rejections import Rejection, rejected
@@ -36,13 +42,6 @@ _LEAST_SEEN = 1.4
 """Pixels of a cell below which no outline is tried: those of blurred markers are drawn small."""
 _DRAWINGS = 2
 """A judgement: each draws the sides of a quadrangle by up to four pixels."""
-_EVERY, _ENDS = 4, 0.003
-"""Rows and columns that tell the grey levels of an image, and the share left out at each end."""
-_NARROW, _LEAST_RANGE = 128, 16
-"""Grey levels that most of an image has, below which they are drawn apart: of a usual exposure they
-have more. And those that are drawn to the whole range at most: noise of 2 is then as 32. Of 120
-markers of 13 to 60 pixels exposed to 18 % (white at 36), 100 were found as they are, 105 by OpenCV,
-and all once drawn apart."""
 _TWICE = "seen more than once; none of them is used"
 _STRANGER = "no marker of the campaign has this id"
 _UNREAD = "a black border in a white rim, but its cells are no code of {}"
@@ -178,7 +177,7 @@ def _candidates(image: Image, family: Family, *, fitted: bool) -> tuple[Array, l
     if not fitted:
         found, numbers, _ = _found(image, family, cv2.aruco.DetectorParameters())
         return found, numbers, np.zeros((0, 4, 2))
-    image = _brightened(image)
+    image = drawn_apart(image)
     found, numbers, others = _found(image, family, _quick(family, max(image.shape)))
     reading, quads, unread = _read_again(image, others, family)
     own = turned_corners(quads, reading)
@@ -190,19 +189,6 @@ def _candidates(image: Image, family: Family, *, fitted: bool) -> tuple[Array, l
     ]
     numbers = [*numbers, *reading.numbers[new].tolist()]
     return np.concatenate([found, own[new]]), numbers, unread
-
-
-def _brightened(image: Image) -> Image:
-    """A dark or pale image with grey levels drawn apart, to be looked through; others as they are.
-
-    OpenCV's threshold is off the local mean by so many grey levels, whatever the exposure.
-    """
-    levels = np.bincount(image[::_EVERY, ::_EVERY].ravel(), minlength=256).cumsum()
-    low, high = np.searchsorted(levels, [_ENDS * levels[-1], (1 - _ENDS) * levels[-1]])
-    if high - low > _NARROW:
-        return image
-    drawn = (np.arange(256) - low) * (255 / max(high - low, _LEAST_RANGE))
-    return np.asarray(np.rint(np.clip(drawn, 0, 255)).astype(np.uint8)[image])
 
 
 def _among(middle: Array, number: int, found: Array, numbers: list[int]) -> bool:
