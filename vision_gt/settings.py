@@ -195,14 +195,16 @@ class DriveSettings(Settings):
     """A robot that drives, filmed by the cameras: images drive/CAMERA/TIME.png, or videos.
 
     ``odometry`` is a file of poses in time in any format of trajectories, relative to the campaign
-    folder; its clock is that of the result. Without it that of the camera with most poses is.
-    ``window`` is how late a camera may be, seconds. ``unit`` is that of the times, where they do
-    not tell it, and ``stamps`` what they are: when light fell on the sensor ('capture'), or when
-    an image arrived ('receipt'). ``on_floor`` takes the robot as standing on the floor.
+    folder; its clock is that of the result. Without it that of a camera is. ``window`` is how late
+    a camera may be, seconds. ``one_clock``: cameras whose delay is not told have the others' clock.
+    ``unit`` is that of the times, where they do not tell it, and ``stamps`` what they are: when
+    light fell on the sensor ('capture'), or when an image arrived ('receipt'). ``on_floor`` takes
+    the robot as standing on the floor.
     """
 
     odometry: str = ""
     window: Positive = 5.0
+    one_clock: bool = False
     unit: Literal["s", "ms", "us", "ns"] | None = None
     stamps: Literal["capture", "receipt", "unknown"] = "unknown"
     on_floor: bool = True

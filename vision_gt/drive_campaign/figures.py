@@ -5,6 +5,7 @@ from matplotlib.figure import Figure
 
 from validation.figures.errors import COLOURS, GREY
 from validation.figures.maps import in_metres
+from validation.trajectories.clock.result import added
 from vision_gt.driving.drive import DriveOutcome
 
 MOST = 3000
@@ -21,7 +22,7 @@ def drive_map(outcome: DriveOutcome) -> Figure:
     assert outcome.trajectory is not None
     axes.plot(*outcome.trajectory.positions.T, "-", color=GREY, linewidth=1.0, label="fused")
     for number, one in enumerate(outcome.streams):
-        poses = one.poses[one.kept]
+        poses = one.poses[one.posed]
         some = poses[:: max(len(poses) // MOST, 1)]
         colour = COLOURS[number % len(COLOURS)]
         axes.plot(*some[:, :2].T, ".", color=colour, markersize=3, label=f"camera {one.camera}")
@@ -43,9 +44,9 @@ def drive_time(outcome: DriveOutcome) -> Figure:
         times = one.times + (one.epoch - trajectory.epoch)
         clock = outcome.clocks.get(one.camera)
         if clock is not None and clock.verdict == "determined":
-            times = times + clock.delay_s
+            times = times + added(clock, one.times + (one.epoch - clock.epoch))
         spurious = np.array([v == "spurious" for v in one.verdicts], dtype=bool)
-        upper.plot(times[one.kept], np.full(one.kept.sum(), number), "|", color=colour)
+        upper.plot(times[one.posed], np.full(one.posed.sum(), number), "|", color=colour)
         upper.plot(times[spurious], np.full(spurious.sum(), number + 0.25), "x", color=colour)
     upper.set_yticks(range(len(outcome.streams)), [f"camera {s.camera}" for s in outcome.streams])
     upper.set_ylim(-0.5, len(outcome.streams) - 0.3)

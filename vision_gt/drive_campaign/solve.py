@@ -104,7 +104,7 @@ def solve_campaign_drive(
         streams.append(_stream(campaign, vision, one, unread, workers, report))
         done += len(one)
     progress("clocks and trajectory", 0.9)
-    outcome = solve_drive(streams, odometry, window=settings.window)
+    outcome = solve_drive(streams, odometry, window=settings.window, one_clock=settings.one_clock)
     strangers = tuple(one.camera for one in every if one.camera not in names)
     return CampaignDrive(outcome, odometry, unread, strangers)
 

@@ -7,21 +7,27 @@ import numpy as np
 
 from validation.results import Figure, Finding, Section, Severity, Size, Table, Text
 from validation.text_files.csv_text import csv_text
+from validation.trajectories.clock.tables import jump_findings
 from validation.trajectories.correlation_telling import correlation_section
 from validation.trajectories.formats import trajectory_text
 from vision_gt.drive_campaign.solve import CampaignDrive
 from vision_gt.driving.drive import SYSTEM
-from vision_gt.driving.stream import Stream
+from vision_gt.driving.stream import Stream, Verdict
 
 FEW_SUPPORTED = 0.95
 """Share of the trajectory with frames on both sides, below which it is a warning: cameras that are
 hung for a drive see nearly all of it. A judgement."""
 MANY_SPURIOUS = 0.1
 """Share of a camera's poses that the others contradict, from which on it is a warning."""
+WHY_NOT: tuple[Verdict, ...] = (
+    *("nothing seen", "no pose", "ambiguous", "off the floor", "spurious", "clock unknown"),
+)
+"""Verdicts of frames that are not in the trajectory."""
 TEXT = (
     "Every frame of every camera gives a pose of its own, or a reason. Each camera has its own "
-    "clock, which the motion tells against the odometry; poses that those before and after "
-    "contradict are spurious. The trajectory is what all cameras together say. Its covariance has "
+    "clock, which the motion tells against the odometry, or against cameras that see the robot at "
+    "the same time; poses that those before and after contradict are spurious. The trajectory is "
+    "what all cameras together say. Its covariance has "
     "the noise of the frames, which many frames make small, and what cameras, lenses and markers "
     "are off by, which they do not."
 )
@@ -30,8 +36,8 @@ TEXT = (
 def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
     """Findings, the most important first."""
     outcome = drive.outcome
-    of_camera = {one.camera: int(one.kept.sum()) for one in outcome.streams}
-    kept = sum(of_camera.values())
+    posed = {one.camera: int(one.posed.sum()) for one in outcome.streams}
+    kept = sum(int(one.kept.sum()) for one in outcome.streams)
     if outcome.trajectory is None:
         why = "; ".join(f"camera {name}: {said}" for name, said in outcome.left_out.items())
         text = f"No trajectory of the drive: {why or 'no camera has frames'}."
@@ -50,15 +56,27 @@ def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
     for name, said in outcome.left_out.items():
         if outcome.trajectory is not None:
             text = f"Camera {name} is not in the trajectory: {said}."
-            size = (Size("frames with a pose", of_camera.get(name, 0), "frames"),)
+            if posed.get(name, 0) and name in outcome.clocks:
+                text += (
+                    f" Its {posed[name]} poses are kept, on its own clock ('clock unknown'). State "
+                    "[vision.drive] odometry; or one_clock = true, if its stamps are of one clock "
+                    "with those of the others."
+                )
+            size = (Size("frames with a pose", posed.get(name, 0), "frames"),)
             yield Finding("warning", text, f"vision_{name}", "camera_left_out", size)
     if outcome.assumed:
         text = (
-            f"There is no odometry, and what cameras {', '.join(outcome.assumed)} see together "
-            "with the others does not tell their delays: their stamps are taken as those of one "
-            "clock. State [vision.drive] odometry, and the delay of each camera is found."
+            f"What cameras {', '.join(outcome.assumed)} saw does not tell their delays: their "
+            "stamps are taken as those of one clock with the others, as [vision.drive] one_clock "
+            "states."
         )
-        yield Finding("warning", text, SYSTEM, "one_clock")
+        yield Finding("note", text, SYSTEM, "one_clock")
+    for clock in outcome.clocks.values():
+        yield from jump_findings(clock)
+        if clock.jumps and drive.odometry is None and len(outcome.clocks) == 1:
+            text = "Two cameras do not tell whose clock jumped: it may be that of the other one."
+            size = (Size("jumps of the clock", len(clock.jumps)),)
+            yield Finding("note", text, clock.source, "jump_of_either", size)
     for one in outcome.streams:
         yield from _of_camera(one, drive.unread.get(one.camera, 0))
     for name in drive.strangers:
@@ -69,7 +87,7 @@ def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
 def _of_camera(stream: Stream, unread: int) -> Iterator[Finding]:
     """What is odd about the frames of a camera."""
     subject = f"vision_{stream.camera}"
-    spurious, posed = stream.count("spurious"), int(stream.kept.sum()) + stream.count("spurious")
+    spurious, posed = stream.count("spurious"), int(stream.posed.sum()) + stream.count("spurious")
     if posed and spurious > MANY_SPURIOUS * posed:
         text = (
             f"{spurious} of {posed} poses are contradicted by those before and after. Look for "
@@ -86,34 +104,58 @@ def drive_table(drive: CampaignDrive) -> Table:
     """A row for each camera."""
     rows: list[list[str | int | float | None]] = []
     for one in drive.outcome.streams:
-        sigmas = np.sqrt(np.diagonal(one.own[one.kept] + one.shared[one.kept], axis1=1, axis2=2))
+        whole = one.own[one.posed] + one.shared[one.posed]
+        sigmas = np.sqrt(np.diagonal(whole, axis1=1, axis2=2))
         clock = drive.outcome.clocks.get(one.camera)
-        known = clock is not None and clock.verdict == "determined"
-        delay = f"{1e3 * clock.delay_s:+.1f}" if clock is not None and known else ""
-        half = f"{500 * (clock.high_s - clock.low_s):.1f}" if clock is not None and known else ""
+        told = () if clock is None or clock.verdict != "determined" else clock.pieces or (clock,)
+        delay = ", ".join(f"{1e3 * piece.delay_s:+.1f}" for piece in told)
+        half = ", ".join(f"{500 * (piece.high_s - piece.low_s):.1f}" for piece in told)
         rows.append(
             [
                 one.camera,
                 len(one),
                 int(one.kept.sum()),
-                *(
-                    one.count(v)
-                    for v in ("nothing seen", "no pose", "ambiguous", "off the floor", "spurious")
-                ),
+                *(one.count(verdict) for verdict in WHY_NOT),
                 round(float(np.median(sigmas[:, :2])) * 1e3, 1) if len(sigmas) else None,
                 round(float(np.median(sigmas[:, 2])) * 1e3, 1) if len(sigmas) else None,
                 delay,
                 half,
             ]
         )
-    heads = ["camera", "frames", "kept", "nothing seen", "no pose", "ambiguous", "off the floor"]
-    heads += ["spurious", "position sd [mm]", "heading sd [mrad]", "delay [ms]", "+- [ms]"]
+    heads = ["camera", "frames", "kept", *WHY_NOT]
+    heads += ["position sd [mm]", "heading sd [mrad]", "delay [ms]", "+- [ms]"]
     return Table("Cameras in the drive", heads, rows)
+
+
+def parts_of_delays(drive: CampaignDrive) -> Table:
+    """The delays of all cameras by parts of the drive."""
+    parts = [
+        (name, clock.epoch, part)
+        for name, clock in drive.outcome.clocks.items()
+        if clock.verdict == "determined"
+        for piece in clock.pieces or (clock,)
+        for part in piece.parts
+    ]
+    return Table.of_columns(
+        "Delays by parts of the drive",
+        [
+            ("camera", "", [name for name, _, _ in parts]),
+            ("from [s]", ".1f", [part.first_s + epoch for _, epoch, part in parts]),
+            ("to [s]", ".1f", [part.last_s + epoch for _, epoch, part in parts]),
+            ("delay [ms]", "+.1f", [1e3 * part.delay_s for _, _, part in parts]),
+            ("low [ms]", "+.1f", [1e3 * part.low_s for _, _, part in parts]),
+            ("high [ms]", "+.1f", [1e3 * part.high_s for _, _, part in parts]),
+        ],
+        note="Against the odometry. What it is off by lasts for seconds, and makes parts differ by "
+        "some milliseconds more than their intervals say.",
+    )
 
 
 def drive_sections(drive: CampaignDrive) -> list[Section]:
     """Tables and figures, and the document's way of finding delays beside them."""
     blocks: list[Text | Table | Figure] = [Text(TEXT), drive_table(drive)]
+    if any(clock.parts for clock in drive.outcome.clocks.values()):
+        blocks.append(parts_of_delays(drive))
     if drive.outcome.trajectory is not None:
         blocks += [
             Figure(
@@ -179,6 +221,7 @@ def drive_facts(drive: CampaignDrive) -> dict[str, object]:
         "frames": {one.camera: len(one) for one in outcome.streams},
         "kept": {one.camera: int(one.kept.sum()) for one in outcome.streams},
         "spurious": {one.camera: one.count("spurious") for one in outcome.streams},
+        "clock_unknown": {one.camera: one.count("clock unknown") for one in outcome.streams},
         "left_out": dict(outcome.left_out),
         "supported": float(np.mean(outcome.supported)) if len(outcome.supported) else 0.0,
         "delays": {
@@ -186,5 +229,12 @@ def drive_facts(drive: CampaignDrive) -> dict[str, object]:
             if clock.verdict != "determined"
             else {"delay_s": clock.delay_s, "low_s": clock.low_s, "high_s": clock.high_s}
             for name, clock in outcome.clocks.items()
+        },
+        "clock_jumps": {
+            name: [
+                {"stamp_s": one.stamp_s + clock.epoch, "size_s": one.size_s} for one in clock.jumps
+            ]
+            for name, clock in outcome.clocks.items()
+            if clock.jumps
         },
     }

@@ -11,9 +11,11 @@ from validation.poses.trajectory import Trajectory
 from validation.results import Finding
 from validation.shown import Shown
 from validation.trajectories.clock.estimate import sync
+from validation.trajectories.clock.jumps import parted
 from validation.trajectories.clock.result import ClockEstimate
 from validation.trajectories.smoothing.fusion import fuse
 from validation.trajectories.smoothing.source import Fused, Source
+from vision_gt.driving.links import Clock, Links
 from vision_gt.driving.stream import Mask, Stream
 
 SYSTEM = "vision_drive"
@@ -35,10 +37,10 @@ class DriveOutcome(Shown):
     streams : tuple of Stream
         One a camera, spurious frames named.
     clocks : mapping of str to ClockEstimate
-        By camera, against the odometry; without it against the camera with most poses.
+        By camera, against the odometry; without it against one of the cameras.
     assumed : tuple of str
-        Without odometry: cameras whose delay is not told, and whose stamps are taken as those of
-        that camera's clock.
+        Cameras whose delay is not told, and whose stamps are taken as those of the others' clock,
+        as was stated.
     left_out : mapping of str to str
         Cameras that are not in the fused trajectory, and why.
     trajectory : Trajectory, optional
@@ -64,6 +66,7 @@ def solve_drive(
     odometry: Trajectory | None = None,
     *,
     window: float = 5.0,
+    one_clock: bool = False,
     progress: Callable[[str, float], None] = lambda _what, _share: None,
 ) -> DriveOutcome:
     """One trajectory from the streams of all cameras.
@@ -73,47 +76,89 @@ def solve_drive(
     streams : sequence of Stream
         Each on a clock of its own.
     odometry : Trajectory, optional
-        In a frame of its own; its stamps are the common time. Without it those of the camera with
-        most poses are; what others see together with it tells their delay, and where it does not,
-        their stamps are taken as those of one clock.
+        In a frame of its own; its stamps are the common time. Without it those of a camera are,
+        see `Links.reference`.
     window : float
         Seconds to both sides in which the delay of a camera is looked for.
+    one_clock : bool
+        Stamps of cameras whose delay is not told are of the same clock as those of the others.
     progress : callable
         Told what is being done.
 
     Notes
     -----
+    What the odometry does not tell, and all where there is none, is told by cameras that see the
+    robot at the same time, from one to the next. A camera whose delay is not told has no place in
+    the trajectory: its poses contradict nothing, and are 'clock unknown'.
+
     Frames are fused by the noise that each has of its own. What cameras, lenses and markers are off
     by does not get less by many frames; it is added afterwards, as the frames near a pose have it.
     """
     seen = {s.camera: t for s in streams if (t := s.trajectory(whole=False)) is not None}
     left_out = {s.camera: "too few poses" for s in streams if s.camera not in seen}
-    clocks: Mapping[str, ClockEstimate] = {}
-    if seen:
-        most = max(seen, key=lambda name: len(seen[name]))
-        judged_by = seen[most] if odometry is None else odometry
-        others = {name: one for name, one in seen.items() if one is not judged_by}
-        told = sync(judged_by, list(others.values()), window=window, progress=progress)
-        clocks = {name: told[trajectory.system] for name, trajectory in others.items()}
+    if not seen:
+        return DriveOutcome(tuple(streams), left_out=left_out)
+    clocks, reference = _clocks(streams, seen, odometry, window, progress)
     known = {name: clock for name, clock in clocks.items() if clock.verdict == "determined"}
-    assumed = tuple(name for name in clocks if name not in known) if odometry is None else ()
-    if odometry is not None:
-        left_out |= {name: _why(clock) for name, clock in clocks.items() if name not in known}
+    untold = [name for name in seen if name not in known and name != reference]
+    assumed: tuple[str, ...] = ()
+    if one_clock and (known or reference):
+        assumed, untold = tuple(untold), []
+        best = min(known.values(), key=lambda one: one.high_s - one.low_s, default=None)
+        if odometry is not None and best is not None:
+            known |= dict.fromkeys(assumed, best)
+    left_out |= {name: _why(clocks[name]) for name in untold}
+    judged = {s.camera: s for s in streams}
+    for name in untold:
+        judged[name] = judged[name].judged(np.ones(len(seen[name]), dtype=bool), "clock unknown")
     used = [name for name in seen if name not in left_out]
     if not used:
-        return DriveOutcome(tuple(streams), clocks, assumed, left_out)
+        return DriveOutcome(tuple(judged.values()), clocks, assumed, left_out)
     progress("fusing the cameras", 0.8)
-    sources = [_source(seen[name], known.get(name)) for name in used]
+    parts = [part for name in used for part in _pieces(judged[name], known.get(name))]
+    sources = [_source(part, clock) for part, clock in parts]
     fused = fuse(sources, odometry=odometry)
-    by_camera = dict(zip(used, fused.weights, strict=True))
-    judged = tuple(
-        s.judged(by_camera[s.camera] < SPURIOUS) if s.camera in by_camera else s for s in streams
-    )
-    trusted = [one for one in judged if one.camera in by_camera]
-    trajectory = _with_shared(fused, trusted, sources)
+    good = [
+        part.judged(weights < SPURIOUS)
+        for (part, _), weights in zip(parts, fused.weights, strict=True)
+    ]
+    for name in used:
+        verdicts = [verdict for one in good if one.camera == name for verdict in one.verdicts]
+        judged[name] = replace(judged[name], verdicts=tuple(verdicts))
+    trajectory = _with_shared(fused, good, sources)
     return DriveOutcome(
-        *(judged, clocks, assumed, left_out, trajectory, fused.supported, fused.findings)
+        *(tuple(judged.values()), clocks, assumed, left_out),
+        *(trajectory, fused.supported, fused.findings),
     )
+
+
+def _clocks(
+    streams: Sequence[Stream],
+    seen: Mapping[str, Trajectory],
+    odometry: Trajectory | None,
+    window: float,
+    progress: Callable[[str, float], None],
+) -> tuple[dict[str, ClockEstimate], str | None]:
+    """The clock of each camera, and without odometry the camera whose clock it is."""
+    clocks: dict[str, ClockEstimate] = {}
+    if odometry is not None:
+        told = sync(odometry, list(seen.values()), window=window, progress=progress)
+        clocks = {name: told[trajectory.system] for name, trajectory in seen.items()}
+        told_of = {n: c for n, c in clocks.items() if c.verdict == "determined"}
+        known = {n: Clock.of(c) for n, c in told_of.items() if not c.jumps}
+        if not known or len(told_of) == len(clocks):
+            return clocks, None
+        steady = [one for one in streams if one.camera in known or one.camera not in told_of]
+        links, reference = Links(steady, odometry.epoch, window), None
+    else:
+        progress("clocks of the cameras", 0.5)
+        links = Links(streams, next(iter(seen.values())).epoch, window)
+        reference = links.reference()
+        known = {reference: links.own((reference, 0))}
+    for name, clock in links.estimates(known).items():
+        if clock.verdict == "determined" or name not in clocks:
+            clocks[name] = clock
+    return clocks, reference
 
 
 def _why(clock: ClockEstimate) -> str:
@@ -123,8 +168,21 @@ def _why(clock: ClockEstimate) -> str:
     return clock.reason or "its poses do not tell its delay"
 
 
-def _source(trajectory: Trajectory, clock: ClockEstimate | None) -> Source:
+def _pieces(
+    stream: Stream, clock: ClockEstimate | None
+) -> list[tuple[Stream, ClockEstimate | None]]:
+    """The frames of a camera between the jumps of its clock, each part with its delay."""
+    if clock is None or not clock.pieces:
+        return [(stream, clock)]
+    stamps = stream.times + (stream.epoch - clock.epoch)
+    between = parted(stamps, [jump.stamp_s for jump in clock.jumps])
+    return [(stream.part(rows), piece) for rows, piece in zip(between, clock.pieces, strict=True)]
+
+
+def _source(stream: Stream, clock: ClockEstimate | None) -> Source:
     """A camera's poses with what is known of its clock."""
+    trajectory = stream.trajectory(whole=False)
+    assert trajectory is not None  # a stream without one has no clock
     if clock is None:
         return Source(trajectory)
     drift = (clock.drift_low_ppm, clock.drift_high_ppm)

@@ -17,8 +17,11 @@ from vision_gt.optics.transforms import planar_jacobian
 from vision_gt.robot.marker_poses import Layout
 from vision_gt.robot.robot_pose import Floor, RobotPose, Sighting, robot_pose
 
-Verdict = Literal["kept", "nothing seen", "no pose", "ambiguous", "off the floor", "spurious"]
-"""What became of a frame. 'spurious' is said by the poses before and after, see `drive`."""
+Verdict = Literal[
+    "kept", "nothing seen", "no pose", "ambiguous", "off the floor", "spurious", "clock unknown"
+]
+"""What became of a frame. 'spurious' is said by the poses before and after, see `drive`; 'clock
+unknown' is a pose of which nothing tells when on the common time it was."""
 
 OFF_FLOOR = 1e-6
 """Chance of standing so high or tilted on the floor, below which a pose is not used. A drive has
@@ -77,6 +80,11 @@ class Stream(Shown):
         return np.array([one == "kept" for one in self.verdicts], dtype=bool)
 
     @property
+    def posed(self) -> Mask:
+        """(n,) whether a frame has a pose that nothing contradicts, on the camera's own clock."""
+        return np.array([one in {"kept", "clock unknown"} for one in self.verdicts], dtype=bool)
+
+    @property
     def shared(self) -> Array:
         """(n, 3, 3) covariance from what all frames share."""
         return np.asarray(np.einsum("niu,nju->nij", self.common, self.common, dtype=float))
@@ -86,32 +94,45 @@ class Stream(Shown):
         return self.verdicts.count(verdict)
 
     def trajectory(self, *, whole: bool = True) -> Trajectory | None:
-        """The poses that are kept, on the camera's own clock; None where they are too few.
+        """The poses that nothing contradicts, on the camera's own clock; None where too few.
 
         Parameters
         ----------
         whole : bool
             With all of the covariance; without, only what is new in each frame.
         """
-        kept = self.kept
-        if kept.sum() < FEWEST:
+        posed = self.posed
+        if posed.sum() < FEWEST:
             return None
         covariances = self.own + self.shared if whole else self.own
         return Trajectory(
             f"vision_{self.camera}",
-            self.times[kept],
-            self.poses[kept],
+            self.times[posed],
+            self.poses[posed],
             "plane",
-            covariances[kept],
+            covariances[posed],
             epoch=self.epoch,
             clock=self.clock,
         )
 
-    def judged(self, spurious: Mask) -> "Stream":
-        """The stream with some of its kept frames, one a pose of `trajectory`, called spurious."""
+    def part(self, rows: Mask) -> "Stream":
+        """Some of the frames."""
+        which = np.flatnonzero(rows)
+        return replace(
+            self,
+            times=self.times[which],
+            verdicts=tuple(self.verdicts[row] for row in which),
+            numbers=tuple(self.numbers[row] for row in which),
+            poses=self.poses[which],
+            own=self.own[which],
+            common=self.common[which],
+        )
+
+    def judged(self, which: Mask, verdict: Verdict = "spurious") -> "Stream":
+        """The stream with another verdict for some of its frames, one a pose of `trajectory`."""
         verdicts = list(self.verdicts)
-        for row in np.flatnonzero(self.kept)[spurious]:
-            verdicts[row] = "spurious"
+        for row in np.flatnonzero(self.posed)[which]:
+            verdicts[row] = verdict
         return replace(self, verdicts=tuple(verdicts))
 
 

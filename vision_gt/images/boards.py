@@ -304,7 +304,7 @@ def _starts_black(image: Image, grid: Array, board: Board) -> bool:
 
 
 def _find_charuco(image: Image, board: Board) -> tuple[FoundBoard | None, list[Rejection]]:
-    """A ChArUco board: OpenCV's corners, fitted; those that no fit explains are kept, rougher."""
+    """A ChArUco board: fitted corners; those of OpenCV's that no fit explains are kept, rougher."""
     start = charuco_corners(image, board)
     if start is None:
         return None, []
@@ -315,6 +315,12 @@ def _find_charuco(image: Image, board: Board) -> tuple[FoundBoard | None, list[R
     # A marker's corner is nearest along the diagonal of a square.
     radius = min(_CLEAR * (board.square - board.marker_side) / board.square, _CLEAR_OF_CORNERS)
     fit = refine_saddles(as_printed(image, board), stock, axes, radius)
+    # What is only foretold, and not there, is covered.
+    seen = fit.good | ~start.foretold
+    fit, ids, stock, axes = fit.of(seen), ids[seen], stock[seen], axes[seen]
+    if len(ids) < _LEAST_SEEN:
+        return None, []
+    foretold = start.foretold[seen]
     pixels = np.where(fit.good[:, None], fit.pixels, stock)
     sigmas = np.where(fit.good, np.hypot(fit.sigmas, _LEAST_SIGMA), STOCK_SIGMA)
     side = float(np.linalg.norm(axes, axis=1).min())
@@ -322,7 +328,7 @@ def _find_charuco(image: Image, board: Board) -> tuple[FoundBoard | None, list[R
     limit = max(_WRONG, _WRONG_SHARE * side)
     again = _off_neighbours(board.corners[ids, :2] / board.square, stock)
     # A fit that ran to something else: OpenCV's own corner may still be right.
-    back = (off > limit) & (again <= limit)
+    back = (off > limit) & (again <= limit) & ~foretold
     pixels[back], sigmas[back] = stock[back], STOCK_SIGMA
     wrong = (off > limit) & ~back
     left = [

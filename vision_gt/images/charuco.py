@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
+from vision_gt.images.reading import drawn_apart
 from vision_gt.patterns.boards import Board
 
 Image = npt.NDArray[np.uint8]
@@ -14,6 +15,9 @@ Ints = npt.NDArray[np.intp]
 
 _LEAST_CORNERS = 4
 """Of a board that is partly seen: four places whose ids are known give a pose."""
+_ENOUGH_MARKERS, _BORDER = 4, 3.0
+"""Markers whose sixteen corners tell where a corner beside one of them is; and pixels that it is at
+least from the image's border."""
 _AGREES = 0.3
 """Sides of a marker that a corner of it may be from where the board has it: a board that is bent or
 seen through a wide lens is off by a tenth, another layout by more than a half."""
@@ -23,14 +27,19 @@ MOST_AGREE = 0.6
 
 @dataclass(frozen=True)
 class CharucoCorners:
-    """Corners as OpenCV has them: ids (n,) and pixels (n, 2)."""
+    """Corners as OpenCV has them: ids (n,) and pixels (n, 2); some only ``foretold`` (n,).
+
+    Those are where the markers around say that a corner is, to a pixel or two: OpenCV names a
+    corner only where it has read both markers beside it.
+    """
 
     ids: Ints
     pixels: Array
+    foretold: npt.NDArray[np.bool_]
 
 
 def charuco_corners(image: Image, board: Board) -> CharucoCorners | None:
-    """Corners of a ChArUco board as OpenCV finds them; None for too few, or for another board.
+    """Where a ChArUco board has its corners; None for too few, or for another board.
 
     Parameters
     ----------
@@ -40,15 +49,48 @@ def charuco_corners(image: Image, board: Board) -> CharucoCorners | None:
         As printed: inverted, or of the older layout.
     """
     detector = cv2.aruco.CharucoDetector(board.charuco())
-    corners, ids, outlines, numbers = detector.detectBoard(as_printed(image, board))
-    if ids is None or len(ids) < _LEAST_CORNERS:
-        return None
+    corners, found, outlines, numbers = detector.detectBoard(as_printed(drawn_apart(image), board))
     markers = Markers.of(outlines, numbers).of_board(board)
-    if agreement(board, markers) < MOST_AGREE * len(markers.numbers):
+    agrees = _agreeing(board, markers)
+    if not agrees.sum() >= max(MOST_AGREE * len(agrees), 1):
         return None
-    return CharucoCorners(
-        np.ravel(ids).astype(np.intp), np.array(corners, dtype=float).reshape(-1, 2)
-    )
+    named = np.zeros(0, dtype=np.intp) if found is None else np.ravel(found).astype(np.intp)
+    own = np.array(corners if len(named) else [], dtype=float).reshape(-1, 2)
+    others, more = _foretold(board, markers.only(agrees), named, image.shape)
+    if len(named) + len(others) < _LEAST_CORNERS:
+        return None
+    ids, pixels = np.concatenate([named, others]), np.concatenate([own, more])
+    order = np.argsort(ids)
+    return CharucoCorners(ids[order], pixels[order], order >= len(named))
+
+
+def _foretold(
+    board: Board, markers: "Markers", named: Ints, shape: tuple[int, ...]
+) -> tuple[Ints, Array]:
+    """Ids (k,) and pixels (k, 2) of corners beside markers that are read, but for those named."""
+    if len(markers.numbers) < _ENOUGH_MARKERS:
+        return np.zeros(0, dtype=np.intp), np.zeros((0, 2))
+    printed, corners = _printed(board), np.asarray(board.charuco().getChessboardCorners())
+    places = np.array([printed[number] for number in markers.numbers.tolist()])
+    middles = places.mean(1)
+    ids, pixels = [], []
+    for corner in np.setdiff1d(np.arange(len(board.corners)), named).tolist():
+        at = corners[corner, :2].astype(float)
+        far = np.linalg.norm(middles - at, axis=1)
+        near = np.argsort(far)[:_ENOUGH_MARKERS]
+        if far[near[0]] > board.square:
+            continue
+        H, _ = cv2.findHomography(
+            places[near].reshape(-1, 2), markers.outlines[near].reshape(-1, 2), 0
+        )
+        if H is None:
+            continue
+        ahead = H @ np.append(at, 1.0)
+        pixel = ahead[:2] / ahead[2]
+        if (pixel > _BORDER).all() and (pixel < np.array(shape[1::-1]) - _BORDER).all():
+            ids.append(corner)
+            pixels.append(pixel)
+    return np.array(ids, dtype=np.intp), np.array(pixels, dtype=float).reshape(-1, 2)
 
 
 def as_printed(image: Image, board: Board) -> Image:
@@ -73,25 +115,41 @@ class Markers:
 
     def of_board(self, board: Board) -> "Markers":
         """Those with ids of a board: another one may be in the image."""
-        own = np.isin(self.numbers, board.first_id + np.arange(board.marker_count))
-        return Markers(self.outlines[own], self.numbers[own])
+        return self.only(np.isin(self.numbers, board.first_id + np.arange(board.marker_count)))
+
+    def only(self, which: npt.NDArray[np.bool_]) -> "Markers":
+        """Some of them."""
+        return Markers(self.outlines[which], self.numbers[which])
 
 
 def agreement(board: Board, markers: Markers) -> int:
     """How many of the markers lie where the board has them: of those that agree on a homography."""
+    return int(_agreeing(board, markers).sum())
+
+
+def _printed(board: Board) -> dict[int, Array]:
+    """The corners (4, 2) of each marker on a board."""
     own = board.charuco()
-    places = dict(zip(np.ravel(own.getIds()).tolist(), own.getObjPoints(), strict=True))
+    places = zip(np.ravel(own.getIds()).tolist(), own.getObjPoints(), strict=True)
+    return {number: np.asarray(place, dtype=float)[:, :2] for number, place in places}
+
+
+def _agreeing(board: Board, markers: Markers) -> npt.NDArray[np.bool_]:
+    """Which (n,) of the markers lie where the board has them; see `agreement`."""
+    places = _printed(board)
+    agrees = np.zeros(len(markers.numbers), dtype=bool)
     known = [i for i, number in enumerate(markers.numbers.tolist()) if number in places]
     if not known:
-        return 0
-    printed = np.array([places[int(markers.numbers[i])] for i in known], dtype=float)[..., :2]
+        return agrees
+    printed = np.array([places[int(markers.numbers[i])] for i in known])
     seen = markers.outlines[known]
     side = float(np.median(np.linalg.norm(seen - np.roll(seen, 1, axis=1), axis=-1)))
     H, _ = cv2.findHomography(
         printed.reshape(-1, 2), seen.reshape(-1, 2), cv2.RANSAC, _AGREES * side
     )
     if H is None:
-        return 0
+        return agrees
     ahead = printed @ H[:, :2].T + H[:, 2]
     off = np.linalg.norm(ahead[..., :2] / ahead[..., 2:] - seen, axis=-1)
-    return int((off < _AGREES * side).all(1).sum())
+    agrees[known] = (off < _AGREES * side).all(1)
+    return agrees

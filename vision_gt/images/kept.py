@@ -25,8 +25,9 @@ _DIGITS = 64
 _READING = 0.05
 """Of the work, that it takes to read files and to see whether they are known: a millisecond beside
 twenty and more."""
-_LOOKING = 2
-"""Goes up where the code finds other things in the same image: 2 since tone curves are fitted."""
+_LOOKING = 3
+"""Goes up where the code finds other things in the same image: 2 since tone curves are fitted, 3
+since covariances count what a fit leaves side by side."""
 
 
 class KeptDetections:

@@ -11,7 +11,13 @@ from validation.errors import GtvalError
 from validation.poses.angles import Array
 from vision_gt.images.corners import refine_corners, windows
 from vision_gt.images.edges import sought_corners
-from vision_gt.images.reading import Reading, might_be_markers, read_codes, turned_corners
+from vision_gt.images.reading import (
+    Reading,
+    drawn_apart,
+    might_be_markers,
+    read_codes,
+    turned_corners,
+)
 from vision_gt.optics.camera import Camera
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.patterns.rejections import Rejection, rejected
@@ -171,6 +177,7 @@ def _candidates(image: Image, family: Family, *, fitted: bool) -> tuple[Array, l
     if not fitted:
         found, numbers, _ = _found(image, family, cv2.aruco.DetectorParameters())
         return found, numbers, np.zeros((0, 4, 2))
+    image = drawn_apart(image)
     found, numbers, others = _found(image, family, _quick(family, max(image.shape)))
     reading, quads, unread = _read_again(image, others, family)
     own = turned_corners(quads, reading)

@@ -37,6 +37,13 @@ _SHARPER = 0.6
 blur of 0.8 pixels leaves a cell of that width 0.79 of its own level in each direction."""
 _SHARPEN_BELOW = 4.0
 """Pixels: larger cells show their own level in their middle."""
+_EVERY, _ENDS = 4, 0.003
+"""Rows and columns that tell the grey levels of an image, and the share left out at each end."""
+_NARROW, _LEAST_RANGE = 128, 16
+"""Grey levels that most of an image has, below which they are drawn apart: of a usual exposure they
+have more. And those that are drawn to the whole range at most: noise of 2 is then as 32. Of 120
+markers of 13 to 60 pixels exposed to 18 % (white at 36), 100 were found as they are, 105 by OpenCV,
+and all once drawn apart."""
 
 
 @dataclass(frozen=True)
@@ -207,3 +214,16 @@ def _plane_of(cells: int, depth: int) -> Array:
 def _plane(levels: Array, cells: int, depth: int) -> Array:
     """(n, (cells + 2)^2) a plane through the levels (n, r) of a ring."""
     return np.asarray(levels @ _plane_of(cells, depth).T)
+
+
+def drawn_apart(image: Image) -> Image:
+    """A dark or pale image with grey levels drawn apart, to be looked through; others as they are.
+
+    OpenCV's threshold is off the local mean by so many grey levels, whatever the exposure.
+    """
+    levels = np.bincount(image[::_EVERY, ::_EVERY].ravel(), minlength=256).cumsum()
+    low, high = np.searchsorted(levels, [_ENDS * levels[-1], (1 - _ENDS) * levels[-1]])
+    if high - low > _NARROW:
+        return image
+    drawn = (np.arange(256) - low) * (255 / max(high - low, _LEAST_RANGE))
+    return np.asarray(np.rint(np.clip(drawn, 0, 255)).astype(np.uint8)[image])

@@ -69,6 +69,10 @@ class SaddleFit:
     sigmas: Array
     good: Mask
 
+    def of(self, rows: Mask) -> "SaddleFit":
+        """Some of them."""
+        return SaddleFit(self.pixels[rows], self.sigmas[rows], self.good[rows])
+
 
 def refine_saddles(image: Image, start: Array, axes: Array, radius: float) -> SaddleFit:
     """Corners of squares from the grey levels around them.

@@ -116,60 +116,6 @@ def believable(contrast: Array, kept: Array, sigma: Array, noise: Array) -> Mask
     )
 
 
-def by_cell(moves: Array, lit: Array, counts: Mask, cells: int) -> tuple[Array, Array]:
-    """What is left of the grey levels of each cell says that a homography should move.
-
-    Parameters
-    ----------
-    moves : (m, 8, n) array
-        What each pixel says.
-    lit : (m, 3, n) array
-        1 and the places of pixels in the print.
-    counts : (m, n) array of bool
-        Whether pixels are the print's.
-    cells : int
-        Along a side.
-
-    Returns
-    -------
-    sums : (m, 8, (cells + 2)^2) array
-        Of the moves in each cell, those of the rim included.
-    occupied : (m,) array
-        How many cells hold a pixel.
-    """
-    m, side = len(moves), cells + 2
-    column, row = (
-        np.minimum(np.maximum((lit[:, k] + 1) * (cells / 2) + 1, 0), side - 1).astype(np.intp)
-        for k in (1, 2)
-    )
-    cell = (row * side + column + side * side * np.arange(m)[:, None]).ravel()
-    size = m * side * side
-    sums = [np.bincount(cell, moves[:, k].ravel(), minlength=size) for k in range(moves.shape[1])]
-    held = np.bincount(cell, counts.ravel(), minlength=size).reshape(m, -1)
-    found = np.array(sums, dtype=float).reshape(len(sums), m, -1).transpose(1, 0, 2)
-    return found, (held > 0).sum(1)
-
-
-def excess_of_cells(
-    slopes: Array, spread: Array, moves: Array, occupied: Array, unknowns: int
-) -> Array:
-    """By how much (m,) the corners' variances are larger than noise of single pixels makes them.
-
-    Where what is left has the same sign along a boundary (the model of the blur, the light, the
-    print), whole cells err together: the sum of squares over cells has that, that over pixels
-    has not (Huber's sandwich, by cells).
-    """
-    squares = moves @ np.swapaxes(moves, 1, 2)
-    turned = np.swapaxes(slopes, -1, -2)
-    together, single = (
-        np.trace(slopes @ one[:, None] @ turned, axis1=-2, axis2=-1).sum(-1)
-        for one in (squares, spread)
-    )
-    return np.asarray(
-        np.maximum(together / single * occupied / np.maximum(occupied - unknowns, 1), 1.0)
-    )
-
-
 def left_over(change: Array, step: tuple[Array, Array, Array]) -> Array:
     """What derivatives (m, n) have that none of a step's unknowns has.
 

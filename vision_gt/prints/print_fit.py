@@ -18,8 +18,6 @@ from vision_gt.prints.grey_fits import (
     LEAST_VARIANCE,
     START_BLUR,
     believable,
-    by_cell,
-    excess_of_cells,
 )
 from vision_gt.prints.pixels import choose_pixels, homographies, pixels_around
 from vision_gt.prints.print_look import boundaries_in_reach, places_in_print
@@ -33,6 +31,7 @@ from vision_gt.prints.print_steps import (
     steps_to_rest,
     variances,
 )
+from vision_gt.prints.tiles import excess_of_tiles
 
 Ints = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
@@ -267,10 +266,8 @@ def _ended(rest: Rest, counts: Ints, cells: int) -> PrintFits:
     state, left, weights = rest.state, rest.left, rest.weights
     contrast, variance = state.contrast, variances(rest)
     spread = rest.inverse[:, :BLUR, :BLUR] * np.maximum(variance, LEAST_VARIANCE)[:, None, None]
-    moves = (rest.inverse[:, :BLUR] @ rest.weighted) * left[:, None]
     corners, slopes = corners_of(state.H)
-    in_cells, occupied = by_cell(moves, rest.lit, rest.told, cells)
-    excess = excess_of_cells(slopes, spread, in_cells, occupied, _UNKNOWNS)
+    excess = excess_of_tiles(rest, slopes, np.maximum(variance, LEAST_VARIANCE), cells)
     covariances = slopes @ spread[:, None] @ np.swapaxes(slopes, -1, -2)
     sigma = np.sqrt(np.diagonal(covariances, axis1=-2, axis2=-1).max((1, 2)))
     kept = weights.sum(1) / np.maximum(rest.told.sum(1), 1)

@@ -258,3 +258,20 @@ def test_one_name_explains_all_images_of_a_board_stated_wrongly(tmp_path):
 )
 def test_the_name_for_all_is_the_smallest_that_has_all_ids(names, name):
     assert named_for_all(names) == names[name]
+
+
+def test_corners_beside_a_marker_that_cannot_be_read_are_found_from_the_others():
+    board = Board(7, 5, 0.08, Family("4X4_100"), 0, 0.06)
+    drawn = board.charuco().generateImage((700, 500))
+    image = np.pad(np.array(drawn), 60, constant_values=255)
+    image = cv2.GaussianBlur(image, (0, 0), 1.0)
+    x, y = 60 + 100 * 3 + 50, 60 + 100 * 2 + 50
+    # The middle of a square with a marker, and what is printed on it, covered.
+    whole = look_for_boards(image, [board]).found[0]
+    covered = image.copy()
+    covered[y - 40 : y + 40, x - 40 : x + 40] = 255
+    (found,) = look_for_boards(covered, [board]).found
+    assert whole is not None
+    assert found is not None
+    assert len(found.ids) == len(whole.ids) == 24
+    assert np.abs(found.pixels - whole.pixels).max() < 0.05

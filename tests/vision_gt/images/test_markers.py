@@ -214,3 +214,19 @@ def test_an_unknown_family_is_named():
         Family("9X9_10").bits(0)
     with pytest.raises(GtvalError, match="ids 0 to 49"):
         Family("4X4_50").bits(50)
+
+
+def test_dark_images_lose_no_marker():
+    rng = np.random.default_rng(29)
+    for _ in range(4):
+        number = int(rng.integers(200))
+        # Sides of 25 to 45 pixels, exposed to less than a fifth.
+        image, true = marker_image(rng, random_marker(rng, rng.uniform(3.5, 6.0)), number)
+        dark = 0.17 * image + rng.normal(0, 1.5, image.shape)
+        dark = np.clip(np.rint(dark), 0, 255).astype(np.uint8)
+        (view,) = detect_markers(dark, APRIL, camera()).views
+        assert view.number == number
+        off = view.corners - true
+        inverse = np.linalg.inv(view.covariances)
+        # Of eight errors of a marker the largest is within four standard deviations or so.
+        assert np.einsum("ki,kij,kj->k", off, inverse, off).max() < 20

@@ -123,7 +123,11 @@ def test_marker_corners_of_a_photograph(record_property):
     record_property("own refinement less stored corners, pixels", off.round(3).tolist())
     # Sub-pixel corners are drawn into the marker by up to a pixel; the fitted ones are not.
     assert off.max() < 1.5
-    assert (np.diagonal(own.covariances, axis1=1, axis2=2) < 0.1**2).all()
+    # The paper is not flat and the print not black: where the four sides alone place the corners
+    # is 0.2 pixels (median) from where the whole print does. Sigmas say so, and no more than so.
+    sigmas = np.sqrt(np.diagonal(own.covariances, axis1=1, axis2=2))
+    assert sigmas.max() < 0.2
+    assert np.median(sigmas) > 0.05
 
 
 @needs_real

@@ -234,7 +234,8 @@ class _Smoother:
 
     def _first_weights(self) -> Array:
         """Poses that are far from the median of their neighbours do not count at first."""
-        middle = median_filter(self.observed, size=(5, 1), mode="nearest")
+        # Mirrored, so that a wrong first or last pose is not most of what it is compared with.
+        middle = median_filter(self.observed, size=(5, 1), mode="mirror")
         off = np.linalg.norm(self.observed - middle, axis=1)
         scale = float(np.quantile(off, 0.7)) + 1e-9
         return np.where(off > 12 * scale, 1e-9, 1.0)

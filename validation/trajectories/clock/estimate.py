@@ -12,6 +12,7 @@ from validation.poses.trajectory import GAP_INTERVALS, Trajectory
 from validation.trajectories.clock.continuous import ContinuousPath, continuous_path
 from validation.trajectories.clock.fit import Fit
 from validation.trajectories.clock.judging import LEAST_SHARE, Best, Prepared, excluded, judged
+from validation.trajectories.clock.jumps import joined, parted, sharpened, suspected
 from validation.trajectories.clock.result import ClockEstimate
 from validation.trajectories.clock.rows import DELAY, DRIFT, Rows, Variances
 from validation.trajectories.clock.search import (
@@ -87,9 +88,40 @@ def sync(
     found = {}
     for number, source in enumerate(sources):
         progress(f"clock of {source.system}", (number + 1) / (len(sources) + 1))
-        other = _prepared(source, reference.epoch)
-        found[source.system] = _estimated(ready, other, window, confidence, reference.epoch)
+        found[source.system] = _followed(ready, source, window, confidence, reference.epoch)
     return found
+
+
+def _followed(
+    reference: Prepared, source: Trajectory, window: float, confidence: float, epoch: int
+) -> ClockEstimate:
+    """The estimate of a source, by pieces where its clock jumps."""
+    whole, best, sign = _estimated(reference, _prepared(source, epoch), window, confidence, epoch)
+    own = None if best is None else suspected(best)
+    if best is None or own is None:
+        return whole
+    stamps = source.times_since(epoch)
+
+    def pieces(stamp: float) -> tuple[ClockEstimate, ...]:
+        """Before and after a stamp, each with jumps of its own; none where a side is too short."""
+        parts = [source.select(part) for part in parted(stamps, [stamp])]
+        if min(map(len, parts)) < 3:
+            return ()
+        return tuple(_followed(reference, part, window, confidence, epoch) for part in parts)
+
+    # Rows of the reference have its stamps.
+    back = 0.0 if sign > 0 else best.candidate.delay
+    found = pieces(own + back)
+    if len(found) == 2 and all(one.verdict == "determined" for one in found):
+        first, last = (found[0].pieces or found[:1])[-1], (found[1].pieces or found[1:])[0]
+        delays = sign * np.array([first.delay_s, last.delay_s])
+        noise = np.minimum(first.noise, last.noise), np.minimum(first.wander, last.wander)
+        again = sharpened(best, delays, *noise)
+        if again != own:
+            found, own = pieces(again + back), again
+    between = sorted([own + back, *(jump.stamp_s for one in found for jump in one.jumps)])
+    flat = [piece for one in found for piece in (one.pieces or (one,))]
+    return joined(whole, flat, between) if flat else whole
 
 
 @dataclass(frozen=True)
@@ -165,7 +197,7 @@ def turn_clock(
         reason = "its axis points down"
     none = np.zeros((len(times), 2))
     other = Prepared(source.system, times, none, headings, line, path)
-    found = _estimated(ready, other, window, confidence, reference.epoch)
+    found, *_ = _estimated(ready, other, window, confidence, reference.epoch)
     if found.verdict == "not_determinable":
         return found
     alike = _alike(ready.path, path, found.delay_s)
@@ -207,7 +239,8 @@ def _prepared(trajectory: Trajectory, epoch: int) -> Prepared:
 
 def _estimated(
     reference: Prepared, source: Prepared, window: float, confidence: float, epoch: int
-) -> ClockEstimate:
+) -> tuple[ClockEstimate, Best | None, float]:
+    """The estimate as if the clock did not jump, its fit, and the sign of the fit's delay."""
     # What has headings only can be the continuous one, but no source of positions.
     swapped = source.interval < DENSER * reference.interval or not source.path.has_position
     dense, sparse = (source, reference) if swapped else (reference, source)
@@ -216,7 +249,7 @@ def _estimated(
     peaks = starting_peaks(dense.path, sparse.path, window)
     if not len(peaks.delays):
         reason = no_overlap_in_words(reference.times, source.times, window)
-        return replace(nothing, reason=reason)
+        return replace(nothing, reason=reason), None, 1.0
     middle = float(sparse.times[0] + sparse.times[-1]) / 2
     rows = Rows.of(sparse.times, sparse.positions, sparse.headings)
     fit = Fit(dense.path, rows, middle)
@@ -225,8 +258,9 @@ def _estimated(
     except LinAlgError:
         best = None
     if best is None:
-        return replace(nothing, reason="the two have too few poses in common")
-    return judged(best, (dense, sparse, swapped), nothing)
+        return replace(nothing, reason="the two have too few poses in common"), None, 1.0
+    told = judged(best, (dense, sparse, swapped), nothing)
+    return told, best, -1.0 if swapped else 1.0
 
 
 def _best(fit: Fit, delays: Array, with_jitter: bool) -> Best | None:

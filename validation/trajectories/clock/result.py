@@ -32,6 +32,25 @@ class Part:
     high_s: float
 
 
+@dataclass(frozen=True)
+class Jump:
+    """A change of the delay at once, as where a clock is set.
+
+    Parameters
+    ----------
+    stamp_s : float
+        The source's stamp at which, to within two of its poses; seconds since the epoch of the
+        estimate.
+    size_s, low_s, high_s : float
+        Added to the delay, with its interval.
+    """
+
+    stamp_s: float
+    size_s: float
+    low_s: float
+    high_s: float
+
+
 @dataclass(frozen=True, repr=False)
 class ClockEstimate(Shown):
     """Delay, drift and jitter of a source's stamps.
@@ -65,6 +84,10 @@ class ClockEstimate(Shown):
         Other delays that fit as well; score: how much worse, in standard deviations.
     parts : tuple of Part
         The same by parts of the record.
+    jumps : tuple of Jump
+        Of the clock, in order. All other numbers are those of the longest piece between them.
+    pieces : tuple of ClockEstimate
+        The clock before, between and after its jumps; empty where there is none.
     noise : (2,) array
         Standard deviation of the poses of the two together, metres and radians.
     wander : (2,) array
@@ -98,6 +121,8 @@ class ClockEstimate(Shown):
     mount_covariance: Array = field(default_factory=lambda: np.full((3, 3), np.nan))
     rivals: tuple[tuple[float, float], ...] = ()
     parts: tuple[Part, ...] = ()
+    jumps: tuple[Jump, ...] = ()
+    pieces: tuple["ClockEstimate", ...] = ()
     noise: Array = field(default_factory=lambda: np.full(2, np.nan))
     wander: Array = field(default_factory=lambda: np.full(2, np.nan))
     speeds: Array = field(default_factory=lambda: np.full(2, np.nan))
@@ -108,7 +133,24 @@ class ClockEstimate(Shown):
 
 
 def on_reference_clock(source: Trajectory, clock: ClockEstimate) -> Trajectory:
-    """The source with the reference's time as its stamps."""
-    since = source.times_since(clock.epoch) - clock.at_s
-    drift = 0.0 if np.isnan(clock.drift_ppm) else 1e-6 * clock.drift_ppm
-    return replace(source, times=source.times + clock.delay_s + drift * since)
+    """The source with the reference's time as its stamps.
+
+    Poses of two pieces that overlap at a jump, by less than a frame or two, are left out.
+    """
+    times = source.times + added(clock, source.times_since(clock.epoch))
+    if not clock.jumps:
+        return replace(source, times=times)
+    later = np.minimum.accumulate(times[::-1])[::-1]
+    kept = times == later
+    kept[:-1] &= times[:-1] < later[1:]
+    return replace(source.select(kept), times=times[kept])
+
+
+def added(clock: ClockEstimate, stamps: Array) -> Array:
+    """(n,) seconds added to stamps, in seconds since the clock's epoch, by the piece each is in."""
+    if not clock.pieces:
+        drift = 0.0 if np.isnan(clock.drift_ppm) else 1e-6 * clock.drift_ppm
+        return np.asarray(clock.delay_s + drift * (stamps - clock.at_s))
+    place = np.searchsorted([jump.stamp_s for jump in clock.jumps], stamps)
+    every = np.array([added(piece, stamps) for piece in clock.pieces])
+    return np.asarray(every[place, np.arange(len(stamps))])

@@ -97,14 +97,14 @@ def settled(one: Candidate, variances: Variances, with_jitter: bool) -> tuple[Ca
     fit, state = one.fit, one.state
     for most in (FIRST_TRIES, 50):
         few = thinned(fit, VARIANCE_ROWS)
-        sub = state if few is fit else _restarted(few, fit, state)
+        sub = state if few is fit else restarted(few, fit, state)
         activity = one.activity if few is fit else few.activity(one.delay)
         variances = few.likely_variances(sub, variances, activity, PRIOR, with_jitter, most)
         if most == FIRST_TRIES and fit.with_heading:
             turning = _turning(few, sub, variances, with_jitter)
             if turning is not None:
                 other = fit.turning()
-                state = _restarted(other, fit, state)
+                state = restarted(other, fit, state)
                 fit, variances = other, turning
                 one = replace(one, activity=fit.activity(one.delay))
         state = fit.refined(state, variances, one.activity, PRIOR, 4)
@@ -123,7 +123,7 @@ def _turning(few: Fit, state: State, variances: Variances, with_jitter: bool) ->
 
     delay = float(state.parameters[DELAY])
     other = few.turning()
-    at = _restarted(other, few, state)
+    at = restarted(other, few, state)
     activity = other.activity(delay)
     ratio = few.activity(delay)[:, 2].sum() / activity[:, 2].sum()
     start = replace(variances, turn_walk=variances.turn_walk * float(ratio))
@@ -131,7 +131,7 @@ def _turning(few: Fit, state: State, variances: Variances, with_jitter: bool) ->
     return found if cost(other, at, found) < cost(few, state, variances) else None
 
 
-def _restarted(few: Fit, fit: Fit, state: State) -> State:
+def restarted(few: Fit, fit: Fit, state: State) -> State:
     """A state for some of the rows, whose nodes have other first rows."""
     where = np.searchsorted(fit.rows.times, few.rows.times[few.rows.starts])
     node = fit.rows.node[where]
@@ -153,7 +153,7 @@ def transferred(one: Candidate, delay: float, variances: Variances) -> Candidate
     new = fit if inside.all() else fit.with_rows(inside)
     near = abs(delay - one.delay) < 0.3
     if near:
-        state = one.state if new is fit else _restarted(new, fit, one.state)
+        state = one.state if new is fit else restarted(new, fit, one.state)
         state = replace(state, parameters=moved)
     else:
         state = new.start(delay, float(moved[DELAY + 1]))

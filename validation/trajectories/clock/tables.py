@@ -20,6 +20,8 @@ WORDS = {
     "ambiguous": "ambiguous",
     "not_determinable": "cannot be told",
 }
+FASTEST_PPM = 1000.0
+"""Drift beyond which a clock is broken: ten times that of a poor quartz."""
 UNSEEN = (
     "A delay that the reference and all sources have in common cannot be seen. Of stamps that are "
     "made at receipt, the delay holds the mean latency."
@@ -88,11 +90,13 @@ def clock_findings(one: ClockEstimate, tolerance: Tolerance) -> list[Finding]:
             "Give a smaller --window if you know better, or drive a way that does not repeat."
         )
         findings = [Finding("warning", text, one.source, "clock_ambiguous", (_delay_size(one),))]
+    findings += jump_findings(one)
     if name := named_offset(one.delay_s):
         text = f"Its delay of {one.delay_s:.3f} s is next to an offset that has a name: {name}."
         size = (_delay_size(one),)
         findings.append(Finding("warning", text, one.source, "clock_named_offset", size))
-    if one.drift_low_ppm > 0 or one.drift_high_ppm < 0:
+    unsteady = any(finding.code == "clock_unsteady" for finding in findings)
+    if not unsteady and (one.drift_low_ppm > 0 or one.drift_high_ppm < 0):
         text = (
             f"Its clock runs away by {one.drift_ppm:.1f} ppm ({one.drift_low_ppm:.1f} to "
             f"{one.drift_high_ppm:.1f}): the delay holds for {one.at_s + one.epoch:.1f} s, and "
@@ -102,6 +106,33 @@ def clock_findings(one: ClockEstimate, tolerance: Tolerance) -> list[Finding]:
         size = (Size("drift of the clock", one.drift_ppm, "ppm", *ends, one.confidence),)
         findings.append(Finding("note", text, one.source, "clock_drift", size))
     return findings
+
+
+def jump_findings(one: ClockEstimate) -> list[Finding]:
+    """A finding for each jump of a clock, and one where it runs as no clock does."""
+    found = []
+    if one.drift_low_ppm > FASTEST_PPM or one.drift_high_ppm < -FASTEST_PPM:
+        text = (
+            f"Its clock would run away by {one.drift_ppm:.0f} ppm, as no clock does. It has "
+            "jumped, where the motion does not tell when, or its stamps are those of something "
+            "else."
+        )
+        ends = one.drift_low_ppm, one.drift_high_ppm
+        size = (Size("drift of the clock", one.drift_ppm, "ppm", *ends, one.confidence),)
+        found.append(Finding("warning", text, one.source, "clock_unsteady", size))
+    for jump, before, after in zip(one.jumps, one.pieces[:-1], one.pieces[1:], strict=True):
+        more, low, high = 1e3 * jump.size_s, 1e3 * jump.low_s, 1e3 * jump.high_s
+        text = (
+            f"Its clock jumps at the stamp {jump.stamp_s + one.epoch:.2f} s: the delay is "
+            f"{1e3 * before.delay_s:+.1f} ms before and {1e3 * after.delay_s:+.1f} ms after, "
+            f"{more:+.1f} ms more ({low:+.1f} to {high:+.1f}). Each part has its own delay. Look "
+            "for a clock that was set, or a computer that was busy."
+        )
+        change = Size(
+            *("change of the delay", jump.size_s, "s", jump.low_s, jump.high_s, one.confidence)
+        )
+        found.append(Finding("warning", text, one.source, "clock_jump", (change,)))
+    return found
 
 
 def _delay_size(one: ClockEstimate) -> Size:
@@ -198,6 +229,16 @@ def clock_json(one: ClockEstimate, tolerance: Tolerance) -> dict[str, object]:
             }
             for part in one.parts
         ],
+        "jumps": [
+            {
+                "stamp_s": jump.stamp_s + one.epoch,
+                "size_s": jump.size_s,
+                "low_s": jump.low_s,
+                "high_s": jump.high_s,
+            }
+            for jump in one.jumps
+        ],
+        "pieces": [clock_json(piece, tolerance) for piece in one.pieces],
         "frame": one.frame,
         "mount": one.mount,
         "mount_covariance": one.mount_covariance,
