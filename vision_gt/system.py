@@ -27,7 +27,7 @@ class VisionSystem:
         return has_images(campaign.folder, settings) or told_without_images(settings)
 
     def inputs(self, campaign: "Campaign") -> "list[Path]":
-        """The folder of the images, camera files, and printed tables."""
+        """The folder of the images, what was decided about them, camera files, printed tables."""
         settings = campaign.section("vision", VisionSettings)
         plan = settings.plan
         files = [*settings.camera_files.values(), *settings.printed.files, plan.file]
@@ -36,6 +36,8 @@ class VisionSystem:
             files.append(plan.stops)
         if has_images(campaign.folder, settings) or not told_without_images(settings):
             files.append(settings.images)
+        if (campaign.folder / settings.decisions).exists():
+            files.append(settings.decisions)
         return [campaign.folder / file for file in files if file]
 
     def solve(
@@ -97,12 +99,12 @@ def with_looks(
     """The result with the images that ask to be looked at."""
     from dataclasses import replace
 
-    from vision_gt.images.files import campaign_images
     from vision_gt.looks.collected import looks_of
     from vision_gt.looks.told import looks_section, picture_files, wanted
+    from vision_gt.stages.decided import images_in_use
     from vision_gt.stages.inputs import VisionInputs
 
-    images = campaign_images(campaign.folder / outcome.settings.images)
+    images = images_in_use(campaign, outcome.settings)
     looks = list(looks_of(outcome, VisionInputs(campaign, outcome.settings, images)))
     return replace(
         result,
