@@ -20,7 +20,8 @@ from validation.text_files.writing import write_files
 from vision_gt.campaign.result_files import PLACED
 from vision_gt.commands.checks import read_network
 from vision_gt.images.files import campaign_images
-from vision_gt.images.jobs import Found, Job, detect_all
+from vision_gt.images.jobs import Found, Job
+from vision_gt.images.kept import detect_new
 from vision_gt.looks.boards import OF_BAR, board_looks
 from vision_gt.looks.collected import title_of
 from vision_gt.looks.look import Known, Look, by_image
@@ -122,7 +123,8 @@ class Looking:
     def _found(self, jobs: Sequence[Job], what: str) -> dict[str, Found]:
         """What images show, by their names; files that cannot be read say why."""
         report = f"looking for {what}s"
-        found = detect_all(jobs, self.workers, lambda share: self.progress(report, share))
+        kept, tell = self.given.kept, lambda share: self.progress(report, share)
+        found = detect_new(jobs, kept, self.workers, tell)
         for one in found:
             if one.fault:
                 fault = (self.given.shown(one.path), rejected("image", one.fault))

@@ -238,28 +238,17 @@ def read_from(view: BoardView, places: Array) -> BoardView:
     A row and a column of a print are a quarter turn apart, and seldom less than 45 degrees in an
     image: half of that is the limit.
     """
-    chosen = min(view.readings(), key=lambda one: _from_origin(one, places[0]))
+    chosen = min(view.readings(), key=lambda one: float(np.linalg.norm(one.ends[0] - places[0])))
     if len(places) > 1:
-        nx, _ = view.board.inner
-        first = chosen.pixels[int(np.argmin(chosen.ids))]
-        # The corner that is farthest along any row, from the first one seen in that row.
-        rows, columns = np.divmod(chosen.ids, nx)
-        row = rows == rows[int(np.argmin(chosen.ids))]
-        along = chosen.pixels[row][int(np.argmax(columns[row]))] - first
-        clicked = places[1] - places[0]
-        cosine = along @ clicked / max(np.linalg.norm(along) * np.linalg.norm(clicked), 1e-12)
-        if cosine < _ALONG:
+        along, clicked = chosen.ends[1] - chosen.ends[0], places[1] - places[0]
+        lengths = np.linalg.norm(along) * np.linalg.norm(clicked)
+        if along @ clicked < _ALONG * lengths:
             raise GtvalError(
                 f"camera {view.camera}: the two pixels clicked in its image of the reference "
                 "pattern are no first corner and row of it (x axis); click them again, or count "
                 "the columns and rows of vision.reference.board"
             )
     return chosen
-
-
-def _from_origin(view: BoardView, near: Array) -> float:
-    first = view.pixels[int(np.argmin(view.ids))]
-    return float(np.linalg.norm(first - near))
 
 
 def middle_camera(names: Sequence[str], links: Sequence[PairLink]) -> str:

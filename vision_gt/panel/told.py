@@ -1,0 +1,95 @@
+"""Images as the scripts and templates of the page take them: plain values."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from validation.campaign.folder import Campaign
+from validation.page.panels import Waiting
+from vision_gt.panel.shelf import Shelf, Shown
+from vision_gt.panel.stored import drive_verdicts
+
+MOST_ROWS = 2_000
+"""Images that the list holds. A judgement: a screen holds twenty."""
+Words = Mapping[str, str]
+
+
+def title_of(one: Shown, words: Words) -> str:
+    """What an image is called: 'stop 7, camera 2'."""
+    title = words[f"title_{one.purpose}"]
+    return title.replace("{name}", one.name).replace("{camera}", one.camera)
+
+
+def list_told(shelf: Shelf, words: Words) -> dict[str, Any]:
+    """The list of all images but frames of a drive, those that need a person first."""
+    rows = [
+        {
+            "image": one.image,
+            "title": title_of(one, words),
+            "purpose": one.purpose,
+            "camera": one.camera,
+            "state": one.state,
+            "said": one.said,
+        }
+        for one in shelf.images.values()
+    ]
+    counts: dict[str, int] = {}
+    for one in shelf.images.values():
+        for group in (one.purpose, f"state_{one.state}"):
+            counts[group] = counts.get(group, 0) + 1
+    more = max(len(rows) - MOST_ROWS, 0)
+    told = {"rows": rows[:MOST_ROWS], "more": more, "counts": counts, "frames": len(shelf.frames)}
+    return {**told, "waiting": len(shelf.needing_corner)}
+
+
+def decision_told(shelf: Shelf, image: str, words: Words) -> dict[str, Any]:
+    """What was decided about an image."""
+    one, counts = shelf.shown(image), shelf.decided
+    left, corner = counts.left_out.get(image), counts.corners.get(image)
+    return {
+        "image": image,
+        "title": title_of(one, words),
+        "purpose": one.purpose,
+        "camera": one.camera,
+        "state": one.state,
+        "said": one.said,
+        "left_out": None if left is None else {"by": left.by, "note": left.note},
+        "corner": None
+        if corner is None
+        else {"by": corner.by, "note": corner.note, "places": corner.places.tolist()},
+    }
+
+
+def times_told(shelf: Shelf, campaign: Campaign) -> dict[str, Any]:
+    """The frames of a drive by camera: seconds since the first, files, and what became of them."""
+    verdicts = drive_verdicts(campaign)
+    cameras: dict[str, list[tuple[float, str, str]]] = {}
+    for one in shelf.frames.values():
+        try:
+            time = float(one.name)
+        except ValueError:
+            continue
+        verdict = verdicts.get((one.camera, round(time, 6)), "")
+        verdict = "left out" if one.state == "left_out" else verdict
+        cameras.setdefault(one.camera, []).append((time, one.image, verdict))
+    first = min((time for frames in cameras.values() for time, _, _ in frames), default=0.0)
+    return {
+        "cameras": [
+            {
+                "camera": camera,
+                "times": [round(time - first, 6) for time, _, _ in sorted(frames)],
+                "images": [image for _, image, _ in sorted(frames)],
+                "verdicts": [verdict for _, _, verdict in sorted(frames)],
+            }
+            for camera, frames in sorted(cameras.items())
+        ]
+    }
+
+
+def waiting_told(shelf: Shelf, words: Words) -> list[Waiting]:
+    """Whether the corner of the reference pattern is to be clicked; nothing where there is none."""
+    count = len(shelf.needing_corner)
+    if count:
+        return [Waiting(words["waiting"].replace("{count}", str(count)), count=count)]
+    if any(image in shelf.images for image in shelf.decided.corners):
+        return [Waiting(words["none_waits"], done=True)]
+    return []
