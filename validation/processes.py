@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from multiprocessing import connection, get_context, parent_process
 from threading import Lock, Thread, Timer
 from typing import ParamSpec, TypeVar
@@ -102,6 +104,23 @@ def as_they_end(
         pool.shutdown(cancel_futures=True)
 
 
+@dataclass(frozen=True)
+class _Problem:
+    """What went wrong in another process, in words: not every error can be sent."""
+
+    text: str
+
+
+def _answered(function: Callable[[], Result]) -> Result | _Problem:
+    """What a function returns, or what went wrong."""
+    try:
+        return function()
+    except GtvalError as error:
+        return _Problem(str(error))
+    except Exception as error:  # noqa: BLE001  (told, and the process goes on)
+        return _Problem(f"unexpected: {type(error).__name__}: {error}. Please report it")
+
+
 class Beside:
     """A few processes beside a server, for what needs much memory or may take long.
 
@@ -135,7 +154,7 @@ class Beside:
         Raises
         ------
         GtvalError
-            If it takes longer than some seconds, or its process dies; and what it raises.
+            If it takes longer than some seconds, its process dies, or the function raises.
         """
         with self._lock:
             self._asked += 1
@@ -145,9 +164,9 @@ class Beside:
                 self._pool = ProcessPoolExecutor(self._most, get_context("spawn"), _begin, (None,))
             pool = self._pool
             with _interrupts_held():
-                future = pool.submit(function, *args, **more)
+                future = pool.submit(_answered, partial(function, *args, **more))
         try:
-            return future.result(seconds)
+            result = future.result(seconds)
         except TimeoutError:
             self._drop(pool)
             raise GtvalError(f"it was not done after {seconds:g} seconds; try again") from None
@@ -156,6 +175,9 @@ class Beside:
             raise GtvalError("the process that works it out has died; try again") from None
         finally:
             self._rest()
+        if isinstance(result, _Problem):
+            raise GtvalError(result.text)
+        return result
 
     def _rest(self) -> None:
         """End the processes in a while, unless something is asked before."""

@@ -230,7 +230,9 @@ def _filled(
     order = {name: place for place, name in enumerate((*PURPOSES, *CHECKS, OTHER))}
 
     def need(one: Shown) -> tuple[int, int, object, object]:
-        rank = min(NEEDS.index(one.state), NEEDS.index("left_out"))
+        # The pattern comes first, clicked or not: what is decided moves nothing away.
+        first = NEEDS.index("corner" if one.purpose == "reference" else one.state)
+        rank = min(first, NEEDS.index("left_out"))
         return rank, order[one.purpose], counting(one.name), counting(one.camera)
 
     return Shelf(

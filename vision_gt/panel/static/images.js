@@ -122,8 +122,11 @@ async function decide(decision, more = {}) {
   const { image, title } = shown;
   if (await box.add({ image, decision, ...more })) {
     say(said(text[`recorded_${decision}`], { title }));
+    if (wanted !== image) return; // another one was chosen meanwhile
     if (corner.isOn) corner.end(true);
-    if (wanted === image) await choose(image);
+    const some = rows(), at = some.indexOf(row(image));
+    const next = [...some.slice(at + 1), ...some.slice(0, Math.max(at, 0))].find((one) => one.parentElement.dataset.state === "corner");
+    await choose(decision === "corner" && next ? next.dataset.image : image);
   }
 }
 
