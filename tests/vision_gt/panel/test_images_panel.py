@@ -180,7 +180,8 @@ def test_a_decision_counts_once_and_each_person_takes_back_their_own(served, ann
         assert decided(history()).corners == {}
 
 
-@pytest.mark.parametrize("kills", [1, pytest.param(100, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("kills", [100])
 def test_no_acknowledged_decision_is_lost_by_a_kill_and_none_is_there_twice(room, tmp_path, kills):
     import threading
 
@@ -273,6 +274,11 @@ def touch(browser, place):
     browser.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
 
 
+def clicked(browser, name):
+    """A button clicked with the mouse."""
+    browser.find_element("id", name).click()
+
+
 def tapped(browser, name):
     """A button pressed with a finger."""
     button = browser.find_element("id", name)
@@ -299,20 +305,25 @@ def check_corners(found, places):
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize(("size", "press"), [(DESKTOP, mouse), (PHONE, touch)])
+@pytest.mark.parametrize(
+    "means",
+    [
+        (mouse, mouse, touch, touch),
+        pytest.param((mouse,) * 4, marks=pytest.mark.full),
+        pytest.param((touch,) * 4, marks=pytest.mark.full),
+    ],
+)
 def test_the_corner_of_four_cameras_is_clicked_by_mouse_and_by_touch(
-    browser, served, room, history, size, press
+    browser, served, room, history, means
 ):
-    opened(browser, served, size)
-    click = (
-        (lambda name: browser.find_element("id", name).click())
-        if press is mouse
-        else (lambda name: tapped(browser, name))
-    )
-    for camera in CAMERAS:
+    opened(browser, served, DESKTOP)
+    for camera, press in zip(CAMERAS, means, strict=True):
+        size = DESKTOP if press is mouse else PHONE
+        click = clicked if press is mouse else tapped
+        sized(browser, size)
         ready(browser, camera)
         first, along, _ = room[1][camera]
-        click("corner")
+        click(browser, "corner")
         wait(lambda: "Click the first corner" in told(browser))
         press(browser, first + 3)
         wait(lambda: "its row runs along" in told(browser))
@@ -320,7 +331,7 @@ def test_the_corner_of_four_cameras_is_clicked_by_mouse_and_by_touch(
         wait(lambda: "row towards" in told(browser))
         picture(browser, f"corner_{size['width']}_{camera}")
         assert faults(browser) == []
-        click("corner-take")
+        click(browser, "corner-take")
         wait(lambda name=camera: reference(name) in decided(history()).corners)
         wait(lambda: not browser.find_element("id", "picking").is_displayed())
     check_corners(decided(history()).corners, room[1])

@@ -121,9 +121,10 @@ def _signal(
         kept = np.column_stack([np.nan_to_num(columns[name][rows]) for name in columns])
         rows = rows[rows_shown(kept, PLACES)]
     told: dict[str, Any] = {name: _listed(values[rows], 3) for name, values in columns.items()}
-    gap = one.gap
     told["times"] = np.round(times[rows], 4).tolist()
-    told["breaks"] = np.flatnonzero(np.diff(times[rows]) > max(gap, 1e-9) * 1.001).tolist()
+    # Of those left out, too: what is far apart here need not be a gap.
+    stretch = np.cumsum(np.diff(times, prepend=times[0]) > one.gap)
+    told["breaks"] = np.flatnonzero(np.diff(stretch[rows])).tolist()
     return told
 
 

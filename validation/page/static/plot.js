@@ -187,7 +187,7 @@ export class Plot {
         else { pen.moveTo(LEFT, up(value)); pen.lineTo(LEFT + this.width, up(value)); }
         pen.stroke();
         pen.fillStyle = COLOURS.quiet;
-        const text = Number(value.toPrecision(10)).toString();
+        const text = Number(value.toPrecision(10)).toString().replace("-", "−");
         pen.textAlign = isTime ? "center" : "right";
         if (isTime) pen.fillText(`${text} s`, this.across(value), height - 8);
         else pen.fillText(text, LEFT - 6, up(value) + 4);
