@@ -53,6 +53,8 @@ class VisionSystem:
         ``workers`` are processes. ``choices`` are used instead of the settings of their names:
         as_published, merge_cameras, on_floor.
         """
+        from dataclasses import replace
+
         from vision_gt.campaign.planned import with_plan
         from vision_gt.campaign.printed import printed_result
         from vision_gt.campaign.solve import finish
@@ -60,6 +62,7 @@ class VisionSystem:
         from vision_gt.network.solution import NoFrameError
         from vision_gt.parts.solve import solve_parts
         from vision_gt.parts.told import parts_result
+        from vision_gt.stages.decided import left_out_findings
         from vision_gt.stages.lenses import begin
         from vision_gt.stages.places import NoLayoutError
 
@@ -68,15 +71,20 @@ class VisionSystem:
             return with_plan(printed_result(campaign, settings), campaign, settings)
         check_frames(campaign)
         begun = begin(campaign, progress, workers=workers, **choices)
+        left_out = tuple(left_out_findings(campaign, settings))
+
+        def told(result: "SystemResult") -> "SystemResult":
+            return replace(result, findings=[*result.findings, *left_out])
+
         if not begun.given.shows_robot:
-            return with_plan(parts_result(solve_parts(begun)), campaign, settings)
+            return told(with_plan(parts_result(solve_parts(begun)), campaign, settings))
         try:
             outcome = finish(begun)
         except (NoFrameError, NoLayoutError) as error:
-            return with_plan(parts_result(solve_parts(begun, error)), campaign, settings)
+            return told(with_plan(parts_result(solve_parts(begun, error)), campaign, settings))
         result = with_looks(result_of(outcome, campaign), campaign, outcome)
         result = with_plan(result, campaign, settings, outcome)
-        return with_drive(result, campaign, outcome, progress, workers)
+        return told(with_drive(result, campaign, outcome, progress, workers))
 
 
 def told_without_images(settings: VisionSettings) -> bool:

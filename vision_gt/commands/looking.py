@@ -84,7 +84,7 @@ class Looking:
         boards = list(self.given.board_images())
         if images:
             files = [self._relative(path) for path in images]
-            looks = [*self._stops(()), *self._boards(boards, files), *self._others(files)]
+            looks = [*self._stops((), files), *self._boards(boards, files), *self._others(files)]
             wanted = set(files)
         else:
             self._check(stops, cameras)
@@ -133,12 +133,12 @@ class Looking:
                 self.given.note(one, f"the {what}")
         return {self.given.shown(one.path): one for one in found}
 
-    def _stops(self, stops: Sequence[str]) -> Iterator[Look]:
-        """Images of the robot, of all stops where none is named."""
+    def _stops(self, stops: Sequence[str], only: Sequence[str] | None = None) -> Iterator[Look]:
+        """Images of the robot, of all stops and files where none is named."""
         images = {
             key: path
             for key, path in self.given.stop_images().items()
-            if not stops or key[1] in stops
+            if (not stops or key[1] in stops) and (only is None or self.given.shown(path) in only)
         }
         if not images:
             return

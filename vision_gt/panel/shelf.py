@@ -120,8 +120,11 @@ class Shelves:
 
     def version(self) -> str:
         """Changes with the folders of images, the decisions and the results of runs."""
-        campaign = self._desk.campaign()
-        settings = campaign.section("vision", VisionSettings)
+        try:
+            campaign = self._desk.campaign()
+            settings = campaign.section("vision", VisionSettings)
+        except GtvalError as error:
+            return str(error)
         names = [campaign.results / name for name in RESULTS]
         files = [campaign.toml, decisions_path(campaign, settings), *names]
         folders = version_of([campaign.folder / settings.images, *self._folders])
@@ -264,10 +267,18 @@ def _told(one: Shown, known: Stored, counts: Decided, folder: Path) -> Shown:
         return replace(one, state="left_out", said=counts.left_out[one.image].told)
     if one.image in known.reasons:
         return replace(one, state="look", said="; ".join(known.reasons[one.image]))
-    if one.purpose in OF_BOARDS and (folder / one.image).stat().st_mtime < known.at:
+    if one.purpose in OF_BOARDS and _written(folder / one.image) < known.at:
         return replace(one, state="used")  # a run says of all others why not
     state, said = known.fates.get((one.purpose, one.camera, one.name), ("unknown", ""))
     return replace(one, state=state, said=said)
+
+
+def _written(path: Path) -> float:
+    """When a file was written; never, where it has just gone."""
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return float("inf")
 
 
 def _with_corners(

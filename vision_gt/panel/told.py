@@ -10,6 +10,8 @@ from vision_gt.panel.stored import drive_verdicts
 
 MOST_ROWS = 2_000
 """Images that the list holds. A judgement: a screen holds twenty."""
+MOST_FRAMES = 5_000
+"""Of a camera on the time line. A judgement: eight minutes at 10 Hz, and five a pixel."""
 Words = Mapping[str, str]
 
 
@@ -60,7 +62,10 @@ def decision_told(shelf: Shelf, image: str, words: Words) -> dict[str, Any]:
 
 
 def times_told(shelf: Shelf, campaign: Campaign) -> dict[str, Any]:
-    """The frames of a drive by camera: seconds since the first, files, and what became of them."""
+    """The frames of a drive by camera: seconds since the first, files, and what became of them.
+
+    Of a camera with very many frames some, evenly spread.
+    """
     verdicts = drive_verdicts(campaign)
     cameras: dict[str, list[tuple[float, str, str]]] = {}
     for one in shelf.frames.values():
@@ -71,14 +76,17 @@ def times_told(shelf: Shelf, campaign: Campaign) -> dict[str, Any]:
         verdict = verdicts.get((one.camera, round(time, 6)), "")
         verdict = "left out" if one.state == "left_out" else verdict
         cameras.setdefault(one.camera, []).append((time, one.image, verdict))
+    cameras = {
+        name: sorted(frames)[:: -(-len(frames) // MOST_FRAMES)] for name, frames in cameras.items()
+    }
     first = min((time for frames in cameras.values() for time, _, _ in frames), default=0.0)
     return {
         "cameras": [
             {
                 "camera": camera,
-                "times": [round(time - first, 6) for time, _, _ in sorted(frames)],
-                "images": [image for _, image, _ in sorted(frames)],
-                "verdicts": [verdict for _, _, verdict in sorted(frames)],
+                "times": [round(time - first, 6) for time, _, _ in frames],
+                "images": [image for _, image, _ in frames],
+                "verdicts": [verdict for _, _, verdict in frames],
             }
             for camera, frames in sorted(cameras.items())
         ]

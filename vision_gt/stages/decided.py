@@ -4,9 +4,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from validation.campaign.folder import Campaign
+from validation.results import Finding, Size
 from vision_gt.images.decisions import Decided, decided, image_decisions
 from vision_gt.images.files import CampaignImages, campaign_images
 from vision_gt.settings import VisionSettings
+
+MOST = 10
+"""Images that are named in a finding."""
 
 
 def decisions_path(campaign: Campaign, settings: VisionSettings) -> Path:
@@ -37,11 +41,22 @@ def images_in_use(campaign: Campaign, settings: VisionSettings) -> CampaignImage
     return campaign_images(campaign.folder / settings.images, left_out)
 
 
-def told_of_decisions(folder: Path, found: Decided) -> Iterator[tuple[str, str]]:
-    """Images that are left out, and decisions about images that there are not."""
-    for image, one in found.left_out.items():
-        if (folder / image).is_file():
-            yield image, f"left out as decided {one.told}".rstrip()
+def strange_decisions(folder: Path, found: Decided) -> Iterator[tuple[str, str]]:
+    """Decisions about images that there are not."""
     for image in {**found.left_out, **found.corners}:
         if not (folder / image).is_file():
             yield image, "there is no such image, and something was decided about it"
+
+
+def left_out_findings(campaign: Campaign, settings: VisionSettings) -> Iterator[Finding]:
+    """What people decided not to use, if there is any."""
+    found = decided_about(campaign, settings).left_out
+    there = [f"{image} ({one.told or 'no reason'})" for image, one in found.items()]
+    if there:
+        more = f"; and {len(there) - MOST} more" if len(there) > MOST else ""
+        text = (
+            f"{len(there)} image{'s are' if len(there) > 1 else ' is'} left out as people decided: "
+            f"{'; '.join(there[:MOST])}{more}. `gtval vision decide`, or the page, takes one back."
+        )
+        size = (Size("images left out", len(there), "images"),)
+        yield Finding("note", text, "vision", "images_left_out", size)

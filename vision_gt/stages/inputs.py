@@ -35,7 +35,7 @@ from vision_gt.patterns.dictionaries import Family
 from vision_gt.patterns.rejections import Rejection, rejected
 from vision_gt.robot.layout import Frame
 from vision_gt.settings import BoardSettings, Placement, VisionSettings, stated
-from vision_gt.stages.decided import decided_about, images_in_use, told_of_decisions
+from vision_gt.stages.decided import decided_about, images_in_use, strange_decisions
 from vision_gt.stages.facts import missing_facts
 
 DRIVE = "drive"
@@ -431,7 +431,7 @@ def _strangers(given: VisionInputs) -> Iterator[Problem]:
 def _not_used(given: VisionInputs) -> Iterator[tuple[str, str]]:
     """Images that no step looks at, and why; and camera files of cameras that there are not."""
     folder = given.campaign.folder
-    yield from told_of_decisions(folder, given.decided)
+    yield from strange_decisions(folder, given.decided)
     used = {path for _, _, path, _ in given.board_images()} | given.decided.paths(folder)
     walk = given.walk if given.images.movie else ()
     used |= {*walk, *given.stop_images().values()}
