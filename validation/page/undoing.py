@@ -1,6 +1,6 @@
 """What takes back the last decision of a person, from a history to which all is appended."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Protocol, TypeVar
 
 TAKEN_BACK = "taken back"
@@ -45,32 +45,37 @@ def undoing(
         The decision to record, by the person and with the note `TAKEN_BACK`: of the one that
         counted before, or None, and of the one that is taken back.
     """
+    counting: dict[Hashable, list[int]] = {}
     actions: list[list[int]] = []
     last = ""
     for row, (at, one) in enumerate(history):
-        if one.by != by:
-            continue
+        rows = counting.setdefault(key(one), [])
         if one.note == TAKEN_BACK:
-            if at != last and actions:
-                actions.pop()
-        elif at == last and actions:
+            del rows[-1:]
+            continue
+        rows.append(row)
+        if one.by == by:
+            if at != last:
+                actions.append([])
             actions[-1].append(row)
-        else:
-            actions.append([row])
-        last = at
+            last = at
     made = [one for _, one in history]
-    found = (_restoring(made, rows, key, restored) for rows in reversed(actions))
+    found = (_restoring(made, rows, counting, key, restored) for rows in reversed(actions))
     return next((some for some in found if some), [])
 
 
 def _restoring(
-    made: Sequence[D], rows: Sequence[int], key: Key[D], restored: Restored[D]
+    made: Sequence[D],
+    rows: Sequence[int],
+    counting: Mapping[Hashable, Sequence[int]],
+    key: Key[D],
+    restored: Restored[D],
 ) -> list[D]:
     """Decisions that restore what counted before one action, where nobody has decided since."""
     restoring = []
     for row in rows:
-        same = [at for at, one in enumerate(made) if key(one) == key(made[row])]
-        if same[-1] == row:
-            earlier = [made[at] for at in same if at < rows[0]]
-            restoring.append(restored(earlier[-1] if earlier else None, made[row]))
+        own = counting[key(made[row])]
+        if own and own[-1] == row:
+            before = made[own[-2]] if len(own) > 1 else None
+            restoring.append(restored(before, made[row]))
     return restoring

@@ -133,7 +133,7 @@ def on_edge(browser, name):
     left, top, width, height = plot(browser)
     (first, last, moved), (start, end) = numbers(browser), view(browser)
     time = {"first": first, "last": last, "middle": (first + last) / 2}[name] + moved
-    return left + 1 + 52 + (time - start) / (end - start) * (width - 2 - 60), top + height / 3
+    return left + 1 + 52 + (time - start) / (end - start) * (width - 2 - 52 - 18), top + height / 3
 
 
 def drag(browser, place, by, *, touch=False):

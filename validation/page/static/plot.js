@@ -2,7 +2,7 @@
 // second one, whose edges and place are dragged. Seconds since the first pose of the reference.
 
 const COLOURS = { reference: "#1b1f24", source: "#0067a8", part: "#c75000", band: "#e3e6ea", grid: "#e4e8ec", edge: "#57606a", quiet: "#57606a" };
-const LEFT = 52, BOTTOM = 26, TOP = 8; // pixels for the numbers
+const LEFT = 52, RIGHT = 18, BOTTOM = 26, TOP = 8; // pixels for the numbers
 const GRAB = 16; // pixels within which an edge is meant
 const SHORTEST = 2; // seconds that a view shows at least
 
@@ -37,7 +37,7 @@ export class Plot {
   }
 
   x(event) { return event.clientX - this.canvas.getBoundingClientRect().left; }
-  get width() { return Math.max(this.canvas.clientWidth - LEFT - 8, 1); }
+  get width() { return Math.max(this.canvas.clientWidth - LEFT - RIGHT, 1); }
   time(x) { return this.view[0] + ((x - LEFT) / this.width) * (this.view[1] - this.view[0]); }
   across(time) { return LEFT + ((time - this.view[0]) / (this.view[1] - this.view[0])) * this.width; }
 

@@ -244,7 +244,11 @@ $("to-part").addEventListener("click", () => plot.toPart());
 $("zoom-in").addEventListener("click", () => plot.zoom(1.5));
 $("zoom-out").addEventListener("click", () => plot.zoom(1 / 1.5));
 $("fit").addEventListener("click", () => plot.fit());
-$("reset").addEventListener("click", () => { $("moved").value = 0; typed(); });
+$("reset").addEventListener("click", () => {
+  if (!parts[chosen]) return;
+  parts[chosen].moved = 0; // only shown so: what was found stays said
+  choosePart(chosen, false);
+});
 for (const name of ["first", "last", "moved"]) $(name).addEventListener("input", typed);
 
 document.addEventListener("keydown", (event) => {
