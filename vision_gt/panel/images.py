@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from validation.errors import GtvalError
 from validation.page.desk import Desk, english, static_files
+from validation.page.heard import Heard
 from validation.page.panels import Call, Waiting
 from vision_gt.settings import VisionSettings
 
@@ -48,6 +49,7 @@ class OpenImages:
         self._desk = desk
         self._shelves: Shelves | None = None
         self._beside: Beside | None = None
+        self._heard = Heard()
         self.static: Mapping[str, bytes] = static_files("vision_gt.panel", FILES)
         self.calls: Sequence[Call] = [
             Call("GET", "", self.page),
@@ -167,7 +169,7 @@ class OpenImages:
 
         said = await _said(request)
         image, kind = (text_field(said, name, needed=True) for name in ("image", "decision"))
-        note = text_field(said, "note")
+        note, name = text_field(said, "note"), text_field(said, "id")
         if kind not in KINDS:
             raise RefusedError(400, f"there is no decision '{kind[:40]}'")
         numbers = _numbers(said)
@@ -177,9 +179,13 @@ class OpenImages:
 
             from vision_gt.images.decisions import ImageDecision  # noqa: PLC0415  (numpy)
 
+            if name in self._heard:
+                return {"recorded": 0}
             places = np.array(numbers, dtype=float).reshape(-1, 2)
             one = ImageDecision(image, kind, places, device.person.name, note)
-            return {"recorded": self.shelves.decide([one])}
+            recorded = self.shelves.decide([one])
+            self._heard.add(name)
+            return {"recorded": recorded}
 
         return await _answer(made)
 

@@ -5,6 +5,8 @@ from typing import Any
 
 from validation.campaign.folder import Campaign
 from validation.page.panels import Waiting
+from validation.page.undoing import TAKEN_BACK
+from vision_gt.images.decisions import ImageDecision
 from vision_gt.panel.shelf import Shelf, Shown
 from vision_gt.panel.stored import drive_verdicts
 
@@ -54,11 +56,16 @@ def decision_told(shelf: Shelf, image: str, words: Words) -> dict[str, Any]:
         "camera": one.camera,
         "state": one.state,
         "said": one.said,
-        "left_out": None if left is None else {"by": left.by, "note": left.note},
+        "left_out": None if left is None else {"by": left.by, "note": _note(left)},
         "corner": None
         if corner is None
-        else {"by": corner.by, "note": corner.note, "places": corner.places.tolist()},
+        else {"by": corner.by, "note": _note(corner), "places": corner.places.tolist()},
     }
+
+
+def _note(one: ImageDecision) -> str:
+    """Why it was decided; that something else was taken back is no reason."""
+    return "" if one.note == TAKEN_BACK else one.note
 
 
 def times_told(shelf: Shelf, campaign: Campaign) -> dict[str, Any]:

@@ -19,8 +19,12 @@ export class Outbox {
     try { localStorage.setItem(this.name, JSON.stringify(some)); } catch { /* no storage: the page itself holds them */ }
   }
 
-  // Keep one, and send what waits; whether all of it has arrived.
-  async add(one) { this.all = [...this.all, one]; return this.flush(); }
+  // Keep one under a name of its own, and send what waits; whether all of it has arrived.
+  async add(one) {
+    const id = `${Date.now().toString(36)}-${Math.random().toString(36).slice(2)}`;
+    this.all = [...this.all, { ...one, id }];
+    return this.flush();
+  }
 
   async flush() {
     if (this.sending) return false;
