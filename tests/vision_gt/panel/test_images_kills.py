@@ -58,7 +58,7 @@ def test_no_acknowledged_decision_is_lost_by_a_kill_and_none_is_there_twice(tmp_
 
 @pytest.mark.full
 @pytest.mark.browser
-@pytest.mark.parametrize("kills", [20])
+@pytest.mark.parametrize("kills", [8])
 def test_a_browser_that_dies_loses_no_acknowledged_decision(tmp_path, kills):
     folder = tmp_path / "room"
     written(folder)
