@@ -54,6 +54,7 @@ USES = {
     "vision check-table": "{vision} --workers 1",
     "sync": "{files}/camera.csv {files}/motion.tum",
     "vision convert-camera": "{vision}/truth/camera_1.yaml {out}.yaml --format ros",
+    "vision decide": "{vision} vision/calibration/1/01.png use",
     "vision look": "{vision} --stop 1 --workers 1 --output {out}",
     "vision plan": "{files}/hall",
     "vision pose": "{vision}/vision/calibration/1/01.png "

@@ -5,11 +5,17 @@ import os
 import signal
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from multiprocessing import connection, get_context, parent_process
-from threading import Thread
-from typing import TypeVar
+from threading import Lock, Thread, Timer
+from typing import ParamSpec, TypeVar
 
+from validation.errors import GtvalError
+
+Given = ParamSpec("Given")
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
@@ -96,6 +102,115 @@ def as_they_end(
                 yield result
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """What went wrong in another process, in words: not every error can be sent."""
+
+    text: str
+
+
+def _answered(function: Callable[[], Result]) -> Result | _Problem:
+    """What a function returns, or what went wrong."""
+    try:
+        return function()
+    except GtvalError as error:
+        return _Problem(str(error))
+    except Exception as error:  # noqa: BLE001  (told, and the process goes on)
+        return _Problem(f"unexpected: {type(error).__name__}: {error}. Please report it")
+
+
+class Beside:
+    """A few processes beside a server, for what needs much memory or may take long.
+
+    They are started when something is asked, and end when nothing was for a while, and their
+    memory with them. One that dies or hangs takes nothing along but what was asked of it.
+
+    Parameters
+    ----------
+    most : int
+        Processes at once.
+    idle : float
+        Seconds without work after which they end.
+    """
+
+    def __init__(self, most: int = 2, idle: float = 120.0) -> None:
+        self._most, self._idle = most, idle
+        self._lock = Lock()
+        self._pool: ProcessPoolExecutor | None = None
+        self._ending: Timer | None = None
+        self._asked = 0
+
+    def call(
+        self,
+        seconds: float,
+        function: Callable[Given, Result],
+        *args: Given.args,
+        **more: Given.kwargs,
+    ) -> Result:
+        """What a function of a module returns, called in one of the processes.
+
+        Raises
+        ------
+        GtvalError
+            If it takes longer than some seconds, its process dies, or the function raises.
+        """
+        with self._lock:
+            self._asked += 1
+            if self._ending is not None:
+                self._ending.cancel()
+            if self._pool is None:
+                self._pool = ProcessPoolExecutor(self._most, get_context("spawn"), _begin, (None,))
+            pool = self._pool
+            with _interrupts_held():
+                future = pool.submit(_answered, partial(function, *args, **more))
+        try:
+            result = future.result(seconds)
+        except TimeoutError:
+            self._drop(pool)
+            raise GtvalError(f"it was not done after {seconds:g} seconds; try again") from None
+        except BrokenProcessPool:
+            self._drop(pool)
+            raise GtvalError("the process that works it out has died; try again") from None
+        finally:
+            self._rest()
+        if isinstance(result, _Problem):
+            raise GtvalError(result.text)
+        return result
+
+    def _rest(self) -> None:
+        """End the processes in a while, unless something is asked before."""
+        with self._lock:
+            self._asked -= 1
+            if self._asked == 0 and self._pool is not None:
+                self._ending = Timer(self._idle, self._end_idle, (self._pool,))
+                self._ending.daemon = True
+                self._ending.start()
+
+    def _end_idle(self, pool: ProcessPoolExecutor) -> None:
+        """End processes of which nothing was asked meanwhile."""
+        with self._lock:
+            if self._asked:
+                return
+        self._drop(pool)
+
+    def _drop(self, pool: ProcessPoolExecutor) -> None:
+        """End processes, also such as hang."""
+        with self._lock:
+            if self._pool is not pool:
+                return
+            self._pool = None
+        for process in list((pool._processes or {}).values()):  # noqa: SLF001  (3.14 has kill_workers)
+            process.kill()
+        pool.shutdown(wait=False, cancel_futures=True)
+
+    def close(self) -> None:
+        """End all of them."""
+        if self._ending is not None:
+            self._ending.cancel()
+        if self._pool is not None:
+            self._drop(self._pool)
 
 
 def _begin(prepare: Callable[[], None] | None) -> None:

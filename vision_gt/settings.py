@@ -334,7 +334,8 @@ class VisionSettings(Settings):
     """What the vision system knows of a lab, and its choices.
 
     ``images`` is a folder below that of the campaign. It holds the folders calibration/CAMERA,
-    network, bar, reference, layout/CAMERA, poses/CAMERA and steadiness. ``cameras`` are those of
+    network, bar, reference, layout/CAMERA, poses/CAMERA and steadiness. ``decisions`` is the file
+    of what people decided about images. ``cameras`` are those of
     the network; by default all that have a folder of poses. Intrinsic parameters come from
     ``camera_files`` (by camera, relative to the campaign folder) or from the calibration images,
     which show ``board``; so do the images of steadiness. The other things that images show are
@@ -351,6 +352,7 @@ class VisionSettings(Settings):
     """
 
     images: str = "vision"
+    decisions: str = "vision/decisions.csv"
     cameras: list[Name] = Field(default_factory=list)
     camera_files: dict[Name, str] = Field(default_factory=dict)
     board: BoardSettings | None = None

@@ -27,7 +27,7 @@ class VisionSystem:
         return has_images(campaign.folder, settings) or told_without_images(settings)
 
     def inputs(self, campaign: "Campaign") -> "list[Path]":
-        """The folder of the images, camera files, and printed tables."""
+        """The folder of the images, what was decided about them, camera files, printed tables."""
         settings = campaign.section("vision", VisionSettings)
         plan = settings.plan
         files = [*settings.camera_files.values(), *settings.printed.files, plan.file]
@@ -36,6 +36,8 @@ class VisionSystem:
             files.append(plan.stops)
         if has_images(campaign.folder, settings) or not told_without_images(settings):
             files.append(settings.images)
+        if (campaign.folder / settings.decisions).exists():
+            files.append(settings.decisions)
         return [campaign.folder / file for file in files if file]
 
     def solve(
@@ -51,6 +53,8 @@ class VisionSystem:
         ``workers`` are processes. ``choices`` are used instead of the settings of their names:
         as_published, merge_cameras, on_floor.
         """
+        from dataclasses import replace
+
         from vision_gt.campaign.planned import with_plan
         from vision_gt.campaign.printed import printed_result
         from vision_gt.campaign.solve import finish
@@ -58,6 +62,7 @@ class VisionSystem:
         from vision_gt.network.solution import NoFrameError
         from vision_gt.parts.solve import solve_parts
         from vision_gt.parts.told import parts_result
+        from vision_gt.stages.decided import left_out_findings
         from vision_gt.stages.lenses import begin
         from vision_gt.stages.places import NoLayoutError
 
@@ -66,15 +71,20 @@ class VisionSystem:
             return with_plan(printed_result(campaign, settings), campaign, settings)
         check_frames(campaign)
         begun = begin(campaign, progress, workers=workers, **choices)
+        left_out = tuple(left_out_findings(campaign, settings))
+
+        def told(result: "SystemResult") -> "SystemResult":
+            return replace(result, findings=[*result.findings, *left_out])
+
         if not begun.given.shows_robot:
-            return with_plan(parts_result(solve_parts(begun)), campaign, settings)
+            return told(with_plan(parts_result(solve_parts(begun)), campaign, settings))
         try:
             outcome = finish(begun)
         except (NoFrameError, NoLayoutError) as error:
-            return with_plan(parts_result(solve_parts(begun, error)), campaign, settings)
+            return told(with_plan(parts_result(solve_parts(begun, error)), campaign, settings))
         result = with_looks(result_of(outcome, campaign), campaign, outcome)
         result = with_plan(result, campaign, settings, outcome)
-        return with_drive(result, campaign, outcome, progress, workers)
+        return told(with_drive(result, campaign, outcome, progress, workers))
 
 
 def told_without_images(settings: VisionSettings) -> bool:
@@ -97,12 +107,12 @@ def with_looks(
     """The result with the images that ask to be looked at."""
     from dataclasses import replace
 
-    from vision_gt.images.files import campaign_images
     from vision_gt.looks.collected import looks_of
     from vision_gt.looks.told import looks_section, picture_files, wanted
+    from vision_gt.stages.decided import images_in_use
     from vision_gt.stages.inputs import VisionInputs
 
-    images = campaign_images(campaign.folder / outcome.settings.images)
+    images = images_in_use(campaign, outcome.settings)
     looks = list(looks_of(outcome, VisionInputs(campaign, outcome.settings, images)))
     return replace(
         result,

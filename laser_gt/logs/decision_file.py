@@ -6,16 +6,15 @@ decision about a pair counts; a pair named the other way round is the same pair.
 what was decided before.
 """
 
-import os
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from laser_gt.logs.decisions import KINDS, Decision
-from validation.errors import GtvalError, InputError, Problem
+from validation.errors import InputError, Problem
 from validation.text_files.csv_tables import Column, CsvTable, read_csv
-from validation.text_files.csv_text import csv_text
+from validation.text_files.writing import append_rows
 
 COLUMNS = (
     Column("time", required=False, blank=True),
@@ -155,15 +154,4 @@ def append_decisions(
         rows.append([time, *values.values(), *pose, *said])
     if problems:
         raise InputError(problems)
-    text = csv_text(HEADER, rows)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        before = path.read_bytes() if path.exists() else b""
-        if before:
-            text = text.partition("\n")[2] if before.endswith(b"\n") else text[text.index("\n") :]
-        with path.open("a", encoding="utf-8") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-    except OSError as error:
-        raise GtvalError(f"cannot write {path}: {error.strerror or error}") from error
+    append_rows(path, HEADER, rows)

@@ -29,6 +29,8 @@ from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
 from validation.page.desk import Desk, version_of
 from validation.page.runner import Runner
+from validation.page.undoing import TAKEN_BACK
+from validation.page.undoing import undoing as taking_back
 from validation.poses.angles import Array
 from validation.results import VALIDATION_SYSTEM
 from validation.solving import solve_validation
@@ -39,8 +41,6 @@ ENGINE: Engine = "scanmatch"
 MOST_HERE = 30
 """Pairs that are matched in this process, in seconds; more in one of their own, whose memory ends
 with it. A judgement: what a few decisions ask for."""
-TAKEN_BACK = "taken back"
-"""Note of a decision that restores what counted before."""
 Pair = tuple[str, str]
 Asked = Callable[[], None]
 
@@ -299,48 +299,12 @@ class Bench:
 
 
 def undoing(history: Sequence[tuple[str, Decision]], by: str) -> list[Decision]:
-    """Decisions that take back the last ones of a person; none where there are none.
+    """Decisions that take back the last ones of a person, as `validation.page.undoing` says."""
 
-    Decisions of one moment were one action. Pairs that somebody has decided on since keep that.
+    def restored(before: Decision | None, back: Decision) -> Decision:
+        return replace(before or replace(back, kind="open", guess=None), by=by, note=TAKEN_BACK)
 
-    Parameters
-    ----------
-    history : sequence of (str, Decision)
-        All decisions with their times.
-    by : str
-        The person.
-    """
-    actions: list[list[int]] = []
-    last = ""
-    for row, (at, one) in enumerate(history):
-        if one.by != by:
-            continue
-        if one.note == TAKEN_BACK:
-            if at != last and actions:
-                actions.pop()
-        elif at == last and actions:
-            actions[-1].append(row)
-        else:
-            actions.append([row])
-        last = at
-    restored = (_restoring(history, rows, by) for rows in reversed(actions))
-    return next((some for some in restored if some), [])
-
-
-def _restoring(
-    history: Sequence[tuple[str, Decision]], rows: Sequence[int], by: str
-) -> list[Decision]:
-    """Decisions that restore what counted before one action, for pairs not decided on since."""
-    restored = []
-    for row in rows:
-        decided = history[row][1]
-        same = [at for at, (_, one) in enumerate(history) if _key(one) == _key(decided)]
-        if same[-1] > row:
-            continue
-        earlier = [history[at][1] for at in same if at < rows[0]]
-        before = earlier[-1] if earlier else replace(decided, kind="open", guess=None)
-        restored.append(replace(before, by=by, note=TAKEN_BACK))
-    return restored
+    return taking_back(history, by, _key, restored)
 
 
 def _key(one: Decision) -> frozenset[str]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from laser_gt.system import SYSTEM
 from validation.errors import GtvalError
 from validation.page.desk import Desk, english, static_files
+from validation.page.heard import Heard
 from validation.page.panels import Call, Waiting
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ class OpenMatches:
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self._bench: Bench | None = None
+        self._heard = Heard()
         self.static: Mapping[str, bytes] = static_files("laser_gt.panel", FILES)
         self.calls: Sequence[Call] = [
             Call("GET", "", self.page),
@@ -148,16 +150,21 @@ class OpenMatches:
 
         said = await _said(request)
         kind, note = text_field(said, "decision", needed=True), text_field(said, "note")
+        name = text_field(said, "id")
         guess = _pose(said) if kind == "guess" else None
         if kind not in (*KINDS, "guess"):
             raise RefusedError(400, f"there is no decision '{kind[:40]}'")
         names = _pair(said)
 
         def made() -> dict[str, Any]:
+            if name in self._heard:
+                return {"recorded": 0}
             seen = self.bench.loaded()
             one = seen.match(names)
             decision = Decision(one.reference, one.moving, kind, guess, device.person.name, note)
-            return {"recorded": self.bench.decide([decision], seen)}
+            recorded = self.bench.decide([decision], seen)
+            self._heard.add(name)
+            return {"recorded": recorded}
 
         return await _answer(made)
 

@@ -30,6 +30,7 @@ INDOOR = {
     "vision check-displacement": "{room}/truth/camera_1.yaml "
     "{room}/vision/displacement/1/first.png {room}/vision/displacement/1/second.png 0.6 {board}",
     "vision convert-camera": "{room}/truth/camera_1.yaml {room}/camera.yaml --format ros",
+    "vision decide": "{room} vision/calibration/1/01.png use",
     "vision look": "{room} --workers 2",
     "vision plan": "{room}",
     "vision pose": "{room}/vision/calibration/1/01.png --intrinsics {room}/truth/camera_1.yaml "

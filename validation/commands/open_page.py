@@ -29,9 +29,9 @@ def open_page(
 ) -> None:
     """Open one page for everything that needs a person, in the browser.
 
-    What to do, readings, matches to look at, the report. This machine alone can reach it, unless
-    --host says otherwise; each device types a code that is shown here. Ctrl-C ends it, and loses
-    nothing. --status and --json only look.
+    What to do, readings, matches, images and trajectories to look at, the report. This machine
+    alone can reach it, unless --host says otherwise; each device types a code that is shown here.
+    Ctrl-C ends it, and loses nothing. --status and --json only look.
     """
     from validation.page.whole import page_status, serve_page
 

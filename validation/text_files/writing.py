@@ -1,17 +1,19 @@
 """Files written whole or not at all."""
 
 import contextlib
+import csv
 import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
 
 from validation.errors import GtvalError
+from validation.text_files.csv_text import csv_text
 
 _PIECE = 1 << 20
 """Characters that are turned into bytes at a time."""
@@ -173,3 +175,47 @@ def _undo(kept: Mapping[Path, Path | None], staged: Mapping[Path, Path]) -> None
             else:
                 copy.replace(target)
                 copy.unlink(missing_ok=True)  # two names of one file are not renamed
+
+
+def append_rows(path: Path, header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    """Add rows to the end of a CSV file, which is made if missing, all at once.
+
+    They are on the disk when this returns. A file whose columns stand in another order gets them
+    in its own.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    header : sequence of str
+        Names of the columns.
+    rows : sequence of sequence
+        As `csv_text` takes them.
+
+    Raises
+    ------
+    GtvalError
+        If the file lacks one of the columns, or cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        before = path.read_bytes() if path.exists() else b""
+        text = csv_text(header, rows)
+        if before:
+            first = before.partition(b"\n")[0].decode("utf-8-sig", "replace")
+            own = [name.strip() for name in next(csv.reader([first]), [])]
+            if missing := [name for name in header if name not in own]:
+                raise GtvalError(
+                    f"{path}: its first line has no column '{missing[0]}'; add it there, and a "
+                    "comma to each row"
+                )
+            order = [header.index(name) if name in header else None for name in own]
+            rows = [["" if at is None else row[at] for at in order] for row in rows]
+            text = csv_text(own, rows).partition("\n")[2]
+            text = text if before.endswith(b"\n") else f"\n{text}"
+        with path.open("a", encoding="utf-8") as stream:
+            stream.write(text)
+            stream.flush()
+            os.fsync(stream.fileno())
+    except OSError as error:
+        raise GtvalError(f"cannot write {path}: {error.strerror or error}") from error

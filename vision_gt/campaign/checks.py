@@ -6,6 +6,7 @@ second, below the folder of the images. One that shows nothing costs itself, not
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from vision_gt.images.jobs import BoardJob, Found, Job, MarkerJob, detect_all
 from vision_gt.network.adjustment import Network
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.settings import BoardSettings, VisionSettings, stated
+from vision_gt.stages.decided import decided_about
 from vision_gt.stages.facts import missing_facts
 from vision_gt.stages.inputs import OF_CHECKS, made_board
 
@@ -73,6 +75,10 @@ class _Given:
 
     def folder(self, name: str) -> Path:
         return self.campaign.folder / self.settings.images / name
+
+    @cached_property
+    def left_out(self) -> frozenset[Path]:
+        return decided_about(self.campaign, self.settings).paths(self.campaign.folder)
 
 
 def campaign_checks(
@@ -177,7 +183,7 @@ def _table(given: _Given) -> Checks:
     """Boards and markers on a table over surveyed stops."""
     table, folder = given.settings.table, given.folder(TABLE)
     _need(given, TABLE)
-    images = images_of_poses(folder)
+    images = images_of_poses(folder, given.left_out)
     if not images:
         raise InputError([Problem(folder, "no images (CAMERA/poseX.png) of a board on a table")])
     _known_cameras(given, list(images), folder)
@@ -204,7 +210,11 @@ def _survey(given: _Given) -> Checks:
     check, folder = given.settings.survey_check, given.folder(SURVEY)
     _need(given, SURVEY)
     cameras = sorted(path.name for path in folder.glob("*") if path.is_dir())
-    taken = [(name, path.stem, path) for name in cameras for path in list_images(folder / name)]
+    taken = [
+        (name, path.stem, path)
+        for name in cameras
+        for path in list_images(folder / name, given.left_out)
+    ]
     if not taken:
         raise InputError([Problem(folder, "no images (CAMERA/PLACE.png) of a board")])
     _known_cameras(given, cameras, folder)
@@ -239,6 +249,8 @@ def _displacement(given: _Given) -> Checks:
     _known_cameras(given, cameras, folder)
     pairs: list[tuple[str, Path]] = []
     for name in cameras:
+        if any(path.parent == folder / name for path in given.left_out):
+            continue  # half a pair tells nothing
         by_stem = {path.stem: path for path in list_images(folder / name)}
         if set(by_stem) != {"first", "second"}:
             said = "expected two images, first and second, of the board in its two places"

@@ -17,6 +17,7 @@ from validation.commands.options import (
     progress_bar,
 )
 from validation.commands.solve import CampaignGroup, solve_command
+from vision_gt.commands.deciding import decide
 
 if TYPE_CHECKING:
     from vision_gt.commands.looking import Drawn
@@ -348,6 +349,9 @@ def look(
     with progress_bar("images") as report:
         drawn = looks_drawn(load_campaign(campaign), output, workers, report, **choice)
     _told(drawn, as_json=as_json)
+
+
+vision.add_command(decide)
 
 
 @vision.command()

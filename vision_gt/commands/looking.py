@@ -20,7 +20,8 @@ from validation.text_files.writing import write_files
 from vision_gt.campaign.result_files import PLACED
 from vision_gt.commands.checks import read_network
 from vision_gt.images.files import campaign_images
-from vision_gt.images.jobs import Found, Job, detect_all
+from vision_gt.images.jobs import BoardJob, Found, Job
+from vision_gt.images.kept import detect_new
 from vision_gt.looks.boards import OF_BAR, board_looks
 from vision_gt.looks.collected import title_of
 from vision_gt.looks.look import Known, Look, by_image
@@ -33,7 +34,7 @@ from vision_gt.patterns.rejections import Rejection, hull, rejected
 from vision_gt.robot.marker_poses import Layout
 from vision_gt.robot.robot_pose import Floor
 from vision_gt.settings import VisionSettings
-from vision_gt.stages.inputs import DRIVE, VisionInputs, placed
+from vision_gt.stages.inputs import DRIVE, OF_CHECKS, VisionInputs, made_board, placed
 
 _FEW = 8
 """Pictures below which one process draws them all: others take a second each to start."""
@@ -83,7 +84,7 @@ class Looking:
         boards = list(self.given.board_images())
         if images:
             files = [self._relative(path) for path in images]
-            looks = [*self._stops(()), *self._boards(boards, files), *self._others(files)]
+            looks = [*self._stops((), files), *self._boards(boards, files), *self._others(files)]
             wanted = set(files)
         else:
             self._check(stops, cameras)
@@ -122,7 +123,8 @@ class Looking:
     def _found(self, jobs: Sequence[Job], what: str) -> dict[str, Found]:
         """What images show, by their names; files that cannot be read say why."""
         report = f"looking for {what}s"
-        found = detect_all(jobs, self.workers, lambda share: self.progress(report, share))
+        kept, tell = self.given.kept, lambda share: self.progress(report, share)
+        found = detect_new(jobs, kept, self.workers, tell)
         for one in found:
             if one.fault:
                 fault = (self.given.shown(one.path), rejected("image", one.fault))
@@ -131,12 +133,12 @@ class Looking:
                 self.given.note(one, f"the {what}")
         return {self.given.shown(one.path): one for one in found}
 
-    def _stops(self, stops: Sequence[str]) -> Iterator[Look]:
-        """Images of the robot, of all stops where none is named."""
+    def _stops(self, stops: Sequence[str], only: Sequence[str] | None = None) -> Iterator[Look]:
+        """Images of the robot, of all stops and files where none is named."""
         images = {
             key: path
             for key, path in self.given.stop_images().items()
-            if not stops or key[1] in stops
+            if (not stops or key[1] in stops) and (only is None or self.given.shown(path) in only)
         }
         if not images:
             return
@@ -184,18 +186,37 @@ class Looking:
                 yield rejected("board", reason, view.part + 1, hull(view.pixels))
 
     def _others(self, files: Sequence[str]) -> Iterator[Look]:
-        """Images of the walk around the robot, and frames of a drive."""
+        """Images of the walk around the robot and of checks, and frames of a drive."""
         below = Path(self.given.settings.images)
         for file in files:
             parts = Path(file).relative_to(below).parts if Path(file).is_relative_to(below) else ()
-            if len(parts) != 3 or parts[0] not in {"layout", DRIVE}:
+            if len(parts) != 3 or parts[0] not in {"layout", DRIVE, *OF_CHECKS}:
                 continue
             camera = parts[1]
             path = self.campaign.folder / file
+            if parts[0] in OF_CHECKS:
+                yield from self._of_check(parts[0], camera, path)
+                continue
             job = self.given.marker_job(path, self.known.cameras.get(camera))
             found = self._found([job], "marker")[file]
             whole = [one for one in self._said().get(file, ()) if one.kind == "image"]
             yield single_look(file, camera, found.markers, self.known, whole)
+
+    def _of_check(self, purpose: str, camera: str, path: Path) -> Iterator[Look]:
+        """An image of a check: the board in it, which no pose depends on."""
+        settings, file = self.given.settings, self.given.shown(path)
+        boards = {"table": settings.table.board, "survey_check": settings.survey_check.board}
+        board = boards.get(purpose, settings.board)
+        if board is None:
+            return
+        parts = [(0, made_board(board))]
+        job = BoardJob(path, camera, path.stem, parts, settings.detector)
+        views = list(self._found([job], "board")[file].boards)
+        said = self._said()
+        if not views and file not in said:
+            said[file] = [rejected("image", "the board was not found")]
+        titles = {file: title_of(purpose, camera, path.stem)}
+        yield from board_looks(purpose, {file: views}, titles, self.known, said)
 
 
 def known_before(campaign: Campaign, settings: VisionSettings) -> Known:

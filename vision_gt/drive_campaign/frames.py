@@ -9,7 +9,7 @@ from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from validation.text_files.csv_tables import Column, read_csv
 from validation.trajectories.formats.stamps import exact_times, unit_of
-from vision_gt.images.files import drive_cameras, list_images
+from vision_gt.images.files import LeftOut, drive_cameras, list_images
 from vision_gt.images.pictures import VIDEOS
 
 NAME = "expected a name that is the time of the frame, such as 1700000000.100.png"
@@ -43,7 +43,9 @@ class CameraFrames:
         return len(self.times)
 
 
-def drive_frames(folder: Path, unit: str | None = None) -> list[CameraFrames]:
+def drive_frames(
+    folder: Path, unit: str | None = None, left_out: LeftOut = frozenset()
+) -> list[CameraFrames]:
     """The frames of all cameras of a drive.
 
     Parameters
@@ -53,6 +55,8 @@ def drive_frames(folder: Path, unit: str | None = None) -> list[CameraFrames]:
         row for each frame.
     unit : {"s", "ms", "us", "ns"}, optional
         Of the times, where they do not tell it.
+    left_out : set of Path
+        Images that a person decided not to use.
 
     Raises
     ------
@@ -62,14 +66,14 @@ def drive_frames(folder: Path, unit: str | None = None) -> list[CameraFrames]:
     """
     found: list[CameraFrames] = []
     problems: list[Problem] = []
-    for camera in drive_cameras(folder):
+    for camera in drive_cameras(folder, left_out):
         videos = [folder / f"{camera}{ending}" for ending in sorted(VIDEOS)]
         videos = [one for one in videos if one.is_file()]
         try:
             if videos:
                 found.append(_of_video(camera, videos[0], unit))
             else:
-                found.append(_of_images(camera, folder / camera, unit))
+                found.append(_of_images(camera, folder / camera, unit, left_out))
         except InputError as error:
             problems += error.problems
     if problems:
@@ -77,9 +81,9 @@ def drive_frames(folder: Path, unit: str | None = None) -> list[CameraFrames]:
     return found
 
 
-def _of_images(camera: str, folder: Path, unit: str | None) -> CameraFrames:
+def _of_images(camera: str, folder: Path, unit: str | None, left_out: LeftOut) -> CameraFrames:
     """Frames in files, sorted by the times that their names are."""
-    paths = list_images(folder)
+    paths = list_images(folder, left_out)
     wrong = [Problem(path, NAME) for path in paths if not _is_number(path.stem)]
     if wrong:
         raise InputError(wrong)

@@ -18,6 +18,7 @@ from vision_gt.images.kept import FOLDER, KeptDetections
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.robot.robot_pose import Floor
 from vision_gt.settings import VisionSettings
+from vision_gt.stages.decided import decided_about
 from vision_gt.stages.inputs import DRIVE, sides_of
 
 Report = Callable[[float], None]
@@ -56,8 +57,14 @@ def check_frames(campaign: Campaign) -> None:
         If a name is no time, or the odometry is bad.
     """
     settings = campaign.section("vision", VisionSettings)
-    if drive_frames(campaign.folder / settings.images / DRIVE, settings.drive.unit):
+    if _frames(campaign, settings):
         _odometry(campaign, settings.drive.odometry)
+
+
+def _frames(campaign: Campaign, settings: VisionSettings) -> list[CameraFrames]:
+    """All frames but those left out."""
+    left_out = decided_about(campaign, settings).paths(campaign.folder)
+    return drive_frames(campaign.folder / settings.images / DRIVE, settings.drive.unit, left_out)
 
 
 def solve_campaign_drive(
@@ -85,8 +92,7 @@ def solve_campaign_drive(
         If names are no times, no frame of a camera can be read, or the odometry is bad.
     """
     settings = vision.settings.drive
-    folder = campaign.folder / vision.settings.images / DRIVE
-    every = drive_frames(folder, settings.unit)
+    every = _frames(campaign, vision.settings)
     names = [camera.name for camera in vision.network.network.cameras]
     frames = [one for one in every if one.camera in names]
     if not every:

@@ -3,6 +3,7 @@
 import re
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from validation.text_files.reading import file_bytes
 from vision_gt.images.pictures import VIDEOS, OtherPixelsError, Picture, decoded
 
 Image = npt.NDArray[np.uint8]
+LeftOut = AbstractSet[Path]
 
 ENDINGS = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm"}
 OTHER_ENDINGS = {".gif", ".heic", ".jp2", ".ppm", ".webp"}
@@ -80,7 +82,7 @@ class CampaignImages:
     after: Mapping[str, Path]
 
 
-def campaign_images(folder: Path) -> CampaignImages:
+def campaign_images(folder: Path, left_out: LeftOut = frozenset()) -> CampaignImages:
     """The images below a vision folder, by the naming of AD2.3.
 
     Parameters
@@ -88,6 +90,8 @@ def campaign_images(folder: Path) -> CampaignImages:
     folder : Path
         Holds calibration/CAMERA/*, network/2-1-4.*, bar/2-1.*, reference/CAMERA.*,
         layout/CAMERA/*, poses/CAMERA/poseX.* and steadiness/{before,after}/CAMERA.*.
+    left_out : set of Path
+        Images that a person decided not to use: as if they were not there.
 
     Raises
     ------
@@ -101,33 +105,33 @@ def campaign_images(folder: Path) -> CampaignImages:
     """
     problems: list[Problem] = []
     found = CampaignImages(
-        calibration=_by_camera(folder / "calibration"),
-        network=_snapshots(folder / "network", problems),
-        bar=_of_cameras(folder / "bar", problems),
-        reference=_one_each(folder / "reference", problems),
-        movie=_by_camera(folder / "layout"),
-        poses=_poses(folder / "poses", problems),
-        before=_one_each(folder / "steadiness" / "before", problems),
-        after=_one_each(folder / "steadiness" / "after", problems),
+        calibration=_by_camera(folder / "calibration", left_out),
+        network=_snapshots(list_images(folder / "network", left_out), problems),
+        bar=_of_cameras(list_images(folder / "bar", left_out), problems),
+        reference=_one_each(list_images(folder / "reference", left_out), problems),
+        movie=_by_camera(folder / "layout", left_out),
+        poses=_poses(_by_camera(folder / "poses", left_out), problems),
+        before=_one_each(list_images(folder / "steadiness" / "before", left_out), problems),
+        after=_one_each(list_images(folder / "steadiness" / "after", left_out), problems),
     )
     if problems:
         raise InputError(problems)
     return found
 
 
-def list_images(folder: Path) -> list[Path]:
-    """Image files of a folder, in the order that people count."""
+def list_images(folder: Path, left_out: LeftOut = frozenset()) -> list[Path]:
+    """Image files of a folder but those left out, in the order that people count."""
     if not folder.is_dir():
         return []
     found = [path for path in folder.iterdir() if path.suffix.lower() in ENDINGS]
-    return sorted(found, key=lambda path: counting(path.name))
+    return sorted(set(found) - left_out, key=lambda path: counting(path.name))
 
 
-def drive_cameras(folder: Path) -> list[str]:
+def drive_cameras(folder: Path, left_out: LeftOut = frozenset()) -> list[str]:
     """Names of the cameras that have frames below a folder of a drive."""
     if not folder.is_dir():
         return []
-    found = [one.name for one in folder.iterdir() if one.is_dir() and list_images(one)]
+    found = [one.name for one in folder.iterdir() if one.is_dir() and list_images(one, left_out)]
     found += [one.stem for one in folder.iterdir() if one.suffix.lower() in VIDEOS]
     return sorted(set(found))
 
@@ -144,8 +148,8 @@ def counting(name: str) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
 
 
-def images_of_poses(folder: Path) -> dict[str, dict[str, Path]]:
-    """Images CAMERA/poseX.* by camera and pose.
+def images_of_poses(folder: Path, left_out: LeftOut = frozenset()) -> dict[str, dict[str, Path]]:
+    """Images CAMERA/poseX.* by camera and pose, but those left out.
 
     Raises
     ------
@@ -153,23 +157,23 @@ def images_of_poses(folder: Path) -> dict[str, dict[str, Path]]:
         Naming every image whose name cannot be understood.
     """
     problems: list[Problem] = []
-    found = _poses(folder, problems)
+    found = _poses(_by_camera(folder, left_out), problems)
     if problems:
         raise InputError(problems)
     return found
 
 
-def _by_camera(folder: Path) -> dict[str, list[Path]]:
+def _by_camera(folder: Path, left_out: LeftOut) -> dict[str, list[Path]]:
     if not folder.is_dir():
         return {}
     cameras = sorted(path for path in folder.iterdir() if path.is_dir())
-    return {camera.name: images for camera in cameras if (images := list_images(camera))}
+    return {one.name: images for one in cameras if (images := list_images(one, left_out))}
 
 
-def _one_each(folder: Path, problems: list[Problem]) -> dict[str, Path]:
+def _one_each(images: Sequence[Path], problems: list[Problem]) -> dict[str, Path]:
     """One image of each camera, named as it is."""
     found: dict[str, Path] = {}
-    for path in list_images(folder):
+    for path in images:
         if path.stem in found:
             twin = found[path.stem].name
             problems.append(Problem(path, f"the same camera as {twin}; keep one of them"))
@@ -177,10 +181,10 @@ def _one_each(folder: Path, problems: list[Problem]) -> dict[str, Path]:
     return found
 
 
-def _snapshots(folder: Path, problems: list[Problem]) -> list[Snapshot]:
+def _snapshots(images: Sequence[Path], problems: list[Problem]) -> list[Snapshot]:
     pairs: dict[str, dict[str, Path]] = {}
     expected = "expected a name such as 2-1-4: camera, the one it is paired with, number"
-    for path, match in _matching(list_images(folder), _SNAPSHOT, expected, problems):
+    for path, match in _matching(images, _SNAPSHOT, expected, problems):
         low, high = sorted((match["one"], match["other"]))
         if low == high:
             problems.append(Problem(path, expected))
@@ -192,15 +196,17 @@ def _snapshots(folder: Path, problems: list[Problem]) -> list[Snapshot]:
     return [Snapshot(name, images) for name, images in pairs.items()]
 
 
-def _of_cameras(folder: Path, problems: list[Problem]) -> list[tuple[str, Path]]:
+def _of_cameras(images: Sequence[Path], problems: list[Problem]) -> list[tuple[str, Path]]:
     expected = "expected a name such as 2-1: camera, number"
-    found = _matching(list_images(folder), _OF_CAMERA, expected, problems)
+    found = _matching(images, _OF_CAMERA, expected, problems)
     return [(match["camera"], path) for path, match in found]
 
 
-def _poses(folder: Path, problems: list[Problem]) -> dict[str, dict[str, Path]]:
+def _poses(
+    by_camera: Mapping[str, Sequence[Path]], problems: list[Problem]
+) -> dict[str, dict[str, Path]]:
     found: dict[str, dict[str, Path]] = {}
-    for camera, images in _by_camera(folder).items():
+    for camera, images in by_camera.items():
         poses = found.setdefault(camera, {})
         expected = "expected a name such as pose7"
         for path, match in _matching(images, _POSE, expected, problems):

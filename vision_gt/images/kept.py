@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import astuple, replace
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -140,11 +141,17 @@ def settings_key(job: Job) -> str:
     if isinstance(job, BoardJob):
         boards = [(part, astuple(board)) for part, board in job.boards]
         told = (job.perhaps,) if job.perhaps else ()
-        return repr((version("gtval"), _LOOKING, "boards", boards, job.detector, *told))
+        return repr((_program(), _LOOKING, "boards", boards, job.detector, *told))
     camera = job.camera
     lens = None if camera is None else (camera.size, np.asarray(camera.parameters).tolist())
     family = (job.family.name, job.family.border)
-    return repr((version("gtval"), _LOOKING, family, sorted(job.wanted), lens, job.fitted))
+    return repr((_program(), _LOOKING, family, sorted(job.wanted), lens, job.fitted))
+
+
+@cache
+def _program() -> str:
+    """The version of this program, which takes a millisecond to find out."""
+    return version("gtval")
 
 
 def key_of(content: bytes, settings: str, frame: int = 0) -> str:

@@ -29,6 +29,7 @@ from vision_gt.patterns.board_views import BoardView, camera_pose_of_board
 
 REFERENCE = "reference"
 """Name of the reference pattern's body."""
+_ALONG = float(np.cos(np.pi / 4))
 _FAR_FROM_BAR = 0.1, float(np.deg2rad(6))
 """Metres and radians, besides five of the stated sigmas, from which on two boards do not fit the
 bar. A judgement: poses of single boards are good to centimetres; wrong readings are a board's
@@ -60,7 +61,9 @@ class NetworkInput:
     known_reference : KnownBody or None
         Where the reference pattern lies; without it the frame is that of a camera.
     origin_near : (2,) array, optional
-        Pixel near the reference pattern's first corner.
+        Pixel near the reference pattern's first corner, in the image where it is largest.
+    corners : mapping of str to (1 or 2, 2) array
+        By camera, before that: such a pixel of its image, and one farther along the row.
     """
 
     cameras: tuple[Camera, ...]
@@ -71,6 +74,7 @@ class NetworkInput:
     bar: Bar
     known_reference: KnownBody | None
     origin_near: Array | None = None
+    corners: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -146,6 +150,7 @@ def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution
     chain = chain_cameras(names, links, root, lambda: why_not_linked(*snapped))
     T_gtv_root = _reference_camera(reference, given)
     T_gtv_camera = {name: T_gtv_root * chain.T_reference_camera[name] for name in names}
+    _check_corners(reference, given, T_gtv_camera)
     averaged = _averaged(given, links, chain, T_gtv_camera)
     if not joint:
         return NetworkSolution(averaged, averaged, tuple(links), chain, root)
@@ -199,20 +204,51 @@ def _read_reference(given: NetworkInput) -> list[BoardView]:
     views = sorted(given.reference, key=lambda view: -float(np.ptp(view.pixels, axis=0).prod()))
     if not views[0].board.looks_the_same_turned:
         return views
-    if given.origin_near is None:
+    told = dict(given.corners)
+    if given.origin_near is not None:
+        told.setdefault(views[0].camera, np.asarray(given.origin_near, dtype=float)[None])
+    known = [view for view in views if view.camera in told]
+    if not known:
         raise GtvalError(
-            "the reference pattern looks the same after half a turn; give the pixel near its "
-            f"first corner in the image of camera {views[0].camera} as "
+            "the reference pattern looks the same after half a turn; click its first corner in "
+            "the image of a camera (`gtval open`, Images; or `gtval vision decide`), give the "
+            f"pixel near it in the image of camera {views[0].camera} as "
             "vision.reference.origin_near, or use a board with an odd and an even side"
         )
-    # The hint is a pixel of one image: whichever reading of a view is nearest to it.
-    near = np.asarray(given.origin_near, dtype=float)
-    return [min(view.readings(), key=lambda one: _from_origin(one, near)) for view in views[:1]]
+    return [read_from(view, told[view.camera]) for view in known]
 
 
-def _from_origin(view: BoardView, near: Array) -> float:
-    first = view.pixels[int(np.argmin(view.ids))]
-    return float(np.linalg.norm(first - near))
+def read_from(view: BoardView, places: Array) -> BoardView:
+    """The reading of a view whose first corner is nearest to a pixel.
+
+    Parameters
+    ----------
+    view : BoardView
+        Of the reference pattern.
+    places : (1 or 2, 2) array
+        A pixel near its first inner corner, and another along its rows, towards their end.
+
+    Raises
+    ------
+    GtvalError
+        If the second pixel lies another way: the two are no corner and row of this pattern.
+
+    Notes
+    -----
+    A row and a column of a print are a quarter turn apart, and seldom less than 45 degrees in an
+    image: half of that is the limit.
+    """
+    chosen = min(view.readings(), key=lambda one: float(np.linalg.norm(one.ends[0] - places[0])))
+    if len(places) > 1:
+        along, clicked = chosen.ends[1] - chosen.ends[0], places[1] - places[0]
+        lengths = np.linalg.norm(along) * np.linalg.norm(clicked)
+        if along @ clicked < _ALONG * lengths:
+            raise GtvalError(
+                f"camera {view.camera}: the two pixels clicked in its image of the reference "
+                "pattern are no first corner and row of it (x axis); click them again, or count "
+                "the columns and rows of vision.reference.board"
+            )
+    return chosen
 
 
 def middle_camera(names: Sequence[str], links: Sequence[PairLink]) -> str:
@@ -237,6 +273,26 @@ def _reference_camera(views: Sequence[BoardView], given: NetworkInput) -> RigidT
     if T is None:
         raise NoFrameError(f"camera {view.camera}: the reference pattern gives no pose")
     return given.known_reference.T_gtv_body * T.inv()
+
+
+def _check_corners(
+    reference: Sequence[BoardView],
+    given: NetworkInput,
+    T_gtv_camera: Mapping[str, RigidTransform],
+) -> None:
+    """Raise where the corners clicked in the images of two cameras contradict each other."""
+    known = given.known_reference
+    cameras = {camera.name: camera for camera in given.cameras}
+    for view in reference[1:]:
+        T = camera_pose_of_board(view, cameras[view.camera])
+        if known is None or T is None:
+            continue
+        turn = known.T_gtv_body.inv() * T_gtv_camera[view.camera] * T
+        if turn.rotation.magnitude() > np.pi / 2:  # half a turn, where a right one is none
+            raise GtvalError(
+                f"the first corner of the reference pattern in the image of camera {view.camera} "
+                f"is another one than in that of camera {reference[0].camera}; click both again"
+            )
 
 
 def _as_read(views: Sequence[BoardView], links: Sequence[PairLink]) -> list[BoardView]:

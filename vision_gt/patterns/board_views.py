@@ -63,6 +63,16 @@ class BoardView:
         """(n, 3) the corners in the board's frame, metres."""
         return self.board.corners[self.ids]
 
+    @property
+    def ends(self) -> Array:
+        """(3, 2) pixels of the first corner found, and of the last ones in its row and column."""
+        rows, columns = np.divmod(self.ids, self.board.inner[0])
+        first = int(np.argmin(self.ids))
+        row, column = rows == rows[first], columns == columns[first]
+        in_row = self.pixels[row][int(np.argmax(columns[row]))]
+        in_column = self.pixels[column][int(np.argmax(rows[column]))]
+        return np.array([self.pixels[first], in_row, in_column])
+
     def turned(self) -> "BoardView":
         """The same image read with the board turned by half a turn."""
         last = len(self.board.corners) - 1

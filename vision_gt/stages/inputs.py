@@ -10,8 +10,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from validation.campaign.folder import Campaign
 from validation.errors import InputError, Problem
+from validation.poses.angles import Array
 from validation.systems import Progress, no_progress
-from vision_gt.images.files import CampaignImages, campaign_images, drive_cameras, images_below
+from vision_gt.images.decisions import Decided
+from vision_gt.images.files import CampaignImages, drive_cameras, images_below
 from vision_gt.images.jobs import (
     BoardJob,
     Found,
@@ -33,6 +35,7 @@ from vision_gt.patterns.dictionaries import Family
 from vision_gt.patterns.rejections import Rejection, rejected
 from vision_gt.robot.layout import Frame
 from vision_gt.settings import BoardSettings, Placement, VisionSettings, stated
+from vision_gt.stages.decided import decided_about, images_in_use, strange_decisions
 from vision_gt.stages.facts import missing_facts
 
 DRIVE = "drive"
@@ -116,6 +119,11 @@ class VisionInputs:
         """What is known of images from earlier, in this run or another."""
         return kept_images(self.campaign.folder)
 
+    @cached_property
+    def decided(self) -> Decided:
+        """What people decided about images."""
+        return decided_about(self.campaign, self.settings)
+
     @property
     def names(self) -> tuple[str, ...]:
         """The cameras of the network: those named, or that see the robot, or that took anything."""
@@ -130,7 +138,8 @@ class VisionInputs:
 
     @property
     def _filmed(self) -> list[str]:
-        return drive_cameras(self.campaign.folder / self.settings.images / DRIVE)
+        folder = self.campaign.folder
+        return drive_cameras(folder / self.settings.images / DRIVE, self.decided.paths(folder))
 
     @property
     def shows_robot(self) -> bool:
@@ -195,6 +204,13 @@ class VisionInputs:
             "after": Path("steadiness", "after"),
         }.get(purpose, Path(purpose))
         return str(Path(self.settings.images) / below / view.source)
+
+    @property
+    def corners(self) -> dict[str, Array]:
+        """Where the reference pattern begins, by camera: what was clicked in its image."""
+        found = {camera: self.shown(path) for camera, path in self.images.reference.items()}
+        corners = self.decided.corners
+        return {one: corners[file].places for one, file in found.items() if file in corners}
 
     @property
     def watched(self) -> tuple[str, ...]:
@@ -376,7 +392,7 @@ def load_inputs(
     settings = VisionSettings.model_validate(
         {**stated.model_dump(exclude_unset=True), **(choices or {})}
     )
-    images = campaign_images(campaign.folder / settings.images)
+    images = images_in_use(campaign, settings)
     given = VisionInputs(campaign, settings, images, progress, workers)
     problems = [*_strangers(given), *missing_facts(campaign.toml, settings, _needed(given))]
     if problems:
@@ -415,7 +431,8 @@ def _strangers(given: VisionInputs) -> Iterator[Problem]:
 def _not_used(given: VisionInputs) -> Iterator[tuple[str, str]]:
     """Images that no step looks at, and why; and camera files of cameras that there are not."""
     folder = given.campaign.folder
-    used = {path for _, _, path, _ in given.board_images()}
+    yield from strange_decisions(folder, given.decided)
+    used = {path for _, _, path, _ in given.board_images()} | given.decided.paths(folder)
     walk = given.walk if given.images.movie else ()
     used |= {*walk, *given.stop_images().values()}
     root = folder / given.settings.images

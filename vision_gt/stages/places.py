@@ -60,6 +60,7 @@ def network_of(begun: Begun, known: KnownBody | None) -> NetworkSolution:
             bar=bar_of(settings.bar),
             known_reference=known,
             origin_near=None if origin is None else np.array(origin),
+            corners=begun.given.corners,
         )
         try:
             return solve_network(network, joint=not settings.averaged_network)

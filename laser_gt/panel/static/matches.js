@@ -1,12 +1,11 @@
 // The pairs of stops, one large, and what is decided about them. The server says what a match is
-// worth; here it is shown, moved, and decided on. A decision that the link swallows waits in the
-// browser until the server has it; sent twice, it counts once.
+// worth; here it is shown, moved, and decided on.
 
 import { $, ask, replace, said, watch, words } from "/static/frame.js";
+import { Outbox } from "/static/outbox.js";
 import { Scans } from "./scans.js";
 
 const text = words.panel;
-const OUTBOX = "gtval:matches:outbox";
 const LETTERS = { j: () => go(1), k: () => go(-1), a: () => decide("accept"), r: () => decide("reject"), m: () => move(true), u: () => undo(), b: () => toggleWhen(), c: () => toggle("contradictions"), "+": () => scans.zoom(1.5), "=": () => scans.zoom(1.5), "-": () => scans.zoom(1 / 1.5), 0: () => scans.fit() };
 
 const scans = new Scans($("scans"), moved);
@@ -125,41 +124,23 @@ function showWhen() {
 
 // -- decisions ------------------------------------------------------------------------------
 
-function outbox() { try { return JSON.parse(localStorage.getItem(OUTBOX) ?? "[]"); } catch { return kept; } }
-function keep(all) { kept = all; try { localStorage.setItem(OUTBOX, JSON.stringify(all)); } catch { /* no storage: the page itself holds them */ } }
-let kept = [];
-let sending = false;
-
-// Send what waits, in its order; whether all of it has arrived.
-async function flush() {
-  if (sending) return false;
-  sending = true;
-  try {
-    for (let all = outbox(); all.length; all = outbox()) {
-      const answer = await ask("/matches/decide", all[0]);
-      if (answer.status === 0 || answer.status >= 500 || answer.status === 401) { say(text.not_recorded, true); return false; }
-      keep(outbox().slice(1));
-      if (answer.status !== 200) { say(answer.error ?? "", true); return false; }
-    }
-    return true;
-  } finally { sending = false; }
-}
+const box = new Outbox("gtval:matches:outbox", "/matches/decide", (problem) => say(problem ?? text.not_recorded, true));
 
 async function decide(decision, guess = null) {
   if (!pair) return;
   const { match } = pair;
   const more = guess ? { x: guess[0], y: guess[1], theta: guess[2] } : {};
-  keep([...outbox(), { reference: match.reference, moving: match.moving, decision, ...more }]);
+  const sent = box.add({ reference: match.reference, moving: match.moving, decision, ...more });
   const button = row(keyOf(match));
   const shown = seen();
   const next = shown[shown.indexOf(button) + 1];
-  if (await flush()) say(said(text[`recorded_${decision}`], { pair: nameOf(match) }));
+  if (await sent) say(said(text[`recorded_${decision}`], { pair: nameOf(match) }));
   button?.parentElement.setAttribute("data-decided", "");
   if (next) choose(next, document.activeElement?.closest("#pairs") !== null);
 }
 
 async function undo() {
-  if (!(await flush())) return;
+  if (!(await box.flush())) return;
   const answer = await ask("/matches/undo", {});
   if (answer.status !== 200) { say(answer.error ?? words.frame.no_server, true); return; }
   say(said(text.undone, { pairs: answer.pairs.map((one) => one.join(" – ")).join(", ") }));
@@ -331,5 +312,5 @@ document.addEventListener("keydown", (event) => {
 
 filtered();
 if (rows().length) choose(rows()[0]);
-if (outbox().length) flush();
-watch("matches", renew, async () => { if (outbox().length && (await flush())) say(text.sent); });
+if (box.all.length) box.flush();
+watch("matches", renew, async () => { if (box.all.length && (await box.flush())) say(text.sent); });

@@ -11,12 +11,13 @@ from laser_gt.campaign.solve import solve_campaign
 from laser_gt.commands.group import laser
 from laser_gt.logs.decision_file import append_decisions, decision_history, read_decisions
 from laser_gt.logs.decisions import Decision
-from laser_gt.panel.bench import TAKEN_BACK, Bench, undoing
+from laser_gt.panel.bench import Bench, undoing
 from laser_gt.panel.told import FAR, pair_told, residuals
 from laser_gt.scans.planar import transform
 from validation.errors import GtvalError
 from validation.page.desk import Desk
 from validation.page.runner import Runner
+from validation.page.undoing import TAKEN_BACK
 
 
 @pytest.fixture(scope="module")

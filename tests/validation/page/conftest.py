@@ -23,7 +23,7 @@ def ann(served):
         yield client
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def browser():
     """A browser; skipped where there is none."""
     with open_browser() as opened:

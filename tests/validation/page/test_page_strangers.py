@@ -34,7 +34,8 @@ def sent(client, method, path, **more):
 
 def test_every_package_adds_its_panels(routes):
     paths = {path for _, path in routes}
-    assert {"/to_do/", "/readings/", "/matches/", "/report/"} <= paths
+    panels = ("to_do", "readings", "matches", "images", "trajectories", "report")
+    assert {f"/{name}/" for name in panels} <= paths
 
 
 def test_without_a_code_no_panel_answers(served, routes):
@@ -113,14 +114,15 @@ def test_a_run_is_started_by_json_of_this_site_alone(ann):
     ],
 )
 def test_no_path_leads_to_another_file(ann, path):
-    for panel in ("", "to_do/", "report/", "readings/", "matches/"):
+    for panel in ("", "to_do/", "report/", "readings/", "matches/", "images/", "trajectories/"):
         answer = ann.get(f"/{panel}{path}")
         assert answer.status_code in (400, 404, 405), (panel, path)
         assert "published" not in answer.text
 
 
 def test_markup_in_names_is_text_everywhere(ann):
-    for path in ("/to_do/", "/report/", "/matches/", "/to_do/lists", "/to_do/standing"):
+    panels = ("/to_do/", "/report/", "/matches/", "/images/", "/trajectories/")
+    for path in (*panels, "/to_do/lists", "/to_do/standing"):
         answer = ann.get(path)
         assert answer.status_code == 200
         assert HOSTILE not in answer.text

@@ -193,3 +193,14 @@ def test_a_frame_by_itself_needs_no_network(outcome):
     look = single_look("vision/drive/1/2.png", key[0], outcome.detections[key], known)
     assert max(o.off for o in look.outlines if len(o.found)) < 1.5
     assert Path(name_of(look)).name == "drive_1_2.jpg"
+
+
+def test_an_image_of_a_check_shows_its_board_where_its_pose_has_it(campaign, outcome):
+    write_files(campaign / "results", vision_files(outcome))
+    path = campaign / "vision/displacement/1/first.png"
+    [look] = Looking(load_campaign(campaign), 1).looks((), (), [path], everything=False)
+    assert look.outlines[0].off < 0.5
+    cv2.imwrite(str(path), np.random.default_rng(1).integers(90, 110, (960, 1280)).astype(np.uint8))
+    [look] = Looking(load_campaign(campaign), 1).looks((), (), [path], everything=False)
+    assert look.flagged
+    assert not look.outlines

@@ -13,6 +13,7 @@ from validation.errors import GtvalError
 from vision_gt.network.adjustment import Bar, KnownBody
 from vision_gt.network.chain import NotLinkedError, bar_poses, chain_cameras, pair_links
 from vision_gt.network.solution import NetworkInput, solve_network
+from vision_gt.optics.camera import project
 from vision_gt.optics.transforms import angle_between, change_between
 from vision_gt.patterns.dictionaries import Family
 
@@ -196,3 +197,35 @@ def test_the_averaged_network_is_the_fallback():
     assert solution.network is solution.averaged
     assert pair_error(solution.network, row)[0] < 10
     assert isinstance(solution.network.T_gtv_camera, RigidTransform)
+
+
+def test_the_corner_clicked_in_any_image_tells_how_the_reference_lies():
+    row = CameraRow(0, snapshots=3)
+    first, along = row.reference.pixels[0], row.reference.pixels[row.reference.board.inner[0] - 1]
+    camera = row.reference.camera
+    expected = solve_network(given(row)).network.T_gtv_camera[0]
+    turned = replace(given(row), reference=(row.reference.turned(),), origin_near=None)
+    for places in ([first + 5], [first + 5, along - 20]):
+        found = solve_network(replace(turned, corners={camera: np.array(places)}))
+        assert angle_between(found.network.T_gtv_camera[0], expected) < 1e-6
+    # It counts before the pixel of campaign.toml.
+    wrong = row.reference.pixels[-1]
+    both = replace(turned, corners={camera: np.array([first])}, origin_near=wrong)
+    assert angle_between(solve_network(both).network.T_gtv_camera[0], expected) < 1e-6
+    column = row.reference.pixels[-row.reference.board.inner[0]]
+    with pytest.raises(GtvalError, match="first corner and row"):
+        solve_network(replace(turned, corners={camera: np.array([first, column])}))
+
+
+def test_corners_that_contradict_each_other_are_refused():
+    row = CameraRow(0, snapshots=3)
+    # The second camera sees the pattern, too, and where it stands.
+    T = row.T_gtv_camera[1].inv() * row.T_gtv_reference
+    board = row.reference.board
+    seen = project(T.apply(board.corners), row.cameras[1].parameters)
+    other = replace(row.reference, camera=row.cameras[1].name, pixels=seen)
+    corners = {row.reference.camera: row.reference.pixels[:1], other.camera: seen[:1]}
+    both = replace(given(row), reference=(row.reference, other), corners=corners)
+    assert len(solve_network(both).network.views) > len(solve_network(given(row)).network.views)
+    with pytest.raises(GtvalError, match="another one than in that of camera"):
+        solve_network(replace(both, corners={**corners, other.camera: seen[-1:]}))
