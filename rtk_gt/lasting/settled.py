@@ -15,6 +15,7 @@ from rtk_gt.lasting.errors import (
     ended,
     lasting_errors,
 )
+from rtk_gt.lasting.whole_drive import PLAIN
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.offsets.prior import OffsetPrior
@@ -90,7 +91,7 @@ def settle(
     offsets = quick(steps)
     found = lasting_errors(steps, offsets)
     _check_restarts(steps, found)
-    found = [_by_the_drive(steps, quick, found, one) for one in found]
+    found = _by_the_drive(steps, quick, offsets, found)
     errors = found
     cleaned, jumps = steps, None
     for _ in range(MOST_RESTARTS):
@@ -110,20 +111,43 @@ def settle(
 def _by_the_drive(
     steps: Steps,
     quick: Callable[[Steps], Offsets],
+    offsets: Offsets,
     found: Sequence[LastingError],
-    one: LastingError,
-) -> LastingError:
-    """An error that goes again as the whole drive shows it, which places its ends better."""
-    if one.stays:
-        return one
-    others = without_errors(steps, [other for other in found if other is not one])
-    if int(others.complete.sum()) < FEWEST_STEPS:
-        return one
-    better = changed(others, quick(others))
-    if better is None or better.stays or one.receivers not in (better.receivers, *better.alike):
-        return one
-    both = min(one.end, better.end) - max(one.start, better.start)
-    return better if both > (one.end - one.start) / 2 else one
+) -> list[LastingError]:
+    """Errors as found, with those that go again as the whole drive shows them.
+
+    It places their ends better, and sees one error where the motion shows only one of its ends.
+    """
+    passing: list[LastingError] = []
+    rest = steps
+    for _ in range(MOST_RESTARTS):
+        one = changed(rest, offsets)
+        if one is None or one.stays:
+            break
+        part = [_part_of(other, one, len(steps.receivers)) for other in found]
+        # Sizes of several decimetres are the motion's: distances count only so far.
+        large = [
+            other for other, of in zip(found, part, strict=True)
+            if of and other.length > 2 * max(one.length, PLAIN)
+        ]  # fmt: skip
+        if large:
+            one = replace(one, size=large[0].size, covariance=large[0].covariance)
+        passing.append(one)
+        found = [other for other, of in zip(found, part, strict=True) if not of]
+        rest = without_errors(steps, passing)
+        if int(rest.complete.sum()) < FEWEST_STEPS:
+            break
+        offsets = quick(rest)
+    return sorted([*found, *passing], key=lambda one: one.start)
+
+
+def _part_of(one: LastingError, whole: LastingError, receivers: int) -> bool:
+    """Whether an error is one that goes again, or begins within it, as its end or a mistake."""
+    who = {whole.receivers, *whole.alike}
+    who |= {tuple(k for k in range(receivers) if k not in some) for some in who}
+    margin = 2 * max(one.spacing, whole.spacing)
+    inside = whole.start - margin <= one.start <= whole.end + margin
+    return one.receivers in who and inside
 
 
 def _with_another(
