@@ -20,7 +20,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     from data_samples.sky.constellation import gps_rows
     from data_samples.sky.texts import yuma_text
     from validation.cli import main
-    from vision_gt.settings import PLAN_EXAMPLE
+    from vision_gt.example_settings import PLAN_EXAMPLE
 
     root = tmp_path_factory.mktemp("samples")
     for line in (

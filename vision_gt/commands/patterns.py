@@ -3,9 +3,10 @@
 import tomllib
 
 from validation.errors import GtvalError
+from vision_gt.example_settings import example_tables
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.patterns.drawing import board_print, marker_print, pattern_bytes
-from vision_gt.settings import VisionSettings, example_tables
+from vision_gt.settings import VisionSettings
 from vision_gt.stages.inputs import made_board, sides_of
 
 EXAMPLE = example_tables(["vision", "vision.bar", "vision.reference", "vision.markers"])

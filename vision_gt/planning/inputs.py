@@ -8,6 +8,7 @@ from validation.campaign.folder import Campaign, line_of
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.pose_table import from_csv
+from vision_gt.example_settings import EXAMPLES, PLAN_EXAMPLE
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.camera_files import read_cameras
 from vision_gt.planning.floor import area_of, sides_that_cross
@@ -20,8 +21,6 @@ from vision_gt.planning.mounting import (
 )
 from vision_gt.planning.plan import PlanInput
 from vision_gt.settings import (
-    EXAMPLES,
-    PLAN_EXAMPLE,
     CameraPlanSettings,
     PlannedCamera,
     VisionSettings,

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from validation.errors import Problem
-from vision_gt.settings import EXAMPLES, VisionSettings
+from vision_gt.example_settings import EXAMPLES
+from vision_gt.settings import VisionSettings
 
 
 def missing_facts(

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from validation.campaign.folder import load_campaign
 from validation.cli import main
 from validation.errors import GtvalError, InputError
+from vision_gt.example_settings import PLAN_EXAMPLE
 from vision_gt.images.markers import MarkerView
 from vision_gt.network.adjustment import Network
 from vision_gt.optics.camera import Camera, project
@@ -28,7 +29,7 @@ from vision_gt.planning.mounting import (
 from vision_gt.planning.plan import PlanInput, place_sigma, predict, rule_of, work_out
 from vision_gt.planning.telling import plan_findings
 from vision_gt.robot.robot_pose import Floor, Sighting, robot_pose
-from vision_gt.settings import PLAN_EXAMPLE, VisionSettings
+from vision_gt.settings import VisionSettings
 
 LENS = np.array([1000.0, 1000.0, 639.5, 479.5, -0.2, 0.08, 0.0005, -0.0003, 0.0])
 OUTLINE = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 6.0], [0.0, 6.0]])
