@@ -10,7 +10,7 @@ from validation.poses.angles import Array
 
 FALSE = 25.0
 """Cost of a step at most: a false fix contradicts all solutions alike."""
-_SOME = 500
+_SOME = 2000
 """Steps at least of which costs are taken, where there are more: each counts for several then."""
 _STEPS, _SETTLED = 15, 0.1
 """At most; and by how much less a cost must be to go on."""
@@ -24,6 +24,14 @@ def costs_of(found: list[Offsets]) -> list[float]:
         float(np.minimum(one.squares / sigma**2, FALSE).sum()) / best.correlation_time + one.against
         for one in found
     ]
+
+
+def stride_of(steps: Steps) -> int:
+    """One of how many steps `settled_cost` looks at; each counts for so many.
+
+    The noise of a difference of costs is that of the steps that are looked at, as many times.
+    """
+    return max(len(steps) // _SOME, 1)
 
 
 def settled_cost(steps: Steps, offsets: Offsets, best: Offsets, prior: OffsetPrior) -> float:
@@ -43,7 +51,7 @@ def settled_cost(steps: Steps, offsets: Offsets, best: Offsets, prior: OffsetPri
     prior : OffsetPrior
         What is known beforehand.
     """
-    rows = np.arange(0, len(steps), max(len(steps) // _SOME, 1))
+    rows = np.arange(0, len(steps), stride_of(steps))
     positions, sigma = steps.positions[rows], max(best.sigma, SMALLEST_SIGMA)
     m, count = 3 * (len(steps.receivers) - 1), len(steps) / len(rows) / best.correlation_time
     differences = positions - positions[:, :1]

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from rtk_gt.offsets.costs import costs_of, settled_cost
+from rtk_gt.offsets.costs import costs_of, settled_cost, stride_of
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.offsets.prior import USUAL_ARM, OffsetPrior
 from rtk_gt.offsets.slow_errors import ErrorModel
@@ -112,16 +112,17 @@ def all_minima(
     compared = [*found, beside] if beside is not None and id(beside) in rough else found
     costs = {id(one): settled_cost(used, one, quiet, prior) for one in compared}
     found = sorted(found, key=lambda one: costs[id(one)])
+    as_good = AS_GOOD * stride_of(used)
     wanted = _winding(layout)
     upright = [one for one in found if _winding(_mean_arms(used, one)) * wanted >= 0]
     best = upright[0] if upright else found[0]
-    wrong = costs[id(best)] - costs[id(found[0])] > AS_GOOD or not upright
-    others = [one for one in upright if costs[id(one)] - costs[id(best)] < AS_GOOD]
+    wrong = costs[id(best)] - costs[id(found[0])] > as_good or not upright
+    others = [one for one in upright if costs[id(one)] - costs[id(best)] < as_good]
     rest = [one for one in others if one is not best]
     settled = [estimate(start=one.offsets.values) for one in (best, *rest)]
     if beside is not None and id(beside) in costs:
         # In another heading other noise is along the arms: its squares are as many again.
-        chance = AS_GOOD + 5 * np.sqrt(4 * best.residuals.size / best.correlation_time)
+        chance = as_good + 5 * np.sqrt(4 * best.residuals.size / best.correlation_time)
         possible = costs[id(beside)] - costs[id(best)] < chance
         beside = estimate(start=beside.offsets.values, bent="if sure") if possible else None
     return Minima(settled[0], tuple(settled[1:]), found[0] if wrong else None, beside)
