@@ -26,7 +26,7 @@ from validation.trajectories.comparison import compare_in_time as compared
 from validation.trajectories.formats import read_trajectory as read
 from validation.trajectories.formats import write_trajectory as write
 from validation.trajectories.smoothing.fusion import fuse as fused
-from validation.trajectories.smoothing.source import Fused, Source
+from validation.trajectories.smoothing.source import NORMAL_95, Fused, Source
 from validation.trajectories.stops import Stop
 from validation.trajectories.stops import find_standstills as standing
 from validation.trajectories.stops import poses_at_stops as at_stops
@@ -38,8 +38,6 @@ __all__ += ["fuse", "poses_at_stops", "read_trajectory", "sync", "write_trajecto
 
 LIMIT_M, LIMIT_RAD = 0.05, 0.05
 """What a notebook shows errors beside where nothing else is asked for: as `gtval compare`."""
-NORMAL_95 = 3.92
-"""Standard deviations between the ends of a normal 95 % interval."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -250,9 +248,9 @@ def _source(trajectory: Trajectory, known: Mapping[str, ClockEstimate]) -> Sourc
     return Source(
         trajectory,
         clock.delay_s,
-        (clock.high_s - clock.low_s) / NORMAL_95,
+        (clock.high_s - clock.low_s) / (2 * NORMAL_95),
         clock.drift_ppm,
-        (clock.drift_high_ppm - clock.drift_low_ppm) / NORMAL_95,
+        (clock.drift_high_ppm - clock.drift_low_ppm) / (2 * NORMAL_95),
         clock.at_s + clock.epoch - trajectory.epoch,
     )
 
