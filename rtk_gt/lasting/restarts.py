@@ -179,6 +179,10 @@ def find_change(times: Array, positions: Array, offsets: Offsets, about: Motion)
     options = [placed for one in bent for placed in _placed(times, about, seen, one)]
     options.sort(key=lambda one: -one.total)
     best = options[0]
+    # A false fix is one receiver's, unless it is told from that.
+    single = [one for one in options if one.of.last < n and len(one.cause) == 1]
+    if best.of.last < n and single and best.total - single[0].total < ALIKE:
+        best = single[0]
     if _told(best.of, n) <= 0 or not _sharp(best, drive.every):
         return None
     alike = dict.fromkeys(

@@ -125,13 +125,12 @@ def _by_the_drive(
         if one is None or one.stays:
             break
         part = [_part_of(other, one, len(steps.receivers)) for other in found]
-        # Sizes of several decimetres are the motion's: distances count only so far.
+        # Distances count only so far: what is larger the motion shows better.
         large = [
             other for other, of in zip(found, part, strict=True)
-            if of and other.length > 2 * max(one.length, PLAIN)
+            if of and not other.stays and other.length > 2 * PLAIN
         ]  # fmt: skip
-        if large:
-            one = replace(one, size=large[0].size, covariance=large[0].covariance)
+        one = large[0] if large else one
         passing.append(one)
         found = [other for other, of in zip(found, part, strict=True) if not of]
         rest = without_errors(steps, passing)
@@ -142,12 +141,13 @@ def _by_the_drive(
 
 
 def _part_of(one: LastingError, whole: LastingError, receivers: int) -> bool:
-    """Whether an error is one that goes again, or begins within it, as its end or a mistake."""
+    """Whether an error is one that goes again, or a part, or begins within it as its end."""
     who = {whole.receivers, *whole.alike}
     who |= {tuple(k for k in range(receivers) if k not in some) for some in who}
     margin = 2 * max(one.spacing, whole.spacing)
-    inside = whole.start - margin <= one.start <= whole.end + margin
-    return one.receivers in who and inside
+    last = one.start if one.stays else one.end
+    beside = last < whole.start - margin or one.start > whole.end + margin
+    return one.receivers in who and not beside
 
 
 def _with_another(
