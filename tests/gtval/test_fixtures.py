@@ -81,6 +81,7 @@ def test_a_drive_is_a_campaign_and_records(gtval_drive):
     assert len(gtval_drive.truth.components) == 6
 
 
+@pytest.mark.full
 def test_another_seed_gives_another_room(pytester):
     pytester.makepyfile(
         """

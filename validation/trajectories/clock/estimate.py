@@ -107,7 +107,14 @@ def _followed(
         parts = [source.select(part) for part in parted(stamps, [stamp])]
         if min(map(len, parts)) < 3:
             return ()
+        # Where the whole tells no delay and no part does, there is nothing to follow.
+        if whole.verdict == "not_determinable" and not any(map(tells, parts)):
+            return ()
         return tuple(_followed(reference, part, window, confidence, epoch) for part in parts)
+
+    def tells(part: Trajectory) -> bool:
+        found, *_ = _estimated(reference, _prepared(part, epoch), window, confidence, epoch)
+        return found.verdict != "not_determinable"
 
     # Rows of the reference have its stamps.
     back = 0.0 if sign > 0 else best.candidate.delay

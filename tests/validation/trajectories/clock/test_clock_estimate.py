@@ -33,22 +33,21 @@ def found_and_true(seed, level, **changed):
 
 @pytest.mark.parametrize("level", ASKED)
 def test_delays_are_as_sure_as_is_asked(level):
-    seeds = (1, 2)
-    rows = [row for seed in seeds for row in found_and_true(seed, level, reference=GROUND_TRUTH)]
+    rows = found_and_true(1, level, reference=GROUND_TRUTH)
     assert [one.verdict for one, _, _ in rows] == ["determined"] * len(rows)
     errors = np.array([1e3 * abs(one.delay_s - true) for one, true, _ in rows])
     median, quantile = ASKED[level]
-    # Of eight normal errors, half are beyond 2.8 times their median, and one beyond twice their
+    # Of four normal errors, half are beyond 4 times their median, and one beyond twice their
     # 95 % quantile, less than once in a thousand times.
-    assert np.median(errors) < 2.8 * median
+    assert np.median(errors) < 4.0 * median
     assert errors.max() < 2.0 * quantile
 
 
 @pytest.mark.parametrize("level", ASKED)
 def test_with_odometry_the_errors_are_those_that_the_intervals_say(level):
-    rows = [row for seed in (1, 2) for row in found_and_true(seed, level)]
+    rows = found_and_true(2, level)
     told = [(one, true) for one, true, _ in rows if one.verdict == "determined"]
-    # One of eight: a camera that is called undetermined in 3 % of cases is so twice in 50 tests.
+    # One of four: a camera that is called undetermined in 3 % of cases is so twice in 200 tests.
     assert len(told) >= len(rows) - 1
     scores = [1.96 * (one.delay_s - true) / ((one.high_s - one.low_s) / 2) for one, true in told]
     assert np.sum(np.square(scores)) < chi2.ppf(0.999, len(scores))
@@ -93,7 +92,7 @@ NOTHING = {
 
 
 @pytest.mark.parametrize("motion", NOTHING)
-@pytest.mark.parametrize("level", [0, 3])
+@pytest.mark.parametrize("level", [pytest.param(0, marks=pytest.mark.full), 3])
 def test_motion_that_tells_nothing_gives_no_delay(motion, level):
     made = drive(
         np.random.default_rng(3), level, cameras=1, path=NOTHING[motion], whole=True,
