@@ -5,7 +5,7 @@ same; mirrored they nearly do, and where the vehicle stands any heading will do.
 looked for from its own start, and those that are as good as the best are kept.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -29,6 +29,8 @@ LEAST_ROD = 0.1
 AS_GOOD = 30.0
 """A minimum stays possible until its -2 log likelihood is so much larger: noise does that to the
 true one once in 20 million (5.5 standard deviations)."""
+SIZES, _HELD = (0.7, 1.4), 1e-3
+"""Factors of other sizes of the vehicle that are tried, and metres within which they are held."""
 _ROUGHLY = 500.0
 """Rough cost above the least from which on nothing is compared; they have been off by a hundred."""
 _SAME = 3.0
@@ -119,6 +121,13 @@ def all_minima(
     wrong = costs[id(best)] - costs[id(found[0])] > as_good or not upright
     others = [one for one in upright if costs[id(one)] - costs[id(best)] < as_good]
     rest = [one for one in others if one is not best]
+    if near is None and not wrong and _any_size(used, best, prior):
+        raise GtvalError(
+            "this drive does not determine the offsets of its receivers, nor how far the antennas "
+            "are apart: it turned and tilted too little, and vehicles of other sizes do the same. "
+            "State [rtk.known_distances] (a tape measure will do) or [rtk.known_offsets] from a "
+            "longer drive; `gtval rtk coverage` works without"
+        )
     settled = [estimate(start=one.offsets.values) for one in (best, *rest)]
     if beside is not None and id(beside) in costs:
         # In another heading other noise is along the arms: its squares are as many again.
@@ -126,6 +135,31 @@ def all_minima(
         possible = costs[id(beside)] - costs[id(best)] < chance
         beside = estimate(start=beside.offsets.values, bent="if sure") if possible else None
     return Minima(settled[0], tuple(settled[1:]), found[0] if wrong else None, beside)
+
+
+def _any_size(steps: Steps, offsets: Offsets, prior: OffsetPrior) -> bool:
+    """Whether all distances might be others by the same factor, where nothing of them is stated.
+
+    Noise bends the ways of antennas on a straight road, as if their arms were shorter, and where
+    that is much of what the road shows the covariance is none. So other sizes are tried.
+    """
+    stated = prior.offsets[1:]
+    if np.isfinite(prior.distances).any() or np.isfinite(stated).any():
+        return False
+    arms = (steps.positions - steps.positions[:, :1]).mean(0) + offsets.offsets.values
+
+    def cost(factor: float) -> float:
+        start = replace(
+            offsets,
+            offsets=replace(offsets.offsets, values=offsets.offsets.values + (factor - 1) * arms),
+            distances=factor * offsets.distances,
+        )
+        count = len(offsets.distances)
+        held = replace(prior, distances=start.distances, distance_sigmas=np.full(count, _HELD))
+        return settled_cost(steps, start, offsets, held)
+
+    own = cost(1.0)
+    return any(cost(factor) - own < AS_GOOD * stride_of(steps) for factor in SIZES)
 
 
 def default_layout(prior: OffsetPrior, receivers: int) -> Array:
