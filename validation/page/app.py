@@ -17,7 +17,7 @@ from validation.page.guard import Door, Handler, guarded, routes_of, static_rout
 from validation.page.own.to_do import OpenToDo
 from validation.page.panels import Call, Found, OpenPanel, Panel, Waiting
 
-STATIC = ("head.css", "frame.css", "bench.css", "frame.js", "outbox.js", "join.js")
+STATIC = ("head.css", "frame.css", "bench.css", "frame.js", "canvas.js", "outbox.js", "join.js")
 
 
 class BrokenPanel:

@@ -1,21 +1,22 @@
 // Two scans over each other on a canvas: zoom and pan, by wheel, fingers and keys; and the moving
 // scan dragged and turned. Lengths in metres, the frame is that of the scan that stands.
 
+import { Drawing, emptied } from "/static/canvas.js";
+
 const COLOURS = { reference: "#c75000", moving: "#0067a8", contradicting: "#8f0052", grid: "#e4e8ec", ink: "#1b1f24" };
 const STEPS = [[0.01, "#b9d7ea"], [0.03, "#e7a33e"], [Infinity, "#7a0043"]]; // light to dark
 const NEAREST = 5000, FARTHEST = 4; // pixels a metre
 const MOST_FIT = 130; // pixels a metre when a pair is first shown: a centimetre a pixel
 
-export class Scans {
+export class Scans extends Drawing {
   constructor(canvas, changed) {
-    this.canvas = canvas;
+    super(canvas);
     this.changed = changed; // told of the pose while the scan is moved, and whether it rests
     this.centre = [0, 0];
     this.scale = 60;
     this.shown = { residuals: false, normals: false, contradictions: true };
     this.isMoving = false;
     this.pointers = new Map();
-    this.waiting = false;
     this.pose = [0, 0, 0];
     new ResizeObserver(() => this.draw()).observe(canvas);
     canvas.addEventListener("wheel", (event) => {
@@ -138,20 +139,9 @@ export class Scans {
     this.draw();
   }
 
-  draw() {
-    if (this.waiting) return;
-    this.waiting = true;
-    requestAnimationFrame(() => { this.waiting = false; this.paint(); });
-  }
-
   paint() {
     const { canvas } = this;
-    const [width, height, dense] = [canvas.clientWidth, canvas.clientHeight, devicePixelRatio || 1];
-    if (canvas.width !== Math.round(width * dense)) canvas.width = Math.round(width * dense);
-    if (canvas.height !== Math.round(height * dense)) canvas.height = Math.round(height * dense);
-    const pen = canvas.getContext("2d");
-    pen.setTransform(dense, 0, 0, dense, 0, 0);
-    pen.clearRect(0, 0, width, height);
+    const [pen, width, height] = emptied(canvas);
     this.grid(pen, width, height);
     if (!this.scans) return;
     const size = Math.min(Math.max(this.scale / 45, 1.6), 5);

@@ -1,15 +1,17 @@
 // Two signals over time on a canvas: zoom and pan by wheel, fingers and keys; and a part of the
 // second one, whose edges and place are dragged. Seconds since the first pose of the reference.
 
+import { Drawing, emptied } from "/static/canvas.js";
+
 const COLOURS = { reference: "#1b1f24", source: "#0067a8", part: "#c75000", band: "#e3e6ea", grid: "#e4e8ec", edge: "#57606a", quiet: "#57606a" };
 const LEFT = 52, RIGHT = 18, BOTTOM = 26, TOP = 8; // pixels for the numbers
 const GRAB = 16; // pixels within which an edge is meant
 const SHORTEST = 2; // seconds that a view shows at least
 
-export class Plot {
+export class Plot extends Drawing {
   // dragged: told of the part while it is dragged, and whether it rests; looked: of a new view.
   constructor(canvas, dragged, looked) {
-    this.canvas = canvas;
+    super(canvas);
     this.dragged = dragged;
     this.looked = looked;
     this.signal = "heading";
@@ -114,20 +116,9 @@ export class Plot {
     this.grabbed = "";
   }
 
-  draw() {
-    if (this.waiting) return;
-    this.waiting = true;
-    requestAnimationFrame(() => { this.waiting = false; this.paint(); });
-  }
-
   paint() {
     const { canvas, signals } = this;
-    const [width, height, dense] = [canvas.clientWidth, canvas.clientHeight, devicePixelRatio || 1];
-    if (canvas.width !== Math.round(width * dense)) canvas.width = Math.round(width * dense);
-    if (canvas.height !== Math.round(height * dense)) canvas.height = Math.round(height * dense);
-    const pen = canvas.getContext("2d");
-    pen.setTransform(dense, 0, 0, dense, 0, 0);
-    pen.clearRect(0, 0, width, height);
+    const [pen, width, height] = emptied(canvas);
     if (!signals) return;
     const tall = height - TOP - BOTTOM;
     const [low, high] = this.range();

@@ -1,15 +1,17 @@
 // An image on a canvas with lines over it: zoom and pan by wheel, fingers and keys. Places are
 // pixels of the image, the middle of its first one at 0, 0.
 
+import { Drawing, emptied } from "/static/canvas.js";
+
 const COLOURS = { found: "#56b4e9", expected: "#e69f00", left: "#e88fbd", chosen: "#fff200" };
 const MOST = 40; // screen pixels a pixel of the image
 const TAP = 8; // screen pixels that a finger may slip
 const SMALL = 1280, LARGE = 4096; // widths that are asked of the server
 const LETTERS = "abcdefghijklmnopqrstuvwxyz";
 
-export class Picture {
+export class Picture extends Drawing {
   constructor(canvas, tapped) {
-    this.canvas = canvas;
+    super(canvas);
     this.tapped = tapped; // told of a place that was clicked
     this.size = [1, 1];
     this.centre = [0, 0];
@@ -143,20 +145,9 @@ export class Picture {
     this.from = null;
   }
 
-  draw() {
-    if (this.waiting) return;
-    this.waiting = true;
-    requestAnimationFrame(() => { this.waiting = false; this.paint(); });
-  }
-
   paint() {
     const { canvas } = this;
-    const [width, height, dense] = [canvas.clientWidth, canvas.clientHeight, devicePixelRatio || 1];
-    if (canvas.width !== Math.round(width * dense)) canvas.width = Math.round(width * dense);
-    if (canvas.height !== Math.round(height * dense)) canvas.height = Math.round(height * dense);
-    const pen = canvas.getContext("2d");
-    pen.setTransform(dense, 0, 0, dense, 0, 0);
-    pen.clearRect(0, 0, width, height);
+    const [pen, width, height] = emptied(canvas);
     pen.imageSmoothingEnabled = this.scale < 3;
     this.spread(pen, this.image);
     if (this.other) this.wipe(pen, width, height);

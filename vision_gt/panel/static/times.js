@@ -1,5 +1,6 @@
 // The frames of a drive: a row of ticks for each camera, a slider over the frames of one.
 
+import { emptied } from "/static/canvas.js";
 import { $, ask, said, words } from "/static/frame.js";
 
 const text = words.panel;
@@ -71,12 +72,8 @@ export class Times {
 
   draw() {
     const { strip } = this;
-    const [width, height, dense] = [strip.clientWidth, strip.clientHeight, devicePixelRatio || 1];
-    if (!width || !this.cameras.length) return;
-    strip.width = Math.round(width * dense);
-    strip.height = Math.round(height * dense);
-    const pen = strip.getContext("2d");
-    pen.setTransform(dense, 0, 0, dense, 0, 0);
+    if (!strip.clientWidth || !this.cameras.length) return;
+    const [pen, width] = emptied(strip);
     const across = (time) => LEFT + (time / this.last) * (width - LEFT - 8);
     this.cameras.forEach((one, row) => {
       const middle = row * ROW + ROW / 2 + 3;
