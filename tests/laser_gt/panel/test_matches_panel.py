@@ -1,14 +1,12 @@
 """Matches looked at, decided on and moved in the browser; and no decision lost however it ends."""
 
 import json
-import threading
 import time
 
-import httpx
 import numpy as np
 import pytest
 from held_up_rooms import copied, held_up_room
-from page_server import PageServer, errors, faults, joined, picture, wait
+from page_server import Killed, PageServer, errors, faults, joined, picture, wait
 from web_browser import DESKTOP, PHONE, open_browser, sized
 
 from laser_gt.logs.decision_file import decision_history, read_decisions
@@ -105,48 +103,23 @@ def test_a_name_with_a_formula_or_markup_stays_text(made, tmp_path):
         )
 
 
-def sent(client, number, acknowledged):
-    """A decision of its own: what is acknowledged must be in the file."""
+def decision(number, note):
     reference, moving = PAIRS[number % 3]
-    said = {"reference": reference, "moving": moving, "decision": "accept", "note": f"n{number}"}
-    try:
-        if client.post("/matches/decide", json=said).status_code == 200:
-            acknowledged.append(number)
-    except httpx.TransportError:
-        return False
-    return True
+    return {"reference": reference, "moving": moving, "decision": "accept", "note": note}
 
 
 @pytest.mark.parametrize("kills", [1, pytest.param(100, marks=pytest.mark.full)])
 def test_no_acknowledged_decision_is_lost_by_a_kill_and_none_is_there_twice(made, tmp_path, kills):
     folder = copied(made, tmp_path / "room")
     rng = np.random.default_rng([20261129, kills])
-    acknowledged, number, cookies, port = [], 0, None, "0"
+    page = Killed(folder, tmp_path / "log", "/matches/decide", decision, ready)
     for _ in range(kills):
-        with PageServer(folder, tmp_path / "log", "--port", port) as server:
-            port = server.port
-            if cookies is None:
-                with server.join() as client:
-                    cookies = dict(client.cookies)
-            with httpx.Client(base_url=server.url, cookies=cookies, timeout=20) as client:
-                ready(client)
-                killing = threading.Timer(rng.uniform(0.02, 0.4), server.kill)
-                killing.start()
-                while sent(client, number, acknowledged):
-                    number += 1
-                killing.join()
-        # The one that got no answer is sent again, as the page does.
-    with (
-        PageServer(folder, tmp_path / "log", "--port", port) as server,
-        httpx.Client(base_url=server.url, cookies=cookies, timeout=20) as client,
-    ):
-        ready(client)
-        sent(client, number, acknowledged)
+        page.kill_once(rng.uniform(0.02, 0.4))
+    # The one that got no answer is sent again, as the page does.
+    with page.served() as (_, client):
+        page.send(client)
     history = decision_history(folder / "laser/decisions.csv", STOPS)
-    notes = [one.note for _, one in history]
-    assert len(notes) == len(set(notes))
-    assert {f"n{number}" for number in acknowledged} <= set(notes)
-    assert len(acknowledged) >= kills
+    page.check([one.note for _, one in history], kills)
 
 
 def title(browser):

@@ -1,9 +1,11 @@
 """`gtval open` as a process, and browsers that look at it."""
 
 import contextlib
+import threading
 import time
 from pathlib import Path
 
+import httpx
 from web_browser import PICTURES
 from web_server import WebServer
 
@@ -15,6 +17,58 @@ class PageServer(WebServer):
         self.folder = folder
         options = options if "--port" in options else ("--port", "0", *options)
         super().__init__(log, ["open", str(folder), "--no-browser", *options])
+
+
+class Killed:
+    """A page that is killed at random moments while decisions are sent to it.
+
+    ``said`` gives the body of a decision by its note; what was acknowledged is in ``acknowledged``.
+    """
+
+    def __init__(self, folder, log, path, said, begin=None):
+        self.folder, self.log, self.path, self.said, self.begin = folder, log, path, said, begin
+        self.acknowledged, self.number = [], 0
+        self.cookies, self.port = None, "0"
+
+    def send(self, client):
+        """Whether the page answered to one more decision."""
+        note = f"n{self.number}"
+        try:
+            if client.post(self.path, json=self.said(self.number, note)).status_code == 200:
+                self.acknowledged.append(note)
+        except httpx.TransportError:
+            return False
+        return True
+
+    @contextlib.contextmanager
+    def served(self):
+        """The page, and a device that stays let in whatever was killed."""
+        with PageServer(self.folder, self.log, "--port", self.port) as server:
+            self.port = server.port
+            if self.cookies is None:
+                with server.join() as client:
+                    self.cookies = dict(client.cookies)
+            with httpx.Client(base_url=server.url, cookies=self.cookies, timeout=20) as client:
+                if self.begin:
+                    self.begin(client)
+                yield server, client
+
+    def kill_once(self, after):
+        """Send until the page is killed, some seconds after it began."""
+        with self.served() as (server, client):
+            self.send(client)
+            self.number += 1
+            killing = threading.Timer(after, server.kill)
+            killing.start()
+            while self.send(client):
+                self.number += 1
+            killing.join()
+
+    def check(self, notes, kills):
+        """All that was acknowledged is there, and nothing twice."""
+        assert len(notes) == len(set(notes))
+        assert set(self.acknowledged) <= set(notes)
+        assert len(self.acknowledged) >= kills
 
 
 def joined(browser, served, path="/", name="ann"):

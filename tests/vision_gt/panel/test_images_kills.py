@@ -2,15 +2,13 @@
 
 import os
 import signal
-import threading
 import time
 from itertools import pairwise
 
-import httpx
 import numpy as np
 import pytest
 from imaged_rooms import written
-from page_server import PageServer, joined, wait
+from page_server import Killed, PageServer, joined, wait
 from web_browser import new_browser
 
 from vision_gt.images.decisions import image_decisions
@@ -20,40 +18,22 @@ def reference(camera):
     return f"vision/reference/{camera}.png"
 
 
+def decision(number, note):
+    return {"image": reference(number % 4 + 1), "decision": "leave-out", "note": note}
+
+
 @pytest.mark.full
 @pytest.mark.parametrize("kills", [100])
 def test_no_acknowledged_decision_is_lost_by_a_kill_and_none_is_there_twice(tmp_path, kills):
     folder = tmp_path / "room"
     written(folder)
     rng = np.random.default_rng([20261129, kills])
-    acknowledged, number, cookies, port = [], 0, None, "0"
-
-    def sent(client):
-        said = {"image": reference(number % 4 + 1), "decision": "leave-out", "note": f"n{number}"}
-        try:
-            if client.post("/images/decide", json=said).status_code == 200:
-                acknowledged.append(f"n{number}")
-        except httpx.TransportError:
-            return False
-        return True
-
+    page = Killed(folder, tmp_path / "log", "/images/decide", decision)
     for _ in range(kills):
-        with PageServer(folder, tmp_path / "log", "--port", port) as server:
-            port = server.port
-            if cookies is None:
-                with server.join() as client:
-                    cookies = dict(client.cookies)
-            with httpx.Client(base_url=server.url, cookies=cookies, timeout=20) as client:
-                sent(client)
-                killing = threading.Timer(rng.uniform(0.02, 0.3), server.kill)
-                killing.start()
-                while sent(client):
-                    number += 1
-                killing.join()
-    notes = [one.note for _, one in image_decisions(folder / "vision/decisions.csv")]
-    assert len(notes) == len(set(notes))
-    assert set(acknowledged) <= set(notes)
-    assert len(acknowledged) >= kills
+        page.kill_once(rng.uniform(0.02, 0.3))
+    with page.served() as (_, client):
+        page.send(client)
+    page.check([one.note for _, one in image_decisions(folder / "vision/decisions.csv")], kills)
 
 
 @pytest.mark.full
