@@ -26,15 +26,7 @@ def follow(page, reader, *, full):
         reader.follow(block)
 
 
-LONG = {"docs/samples.md", "docs/howto/continuous_integration.md"}
-"""Pages that take half a minute and show nothing that no other page shows, for the full tests."""
-FOLLOWED = [
-    pytest.param(page, marks=pytest.mark.full) if name in LONG else page
-    for page, name in zip(PAGES, NAMES, strict=True)
-]
-
-
-@pytest.mark.parametrize("page", FOLLOWED, ids=NAMES)
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_a_page_works_as_it_is_written(page, reader):
     follow(page, reader, full=False)
 
