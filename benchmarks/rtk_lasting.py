@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 from trials.lasting_errors import ETA, Errors, Made, made_drive
 
-from rtk_gt.lasting.errors import LastingError, errors_of_one
+from rtk_gt.lasting.errors import errors_of_one
+from rtk_gt.lasting.lasting_error import LastingError
 from rtk_gt.lasting.settled import settle
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.offsets.memory import error_model

@@ -6,7 +6,8 @@ from typing import Protocol
 import numpy as np
 
 from rtk_gt.campaign.outcome import RtkOutcome
-from rtk_gt.lasting.errors import SHORT, LastingError, beyond_a_base
+from rtk_gt.lasting.errors import SHORT
+from rtk_gt.lasting.lasting_error import LastingError, beyond_a_base
 from rtk_gt.path.common_errors import CLEARLY
 from rtk_gt.path.coverage import Coverage
 from rtk_gt.receivers.steps import Steps

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rtk_gt.lasting.errors import LastingError
+from rtk_gt.lasting.lasting_error import LastingError
 from rtk_gt.offsets.checks import PriorCheck
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.noise import GpsNoise

@@ -8,7 +8,8 @@ import numpy as np
 
 from rtk_gt.campaign.inputs import antenna_places, check_places, load_drive, offset_prior
 from rtk_gt.campaign.outcome import RtkOutcome
-from rtk_gt.lasting.errors import LastingError, smallest_seen
+from rtk_gt.lasting.errors import smallest_seen
+from rtk_gt.lasting.lasting_error import LastingError
 from rtk_gt.lasting.settled import JumpErrors, settle
 from rtk_gt.offsets.checks import PriorCheck, check_prior, check_units
 from rtk_gt.offsets.estimate import Offsets, distance_names, estimate_offsets

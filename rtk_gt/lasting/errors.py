@@ -15,9 +15,9 @@ from rtk_gt.lasting.jumps import (
     Jump,
     find_jumps,
     least_of_all,
-    mismatch,
     passed,
 )
+from rtk_gt.lasting.lasting_error import LastingError, epochs_with
 from rtk_gt.lasting.restarts import Motion, find_change
 from rtk_gt.lasting.unequal_rates import often, own_interval
 from rtk_gt.offsets.estimate import Offsets
@@ -48,61 +48,6 @@ EDGE = 5
 """Epochs at the ends of a record that show no jump of one receiver: nothing holds them outside."""
 SHORT = 3
 """Epochs below which an error is a single false fix, which are counted and not listed."""
-LARGEST_RESTART = 10.0
-"""Metres by which the coordinates of a base station change at most where it restarts: a judgement;
-those of a single point position, the worst that bases take, are off by some metres."""
-
-
-@dataclass(frozen=True)
-class LastingError:
-    """An error that begins with a jump.
-
-    Parameters
-    ----------
-    receivers : tuple of int
-        Columns of those that have it.
-    start, end : float
-        Seconds since 1970 of the first fix that has it and the first that has it no more; infinite
-        if it stays.
-    size : (3,) array
-        East, north and up, metres.
-    covariance : (3, 3) array
-        Of the size, m^2.
-    gain : float
-        Twice the log likelihood ratio against no jump.
-    epochs : int
-        Times at which the receivers have it.
-    spacing : float
-        Seconds between the fixes before and after the jump.
-    alike : tuple of tuples of int
-        Other receivers whose jump would explain it nearly as well.
-    """
-
-    receivers: tuple[int, ...]
-    start: float
-    end: float
-    size: Array
-    covariance: Array
-    gain: float
-    epochs: int
-    spacing: float
-    alike: tuple[tuple[int, ...], ...] = ()
-
-    @property
-    def stays(self) -> bool:
-        """Whether it lasts to the end of the record."""
-        return bool(np.isinf(self.end))
-
-    @property
-    def length(self) -> float:
-        """Metres of the jump."""
-        return float(np.linalg.norm(self.size))
-
-    @property
-    def length_sigma(self) -> float:
-        """Standard deviation of the length."""
-        along = self.size / max(self.length, 1e-9)
-        return float(np.sqrt(along @ self.covariance @ along))
 
 
 @dataclass(frozen=True)
@@ -112,11 +57,6 @@ class _Timed:
     before: float
     after: float
     jump: Jump
-
-
-def beyond_a_base(error: LastingError) -> bool:
-    """Whether a jump is clearly larger than a restart of a base station makes."""
-    return error.length - 3 * error.length_sigma > LARGEST_RESTART
 
 
 def lasting_errors(steps: Steps, offsets: Offsets) -> list[LastingError]:
@@ -256,11 +196,7 @@ def changed(steps: Steps, offsets: Offsets) -> LastingError | None:
     found = find_change(steps.times[rows], placed.positions[rows], offsets, about)
     if found is None:
         return None
-    return LastingError(
-        found.receivers, found.start, found.end, found.size, found.covariance, found.gain,
-        _epochs(steps, found.receivers, found.start, found.end), found.start - found.before,
-        found.alike,
-    )  # fmt: skip
+    return replace(found, epochs=epochs_with(steps, found.receivers, found.start, found.end))
 
 
 def _placed(steps: Steps, offsets: Offsets) -> Steps:
@@ -383,34 +319,8 @@ def _episodes(steps: Steps, found: list[_Timed]) -> list[LastingError]:
         errors.append(
             LastingError(
                 jump.receivers, one.after, float(end), jump.size, jump.covariance, jump.gain,
-                _epochs(steps, jump.receivers, one.after, end), one.after - one.before, jump.alike,
+                epochs_with(steps, jump.receivers, one.after, end), one.after - one.before,
+                jump.alike,
             )
         )  # fmt: skip
     return errors
-
-
-def _epochs(steps: Steps, receivers: tuple[int, ...], start: float, end: float) -> int:
-    """Times from a start to before an end at which one of the receivers is fixed."""
-    at = (steps.times >= start - 1e-6) & (steps.times < end - 1e-6)
-    fixed = (steps.kinds[:, list(receivers)] == RTK_FIXED).any(1)
-    return int((at & fixed).sum())
-
-
-def ended(steps: Steps, one: LastingError, other: LastingError) -> LastingError | None:
-    """The first of two errors that stay, ended by the second if that is the jump back; else None.
-
-    Parameters
-    ----------
-    steps : Steps
-        As recorded.
-    one, other : LastingError
-        In any order.
-    """
-    first, second = sorted((one, other), key=lambda error: error.start)
-    apart = second.start - first.start
-    if not (first.stays and second.stays and 0 < apart < LONGEST_FALSE):
-        return None
-    if not np.isfinite(mismatch(first, second, len(steps.receivers))):
-        return None
-    epochs = _epochs(steps, first.receivers, first.start, second.start)
-    return replace(first, end=second.start, epochs=epochs)

@@ -276,7 +276,7 @@ def _greatest(
     candidates: list[tuple[float, int, Jump]] = []
     looked = [contrasts(times, positions, headings, sides) for sides in sides_of(times)]
     views = [seen for seen in looked if seen is not None]
-    places = _Places(times, positions, headings)
+    places = _Places(times, positions, headings, looked[0] if looked else None)
     for seen in views:
         told = jumped(seen, causes)
         best = np.where(told.allowed, told.gains, -np.inf).max(1)
@@ -311,7 +311,8 @@ def _greatest(
 
 def _over_motion(times: Array, positions: Array, jump: Jump) -> bool:
     """Whether no motion of the receivers that jump explains it nearly as well."""
-    who = [k for k in jump.receivers if k in often(positions)] or list(jump.receivers)
+    every = often(positions)
+    who = [k for k in jump.receivers if k in every] or list(jump.receivers)
     rows = np.flatnonzero(has_fix(positions)[:, who].all(1))
     times, places = times[rows], positions[rows][:, who].mean(1)
     jump = replace(jump, row=int(np.searchsorted(rows, jump.row, side="right")) - 1)
@@ -332,11 +333,15 @@ def _without(times: Array, places: Array, epoch: int) -> tuple[Array, Array]:
 class _Places:
     """Where in time a jump is, as the receivers that write most often show it."""
 
-    def __init__(self, times: Array, positions: Array, headings: Array) -> None:
+    def __init__(
+        self, times: Array, positions: Array, headings: Array, seen: Contrasts | None
+    ) -> None:
         self._often = often(positions)
         self._reach = (len(positions) - 1) // max(min(has_fix(positions).sum(0)) - 1, 1)
-        own = positions[:, self._often]
-        self._seen = contrasts(times, own, headings, sides_of(times)[0])
+        self._seen = seen
+        if seen is not None and len(self._often) < positions.shape[1]:
+            own = positions[:, self._often]
+            self._seen = contrasts(times, own, headings, sides_of(times)[0])
 
     def best(self, row: int, cause: tuple[int, ...], reach: int) -> int:
         """The row within ``reach`` of one at which a jump explains the contrasts about it best.

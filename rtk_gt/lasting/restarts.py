@@ -13,6 +13,7 @@ from rtk_gt.lasting.causes import SMALLEST, evidence, tempered, turned
 from rtk_gt.lasting.contrasts import Contrasts, contrasts, sides_of
 from rtk_gt.lasting.drive_sums import DriveSums
 from rtk_gt.lasting.jumps import ALIKE, LONGEST_FALSE
+from rtk_gt.lasting.lasting_error import LastingError
 from rtk_gt.lasting.unequal_rates import own_interval
 from rtk_gt.lasting.whole_drive import WholeDrive
 from rtk_gt.offsets.estimate import Offsets
@@ -74,37 +75,6 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Change:
-    """An error that begins, and ends unless it stays.
-
-    Parameters
-    ----------
-    receivers : tuple of int
-        Columns of those that have it.
-    before, start, end : float
-        Seconds of the last fix without it, of the first with it, and of the first without it again;
-        the last is infinite if it stays.
-    size : (3,) array
-        East, north, up, metres.
-    covariance : (3, 3) array
-        Of the size, m^2.
-    gain : float
-        Twice the log likelihood ratio against no error.
-    alike : tuple of tuples of int
-        Other receivers whose error explains it nearly as well.
-    """
-
-    receivers: tuple[int, ...]
-    before: float
-    start: float
-    end: float
-    size: Array
-    covariance: Array
-    gain: float
-    alike: tuple[tuple[int, ...], ...]
-
-
-@dataclass(frozen=True)
 class _Candidate:
     """An error of one receiver in the epochs [first, last), by distances alone."""
 
@@ -145,7 +115,9 @@ class _Candidate:
         return self.gain - self.sums.gain_of_slow(self.first, self.last, reach)
 
 
-def find_change(times: Array, positions: Array, offsets: Offsets, about: Motion) -> Change | None:
+def find_change(
+    times: Array, positions: Array, offsets: Offsets, about: Motion
+) -> LastingError | None:
     """The likeliest error of one receiver against the others that lasts; None if none is sure.
 
     Parameters
@@ -158,6 +130,11 @@ def find_change(times: Array, positions: Array, offsets: Offsets, about: Motion)
         That were added, with the distances.
     about : Motion
         Of the same vehicle, which tells when it was.
+
+    Returns
+    -------
+    LastingError
+        Its epochs are not counted: 0.
 
     Notes
     -----
@@ -189,7 +166,7 @@ def find_change(times: Array, positions: Array, offsets: Offsets, about: Motion)
         one.cause for one in options
         if one.cause != best.cause and best.total - one.total < ALIKE
     )  # fmt: skip
-    return best.change(tuple(alike)) if np.linalg.norm(best.size) > SMALLEST else None
+    return best.error(tuple(alike)) if np.linalg.norm(best.size) > SMALLEST else None
 
 
 def _sharp(best: "_Option", every: float) -> bool:
@@ -327,12 +304,12 @@ class _Option:
         """Gain of distances and motion."""
         return self.of.gain + self.motion
 
-    def change(self, alike: tuple[tuple[int, ...], ...]) -> Change:
+    def error(self, alike: tuple[tuple[int, ...], ...]) -> LastingError:
         """What is told of it."""
-        end = self.edges[1].after if len(self.edges) > 1 else np.inf
-        return Change(
-            self.cause, self.edges[0].before, self.edges[0].after, end, self.size,
-            self.covariance, self.of.gain, alike,
+        first, end = self.edges[0], self.edges[1].after if len(self.edges) > 1 else np.inf
+        return LastingError(
+            self.cause, first.after, end, self.size, self.covariance, self.of.gain, 0,
+            first.after - first.before, alike,
         )  # fmt: skip
 
 

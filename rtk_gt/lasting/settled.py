@@ -7,14 +7,8 @@ from functools import partial
 import numpy as np
 
 from rtk_gt.lasting.causes import SMALLEST, UNSURE
-from rtk_gt.lasting.errors import (
-    LARGEST_RESTART,
-    LastingError,
-    beyond_a_base,
-    changed,
-    ended,
-    lasting_errors,
-)
+from rtk_gt.lasting.errors import changed, lasting_errors
+from rtk_gt.lasting.lasting_error import LARGEST_RESTART, LastingError, beyond_a_base, ended
 from rtk_gt.lasting.whole_drive import PLAIN
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.offsets.noise import pair_incidence
@@ -91,7 +85,11 @@ def settle(
     offsets = quick(steps)
     found = lasting_errors(steps, offsets)
     _check_restarts(steps, found)
-    found = _by_the_drive(steps, quick, offsets, found)
+    found, another = _by_the_drive(steps, quick, offsets, found)
+    if not found:
+        if another is None:
+            return steps, [], None
+        found = [another]
     errors = found
     cleaned, jumps = steps, None
     for _ in range(MOST_RESTARTS):
@@ -113,13 +111,14 @@ def _by_the_drive(
     quick: Callable[[Steps], Offsets],
     offsets: Offsets,
     found: Sequence[LastingError],
-) -> list[LastingError]:
+) -> tuple[list[LastingError], LastingError | None]:
     """Errors as found, with those that go again as the whole drive shows them.
 
     It places their ends better, and sees one error where the motion shows only one of its ends.
+    Also the likeliest one that stays and that it shows beside them.
     """
     passing: list[LastingError] = []
-    rest = steps
+    rest, one = steps, None
     for _ in range(MOST_RESTARTS):
         one = changed(rest, offsets)
         if one is None or one.stays:
@@ -137,7 +136,8 @@ def _by_the_drive(
         if int(rest.complete.sum()) < FEWEST_STEPS:
             break
         offsets = quick(rest)
-    return sorted([*found, *passing], key=lambda one: one.start)
+    stays = one if one is not None and one.stays else None
+    return sorted([*found, *passing], key=lambda one: one.start), stays
 
 
 def _part_of(one: LastingError, whole: LastingError, receivers: int) -> bool:

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rtk_gt.lasting.errors import SHORT, LastingError, errors_of_one
+from rtk_gt.lasting.errors import SHORT, errors_of_one
+from rtk_gt.lasting.lasting_error import LastingError
 from rtk_gt.lasting.settled import left_out
 from rtk_gt.positions.heading import Headings
 from rtk_gt.receivers.fixes import Bools, Fixes

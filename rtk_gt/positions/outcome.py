@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rtk_gt.lasting.errors import LastingError
+from rtk_gt.lasting.lasting_error import LastingError
 from rtk_gt.path.coverage import Coverage
 from rtk_gt.positions.heading import Headings
 from rtk_gt.positions.odometry import Overlay
