@@ -41,6 +41,8 @@ ENGINE: Engine = "scanmatch"
 MOST_HERE = 30
 """Pairs that are matched in this process, in seconds; more in one of their own, whose memory ends
 with it. A judgement: what a few decisions ask for."""
+MOST_WAITED = 30.0
+"""Seconds; the page itself gives up after a minute."""
 Pair = tuple[str, str]
 Asked = Callable[[], None]
 
@@ -259,6 +261,27 @@ class Bench:
         if seen is None:
             raise GtvalError(self.problem or "the matches are being made; wait a moment")
         return seen
+
+    def current(self) -> Seen:
+        """What the files hold now; waited for, as long as it takes to match a few pairs.
+
+        Raises
+        ------
+        GtvalError
+            If they hold nothing that can be shown, or it takes longer.
+        """
+        until = time.monotonic() + MOST_WAITED
+        while time.monotonic() < until:
+            seen = self.loaded()
+            with self._changing:
+                loading = self._loading
+            if self.problem:
+                raise GtvalError(self.problem)
+            if seen.version == version_of(self.files()):
+                return seen
+            if loading is not None:
+                loading.join(until - time.monotonic())
+        raise GtvalError("the matches are being made anew; wait a moment")
 
     def tried(self, pair: Pair, guess: Array) -> Match:
         """The match of a pair from another guess, judged; nothing is decided by that."""

@@ -169,21 +169,28 @@ class OpenMatches:
         return await _answer(made)
 
     async def batch(self, request: "Request", device: "Device") -> "Response":
-        """Accept all whose only objection is of one kind, or say what that would place."""
+        """Accept all whose only objection is of one kind, or say what that would place.
+
+        Both are of the files as they are now. What is accepted are the pairs that the page has
+        shown, or none.
+        """
         from validation.page.requests import flag_field, text_field  # noqa: PLC0415  (an extra)
 
         said = await _said(request)
         kind, look = text_field(said, "kind", needed=True), flag_field(said, "look")
 
         def made() -> dict[str, Any]:
-            seen = self.bench.loaded()
+            seen = self.bench.current()
             decisions = _accepting(seen, kind, device.person.name)
+            pairs = [[one.reference, one.moving] for one in decisions]
             if not look:
+                if not _same_pairs(said.get("pairs", pairs), pairs):
+                    raise GtvalError(WORDS["batch_changed"])
                 return {"recorded": self.bench.decide(decisions, seen)}
             before = seen.placed()
             after = seen.placed(seen.with_decisions(decisions))
             more = [stop for stop in after if stop not in set(before)]
-            return {"count": len(decisions), "more": more, "placed": len(after)}
+            return {"count": len(pairs), "pairs": pairs, "more": more, "placed": len(after)}
 
         return await _answer(made)
 
@@ -213,6 +220,13 @@ def _accepting(seen: "Seen", kind: str, by: str) -> "list[Decision]":
         raise GtvalError("no match is held up by that alone any more")
     note = f"all with the one objection: {kind}"
     return [Decision(one.reference, one.moving, "accept", None, by, note) for one in some]
+
+
+def _same_pairs(shown: Any, pairs: list[list[str]]) -> bool:
+    """Whether what a page has shown is what there is, in any order."""
+    if not isinstance(shown, list) or len(shown) != len(pairs):
+        return False
+    return all(pair in shown for pair in pairs)
 
 
 async def _said(request: "Request") -> dict[str, Any]:

@@ -206,17 +206,18 @@ async function takeGuess() {
 
 // -- many at once ---------------------------------------------------------------------------
 
-let batchKind = "";
+let batch = { kind: "", pairs: [] }; // what was looked at
 
 async function lookAtBatch(button) {
-  batchKind = button.dataset.kind;
+  batch = { kind: button.dataset.kind, pairs: [] };
   $("batch-title").textContent = button.getAttribute("aria-label");
   $("batch-text").textContent = text.trying;
   $("batch-accept").disabled = true;
   $("batch").showModal();
-  const answer = await ask("/matches/batch", { kind: batchKind, look: true }, 60);
+  const answer = await ask("/matches/batch", { kind: batch.kind, look: true }, 60);
   if (answer.status !== 200) { $("batch-text").textContent = answer.error ?? words.frame.no_server; return; }
-  const { count, more, placed } = answer;
+  const { count, pairs, more, placed } = answer;
+  batch.pairs = pairs;
   const places = more.length ? said(text.batch_places, { more: more.length, names: more.join(", ") }) : said(text.batch_places_none, { placed });
   $("batch-text").textContent = `${said(text.batch_would, { count })} ${places}`;
   $("batch-accept").disabled = false;
@@ -224,7 +225,7 @@ async function lookAtBatch(button) {
 }
 
 async function acceptBatch() {
-  const answer = await ask("/matches/batch", { kind: batchKind }, 60);
+  const answer = await ask("/matches/batch", batch, 60);
   if (answer.status === 200) { $("batch").close(); say(said(text.batch_done, { count: answer.recorded })); }
   else $("batch-text").textContent = answer.error ?? words.frame.no_server;
 }

@@ -75,6 +75,16 @@ def test_what_a_batch_would_place_is_what_it_places(bench):
     assert bench.refresh(wait=True).placed() == would
 
 
+def test_what_is_accepted_together_is_of_the_files_as_they_are(bench):
+    one = bench.seen.matching.matches[0]
+    [held] = [some for some in bench.seen.sole_objections().values() if one in some]
+    bench.decide([replace(accept(one), kind="reject")], bench.seen)
+    [left] = bench.current().sole_objections().values()
+    assert len(left) == len(held) - 1
+    bench.undo("ann")
+    assert [len(some) for some in bench.current().sole_objections().values()] == [len(held)]
+
+
 def test_a_decision_costs_no_match_of_another_pair(bench, monkeypatch):
     made = []
     real = __import__("laser_gt.placing.engines", fromlist=["match"]).match

@@ -1,6 +1,7 @@
 """Matches looked at, decided on and moved in the browser; and no decision lost however it ends."""
 
 import json
+import re
 import time
 
 import numpy as np
@@ -103,6 +104,26 @@ def test_a_name_with_a_formula_or_markup_stays_text(made, tmp_path):
         )
 
 
+def test_what_has_changed_since_it_was_looked_at_is_not_accepted(made, tmp_path):
+    folder = copied(made, tmp_path / "room")
+    with PageServer(folder, tmp_path / "log") as server, server.join() as ann:
+        ready(ann)
+        [kind] = set(re.findall(r'data-kind="([^"]+)"', ann.get("/matches/list").text))
+        looked = ann.post("/matches/batch", json={"kind": kind, "look": True}).json()
+        assert looked["count"] == 3
+        first, *_ = looked["pairs"]
+        said = {"reference": first[0], "moving": first[1], "decision": "reject"}
+        assert ann.post("/matches/decide", json=said).status_code == 200
+        answer = ann.post("/matches/batch", json={"kind": kind, "pairs": looked["pairs"]})
+        assert answer.status_code == 409
+        assert "look again" in answer.json()["error"]
+        assert len(decisions(server)) == 2  # the one pair, named either way round
+        looked = ann.post("/matches/batch", json={"kind": kind, "look": True}).json()
+        assert looked["count"] == 2
+        answer = ann.post("/matches/batch", json={"kind": kind, "pairs": looked["pairs"]})
+        assert answer.json() == {"recorded": 2}
+
+
 def decision(number, note):
     reference, moving = PAIRS[number % 3]
     return {"reference": reference, "moving": moving, "decision": "accept", "note": note}
@@ -129,19 +150,6 @@ def title(browser):
 def shown(browser):
     wait(lambda: browser.find_elements("css selector", "#pairs [aria-current]"), 60)
     wait(lambda: "Choose" not in title(browser))
-
-
-def accept_together(browser):
-    """Click until the dialog closes: what cannot be done at once is said in it, and done again."""
-
-    def closed():
-        button = browser.find_element("id", "batch-accept")
-        if button.is_displayed():
-            button.click()
-            time.sleep(0.5)
-        return not button.is_displayed()
-
-    wait(closed)
 
 
 @pytest.mark.browser
@@ -181,7 +189,7 @@ def test_pairs_are_inspected_moved_accepted_together_and_taken_back_by_mouse(bro
     wait(lambda: browser.find_element("css selector", "[data-kind]").click() is None)
     wait(lambda: "would place 3 more" in browser.find_element("id", "batch-text").text)
     picture(browser, "matches_batch")
-    accept_together(browser)
+    browser.find_element("id", "batch-accept").click()
     wait(lambda: len(decisions(served)) == 6)
     wait(lambda: "All 3 stops are placed" in browser.find_element("id", "placed").text)
     assert errors(browser) == []
