@@ -232,7 +232,12 @@ def drive_facts(drive: CampaignDrive) -> dict[str, object]:
         },
         "clock_jumps": {
             name: [
-                {"stamp_s": one.stamp_s + clock.epoch, "size_s": one.size_s} for one in clock.jumps
+                {
+                    "stamp_s": one.stamp_s + clock.epoch,
+                    "between_s": [t + clock.epoch for t in (one.place.first_s, one.place.last_s)],
+                    "size_s": one.size_s,
+                }
+                for one in clock.jumps
             ]
             for name, clock in outcome.clocks.items()
             if clock.jumps

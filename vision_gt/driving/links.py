@@ -8,7 +8,7 @@ import numpy as np
 
 from validation.poses.angles import Array
 from validation.trajectories.clock.jumps import jumping
-from validation.trajectories.clock.result import ClockEstimate, Verdict
+from validation.trajectories.clock.result import ClockEstimate, Place, Verdict
 from validation.trajectories.smoothing.source import NORMAL_95
 from vision_gt.driving.pair_delay import PairDelay, jump_between, pair_delay
 from vision_gt.driving.seen import Seen
@@ -113,7 +113,7 @@ class Links:
         found = [Seen.of(stream, epoch) for stream in streams]
         self.seen: dict[Node, Seen] = {(one.camera, 0): one for one in found if one is not None}
         self.epoch, self.window = epoch, window
-        self.stamps: dict[str, list[float]] = {}
+        self.places: dict[str, list[Place]] = {}
         for _ in range(MOST_JUMPS):
             if not self._split():
                 break
@@ -145,9 +145,9 @@ class Links:
             return False
         one = self.seen[blamed]
         parts = one.part(0, found[0] + 1), one.part(found[0] + 1, len(one.times))
-        between = self.stamps.setdefault(one.camera, [])
-        between.append(one.stamp_after(found[0]))
-        between.sort()
+        between = self.places.setdefault(one.camera, [])
+        between.append(one.place_after(*found))
+        between.sort(key=lambda place: place.stamp_s)
         pieces = [n for n in self.seen if n[0] == one.camera and n != blamed]
         rest = [self.seen.pop(n) for n in pieces] + [p for p in parts if p is not None]
         del self.seen[blamed]
@@ -160,7 +160,7 @@ class Links:
 
         One whose clock does not jump, if there is one.
         """
-        steady = [node for node in self.seen if node[0] not in self.stamps] or list(self.seen)
+        steady = [node for node in self.seen if node[0] not in self.places] or list(self.seen)
         poses = {node: len(one.times) for node, one in self.seen.items()}
         linked = {
             node: sum(poses[other] for other in self.clocks({node: self.own(node)}))
@@ -215,7 +215,7 @@ class Links:
                 if len(pieces) == 1
                 else untold[0]
                 if untold
-                else jumping(pieces, self.stamps[name])
+                else jumping(pieces, self.places[name])
             )
         return found
 
@@ -228,7 +228,7 @@ class Links:
         pairs = [pair for (_, two), pair in self.pairs.items() if two == node]
         likely = max(pairs, key=lambda pair: pair.rows, default=None)
         reason = "no other camera sees the robot" if likely is None else likely.reason
-        if node[0] in self.stamps:
+        if node[0] in self.places:
             reason = f"its clock jumps, and of a part {reason}"
         ambiguous = likely is not None and likely.verdict == "ambiguous"
         return ClockEstimate(system, self.epoch, "ambiguous" if ambiguous else UNKNOWN, reason)

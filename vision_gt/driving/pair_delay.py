@@ -117,16 +117,12 @@ def pair_delay(first: Seen, second: Seen, window: float) -> PairDelay:
     return best if isinstance(best, PairDelay) else _judged(best, _delays(window))
 
 
-def jump_between(
-    first: Seen, second: Seen, window: float
-) -> tuple[int, PairDelay, PairDelay] | None:
-    """Where the delay of the second camera against the first jumps; None where it does not.
+Parting = tuple[int, int, int]
+"""The last pose before a jump, and two between which the jump may be, by their numbers."""
 
-    Returns
-    -------
-    (int, PairDelay, PairDelay) or None
-        The place of the second's last pose before the jump, and the delays before and after.
-    """
+
+def jump_between(first: Seen, second: Seen, window: float) -> Parting | None:
+    """Where the delay of the second camera against the first jumps; None where it does not."""
     best = _best(first, second, window)
     if isinstance(best, PairDelay):
         return None
@@ -139,10 +135,10 @@ def jump_between(
     if found is None:
         return None
     delays = np.array([one.delay + one.drift * (times[last] - one.at) for one in found])
-    last = sharpest_place(best.costs(delays), times, float(delays[1] - delays[0]))
-    place = int(best.rows[last])
-    found = _parts(first, second, place, window)
-    return None if found is None else (place, *found)
+    last, least, most = sharpest_place(best.costs(delays), times, float(delays[1] - delays[0]))
+    if _parts(first, second, int(best.rows[last]), window) is None:
+        return None
+    return int(best.rows[last]), int(best.rows[least]), int(best.rows[most + 1])
 
 
 def _parts(

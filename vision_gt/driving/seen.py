@@ -8,6 +8,7 @@ from scipy import stats
 
 from validation.poses.angles import Array
 from validation.trajectories.clock.continuous import ContinuousPath, continuous_path
+from validation.trajectories.clock.result import Place
 from validation.trajectories.clock.stamps import FrameLine, frame_line
 from vision_gt.driving.stream import Stream
 
@@ -78,10 +79,11 @@ class Seen:
         which[rows] = True
         return Seen.of(self.stream.part(which), self.epoch)
 
-    def stamp_after(self, place: int) -> float:
-        """The middle of a pose's stamp and the next one's, jitter and all."""
+    def place_after(self, last: int, first: int, end: int) -> Place:
+        """Where a jump after a pose is, between two others, in stamps with their jitter."""
         stamps = self.stream.times[self.stream.posed] + (self.stream.epoch - self.epoch)
-        return float(stamps[place] + stamps[place + 1]) / 2
+        middle = float(stamps[last] + stamps[last + 1]) / 2
+        return Place(middle, float(stamps[first]), float(stamps[end]))
 
     def between(self, at: Array) -> Array:
         """(n, 3) standard deviations of the path in between its poses, for how it bends there.

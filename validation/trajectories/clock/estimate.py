@@ -118,15 +118,16 @@ def _followed(
 
     # Rows of the reference have its stamps.
     back = 0.0 if sign > 0 else best.candidate.delay
-    found = pieces(own + back)
+    found = pieces(own.stamp_s + back)
     if len(found) == 2 and all(one.verdict == "determined" for one in found):
         first, last = (found[0].pieces or found[:1])[-1], (found[1].pieces or found[1:])[0]
         delays = sign * np.array([first.delay_s, last.delay_s])
         noise = np.minimum(first.noise, last.noise), np.minimum(first.wander, last.wander)
         again = sharpened(best, delays, *noise)
         if again != own:
-            found, own = pieces(again + back), again
-    between = sorted([own + back, *(jump.stamp_s for one in found for jump in one.jumps)])
+            found, own = pieces(again.stamp_s + back), again
+    more = [jump.place for one in found for jump in one.jumps]
+    between = sorted([own.later(back), *more], key=lambda place: place.stamp_s)
     flat = [piece for one in found for piece in (one.pieces or (one,))]
     return joined(whole, flat, between) if flat else whole
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from validation.poses.angles import Array
 from validation.statistics.robust import sigma_from_median
 from validation.trajectories.clock.judging import Best
-from validation.trajectories.clock.result import ClockEstimate, Jump
+from validation.trajectories.clock.result import ClockEstimate, Jump, Place
 from validation.trajectories.clock.rows import DRIFT, Variances, link_variances
 from validation.trajectories.clock.search import (
     Candidate,
@@ -30,6 +30,9 @@ LEAST_ROWS = 20
 SUSPECT = 40.0
 """Rise of -2 log likelihood from which on a jump is looked at. Records without one had up to 27;
 what is looked at for nothing costs time only: both parts must tell delays that differ clearly."""
+LIKELY = 9.0
+"""Rise of -2 log likelihood of a place up to which a jump may be there: three standard
+deviations."""
 MOST_UNLIKELY = 100.0
 """Bound of what stamps say against a place: ten standard deviations."""
 CLEAR = 2.5
@@ -38,8 +41,8 @@ of any record may be the first after one; and an odometer's errors, which last, 
 record differ by up to twice that half."""
 
 
-def suspected(best: Best) -> float | None:
-    """Stamp of the fit's rows after which another delay fits clearly better; None where none is.
+def suspected(best: Best) -> Place | None:
+    """Where among the fit's rows another delay begins to fit clearly better; None where none does.
 
     Notes
     -----
@@ -58,11 +61,11 @@ def suspected(best: Best) -> float | None:
     delays = one.delay + np.concatenate([[0.0], -SHIFTS, SHIFTS])
     times = few.rows.times
     last = jump_place(_under(one, delays, best.variances))
-    return None if last is None else float(times[last] + times[last + 1]) / 2
+    return None if last is None else Place.between(float(times[last]), float(times[last + 1]))
 
 
-def sharpened(best: Best, delays: Array, noise: Array, wander: Array) -> float:
-    """Stamp of the fit's rows between two delays, with the noise that poses have on both sides.
+def sharpened(best: Best, delays: Array, noise: Array, wander: Array) -> Place:
+    """Where among the fit's rows one delay gives way to another, with the noise of both sides.
 
     That of one delay to all is as large as the jump, and hides where it is.
 
@@ -84,12 +87,13 @@ def sharpened(best: Best, delays: Array, noise: Array, wander: Array) -> float:
     parameters[DRIFT] = 0.0
     one = replace(one, state=replace(one.state, parameters=parameters))
     costs, times = _under(one, delays, variances), one.fit.rows.times
-    last = sharpest_place(costs, times, float(delays[1] - delays[0]))
-    return float(times[last] + times[last + 1]) / 2
+    last, least, most = sharpest_place(costs, times, float(delays[1] - delays[0]))
+    middle = float(times[last] + times[last + 1]) / 2
+    return Place(middle, float(times[least]), float(times[most + 1]))
 
 
-def sharpest_place(costs: Array, times: Array, size: float) -> int:
-    """The last pose before a jump of a size.
+def sharpest_place(costs: Array, times: Array, size: float) -> tuple[int, int, int]:
+    """The last pose before a jump of a size, and the first and the last that it may be.
 
     Parameters
     ----------
@@ -101,7 +105,10 @@ def sharpest_place(costs: Array, times: Array, size: float) -> int:
         Seconds.
     """
     total = np.cumsum(costs[0] - costs[1])[:-1] + _unlikely(times, size)
-    return LEAST_ROWS - 1 + int(np.argmin(total[LEAST_ROWS - 1 : 1 - LEAST_ROWS]))
+    total = total[LEAST_ROWS - 1 : 1 - LEAST_ROWS]
+    likely = np.flatnonzero(total < total.min() + LIKELY)
+    best, first, last = (LEAST_ROWS - 1 + int(i) for i in (total.argmin(), likely[0], likely[-1]))
+    return best, first, last
 
 
 def _unlikely(times: Array, size: float) -> Array:
@@ -168,7 +175,7 @@ def jump_place(costs: Array) -> int | None:
 
 
 def joined(
-    whole: ClockEstimate, pieces: Sequence[ClockEstimate], stamps: Sequence[float]
+    whole: ClockEstimate, pieces: Sequence[ClockEstimate], places: Sequence[Place]
 ) -> ClockEstimate:
     """The estimate of a clock that jumps between pieces; the whole one where none is clear.
 
@@ -178,36 +185,40 @@ def joined(
         As if there were no jump.
     pieces : sequence of ClockEstimate
         Of the parts between jumps, in order.
-    stamps : sequence of float
-        Between each piece and the next, seconds since the epoch of the reference.
+    places : sequence of Place
+        Between each piece and the next.
     """
     if any(piece.verdict != "determined" for piece in pieces):
         return whole
-    found = jumping(pieces, stamps)
+    found = jumping(pieces, places)
     return found if all(clear(jump) for jump in found.jumps) else whole
 
 
-def jumping(pieces: Sequence[ClockEstimate], stamps: Sequence[float]) -> ClockEstimate:
+def jumping(pieces: Sequence[ClockEstimate], places: Sequence[Place]) -> ClockEstimate:
     """The estimate of a clock that jumps between determined pieces; see `joined`."""
     jumps = [
-        jump_between(one, two, stamp)
-        for one, two, stamp in zip(pieces[:-1], pieces[1:], stamps, strict=True)
+        jump_between(one, two, place)
+        for one, two, place in zip(pieces[:-1], pieces[1:], places, strict=True)
     ]
     longest = max(pieces, key=lambda piece: piece.poses)
     return replace(longest, jumps=tuple(jumps), pieces=tuple(pieces))
 
 
-def jump_between(before: ClockEstimate, after: ClockEstimate, stamp: float) -> Jump:
-    """By how much the delay changes between two parts of a record, at a stamp between them."""
-    sizes, squares = [], []
+def jump_between(before: ClockEstimate, after: ClockEstimate, place: Place) -> Jump:
+    """By how much the delay changes between two parts of a record, at a place between them.
+
+    Drifts that short parts tell badly are held against those that clocks have (`STEADY`).
+    """
+    delays, squares = [], []
     for one in (before, after):
-        since = stamp - (one.at_s - one.delay_s)
+        since = place.stamp_s - (one.at_s - one.delay_s)
         drift = 1e-6 * float(np.nan_to_num(one.drift_ppm))
-        reach = 1e-6 * float(np.nan_to_num(one.drift_high_ppm - one.drift_low_ppm)) * since
-        sizes.append(one.delay_s + drift * since)
-        squares.append(((one.high_s - one.low_s) ** 2 + reach**2) / 4)
-    size, half = sizes[1] - sizes[0], float(np.sqrt(sum(squares)))
-    return Jump(stamp, size, size - half, size + half)
+        half = 1e-6 * float(np.nan_to_num(one.drift_high_ppm - one.drift_low_ppm)) / 2
+        known = STEADY**2 / (STEADY**2 + half**2)
+        delays.append(one.delay_s + known * drift * since)
+        squares.append(((one.high_s - one.low_s) / 2) ** 2 + known * (half * since) ** 2)
+    size, half = delays[1] - delays[0], float(np.sqrt(sum(squares)))
+    return Jump(place, delays[0], delays[1], size - half, size + half)
 
 
 def clear(jump: Jump) -> bool:

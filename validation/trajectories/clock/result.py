@@ -33,22 +33,60 @@ class Part:
 
 
 @dataclass(frozen=True)
+class Place:
+    """Where a clock jumps, in stamps of the source.
+
+    Parameters
+    ----------
+    stamp_s : float
+        Between the parts before and after; seconds since the epoch of the estimate.
+    first_s, last_s : float
+        What it may lie between: poses that tell, or a time without any.
+    """
+
+    stamp_s: float
+    first_s: float
+    last_s: float
+
+    @classmethod
+    def between(cls, first: float, last: float) -> "Place":
+        """In the middle between two poses."""
+        return cls((first + last) / 2, first, last)
+
+    def later(self, by: float) -> "Place":
+        """The same with other stamps."""
+        return Place(self.stamp_s + by, self.first_s + by, self.last_s + by)
+
+
+@dataclass(frozen=True)
 class Jump:
     """A change of the delay at once, as where a clock is set.
 
     Parameters
     ----------
-    stamp_s : float
-        The source's stamp at which, to within two of its poses; seconds since the epoch of the
-        estimate.
-    size_s, low_s, high_s : float
-        Added to the delay, with its interval.
+    place : Place
+        Where.
+    before_s, after_s : float
+        The delay there, by the part before and the part after.
+    low_s, high_s : float
+        Interval of the change.
     """
 
-    stamp_s: float
-    size_s: float
+    place: Place
+    before_s: float
+    after_s: float
     low_s: float
     high_s: float
+
+    @property
+    def stamp_s(self) -> float:
+        """The stamp between the parts, seconds since the epoch of the estimate."""
+        return self.place.stamp_s
+
+    @property
+    def size_s(self) -> float:
+        """Added to the delay."""
+        return self.after_s - self.before_s
 
 
 @dataclass(frozen=True, repr=False)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from validation.results import Finding, Severity, Size, Table
-from validation.trajectories.clock.result import ClockEstimate
+from validation.trajectories.clock.jumps import STEADY
+from validation.trajectories.clock.result import ClockEstimate, Place
 from validation.trajectories.clock.telling import (
     ambiguous_by,
     largest_errors,
@@ -21,7 +22,9 @@ WORDS = {
     "not_determinable": "cannot be told",
 }
 FASTEST_PPM = 1000.0
-"""Drift beyond which a clock is broken: ten times that of a poor quartz."""
+"""Drift beyond which no clock runs: twice that at which one is slewed to set it."""
+AT_ONCE = 1.0
+"""Seconds up to which a jump is told to be at one stamp; a judgement."""
 UNSEEN = (
     "A delay that the reference and all sources have in common cannot be seen. Of stamps that are "
     "made at receipt, the delay holds the mean latency."
@@ -104,7 +107,14 @@ def clock_findings(one: ClockEstimate, tolerance: Tolerance) -> list[Finding]:
         )
         ends = one.drift_low_ppm, one.drift_high_ppm
         size = (Size("drift of the clock", one.drift_ppm, "ppm", *ends, one.confidence),)
-        findings.append(Finding("note", text, one.source, "clock_drift", size))
+        odd = min(abs(end) for end in ends) > 1e6 * STEADY
+        if odd:
+            text += (
+                " Hardly a clock runs so wrong by itself: one that is being set, or one that "
+                "jumps where there are no poses, looks like this."
+            )
+        found = Finding("warning" if odd else "note", text, one.source, "clock_drift", size)
+        findings.append(found)
     return findings
 
 
@@ -120,11 +130,11 @@ def jump_findings(one: ClockEstimate) -> list[Finding]:
         ends = one.drift_low_ppm, one.drift_high_ppm
         size = (Size("drift of the clock", one.drift_ppm, "ppm", *ends, one.confidence),)
         found.append(Finding("warning", text, one.source, "clock_unsteady", size))
-    for jump, before, after in zip(one.jumps, one.pieces[:-1], one.pieces[1:], strict=True):
+    for jump in one.jumps:
         more, low, high = 1e3 * jump.size_s, 1e3 * jump.low_s, 1e3 * jump.high_s
         text = (
-            f"Its clock jumps at the stamp {jump.stamp_s + one.epoch:.2f} s: the delay is "
-            f"{1e3 * before.delay_s:+.1f} ms before and {1e3 * after.delay_s:+.1f} ms after, "
+            f"Its clock jumps {_where(jump.place, one.epoch)}: the delay there is "
+            f"{1e3 * jump.before_s:+.1f} ms before and {1e3 * jump.after_s:+.1f} ms after, "
             f"{more:+.1f} ms more ({low:+.1f} to {high:+.1f}). Each part has its own delay. Look "
             "for a clock that was set, or a computer that was busy."
         )
@@ -133,6 +143,17 @@ def jump_findings(one: ClockEstimate) -> list[Finding]:
         )
         found.append(Finding("warning", text, one.source, "clock_jump", (change,)))
     return found
+
+
+def _where(place: Place, epoch: int) -> str:
+    """Where a jump is, in words."""
+    first, last = place.first_s + epoch, place.last_s + epoch
+    if last - first < AT_ONCE:
+        return f"at the stamp {place.stamp_s + epoch:.2f} s"
+    return (
+        f"between the stamps {first:.2f} and {last:.2f} s, in which there are no poses or they fit "
+        "both delays"
+    )
 
 
 def _delay_size(one: ClockEstimate) -> Size:
@@ -232,6 +253,7 @@ def clock_json(one: ClockEstimate, tolerance: Tolerance) -> dict[str, object]:
         "jumps": [
             {
                 "stamp_s": jump.stamp_s + one.epoch,
+                "between_s": [jump.place.first_s + one.epoch, jump.place.last_s + one.epoch],
                 "size_s": jump.size_s,
                 "low_s": jump.low_s,
                 "high_s": jump.high_s,

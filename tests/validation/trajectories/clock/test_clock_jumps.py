@@ -47,6 +47,24 @@ def test_a_jump_is_found_with_its_place_and_size(seed, size):
     assert len(clock_json(told, Tolerance(0.01, 0.01))["pieces"]) == 2
 
 
+def test_a_jump_where_there_are_no_poses_is_somewhere_between_those_there_are():
+    made, source, at = jumping(0, -0.3)
+    seen = np.abs(source.times - at) > 15.0
+    told = sync(made.reference, [source.select(seen)], window=5.0)[source.system]
+    (jump,) = told.jumps
+    stamps = source.times_since(told.epoch)
+    before, after = stamps[seen & (source.times < at)][-1], stamps[seen & (source.times >= at)][0]
+    assert jump.place.first_s <= before + 0.1
+    assert jump.place.last_s >= after - 0.1
+    assert abs(jump.size_s + 0.3) < jump.high_s - jump.low_s
+    (text,) = (
+        one.text for one in clock_findings(told, Tolerance(0.01, 0.01)) if one.code == "clock_jump"
+    )
+    assert "between the stamps" in text
+    (row,) = clock_json(told, Tolerance(0.01, 0.01))["jumps"]
+    assert row["between_s"][1] - row["between_s"][0] > 29.0
+
+
 def test_a_clock_that_does_not_jump_has_no_jump():
     for seed in (0, 4):
         made, source, _ = jumping(seed, 0.0)
@@ -67,4 +85,4 @@ def test_the_place_is_where_costs_change_over_and_frames_stay_in_order():
     costs[:2, 50:70] = 3.0
     times = 0.2 * np.arange(100.0)
     times[56:] += 0.3
-    assert sharpest_place(costs[:2], times, -0.3) == 55
+    assert sharpest_place(costs[:2], times, -0.3)[0] == 55
