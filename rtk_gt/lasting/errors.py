@@ -74,8 +74,8 @@ def lasting_errors(steps: Steps, offsets: Offsets) -> list[LastingError]:
     rows = _looked_at(steps)
     found = _jumps(steps, rows, everyone, bad[rows])
     fast = _often(steps)
-    if fast is not None:
-        found = sorted([*found, *_alone(steps, fast, found)], key=lambda one: one.after)
+    for some in dict.fromkeys([*([] if fast is None else [fast]), *_while_one_lacks(steps)]):
+        found = sorted([*found, *_alone(steps, some, found)], key=lambda one: one.after)
     return _episodes(steps, found)
 
 
@@ -120,8 +120,25 @@ def _single(offsets: Offsets) -> Bools:
     return found
 
 
+def _while_one_lacks(steps: Steps) -> list[tuple[int, ...]]:
+    """All receivers but one that is not fixed for a while in which the others are."""
+    fixed = steps.kinds == RTK_FIXED
+    everyone = range(fixed.shape[1])
+    found = []
+    for k in everyone if len(everyone) > 2 else ():
+        others = tuple(j for j in everyone if j != k)
+        alone = fixed[:, others].all(1) & ~fixed[:, k]
+        runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[0], alone, [0]]))))[::2]
+        if len(runs) and runs.max() > 2 * EDGE:
+            found.append(others)
+    return found
+
+
 def _alone(steps: Steps, fast: tuple[int, ...], found: list[_Timed]) -> list[_Timed]:
-    """Jumps of those that write most often while the others have no fix."""
+    """Jumps of some receivers while the others have no fix.
+
+    Where all of these jump, and no distance to the others changes meanwhile, these jump, too.
+    """
     together = steps.times[steps.complete]
     if len(together) < 2:
         return []
@@ -133,7 +150,9 @@ def _alone(steps: Steps, fast: tuple[int, ...], found: list[_Timed]) -> list[_Ti
         gap = np.diff(together[max(at - 1, 0) : at + 1]).sum() if 0 < at < len(together) else np.inf
         near = any(abs(other.after - one.after) < 2 * gap for other in found)
         if gap > FASTER * usual and not (np.isfinite(gap) and near):
-            kept.append(one)
+            everyone = tuple(range(len(steps.receivers)))
+            who = everyone if len(one.jump.receivers) == len(fast) else one.jump.receivers
+            kept.append(replace(one, jump=replace(one.jump, receivers=who)))
     return kept
 
 

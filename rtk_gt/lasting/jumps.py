@@ -15,6 +15,7 @@ import numpy as np
 from rtk_gt.lasting.causes import (
     GAIN,
     GAIN_OF_MOTION,
+    LOOKED_AT,
     SMALLEST,
     SMALLEST_OF_ALL,
     UNSURE,
@@ -36,6 +37,8 @@ GAIN_OVER_MOTION = 40.0
 """The same against motion of any roughness about the interval, see `gain_over_motion`: in 2,700
 intervals without a jump, of drives that brake and turn, it was at most 34; of jumps of 10 cm of all
 receivers at 5 and 10 Hz and a noise of 6 mm at least 59."""
+CLEAR_OVER_MOTION = 60.0
+"""The same where the usual motion of the drive makes as much (`LOOKED_AT`)."""
 GAIN_WITHOUT_ONE = 12.0
 """The same without any one of the two epochs on either side, so that one false fix is no jump: of
 those intervals without a jump at most 10, of jumps of 10 cm less in one of 150."""
@@ -356,7 +359,8 @@ def _over_motion(times: Array, positions: Array, jump: Jump) -> bool:
     around = range(max(jump.row - UNSURE, 0), min(jump.row + UNSURE + 1, len(times) - 1))
     gains = [gain_over_motion(times, places, row) for row in around]
     at = around[int(np.argmax(gains))]
-    return max(gains) > GAIN_OVER_MOTION and all(
+    unusual = jump.gain - GAIN + LOOKED_AT > GAIN_OF_MOTION
+    return max(gains) > (GAIN_OVER_MOTION if unusual else CLEAR_OVER_MOTION) and all(
         gain_over_motion(*_without(times, places, epoch), at - (epoch <= at)) > GAIN_WITHOUT_ONE
         for epoch in range(at - 1, at + 3)
     )
