@@ -78,14 +78,9 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     if eta > settings.eta:
         settings = settings.model_copy(update={"eta": eta})
         ready = prepare(steps, settings, heights)
-    steps, jumps, model = ready.steps, ready.jumps, ready.model
+    steps, jumps = ready.steps, ready.jumps
     check_units(prior, ready.quick, distance_names(steps.receivers))
-    chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings), model)
-    if model is None and not ready.quick.known and chosen.offsets.steps >= ENOUGH:
-        # The drive alone told no distances, and so nothing of its errors; what is stated does.
-        model = error_model(steps, chosen.offsets)
-        if model is not None:
-            chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings), model)
+    chosen, stated, model = offsets_of(ready, prior, settings, antenna_places(settings))
     offsets, antennas = chosen.offsets, chosen.antennas
     give_back_memory()
     noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
@@ -192,6 +187,23 @@ def prepare(steps: Steps, settings: RtkSettings, prior: OffsetPrior | None = Non
     )
     model = error_model(steps, quick)
     return Prepared(steps, clocks, lasting, jumps, model, smallest_seen(steps, quick), quick)
+
+
+def offsets_of(
+    ready: Prepared, prior: OffsetPrior, settings: RtkSettings, places: Places
+) -> tuple[Choice, PriorCheck | None, ErrorModel | None]:
+    """The vehicle's offsets, what is stated beside the drive, and the model of slow errors.
+
+    Where the drive alone tells no distances, it tells nothing of its errors, but with what is
+    stated. Parameters and errors as of `solve_offsets`.
+    """
+    model = ready.model
+    chosen, stated = solve_offsets(ready.steps, prior, settings, places, model)
+    if model is None and not ready.quick.known and chosen.offsets.steps >= ENOUGH:
+        model = error_model(ready.steps, chosen.offsets)
+        if model is not None:
+            chosen, stated = solve_offsets(ready.steps, prior, settings, places, model)
+    return chosen, stated, model
 
 
 def solve_offsets(
