@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rtk_gt.receivers.formats.fix_csv import NO_TIME, seconds_of
+from rtk_gt.receivers.formats.table_times import NO_TIME, seconds_of
 from rtk_gt.sensors.scans import LineScans
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array

@@ -28,6 +28,8 @@ NO_GEOID = (
     "the ellipsoid: between receivers an offset, on the Earth an error of tens of metres."
 )
 _SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3}),([^*$]*)(?:\*([0-9A-Fa-f]{0,2}))?\s*$")
+_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
+"""What no sentence has. Tabs at its end do no harm."""
 _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?|[+-]?\.\d+")
 _HOST = re.compile(r"\s*(\d{9,10}(?:\.\d+)?)\s*[,;]?\s*$")
 
@@ -115,6 +117,9 @@ def _read_line(log: NmeaLog, number: int, line: str) -> None:
         if re.match(r"\$P[A-Z]", line[start:]):
             return  # a maker's own sentence
         log.damaged(number, line, "not a whole NMEA sentence")
+        return
+    if _CONTROL.search(line, start):  # a checksum does not tell: two NULs cancel
+        log.damaged(number, line[start:], "control characters in the sentence")
         return
     log.sentences += 1
     talker, kind, body, checksum = match.groups()

@@ -98,7 +98,7 @@ def read_receiver(path: Path, stated: Stated) -> Fixes:
             path, data, name, day=stated.day, skip_damaged=stated.skip_damaged
         ),
         "rtklib": lambda: pos_fixes(path, data, name),
-        "csv": lambda: csv_fixes(path, data, name),
+        "csv": lambda: csv_fixes(path, data, name, stated.day),
         "ubx": lambda: ubx_fixes(path, data, name),
         "gpx": lambda: gpx_fixes(path, data, name, all_fixed=stated.all_fixed),
         "novatel": lambda: novatel_fixes(path, data, name),
@@ -126,7 +126,7 @@ def read_baselines(path: Path, stated: Stated) -> Baselines:
             f"not of {form}"
         )
         raise InputError([Problem(path, said, field="base")])
-    record, metres = csv_metres(path, data, stated.receiver)
+    record, metres = csv_metres(path, data, stated.receiver, stated.day)
     return Baselines(
         stated.receiver, record.times, metres, record.kinds, record.covariances, record.lines, path
     )
@@ -197,7 +197,7 @@ def _of_rawlog(path: Path, data: bytes, stated: Stated) -> Fixes:
 
 def _of_metres(path: Path, data: bytes, stated: Stated) -> Fixes:
     """The fixes of a table with UTM or local coordinates."""
-    record, metres = csv_metres(path, data, stated.receiver)
+    record, metres = csv_metres(path, data, stated.receiver, stated.day)
     if stated.coordinates == "local":
         if stated.frame is None:
             said = "local coordinates need the place of their origin: state [rtk.origin]"
