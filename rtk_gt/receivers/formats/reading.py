@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from rtk_gt.receivers.baselines import Baselines
+from rtk_gt.receivers.digits import decimal_digit, level_digit
 from rtk_gt.receivers.fixes import Fixes
 from rtk_gt.receivers.formats.bags import bag_fixes
 from rtk_gt.receivers.formats.fix_csv import csv_fixes, csv_metres
@@ -75,7 +76,7 @@ class Stated:
 
 
 def read_receiver(path: Path, stated: Stated) -> Fixes:
-    """The fixes of a file of any kind that is known, compressed or not.
+    """The fixes of a file of any kind that is known, compressed or not, and how fine they are.
 
     Raises
     ------
@@ -84,6 +85,14 @@ def read_receiver(path: Path, stated: Stated) -> Fixes:
     GtvalError
         If a library is missing.
     """
+    found = _read(path, stated)
+    if stated.coordinates != "degrees":
+        return found
+    return replace(found, level_digit=level_digit(found.geodetic[found.fixed]))
+
+
+def _read(path: Path, stated: Stated) -> Fixes:
+    """The fixes of a file, by the reader of its kind."""
     form, data = _told(path, stated)
     if form == "bag":
         return bag_fixes(path, stated.receiver, stated.label or None)
@@ -198,6 +207,7 @@ def _of_rawlog(path: Path, data: bytes, stated: Stated) -> Fixes:
 def _of_metres(path: Path, data: bytes, stated: Stated) -> Fixes:
     """The fixes of a table with UTM or local coordinates."""
     record, metres = csv_metres(path, data, stated.receiver, stated.day)
+    record = replace(record, level_digit=decimal_digit(metres[record.fixed, :2]))
     if stated.coordinates == "local":
         if stated.frame is None:
             said = "local coordinates need the place of their origin: state [rtk.origin]"

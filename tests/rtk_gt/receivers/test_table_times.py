@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rtk_gt.receivers.formats.reading import Stated, read_receiver
+from rtk_gt.sensors.sensor_files import read_times
 from validation.errors import InputError
 from validation.text_files.time_units import time_heading
 
@@ -109,3 +110,23 @@ def test_a_receiver_that_stands_or_creeps_is_read(tmp_path):
 )
 def test_headings_tell_their_unit(heading, found):
     assert time_heading(heading) == found
+
+
+@pytest.mark.parametrize(
+    ("heading", "words"),
+    [
+        ("time [ms]", "the heading says 'ms'; write s"),
+        ("time_ms", "'time' instead of 'time_ms', and its numbers in seconds, not in ms"),
+    ],
+)
+def test_sensors_tell_seconds(tmp_path, heading, words):
+    path = tmp_path / "times.csv"
+    path.write_text(f"{heading}\n5000\n5200\n")
+    with pytest.raises(InputError, match=words):
+        read_times(path)
+
+
+def test_no_column_is_renamed_into_another_that_is_needed(tmp_path):
+    (tmp_path / "rear.csv").write_text("when,latitude,longitude,height\n1,45.478,9.232,160\n")
+    with pytest.raises(InputError, match="the header has: 'when', 'latitude'"):
+        read_receiver(tmp_path / "rear.csv", Stated("rear"))
