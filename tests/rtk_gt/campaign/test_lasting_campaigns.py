@@ -71,7 +71,7 @@ def test_a_leap_of_all_that_no_base_station_makes_is_never_taken_out(tmp_path):
 
 
 def test_a_false_fix_that_lasts_is_one_line_and_no_pose(tmp_path):
-    made = made_drive(52, QUIET, seconds=100.0)
+    made = made_drive(52, QUIET, seconds=200.0)
     rows = np.arange(400, 520)
     result = result_for(tmp_path / "c", made.jumped([2], rows, np.array([0.0, 0.0, 0.15])))
     assert "front_right is off by 1" in finding(result, "lasting_false_fix").text
