@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rtk_gt.campaign.digits import too_coarse
 from rtk_gt.campaign.inputs import antenna_places, check_places, load_drive, offset_prior
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.lasting.errors import smallest_seen
@@ -73,11 +74,12 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     give_back_memory()
     prior = offset_prior(settings, steps.frame)
     heights = OffsetPrior(heights=prior.heights)
-    ready = prepare(steps, settings, heights)
+    search = not too_coarse(records)
+    ready = prepare(steps, settings, heights, search=search)
     eta = rounded_eta(records, ready.quick.sigma, settings.eta)
     if eta > settings.eta:
         settings = settings.model_copy(update={"eta": eta})
-        ready = prepare(steps, settings, heights)
+        ready = prepare(steps, settings, heights, search=search)
     steps, jumps = ready.steps, ready.jumps
     check_units(prior, ready.quick, distance_names(steps.receivers))
     chosen, stated, model = offsets_of(ready, prior, settings, antenna_places(settings))
@@ -163,7 +165,9 @@ class Prepared(NamedTuple):
     quick: Offsets
 
 
-def prepare(steps: Steps, settings: RtkSettings, prior: OffsetPrior | None = None) -> Prepared:
+def prepare(
+    steps: Steps, settings: RtkSettings, prior: OffsetPrior | None = None, *, search: bool = True
+) -> Prepared:
     """Recorded steps made ready: clocks set right, jumps and false fixes taken out.
 
     Parameters
@@ -174,6 +178,8 @@ def prepare(steps: Steps, settings: RtkSettings, prior: OffsetPrior | None = Non
         The table [rtk].
     prior : OffsetPrior, optional
         What is known of the antennas' heights, for `settle`.
+    search : bool
+        Whether errors that last are looked for at all: none can be told from coarse digits.
 
     Raises
     ------
@@ -181,7 +187,8 @@ def prepare(steps: Steps, settings: RtkSettings, prior: OffsetPrior | None = Non
         As `estimate_offsets`.
     """
     steps, clocks = right_clocks(steps, settings.eta)
-    steps, lasting, jumps = settle(steps, eta=settings.eta, robust=settings.robust, prior=prior)
+    looked_for = settings.robust and search
+    steps, lasting, jumps = settle(steps, eta=settings.eta, robust=looked_for, prior=prior)
     quick = estimate_offsets(
         steps, eta=settings.eta, robust=settings.robust, bent="never", prior=prior
     )
