@@ -112,7 +112,8 @@ def all_minima(
             "little. State [rtk.known_distances] (a tape measure will do) or [rtk.known_offsets] "
             "from a longer drive; `gtval rtk coverage` works without"
         )
-    measured = [one for one in found if _as_measured(one, prior)]
+    # Where offsets are stated, too, both are held against each other afterwards.
+    measured = [one for one in found if _as_measured(one, prior)] if near is None else []
     found = measured or found
     rough = dict(zip(map(id, found), costs_of(found), strict=True))
     found = _distinct(sorted(found, key=lambda one: rough[id(one)]))
