@@ -97,6 +97,10 @@ def _told(error: LastingError) -> bool:
     return error.stays or error.epochs >= SHORT
 
 
+UNSURE_START = 2.0
+"""Seconds up to which the beginning of a jump is told as one; a judgement."""
+
+
 def who_jumps(outcome: WithJumps, receivers: tuple[int, ...]) -> str:
     """The receivers of a jump in words."""
     names = outcome.steps.receivers
@@ -139,11 +143,18 @@ def _finding(outcome: WithJumps, error: LastingError) -> Finding:
         if len(error.receivers) > 1
         else "its base station restarted with other coordinates, or its antenna was moved"
     )
+    first, last = (time - outcome.coverage.start for time in error.window)
+    unsure = (
+        f" It may have begun from second {first:.1f} to {last:.1f}, as nothing tells it nearer: "
+        "there are no poses in between."
+        if last - first > UNSURE_START
+        else ""
+    )
     text = (
         f"A jump: {who}{doubt} {'are' if len(error.receivers) > 1 else 'is'} off {what} from "
         f"second {begin:.1f} on: {cause}. The jump was taken out of what "
         "follows, and its uncertainty is in the covariance of these poses. Compare the base "
-        "station's coordinates before and after."
+        f"station's coordinates before and after.{unsure}"
     )
     return Finding("warning", text, SUBJECT, "jump", sizes)
 

@@ -37,6 +37,8 @@ class LastingError:
         Seconds between the fixes before and after the jump.
     alike : tuple of tuples of int
         Other receivers whose jump would explain it nearly as well.
+    window : (float, float)
+        Seconds since 1970 between which it may have begun, where no motion tells it to the fix.
     """
 
     receivers: tuple[int, ...]
@@ -48,6 +50,7 @@ class LastingError:
     epochs: int
     spacing: float
     alike: tuple[tuple[int, ...], ...] = ()
+    window: tuple[float, float] = (np.inf, -np.inf)
 
     @property
     def stays(self) -> bool:

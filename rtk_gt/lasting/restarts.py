@@ -283,7 +283,8 @@ def _greatest_of(sums: DriveSums, first: Ints, last: Ints) -> tuple[int, int, fl
 class _Edge:
     """Where an error begins or ends: times of the fixes on both sides, and what the motion says.
 
-    ``information`` (3, 3) on the size and ``right`` (3,), that times the size.
+    ``information`` (3, 3) on the size and ``right`` (3,), that times the size; ``window``, what it
+    may be between.
     """
 
     before: float
@@ -291,6 +292,7 @@ class _Edge:
     information: Array
     right: Array
     gain: float
+    window: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -314,7 +316,7 @@ class _Option:
         first, end = self.edges[0], self.edges[1].after if len(self.edges) > 1 else np.inf
         return LastingError(
             self.cause, first.after, end, self.size, self.covariance, self.of.gain, 0,
-            first.after - first.before, alike,
+            first.after - first.before, alike, first.window,
         )  # fmt: skip
 
 
@@ -380,7 +382,8 @@ def _edge(
     gain = gain - np.einsum("ni,ij,nj->n", off, weight, off) + by_distance[rows]
     at = int(gain.argmax())
     first, last = own_interval(about.positions, cause, int(rows[at]))
+    likely = rows[gain > gain[at] - ALIKE]
     return _Edge(
         float(about.times[first]), float(about.times[last]), information[at], right[at],
-        float(gain[at]),
+        float(gain[at]), (float(about.times[likely[0]]), float(about.times[likely[-1] + 1])),
     )  # fmt: skip

@@ -275,7 +275,10 @@ def left_out(error: LastingError) -> tuple[float, float]:
     """Times between which the receivers' fixes are left out."""
     margin = (UNSURE + 0.5) * error.spacing
     last = error.start if error.stays else error.end
-    return error.start - margin, last + margin - error.spacing
+    begin, end = error.start - margin, last + margin - error.spacing
+    if error.stays:
+        begin, end = min(begin, error.window[0]), max(end, error.window[1])
+    return begin, end
 
 
 def refined(
