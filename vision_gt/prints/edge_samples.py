@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from validation.poses.angles import Array
 from vision_gt.optics.camera import distorted, distortion_slopes, undistort
+from vision_gt.prints.grey_fits import Floats
 
 CORNER_MARGIN = 2.5
 """Pixels near a corner that are left out: there the other side's blur reaches in, of which three
@@ -51,9 +52,9 @@ def sampled(image: Levels, x: Array, y: Array) -> Array:
     return np.asarray(grey, dtype=float).reshape(rows * width, *own)[:count].reshape(*shape, *own)
 
 
-def _monomials(x: Array, y: Array, degree: int) -> Array:
+def _monomials(x: Floats, y: Floats, degree: int) -> Floats:
     """(k, ...) monomials of x and y (...) up to a degree: x^i, x^(i - 1) y ... y^i for each i."""
-    powers = np.empty(((degree + 1) * (degree + 2) // 2, *x.shape))
+    powers = np.empty(((degree + 1) * (degree + 2) // 2, *x.shape), dtype=x.dtype)
     powers[0] = 1.0
     before = 0
     for i in range(1, degree + 1):
@@ -100,24 +101,30 @@ class Flat:
         flat = undistort(pixels, self.parameters) * self.parameters[:2] + self.parameters[2:4]
         return np.asarray(flat)
 
-    def from_patches(self, places: Array) -> None:
-        """Put undistorted pixels in the place of pixels (m, 3, n), homogeneous, in m patches.
+    def from_patches(self, pixels: Array) -> tuple[Floats, Array]:
+        """Undistorted pixels (m, 3, n) of pixels (m, 2, n) in m patches, and the patches' origins.
 
-        Over some dozen pixels the lens is as good as a polynomial of the second degree, over some
-        hundred as one of the fourth, fitted here at 9 or 25 places.
+        They are homogeneous, each patch's from its origin (m, 2), an undistorted pixel. Over some
+        dozen pixels the lens is as good as a polynomial of the second degree, over some hundred as
+        one of the fourth, fitted here at 9 or 25 places.
         """
-        if self.parameters is None or places.size == 0:
-            return
-        pixels = places[:, :2]
+        m, _, n = pixels.shape
+        places = np.ones((m, 3, n), dtype=np.float32)
+        if pixels.size == 0:
+            return places, np.zeros((m, 2))
         low, high = pixels.min(-1), pixels.max(-1)
         middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1.0)
+        np.subtract(pixels, middle[..., None], out=places[:, :2], casting="same_kind")
+        if self.parameters is None:
+            return places, middle
         degree = 2 if 2 * half.max() < _SMALL_PATCH else 4
         nodes = middle[:, None] + half[:, None] * _NODES[degree]
         bends = _FROM_NODES[degree] @ self.from_image(nodes)
-        x, y = ((pixels - middle[..., None]) / half[..., None]).transpose(1, 0, 2)
+        x, y = (places[:, :2] / half[..., None].astype(np.float32)).transpose(1, 0, 2)
         powers = _monomials(x, y, degree)
-        for i, bend in enumerate(bends):
-            np.matmul(bend.T, powers[:, i], out=places[i, :2])
+        for i, bend in enumerate(bends[:, 1:].astype(np.float32)):
+            np.matmul(bend.T, powers[1:, i], out=places[i, :2])
+        return places, bends[:, 0]
 
     def to_image(self, flat: Array) -> Array:
         """(..., 2) pixels of undistorted ones."""

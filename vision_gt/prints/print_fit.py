@@ -245,7 +245,7 @@ def _fitted(
 def _boundaries(state: State, cells: int) -> Ints:
     """(m,) how many boundaries blur reaches in the middles of prints, along the narrower axis."""
     middle = state.H[:, :, 2:] / state.H[:, 2:, 2:]
-    at, _ = places_in_print(state.H, middle)
+    at, _ = places_in_print(state.H, middle, np.zeros((len(middle), 2)))
     narrow = np.maximum(at.along_x, at.along_y)[:, 0]
     blur = state.blur if state.radius is None else np.hypot(state.blur, state.radius)
     return boundaries_in_reach(blur, narrow, cells)
