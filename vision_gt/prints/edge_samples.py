@@ -15,6 +15,7 @@ CORNER_MARGIN = 2.5
 """Pixels near a corner that are left out: there the other side's blur reaches in, of which three
 widths are 2.4 pixels."""
 
+Ints = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
 Image = npt.NDArray[np.uint8]
 Levels = npt.NDArray[np.uint8] | npt.NDArray[np.float32]
@@ -77,6 +78,7 @@ _FROM_NODES: dict[int, Array] = {
     for d, nodes in _NODES.items()
 }
 """Coefficients of a polynomial of the second or fourth degree from its values at such places."""
+_DEGREES = {one.shape[0]: degree for degree, one in _FROM_NODES.items()}
 _SMALL_PATCH = 40.0
 """Pixels: over so much the third degree of a lens with k1 = -0.3 and f = 1000 pixels is
 0.3 * 1000 * 0.02^3 = 0.002 pixels; over 300 pixels the fifth degree is as small."""
@@ -101,30 +103,18 @@ class Flat:
         flat = undistort(pixels, self.parameters) * self.parameters[:2] + self.parameters[2:4]
         return np.asarray(flat)
 
-    def from_patches(self, pixels: Array) -> tuple[Floats, Array]:
-        """Undistorted pixels (m, 3, n) of pixels (m, 2, n) in m patches, and the patches' origins.
+    def patches(self, low: Array, high: Array) -> "Patches":
+        """How the lens bends m patches of the image, from (m, 2) pixels to others.
 
-        They are homogeneous, each patch's from its origin (m, 2), an undistorted pixel. Over some
-        dozen pixels the lens is as good as a polynomial of the second degree, over some hundred as
-        one of the fourth, fitted here at 9 or 25 places.
+        Over some dozen pixels the lens is as good as a polynomial of the second degree, over some
+        hundred as one of the fourth, fitted here at 9 or 25 places.
         """
-        m, _, n = pixels.shape
-        places = np.ones((m, 3, n), dtype=np.float32)
-        if pixels.size == 0:
-            return places, np.zeros((m, 2))
-        low, high = pixels.min(-1), pixels.max(-1)
         middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1.0)
-        np.subtract(pixels, middle[..., None], out=places[:, :2], casting="same_kind")
-        if self.parameters is None:
-            return places, middle
+        if self.parameters is None or not len(low):
+            return Patches(middle, half, None)
         degree = 2 if 2 * half.max() < _SMALL_PATCH else 4
         nodes = middle[:, None] + half[:, None] * _NODES[degree]
-        bends = _FROM_NODES[degree] @ self.from_image(nodes)
-        x, y = (places[:, :2] / half[..., None].astype(np.float32)).transpose(1, 0, 2)
-        powers = _monomials(x, y, degree)
-        for i, bend in enumerate(bends[:, 1:].astype(np.float32)):
-            np.matmul(bend.T, powers[1:, i], out=places[i, :2])
-        return places, bends[:, 0]
+        return Patches(middle, half, _FROM_NODES[degree] @ self.from_image(nodes))
 
     def to_image(self, flat: Array) -> Array:
         """(..., 2) pixels of undistorted ones."""
@@ -143,6 +133,41 @@ class Flat:
         slope = distortion_slopes(normalised, self.parameters[4:])
         lens = distorted(normalised, self.parameters[4:])
         return lens * focal + centre, focal[:, None] * slope / focal
+
+
+@dataclass(frozen=True)
+class Patches:
+    """The lens over m patches of an image.
+
+    Parameters
+    ----------
+    middle, half : (m, 2) array
+        Of the patches, pixels.
+    bends : (m, k, 2) array or None
+        Coefficients of undistorted pixels, by places from -1 to 1 in a patch; None without lens.
+    """
+
+    middle: Array
+    half: Array
+    bends: Array | None
+
+    def of(self, rows: Ints) -> "Patches":
+        """Some of them."""
+        bends = None if self.bends is None else self.bends[rows]
+        return Patches(self.middle[rows], self.half[rows], bends)
+
+    def undistorted(self, pixels: Array) -> tuple[Floats, Array]:
+        """Undistorted pixels (m, 3, n) of pixels (m, 2, n), homogeneous, from origins (m, 2)."""
+        m, _, n = pixels.shape
+        places = np.ones((m, 3, n), dtype=np.float32)
+        np.subtract(pixels, self.middle[..., None], out=places[:, :2], casting="same_kind")
+        if self.bends is None:
+            return places, self.middle
+        places[:, :2] *= (1 / self.half[..., None]).astype(np.float32)
+        powers = _monomials(places[:, 0], places[:, 1], _DEGREES[self.bends.shape[1]])
+        for i, bend in enumerate(self.bends[:, 1:].astype(np.float32)):
+            np.matmul(bend.T, powers[1:, i], out=places[i, :2])
+        return places, self.bends[:, 0]
 
 
 @dataclass(frozen=True)

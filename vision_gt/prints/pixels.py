@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from validation.poses.angles import Array
 from validation.statistics.robust import SIGMA_OF_MEDIAN
-from vision_gt.prints.edge_samples import Flat, Image
+from vision_gt.prints.edge_samples import Flat, Image, Patches
 from vision_gt.prints.grey_fits import Floats
 from vision_gt.prints.print_look import PADDING, to_prints
 
@@ -41,11 +41,14 @@ class Chosen:
         Places in the image, row by row.
     sure, reach : (m,) array
         How far the rim surely reaches and how far is looked, in half sides of the print.
+    patches : Patches
+        The lens there.
     """
 
     index: tuple[Ints, ...]
     sure: Array
     reach: Array
+    patches: Patches
 
     @property
     def counts(self) -> Ints:
@@ -54,7 +57,8 @@ class Chosen:
 
     def of(self, rows: Ints) -> "Chosen":
         """Those of some prints."""
-        return Chosen(tuple(self.index[i] for i in rows), self.sure[rows], self.reach[rows])
+        index = tuple(self.index[i] for i in rows)
+        return Chosen(index, self.sure[rows], self.reach[rows], self.patches.of(rows))
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,14 @@ class Seen:
 
 
 def choose_pixels(
-    image: Image, H: Array, bits: Array, rim: Array, flat: Flat, told: Ints, most: int = 10**9
+    image: Image,
+    H: Array,
+    bits: Array,
+    rim: Array,
+    flat: Flat,
+    told: Ints,
+    most: int = 10**9,
+    patches: Patches | None = None,
 ) -> Chosen:
     """The pixels of prints and their rims that say where they are, and some for how bright.
 
@@ -100,6 +111,8 @@ def choose_pixels(
         Pixels from a boundary within which pixels of a large print are used.
     most : int
         So many of them at most, spread over the print.
+    patches : Patches, optional
+        The lens around the prints where it is known from an earlier choice.
     """
     sure, reach = (1 + 2 * cells / bits.shape[1] for cells in rim.T)
     both = np.stack([np.broadcast_to(SQUARE, (len(H), 4, 2)), reach[:, None, None] * SQUARE], 1)
@@ -124,15 +137,17 @@ def choose_pixels(
             places = places[_spread(len(places), most)]
         row, column = np.divmod(places, shape[1])
         index.append((row + y) * width + (column + x))
-    return Chosen(tuple(index), sure, reach)
+    if patches is None:
+        patches = flat.patches(low.astype(float), np.maximum(high - 1, low).astype(float))
+    return Chosen(tuple(index), sure, reach, patches)
 
 
-def pixels_around(image: Image, H: Array, bits: Array, chosen: Chosen, flat: Flat) -> Seen:
+def pixels_around(image: Image, H: Array, bits: Array, chosen: Chosen) -> Seen:
     """Chosen pixels with their grey levels, and where they are around prints.
 
     Parameters
     ----------
-    image, H, bits, flat
+    image, H, bits
         As for `choose_pixels`.
     chosen : Chosen
         Which.
@@ -148,7 +163,7 @@ def pixels_around(image: Image, H: Array, bits: Array, chosen: Chosen, flat: Fla
     pixels = np.empty((len(H), 2, n))
     rows = np.floor(index * (1 / image.shape[1]) + 1e-9, out=pixels[:, 1])
     np.subtract(index, rows * image.shape[1], out=pixels[:, 0])
-    places, origin = flat.from_patches(pixels)
+    places, origin = chosen.patches.undistorted(pixels)
     u, v, nearness = (to_prints(H, origin).astype(np.float32) @ places).transpose(1, 0, 2)
     far_x, far_y = np.abs(u), np.abs(v)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -64,12 +64,19 @@ than the start is off, which is a pixel or two."""
 _NEAR = 0.06
 """The same for a step from where a fit to some of the pixels came to rest: blur and light are known
 by then, and what is not linear in such a step is below a thousandth."""
+_NEARLY, _BLURS = 0.15, 0.1
+"""The same for a fit to some of the pixels, which are off by half as much: what is left is a few
+hundredths of a pixel, and the fit to all of them goes on from there; and by how much the width of
+the blur still changes, pixels."""
+_ALL_TOGETHER = 4
+"""Steps until which those to some of the pixels go on until every print is at rest: what is no
+print, or is covered, may never be."""
 _BENDS = 0.1
 """Change of the bend of the tone curve that is still to come, as of a tenth of a usual one."""
 _BENT = 3.5
 """Standard deviations from which on the tone curve of an image is taken as bent: chance makes that
 of one image in 2,000."""
-_EVERY = 2
+_EVERY = 3
 """Of the pixels of first steps one of so many is enough to look for sharpening."""
 _SAME_RIM, _MOST_ROUNDS = 0.03, 2
 """Share of the pixels that may still come or go, and how often it is judged at most."""
@@ -171,11 +178,12 @@ def steps_to_rest(
     state : State
         Where to begin. One without light is the very first.
     together : bool
-        Whether all steps go on until each print is at rest.
+        Whether this is a fit to some of the pixels: steps go on until every print is nearly at
+        rest, or some more have been made.
     rims_judged : bool
         Whether the state was fitted without what is beyond the rims.
     """
-    enough = _NEAR if rims_judged else _CONVERGED
+    enough = _NEARLY if together else _NEAR if rims_judged else _CONVERGED
     fresh = not state.light.any()
     rests: list[Rest] = []
     rows = np.arange(len(seen.grey))
@@ -212,7 +220,8 @@ def steps_to_rest(
         alive = np.asarray(moved < _DIVERGED)
         done = _small(moved, enough, change, state) & (plain | (rounds >= _MOST_ROUNDS))
         if together:
-            done &= bool((done | ~alive).all())
+            done &= np.abs(change[:, BLUR]) < _BLURS
+            done &= bool((done | ~alive).all()) or step >= _ALL_TOGETHER
         if done.any():
             # The last step was small: what it changed is linear.
             left = residual - (change[:, None].astype(single) @ jacobian)[:, 0]
