@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from math import comb
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -221,7 +222,8 @@ def drawn_apart(image: Image) -> Image:
 
     OpenCV's threshold is off the local mean by so many grey levels, whatever the exposure.
     """
-    levels = np.bincount(image[::_EVERY, ::_EVERY].ravel(), minlength=256).cumsum()
+    some = np.ascontiguousarray(image[::_EVERY, ::_EVERY])
+    levels = cv2.calcHist([some], [0], None, [256], [0, 256]).ravel().cumsum(dtype=float)
     low, high = np.searchsorted(levels, [_ENDS * levels[-1], (1 - _ENDS) * levels[-1]])
     if high - low > _NARROW:
         return image

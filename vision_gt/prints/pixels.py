@@ -172,12 +172,13 @@ def pixels_around(image: Image, H: Array, bits: Array, chosen: Chosen) -> Seen:
     use = (out < reach) & (nearness > 0) & (np.arange(n) < counts[:, None])
     beyond = use & (out > sure)
     zone = np.zeros((len(H), n), dtype=np.intp)
-    if beyond.any():
-        across = far_x > far_y
-        side = np.where(across, 0, 2) + (np.where(across, u, v) > 0)
-        wide = np.maximum(reach - sure, 1e-9)
-        far = np.minimum((np.where(beyond, out, sure) - sure) / wide * _ZONES, _ZONES - 1)
-        zone = np.where(beyond, 1 + side * _ZONES + far.astype(np.intp), 0)
+    at = np.nonzero(beyond)
+    if len(at[0]):
+        across = far_x[at] > far_y[at]
+        side = np.where(across, 0, 2) + (np.where(across, u[at], v[at]) > 0)
+        wide = np.maximum(reach - sure, 1e-9)[at[0], 0]
+        far = np.minimum((out[at] - sure[at[0], 0]) / wide * _ZONES, _ZONES - 1)
+        zone[at] = 1 + side * _ZONES + far.astype(np.intp)
     cells = np.pad(bits, ((0, 0), *2 * ((PADDING, PADDING),)), constant_values=1.0)
     return Seen(cells.astype(np.float32), places, origin, grey, zone, use)
 
@@ -224,9 +225,11 @@ def _white_rim(zone: Ints, residual: Floats, used: Mask) -> Mask:
     """`white_rims` of one print."""
     own = np.abs(residual[(zone == 0) & used])
     noise = max(SIGMA_OF_MEDIAN * float(np.median(own)) if len(own) else 0.0, _LEAST_NOISE)
+    beyond = np.flatnonzero(used & (zone > 0))
+    far, rest = zone[beyond], residual[beyond].astype(float)
     count, total, squares = (
-        np.bincount(zone, weights, minlength=4 * _ZONES + 1)[1:].reshape(4, _ZONES)
-        for weights in (used.astype(float), residual * used, residual**2 * used)
+        np.bincount(far, weights, minlength=4 * _ZONES + 1)[1:].reshape(4, _ZONES)
+        for weights in (None, rest, rest**2)
     )
     white = np.abs(total) <= _ALIKE * noise * np.sqrt(count)
     white &= (squares <= _NOISIER * noise**2 * count) & (count > 0)
