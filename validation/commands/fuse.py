@@ -96,6 +96,8 @@ def _clock(
     name: str, told: "dict[str, Any]", field: str, path: Path, problems: "list[Problem]"
 ) -> "ClockEstimate":
     """The clock of a source, or of a part of it between jumps; what is wrong joins ``problems``."""
+    from dataclasses import replace
+
     from validation.errors import Problem
     from validation.trajectories.clock.result import ClockEstimate, Jump, Place
 
@@ -115,24 +117,14 @@ def _clock(
         )
         problems.append(Problem(path, words, field=f"{field}.pieces"))
         pieces = []
-    return ClockEstimate(
-        name,
-        0,
-        "determined",
-        delay_s=numbers["delay_s"],
-        low_s=numbers["low_s"],
-        high_s=numbers["high_s"],
-        at_s=numbers["at_s"],
-        drift_ppm=numbers["drift_ppm"],
-        drift_low_ppm=numbers["drift_low_ppm"],
-        drift_high_ppm=numbers["drift_high_ppm"],
-        # Where to part the poses is all that counts here.
-        jumps=tuple(Jump(Place(s, s, s), math.nan, math.nan, math.nan, math.nan) for s in stamps),
-        pieces=tuple(
-            _clock(name, piece, f"{field}.pieces[{number}]", path, problems)
-            for number, piece in enumerate(pieces)
-        ),
+    # Where to part the poses is all that counts here.
+    jumps = tuple(Jump(Place(s, s, s), math.nan, math.nan, math.nan, math.nan) for s in stamps)
+    parts = (
+        _clock(name, piece, f"{field}.pieces[{number}]", path, problems)
+        for number, piece in enumerate(pieces)
     )
+    one = ClockEstimate(name, 0, "determined", jumps=jumps, pieces=tuple(parts))
+    return replace(one, **numbers)
 
 
 def _rows(told: "dict[str, Any]", key: str) -> "list[dict[str, Any]]":
@@ -143,8 +135,7 @@ def _rows(told: "dict[str, Any]", key: str) -> "list[dict[str, Any]]":
 
 def _number(value: object) -> float:
     """A number, NaN where it is none."""
-    known = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(value) if known else math.nan  # type: ignore[arg-type]
+    return float(value) if isinstance(value, int | float) else math.nan
 
 
 def _regular(sources: "list[Source]", rate: float) -> "Array":

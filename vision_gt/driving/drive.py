@@ -13,6 +13,7 @@ from validation.shown import Shown
 from validation.trajectories.clock.estimate import sync
 from validation.trajectories.clock.jumps import parted
 from validation.trajectories.clock.result import ClockEstimate
+from validation.trajectories.smoothing.clocked import clocked
 from validation.trajectories.smoothing.fusion import fuse
 from validation.trajectories.smoothing.source import Fused, Source
 from vision_gt.driving.links import Clock, Links
@@ -183,18 +184,7 @@ def _source(stream: Stream, clock: ClockEstimate | None) -> Source:
     """A camera's poses with what is known of its clock."""
     trajectory = stream.trajectory(whole=False)
     assert trajectory is not None  # a stream without one has no clock
-    if clock is None:
-        return Source(trajectory)
-    drift = (clock.drift_low_ppm, clock.drift_high_ppm)
-    known = bool(np.isfinite(drift).all())
-    return Source.late(
-        trajectory,
-        clock.delay_s,
-        (clock.low_s, clock.high_s),
-        clock.drift_ppm if known else 0.0,
-        drift if known else None,
-        clock.at_s + clock.epoch,
-    )
+    return clocked(trajectory, clock)[0]
 
 
 def _with_shared(fused: Fused, streams: Sequence[Stream], sources: Sequence[Source]) -> Trajectory:

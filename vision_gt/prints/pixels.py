@@ -138,7 +138,8 @@ def choose_pixels(
         row, column = np.divmod(places, shape[1])
         index.append((row + y) * width + (column + x))
     if patches is None:
-        patches = flat.patches(low.astype(float), np.maximum(high - 1, low).astype(float))
+        last = np.array([width, height]) - 1.0
+        patches = flat.patches(*(np.clip(end, 0.0, last) for end in (low, high - 1)))
     return Chosen(tuple(index), sure, reach, patches)
 
 

@@ -9,6 +9,9 @@ from click.testing import CliRunner
 from fusion_drives import drive
 
 from validation.cli import main
+from validation.errors import GtvalError
+from validation.trajectories.clock.result import ClockEstimate
+from validation.trajectories.smoothing.clocked import clocked
 
 pytest.importorskip(
     "validation.trajectories.formats.reading", reason="trajectories are read by another room"
@@ -113,3 +116,11 @@ def test_a_delay_that_is_not_known_is_an_error_with_its_place(files):
     )
     assert done.exit_code == 2
     assert "gtval sync" in done.output
+
+
+def test_a_source_whose_delay_nothing_tells_is_refused(files):
+    made, _ = files
+    own = made.sources[0].trajectory
+    untold = ClockEstimate(own.system, own.epoch, "not_determinable", "nothing moves")
+    with pytest.raises(GtvalError, match="nothing moves"):
+        clocked(own, untold)
