@@ -96,13 +96,11 @@ def _clock(
     name: str, told: "dict[str, Any]", field: str, path: Path, problems: "list[Problem]"
 ) -> "ClockEstimate":
     """The clock of a source, or of a part of it between jumps; what is wrong joins ``problems``."""
-    from dataclasses import replace
-
     from validation.errors import Problem
     from validation.trajectories.clock.result import ClockEstimate, Jump, Place
 
     keys = ("delay_s", "low_s", "high_s", "at_s", "drift_ppm", "drift_low_ppm", "drift_high_ppm")
-    numbers = {key: _number(told.get(key)) for key in keys}
+    numbers: dict[str, Any] = {key: _number(told.get(key)) for key in keys}
     for key in keys[:3]:
         if not math.isfinite(numbers[key]):
             words = f"no delay is known for '{name}'; see its verdict, or leave it out"
@@ -123,8 +121,7 @@ def _clock(
         _clock(name, piece, f"{field}.pieces[{number}]", path, problems)
         for number, piece in enumerate(pieces)
     )
-    one = ClockEstimate(name, 0, "determined", jumps=jumps, pieces=tuple(parts))
-    return replace(one, **numbers)
+    return ClockEstimate(name, 0, "determined", jumps=jumps, pieces=tuple(parts), **numbers)
 
 
 def _rows(told: "dict[str, Any]", key: str) -> "list[dict[str, Any]]":
