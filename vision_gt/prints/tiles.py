@@ -1,7 +1,5 @@
 """How uncertain corners are where a fit leaves the same misfit side by side."""
 
-import itertools
-
 import numpy as np
 import numpy.typing as npt
 
@@ -52,22 +50,16 @@ def excess_of_tiles(rest: Rest, slopes: Array, variance: Array, cells: int) -> A
     square = np.swapaxes(by_corner, 1, 2) @ by_corner
     inverse = rest.inverse
     single = (square * inverse[:, :BLUR, :BLUR]).sum((1, 2))
-    normal = inverses(inverse)
     tile = TILE if rest.state.radius is None else TILE_SHARPENED
-    numbers, along = _quarters(rest.lit, cells, tile / 2)
-    found = np.ones(len(slopes))
-    for i, number in enumerate(numbers):
-        own, pulls = _of_quarters(rest, i, number, along)
-        more = 0.0
-        for place in (0, 1):
-            own_tiles, pull = _joined(own, place), _joined(pulls, place)
-            moves, spread = _without(normal[i] - own_tiles, pull)
-            noise = spread.sum(0) - len(spread) * inverse[i, :BLUR, :BLUR]
-            more += float(((moves @ square[i]) * moves).sum()) / variance[i]
-            more -= float((square[i] * noise).sum())
-        # A tile without which nothing holds the fit (no number) tells nothing of the others.
-        found[i] = np.fmax(1 + more / 2 / single[i], 1.0)
-    return found
+    quarters = _of_quarters(rest, *_quarters(rest.lit, cells, tile / 2))
+    own, pulls = (
+        np.concatenate([_joined(part, place) for place in (0, 1)], 1) for part in quarters
+    )
+    moves, spread = _without(inverses(inverse)[:, None] - own, pulls)
+    noise = spread.sum(1) - own.shape[1] * inverse[:, :BLUR, :BLUR]
+    more = ((moves @ square) * moves).sum((1, 2)) / variance - (square * noise).sum((1, 2))
+    # A tile without which nothing holds the fit (no number) tells nothing of the others.
+    return np.asarray(np.fmax(1 + more / 2 / single, 1.0))
 
 
 def _quarters(lit: Floats, cells: int, side: float) -> tuple[Ints, int]:
@@ -82,51 +74,58 @@ def _quarters(lit: Floats, cells: int, side: float) -> tuple[Ints, int]:
     return row * along + column, along
 
 
-def _of_quarters(rest: Rest, one: int, number: Ints, along: int) -> tuple[Array, Array]:
-    """Normal matrices (s, s, u, u) and pulls (s, s, u) of the quarters of a print's tiles."""
-    counted = np.flatnonzero(rest.weights[one])
-    number = number[counted]
-    order = np.argsort(number, kind="stable")
-    counted, number = counted[order], number[order]
-    jacobian, weighted = (part[one].take(counted, 1) for part in (rest.jacobian, rest.weighted))
-    starts = np.flatnonzero(np.diff(number, prepend=-1))
-    unknowns = len(jacobian)
-    own = np.zeros((along * along, unknowns, unknowns))
-    pulls = np.zeros((along * along, unknowns))
-    if len(starts):
-        says = weighted * rest.left[one].take(counted)
-        pulls[number[starts]] = np.add.reduceat(says, starts, axis=1).T
-        for first, end in itertools.pairwise([*starts.tolist(), len(number)]):
-            own[number[first]] = weighted[:, first:end] @ jacobian[:, first:end].T
-    return own.reshape(along, along, unknowns, unknowns), pulls.reshape(along, along, unknowns)
+def _of_quarters(rest: Rest, number: Ints, along: int) -> tuple[Floats, Floats]:
+    """Normal matrices (m, s, s, u, u) and pulls (m, s, s, u) of the quarters of tiles."""
+    m, u, _ = rest.jacobian.shape
+    count = along * along
+    number = np.where(rest.weights > 0, number, count).astype(np.uint16)
+    own = np.zeros((m, count, u, u), dtype=np.float32)
+    pulls = np.zeros((m, count, u), dtype=np.float32)
+    for i in range(m):
+        order = np.argsort(number[i], kind="stable")
+        ends = number[i].take(order).searchsorted(np.arange(count + 1))
+        order = order[: ends[-1]]
+        jacobian, weighted = (part[i].take(order, 1) for part in (rest.jacobian, rest.weighted))
+        filled = np.flatnonzero(np.diff(ends))
+        if not len(filled):
+            continue
+        starts, says = ends[filled], weighted * rest.left[i].take(order)
+        pulls[i, filled] = np.add.reduceat(says, starts, axis=1).T
+        parts = zip(filled.tolist(), starts.tolist(), ends[filled + 1].tolist(), strict=True)
+        for q, first, end in parts:
+            np.dot(weighted[:, first:end], jacobian[:, first:end].T, out=own[i, q])
+    return own.reshape(m, along, along, u, u), pulls.reshape(m, along, along, u)
 
 
-def _joined(quarters: Array, place: int) -> Array:
-    """(t, ...) sums over tiles of four of the quarters (s, s, ...), the first ``place`` cut off."""
-    s = len(quarters)
-    after = (s + place) % 2
-    rest = quarters.shape[2:]
-    wide = np.zeros((s + place + after, s + place + after, *rest))
-    wide[place : place + s, place : place + s] = quarters
-    half = len(wide) // 2
-    return np.asarray(wide.reshape(half, 2, half, 2, *rest).sum((1, 3)).reshape(-1, *rest))
+def _joined(quarters: Floats, place: int) -> Floats:
+    """(m, t, ...) sums over tiles of four of the quarters (m, s, s, ...), ``place`` cut off."""
+    m, s = quarters.shape[:2]
+    rest = quarters.shape[3:]
+    size = s + 1 + (s + 1) % 2
+    wide = np.zeros((m, size, size, *rest), dtype=quarters.dtype)
+    wide[:, place : place + s, place : place + s] = quarters
+    half = size // 2
+    return np.asarray(wide.reshape(m, half, 2, half, 2, *rest).sum((2, 4))).reshape(m, -1, *rest)
 
 
-def _without(normal: Array, pulls: Array) -> tuple[Array, Array]:
-    """Moves (t, 8) of the homography by pulls (t, u), and its covariances (t, 8, 8).
+def _without(normal: Array, pulls: Floats) -> tuple[Array, Array]:
+    """Moves (m, t, 8) of the homography by pulls (m, t, u), and its covariances (m, t, 8, 8).
 
-    By normal matrices (t, u, u); NaN where one holds nothing. Of the unknowns in the other order,
-    with the pull as one more, the factor of Cholesky ends in the homography's own part.
+    By normal matrices (m, t, u, u); NaN where one holds nothing. Of the unknowns in the other
+    order, with the pull as one more, the factor of Cholesky ends in the homography's own part.
     """
-    t, u = pulls.shape
-    turned = np.zeros((t, u + 1, u + 1))
-    turned[:, :u, :u] = normal[:, ::-1, ::-1]
-    turned[:, u, :u] = pulls[:, ::-1]
-    turned[:, u, u] = _MORE_THAN_ANY
+    m, t, u = pulls.shape
+    turned = np.zeros((m, t, u + 1, u + 1))
+    turned[..., :u, :u] = normal[..., ::-1, ::-1]
+    turned[..., u, :u] = pulls[..., ::-1]
+    turned[..., u, u] = _MORE_THAN_ANY
     try:
-        factor = np.linalg.cholesky(turned)[:, u - BLUR :, u - BLUR :]
+        factor = np.linalg.cholesky(turned)[..., u - BLUR :, u - BLUR :]
     except np.linalg.LinAlgError:
-        return np.full((t, BLUR), np.nan), np.full((t, BLUR, BLUR), np.nan)
-    inverse = np.linalg.inv(factor[:, :BLUR, :BLUR])
-    moves = (factor[:, BLUR:, :BLUR] @ inverse)[:, 0, ::-1]
-    return moves, (np.swapaxes(inverse, 1, 2) @ inverse)[:, ::-1, ::-1]
+        if m == 1:
+            return np.full((1, t, BLUR), np.nan), np.full((1, t, BLUR, BLUR), np.nan)
+        alone = [_without(normal[[i]], pulls[[i]]) for i in range(m)]
+        return np.concatenate([one for one, _ in alone]), np.concatenate([one for _, one in alone])
+    inverse = np.linalg.inv(factor[..., :BLUR, :BLUR])
+    moves = (factor[..., BLUR:, :BLUR] @ inverse)[..., 0, ::-1]
+    return moves, (np.swapaxes(inverse, -1, -2) @ inverse)[..., ::-1, ::-1]
