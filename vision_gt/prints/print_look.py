@@ -121,9 +121,9 @@ def whiteness(cells: Floats, at: Places, blur: Array, boundaries: tuple[int, int
         up += steps_x[:, None, k] * rise[:, k]
     up[0, 0] += first[0]
     up[0, 1:] += np.diff(first, axis=0)
-    white, by_x, wider_x = up[:, 0] + (steps_y[0] * up[:, 1:]).sum(1)
-    by_y, both = (steps_y[1] * up[:2, 1:]).sum(1)
-    wider_y, bent = (steps_y[2] * up[::2, 1:]).sum(1)
+    white, by_x, wider_x = _summed(steps_y[0], up) + up[:, 0]
+    by_y, both = _summed(steps_y[1], up[:2])
+    wider_y, bent = _summed(steps_y[2], up[::2])
     aslant = blur * blur * at.slant
     squeeze = at.slant / (at.along_x * at.along_y)
     white += aslant * both + 0.5 * squeeze * aslant * bent
@@ -176,6 +176,14 @@ def _steps(place: Floats, width: Floats, half: float, count: int) -> tuple[Ints,
     np.multiply(steps[1], z, out=steps[2])
     np.negative(steps[2], out=steps[2])
     return first, steps
+
+
+def _summed(steps: Floats, up: Floats) -> Floats:
+    """What rises (q, rows + 1, m, n), from the second row on, times steps (rows, m, n)."""
+    found = steps[0] * up[:, 1]
+    for k in range(1, len(steps)):
+        found += steps[k] * up[:, k + 1]
+    return np.asarray(found)
 
 
 def _fill_share_below(z: Floats, bell: Floats, share: Floats) -> None:

@@ -199,8 +199,9 @@ def steps_to_rest(
         if step == 1 and fresh:
             # Neither the light nor the amount has a start of its own: the first look tells them.
             state = _lit(state, by_light, more.amount, seen)
-            look, more = _look(state, seen.cells, at)
-            fill_by_light(lit, look.white, by_light)
+            if more.amount is not None:
+                look, more = _look(state, seen.cells, at)
+                fill_by_light(lit, look.white, by_light)
         residual = seen.grey - (state.light[:, None].astype(single) @ by_light)[:, 0]
         _jacobian(look, lit, state.light, more, jacobian)
         judge = settled & ~plain & (rounds < _MOST_ROUNDS)
@@ -220,7 +221,6 @@ def steps_to_rest(
         alive = np.asarray(moved < _DIVERGED)
         done = _small(moved, enough, change, state) & (plain | (rounds >= _MOST_ROUNDS))
         if together:
-            done &= np.abs(change[:, BLUR]) < _BLURS
             done &= bool((done | ~alive).all()) or step >= _ALL_TOGETHER
         if done.any():
             # The last step was small: what it changed is linear.
@@ -309,17 +309,19 @@ def haloes(rest: Rest, cells: Floats) -> Array:
         Of its prints.
     """
     large = np.sqrt(variances(rest)) > HALO_FROM * rest.state.contrast
+    share = np.zeros(len(large))
     if not large.any():
-        return np.zeros(len(large))
-    wide = np.hypot(rest.state.blur, HALO_WIDTH)
-    at = Places(*(getattr(rest.at, one.name)[:, ::_EVERY] for one in fields(Places)))
+        return share
+    some, cells = np.s_[large, ::_EVERY], cells[large]
+    wide = np.hypot(rest.state.blur[large], HALO_WIDTH)
+    at = Places(*(getattr(rest.at, one.name)[some] for one in fields(Places)))
     soft = whiteness(cells, at, wide, boundaries(at, wide, cells)).white
-    jacobian, weighted = rest.jacobian[..., ::_EVERY], rest.weighted[..., ::_EVERY]
+    jacobian, weighted = (part[large, :, ::_EVERY] for part in (rest.jacobian, rest.weighted))
     # Of fewer pixels the normal matrix is as much smaller.
-    tried = jacobian, weighted, _EVERY * rest.inverse
-    weights, left = rest.weights[:, ::_EVERY], rest.left[:, ::_EVERY]
-    share = share_explained(rest.look.white[:, ::_EVERY] - soft, tried, weights, left)
-    return np.where(large, share, 0.0)
+    tried = jacobian, weighted, _EVERY * rest.inverse[large]
+    change = rest.look.white[some] - soft
+    share[large] = share_explained(change, tried, rest.weights[some], rest.left[some])
+    return share
 
 
 def bend_of(rest: Rest) -> tuple[float, Array]:
@@ -358,8 +360,10 @@ class _More:
 
 
 def _small(moved: Array, enough: float, change: Array, state: State) -> Mask:
-    """Whether (m,) steps are small, in corners and in the bend of the tone curve."""
+    """Whether (m,) steps are small, in corners, in the blur and in the bend of the tone curve."""
     small = np.asarray(moved < enough)
+    if enough == _NEARLY:
+        small &= np.abs(change[:, BLUR]) < _BLURS
     return small if state.bend is None else small & (np.abs(change[:, -1]) < _BENDS)
 
 
