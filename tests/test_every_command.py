@@ -14,6 +14,8 @@ from every_command import BOARD, FORMS, USES, commands
 
 from validation.cli import main
 
+pytestmark = pytest.mark.xdist_group("every command")  # one set of samples for all
+
 COLUMNS = 80
 SLOW = {"rtk scanner", "vision check-survey", "vision check-table"}
 QUICK = [*sorted(set(USES) - SLOW), *FORMS]
@@ -79,7 +81,10 @@ def without_paths(text: str) -> str:
     return re.sub(r"\S*/\S*", "PATH", text)
 
 
-LONG = ("demo", "report", "laser drive", "vision calibrate", "fuse: with odometry")
+LONG = (
+    *("demo", "report", "laser drive", "fuse: with odometry"),
+    *("vision calibrate", "vision solve", "vision check-displacement", "vision decide"),
+)
 """Commands of seconds: their two runs on two screens are left to the full tests."""
 
 

@@ -1,6 +1,6 @@
 """What a person should read about a laser GT."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +20,11 @@ MISFIT = 1.5
 their covariances allow. A judgement: 20 stops with three matches each have some 120 degrees of
 freedom, of which chance makes a factor of 1.07; a covariance that is off by a factor of two
 does no harm to the poses."""
+
+MOST_HANGING = 3
+"""Matches that nothing checks that are told one by one: more have one cause, as a rule."""
+MOST_NAMED = 8
+"""Names of a list that a finding shows; the tables have all."""
 
 
 def laser_findings(outcome: LaserOutcome) -> list[Finding]:
@@ -100,7 +105,7 @@ def _of_solution(solution: LaserSolution) -> Iterator[Finding]:
     )
     doubt = (Size("matches that may be wrong", count["may be wrong"], "matches"),)
     yield Finding("note" if count["may be wrong"] else "good", text, who, "verdicts", doubt)
-    yield from _of_hanging(solution, who)
+    yield from hanging_findings(solution, who)
     yield from _of_gaps(solution, who)
     if solution.parts.max() > 0:
         groups = "; ".join(
@@ -154,11 +159,14 @@ def _moving(outcome: LaserOutcome) -> Iterator[Finding]:
         yield Finding("warning", text, "laser", "moving_stops", sizes)
 
 
-def _of_hanging(solution: LaserSolution, who: str) -> Iterator[Finding]:
+def hanging_findings(solution: LaserSolution, who: str) -> Iterator[Finding]:
     """Matches that may be wrong, and that stops are placed by all the same."""
+    if len(solution.hanging) > MOST_HANGING:
+        yield _many_hanging(solution, who)
+        return
     for one, stops in solution.hanging:
         text = (
-            f"the stops {', '.join(stops)} are placed by the match {one.reference} - {one.moving} "
+            f"the stops {_listed(stops)} are placed by the match {one.reference} - {one.moving} "
             f"alone. It may be wrong: {'; '.join(one.reasons)}. Their covariance counts in that "
             f"one of {1 / WRONG_SHARE:.0f} such matches is. Look at it (`gtval laser inspect`) and "
             "decide, or survey one of them"
@@ -167,11 +175,35 @@ def _of_hanging(solution: LaserSolution, who: str) -> Iterator[Finding]:
         yield Finding("warning", text, who, "hanging_stops", size)
 
 
+def _many_hanging(solution: LaserSolution, who: str) -> Finding:
+    """The same as one finding, those that most stops hang on first."""
+    found = sorted(solution.hanging, key=lambda one: -len(one[1]))
+    every = {stop for _, stops in found for stop in stops}
+    told = [f"{one.reference} - {one.moving} ({len(stops)} stops)" for one, stops in found]
+    text = (
+        f"{len(every)} stops are placed by {len(found)} matches that may be wrong, and that "
+        f"nothing else checks: {_listed(told)}. Their covariance counts in that one of "
+        f"{1 / WRONG_SHARE:.0f} such matches is. Look at them (`gtval open`, or `gtval laser "
+        "inspect`) and decide, or survey some of the stops"
+    )
+    sizes = (
+        Size("stops placed by it", len(every), "stops"),
+        Size("matches that nothing checks", len(found), "matches"),
+    )
+    return Finding("warning", text, who, "hanging_stops", sizes)
+
+
+def _listed(names: Sequence[str]) -> str:
+    """The first few of some names."""
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED + 1 else ""
+    return ", ".join(names[:MOST_NAMED] if more else names) + more
+
+
 def _of_gaps(solution: LaserSolution, who: str) -> Iterator[Finding]:
     """Stops without a pose, and what would close each gap."""
     for gap in solution.gaps:
         many = len(gap.stops) > 1
-        stops = f"the stops {', '.join(gap.stops)} have" if many else f"stop {gap.stops[0]} has"
+        stops = f"the stops {_listed(gap.stops)} have" if many else f"stop {gap.stops[0]} has"
         them = "them" if many else "it"
         text = f"{stops} no pose: no match that can be used joins {them} with a placed stop. "
         waiting = [one for one in gap.matches if one.verdict == "may be wrong"]

@@ -41,6 +41,8 @@ ENGINE: Engine = "scanmatch"
 MOST_HERE = 30
 """Pairs that are matched in this process, in seconds; more in one of their own, whose memory ends
 with it. A judgement: what a few decisions ask for."""
+MOST_OBJECTIONS = 2
+"""Kinds of objection that are decided on together; with more a match is looked at by itself."""
 MOST_WAITED = 30.0
 """Seconds; the page itself gives up after a minute."""
 Pair = tuple[str, str]
@@ -117,12 +119,12 @@ class Seen:
         return objections(one, self.settings.judgement)
 
     def sole_objections(self) -> dict[str, list[Match]]:
-        """Matches held up by one kind of objection alone, by that kind, the most common first."""
+        """Matches held up by one kind of objection alone, or by two, the most common first."""
         found: dict[str, list[Match]] = {}
         for one in self.matching.of("may be wrong"):
             kinds = {kind_of(reason) for reason in self.objections(one)}
-            if len(kinds) == 1:
-                found.setdefault(kinds.pop(), []).append(one)
+            if len(kinds) <= MOST_OBJECTIONS:
+                found.setdefault("; ".join(sorted(kinds)), []).append(one)
         return dict(sorted(found.items(), key=lambda item: -len(item[1])))
 
 

@@ -169,7 +169,7 @@ class OpenMatches:
         return await _answer(made)
 
     async def batch(self, request: "Request", device: "Device") -> "Response":
-        """Accept all whose only objection is of one kind, or say what that would place.
+        """Accept all that are held up by the same alone, or say what that would place.
 
         Both are of the files as they are now. What is accepted are the pairs that the page has
         shown, or none.
@@ -206,7 +206,7 @@ class OpenMatches:
 
 
 def _accepting(seen: "Seen", kind: str, by: str) -> "list[Decision]":
-    """Decisions that accept all matches with that one objection.
+    """Decisions that accept all matches with those objections and no other.
 
     Raises
     ------
@@ -218,7 +218,7 @@ def _accepting(seen: "Seen", kind: str, by: str) -> "list[Decision]":
     some = seen.sole_objections().get(kind, [])
     if not some:
         raise GtvalError("no match is held up by that alone any more")
-    note = f"all with the one objection: {kind}"
+    note = f"all held up only by: {kind}"
     return [Decision(one.reference, one.moving, "accept", None, by, note) for one in some]
 
 

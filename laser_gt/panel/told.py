@@ -7,7 +7,7 @@ import numpy as np
 
 from laser_gt.logs.decisions import Decision
 from laser_gt.matching.verdicts import Match
-from laser_gt.panel.bench import Pair, Seen, by_need
+from laser_gt.panel.bench import ENGINE, Pair, Seen, by_need
 from laser_gt.scans.evidence import Prepared, evidence
 from laser_gt.scans.planar import transform
 from validation.poses.angles import Array
@@ -128,11 +128,14 @@ def _loops(seen: Seen, one: Match) -> list[dict[str, Any]]:
 def summary_told(seen: Seen) -> Mapping[str, Any]:
     """How many are of which verdict, and how many stops are placed."""
     placed = seen.placed()
+    solution = seen.outcome.solutions.get(ENGINE)
+    hanging = {stop for _, some in solution.hanging for stop in some} if solution else set()
     stops = seen.outcome.inputs.stops
     return {
         "counts": {verdict.replace(" ", "_"): n for verdict, n in seen.matching.counts.items()},
         "placed": len(placed),
         "stops": len(stops),
+        "hanging": len(hanging),
         "lost": [stop for stop in stops if stop not in set(placed)],
         "kinds": [
             {"kind": kind, "count": len(some)} for kind, some in seen.sole_objections().items()

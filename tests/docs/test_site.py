@@ -78,6 +78,13 @@ def pages(site):
 pytestmark = pytest.mark.xdist_group("site")
 
 
+def test_a_group_of_tests_stays_in_one_process(request):
+    """Otherwise both processes build what the group shares, or one waits for the other."""
+    if not getattr(request.config.option, "loadgroup", False):
+        pytest.skip("tests are not grouped in this run")
+    assert request.node.nodeid.endswith("@site")
+
+
 def test_every_link_leads_somewhere(pages):
     dead = []
     for page, found in pages.items():

@@ -11,6 +11,7 @@ const LETTERS = { j: () => go(1), k: () => go(-1), a: () => decide("accept"), r:
 const scans = new Scans($("scans"), moved);
 let pair = null; // what the server said of the pair that is shown
 let wanted = 0; // the number of the pair asked for last
+let chosen = ""; // its name, which outlives the list
 let before = null; // the match as it was before the scan was moved
 let trial = null; // the guess that was tried last
 let trying = false, tryNext = null;
@@ -44,6 +45,7 @@ function say(content, bad = false) {
 async function choose(button, focus = false) {
   if (!button) return;
   wanted += 1;
+  chosen = key(button);
   const asked = wanted;
   for (const one of rows()) one.removeAttribute("aria-current");
   button.setAttribute("aria-current", "true");
@@ -250,8 +252,6 @@ function filtered() {
 }
 
 async function renew() {
-  const current = document.querySelector("#pairs [aria-current]");
-  const name = current && key(current);
   const scrolled = [$("choose").scrollTop, $("pairs")?.scrollTop ?? 0];
   const focused = document.activeElement?.closest("#pairs button");
   const again = focused && key(focused);
@@ -259,7 +259,7 @@ async function renew() {
   filtered();
   $("choose").scrollTop = scrolled[0];
   if ($("pairs")) $("pairs").scrollTop = scrolled[1];
-  const button = name ? row(name) : rows()[0];
+  const button = row(chosen) ?? rows()[0]; // chosen while the list was asked for, too
   if (again) row(again)?.focus({ preventScroll: true });
   if (button) await choose(button);
 }

@@ -23,6 +23,9 @@ def contents(folder):
     }
 
 
+pytestmark = pytest.mark.xdist_group("demo")  # one run for all
+
+
 @pytest.fixture(scope="module")
 def computed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("demo") / "copy"

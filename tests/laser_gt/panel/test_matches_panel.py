@@ -12,6 +12,8 @@ from web_browser import DESKTOP, PHONE, open_browser, sized
 
 from laser_gt.logs.decision_file import decision_history, read_decisions
 
+pytestmark = pytest.mark.xdist_group("matches")  # one room for all
+
 STOPS = ("1", "2", "3")
 PAIRS = (("1", "2"), ("1", "3"), ("2", "3"))
 

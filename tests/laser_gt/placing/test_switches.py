@@ -1,11 +1,12 @@
 """Matches that may be wrong, decided by the graph of the others."""
 
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
 
+from laser_gt.campaign.findings import hanging_findings
 from laser_gt.matching.verdicts import JudgementSettings, Match, with_verdict
 from laser_gt.placing.anchors import Surveyed
 from laser_gt.placing.engines import Matching
@@ -20,7 +21,7 @@ FLAWLESS = {
     "rival": -0.5, "surprise": 1.0,
 }  # fmt: skip
 DOUBTFUL = {"violating": 0.1}
-NAMES = "abcdefgh"
+NAMES = "abcdefghijkl"
 
 
 def _stops(count):
@@ -103,6 +104,19 @@ def test_stops_behind_a_match_that_nothing_checks_are_placed_and_it_is_named():
     # a tenth of the guess's variance, for a tenth of such matches is wrong
     assert sigma[2, 0] == pytest.approx(np.sqrt(WRONG_SHARE) * SIGMAS[0], rel=0.1)
     assert sigma[1, 0] < 0.01
+
+
+def test_many_matches_that_nothing_checks_are_one_finding():
+    names = "abcdefghijkl"
+    poses = _stops(len(names))
+    chain = [_match(poses, *pair, DOUBTFUL) for pair in pairwise(names)]
+    found = _solved(poses, chain)
+    (told,) = hanging_findings(found, "laser_scanmatch")
+    assert "11 stops are placed by 11 matches" in told.text
+    assert "a - b (11 stops)" in told.text
+    assert "and 3 more" in told.text
+    assert [size.value for size in told.sizes] == [11, 11]
+    assert len(list(hanging_findings(_solved(poses, chain[:3]), "laser_scanmatch"))) == 3
 
 
 def test_every_group_with_a_surveyed_stop_is_placed_and_a_gap_says_what_would_close_it():

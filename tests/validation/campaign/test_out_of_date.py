@@ -41,8 +41,17 @@ class FileSystem(FixedSystem):
         return SystemResult([three_stops(self.name, shift + (self.name != "survey") * turn)])
 
 
+pytestmark = pytest.mark.xdist_group("out of date")  # one run for all
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the run of the first test is kept for the others."""
+    return tmp_path_factory.mktemp("kept") / "campaign"
+
+
 @pytest.fixture
-def folder(campaign_folder: Path, with_systems) -> Path:
+def folder(campaign_folder: Path, kept: Path, with_systems) -> Path:
     """A campaign of three systems, run; 'rig' starts from the survey and 'other' does not."""
     for name in ("survey", "rig", "other"):
         (campaign_folder / f"{name}.txt").write_text("0.0")
@@ -51,8 +60,10 @@ def folder(campaign_folder: Path, with_systems) -> Path:
         FileSystem("rig", file="rig.txt", starts_from_survey=True),
         FileSystem("other", file="other.txt"),
     )
-    run(campaign_folder)
-    return campaign_folder
+    if not kept.exists():
+        run(campaign_folder)
+        shutil.copytree(campaign_folder, kept)
+    return shutil.copytree(kept, campaign_folder, dirs_exist_ok=True)
 
 
 def run(folder: Path) -> None:

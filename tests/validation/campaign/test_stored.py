@@ -22,6 +22,9 @@ def printed(*arguments: str) -> dict:
     return json.loads(done.stdout)
 
 
+pytestmark = pytest.mark.xdist_group("stored")  # two runs for all
+
+
 @pytest.fixture(params=["ad23_run", "room_run"])
 def finished(request) -> tuple[Path, dict]:
     folder, done = request.getfixturevalue(request.param)

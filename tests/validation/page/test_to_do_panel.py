@@ -1,6 +1,7 @@
 """The list of what to do, and the run that is started, watched and stopped from the page."""
 
 import json
+import signal
 import sys
 
 import pytest
@@ -12,6 +13,14 @@ from validation.errors import GtvalError
 from validation.page.desk import Desk
 from validation.page.own.to_do import OpenToDo
 from validation.page.runner import Runner
+
+
+@pytest.fixture(autouse=True)
+def interrupted():
+    """A shell's background process ignores interrupts, and so would all that it starts."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def ended(runner):

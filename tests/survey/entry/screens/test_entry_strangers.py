@@ -74,6 +74,7 @@ def test_connections_that_say_nothing_or_little_keep_nobody_out(served, ann):
     assert record(ann, "afterwards") in ids(served)
 
 
+@pytest.mark.full
 def test_a_body_that_comes_drop_by_drop_is_given_up(served, ann):
     before = ids(served)
     with connect(served) as slow:
