@@ -137,6 +137,8 @@ class Fused(Shown):
         For each source whether a frame's heading is off by half a turn.
     findings : tuple of Finding
         What a user should know, in words.
+    shared : (n, m, m) array or None
+        What errors that all sources share add to the covariances, where such were given.
     """
 
     trajectory: Trajectory
@@ -148,3 +150,4 @@ class Fused(Shown):
     weights: tuple[Array, ...]
     flips: tuple[npt.NDArray[np.bool_], ...]
     findings: tuple[Finding, ...]
+    shared: Array | None = None
