@@ -5,6 +5,8 @@ plain sentences with exit status 2. Bad files raise an :class:`InputError` that 
 bad places of the files read, not just the first.
 """
 
+import re
+import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,10 +20,15 @@ MAX_SHOWN_PROBLEMS = 20
 
 _MAX_SHOWN_VALUE = 60
 """Characters of a bad value, so that file, line and what was expected stay on its line."""
+_AGAIN = re.compile(r"([\x00-\x1f\x7f-\x9f\ufffd])\1+")
+"""One control character again and again: what a loss of power leaves in a file."""
 
 
 class GtvalError(Exception):
-    """A known error, told in plain words."""
+    """A known error, told in plain words; what a file put into them controls no terminal."""
+
+    def __str__(self) -> str:
+        return "".join(map(_harmless, super().__str__()))
 
 
 class FaultyResultError(GtvalError):
@@ -64,11 +71,24 @@ class Problem:
 
 
 def shown(value: str) -> str:
-    """The value in quotes, shortened, with unprintable characters escaped."""
-    short = value if len(value) <= _MAX_SHOWN_VALUE else value[: _MAX_SHOWN_VALUE - 1] + "…"
-    if not short.isprintable():
-        short = short.encode("unicode_escape").decode("ascii")
+    """The value in quotes, shortened, with unprintable characters escaped, runs of one once."""
+    short = "".join(map(_escaped, _AGAIN.sub(r"\1…", value)))
+    if len(short) > _MAX_SHOWN_VALUE:
+        short = short[: _MAX_SHOWN_VALUE - 1] + "…"
     return f"'{short}'"
+
+
+def _escaped(character: str) -> str:
+    """The character, escaped where it has no sign of its own."""
+    if character.isprintable():
+        return character
+    return character.encode("unicode_escape", "surrogatepass").decode("ascii")
+
+
+def _harmless(character: str) -> str:
+    """The character, escaped where it controls a terminal or has no place in a text."""
+    control = unicodedata.category(character).startswith("C") and character not in "\n\t"
+    return _escaped(character) if control else character
 
 
 class InputError(GtvalError):

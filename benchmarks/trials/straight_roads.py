@@ -5,10 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import special
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from data_samples.drives.drive import ANTENNAS
-from rtk_gt.campaign.solve import prepare, solve_offsets
+from rtk_gt.campaign.solve import offsets_of, prepare
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.path.antennas import Places
 from rtk_gt.path.choice import Choice, check_attitude
@@ -56,11 +57,14 @@ def road_of(
     slope: float = 1.0,
     bases: bool = True,
     eta: float = 1.75,
+    slow: float = 0.0,
+    memory: float = 30.0,
 ) -> Road:
     """A road whose headings span ``degrees``, at 8 m/s; or the vehicle stands.
 
     The slope changes by ``slope`` degrees along the road. With ``bases`` each receiver has its
-    own base station and an offset of metres, without it offsets are 0.
+    own base station and an offset of metres, without it offsets are 0. Errors of the receivers are
+    white, with slow ones of sigma ``slow`` beside them.
     """
     generator = np.random.default_rng(seed)
     t = np.arange(0.0, seconds, interval)
@@ -82,7 +86,13 @@ def road_of(
     R = Rotation.from_euler("ZYX", np.column_stack([yaw, pitch, roll])).as_matrix()
     offsets = np.vstack([np.zeros(3), generator.normal(size=(2, 3)) * bases * [3, 3, 1]])
     positions = place[:, None] + np.einsum("tij,rj->tri", R, ANTENNAS) - offsets
-    positions = positions + generator.standard_normal(positions.shape) * sigma * [1, 1, eta]
+    errors = generator.standard_normal(positions.shape) * sigma
+    if slow:
+        kept = np.exp(-interval / memory)
+        new = generator.standard_normal(positions.shape) * slow
+        new[1:] *= np.sqrt(1 - kept**2)
+        errors += lfilter([1.0], [1.0, -kept], new, axis=0)
+    positions = positions + errors * [1, 1, eta]
     distances = [np.linalg.norm(ANTENNAS[i] - ANTENNAS[j]) for i, j in ((0, 1), (0, 2), (1, 2))]
     poses = np.column_stack([place, yaw, pitch, roll])
     steps = Steps(NAMES, 1.7e9 + t, positions, np.full((len(t), 3), 4), SITE)
@@ -130,10 +140,10 @@ def solved(
     settings = settings or RtkSettings()
     ready = prepare(steps, settings)
     steps = ready.steps
-    chosen, _ = solve_offsets(steps, prior, settings, Places(ANTENNAS[:, 2]), ready.model)
+    chosen, _, model = offsets_of(ready, prior, settings, Places(ANTENNAS[:, 2]))
     rows = np.flatnonzero(steps.complete)[chosen.offsets.weights > 0]
     path = vehicle_path(
-        steps.select(rows), chosen.offsets, chosen.antennas, jumps=ready.jumps, model=ready.model
+        steps.select(rows), chosen.offsets, chosen.antennas, jumps=ready.jumps, model=model
     )
     check_attitude(path)
     return chosen, path

@@ -37,7 +37,9 @@ from validation.commands.options import AS_JSON, PATH, SEED, progress_bar
 @click.option("--receivers", type=click.IntRange(3, 5), default=3, show_default=True)
 @click.option("--scans", is_flag=True, help="Write the scans of both vertical scanners, too.")
 @click.option(
-    "--sensors", is_flag=True, help="Write a consumer GPS, an IMU and a camera's points, too."
+    "--sensors",
+    is_flag=True,
+    help="Write a consumer GPS, an IMU, a camera's points and a standing receiver, too.",
 )
 @click.option(
     "--images", is_flag=True, help="Draw the left camera's images, too: half a second each."

@@ -14,7 +14,13 @@ from data_samples.drives.drive import (
     Drive,
 )
 from data_samples.drives.images import camera_images, image_times
-from data_samples.drives.sensors import LENS, consumer_fixes, corner_sightings, imu_angles
+from data_samples.drives.sensors import (
+    LENS,
+    consumer_fixes,
+    corner_sightings,
+    imu_angles,
+    standing_fixes,
+)
 from rtk_gt.receivers.fixes import Fixes
 from rtk_gt.sensors.scans import LineScans
 from validation.poses.angles import Array
@@ -41,8 +47,8 @@ def write_drive(
     The truth goes to ``truth/``: the vehicle's pose at every second, the offsets, and where the
     sensors are. Scanners with scans go to ``scans/``, and campaign.toml has their places as
     measured by hand, with the errors that this has. With ``other_sensors`` the records of a
-    consumer GPS, an IMU and the left camera go to ``sensors/``, with ``images`` those of the left
-    camera, too, listed in ``sensors/left_camera_images.csv``.
+    consumer GPS, an IMU, the left camera and a receiver that stands go to ``sensors/``, with
+    ``images`` those of the left camera, too, listed in ``sensors/left_camera_images.csv``.
     """
     files: dict[str, str | bytes] = {
         f"rtk/{record.receiver}.nmea": nmea_text(record) for record in drive.records
@@ -80,12 +86,15 @@ def true_poses(drive: Drive) -> PoseTable:
 
 
 def sensor_files(drive: Drive) -> dict[str, str]:
-    """What the consumer GPS, the IMU and the left camera record, as the commands read it."""
+    """What other sensors and a receiver that stands record, as the commands read it."""
     generator = np.random.default_rng([drive.seed, 2])
     times, angles = imu_angles(drive, generator)
     seen, points, pixels = corner_sightings(drive, generator)
     return {
         "sensors/consumer.nmea": nmea_text(consumer_fixes(drive, generator)),
+        "sensors/standing.nmea": nmea_text(
+            standing_fixes(drive, np.random.default_rng([drive.seed, 3]))
+        ),
         "sensors/imu.csv": _csv("time,yaw,pitch,roll", np.column_stack([times, angles])),
         "sensors/left_camera_points.csv": _csv(
             "time,x,y,z,u,v", np.column_stack([seen, points, pixels])

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from data_samples.drives.drive import LEFT_CAMERA, START, Drive
+from data_samples.drives.drive import LEFT_CAMERA, START, Drive, DriveSettings
 from rtk_gt.path.orientation import matrix_of
-from rtk_gt.receivers.fixes import Bools, Fixes
+from rtk_gt.receivers.fixes import RTK_FIXED, Bools, Fixes
 from rtk_gt.sensors.camera_pose import Lens, in_camera
 from validation.poses.angles import Array
 
@@ -44,6 +44,26 @@ def consumer_fixes(drive: Drive, generator: np.random.Generator) -> Fixes:
         covariances=np.tile(np.diag(sigmas**2), (n, 1, 1)),
         lines=np.arange(1, n + 1),
         source=Path("consumer.nmea"),
+    )
+
+
+def standing_fixes(drive: Drive, generator: np.random.Generator) -> Fixes:
+    """A receiver that stands at the origin for half an hour before the drive, once a second."""
+    n = 1800
+    times = START - 2 * n + np.arange(float(n))
+    covariance = DriveSettings().noise.covariance
+    return Fixes(
+        receiver="standing",
+        times=times,
+        geodetic=drive.frame.to_geodetic(
+            generator.standard_normal((n, 3)) @ np.sqrt(covariance)  # it is diagonal
+        ),
+        kinds=np.full(n, RTK_FIXED),
+        satellites=np.full(n, 12),
+        hdop=np.full(n, 0.9),
+        covariances=np.tile(covariance, (n, 1, 1)),
+        lines=np.arange(1, n + 1),
+        source=Path("standing.nmea"),
     )
 
 

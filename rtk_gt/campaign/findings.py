@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rtk_gt.campaign.digits import coarse_heights, coarse_positions, too_coarse
 from rtk_gt.campaign.lasting_findings import (
     clock_findings,
     lasting_findings,
@@ -15,9 +16,7 @@ from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.offsets.checks import differences_said
 from rtk_gt.offsets.estimate import distance_names
 from rtk_gt.path.vehicle_path import heading_span, tilt_spread
-from rtk_gt.receivers.digits import UNIFORM, coarsest
 from rtk_gt.receivers.fixes import Fixes
-from rtk_gt.settings import RtkSettings
 from validation.poses.angles import Array
 from validation.results import Finding, Severity, Size
 
@@ -55,7 +54,7 @@ def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
         *_consistency(outcome),
         *clock_findings(outcome),
         *lasting_findings(outcome),
-        *unseen_findings(outcome),
+        *(() if too_coarse(outcome.records) else unseen_findings(outcome)),
         *_leaps(outcome),
         *_assumed(outcome),
         *_records(outcome),
@@ -354,7 +353,8 @@ def _records(outcome: RtkOutcome) -> Iterator[Finding]:
     """Remarks of the readers, and what they tolerated."""
     for record in outcome.records:
         yield from record_findings(record)
-    yield from _coarse(outcome)
+    yield from coarse_heights(outcome)
+    yield from coarse_positions(outcome.records, outcome.noise.sigma)
     yield from _eta_beside_stated(outcome)
 
 
@@ -367,22 +367,6 @@ def record_findings(record: Fixes) -> Iterator[Finding]:
         said = ", ".join(f"{what}: {count}" for what, count in record.tolerated.items())
         text = f"{record.source.name}, accepted: {said}."
         yield Finding("note", text, record.receiver, "tolerated")
-
-
-def _coarse(outcome: RtkOutcome) -> Iterator[Finding]:
-    """That heights are rounded so coarsely that it counts as noise."""
-    stated = outcome.campaign.section("rtk", RtkSettings).eta
-    if outcome.settings.eta <= stated:
-        return
-    name, step = coarsest(outcome.records)
-    text = (
-        f"The heights of receiver {name} have a last digit of {1000 * step:g} mm: rounding alone "
-        f"is off by {1000 * UNIFORM * step:.0f} mm. Vertical noise is taken as "
-        f"{outcome.settings.eta:.1f} times the horizontal one instead of {stated:g}. Heights that "
-        "are rounded alike err together for seconds: pitch and roll are poor all the same. Let the "
-        "receiver write three decimals of altitude."
-    )
-    yield Finding("warning", text, name, "coarse_heights", (Size("last digit", step, "m"),))
 
 
 def _eta_beside_stated(outcome: RtkOutcome) -> Iterator[Finding]:

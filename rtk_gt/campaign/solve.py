@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rtk_gt.campaign.digits import too_coarse
 from rtk_gt.campaign.inputs import antenna_places, check_places, load_drive, offset_prior
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.lasting.errors import smallest_seen
@@ -43,6 +44,10 @@ from validation.poses.earth_frames import LocalFrame
 from validation.processes import give_back_memory
 from validation.systems import Progress, no_progress
 
+ENOUGH = 300
+"""Steps from which on slow errors are looked for where the drive tells no distances: of 42 steps a
+second of white noise passed for some that last 5 s."""
+
 
 def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkOutcome:
     """The path of a campaign's vehicle, with all that is known of its quality.
@@ -69,14 +74,15 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
     give_back_memory()
     prior = offset_prior(settings, steps.frame)
     heights = OffsetPrior(heights=prior.heights)
-    ready = prepare(steps, settings, heights)
+    search = not too_coarse(records)
+    ready = prepare(steps, settings, heights, search=search)
     eta = rounded_eta(records, ready.quick.sigma, settings.eta)
     if eta > settings.eta:
         settings = settings.model_copy(update={"eta": eta})
-        ready = prepare(steps, settings, heights)
-    steps, jumps, model = ready.steps, ready.jumps, ready.model
+        ready = prepare(steps, settings, heights, search=search)
+    steps, jumps = ready.steps, ready.jumps
     check_units(prior, ready.quick, distance_names(steps.receivers))
-    chosen, stated = solve_offsets(steps, prior, settings, antenna_places(settings), model)
+    chosen, stated, model = offsets_of(ready, prior, settings, antenna_places(settings))
     offsets, antennas = chosen.offsets, chosen.antennas
     give_back_memory()
     noise = GpsNoise(settings.sigma or offsets.sigma, settings.eta)
@@ -159,7 +165,9 @@ class Prepared(NamedTuple):
     quick: Offsets
 
 
-def prepare(steps: Steps, settings: RtkSettings, prior: OffsetPrior | None = None) -> Prepared:
+def prepare(
+    steps: Steps, settings: RtkSettings, prior: OffsetPrior | None = None, *, search: bool = True
+) -> Prepared:
     """Recorded steps made ready: clocks set right, jumps and false fixes taken out.
 
     Parameters
@@ -170,6 +178,8 @@ def prepare(steps: Steps, settings: RtkSettings, prior: OffsetPrior | None = Non
         The table [rtk].
     prior : OffsetPrior, optional
         What is known of the antennas' heights, for `settle`.
+    search : bool
+        Whether errors that last are looked for at all: none can be told from coarse digits.
 
     Raises
     ------
@@ -177,12 +187,30 @@ def prepare(steps: Steps, settings: RtkSettings, prior: OffsetPrior | None = Non
         As `estimate_offsets`.
     """
     steps, clocks = right_clocks(steps, settings.eta)
-    steps, lasting, jumps = settle(steps, eta=settings.eta, robust=settings.robust, prior=prior)
+    looked_for = settings.robust and search
+    steps, lasting, jumps = settle(steps, eta=settings.eta, robust=looked_for, prior=prior)
     quick = estimate_offsets(
         steps, eta=settings.eta, robust=settings.robust, bent="never", prior=prior
     )
     model = error_model(steps, quick)
     return Prepared(steps, clocks, lasting, jumps, model, smallest_seen(steps, quick), quick)
+
+
+def offsets_of(
+    ready: Prepared, prior: OffsetPrior, settings: RtkSettings, places: Places
+) -> tuple[Choice, PriorCheck | None, ErrorModel | None]:
+    """The vehicle's offsets, what is stated beside the drive, and the model of slow errors.
+
+    Where the drive alone tells no distances, it tells nothing of its errors, but with what is
+    stated. Parameters and errors as of `solve_offsets`.
+    """
+    model = ready.model
+    chosen, stated = solve_offsets(ready.steps, prior, settings, places, model)
+    if model is None and not ready.quick.known and chosen.offsets.steps >= ENOUGH:
+        model = error_model(ready.steps, chosen.offsets)
+        if model is not None:
+            chosen, stated = solve_offsets(ready.steps, prior, settings, places, model)
+    return chosen, stated, model
 
 
 def solve_offsets(

@@ -16,6 +16,8 @@ GAIN = 46.0
 numbers chance makes that in one of 10^9 intervals; of 75 clean hours one came to 43."""
 GAIN_OF_MOTION = 50.0
 """The same where only the motion tells, as of all receivers: it has longer tails than noise."""
+LOOKED_AT = 30.0
+"""From which on such a jump is told where it is clearer against motions of any roughness."""
 SMALLEST = 0.03
 """Metres of the smallest jump that is told: a judgement, below the 5 cm of a base station whose
 coordinates are averaged anew, above what multipath does within a second."""
@@ -64,7 +66,7 @@ class Jumped:
 def jumped(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> Jumped:
     """What all intervals say of some causes."""
     n, p = seen.rods.shape[1:3]
-    c, count = len(causes), max(map(len, causes))
+    c, count, motion = len(causes), max(map(len, causes)), seen.values.shape[1] - p
     along = (seen.values @ seen.axes) / seen.sigmas
     found = Jumped(
         np.full((n, c), -np.inf), np.zeros((n, c), dtype=bool), np.zeros((n, c, 3)),
@@ -76,14 +78,14 @@ def jumped(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> Jumped:
         for ends in (False, True):
             gain, size, spread = fit_of(seen, cause, rows, ends)
             designs = seen.designs(cause, ends)[rows]
-            design = np.einsum("ji,nja->nia", seen.axes[:, -p:], designs)
-            change = np.einsum("npa,na->np", design / seen.sigmas[rows, -p:, None], size)
+            design = np.einsum("ji,nja->nia", seen.axes[:, motion:], designs)
+            change = np.einsum("npa,na->np", design / seen.sigmas[rows, motion:, None], size)
             told = np.square(change).sum(1)
             by_motion = told <= TELLING
-            agrees = by_motion | (2 * (change * along[rows, -p:]).sum(1) > told)
+            agrees = by_motion | (2 * (change * along[rows, motion:]).sum(1) > told)
             smallest = SMALLEST_OF_ALL if len(cause) == count else SMALLEST_IN_MOTION
             least = np.where(by_motion, smallest, SMALLEST)
-            gain = gain - np.where(by_motion, GAIN_OF_MOTION, GAIN)
+            gain = gain - np.where(by_motion, LOOKED_AT, GAIN)
             better = gain > found.gains[rows, k]
             at = rows[better]
             found.gains[at, k], found.by_motion[at, k] = gain[better], by_motion[better]

@@ -6,7 +6,7 @@ therefore differ by noise, unless the error of a receiver jumped. Distances of t
 whatever the vehicle does: their means before and after differ by noise alone.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
@@ -92,8 +92,11 @@ class Contrasts:
         count = (self.values.shape[1] - p) // 3
         hit = np.isin(np.arange(count), cause).astype(float)
         by_motion = np.kron(hit[:, None], np.eye(3))
+        whole = np.broadcast_to(by_motion, (n, 3 * count, 3))
+        if p == 0:
+            return whole
         by_distance = (pair_incidence(count) @ hit)[:, None] * rods
-        return np.concatenate([np.broadcast_to(by_motion, (n, 3 * count, 3)), by_distance], axis=1)
+        return np.concatenate([whole, by_distance], axis=1)
 
 
 def step_weights(side: int) -> Array:
@@ -185,6 +188,21 @@ def contrasts(
     axes, sigmas, floor = _scaled(values, moving, motion[0].size, 2 * max(side, averaged))
     freedom = _EFFICIENCY * n / max(side, averaged)
     return Contrasts(max(side, averaged), values, axes, sigmas, floor, freedom, directions, moving)
+
+
+def spoilt(seen: Contrasts, spread: float) -> Bools:
+    """(n,) True where the distances change by themselves by more than a spread, metres."""
+    motion = seen.values.shape[1] - seen.rods.shape[2]
+    return np.asarray(seen.moving & (seen.sigmas[:, motion:] > spread).any(1))
+
+
+def of_motion(seen: Contrasts) -> Contrasts:
+    """The same without what the distances say."""
+    motion = seen.values.shape[1] - seen.rods.shape[2]
+    values = seen.values[:, :motion]
+    axes, sigmas, floor = _scaled(values, seen.moving, motion, 2 * seen.window)
+    rods = seen.rods[:, :, :0]
+    return replace(seen, values=values, axes=axes, sigmas=sigmas, floor=floor, rods=rods)
 
 
 def _even(times: Array, side: int) -> Bools:

@@ -18,6 +18,7 @@ from rtk_gt.lasting.jumps import (
     passed,
 )
 from rtk_gt.lasting.lasting_error import LastingError, epochs_with
+from rtk_gt.lasting.lost_fixes import OFTEN, with_lost_fixes
 from rtk_gt.lasting.restarts import Motion, find_change
 from rtk_gt.lasting.unequal_rates import often, own_interval
 from rtk_gt.offsets.estimate import Offsets
@@ -27,8 +28,6 @@ from validation.poses.angles import Array
 
 FASTER = 1.5
 """Times as many epochs that some receivers must have together to be looked at by themselves."""
-_OFTEN = 0.6
-"""Share of the fixes of the most frequent receiver that others must have to go with it."""
 SPACING = 0.2
 """Seconds between the epochs that are looked at, of those that are nearer: all tell no more of what
 lasts for seconds, and a vehicle goes only so far in that time."""
@@ -69,18 +68,19 @@ def lasting_errors(steps: Steps, offsets: Offsets) -> list[LastingError]:
     offsets : Offsets
         Of the receivers, to a decimetre.
     """
-    steps = _placed(steps, offsets)
+    bad = _bad(steps, offsets)
+    steps = with_lost_fixes(_placed(steps, offsets))
     everyone = tuple(range(len(steps.receivers)))
-    rows, bad = _looked_at(steps, offsets)
-    found = _jumps(steps, rows, everyone, bad)
+    rows = _looked_at(steps)
+    found = _jumps(steps, rows, everyone, bad[rows])
     fast = _often(steps)
-    if fast is not None:
-        found = sorted([*found, *_alone(steps, fast, found)], key=lambda one: one.after)
+    for some in dict.fromkeys([*([] if fast is None else [fast]), *_while_one_lacks(steps)]):
+        found = sorted([*found, *_alone(steps, some, found)], key=lambda one: one.after)
     return _episodes(steps, found)
 
 
-def _looked_at(steps: Steps, offsets: Offsets) -> tuple[Ints, Bools]:
-    """Rows of the steps that are looked at, and which of them are single bad epochs.
+def _looked_at(steps: Steps) -> Ints:
+    """Rows of the steps that are looked at.
 
     Those of the receivers that write most often, if these are some but not all; else those at which
     all are fixed.
@@ -90,7 +90,14 @@ def _looked_at(steps: Steps, offsets: Offsets) -> tuple[Ints, Bools]:
     rows = every if fast is None else np.flatnonzero((steps.kinds[:, fast] == RTK_FIXED).all(1))
     if len(rows) <= FASTER * len(every):
         rows = every
-    return rows, np.isin(rows, every[_single(offsets)])
+    return rows
+
+
+def _bad(steps: Steps, offsets: Offsets) -> Bools:
+    """(t,) True at single bad epochs."""
+    found = np.zeros(len(steps), dtype=bool)
+    found[np.flatnonzero(steps.complete)[_single(offsets)]] = True
+    return found
 
 
 def _single(offsets: Offsets) -> Bools:
@@ -113,8 +120,25 @@ def _single(offsets: Offsets) -> Bools:
     return found
 
 
+def _while_one_lacks(steps: Steps) -> list[tuple[int, ...]]:
+    """All receivers but one that is not fixed for a while in which the others are."""
+    fixed = steps.kinds == RTK_FIXED
+    everyone = range(fixed.shape[1])
+    found = []
+    for k in everyone if len(everyone) > 2 else ():
+        others = tuple(j for j in everyone if j != k)
+        alone = fixed[:, others].all(1) & ~fixed[:, k]
+        runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[0], alone, [0]]))))[::2]
+        if len(runs) and runs.max() > 2 * EDGE:
+            found.append(others)
+    return found
+
+
 def _alone(steps: Steps, fast: tuple[int, ...], found: list[_Timed]) -> list[_Timed]:
-    """Jumps of those that write most often while the others have no fix."""
+    """Jumps of some receivers while the others have no fix.
+
+    Where all of these jump, and no distance to the others changes meanwhile, these jump, too.
+    """
     together = steps.times[steps.complete]
     if len(together) < 2:
         return []
@@ -126,7 +150,9 @@ def _alone(steps: Steps, fast: tuple[int, ...], found: list[_Timed]) -> list[_Ti
         gap = np.diff(together[max(at - 1, 0) : at + 1]).sum() if 0 < at < len(together) else np.inf
         near = any(abs(other.after - one.after) < 2 * gap for other in found)
         if gap > FASTER * usual and not (np.isfinite(gap) and near):
-            kept.append(one)
+            everyone = tuple(range(len(steps.receivers)))
+            who = everyone if len(one.jump.receivers) == len(fast) else one.jump.receivers
+            kept.append(replace(one, jump=replace(one.jump, receivers=who)))
     return kept
 
 
@@ -190,8 +216,10 @@ def changed(steps: Steps, offsets: Offsets) -> LastingError | None:
     rows = every[~_single(offsets)]
     rows = rows[:: max(len(rows) // MOST, 1)]
     placed = _placed(steps, offsets)
-    looked, bad = _looked_at(steps, offsets)
-    times, positions = _thinned(placed, looked, tuple(range(len(steps.receivers))), bad)
+    whole = with_lost_fixes(placed)
+    looked, bad = _looked_at(whole), _bad(steps, offsets)
+    everyone = tuple(range(len(steps.receivers)))
+    times, positions = _thinned(whole, looked, everyone, bad[looked])
     about = Motion(times, positions, _headings(positions))
     found = find_change(steps.times[rows], placed.positions[rows], offsets, about)
     if found is None:
@@ -219,7 +247,7 @@ def smallest_seen(steps: Steps, offsets: Offsets) -> float:
 
     Infinite where the steps are too few. Parameters as in `lasting_errors`.
     """
-    steps = _placed(steps, offsets)
+    steps = with_lost_fixes(_placed(steps, offsets))
     fast = _often(steps)
     least = np.inf
     for some in (tuple(range(len(steps.receivers))), *([] if fast is None else [fast])):
@@ -289,7 +317,7 @@ def _bridged(times: Array, positions: Array, bad: Bools) -> Array:
 def _often(steps: Steps) -> tuple[int, ...] | None:
     """Receivers that write most often, if they are some but not all."""
     fixes = (steps.kinds == RTK_FIXED).sum(0)
-    some = tuple(np.flatnonzero(fixes >= _OFTEN * fixes.max()).tolist())
+    some = tuple(np.flatnonzero(fixes >= OFTEN * fixes.max()).tolist())
     return some if 2 <= len(some) < len(fixes) else None
 
 

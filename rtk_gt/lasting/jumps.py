@@ -15,6 +15,7 @@ import numpy as np
 from rtk_gt.lasting.causes import (
     GAIN,
     GAIN_OF_MOTION,
+    LOOKED_AT,
     SMALLEST,
     SMALLEST_OF_ALL,
     UNSURE,
@@ -27,7 +28,7 @@ from rtk_gt.lasting.causes import (
     turned,
 )
 from rtk_gt.lasting.continuity import gain_over_motion
-from rtk_gt.lasting.contrasts import Contrasts, contrasts, sides_of
+from rtk_gt.lasting.contrasts import Contrasts, contrasts, of_motion, sides_of, spoilt
 from rtk_gt.lasting.unequal_rates import has_fix, often
 from rtk_gt.receivers.fixes import Ints
 from validation.poses.angles import Array
@@ -36,6 +37,8 @@ GAIN_OVER_MOTION = 40.0
 """The same against motion of any roughness about the interval, see `gain_over_motion`: in 2,700
 intervals without a jump, of drives that brake and turn, it was at most 34; of jumps of 10 cm of all
 receivers at 5 and 10 Hz and a noise of 6 mm at least 59."""
+CLEAR_OVER_MOTION = 60.0
+"""The same where the usual motion of the drive makes as much (`LOOKED_AT`)."""
 GAIN_WITHOUT_ONE = 12.0
 """The same without any one of the two epochs on either side, so that one false fix is no jump: of
 those intervals without a jump at most 10, of jumps of 10 cm less in one of 150."""
@@ -47,12 +50,18 @@ NEAR = 30.0
 LONGEST_FALSE = 120.0
 """Seconds after which a jump and one back are no false fix any more: a judgement, receivers check
 their ambiguities within a minute."""
-_ROUNDS = 12
-"""At most; each takes all jumps that are the greatest within their windows."""
+SPOILT, LARGE = 0.05, 0.15
+"""Metres by which means of distances over seconds usually change where they tell nothing, five
+times what noise makes; and of the jumps that motion must tell alone there."""
+_ROUNDS = 40
+"""At most; each takes the first jump of some receivers, and those of all before it."""
 BACK = 0.15
 """Share of a jump by which the jump back may differ, beside its sigmas: errors change meanwhile."""
 _AWAY = 16.0
 """Squared sigmas by which it may differ: three numbers pass that in one of 900."""
+ROUGH = 0.05
+"""Share of the gains of two jumps by which one size may be worse besides: antennas whose heights
+are a decimetre wrong explain a large jump no better."""
 ALIKE = 9.0
 """Gain by which a cause must be better than another to be told from it: 1 in 100 by chance."""
 
@@ -117,6 +126,7 @@ def find_jumps(
             jump for jump in _greatest(times, positions, headings, causes)
             if not jump.by_motion or all(abs(jump.row - one.row) > UNSURE for one in found)
         ]  # fmt: skip
+        new = _undisturbed(new, positions.shape[1])
         if not new:
             break
         for jump in new:
@@ -125,6 +135,16 @@ def find_jumps(
         found += new
     found = _merged(found)
     return sorted([*found, *_missing(times, positions, headings, found)], key=lambda one: one.row)
+
+
+def _undisturbed(found: list[Jump], receivers: int) -> list[Jump]:
+    """Jumps up to the first of some receivers, in the order of time.
+
+    While the error of one lasts, the distances change whenever the vehicle turns.
+    """
+    found = sorted(found, key=lambda one: one.row)
+    some = (n for n, one in enumerate(found) if len(one.receivers) < receivers)
+    return found[: next(some, len(found)) + 1]
 
 
 def least_of_all(times: Array, positions: Array, headings: Array) -> float:
@@ -164,11 +184,21 @@ def mismatch(there: Sized, back: Sized, receivers: int) -> float:
     others = tuple(k for k in range(receivers) if k not in there.receivers)
     if back.receivers not in (there.receivers, others):
         return np.inf
-    off = there.size + (back.size if back.receivers == there.receivers else -back.size)
-    spread = there.covariance + back.covariance
-    spread = spread + (BACK * np.linalg.norm(there.size)) ** 2 * np.eye(3)
-    away = float(off @ np.linalg.solve(spread, off))
+    away = _apart(there, back, back.size if back.receivers == there.receivers else -back.size)
     return away if away < _AWAY else np.inf
+
+
+def contradicts(one: Sized, other: Sized) -> bool:
+    """Whether two sizes of an error, however they were found, are of two errors."""
+    return _apart(one, other, -other.size) >= _AWAY
+
+
+def _apart(one: Sized, other: Sized, back: Array) -> float:
+    """Squared sigmas by which a size does not take another one back."""
+    off = one.size + back
+    spread = one.covariance + other.covariance
+    spread = spread + (BACK * np.linalg.norm(one.size)) ** 2 * np.eye(3)
+    return float(off @ np.linalg.solve(spread, off))
 
 
 def passed(there: Jump, back: Jump, receivers: int) -> tuple[float, Jump] | None:
@@ -208,7 +238,8 @@ def passed(there: Jump, back: Jump, receivers: int) -> tuple[float, Jump] | None
     both = both + second[1] - np.einsum("ci,cij,cj->c", off, loose, off)
     best = int(both.argmax())
     loss = float(first.max() + second.max() - both[best])
-    if loss > _AWAY + ALIKE or np.linalg.norm(sizes[best]) < SMALLEST:
+    most = _AWAY + ALIKE + ROUGH * float(first.max() + second.max())
+    if loss > most or np.linalg.norm(sizes[best]) < SMALLEST:
         return None
     alike = tuple(c for c, gain in zip(causes, both, strict=True) if both[best] - gain < ALIKE)
     found = replace(
@@ -277,9 +308,18 @@ def _greatest(
     looked = [contrasts(times, positions, headings, sides) for sides in sides_of(times)]
     views = [seen for seen in looked if seen is not None]
     places = _Places(times, positions, headings, looked[0] if looked else None)
+    told_by = [(seen, jumped(seen, causes), 0.0) for seen in views]
+    # With a large error that stays, distances change by themselves wherever the vehicle turns; and
+    # upwards, as by heights of antennas that are a decimetre wrong, they may do anything.
     for seen in views:
-        told = jumped(seen, causes)
-        best = np.where(told.allowed, told.gains, -np.inf).max(1)
+        alone = of_motion(seen)
+        found = jumped(alone, causes)
+        upwards = np.abs(found.sizes[..., 2]) > 2 * np.linalg.norm(found.sizes[..., :2], axis=2)
+        found.allowed[...] &= spoilt(seen, SPOILT)[:, None] | upwards
+        told_by.append((alone, found, LARGE))
+    for seen, told, smallest in told_by:
+        large = np.linalg.norm(told.sizes, axis=2) > smallest
+        best = np.where(told.allowed & large, told.gains, -np.inf).max(1)
         for peak in _peaks(best, 2 * seen.window):
             some = np.flatnonzero(told.gains[peak] > told.gains[peak].max() - NEAR)
             # Who it was the motion tells, where it was.
@@ -319,7 +359,8 @@ def _over_motion(times: Array, positions: Array, jump: Jump) -> bool:
     around = range(max(jump.row - UNSURE, 0), min(jump.row + UNSURE + 1, len(times) - 1))
     gains = [gain_over_motion(times, places, row) for row in around]
     at = around[int(np.argmax(gains))]
-    return max(gains) > GAIN_OVER_MOTION and all(
+    unusual = jump.gain - GAIN + LOOKED_AT > GAIN_OF_MOTION
+    return max(gains) > (GAIN_OVER_MOTION if unusual else CLEAR_OVER_MOTION) and all(
         gain_over_motion(*_without(times, places, epoch), at - (epoch <= at)) > GAIN_WITHOUT_ONE
         for epoch in range(at - 1, at + 3)
     )

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rtk_gt.lasting.causes import SMALLEST, evidence, tempered, turned
-from rtk_gt.lasting.contrasts import Contrasts, contrasts, sides_of
+from rtk_gt.lasting.contrasts import Contrasts, contrasts, of_motion, sides_of
 from rtk_gt.lasting.drive_sums import DriveSums
-from rtk_gt.lasting.jumps import ALIKE, LONGEST_FALSE
+from rtk_gt.lasting.jumps import ALIKE, LARGE, LONGEST_FALSE
 from rtk_gt.lasting.lasting_error import LastingError
 from rtk_gt.lasting.unequal_rates import own_interval
 from rtk_gt.lasting.whole_drive import WholeDrive
@@ -49,8 +49,8 @@ RAMP = 5.0
 errors that wander by multipath take longer."""
 UPWARDS = (0.15, -0.15)
 """Metres upwards from which a vertical error is looked for, beside level ones."""
-_ROUNDS = 4
-"""Sizes settle to a millimetre in three."""
+_ROUNDS = 8
+"""Sizes settle to a millimetre in three; a metre upwards in six."""
 _NEAR = 30.0
 """Gain below the greatest within which the jump may be elsewhere: 5 standard deviations."""
 
@@ -213,8 +213,13 @@ def _bent(drive: WholeDrive, found: _Candidate) -> list[_Candidate]:
         one = replace(found, size=size)
         for _ in range(_ROUNDS):
             error = drive.error(one.who, one.size)
-            sums = DriveSums.of(drive.own, error, drive.residuals, one.weight)
             first, last = one.first, one.last
+            seen = drive.as_seen(first, last)
+            weight = one.weight.copy()
+            if np.linalg.norm(one.size) > LARGE:  # slopes are seen with an antenna out of place
+                pairs = drive.rods.shape[1]
+                weight[pairs:, pairs:] = 0.0
+            sums = DriveSums.of(drive.own, error, seen, weight)
             if last < len(drive.rods):
                 first, last, _ = _moved(sums, (first, last, 0.0))
             sizes, spreads, gains = sums.fit(np.array([first]), np.array([last]))
@@ -316,6 +321,8 @@ class _Option:
 def _placed(times: Array, about: Motion, seen: Contrasts, found: _Candidate) -> list[_Option]:
     """The error as the receiver's and as the others', at the intervals that the motion shows."""
     n, r = len(times), about.positions.shape[1]
+    if np.linalg.norm(found.size) > LARGE:  # distances are no straight lines so far
+        seen = of_motion(seen)
     others = tuple(k for k in range(r) if k != found.who)
     names = ["first"] if found.last == n else ["first", "last"]
     options = []

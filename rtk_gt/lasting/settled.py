@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from scipy.linalg import block_diag
 
-from rtk_gt.lasting.causes import SMALLEST, UNSURE
+from rtk_gt.lasting.causes import GAIN, SMALLEST, UNSURE
 from rtk_gt.lasting.errors import changed, lasting_errors
+from rtk_gt.lasting.jumps import contradicts
 from rtk_gt.lasting.lasting_error import LARGEST_RESTART, LastingError, beyond_a_base, ended
-from rtk_gt.lasting.whole_drive import PLAIN
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.offsets.prior import OffsetPrior
@@ -23,6 +24,8 @@ MOST_RESTARTS = 6
 """Rounds in which smaller jumps are looked for: a drive with more is no ground truth."""
 LEAST_LEFT = 0.2
 """Share of the steps that must be left: a judgement; of fewer nobody knows which are right."""
+EITHER = 0.25
+"""Variance of which of two equally likely causes it was: of a number that is 0 or 1."""
 _ROUNDS, _STAYS = 6, 1e-3
 """At most; and metres that no size changes any more."""
 NOT_USED = -1
@@ -124,12 +127,13 @@ def _by_the_drive(
         if one is None or one.stays:
             break
         part = [_part_of(other, one, len(steps.receivers)) for other in found]
-        # Distances count only so far: what is larger the motion shows better.
-        large = [
+        # Up and down change the distances alike: what the motion at both ends shows is the size.
+        shown = [
             other for other, of in zip(found, part, strict=True)
-            if of and not other.stays and other.length > 2 * PLAIN
+            if of and not other.stays and other.receivers == one.receivers
+            and contradicts(other, one)
         ]  # fmt: skip
-        one = large[0] if large else one
+        one = shown[0] if shown else one
         passing.append(one)
         found = [other for other, of in zip(found, part, strict=True) if not of]
         rest = without_errors(steps, passing)
@@ -179,12 +183,17 @@ def _those_that_stay(
     found = sorted(found, key=lambda one: one.start)
     while errors:
         errors, jumps = _settled_sizes(steps, quick, errors, found)
-        kept = [not one.stays or one.length >= SMALLEST for one in errors]
+        kept = [not one.stays or (one.length >= SMALLEST and _clear(one)) for one in errors]
         if all(kept):
             return list(found), errors, jumps
         errors = [one for one, stays in zip(errors, kept, strict=True) if stays]
         found = [one for one, stays in zip(found, kept, strict=True) if stays]
     return [], [], None
+
+
+def _clear(error: LastingError) -> bool:
+    """Whether the whole drive says as much of a jump as the time around it must."""
+    return float(error.size @ np.linalg.solve(error.covariance, error.size)) > GAIN
 
 
 def _settled_sizes(
@@ -316,7 +325,7 @@ def refined(
     os = np.einsum("tpa,pq,tqb->ab", own, weight, by_jump)
     ss = np.einsum("tpa,pq,tqb->ab", by_jump, weight, by_jump)
     around = [one for one in found if one.stays]
-    known = np.linalg.inv(_blocks([one.covariance for one in around]))
+    known = np.linalg.inv(block_diag(*(one.covariance for one in around)))
     off = np.concatenate([a.size - b.size for a, b in zip(around, staying, strict=True)])
     by_offsets = np.linalg.pinv(oo, rcond=1e-9, hermitian=True) @ os
     covariance = np.linalg.inv(ss - os.T @ by_offsets + known)
@@ -331,12 +340,25 @@ def refined(
     starts = np.array([error.start for error in staying])
     rest = [error for error in errors if not error.stays]
     both = sorted([*better, *rest], key=lambda one: one.start)
-    return both, JumpErrors(starts, who, covariance, by_offsets)
+    return both, _or_the_others(JumpErrors(starts, who, covariance, by_offsets), better)
 
 
-def _blocks(matrices: Sequence[Array]) -> Array:
-    """Block diagonal matrix of 3 x 3 blocks."""
-    found = np.zeros((3 * len(matrices), 3 * len(matrices)))
-    for k, matrix in enumerate(matrices):
-        found[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = matrix
-    return found
+def _or_the_others(jumps: JumpErrors, staying: Sequence[LastingError]) -> JumpErrors:
+    """The same with what it does to the poses where the others may have jumped the other way.
+
+    Distances do not tell that; the vehicle would be beside its place by the whole jump.
+    """
+    count = jumps.receivers.shape[1]
+    open_ones = [
+        one for one in staying
+        if tuple(k for k in range(count) if k not in one.receivers) in one.alike
+    ]  # fmt: skip
+    if not open_ones:
+        return jumps
+    sizes = [EITHER * np.outer(one.size, one.size) for one in open_ones]
+    return JumpErrors(
+        np.append(jumps.starts, [one.start for one in open_ones]),
+        np.concatenate([jumps.receivers, np.ones((len(open_ones), count))]),
+        block_diag(jumps.covariance, *sizes),
+        np.pad(jumps.by_offsets, ((0, 0), (0, 3 * len(open_ones)))),
+    )

@@ -34,6 +34,8 @@ class WholeDrive:
         Where there is a slope.
     every : float
         Seconds between epochs.
+    whole : (n, q) array
+        Residuals as they are; in ``residuals`` none counts beyond what noise and small errors make.
     """
 
     rods: Array
@@ -42,6 +44,7 @@ class WholeDrive:
     by_height: Array
     moving: Bools
     every: float
+    whole: Array
 
     @classmethod
     def of(cls, times: Array, positions: Array, offsets: Offsets) -> "WholeDrive":
@@ -51,7 +54,8 @@ class WholeDrive:
         lengths = np.linalg.norm(rods, axis=-1, keepdims=True)
         along = rods / lengths
         p = along.shape[1]
-        residuals = _clipped(lengths[..., 0] - offsets.distances, PLAIN)
+        whole = lengths[..., 0] - offsets.distances
+        residuals = _clipped(whole, PLAIN)
         by_offset = pair_incidence(r)[None, :, 1:, None] * along[:, :, None, :]
         own = np.concatenate(
             [by_offset.reshape(n, p, -1), np.broadcast_to(-np.eye(p), (n, p, p))], axis=2
@@ -59,16 +63,24 @@ class WholeDrive:
         every = float(np.median(np.diff(times)))
         slopes = way_slopes(times, positions)
         if slopes is None:
-            return cls(rods, residuals, own, np.zeros((n, 0)), np.zeros(n, dtype=bool), every)
+            none = np.zeros((n, 0)), np.zeros(n, dtype=bool)
+            return cls(rods, residuals, own, *none, every, whole)
         lean = np.linalg.lstsq(slopes.ahead, slopes.values, rcond=None)[0]
+        leans = np.where(slopes.moving, slopes.values - slopes.ahead @ lean, 0.0)[:, None]
         values = np.zeros((n, 1))
-        values[slopes.moving] = _clipped((slopes.values - slopes.ahead @ lean)[slopes.moving, None])
+        values[slopes.moving] = _clipped(leans[slopes.moving])
         row = np.zeros((n, 1, own.shape[2] + 2))
         row[:, 0, 2 : 3 * (r - 1) : 3] = slopes.by_height[:, 1:]
         row[:, 0, -2:] = slopes.ahead
         own = np.concatenate([np.pad(own, ((0, 0), (0, 0), (0, 2))), row], axis=1)
         residuals = np.concatenate([residuals, values], axis=1)
-        return cls(rods, residuals, own, slopes.by_height, slopes.moving, every)
+        whole = np.concatenate([whole, leans], axis=1)
+        return cls(rods, residuals, own, slopes.by_height, slopes.moving, every, whole)
+
+    def as_seen(self, first: int, last: int) -> Array:
+        """(n, q) residuals, those of an error in the epochs [first, last) whole."""
+        at = np.arange(len(self.whole))[:, None]
+        return np.where((at >= first) & (at < last), self.whole, self.residuals)
 
     def error(self, who: int, size: Array) -> Array:
         """(n, q, 4) design of an error of a receiver, about a size (3,).

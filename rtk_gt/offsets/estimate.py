@@ -224,7 +224,8 @@ def _iterate(
         there = residuals_at(equations, equations.a, (start, kappa), weights, robust=robust)
         sigma = max(there.sigma, SMALLEST_SIGMA)
         whitening = there.weight / sigma**2
-    tau, widen = 1.0, 8.0 if robust else 1.0
+    least = 1.0 if timed is None else timed[1].worth(timed[0])
+    tau, widen = least, 8.0 if robust else 1.0
     for _ in range(_ROUNDS):
         before = offsets
         normal = normal_of(equations, weights, whitening, sigma)
@@ -243,7 +244,7 @@ def _iterate(
         settled = np.abs(offsets - before).max() < 1e-6 and abs(found.sigma - sigma) < 1e-3 * floor
         sigma = found.sigma
         if widen == 1.0:
-            tau = autocorrelation_time(found.residual * weights[:, None])
+            tau = max(autocorrelation_time(found.residual * weights[:, None]), least)
             if settled:
                 break
         widen = max(widen / 2, 1.0)

@@ -63,6 +63,11 @@ class Minima:
     near: Offsets | None = None
 
 
+MANY, LARGE_MISTAKE = 20.0, 0.3
+"""Standard deviations, and metres, within which a solution has the distances that are stated: a
+reading that is farther off is a mistake, and every solution then is."""
+
+
 def all_minima(
     steps: Steps,
     *,
@@ -107,6 +112,8 @@ def all_minima(
             "little. State [rtk.known_distances] (a tape measure will do) or [rtk.known_offsets] "
             "from a longer drive; `gtval rtk coverage` works without"
         )
+    measured = [one for one in found if _as_measured(one, prior)]
+    found = measured or found
     rough = dict(zip(map(id, found), costs_of(found), strict=True))
     found = _distinct(sorted(found, key=lambda one: rough[id(one)]))
     found = [one for one in found if rough[id(one)] - rough[id(found[0])] < _ROUGHLY]
@@ -129,12 +136,27 @@ def all_minima(
             "longer drive; `gtval rtk coverage` works without"
         )
     settled = [estimate(start=one.offsets.values) for one in (best, *rest)]
+    if measured and not all(_as_measured(one, prior) for one in settled):
+        raise GtvalError(
+            "this drive does not determine the offsets of its receivers: what it shows of them "
+            "leads away from the distances that are stated. Drive turns, or state "
+            "[rtk.known_offsets] from a longer drive; `gtval rtk coverage` works without"
+        )
     if beside is not None and id(beside) in costs:
         # In another heading other noise is along the arms: its squares are as many again.
         chance = as_good + 5 * np.sqrt(4 * best.residuals.size / best.correlation_time)
         possible = costs[id(beside)] - costs[id(best)] < chance
         beside = estimate(start=beside.offsets.values, bent="if sure") if possible else None
     return Minima(settled[0], tuple(settled[1:]), found[0] if wrong else None, beside)
+
+
+def _as_measured(offsets: Offsets, prior: OffsetPrior) -> bool:
+    """Whether its distances are those that are stated, within what no tape measure is off by."""
+    if len(prior.distances) == 0:
+        return True
+    off = np.nan_to_num(np.abs(offsets.distances - prior.distances))
+    least = np.nan_to_num(MANY * prior.distance_sigmas)
+    return bool((off < np.maximum(least, LARGE_MISTAKE)).all())
 
 
 def _any_size(steps: Steps, offsets: Offsets, prior: OffsetPrior) -> bool:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rtk_gt.campaign.digits import coarse_positions, too_coarse
 from rtk_gt.campaign.findings import BACKWARDS, record_findings
 from rtk_gt.campaign.lasting_findings import lasting_findings, unseen_findings
 from rtk_gt.positions.outcome import PositionsOutcome
@@ -18,15 +19,17 @@ judgement; serial lines and queues delay by some tenths."""
 
 def positions_findings(outcome: PositionsOutcome) -> list[Finding]:
     """All findings, in reading order."""
+    looked_for = outcome.record.fixed.any() and not too_coarse(outcome.records)
     return [
         *_coverage(outcome),
         *_heading(outcome),
         *lasting_findings(outcome),
-        *(unseen_findings(outcome) if outcome.record.fixed.any() else ()),
+        *(unseen_findings(outcome) if looked_for else ()),
         *_errors(outcome),
         *_clock(outcome),
         *_odometry(outcome),
         *record_findings(outcome.record),
+        *coarse_positions(outcome.records),
     ]
 
 

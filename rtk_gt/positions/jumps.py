@@ -12,7 +12,6 @@ from rtk_gt.lasting.settled import left_out
 from rtk_gt.positions.heading import Headings
 from rtk_gt.receivers.fixes import Bools, Fixes
 from rtk_gt.receivers.steps import Steps
-from rtk_gt.settings import RtkSettings
 from validation.poses.angles import Array
 from validation.poses.earth_frames import LocalFrame
 
@@ -24,7 +23,7 @@ class PositionJumps(NamedTuple):
     smallest_seen: float
 
 
-def of_first(settings: RtkSettings, steps: Steps) -> PositionJumps:
+def of_first(steps: Steps, *, search: bool) -> PositionJumps:
     """What the motion of the first receiver tells; nothing where the fixes are not to be judged."""
     own = replace(
         steps,
@@ -33,7 +32,7 @@ def of_first(settings: RtkSettings, steps: Steps) -> PositionJumps:
         kinds=steps.kinds[:, :1],
     )
     found, least = errors_of_one(own)
-    if not settings.robust:
+    if not search:
         return PositionJumps([], least)
     return PositionJumps([one for one in found if one.stays or one.epochs >= SHORT], least)
 

@@ -31,6 +31,8 @@ class PositionsOutcome:
         Its [rtk] table.
     record : Fixes
         Of the receiver; of two the first one's.
+    records : tuple of Fixes
+        Of all.
     frame : LocalFrame
         The local frame.
     positions : (n, 3) array
@@ -69,6 +71,7 @@ class PositionsOutcome:
     campaign: Campaign
     settings: RtkSettings
     record: Fixes
+    records: tuple[Fixes, ...]
     frame: LocalFrame
     positions: Array
     coverage: Coverage

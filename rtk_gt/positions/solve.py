@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from rtk_gt.campaign.digits import too_coarse
 from rtk_gt.campaign.inputs import (
     DriveRecords,
     antenna_places,
@@ -45,7 +46,7 @@ def solve_positions(campaign: Campaign, progress: Progress = no_progress) -> Pos
     record, steps = given.records[0], given.steps
     found, why = None, ""
     progress("errors that last", 0.2)
-    jumps = of_first(given.settings, steps)
+    jumps = of_first(steps, search=given.settings.robust and not too_coarse(given.records))
     if len(given.records) == 2:
         progress("heading", 0.3)
         try:
@@ -62,6 +63,7 @@ def solve_positions(campaign: Campaign, progress: Progress = no_progress) -> Pos
         campaign=campaign,
         settings=given.settings,
         record=record,
+        records=given.records,
         frame=steps.frame,
         positions=positions,
         coverage=coverage(given.records, steps, posed, given.settings.max_gap),
@@ -97,7 +99,8 @@ def _headings(campaign: Campaign, given: DriveRecords) -> tuple[Headings, Positi
     settings, steps = given.settings, given.steps
     check_places(campaign)
     check_together(given.records, steps, settings.simultaneous)
-    steps, lasting, jumps = settle(steps, eta=settings.eta, robust=settings.robust)
+    looked_for = settings.robust and not too_coarse(given.records)
+    steps, lasting, jumps = settle(steps, eta=settings.eta, robust=looked_for)
     places = antenna_places(settings)
     if places.positions is not None:
         arm = places.positions[1] - places.positions[0]

@@ -97,6 +97,7 @@ def on_base(found: Baselines, base: Fixes, tolerance: float) -> Fixes:
         covariances=base.covariances[where] + found.covariances[rows],
         lines=found.lines[rows],
         source=found.source,
+        level_digit=base.level_digit,
         notes=(TOLD_FROM_BASE.format(base.receiver),),
     )
 

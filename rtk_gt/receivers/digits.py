@@ -13,6 +13,13 @@ FINER = 1e-5
 """Metres: finer steps are those of the arithmetic, not of a receiver."""
 COARSE = 0.3
 """Share of the vertical noise above which what rounding does counts: it then adds 4 %."""
+FEWEST_PLACES = 10
+"""Different numbers that show to which decimal they are written."""
+WHOLE = 1e-3
+"""Of a digit: arithmetic leaves 1e-5 of the last of `DECIMALS`, and of finer numbers two in a
+thousand are as near to a whole one by chance."""
+DECIMALS = 8
+"""Of degrees: a millimetre."""
 UNIFORM = float(1 / np.sqrt(12))
 """Standard deviation of what is rounded to whole numbers."""
 
@@ -31,6 +38,42 @@ def last_digits(geodetic: Array) -> Array:
     apart = (np.diff(np.unique(column)) for column in metres.T)
     steps = np.array([np.min(one[one > FINER], initial=np.inf) for one in apart])
     return np.where(np.isfinite(steps), steps, 0.0)
+
+
+def decimal_digit(columns: Array) -> float:
+    """The last decimal place to which numbers are written, such as 1e-6; 0 where none is told.
+
+    Parameters
+    ----------
+    columns : (n, k) array
+        In the unit in which they were written, all columns with the same decimals. One that hardly
+        changes tells nothing.
+    """
+    told = [one for one in columns.T if len(np.unique(one)) >= FEWEST_PLACES]
+    for decimals in range(DECIMALS + 1) if told else ():
+        scaled = np.array(told) * 10.0**decimals
+        if (np.abs(scaled - np.rint(scaled)) < WHOLE).all():
+            return float(10.0**-decimals)
+    return 0.0
+
+
+def level_digit(geodetic: Array) -> float:
+    """Metres of the last digit of latitudes and longitudes in degrees or minutes; 0 of fine ones.
+
+    Parameters
+    ----------
+    geodetic : (n, 3) array
+        Radians, radians, metres.
+    """
+    degrees = np.degrees(geodetic[:, :2])
+    step = max(decimal_digit(degrees), decimal_digit(60 * degrees) / 60)
+    return float(EARTH * np.radians(step))
+
+
+def coarsest_level(records: Sequence[Fixes]) -> tuple[str, float]:
+    """The receiver with the coarsest level positions, and their last digit in metres."""
+    coarse = max(records, key=lambda one: one.level_digit)
+    return coarse.receiver, coarse.level_digit
 
 
 def coarsest(records: Sequence[Fixes]) -> tuple[str, float]:

@@ -83,6 +83,9 @@ class Fixes(Shown):
         Epochs at which the receiver reported that it has no position.
     frozen : tuple of Frozen
         Stretches in which it hung, whose positions are not called fixed.
+    level_digit : float
+        Metres of the last digit to which the file writes level positions; 0 where it is too fine to
+        tell.
 
     Raises
     ------
@@ -104,6 +107,7 @@ class Fixes(Shown):
     host: Array = field(default_factory=lambda: np.empty(0))
     without_fix: int = 0
     frozen: tuple[Frozen, ...] = ()
+    level_digit: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.times)

@@ -1,12 +1,17 @@
 """GPS time and UTC."""
 
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
+from typing import TypeVar
 
 import numpy as np
 
 from validation.poses.angles import Array
 
 GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
+WEEK = 604_800.0
+"""Seconds."""
+Scalars = TypeVar("Scalars", float, Array)
+_START = GPS_EPOCH.timestamp()
 _LEAP_SECONDS = (
     ("1981-07-01", 1), ("1982-07-01", 2), ("1983-07-01", 3), ("1985-07-01", 4),
     ("1988-01-01", 5), ("1990-01-01", 6), ("1991-01-01", 7), ("1992-07-01", 8),
@@ -29,6 +34,6 @@ def utc_of_gps(times: Array) -> Array:
     return np.asarray(times - np.searchsorted(_STEPS, times, side="right"))
 
 
-def of_week(week: int, seconds: float) -> float:
-    """Seconds since 1970, in GPS time, of a week (not counted modulo 1024) and its seconds."""
-    return (GPS_EPOCH + timedelta(weeks=week)).timestamp() + seconds
+def of_week(week: Scalars, seconds: Scalars) -> Scalars:
+    """Seconds since 1970, in GPS time, of weeks (not counted modulo 1024) and their seconds."""
+    return _START + WEEK * week + seconds

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rtk_gt.receivers.formats.fix_csv import NO_TIME, seconds_of
+from rtk_gt.receivers.formats.table_times import NO_TIME, seconds_of
 from rtk_gt.sensors.scans import LineScans
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
@@ -15,6 +15,8 @@ from validation.text_files.csv_tables import Column, CsvTable, read_csv
 from validation.text_files.reading import file_bytes
 
 MAX_BYTES = 1_000_000_000
+TIME = Column("time", unit="s")
+"""Seconds since 1970, or ISO 8601; a heading that states another unit is refused."""
 
 
 def _rows(path: Path, columns: Sequence[Column], what: str = "rows") -> CsvTable:
@@ -47,7 +49,7 @@ def read_times(path: Path) -> Array:
     InputError
         Naming every cell that is no time, and times given twice.
     """
-    table = _rows(path, [Column("time")], "times")
+    table = _rows(path, [TIME], "times")
     times = _times(table)
     table.flag_duplicates(["time"])
     table.raise_problems()
@@ -66,7 +68,7 @@ def read_line_scans(path: Path) -> LineScans:
         Naming file, line, field and value of every bad place.
     """
     columns = [
-        Column("time"),
+        TIME,
         Column("first_angle", "number", low=-7, high=7, unit="rad"),
         Column("angle_step", "number", low=-1, high=1, unit="rad"),
         Column("ranges"),
@@ -111,7 +113,7 @@ def read_imu(path: Path) -> tuple[Array, Array]:
         Column(name, "number", low=-limit, high=limit, unit="radians (not degrees)")
         for name, limit in zip(names, limits, strict=True)
     ]
-    table = _rows(path, [Column("time"), *angles])
+    table = _rows(path, [TIME, *angles])
     times = _times(table)
     _increasing(table, times)
     table.raise_problems()
@@ -142,7 +144,7 @@ def read_turns(path: Path) -> tuple[Array, Array, bool] | None:
         column = Column("yaw", "number", low=-1e5, high=1e5, unit="radians")
     else:
         column = Column(rate, "number", low=-40, high=40, unit="radians a second (not degrees)")
-    table = _rows(path, [Column("time"), column])
+    table = _rows(path, [TIME, column])
     times = _times(table)
     _increasing(table, times)
     table.raise_problems()
@@ -157,7 +159,7 @@ def read_images(path: Path) -> tuple[Array, list[Path]]:
     InputError
         Naming file, line, field and value of every bad place, and images that are missing.
     """
-    table = _rows(path, [Column("time"), Column("file")])
+    table = _rows(path, [TIME, Column("file")])
     times = _times(table)
     files = [path.parent / name for name in table.text["file"]]
     for row, file in enumerate(files):
@@ -189,7 +191,7 @@ def read_seen_points(path: Path) -> SeenPoints:
     """
     columns = [Column(name, "number", low=-1e6, high=1e6, unit="m") for name in "xyz"]
     columns += [Column(name, "number", low=-1e5, high=1e5, unit="pixels") for name in "uv"]
-    table = _rows(path, [Column("time"), *columns])
+    table = _rows(path, [TIME, *columns])
     times = _times(table)
     table.raise_problems()
     numbers = {name: np.array(table.numbers[name]) for name in "xyzuv"}

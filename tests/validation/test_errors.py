@@ -2,7 +2,7 @@
 
 import pytest
 
-from validation.errors import MAX_SHOWN_PROBLEMS, InputError, Problem
+from validation.errors import MAX_SHOWN_PROBLEMS, GtvalError, InputError, Problem
 
 
 @pytest.mark.parametrize(
@@ -36,3 +36,11 @@ def test_one_cause_in_many_lines_is_one_line():
     assert second == str(other)
     # a few have a line each: they may be typing errors
     assert len(str(InputError(wrong[:5])).splitlines()) == 5
+
+
+def test_what_a_file_puts_into_an_error_controls_no_terminal():
+    lost = Problem("a.nmea", "cut", 3, "sentence", "0091" + "\0" * 4096 + "9")
+    assert str(lost) == r"a.nmea, line 3, field 'sentence': '0091\x00…9' — cut"
+    said = str(GtvalError("the file \x1b[2J\u202ebad\r\n\tsays ½ m"))
+    assert said == "the file \\x1b[2J\\u202ebad\\r\n\tsays ½ m"
+    assert str(InputError([Problem("a\x1b.csv", "is empty")])) == r"a\x1b.csv: is empty"

@@ -23,6 +23,7 @@ from validation.text_files.lengths import (
     with_unit,
 )
 from validation.text_files.table_rows import MAX_BYTES, SEPARATORS, Row, table_rows
+from validation.text_files.time_units import UNIT_NAMES
 
 __all__ = ["MAX_BYTES", "Column", "CsvTable", "expected", "header_of", "read_csv"]
 
@@ -250,6 +251,8 @@ def _matched_header(
 
 def _bad_unit(unit: str, column: Column) -> bool:
     """Whether a heading states a unit that the numbers of a column cannot be in."""
+    if unit and column.unit == "s":
+        return UNIT_NAMES.get(unit, "s" if column.kind == "text" else unit) != "s"
     if not unit or column.kind != "number":
         return False
     return not unit_of_word(unit) if column.unit == "m" else unit != column.unit.lower()

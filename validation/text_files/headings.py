@@ -7,6 +7,7 @@ from difflib import get_close_matches
 from validation.errors import MAX_SHOWN_PROBLEMS, shown
 from validation.text_files.lengths import split_heading
 from validation.text_files.table_rows import Row
+from validation.text_files.time_units import SCALES, time_heading
 
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 """A number as people write it."""
@@ -33,10 +34,14 @@ def missing_column(name: str, rows: Sequence[Row], required: Sequence[str]) -> s
             return f"the header is on line {line}: delete what stands above it"
     if len(header) == 1 and {*needed} <= {*re.split(r"[^\w]+", header[0].lower())}:
         return "write ',' or ';' between the cells"
-    near = get_close_matches(name, [split_heading(h)[0] for h in header], 1, cutoff=0.5)
+    others = {split_heading(h)[0]: h for h in reversed(header)}
+    near = get_close_matches(name, [one for one in others if one not in needed], 1, cutoff=0.5)
     if near:
-        written = next(h for h in header if split_heading(h)[0] == near[0])
-        return f"write '{name}' instead of {shown(written)}"
+        written = others[near[0]]
+        stem, unit = time_heading(written)
+        scaled = stem == name and SCALES.get(unit, 1) != 1
+        said = f", and its numbers in seconds, not in {unit}" if scaled else ""
+        return f"write '{name}' instead of {shown(written)}{said}"
     if any(NUMBER.fullmatch(cell) for cell in header):
         headings = ",".join(required)
         return f"write a first line with the headings, such as {headings}"

@@ -1,16 +1,17 @@
 """Fixes in a CSV file: one row a fix, under the names that programs give their columns."""
 
-import math
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
+from datetime import date
 from pathlib import Path
 
 import numpy as np
 
 from rtk_gt.receivers.fixes import FIX_NAMES, NO_FIX, RTK_FIXED, RTK_FLOAT, Fixes, Ints
 from rtk_gt.receivers.formats.packed import contents
+from rtk_gt.receivers.formats.table_times import check_pace, table_times, time_columns
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
+from validation.poses.earth_frames import ecef_from_geodetic
 from validation.text_files.csv_tables import Column, CsvTable, read_csv
 from validation.text_files.lengths import split_heading
 from validation.text_files.table_rows import table_rows
@@ -39,8 +40,6 @@ METRES = (
 )
 """Of coordinates in metres: UTM, the local frame, or from a moving base."""
 NAMES: Mapping[str, tuple[str, ...]] = {
-    "time": ("timestamp", "stamp", "utc", "datetime", "date_time", "t", "unix_time", "epoch",
-             "time_utc", "utc_time", "gnss_timestamp"),
     "date": ("utc_date", "day"),
     "latitude": ("lat", "latitude_deg", "lat_deg", "latitude_wgs84"),
     "longitude": ("lon", "lng", "long", "longitude_deg", "lon_deg", "longitude_wgs84"),
@@ -69,12 +68,6 @@ SEA = {"altitude", "alt", "elevation"}
 MAX_BYTES = 500_000_000
 HEAD = 20_000
 """Bytes of a file among which its header is looked for."""
-LATEST = 4_102_444_800.0
-"""Seconds from 1970 to 2100."""
-NO_TIME = "not a time; expected seconds (not milliseconds) since 1970, or ISO 8601"
-SCALES = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
-EARLIEST = 315_964_800.0
-"""Seconds from 1970 to the start of GPS: a count in another unit is far outside."""
 _WORDS = {
     **{name.lower(): kind for kind, name in FIX_NAMES.items()},
     "fixed": RTK_FIXED, "fix": RTK_FIXED, "rtk_fixed": RTK_FIXED, "rtk fix": RTK_FIXED,
@@ -94,10 +87,11 @@ def read_fix_csv(path: Path, receiver: str) -> Fixes:
     return csv_fixes(path, contents(path, MAX_BYTES, "a table"), receiver)
 
 
-def csv_fixes(path: Path, data: bytes, receiver: str) -> Fixes:
+def csv_fixes(path: Path, data: bytes, receiver: str, day: date | None = None) -> Fixes:
     """The fixes of the contents of a CSV file.
 
-    Columns ``time`` (seconds since 1970 UTC, or ISO 8601 taken as UTC), ``latitude``,
+    Columns ``time`` (seconds since 1970 UTC, or ISO 8601 taken as UTC; hhmmss where ``day`` or a
+    column ``date`` tells the day; or ``gps_week`` and ``tow``), ``latitude``,
     ``longitude`` in degrees, ``height`` above the ellipsoid; optional ``fix`` (fixed, float,
     DGPS, ... or the number of GGA; fixed where blank), ``satellites``, ``hdop``,
     ``sigma_east``, ``sigma_north``, ``sigma_up``. Other common names of these are known, see
@@ -108,7 +102,7 @@ def csv_fixes(path: Path, data: bytes, receiver: str) -> Fixes:
     InputError
         Naming file, line, field and value of every bad place.
     """
-    table, written = _table(path, data, DEGREES)
+    table, written, unit = _table(path, data, DEGREES)
     number = {name: np.array(values) for name, values in table.numbers.items()}
     places = np.column_stack(
         [
@@ -117,10 +111,13 @@ def csv_fixes(path: Path, data: bytes, receiver: str) -> Fixes:
             number["height"] + np.nan_to_num(number["separation"]),
         ]
     )
-    return _record(table, written, receiver, places)
+    metres = ecef_from_geodetic(places)
+    return _record(table, written, receiver, places, metres, (unit, day))
 
 
-def csv_metres(path: Path, data: bytes, receiver: str) -> tuple[Fixes, Array]:
+def csv_metres(
+    path: Path, data: bytes, receiver: str, day: date | None = None
+) -> tuple[Fixes, Array]:
     """The fixes of a CSV file with ``east``, ``north`` and ``height`` in metres, and these (n, 3).
 
     The places of the fixes are still open: what the metres count from the caller knows.
@@ -130,21 +127,25 @@ def csv_metres(path: Path, data: bytes, receiver: str) -> tuple[Fixes, Array]:
     InputError
         Naming file, line, field and value of every bad place.
     """
-    table, written = _table(path, data, METRES)
+    table, written, unit = _table(path, data, METRES)
     metres = np.column_stack([np.array(table.numbers[one.name]) for one in METRES])
-    return _record(table, written, receiver, np.full(metres.shape, np.nan)), metres
+    nowhere = np.full(metres.shape, np.nan)
+    return _record(table, written, receiver, nowhere, metres, (unit, day)), metres
 
 
-def _table(path: Path, data: bytes, places: Sequence[Column]) -> tuple[CsvTable, dict[str, str]]:
-    """The table, and the name under which each column was written."""
-    columns = [Column("time"), *places, *QUALITY]
+def _table(
+    path: Path, data: bytes, places: Sequence[Column]
+) -> tuple[CsvTable, dict[str, str], str]:
+    """The table, the name under which each column was written, and the unit of its times."""
     # The header is in the first lines; a sheet, which is an archive, is read as a whole.
     first = data if data.startswith(b"PK") else data[:HEAD].rpartition(b"\n")[0] or data
     rows = table_rows(path, MAX_BYTES, first)
     header = [cell.strip() for cell in rows[0][1]] if rows else []
-    renamed, written = {}, {}
+    times = time_columns(path, rows[0][0] if rows else 1, header)
+    columns = [*times.columns, *places, *QUALITY]
+    renamed, written = dict(times.renamed), {}
     alike = {cell: split_heading(cell.lstrip("# ")) for cell in header}
-    for column in columns:
+    for column in columns[len(times.columns) :]:
         if any(name == column.name for name, _ in alike.values()):
             continue
         also = NAMES.get(column.name, ())
@@ -160,7 +161,7 @@ def _table(path: Path, data: bytes, places: Sequence[Column]) -> tuple[CsvTable,
             renamed[found] = f"{column.name} [{unit}]" if of_length else column.name
             written[column.name] = alike[found][0]
     for cell, (name, _) in alike.items():
-        wanted = next((one for one in columns if one.name == name), None)
+        wanted = next((one for one in columns[len(times.columns) :] if one.name == name), None)
         if wanted is not None and wanted.unit != "m" and cell != name:
             renamed[cell] = name
     given = None if not rows else rows[0][1]
@@ -170,12 +171,20 @@ def _table(path: Path, data: bytes, places: Sequence[Column]) -> tuple[CsvTable,
     if len(table) == 0:
         table.raise_problems()
         raise InputError([Problem(path, "no rows below the header; was the file cut?", 1)])
-    return table, written
+    return table, written, times.unit
 
 
-def _record(table: CsvTable, written: Mapping[str, str], receiver: str, places: Array) -> Fixes:
-    times, notes = _times(table)
+def _record(
+    table: CsvTable,
+    written: Mapping[str, str],
+    receiver: str,
+    places: Array,
+    metres: Array,
+    told: tuple[str, date | None],
+) -> Fixes:
+    times, notes, sure = table_times(table, *told)
     kinds = _kinds(table, written)
+    check_pace(table, times, metres, kinds == RTK_FIXED, stated=sure)
     table.raise_problems()
     n = len(table)
     if written.get("height") in SEA and not np.isfinite(table.numbers["separation"]).any():
@@ -200,48 +209,6 @@ def _record(table: CsvTable, written: Mapping[str, str], receiver: str, places: 
         source=table.path,
         notes=tuple(notes),
     )
-
-
-def seconds_of(text: str) -> float:
-    """Seconds since 1970 of a number or an ISO 8601 time (UTC without a zone); NaN if bad.
-
-    Numbers beyond the year 2100 are no seconds: milliseconds, most likely.
-    """
-    try:
-        value = float(text.replace(",", "."))
-    except ValueError:
-        try:
-            stamp = datetime.fromisoformat(text.replace("/", "-"))
-        except ValueError:
-            return math.nan
-        value = (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
-    return value if abs(value) < LATEST else math.nan
-
-
-def _times(table: CsvTable) -> tuple[Array, list[str]]:
-    """(n,) seconds since 1970, and remarks; of stamps in another unit of all rows alike."""
-    cells, dates = table.text["time"], table.text["date"]
-    if any(dates) and any(":" in cell for cell in cells):
-        both = zip(dates, cells, strict=True)
-        cells = [f"{date}T{cell}" if date else cell for date, cell in both]
-    for unit, scale in SCALES.items():
-        if all(_counts(cell, scale) for cell in cells):
-            # Whole numbers: doubles of nanoseconds would lose their last digits.
-            digits = round(math.log10(scale))
-            whole = np.array([int(float(cell)) if "." in cell else int(cell) for cell in cells])
-            return whole / 10.0**digits, [f"Times are read as {unit} since 1970."]
-    times = np.array([seconds_of(cell) for cell in cells])
-    for row in np.flatnonzero(np.isnan(times)):
-        table.flag(int(row), "time", NO_TIME)
-    return times, []
-
-
-def _counts(cell: str, scale: float) -> bool:
-    """Whether a cell is a count of a fraction of a second since 1970."""
-    try:
-        return EARLIEST * scale < float(cell) < LATEST * scale
-    except ValueError:
-        return False
 
 
 def _kinds(table: CsvTable, written: Mapping[str, str]) -> Ints:

@@ -27,7 +27,13 @@ NO_GEOID = (
     "GGA without geoid separation: its altitudes, above the sea or not, are taken as heights above "
     "the ellipsoid: between receivers an offset, on the Earth an error of tens of metres."
 )
+NO_DATE = (
+    "The log has no date (RMC, ZDA): its days are counted from 1970-01-01. The drive needs none; "
+    'where other sensors or logs have dates, state `date = "YYYY-MM-DD"` at its receiver.'
+)
 _SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3}),([^*$]*)(?:\*([0-9A-Fa-f]{0,2}))?\s*$")
+_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
+"""What no sentence has. Tabs at its end do no harm."""
 _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?|[+-]?\.\d+")
 _HOST = re.compile(r"\s*(\d{9,10}(?:\.\d+)?)\s*[,;]?\s*$")
 
@@ -115,6 +121,9 @@ def _read_line(log: NmeaLog, number: int, line: str) -> None:
         if re.match(r"\$P[A-Z]", line[start:]):
             return  # a maker's own sentence
         log.damaged(number, line, "not a whole NMEA sentence")
+        return
+    if _CONTROL.search(line, start):  # a checksum does not tell: two NULs cancel
+        log.damaged(number, line[start:], "control characters in the sentence")
         return
     log.sentences += 1
     talker, kind, body, checksum = match.groups()
@@ -302,7 +311,7 @@ def _fixes(log: NmeaLog, receiver: str) -> Fixes:
     if not log.dated and log.calendar.day:
         notes = (*notes, "The log has no date (RMC, ZDA); it is that of the computer's clock.")
     elif not log.dated:
-        notes = (*notes, "The log has no date (RMC, ZDA); days are counted from 1970-01-01.")
+        notes = (*notes, NO_DATE)
     if log.without_geoid and not log.geoid:
         notes = (*notes, NO_GEOID)
     skipped = sum(n for what, n in log.tolerated.items() if what.startswith("damaged"))

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from rtk_gt.receivers.baselines import Baselines
+from rtk_gt.receivers.digits import decimal_digit, level_digit
 from rtk_gt.receivers.fixes import Fixes
 from rtk_gt.receivers.formats.bags import bag_fixes
 from rtk_gt.receivers.formats.fix_csv import csv_fixes, csv_metres
@@ -75,7 +76,7 @@ class Stated:
 
 
 def read_receiver(path: Path, stated: Stated) -> Fixes:
-    """The fixes of a file of any kind that is known, compressed or not.
+    """The fixes of a file of any kind that is known, compressed or not, and how fine they are.
 
     Raises
     ------
@@ -84,6 +85,14 @@ def read_receiver(path: Path, stated: Stated) -> Fixes:
     GtvalError
         If a library is missing.
     """
+    found = _read(path, stated)
+    if stated.coordinates != "degrees":
+        return found
+    return replace(found, level_digit=level_digit(found.geodetic[found.fixed]))
+
+
+def _read(path: Path, stated: Stated) -> Fixes:
+    """The fixes of a file, by the reader of its kind."""
     form, data = _told(path, stated)
     if form == "bag":
         return bag_fixes(path, stated.receiver, stated.label or None)
@@ -98,7 +107,7 @@ def read_receiver(path: Path, stated: Stated) -> Fixes:
             path, data, name, day=stated.day, skip_damaged=stated.skip_damaged
         ),
         "rtklib": lambda: pos_fixes(path, data, name),
-        "csv": lambda: csv_fixes(path, data, name),
+        "csv": lambda: csv_fixes(path, data, name, stated.day),
         "ubx": lambda: ubx_fixes(path, data, name),
         "gpx": lambda: gpx_fixes(path, data, name, all_fixed=stated.all_fixed),
         "novatel": lambda: novatel_fixes(path, data, name),
@@ -126,7 +135,7 @@ def read_baselines(path: Path, stated: Stated) -> Baselines:
             f"not of {form}"
         )
         raise InputError([Problem(path, said, field="base")])
-    record, metres = csv_metres(path, data, stated.receiver)
+    record, metres = csv_metres(path, data, stated.receiver, stated.day)
     return Baselines(
         stated.receiver, record.times, metres, record.kinds, record.covariances, record.lines, path
     )
@@ -197,7 +206,8 @@ def _of_rawlog(path: Path, data: bytes, stated: Stated) -> Fixes:
 
 def _of_metres(path: Path, data: bytes, stated: Stated) -> Fixes:
     """The fixes of a table with UTM or local coordinates."""
-    record, metres = csv_metres(path, data, stated.receiver)
+    record, metres = csv_metres(path, data, stated.receiver, stated.day)
+    record = replace(record, level_digit=decimal_digit(metres[record.fixed, :2]))
     if stated.coordinates == "local":
         if stated.frame is None:
             said = "local coordinates need the place of their origin: state [rtk.origin]"

@@ -139,3 +139,33 @@ def test_a_clock_that_is_off_is_said(tmp_path):
     made = made_drive(55, QUIET, seconds=200.0, delays=(0.0, 0.0, 0.5))
     found = finding(result_for(tmp_path / "c", made), "receiver_clock")
     assert "stamps of front_right are 0.500 s early" in found.text
+
+
+def rounded(folder, decimals):
+    """The logs of a campaign with so many decimals of degrees."""
+    for path in (folder / "rtk").glob("*.csv"):
+        header, *rows = path.read_text().splitlines()
+        assert header.startswith("time,latitude,longitude,")
+        cells = [row.split(",") for row in rows]
+        short = [
+            ",".join([cell[0], *(f"{float(one):.{decimals}f}" for one in cell[1:3]), *cell[3:]])
+            for cell in cells
+        ]
+        path.write_text("\n".join([header, *short]) + "\n")
+
+
+def test_rounding_of_level_positions_is_said_and_no_error_that_lasts(tmp_path):
+    made = made_drive(52, QUIET, seconds=100.0)
+    write_road(tmp_path, made.steps)
+    results = {}
+    for decimals in (9, 7, 6):
+        rounded(tmp_path, decimals)
+        results[decimals] = result_of(solve_campaign(load_campaign(tmp_path)))
+    codes = {decimals: {one.code for one in one.findings} for decimals, one in results.items()}
+    assert "coarse_positions" not in codes[9]
+    # 11 mm: 3.2 mm of rounding beside 3 mm of noise count; 11 cm make errors that last.
+    assert finding(results[7], "coarse_positions").severity == "warning"
+    found = finding(results[6], "coarse_positions")
+    assert found.severity == "error"
+    assert found.sizes[0].value == pytest.approx(0.1117, rel=1e-2)
+    assert not codes[6] & {"jump", "lasting_false_fix", "jumps_unseen"}

@@ -16,7 +16,11 @@ from trials.straight_roads import (
     solved,
 )
 
+from data_samples.drives.drive import ANTENNAS
+from rtk_gt.campaign.solve import offsets_of, prepare
+from rtk_gt.path.antennas import Places
 from rtk_gt.path.motion_check import forward_share, motion_check
+from rtk_gt.settings import RtkSettings
 from validation.errors import GtvalError
 
 
@@ -112,3 +116,25 @@ def test_a_nose_against_the_motion_is_seen_at_any_rate():
     assert abs(ahead.left) < 0.05
     back = motion_check(replace(path, poses=path.poses[::-1]), 2.0)
     assert abs(abs(back.left) - np.pi) < 0.05
+
+
+SLOW = {"seconds": 600.0, "interval": 1.0, "sigma": 0.004, "slow": 0.005}
+
+
+@pytest.mark.parametrize(
+    ("seed", "degrees", "what"),
+    [(2, 5.0, "distances"), (1, 10.0, "one offset"), (1, 5.0, "distances")],
+)
+def test_slow_errors_on_a_straight_road_are_not_taken_for_what_it_shows(seed, degrees, what):
+    found = trial(seed, what, degrees=degrees, **SLOW)
+    assert found is None or max(found) < 3
+
+
+def test_slow_errors_show_where_distances_are_stated():
+    road = road_of(1, degrees=10.0, **SLOW)
+    prior = prior_of(*knowledge_of(road, "distances", 1))
+    ready = prepare(road.steps, RtkSettings())
+    assert ready.model is None  # the road alone tells no distances
+    _, _, model = offsets_of(ready, prior, RtkSettings(), Places(ANTENNAS[:, 2]))
+    assert 0.5 < model.slow_sigma / 0.005 < 1.5
+    assert 10 < model.lasting < 90

@@ -123,3 +123,14 @@ def test_dates_go_on_while_there_is_no_fix(tmp_path):
 def test_a_single_date_serves_a_log_of_two_days(tmp_path):
     times = NOON + np.arange(0.0, 170000.0, 600.0)
     assert times_of(tmp_path, [rmc(NOON), *map(gga, times)]).times.tolist() == times.tolist()
+
+
+def test_a_log_without_a_date_is_counted_from_1970_and_says_where_that_matters(tmp_path):
+    found = times_of(tmp_path, epochs(NOON + np.arange(20.0), (gga, gst)))
+    assert found.times.tolist() == (43_200 + np.arange(20.0)).tolist()
+    (note,) = [one for one in found.notes if "no date" in one]
+    assert "The drive needs none" in note
+    assert 'state `date = "YYYY-MM-DD"`' in note
+    stated = times_of(tmp_path, epochs(NOON + np.arange(20.0), (gga,)), day=date(2024, 4, 10))
+    assert stated.times[0] == NOON
+    assert not any("no date" in one for one in stated.notes)

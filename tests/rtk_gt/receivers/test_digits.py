@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rtk_gt.receivers.digits import coarsest, last_digits, rounded_eta
+from rtk_gt.receivers.digits import coarsest, last_digits, level_digit, rounded_eta
 from rtk_gt.receivers.fixes import RTK_FIXED, Fixes
+from rtk_gt.receivers.formats.reading import Stated, read_receiver
 
 COUNT = 400
 
@@ -34,6 +35,28 @@ def test_the_last_digit_is_told(digit):
     steps = last_digits(record("rear", digit).geodetic)
     assert steps[2] == pytest.approx(digit, rel=1e-6)
     assert (steps[:2] == 0).all()  # a latitude and a longitude that never change tell none
+
+
+@pytest.mark.parametrize(
+    ("decimals", "of_minutes", "metres"),
+    [(5, 0, 1.117), (6, 0, 0.1117), (7, 0, 0.01117), (4, 1, 0.1862), (5, 1, 0.01862)],
+)
+def test_the_last_digit_of_level_positions_is_told_with_few_of_them(decimals, of_minutes, metres):
+    generator = np.random.default_rng(decimals)
+    fine = np.column_stack([45.478 + generator.uniform(0, 1e-3, 40), np.full(40, 9.232)])
+    scale = 60 if of_minutes else 1
+    written = np.round(fine * scale, decimals) / scale
+    heights = np.full((40, 1), 160.0)
+    assert level_digit(np.hstack([np.radians(written), heights])) == pytest.approx(metres, rel=1e-2)
+    assert level_digit(np.hstack([np.radians(fine), heights])) == 0
+
+
+def test_a_table_in_metres_tells_its_digits(tmp_path):
+    rows = [f"{1.7e9 + k:.0f},{5e5 + 3.1 * k:.1f},{5_036_000 + k:.1f},160.0" for k in range(40)]
+    path = tmp_path / "rear.csv"
+    path.write_text("\n".join(["time,east,north,height", *rows]))
+    found = read_receiver(path, Stated("rear", coordinates="utm", zone="32N"))
+    assert found.level_digit == pytest.approx(0.1)
 
 
 def test_rounding_counts_where_it_is_beside_the_noise():

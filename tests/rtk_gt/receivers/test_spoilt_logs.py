@@ -166,3 +166,13 @@ def test_many_positions_of_nowhere_are_one_mistake_with_one_line(tmp_path):
     with pytest.raises(InputError, match="39 positions of this file are so far") as raised:
         check_fixes([read(tmp_path, far)])
     assert len(str(raised.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("gap", ["\0" * 4096, "\0\0", "\x1b[2J\x1b[2J"])
+def test_a_loss_of_power_within_a_sentence_costs_that_sentence(tmp_path, gap):
+    """Bytes that come in pairs cancel in the checksum."""
+    lines = GOOD.split("\n")
+    lines[5] = lines[5].replace("00913", f"009{gap}13")
+    found = read(tmp_path, "\n".join(lines))
+    assert len(found) == SECONDS - 1
+    assert any("1 damaged sentences were left out" in note for note in found.notes)

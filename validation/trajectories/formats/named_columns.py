@@ -12,6 +12,7 @@ import numpy as np
 from validation.errors import GtvalError, InputError
 from validation.poses.angles import Array
 from validation.poses.trajectory import Clock
+from validation.text_files.time_units import UNIT_NAMES
 from validation.trajectories.formats.covariances import last_digit, symmetric
 from validation.trajectories.formats.records import Records, without_rows
 from validation.trajectories.formats.source import (
@@ -22,7 +23,6 @@ from validation.trajectories.formats.source import (
     read_rows,
     separator_of,
 )
-from validation.trajectories.formats.stamps import UNIT_NAMES
 
 MARK = "# gtval trajectory"
 """First line of gtval's own files; their stamps are seconds, their angles radians."""

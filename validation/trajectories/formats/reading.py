@@ -5,6 +5,7 @@ from pathlib import Path
 
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.trajectory import Trajectory
+from validation.text_files.time_units import SCALES
 from validation.trajectories.formats.assembly import assembled
 from validation.trajectories.formats.bags import MAGIC, bag_fault, read_bag
 from validation.trajectories.formats.bare_columns import (
@@ -40,7 +41,6 @@ from validation.trajectories.formats.source import (
     open_head,
     open_source,
 )
-from validation.trajectories.formats.stamps import SCALES
 from validation.trajectories.formats.total_station import (
     gsi_fault,
     landxml_fault,

@@ -11,16 +11,7 @@ import numpy.typing as npt
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
-
-SCALES = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
-"""How many of each unit make a second."""
-UNIT_NAMES = {
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
-    **dict.fromkeys(("ms", "msec", "msecs", "milliseconds", "millis"), "ms"),
-    **dict.fromkeys(("us", "usec", "usecs", "microseconds", "µs", "micros"), "us"),
-    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds", "nanos"), "ns"),
-}
-"""Spellings of the units in headers."""
+from validation.text_files.time_units import SCALES
 
 FIRST_EPOCH, LAST_EPOCH = 1e9, 4.3e9
 """Seconds since 1970 of the years 2001 and 2106: a stamp inside, in one of the units, has 10, 13,

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from validation.errors import GtvalError, InputError
+from validation.text_files.time_units import SCALES
 from validation.trajectories.formats import read_trajectory
 from validation.trajectories.formats.stamps import (
-    SCALES,
     UncertainUnitError,
     exact_times,
     lines_shown,

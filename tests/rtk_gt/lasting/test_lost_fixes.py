@@ -1,0 +1,78 @@
+"""An epoch that one receiver lacks hides no jump, and makes none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from trials.lasting_errors import Errors, made_drive
+
+from rtk_gt.lasting.lost_fixes import with_lost_fixes
+from rtk_gt.lasting.settled import settle
+from rtk_gt.receivers.fixes import RTK_FIXED
+
+WHITE = Errors(0.003)
+AT = 150.0
+
+
+def rows_from(made, second, last=None):
+    times = made.steps.times - made.steps.times[0]
+    return np.flatnonzero((times > second - 1e-3) & (times < (last or np.inf) - 1e-3))
+
+
+def without(steps, row, receiver):
+    kinds = steps.kinds.copy()
+    kinds[row, receiver] = -1
+    positions = np.where((kinds < 0)[..., None], np.nan, steps.positions)
+    return replace(steps, kinds=kinds, positions=positions)
+
+
+@pytest.mark.parametrize("late", [-1, 0, 1, 2])
+def test_a_jump_of_all_beside_a_lost_epoch_is_found(late):
+    size = np.array([0.3, -0.2, 0.05])
+    made = made_drive(11, WHITE, seconds=300.0)
+    rows = rows_from(made, AT)
+    bad = made.jumped([0, 1, 2], rows, size)
+    _, errors, _ = settle(without(bad.steps, rows[0] + late, 1))
+    (one,) = errors
+    assert one.receivers == (0, 1, 2)
+    assert one.stays
+    assert abs(one.start - made.steps.times[0] - AT) < 0.41
+    off = one.size - size
+    # 99.9 % of three normal numbers.
+    assert off @ np.linalg.solve(one.covariance, off) < 16.3
+
+
+def test_what_stands_for_a_lost_fix_is_where_the_antenna_was():
+    made = made_drive(12, WHITE, seconds=300.0)
+    rng = np.random.default_rng(5)
+    lost = rng.random(made.steps.kinds.shape) < 0.05
+    lost[rng.permutation(len(lost))[: len(lost) // 2]] = False
+    steps = made.steps
+    for receiver in range(3):
+        steps = without(steps, lost[:, receiver], receiver)
+    filled = with_lost_fixes(steps)
+    known = lost & (filled.kinds == RTK_FIXED)
+    assert known.sum() > 0.95 * lost.sum()
+    off = (filled.positions - made.steps.positions)[known]
+    # Noise of the fix itself, of two others and of two arms, and how the vehicle leans meanwhile.
+    assert np.sqrt(np.square(off[:, :2]).mean()) < 3 * WHITE.white
+    assert np.abs(off).max() < 0.05
+    assert np.array_equal(filled.positions[~lost], made.steps.positions[~lost])
+
+
+def test_a_receiver_that_writes_less_often_gets_no_fixes():
+    made = made_drive(12, WHITE, seconds=60.0, every=(1, 1, 5))
+    assert np.array_equal(with_lost_fixes(made.steps).kinds, made.steps.kinds)
+
+
+@pytest.mark.parametrize("size", [(0.4, 0.07, 0.0), (-0.5, 0.8, 0.05), (0.0, 0.0, -1.0)])
+def test_a_large_false_fix_has_its_size(size):
+    made = made_drive(13, WHITE, seconds=400.0)
+    bad = made.jumped([1], rows_from(made, AT, AT + 40.0), np.array(size))
+    _, errors, _ = settle(bad.steps)
+    (one,) = errors
+    assert one.receivers == (1,)
+    assert abs(one.start - made.steps.times[0] - AT) < 0.41
+    assert abs(one.end - made.steps.times[0] - AT - 40.0) < 0.61
+    off = one.size - size
+    assert off @ np.linalg.solve(one.covariance, off) < 16.3
