@@ -8,7 +8,7 @@ from validation.errors import GtvalError
 from validation.poses.trajectory import Trajectory
 from validation.trajectories.clock.jumps import parted
 from validation.trajectories.clock.result import ClockEstimate
-from validation.trajectories.smoothing.source import Source
+from validation.trajectories.smoothing.source import NORMAL_95, Source
 
 FEWEST = 3
 """Poses of a part between two jumps that are fused: fewer tell no motion of their own."""
@@ -58,12 +58,12 @@ def _late(trajectory: Trajectory, clock: ClockEstimate) -> Source:
             f"no delay is known for '{trajectory.system}'{why}; leave it out, or bring its stamps "
             "to the common time first"
         )
-    drift = clock.drift_low_ppm, clock.drift_high_ppm
-    return Source.late(
+    drift = clock.drift_high_ppm - clock.drift_low_ppm
+    return Source(
         trajectory,
         clock.delay_s,
-        (clock.low_s, clock.high_s),
+        max(clock.high_s - clock.low_s, 0.0) / (2 * NORMAL_95),
         float(np.nan_to_num(clock.drift_ppm)),
-        drift if np.isfinite(drift).all() else None,
-        clock.at_s + clock.epoch if np.isfinite(clock.at_s) else None,
+        max(float(np.nan_to_num(drift)), 0.0) / (2 * NORMAL_95),
+        clock.at_s + clock.epoch - trajectory.epoch if np.isfinite(clock.at_s) else None,
     )
