@@ -1,6 +1,6 @@
 """Poses in time: their files, clocks, errors, causes and fusion."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,8 +25,9 @@ from validation.trajectories.comparison import TimeComparison
 from validation.trajectories.comparison import compare_in_time as compared
 from validation.trajectories.formats import read_trajectory as read
 from validation.trajectories.formats import write_trajectory as write
+from validation.trajectories.smoothing.clocked import clocked
 from validation.trajectories.smoothing.fusion import fuse as fused
-from validation.trajectories.smoothing.source import NORMAL_95, Fused, Source
+from validation.trajectories.smoothing.source import Fused
 from validation.trajectories.stops import Stop
 from validation.trajectories.stops import find_standstills as standing
 from validation.trajectories.stops import poses_at_stops as at_stops
@@ -222,7 +223,8 @@ def fuse(
     odometry : Trajectory, optional
         In a frame of its own, which may drift.
     clocks : Clocks, optional
-        From `sync`, with the odometry's clock or one that is the same as reference.
+        From `sync`, with the odometry's clock or one that is the same as reference. A source whose
+        clock jumps is fused in parts, each with its delay; in the result each part is a source.
 
     Raises
     ------
@@ -237,22 +239,8 @@ def fuse(
     True
     """
     known = {} if clocks is None else {one.source: one for one in clocks}
-    return fused([_source(one, known) for one in sources], odometry=odometry)
-
-
-def _source(trajectory: Trajectory, known: Mapping[str, ClockEstimate]) -> Source:
-    """A source with its clock; half of an interval of 95 % is 1.96 standard deviations."""
-    clock = known.get(trajectory.system)
-    if clock is None:
-        return Source(trajectory)
-    return Source(
-        trajectory,
-        clock.delay_s,
-        (clock.high_s - clock.low_s) / (2 * NORMAL_95),
-        clock.drift_ppm,
-        (clock.drift_high_ppm - clock.drift_low_ppm) / (2 * NORMAL_95),
-        clock.at_s + clock.epoch - trajectory.epoch,
-    )
+    parts = [part for one in sources for part in clocked(one, known.get(one.system))]
+    return fused(parts, odometry=odometry)
 
 
 @said_plainly

@@ -1,15 +1,17 @@
 """The command that fuses several sources of poses into one trajectory."""
 
+import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from validation.commands.options import AS_JSON, PATH
 
 if TYPE_CHECKING:
+    from validation.errors import Problem
     from validation.poses.angles import Array
-    from validation.poses.trajectory import Trajectory
+    from validation.trajectories.clock.result import ClockEstimate
     from validation.trajectories.smoothing.source import Fused, Source
 
 
@@ -35,15 +37,22 @@ def fuse(
 ) -> None:
     """Fuse the poses of several SOURCES in one frame into one trajectory; smooth that of one.
 
-    Noise, outliers and headings off by half a turn are found from the data. The file has
-    covariances and the column 'supported': 1 where data stand on both sides.
+    Noise, outliers and headings off by half a turn are found from the data. A source whose clock
+    jumps is fused in parts, each with its delay. The file has covariances and the column
+    'supported': 1 where data stand on both sides.
     """
     from validation.text_files.writing import write_files
     from validation.trajectories.formats.reading import read_trajectory
+    from validation.trajectories.formats.source import system_name
+    from validation.trajectories.smoothing.clocked import clocked
     from validation.trajectories.smoothing.fusion import fuse as fuse_sources
 
     clocks = _clocks(delays)
-    read = [_source(read_trajectory(path), path, clocks) for path in sources]
+    read = [
+        source
+        for path in sources
+        for source in clocked(read_trajectory(path), clocks.get(system_name(path)))
+    ]
     wheels = None if odometry is None else read_trajectory(odometry)
     times = None if rate is None else _regular(read, rate)
     fused = fuse_sources(read, odometry=wheels, times=times)
@@ -51,8 +60,8 @@ def fuse(
     _tell(fused, output, as_json)
 
 
-def _clocks(path: Path | None) -> dict[str, dict[str, float]]:
-    """Delays by name of the source.
+def _clocks(path: Path | None) -> "dict[str, ClockEstimate]":
+    """Clocks by name of the source.
 
     Raises
     ------
@@ -60,7 +69,6 @@ def _clocks(path: Path | None) -> dict[str, dict[str, float]]:
         If the file is not what `gtval sync --json` prints.
     """
     import json
-    import math
 
     from validation.errors import InputError, Problem
 
@@ -74,35 +82,57 @@ def _clocks(path: Path | None) -> dict[str, dict[str, float]]:
     sources = found.get("sources") if isinstance(found, dict) else None
     if not isinstance(sources, dict) or not all(isinstance(s, dict) for s in sources.values()):
         raise InputError([Problem(path, expected, field="sources")])
-    problems = []
-    for name, clock in sources.items():
-        for key in ("delay_s", "low_s", "high_s"):
-            value = clock.get(key)
-            if not isinstance(value, int | float) or not math.isfinite(value):
-                words = f"no delay is known for '{name}'; see its verdict, or leave it out"
-                problems.append(Problem(path, words, field=f"sources.{name}.{key}"))
+    problems: list[Problem] = []
+    clocks = {
+        name: _clock(name, told, f"sources.{name}", path, problems)
+        for name, told in sources.items()
+    }
     if problems:
         raise InputError(problems)
-    return sources
+    return clocks
 
 
-def _source(trajectory: "Trajectory", path: Path, clocks: dict[str, dict[str, float]]) -> "Source":
-    """A source with its delay."""
-    from validation.trajectories.formats.source import system_name
-    from validation.trajectories.smoothing.source import Source
+def _clock(
+    name: str, told: "dict[str, Any]", field: str, path: Path, problems: "list[Problem]"
+) -> "ClockEstimate":
+    """The clock of a source, or of a part of it between jumps; what is wrong joins ``problems``."""
+    from validation.errors import Problem
+    from validation.trajectories.clock.result import ClockEstimate, Jump, Place
 
-    clock = clocks.get(system_name(path))
-    if clock is None:
-        return Source(trajectory)
-    low, high = clock.get("drift_low_ppm"), clock.get("drift_high_ppm")
-    return Source.late(
-        trajectory,
-        clock["delay_s"],
-        (clock["low_s"], clock["high_s"]),
-        clock.get("drift_ppm") or 0.0,
-        None if low is None or high is None else (low, high),
-        clock.get("at_s"),
+    keys = ("delay_s", "low_s", "high_s", "at_s", "drift_ppm", "drift_low_ppm", "drift_high_ppm")
+    numbers: dict[str, Any] = {key: _number(told.get(key)) for key in keys}
+    for key in keys[:3]:
+        if not math.isfinite(numbers[key]):
+            words = f"no delay is known for '{name}'; see its verdict, or leave it out"
+            problems.append(Problem(path, words, field=f"{field}.{key}"))
+    stamps = [_number(jump.get("stamp_s")) for jump in _rows(told, "jumps")]
+    pieces = _rows(told, "pieces")
+    if not all(map(math.isfinite, stamps)) or len(pieces) != (len(stamps) + 1 if stamps else 0):
+        words = (
+            f"the clock of '{name}' jumps {len(stamps)} times and has {len(pieces)} parts with a "
+            "delay of their own; expected one part more than jumps, and a stamp for each jump. Run "
+            "`gtval sync` again"
+        )
+        problems.append(Problem(path, words, field=f"{field}.pieces"))
+        pieces = []
+    # Where to part the poses is all that counts here.
+    jumps = tuple(Jump(Place(s, s, s), math.nan, math.nan, math.nan, math.nan) for s in stamps)
+    parts = (
+        _clock(name, piece, f"{field}.pieces[{number}]", path, problems)
+        for number, piece in enumerate(pieces)
     )
+    return ClockEstimate(name, 0, "determined", jumps=jumps, pieces=tuple(parts), **numbers)
+
+
+def _rows(told: "dict[str, Any]", key: str) -> "list[dict[str, Any]]":
+    """A list of tables; empty where there is none."""
+    rows = told.get(key)
+    return [row for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
+
+
+def _number(value: object) -> float:
+    """A number, NaN where it is none."""
+    return float(value) if isinstance(value, int | float) else math.nan
 
 
 def _regular(sources: "list[Source]", rate: float) -> "Array":

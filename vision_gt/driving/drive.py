@@ -4,28 +4,22 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from validation.poses.angles import Array
 from validation.poses.trajectory import Trajectory
 from validation.results import Finding
 from validation.shown import Shown
 from validation.trajectories.clock.estimate import sync
 from validation.trajectories.clock.jumps import parted
 from validation.trajectories.clock.result import ClockEstimate
+from validation.trajectories.smoothing.clocked import clocked
 from validation.trajectories.smoothing.fusion import fuse
-from validation.trajectories.smoothing.source import Fused, Source
+from validation.trajectories.smoothing.source import Source
 from vision_gt.driving.links import Clock, Links
 from vision_gt.driving.stream import Mask, Stream
 
 SYSTEM = "vision_drive"
 SPURIOUS = 0.5
 """Probability of being right below which a frame is spurious: more likely wrong than right."""
-REACH_S = 0.5
-"""Seconds within which the frames of a camera share in a fused pose: the memory of a trajectory
-that is seen ten times a second by some millimetres and driven at 0.5 m/s. A judgement."""
-FARTHEST = 300.0
-"""Of these times, beyond which it does not matter by how much a frame is too far."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -92,7 +86,8 @@ def solve_drive(
     the trajectory: its poses contradict nothing, and are 'clock unknown'.
 
     Frames are fused by the noise that each has of its own. What cameras, lenses and markers are off
-    by does not get less by many frames; it is added afterwards, as the frames near a pose have it.
+    by does not get less by many frames; how much each of these errors moves each fused pose follows
+    from the equations of the fusion, and is added to the covariances.
     """
     seen = {s.camera: t for s in streams if (t := s.trajectory(whole=False)) is not None}
     left_out = {s.camera: "too few poses" for s in streams if s.camera not in seen}
@@ -117,7 +112,8 @@ def solve_drive(
     progress("fusing the cameras", 0.8)
     parts = [part for name in used for part in _pieces(judged[name], known.get(name))]
     sources = [_source(part, clock) for part, clock in parts]
-    fused = fuse(sources, odometry=odometry)
+    common = [part.common[part.posed] for part, _ in parts]
+    fused = fuse(sources, odometry=odometry, common=common)
     good = [
         part.judged(weights < SPURIOUS)
         for (part, _), weights in zip(parts, fused.weights, strict=True)
@@ -125,7 +121,9 @@ def solve_drive(
     for name in used:
         verdicts = [verdict for one in good if one.camera == name for verdict in one.verdicts]
         judged[name] = replace(judged[name], verdicts=tuple(verdicts))
-    trajectory = _with_shared(fused, good, sources)
+    assert fused.shared is not None  # as common errors are given
+    covariances = fused.trajectory.covariances + fused.shared
+    trajectory = replace(fused.trajectory, system=SYSTEM, covariances=covariances)
     return DriveOutcome(
         *(tuple(judged.values()), clocks, assumed, left_out),
         *(trajectory, fused.supported, fused.findings),
@@ -183,50 +181,4 @@ def _source(stream: Stream, clock: ClockEstimate | None) -> Source:
     """A camera's poses with what is known of its clock."""
     trajectory = stream.trajectory(whole=False)
     assert trajectory is not None  # a stream without one has no clock
-    if clock is None:
-        return Source(trajectory)
-    drift = (clock.drift_low_ppm, clock.drift_high_ppm)
-    known = bool(np.isfinite(drift).all())
-    return Source.late(
-        trajectory,
-        clock.delay_s,
-        (clock.low_s, clock.high_s),
-        clock.drift_ppm if known else 0.0,
-        drift if known else None,
-        clock.at_s + clock.epoch,
-    )
-
-
-def _with_shared(fused: Fused, streams: Sequence[Stream], sources: Sequence[Source]) -> Trajectory:
-    """The fused trajectory with what the frames near each pose share.
-
-    A pose weighs the cameras by the noise of their frames, and so it weighs the errors that frames
-    share.
-    """
-    own = fused.trajectory
-    common = np.zeros((len(own), 3, streams[0].common.shape[2]))
-    whole = np.zeros((len(own), 3, 3))
-    for stream, source in zip(streams, sources, strict=True):
-        kept = np.flatnonzero(stream.kept)
-        if not len(kept):
-            continue
-        since = stream.times[kept] - (source.at_s or 0.0)
-        times = stream.times[kept] + (stream.epoch - own.epoch) + source.delay_s
-        near, share = _near(own.times, times + 1e-6 * source.drift_ppm * since)
-        information = np.linalg.inv(stream.own[kept])[near] * share[:, None, None]
-        common += information @ stream.common[kept][near]
-        whole += information
-    by = np.linalg.solve(whole, common)
-    shared = np.einsum("niu,nju->nij", by, by)
-    return replace(own, system=SYSTEM, covariances=own.covariances + shared)
-
-
-def _near(times: Array, frames: Array) -> tuple[npt.NDArray[np.intp], Array]:
-    """The frame nearest to each time, and how much it counts: less the farther away it is."""
-    right = np.clip(np.searchsorted(frames, times), 0, len(frames) - 1)
-    left = np.maximum(right - 1, 0)
-    nearer = np.abs(times - frames[left]) < np.abs(frames[right] - times)
-    nearest = np.where(nearer, left, right).astype(np.intp)
-    # Far from all frames the nearest counts alone; no weight may vanish.
-    far = np.minimum(np.abs(times - frames[nearest]) / REACH_S, FARTHEST)
-    return nearest, np.exp(-far)
+    return clocked(trajectory, clock)[0]

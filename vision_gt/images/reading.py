@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from math import comb
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -37,6 +38,8 @@ _SHARPER = 0.6
 blur of 0.8 pixels leaves a cell of that width 0.79 of its own level in each direction."""
 _SHARPEN_BELOW = 4.0
 """Pixels: larger cells show their own level in their middle."""
+_IN_A_CELL = 5
+"""Places at which each cell is looked at."""
 _EVERY, _ENDS = 4, 0.003
 """Rows and columns that tell the grey levels of an image, and the share left out at each end."""
 _NARROW, _LEAST_RANGE = 128, 16
@@ -174,19 +177,24 @@ def _codes(family: Family) -> npt.NDArray[np.float32]:
 
 def _cell_levels(image: Image, quads: Array, cells: int) -> Array:
     """(n, (cells + 2)^2) mean grey levels in the middles of cells, those of the rim included."""
+    ahead = homographies(quads) @ _places_in_cells(cells)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        seen = ahead[:, :2] / ahead[:, 2:]
+    grey = sampled(image, seen[:, 0], seen[:, 1])
+    return np.asarray(grey.reshape(len(quads), _IN_A_CELL, -1).mean(1))
+
+
+@lru_cache
+def _places_in_cells(cells: int) -> Array:
+    """(3, k) where the cells, those of the rim included, are looked at: first in all middles."""
     middles = (np.arange(cells + 2) - 0.5) / cells
-    off = 0.18 / cells * np.array([[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]])
     x, y = np.meshgrid(middles, middles)
     # The rim is looked at near the border: a narrow rim is enough.
     near = 0.22 / cells
     x, y = (np.where(v < 0, -0.5 / cells + near, np.where(v > 1, 1 + near, v)) for v in (x, y))
-    places = np.stack([x, y], -1).reshape(-1, 1, 2) + off
-    H = homographies(quads)
-    ahead = np.einsum("nij,kpj->nkpi", H[:, :, :2], places) + H[:, None, None, :, 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        seen = ahead[..., :2] / ahead[..., 2:]
-    grey = sampled(image, seen[..., 0], seen[..., 1])
-    return np.asarray(grey.mean(-1))
+    off = 0.18 / cells * np.array([[0, 1, 1, -1, -1], [0, 1, -1, 1, -1]])
+    places = np.stack([x.ravel(), y.ravel()])[:, None] + off[..., None]
+    return np.concatenate([places.reshape(2, -1), np.ones((1, _IN_A_CELL * x.size))])
 
 
 @lru_cache
@@ -221,7 +229,8 @@ def drawn_apart(image: Image) -> Image:
 
     OpenCV's threshold is off the local mean by so many grey levels, whatever the exposure.
     """
-    levels = np.bincount(image[::_EVERY, ::_EVERY].ravel(), minlength=256).cumsum()
+    some = np.ascontiguousarray(image[::_EVERY, ::_EVERY])
+    levels = cv2.calcHist([some], [0], None, [256], [0, 256]).ravel().cumsum(dtype=float)
     low, high = np.searchsorted(levels, [_ENDS * levels[-1], (1 - _ENDS) * levels[-1]])
     if high - low > _NARROW:
         return image

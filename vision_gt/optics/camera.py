@@ -318,9 +318,10 @@ def undistort(pixels: Array, parameters: Array) -> Array:
     with np.errstate(all="ignore"):
         for step in range(_NEWTON_STEPS + 1):
             miss = wanted - distorted(found, coefficients)
-            slope = distortion_slopes(found, coefficients)
-            if np.nanmax(np.abs(miss), initial=0.0) < _CONVERGED or step == _NEWTON_STEPS:
+            small = step and np.nanmax(np.abs(miss), initial=0.0) < _CONVERGED
+            if small or step == _NEWTON_STEPS:
                 break
+            slope = distortion_slopes(found, coefficients)
             a, b, c, d = slope[..., 0, 0], slope[..., 0, 1], slope[..., 1, 0], slope[..., 1, 1]
             u, v = miss[..., 0], miss[..., 1]
             change = np.empty_like(found)

@@ -9,11 +9,13 @@ import numpy.typing as npt
 
 from validation.poses.angles import Array
 from vision_gt.optics.camera import distorted, distortion_slopes, undistort
+from vision_gt.prints.grey_fits import Floats
 
 CORNER_MARGIN = 2.5
 """Pixels near a corner that are left out: there the other side's blur reaches in, of which three
 widths are 2.4 pixels."""
 
+Ints = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
 Image = npt.NDArray[np.uint8]
 Levels = npt.NDArray[np.uint8] | npt.NDArray[np.float32]
@@ -51,9 +53,9 @@ def sampled(image: Levels, x: Array, y: Array) -> Array:
     return np.asarray(grey, dtype=float).reshape(rows * width, *own)[:count].reshape(*shape, *own)
 
 
-def _monomials(x: Array, y: Array, degree: int) -> Array:
+def _monomials(x: Floats, y: Floats, degree: int) -> Floats:
     """(k, ...) monomials of x and y (...) up to a degree: x^i, x^(i - 1) y ... y^i for each i."""
-    powers = np.empty(((degree + 1) * (degree + 2) // 2, *x.shape))
+    powers = np.empty(((degree + 1) * (degree + 2) // 2, *x.shape), dtype=x.dtype)
     powers[0] = 1.0
     before = 0
     for i in range(1, degree + 1):
@@ -76,6 +78,7 @@ _FROM_NODES: dict[int, Array] = {
     for d, nodes in _NODES.items()
 }
 """Coefficients of a polynomial of the second or fourth degree from its values at such places."""
+_DEGREES = {one.shape[0]: degree for degree, one in _FROM_NODES.items()}
 _SMALL_PATCH = 40.0
 """Pixels: over so much the third degree of a lens with k1 = -0.3 and f = 1000 pixels is
 0.3 * 1000 * 0.02^3 = 0.002 pixels; over 300 pixels the fifth degree is as small."""
@@ -100,24 +103,18 @@ class Flat:
         flat = undistort(pixels, self.parameters) * self.parameters[:2] + self.parameters[2:4]
         return np.asarray(flat)
 
-    def from_patches(self, places: Array) -> None:
-        """Put undistorted pixels in the place of pixels (m, 3, n), homogeneous, in m patches.
+    def patches(self, low: Array, high: Array) -> "Patches":
+        """How the lens bends m patches of the image, from (m, 2) pixels to others.
 
         Over some dozen pixels the lens is as good as a polynomial of the second degree, over some
         hundred as one of the fourth, fitted here at 9 or 25 places.
         """
-        if self.parameters is None or places.size == 0:
-            return
-        pixels = places[:, :2]
-        low, high = pixels.min(-1), pixels.max(-1)
         middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1.0)
+        if self.parameters is None or not len(low):
+            return Patches(middle, half, None)
         degree = 2 if 2 * half.max() < _SMALL_PATCH else 4
         nodes = middle[:, None] + half[:, None] * _NODES[degree]
-        bends = _FROM_NODES[degree] @ self.from_image(nodes)
-        x, y = ((pixels - middle[..., None]) / half[..., None]).transpose(1, 0, 2)
-        powers = _monomials(x, y, degree)
-        for i, bend in enumerate(bends):
-            np.matmul(bend.T, powers[:, i], out=places[i, :2])
+        return Patches(middle, half, _FROM_NODES[degree] @ self.from_image(nodes))
 
     def to_image(self, flat: Array) -> Array:
         """(..., 2) pixels of undistorted ones."""
@@ -136,6 +133,41 @@ class Flat:
         slope = distortion_slopes(normalised, self.parameters[4:])
         lens = distorted(normalised, self.parameters[4:])
         return lens * focal + centre, focal[:, None] * slope / focal
+
+
+@dataclass(frozen=True)
+class Patches:
+    """The lens over m patches of an image.
+
+    Parameters
+    ----------
+    middle, half : (m, 2) array
+        Of the patches, pixels.
+    bends : (m, k, 2) array or None
+        Coefficients of undistorted pixels, by places from -1 to 1 in a patch; None without lens.
+    """
+
+    middle: Array
+    half: Array
+    bends: Array | None
+
+    def of(self, rows: Ints) -> "Patches":
+        """Some of them."""
+        bends = None if self.bends is None else self.bends[rows]
+        return Patches(self.middle[rows], self.half[rows], bends)
+
+    def undistorted(self, pixels: Array) -> tuple[Floats, Array]:
+        """Undistorted pixels (m, 3, n) of pixels (m, 2, n), homogeneous, from origins (m, 2)."""
+        m, _, n = pixels.shape
+        places = np.ones((m, 3, n), dtype=np.float32)
+        np.subtract(pixels, self.middle[..., None], out=places[:, :2], casting="same_kind")
+        if self.bends is None:
+            return places, self.middle
+        places[:, :2] *= (1 / self.half[..., None]).astype(np.float32)
+        powers = _monomials(places[:, 0], places[:, 1], _DEGREES[self.bends.shape[1]])
+        for i, bend in enumerate(self.bends[:, 1:].astype(np.float32)):
+            np.matmul(bend.T, powers[1:, i], out=places[i, :2])
+        return places, self.bends[:, 0]
 
 
 @dataclass(frozen=True)

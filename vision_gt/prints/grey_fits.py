@@ -1,5 +1,7 @@
 """What the fits of grey levels have in common: the blur, and how outliers are held back."""
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -7,6 +9,9 @@ from validation.poses.angles import Array
 from validation.statistics.robust import SIGMA_OF_MEDIAN
 
 Mask = npt.NDArray[np.bool_]
+Floats = npt.NDArray[np.floating[Any]]
+"""Of single precision where there is one number a pixel: grey levels are whole numbers, and places
+in a print are then good to a millionth of a pixel."""
 
 SATURATED = 254
 """Such a pixel says that the light is at least so much: a brighter model is no misfit."""
@@ -76,7 +81,7 @@ def tukey(residual: Array, weight: Array, contrast: Array, step: int) -> Array:
     return np.asarray(np.square(1 - ratio))
 
 
-def tukey_of_filled(residual: Array, contrast: Array, step: int) -> Array:
+def tukey_of_filled(residual: Floats, contrast: Array, step: int) -> Floats:
     """Tukey's weights (m, n) of the residuals of m fits, as `tukey` has them, all of weight 1.
 
     Parameters
@@ -90,7 +95,8 @@ def tukey_of_filled(residual: Array, contrast: Array, step: int) -> Array:
     middle = some.shape[1] // 2
     scale = SIGMA_OF_MEDIAN * np.partition(some, middle, axis=1)[:, middle]
     scale = np.maximum(np.maximum(scale, _MISFIT[min(step, 2) - 1] * contrast), 1.0)
-    ratio = np.minimum(np.square(residual * (1 / (_TUKEY * scale))[:, None]), 1.0)
+    narrow = (1 / (_TUKEY * scale))[:, None].astype(residual.dtype)
+    ratio = np.minimum(np.square(residual * narrow), 1)
     return np.asarray(np.square(1 - ratio))
 
 
@@ -116,18 +122,18 @@ def believable(contrast: Array, kept: Array, sigma: Array, noise: Array) -> Mask
     )
 
 
-def left_over(change: Array, step: tuple[Array, Array, Array]) -> Array:
+def left_over(change: Floats, step: tuple[Floats, Floats, Array]) -> Floats:
     """What derivatives (m, n) have that none of a step's unknowns has.
 
     ``step`` is the Jacobian, the same with weights, and the inverse of the normal matrix.
     """
     jacobian, weighted, inverse = step
-    known = inverse @ (weighted @ change[..., None])
+    known = (inverse @ (weighted @ change[..., None])).astype(jacobian.dtype)
     return np.asarray(change - (np.swapaxes(known, 1, 2) @ jacobian)[:, 0])
 
 
 def share_explained(
-    change: Array, step: tuple[Array, Array, Array], weights: Array, left: Array
+    change: Floats, step: tuple[Floats, Floats, Array], weights: Floats, left: Floats
 ) -> Array:
     """Which share (m,) of what is left (m, n) one more unknown would explain.
 
@@ -135,8 +141,9 @@ def share_explained(
     inverse of the normal matrix.
     """
     own = left_over(change, step)
-    most = (weights * own**2).sum(1) * (weights * left**2).sum(1)
-    explained = (weights * own * left).sum(1) ** 2
+    said = weights * own
+    most = (said * own).sum(1, dtype=float) * (weights * left**2).sum(1, dtype=float)
+    explained = (said * left).sum(1, dtype=float) ** 2
     return np.asarray(np.where(most > 0, explained / np.where(most > 0, most, 1.0), 0.0))
 
 

@@ -8,8 +8,9 @@ import numpy.typing as npt
 
 from validation.poses.angles import Array
 from validation.statistics.robust import SIGMA_OF_MEDIAN
-from vision_gt.prints.edge_samples import Flat, Image
-from vision_gt.prints.print_look import PADDING
+from vision_gt.prints.edge_samples import Flat, Image, Patches
+from vision_gt.prints.grey_fits import Floats
+from vision_gt.prints.print_look import PADDING, to_prints
 
 Ints = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
@@ -40,11 +41,14 @@ class Chosen:
         Places in the image, row by row.
     sure, reach : (m,) array
         How far the rim surely reaches and how far is looked, in half sides of the print.
+    patches : Patches
+        The lens there.
     """
 
     index: tuple[Ints, ...]
     sure: Array
     reach: Array
+    patches: Patches
 
     @property
     def counts(self) -> Ints:
@@ -53,32 +57,41 @@ class Chosen:
 
     def of(self, rows: Ints) -> "Chosen":
         """Those of some prints."""
-        return Chosen(tuple(self.index[i] for i in rows), self.sure[rows], self.reach[rows])
+        index = tuple(self.index[i] for i in rows)
+        return Chosen(index, self.sure[rows], self.reach[rows], self.patches.of(rows))
 
 
 @dataclass(frozen=True)
 class Seen:
     """The cells (m, c + 20, c + 20) of m prints with all the white around them, and pixels there.
 
-    ``places`` (m, 3, n) are undistorted pixels, homogeneous, ``grey`` (m, n) their levels. ``zone``
-    (m, n) is 0 on the print and its rim; further out it numbers the four sides and how far it is.
-    ``counts`` (m, n) is False for what only fills a row.
+    ``places`` (m, 3, n) are undistorted pixels from ``origin`` (m, 2), homogeneous, ``grey`` (m, n)
+    their levels. ``zone`` (m, n) is 0 on the print and its rim; further out it numbers the four
+    sides and how far it is. ``counts`` (m, n) is False for what only fills a row.
     """
 
-    cells: Array
-    places: Array
-    grey: Array
+    cells: Floats
+    places: Floats
+    origin: Array
+    grey: Floats
     zone: Ints
     counts: Mask
 
     def of(self, rows: Mask) -> "Seen":
         """Those of some prints."""
         cells, places, grey = self.cells[rows], self.places[rows], self.grey[rows]
-        return Seen(cells, places, grey, self.zone[rows], self.counts[rows])
+        return Seen(cells, places, self.origin[rows], grey, self.zone[rows], self.counts[rows])
 
 
 def choose_pixels(
-    image: Image, H: Array, bits: Array, rim: Array, flat: Flat, told: Ints, most: int = 10**9
+    image: Image,
+    H: Array,
+    bits: Array,
+    rim: Array,
+    flat: Flat,
+    told: Ints,
+    most: int = 10**9,
+    patches: Patches | None = None,
 ) -> Chosen:
     """The pixels of prints and their rims that say where they are, and some for how bright.
 
@@ -98,6 +111,8 @@ def choose_pixels(
         Pixels from a boundary within which pixels of a large print are used.
     most : int
         So many of them at most, spread over the print.
+    patches : Patches, optional
+        The lens around the prints where it is known from an earlier choice.
     """
     sure, reach = (1 + 2 * cells / bits.shape[1] for cells in rim.T)
     both = np.stack([np.broadcast_to(SQUARE, (len(H), 4, 2)), reach[:, None, None] * SQUARE], 1)
@@ -122,15 +137,18 @@ def choose_pixels(
             places = places[_spread(len(places), most)]
         row, column = np.divmod(places, shape[1])
         index.append((row + y) * width + (column + x))
-    return Chosen(tuple(index), sure, reach)
+    if patches is None:
+        last = np.array([width, height]) - 1.0
+        patches = flat.patches(*(np.clip(end, 0.0, last) for end in (low, high - 1)))
+    return Chosen(tuple(index), sure, reach, patches)
 
 
-def pixels_around(image: Image, H: Array, bits: Array, chosen: Chosen, flat: Flat) -> Seen:
+def pixels_around(image: Image, H: Array, bits: Array, chosen: Chosen) -> Seen:
     """Chosen pixels with their grey levels, and where they are around prints.
 
     Parameters
     ----------
-    image, H, bits, flat
+    image, H, bits
         As for `choose_pixels`.
     chosen : Chosen
         Which.
@@ -142,27 +160,28 @@ def pixels_around(image: Image, H: Array, bits: Array, chosen: Chosen, flat: Fla
     for row, one in zip(index, chosen.index, strict=True):
         for first in range(0, n, max(len(one), 1)) if len(one) else ():
             row[first : first + len(one)] = one[: n - first]
-    grey = image.ravel()[index].astype(float)
-    places = np.ones((len(H), 3, n))
-    rows = np.floor(index * (1 / image.shape[1]) + 1e-9, out=places[:, 1])
-    np.subtract(index, rows * image.shape[1], out=places[:, 0])
-    flat.from_patches(places)
-    u, v, nearness = (np.linalg.inv(H) @ places).transpose(1, 0, 2)
+    grey = image.ravel().take(index).astype(np.float32)
+    pixels = np.empty((len(H), 2, n))
+    rows = np.floor(index * (1 / image.shape[1]) + 1e-9, out=pixels[:, 1])
+    np.subtract(index, rows * image.shape[1], out=pixels[:, 0])
+    places, origin = chosen.patches.undistorted(pixels)
+    u, v, nearness = (to_prints(H, origin).astype(np.float32) @ places).transpose(1, 0, 2)
     far_x, far_y = np.abs(u), np.abs(v)
     with np.errstate(divide="ignore", invalid="ignore"):
         out = np.maximum(far_x, far_y) / nearness
-    use = (out < chosen.reach[:, None]) & (nearness > 0) & (np.arange(n) < counts[:, None])
-    sure, reach = chosen.sure[:, None], chosen.reach[:, None]
+    sure, reach = (one[:, None].astype(np.float32) for one in (chosen.sure, chosen.reach))
+    use = (out < reach) & (nearness > 0) & (np.arange(n) < counts[:, None])
     beyond = use & (out > sure)
     zone = np.zeros((len(H), n), dtype=np.intp)
-    if beyond.any():
-        across = far_x > far_y
-        side = np.where(across, 0, 2) + (np.where(across, u, v) > 0)
-        wide = np.maximum(reach - sure, 1e-9)
-        far = np.minimum((np.where(beyond, out, sure) - sure) / wide * _ZONES, _ZONES - 1)
-        zone = np.where(beyond, 1 + side * _ZONES + far.astype(np.intp), 0)
+    at = np.nonzero(beyond)
+    if len(at[0]):
+        across = far_x[at] > far_y[at]
+        side = np.where(across, 0, 2) + (np.where(across, u[at], v[at]) > 0)
+        wide = np.maximum(reach - sure, 1e-9)[at[0], 0]
+        far = np.minimum((out[at] - sure[at[0], 0]) / wide * _ZONES, _ZONES - 1)
+        zone[at] = 1 + side * _ZONES + far.astype(np.intp)
     cells = np.pad(bits, ((0, 0), *2 * ((PADDING, PADDING),)), constant_values=1.0)
-    return Seen(cells, places, grey, zone, use)
+    return Seen(cells.astype(np.float32), places, origin, grey, zone, use)
 
 
 def _spread(count: int, most: int) -> Ints:
@@ -192,7 +211,7 @@ def _beside_boundaries(bits: Array, corners: Array, shape: tuple[int, int], told
     return np.asarray(near, dtype=np.uint8)
 
 
-def white_rims(zone: Ints, residual: Array, used: Mask) -> Mask:
+def white_rims(zone: Ints, residual: Floats, used: Mask) -> Mask:
     """Pixels (m, n) of the prints and of as much around them as is as white as their rims.
 
     From a side outwards, up to where the mean of a zone is not the rim's.
@@ -203,13 +222,15 @@ def white_rims(zone: Ints, residual: Array, used: Mask) -> Mask:
     return white
 
 
-def _white_rim(zone: Ints, residual: Array, used: Mask) -> Mask:
+def _white_rim(zone: Ints, residual: Floats, used: Mask) -> Mask:
     """`white_rims` of one print."""
     own = np.abs(residual[(zone == 0) & used])
     noise = max(SIGMA_OF_MEDIAN * float(np.median(own)) if len(own) else 0.0, _LEAST_NOISE)
+    beyond = np.flatnonzero(used & (zone > 0))
+    far, rest = zone[beyond], residual[beyond].astype(float)
     count, total, squares = (
-        np.bincount(zone, weights, minlength=4 * _ZONES + 1)[1:].reshape(4, _ZONES)
-        for weights in (used.astype(float), residual * used, residual**2 * used)
+        np.bincount(far, weights, minlength=4 * _ZONES + 1)[1:].reshape(4, _ZONES)
+        for weights in (None, rest, rest**2)
     )
     white = np.abs(total) <= _ALIKE * noise * np.sqrt(count)
     white &= (squares <= _NOISIER * noise**2 * count) & (count > 0)

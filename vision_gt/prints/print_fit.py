@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
-from vision_gt.prints.edge_samples import Flat, Image
+from vision_gt.prints.edge_samples import Flat, Image, Patches
 from vision_gt.prints.grey_fits import (
     LEAST_VARIANCE,
     START_BLUR,
@@ -135,7 +135,7 @@ def fit_prints(image: Image, start: Array, bits: Array, rim: Array, flat: Flat) 
     bits, rim = np.asarray(bits, dtype=float)[sound], rim[sound]
     told = np.full(len(sound), _TOLD)
     chosen = choose_pixels(image, state.H, bits, rim, flat, told, SOME)
-    seen = pixels_around(image, state.H, bits, chosen, flat)
+    seen = pixels_around(image, state.H, bits, chosen)
     seen = replace(seen, counts=seen.counts & (seen.zone == 0), zone=np.zeros_like(seen.zone))
     for near in steps_to_rest(seen, state, together=True):
         at, fine = sound[near.rows], near.state
@@ -145,7 +145,8 @@ def fit_prints(image: Image, start: Array, bits: Array, rim: Array, flat: Flat) 
             fine = replace(fine, bend=each)
         told = np.maximum(np.rint(_SLOPE_ENDS * fine.blur), 1).astype(np.intp)
         own = bits[near.rows], rim[near.rows]
-        for rows, found in _fitted(image, fine, *own, flat, told, ALL, rims_judged=True):
+        lens = chosen.patches.of(near.rows)
+        for rows, found in _fitted(image, fine, *own, flat, told, ALL, lens):
             fits[at[rows]] = replace(found, halo=halo[rows])
     _keep_start(fits, start)
     return fits
@@ -227,25 +228,27 @@ def _fitted(
     flat: Flat,
     told: Ints,
     most: int,
-    *,
-    rims_judged: bool = False,
+    lens: Patches | None = None,
 ) -> Iterator[tuple[Ints, PrintFits]]:
-    """Fits from states, with the rows that they are of."""
-    chosen = choose_pixels(image, state.H, bits, rim, flat, told, most)
+    """Fits from states, with the rows that they are of.
+
+    With the ``lens`` around prints that have been fitted to some of their pixels.
+    """
+    chosen = choose_pixels(image, state.H, bits, rim, flat, told, most, lens)
     for group in _alike(chosen.counts, _boundaries(state, bits.shape[1])):
         begun, own = state.of(group), chosen.of(group)
         if own.counts.min() > _BENT_LIGHT:
             more = np.zeros((len(group), 3))
             begun = replace(begun, light=np.concatenate([begun.light, more], axis=1))
-        seen = pixels_around(image, begun.H, bits[group], own, flat)
-        for rest in steps_to_rest(seen, begun, rims_judged=rims_judged):
+        seen = pixels_around(image, begun.H, bits[group], own)
+        for rest in steps_to_rest(seen, begun, rims_judged=lens is not None):
             yield group[rest.rows], _ended(rest, own.counts[rest.rows], bits.shape[1])
 
 
 def _boundaries(state: State, cells: int) -> Ints:
     """(m,) how many boundaries blur reaches in the middles of prints, along the narrower axis."""
     middle = state.H[:, :, 2:] / state.H[:, 2:, 2:]
-    at, _ = places_in_print(state.H, middle)
+    at, _ = places_in_print(state.H, middle, np.zeros((len(middle), 2)))
     narrow = np.maximum(at.along_x, at.along_y)[:, 0]
     blur = state.blur if state.radius is None else np.hypot(state.blur, state.radius)
     return boundaries_in_reach(blur, narrow, cells)

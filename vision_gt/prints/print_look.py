@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtr
 
 from validation.poses.angles import Array
+from vision_gt.prints.grey_fits import Floats
 
 Ints = npt.NDArray[np.intp]
 
@@ -22,7 +22,9 @@ PADDING = _MOST_BOUNDARIES + 1
 """Cells of white around a print, so that all that blur reaches is in the table."""
 _STRAIGHT, _DARKEST = 1e-6, 1e-2
 """A bend for which the curve is straight to rounding; the least that a logarithm is taken of."""
-_ROOT = 1 / np.sqrt(2 * np.pi)
+_ROOT = float(1 / np.sqrt(2 * np.pi))
+_TAIL = (0.2316419, (0.319381530, -0.356563782, 1.781477937, -1.821255978, 1.330274429))
+"""Of the normal distribution beside its density: Abramowitz and Stegun 26.2.17, to 8e-8."""
 
 
 @dataclass(frozen=True)
@@ -32,10 +34,10 @@ class Whiteness:
     ``by_x`` and ``by_y`` are by the prints' axes, ``by_blur`` by the blur's width in the image.
     """
 
-    white: Array
-    by_x: Array
-    by_y: Array
-    by_blur: Array
+    white: Floats
+    by_x: Floats
+    by_y: Floats
+    by_blur: Floats
 
 
 @dataclass(frozen=True)
@@ -46,14 +48,14 @@ class Places:
     these units a pixel has, ``slant`` the scalar product of the two gradients.
     """
 
-    x: Array
-    y: Array
-    along_x: Array
-    along_y: Array
-    slant: Array
+    x: Floats
+    y: Floats
+    along_x: Floats
+    along_y: Floats
+    slant: Floats
 
 
-def boundaries_in_reach(blur: Array, along: Array, cells: int) -> Ints:
+def boundaries_in_reach(blur: Array, along: Floats, cells: int) -> Ints:
     """How many boundaries of cells blur reaches from a pixel along one axis: 1, 3 or 5.
 
     Parameters
@@ -70,7 +72,7 @@ def boundaries_in_reach(blur: Array, along: Array, cells: int) -> Ints:
     return np.asarray(np.maximum(most, 1)).astype(np.intp)
 
 
-def boundaries(at: Places, blur: Array, cells: Array) -> tuple[int, int]:
+def boundaries(at: Places, blur: Array, cells: Floats) -> tuple[int, int]:
     """How many boundaries blur (m,) reaches along x and y of any of some prints (m, s, s)."""
     count = cells.shape[-1] - 2 * PADDING
     x, y = (
@@ -80,7 +82,7 @@ def boundaries(at: Places, blur: Array, cells: Array) -> tuple[int, int]:
     return x, y
 
 
-def whiteness(cells: Array, at: Places, blur: Array, boundaries: tuple[int, int]) -> Whiteness:
+def whiteness(cells: Floats, at: Places, blur: Array, boundaries: tuple[int, int]) -> Whiteness:
     """The share of white at points of prints that are blurred evenly in the image.
 
     Parameters
@@ -99,41 +101,37 @@ def whiteness(cells: Array, at: Places, blur: Array, boundaries: tuple[int, int]
     Blur is round in the image and an ellipse in the print. How far the ellipse is aslant is taken
     into account to second order, as heat would spread (Mehler's series).
     """
+    kind = at.x.dtype
     stride = cells.shape[-1]
     half = stride / 2 - PADDING
     columns, rows = boundaries
-    blur = blur[:, None]
-    first_x, step_x, slope_x, wide_x = _steps(at.x, blur * at.along_x, half, columns)
-    first_y, step_y, slope_y, wide_y = _steps(at.y, blur * at.along_y, half, rows)
+    blur = blur[:, None].astype(kind)
+    first_x, steps_x = _steps(at.x, blur * at.along_x, half, columns)
+    first_y, steps_y = _steps(at.y, blur * at.along_y, half, rows)
     corner = (first_y + PADDING) * stride + first_x + PADDING
     corner += stride * stride * np.arange(len(cells))[:, None]
-    flat = cells.ravel()
-    white, by_x, by_y, wider_x, wider_y, both, bent = (np.zeros(at.x.shape) for _ in range(7))
-    above: tuple[Array, Array, Array] | None = None
-    for j in range(rows + 1):
-        row = _row(flat, corner + j * stride, (step_x, slope_x, wide_x))
-        if above is None:
-            white, by_x, wider_x = (row[0].copy(), row[1].copy(), row[2].copy())
-        else:
-            level, slope, wide = (b - a for a, b in zip(above, row, strict=True))
-            k = j - 1
-            white += step_y[k] * level
-            by_x += step_y[k] * slope
-            wider_x += step_y[k] * wide
-            by_y += slope_y[k] * level
-            wider_y += wide_y[k] * level
-            both += slope_y[k] * slope
-            bent += wide_y[k] * wide
-        above = row
+    table = np.arange(rows + 1)[:, None] * stride + np.arange(columns + 1)
+    level = cells.astype(kind).ravel().take(corner + table[:, :, None, None])
+    # From one boundary to the next along x, and then along y: with the steps along x, and their
+    # derivatives by place and width, what rises along y (3, rows + 1, m, n).
+    first, rise = level[:, 0], np.diff(level, axis=1)
+    rise[1:] = np.diff(rise, axis=0)
+    up = steps_x[:, None, 0] * rise[:, 0]
+    for k in range(1, columns):
+        up += steps_x[:, None, k] * rise[:, k]
+    up[0, 0] += first[0]
+    up[0, 1:] += np.diff(first, axis=0)
+    white, by_x, wider_x = _summed(steps_y[0], up) + up[:, 0]
+    by_y, both = _summed(steps_y[1], up[:2])
+    wider_y, bent = _summed(steps_y[2], up[::2])
     aslant = blur * blur * at.slant
     squeeze = at.slant / (at.along_x * at.along_y)
-    second = 0.5 * squeeze * aslant * bent
-    white += aslant * both + second
+    white += aslant * both + 0.5 * squeeze * aslant * bent
     by_blur = wider_x * at.along_x + wider_y * at.along_y + 2 * blur * at.slant * both
     return Whiteness(white, by_x, by_y, by_blur)
 
 
-def toned(look: Whiteness, bend: Array) -> tuple[Whiteness, Array]:
+def toned(look: Whiteness, bend: Array) -> tuple[Whiteness, Floats]:
     """How prints look through a bent tone curve, and the derivative (m, n) by the bend.
 
     Parameters
@@ -150,43 +148,70 @@ def toned(look: Whiteness, bend: Array) -> tuple[Whiteness, Array]:
     """
     g = np.where(np.abs(bend) < _STRAIGHT, _STRAIGHT, bend)[:, None]
     more = np.expm1(g)
-    inside = np.maximum(1 + more * look.white, _DARKEST)
+    share = look.white.astype(float)  # small bends are what is left of differences
+    inside = np.maximum(1 + more * share, _DARKEST)
     white = np.log(inside) / g
-    slope = more / (g * inside)
-    by_bend = ((more + 1) * look.white / inside - white) / g
-    seen = Whiteness(white, look.by_x * slope, look.by_y * slope, look.by_blur * slope)
-    return seen, by_bend
+    by_bend = ((more + 1) * share / inside - white) / g
+    kind = look.white.dtype
+    slope = (more / (g * inside)).astype(kind)
+    by = look.by_x * slope, look.by_y * slope, look.by_blur * slope
+    return Whiteness(white.astype(kind), *by), by_bend.astype(kind)
 
 
-def _steps(place: Array, width: Array, half: float, count: int) -> tuple[Ints, Array, Array, Array]:
+def _steps(place: Floats, width: Floats, half: float, count: int) -> tuple[Ints, Floats]:
     """The boundaries next to places (m, n): the cell before them, and each one's blurred step.
 
-    Steps (count, m, n), and their derivatives by place and by width, in the print's units.
+    Steps (3, count, m, n), and their derivatives by place and by width, in the print's units.
     """
     cell = (place + 1) * half
     nearest = np.minimum(np.maximum(np.rint(cell), -1), 2 * half + 1)
     first = nearest.astype(np.intp) - (count + 1) // 2
-    boundary = nearest + np.arange(-(count // 2), count // 2 + 1)[:, None, None]
-    z = (cell - boundary) / (half * width)
-    slope = np.exp(-0.5 * z * z) * (_ROOT / width)
-    return first, ndtr(z), slope, -z * slope
+    boundary = np.arange(-(count // 2), count // 2 + 1, dtype=cell.dtype)[:, None, None]
+    narrow = 1 / (half * width)
+    z = (cell - nearest - boundary) * narrow
+    steps = np.empty((3, *z.shape), dtype=cell.dtype)
+    bell = np.exp(-0.5 * z * z)
+    _fill_share_below(z, bell, steps[0])
+    np.multiply(bell, narrow * (half * _ROOT), out=steps[1])
+    np.multiply(steps[1], z, out=steps[2])
+    np.negative(steps[2], out=steps[2])
+    return first, steps
 
 
-def _row(flat: Array, start: Ints, steps: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-    """A row of cells, blurred along x, and its derivatives by place and width."""
-    before = flat[start]
-    level, slope, wide = before.copy(), np.zeros(start.shape), np.zeros(start.shape)
-    for k in range(len(steps[0])):
-        after = flat[start + k + 1]
-        rise = after - before
-        level += steps[0][k] * rise
-        slope += steps[1][k] * rise
-        wide += steps[2][k] * rise
-        before = after
-    return level, slope, wide
+def _summed(steps: Floats, up: Floats) -> Floats:
+    """What rises (q, rows + 1, m, n), from the second row on, times steps (rows, m, n)."""
+    found = steps[0] * up[:, 1]
+    for k in range(1, len(steps)):
+        found += steps[k] * up[:, k + 1]
+    return np.asarray(found)
 
 
-def places_in_print(H: Array, places: Array) -> tuple[Places, Array]:
+def _fill_share_below(z: Floats, bell: Floats, share: Floats) -> None:
+    """Fill in the normal distribution's share below z, given its density there (not normed)."""
+    scale, factors = _TAIL
+    t = np.abs(z)
+    t *= scale
+    t += 1
+    np.divide(1, t, out=t)
+    tail = t * factors[-1]
+    for factor in factors[-2::-1]:
+        tail += factor
+        tail *= t
+    tail *= bell
+    tail *= -_ROOT
+    tail += 0.5
+    np.copysign(tail, z, out=share)
+    share += 0.5
+
+
+def to_prints(H: Array, origin: Array) -> Array:
+    """(m, 3, 3) from undistorted pixels, as seen from an origin (m, 2) each, to prints."""
+    found = np.asarray(np.linalg.inv(H), dtype=float)
+    found[:, :, 2] += (found[:, :, :2] @ origin[:, :, None])[..., 0]
+    return found
+
+
+def places_in_print(H: Array, places: Floats, origin: Array) -> tuple[Places, Floats]:
     """Points of prints that pixels (m, 3, n) show, how they are spread there; and 1, x, y.
 
     Parameters
@@ -194,7 +219,9 @@ def places_in_print(H: Array, places: Array) -> tuple[Places, Array]:
     H : (m, 3, 3) array
         From the prints to undistorted pixels.
     places : (m, 3, n) array
-        Undistorted pixels, homogeneous.
+        Undistorted pixels from an origin each, homogeneous.
+    origin : (m, 2) array
+        The origins, undistorted pixels.
 
     Returns
     -------
@@ -203,10 +230,10 @@ def places_in_print(H: Array, places: Array) -> tuple[Places, Array]:
     lit : (m, 3, n) array
         1, x and y.
     """
-    to_print = np.asarray(np.linalg.inv(H), dtype=float)
+    to_print = to_prints(H, origin).astype(places.dtype)
     ahead = to_print @ places
     nearness = 1 / ahead[:, 2]
-    lit = np.ones((len(H), 3, places.shape[-1]))
+    lit = np.ones((len(H), 3, places.shape[-1]), dtype=places.dtype)
     x, y = np.multiply(ahead[:, 0], nearness, out=lit[:, 1]), lit[:, 2]
     np.multiply(ahead[:, 1], nearness, out=y)
     part = to_print[:, :, :2, None]
@@ -219,7 +246,7 @@ def places_in_print(H: Array, places: Array) -> tuple[Places, Array]:
     return Places(x, y, along_x, along_y, x_right * y_right + x_down * y_down), lit
 
 
-def fill_by_light(lit: Array, white: Array, full: Array) -> None:
+def fill_by_light(lit: Floats, white: Floats, full: Floats) -> None:
     """Fill in the derivative (m, 6 or 9, n) of the grey levels by the light."""
     np.multiply(lit, white[:, None], out=full[:, 3:6])
     np.subtract(lit, full[:, 3:6], out=full[:, :3])
@@ -228,8 +255,9 @@ def fill_by_light(lit: Array, white: Array, full: Array) -> None:
         np.multiply(lit[:, 2], full[:, 5], out=full[:, 8])
 
 
-def contrast_of_light(light: Array, lit: Array) -> Array:
+def contrast_of_light(light: Array, lit: Floats) -> Floats:
     """Grey levels (m, n) between black and white."""
+    light = light.astype(lit.dtype)
     contrast = ((light[:, 3:6] - light[:, :3])[:, None] @ lit)[:, 0]
     if light.shape[1] > 6:
         x, y = lit[:, 1], lit[:, 2]

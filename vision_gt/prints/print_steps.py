@@ -18,6 +18,7 @@ from vision_gt.prints.grey_fits import (
     MOST_BLUR,
     SATURATED,
     START_BLUR,
+    Floats,
     inverses,
     left_over,
     share_explained,
@@ -63,12 +64,19 @@ than the start is off, which is a pixel or two."""
 _NEAR = 0.06
 """The same for a step from where a fit to some of the pixels came to rest: blur and light are known
 by then, and what is not linear in such a step is below a thousandth."""
+_NEARLY, _BLURS = 0.15, 0.1
+"""The same for a fit to some of the pixels, which are off by half as much: what is left is a few
+hundredths of a pixel, and the fit to all of them goes on from there; and by how much the width of
+the blur still changes, pixels."""
+_ALL_TOGETHER = 4
+"""Steps until which those to some of the pixels go on until every print is at rest: what is no
+print, or is covered, may never be."""
 _BENDS = 0.1
 """Change of the bend of the tone curve that is still to come, as of a tenth of a usual one."""
 _BENT = 3.5
 """Standard deviations from which on the tone curve of an image is taken as bent: chance makes that
 of one image in 2,000."""
-_EVERY = 2
+_EVERY = 3
 """Of the pixels of first steps one of so many is enough to look for sharpening."""
 _SAME_RIM, _MOST_ROUNDS = 0.03, 2
 """Share of the pixels that may still come or go, and how often it is judged at most."""
@@ -136,13 +144,13 @@ class Rest:
 
     rows: Ints
     state: State
-    lit: Array
+    lit: Floats
     told: Mask
-    jacobian: Array
-    weighted: Array
+    jacobian: Floats
+    weighted: Floats
     inverse: Array
-    weights: Array
-    left: Array
+    weights: Floats
+    left: Floats
     at: Places
     look: Whiteness
 
@@ -170,29 +178,31 @@ def steps_to_rest(
     state : State
         Where to begin. One without light is the very first.
     together : bool
-        Whether all steps go on until each print is at rest.
+        Whether this is a fit to some of the pixels: steps go on until every print is nearly at
+        rest, or some more have been made.
     rims_judged : bool
         Whether the state was fitted without what is beyond the rims.
     """
-    enough = _NEAR if rims_judged else _CONVERGED
+    enough = _NEARLY if together else _NEAR if rims_judged else _CONVERGED
     fresh = not state.light.any()
     rests: list[Rest] = []
     rows = np.arange(len(seen.grey))
     plain = np.asarray(~seen.zone.any(1))
     rounds, settled = np.full(len(rows), int(rims_judged)), np.full(len(rows), not fresh)
-    used = seen.counts
+    used, single = seen.counts, seen.grey.dtype
     jacobian, weighted = _room(seen, state), _room(seen, state)
     for step in range(1, (_MOST_STEPS if state.radius is None else _MOST_SHARPENED) + 1):
-        at, lit = places_in_print(state.H, seen.places)
+        at, lit = places_in_print(state.H, seen.places, seen.origin)
         look, more = _look(state, seen.cells, at)
         by_light = jacobian[:, BLUR + 1 : BLUR + 1 + state.light.shape[1]]
         fill_by_light(lit, look.white, by_light)
         if step == 1 and fresh:
             # Neither the light nor the amount has a start of its own: the first look tells them.
             state = _lit(state, by_light, more.amount, seen)
-            look, more = _look(state, seen.cells, at)
-            fill_by_light(lit, look.white, by_light)
-        residual = seen.grey - (state.light[:, None] @ by_light)[:, 0]
+            if more.amount is not None:
+                look, more = _look(state, seen.cells, at)
+                fill_by_light(lit, look.white, by_light)
+        residual = seen.grey - (state.light[:, None].astype(single) @ by_light)[:, 0]
         _jacobian(look, lit, state.light, more, jacobian)
         judge = settled & ~plain & (rounds < _MOST_ROUNDS)
         if judge.any():
@@ -211,10 +221,10 @@ def steps_to_rest(
         alive = np.asarray(moved < _DIVERGED)
         done = _small(moved, enough, change, state) & (plain | (rounds >= _MOST_ROUNDS))
         if together:
-            done &= bool((done | ~alive).all())
+            done &= bool((done | ~alive).all()) or step >= _ALL_TOGETHER
         if done.any():
             # The last step was small: what it changed is linear.
-            left = residual - (change[:, None] @ jacobian)[:, 0]
+            left = residual - (change[:, None].astype(single) @ jacobian)[:, 0]
             last = Rest(
                 rows, state, lit, told, jacobian, weighted, inverse, weights, left, at, look
             )
@@ -230,12 +240,12 @@ def steps_to_rest(
     return rests
 
 
-def _room(seen: Seen, state: State) -> Array:
+def _room(seen: Seen, state: State) -> Floats:
     """(m, u, n) room for derivatives: made once, as fresh memory costs more than filling it."""
-    return np.empty((len(seen.grey), state.unknowns, seen.grey.shape[1]))
+    return np.empty((len(seen.grey), state.unknowns, seen.grey.shape[1]), seen.grey.dtype)
 
 
-def _not_cut_off(grey: Array, residual: Array, used: Mask) -> Mask:
+def _not_cut_off(grey: Floats, residual: Floats, used: Mask) -> Mask:
     """Where light is cut off as the model foretells, a pixel says no more: no outlier."""
     bright, dark = grey >= SATURATED, grey <= 255 - SATURATED
     if not (bright.any() or dark.any()):
@@ -243,10 +253,12 @@ def _not_cut_off(grey: Array, residual: Array, used: Mask) -> Mask:
     return np.asarray(used & ~((bright & (residual < 0)) | (dark & (residual > 0))))
 
 
-def _solved(jacobian: Array, weighted: Array, residual: Array, state: State) -> tuple[Array, Array]:
+def _solved(
+    jacobian: Floats, weighted: Floats, residual: Floats, state: State
+) -> tuple[Array, Array]:
     """Inverses (m, u, u) of the normal matrices, and steps (m, u); NaN where there are none."""
-    normal = weighted @ np.swapaxes(jacobian, 1, 2)
-    right = (weighted @ residual[..., None])[..., 0]
+    normal = (weighted @ np.swapaxes(jacobian, 1, 2)).astype(float)
+    right = (weighted @ residual[..., None])[..., 0].astype(float)
     normal[:, BLUR, BLUR] += BLUR_INFORMATION
     right[:, BLUR] += BLUR_INFORMATION * (START_BLUR - state.blur)
     last = BLUR + 1 + state.light.shape[1]
@@ -260,7 +272,7 @@ def _solved(jacobian: Array, weighted: Array, residual: Array, state: State) -> 
     return inverse, (inverse @ right[..., None])[..., 0]
 
 
-def _lit(state: State, by_light: Array, sharper: Array | None, seen: Seen) -> State:
+def _lit(state: State, by_light: Floats, sharper: Floats | None, seen: Seen) -> State:
     """The state with the light, and the amount of sharpening, that explain grey levels best.
 
     Both are linear: sharpening adds the amount times the contrast times ``sharper`` (m, n).
@@ -269,7 +281,7 @@ def _lit(state: State, by_light: Array, sharper: Array | None, seen: Seen) -> St
     if sharper is not None:
         rows = np.concatenate([by_light, sharper[:, None]], axis=1)
     counted = rows * seen.counts[:, None]
-    normal = counted @ np.swapaxes(rows, 1, 2)
+    normal = (counted @ np.swapaxes(rows, 1, 2)).astype(float)
     if sharper is not None:
         normal[:, -1, -1] += AMOUNT_INFORMATION
     found = inverses(normal) @ (counted @ seen.grey[..., None])
@@ -282,11 +294,11 @@ def _lit(state: State, by_light: Array, sharper: Array | None, seen: Seen) -> St
 
 def variances(rest: Rest) -> Array:
     """Of the grey levels that are left (m,), square levels."""
-    freedom = np.maximum(rest.weights.sum(1) - rest.inverse.shape[1], 1.0)
-    return np.asarray((rest.weights * rest.left**2).sum(1) / freedom)
+    freedom = np.maximum(rest.weights.sum(1, dtype=float) - rest.inverse.shape[1], 1.0)
+    return np.asarray((rest.weights * rest.left**2).sum(1, dtype=float) / freedom)
 
 
-def haloes(rest: Rest, cells: Array) -> Array:
+def haloes(rest: Rest, cells: Floats) -> Array:
     """Which share (m,) of what is left looks as if the image had been sharpened.
 
     Parameters
@@ -297,17 +309,19 @@ def haloes(rest: Rest, cells: Array) -> Array:
         Of its prints.
     """
     large = np.sqrt(variances(rest)) > HALO_FROM * rest.state.contrast
+    share = np.zeros(len(large))
     if not large.any():
-        return np.zeros(len(large))
-    wide = np.hypot(rest.state.blur, HALO_WIDTH)
-    at = Places(*(getattr(rest.at, one.name)[:, ::_EVERY] for one in fields(Places)))
+        return share
+    some, cells = np.s_[large, ::_EVERY], cells[large]
+    wide = np.hypot(rest.state.blur[large], HALO_WIDTH)
+    at = Places(*(getattr(rest.at, one.name)[some] for one in fields(Places)))
     soft = whiteness(cells, at, wide, boundaries(at, wide, cells)).white
-    jacobian, weighted = rest.jacobian[..., ::_EVERY], rest.weighted[..., ::_EVERY]
+    jacobian, weighted = (part[large, :, ::_EVERY] for part in (rest.jacobian, rest.weighted))
     # Of fewer pixels the normal matrix is as much smaller.
-    tried = jacobian, weighted, _EVERY * rest.inverse
-    weights, left = rest.weights[:, ::_EVERY], rest.left[:, ::_EVERY]
-    share = share_explained(rest.look.white[:, ::_EVERY] - soft, tried, weights, left)
-    return np.where(large, share, 0.0)
+    tried = jacobian, weighted, _EVERY * rest.inverse[large]
+    change = rest.look.white[some] - soft
+    share[large] = share_explained(change, tried, rest.weights[some], rest.left[some])
+    return share
 
 
 def bend_of(rest: Rest) -> tuple[float, Array]:
@@ -323,10 +337,11 @@ def bend_of(rest: Rest) -> tuple[float, Array]:
     One linear step of one more unknown: its derivative without what all others explain.
     """
     white = np.clip(rest.look.white, 0.0, 1.0)
-    change = rest.state.contrast[:, None] * white * (1 - white) / 2
+    change = (rest.state.contrast[:, None] / 2).astype(white.dtype) * white * (1 - white)
     own = left_over(change, (rest.jacobian, rest.weighted, rest.inverse))
-    information = (rest.weights * own**2).sum(1)
-    score = (rest.weights * own * rest.left).sum(1)
+    said = rest.weights * own
+    information = (said * own).sum(1, dtype=float)
+    score = (said * rest.left).sum(1, dtype=float)
     variance = variances(rest)
     total = float((information / variance).sum()) + BEND_INFORMATION
     found = float((score / variance).sum()) / total
@@ -340,17 +355,19 @@ def bend_of(rest: Rest) -> tuple[float, Array]:
 class _More:
     """Derivatives (m, n) of the share of white by amounts of sharpening and by bends, if any."""
 
-    amount: Array | None = None
-    bend: Array | None = None
+    amount: Floats | None = None
+    bend: Floats | None = None
 
 
 def _small(moved: Array, enough: float, change: Array, state: State) -> Mask:
-    """Whether (m,) steps are small, in corners and in the bend of the tone curve."""
+    """Whether (m,) steps are small, in corners, in the blur and in the bend of the tone curve."""
     small = np.asarray(moved < enough)
+    if enough == _NEARLY:
+        small &= np.abs(change[:, BLUR]) < _BLURS
     return small if state.bend is None else small & (np.abs(change[:, -1]) < _BENDS)
 
 
-def _look(state: State, cells: Array, at: Places) -> tuple[Whiteness, _More]:
+def _look(state: State, cells: Floats, at: Places) -> tuple[Whiteness, _More]:
     """The share of white, through the state's tone curve and sharpened by its amounts."""
     if state.radius is None:
         look = whiteness(cells, at, state.blur, boundaries(at, state.blur, cells))
@@ -362,7 +379,7 @@ def _look(state: State, cells: Array, at: Places) -> tuple[Whiteness, _More]:
     reached = boundaries(at, wide, cells)
     sharp = whiteness(cells, at, state.blur, reached)
     soft = whiteness(cells, at, wide, reached)
-    a, narrower = state.amount[:, None], (state.blur / wide)[:, None]
+    a, narrower = (one[:, None].astype(at.x.dtype) for one in (state.amount, state.blur / wide))
     bend = None
     if state.bend is not None:
         sharp, by_sharp = toned(sharp, state.bend)
@@ -377,7 +394,7 @@ def _look(state: State, cells: Array, at: Places) -> tuple[Whiteness, _More]:
     return mixed, _More(sharp.white - soft.white, bend)
 
 
-def _jacobian(look: Whiteness, lit: Array, light: Array, more: _More, full: Array) -> None:
+def _jacobian(look: Whiteness, lit: Floats, light: Array, more: _More, full: Floats) -> None:
     """Fill in the derivative (m, u, n) of the grey levels by all unknowns but the light."""
     contrast = contrast_of_light(light, lit)
     places = lit[:, 1:]

@@ -60,6 +60,26 @@ def test_a_covered_part_does_not_move_the_corners():
         assert np.linalg.norm(error - whole, axis=1).max() < 6 * np.sqrt(covariances.max()) + 0.02
 
 
+@pytest.mark.parametrize("seed", [1, 2, 6, 7])
+def test_a_marker_that_is_half_covered_spoils_no_other(seed):
+    rng = np.random.default_rng(seed)
+    camera, image, true = close_up(rng, random_marker(rng, 4.0), 7)
+    flat = Flat(camera.parameters)
+    start, half = flat.from_image(true), image.shape[0] // 2
+    side, off = rng.integers(4), int(rng.integers(-6, 7))
+    parts = np.s_[:, : half + off], np.s_[:, half + off :], np.s_[: half + off], np.s_[half + off :]
+    covered = image.copy()
+    shade = rng.integers(60, 200) + rng.normal(0, 3, covered[parts[side]].shape)
+    covered[parts[side]] = np.clip(shade, 0, 255)
+    both = np.concatenate([image, covered], axis=1)
+    starts = np.stack([start + 0.2, start + np.array([image.shape[1], 0]) + 0.3])
+    bits = np.repeat(APRIL.bits(7).reshape(1, APRIL.cells, APRIL.cells), 2, axis=0)
+    fits = fit_prints(both, starts, bits, np.full((2, 2), 0.5), flat)
+    # Steps of the covered one go on and on: all that was fitted beside it was lost with it.
+    assert fits.good[0]
+    assert np.linalg.norm(flat.to_image(fits.corners[0]) - true, axis=1).max() < 0.15
+
+
 def test_another_print_is_not_taken_for_this_one():
     rng = np.random.default_rng(5)
     camera, image, true = close_up(rng, random_marker(rng, 5.0), 7)

@@ -8,6 +8,9 @@ from validation.trajectories.smoothing.geometry import advance, difference
 from validation.trajectories.smoothing.prior import in_between
 from validation.trajectories.smoothing.problem import Problem, Rows, State
 
+ERRORS_AT_ONCE = 8
+"""Shared errors that are followed at once: of an hour of four cameras that is 60 MB."""
+
 
 def at_times(
     problem: Problem, state: State, solved: Solved, strengths: Array, times: Array
@@ -54,6 +57,45 @@ def at_times(
     if kind == "plane":
         poses[:, 2] = wrap(poses[:, 2])
     return poses, rates, (covariances + np.swapaxes(covariances, 1, 2)) / 2
+
+
+def shared_covariances(
+    problem: Problem, solved: Solved, seen: tuple[Array, Array], common: Array, times: Array
+) -> Array:
+    """What errors that all frames share add (q, m, m) to the covariances at sorted times (q,).
+
+    Parameters
+    ----------
+    problem, solved
+        As for `at_times`.
+    seen : two arrays
+        Inverse covariances (f, m, m) of the frames, with their weights, and seconds (f,) from their
+        knots to them.
+    common : (f, m, u) array
+        Change of each frame's pose by each of u independent errors of variance one.
+
+    Notes
+    -----
+    How the solution changes with each error is the solution for what the error adds to the frames.
+    """
+    n, m = len(problem.times), problem.m
+    W, offset = seen
+    knot = problem.frames.knot
+    starts = np.flatnonzero(np.diff(knot, prepend=-1))
+    left = np.clip(np.searchsorted(problem.times, times, side="right") - 1, 0, max(n - 2, 0))
+    first, second, _ = _weights(problem.times, left, times)
+    weights = np.concatenate([first[:, 0], second[:, 0]], axis=1)
+    found = np.zeros((len(times), m, m))
+    for some in range(0, common.shape[2], ERRORS_AT_ONCE):
+        pushed = W @ common[:, :, some : some + ERRORS_AT_ONCE]
+        both = np.concatenate([pushed, offset[:, None, None] * pushed], axis=1)
+        right = np.zeros((n, 2 * m, pushed.shape[2]))
+        right[knot[starts]] = np.add.reduceat(both, starts)
+        moved = solved.factor.solve(right.reshape(n * 2 * m, -1)).reshape(n, 2, m, -1)
+        ends = np.concatenate([moved[left], moved[left + 1]], axis=1)
+        at = np.einsum("qa,qaik->qik", weights, ends)
+        found += at @ np.swapaxes(at, 1, 2)
+    return found
 
 
 def _joint(solved: Solved, knots: Rows, inverse: Array, beside: Array, place: Rows) -> Array:

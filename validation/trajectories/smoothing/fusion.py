@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +10,7 @@ import numpy.typing as npt
 from validation.poses.angles import Array
 from validation.poses.trajectory import Clock, Trajectory
 from validation.results import Finding, Size
-from validation.trajectories.smoothing.asked import at_times
+from validation.trajectories.smoothing.asked import at_times, shared_covariances
 from validation.trajectories.smoothing.equations import Solved, solve
 from validation.trajectories.smoothing.frames import frame_findings
 from validation.trajectories.smoothing.gathering import (
@@ -82,6 +83,7 @@ def fuse(
     *,
     odometry: Trajectory | None = None,
     times: npt.ArrayLike | None = None,
+    common: Sequence[npt.NDArray[np.floating[Any]]] | None = None,
 ) -> Fused:
     """The trajectory that all sources together tell; with one source its smoothed trajectory.
 
@@ -94,6 +96,9 @@ def fuse(
         time. Only its motions from sample to sample count.
     times : (n,) array_like, optional
         Increasing seconds since the epoch of the first source. By default the times of the frames.
+    common : sequence of (n, m, u) arrays, optional
+        For each source the change of its poses by each of u independent errors of variance one,
+        which all poses of all sources share.
 
     Returns
     -------
@@ -134,7 +139,24 @@ def fuse(
     _pass(work, marginals=True)
     work.noise = grown_by_neighbours(work.problem, work.state, work.noise, work.trusted > 0.5)
     solved = _pass(work, marginals=False, keep=True)
-    return _told(sources, stamps, work, solved, times)
+    told = _told(sources, stamps, work, solved, times)
+    if common is None:
+        return told
+    return replace(told, shared=_shared(work, solved, common, told.trajectory.times))
+
+
+def _shared(
+    work: _Work, solved: Solved, common: Sequence[npt.NDArray[np.floating[Any]]], times: Array
+) -> Array:
+    """What errors that all sources share add to the covariances."""
+    problem, frames = work.problem, work.problem.frames
+    found = residuals(problem, work.state)
+    weights = weights_of(problem, found, work.noise, work.trusted).frames
+    each = np.empty((len(frames.row), *common[0].shape[1:]), dtype=common[0].dtype)
+    for number, own in enumerate(common):
+        rows = frames.source == number
+        each[rows] = own[frames.row[rows]]
+    return shared_covariances(problem, solved, (weights, found.offset), each, times)
 
 
 def _started(

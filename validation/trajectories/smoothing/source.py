@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -44,39 +43,6 @@ class Source:
     drift_sigma_ppm: float = 0.0
     at_s: float | None = None
     noise: tuple[float, float] | None = None
-
-    @classmethod
-    def late(
-        cls,
-        trajectory: Trajectory,
-        delay_s: float,
-        interval: tuple[float, float],
-        drift_ppm: float = 0.0,
-        drift_interval: tuple[float, float] | None = None,
-        at_s: float | None = None,
-    ) -> Self:
-        """A source with a clock as it was estimated.
-
-        Parameters
-        ----------
-        trajectory : Trajectory
-            Its poses.
-        delay_s, drift_ppm : float
-            As for the class.
-        interval, drift_interval : (float, float)
-            Of 95 %, of delay and drift.
-        at_s : float, optional
-            When the delay holds, in seconds as the trajectory's epoch counts them.
-        """
-        drift = drift_interval or (0.0, 0.0)
-        return cls(
-            trajectory,
-            delay_s,
-            max(interval[1] - interval[0], 0.0) / (2 * NORMAL_95),
-            drift_ppm,
-            max(drift[1] - drift[0], 0.0) / (2 * NORMAL_95),
-            None if at_s is None else at_s - trajectory.epoch,
-        )
 
 
 @dataclass(frozen=True)
@@ -137,6 +103,8 @@ class Fused(Shown):
         For each source whether a frame's heading is off by half a turn.
     findings : tuple of Finding
         What a user should know, in words.
+    shared : (n, m, m) array or None
+        What errors that all sources share add to the covariances, where such were given.
     """
 
     trajectory: Trajectory
@@ -148,3 +116,4 @@ class Fused(Shown):
     weights: tuple[Array, ...]
     flips: tuple[npt.NDArray[np.bool_], ...]
     findings: tuple[Finding, ...]
+    shared: Array | None = None

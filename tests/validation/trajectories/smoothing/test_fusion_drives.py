@@ -1,5 +1,7 @@
 """Fusion of cameras and odometry over simulated drives, whose truth it never sees."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fusion_drives import drive, score
@@ -133,3 +135,25 @@ def test_what_cannot_be_fused_is_told():
         fuse([Source(plane.trajectory.select([0, 1]))])
     with pytest.raises(GtvalError, match="no time in common"):
         fuse([plane], odometry=Trajectory("o", times + 100, np.zeros((5, 3))))
+
+
+def test_errors_that_sources_share_move_the_fused_poses_as_much_as_they_say():
+    made = drive(31, 0, seconds=60.0, cameras=2)
+    sources = [replace(one, delay_sigma_s=0.0, drift_sigma_ppm=0.0) for one in made.sources]
+    # All poses are off by one along y; those of the first camera are off by another along x.
+    common = [np.zeros((len(one.trajectory), 3, 2)) for one in sources]
+    common[0][:, 1, 0] = common[1][:, 1, 0] = 1.0
+    common[0][:, 0, 1] = 1.0
+    told = fuse(sources, odometry=made.odometry, common=common)
+    # A shift of one camera alone turns the way a little.
+    np.testing.assert_allclose(told.shared[:, 1, 1], 1.0, atol=0.02)
+    shift = 0.0005
+    moved = np.array([shift, 0.0, 0.0])
+    first = sources[0].trajectory
+    shifted = replace(first, poses=first.poses + moved)
+    again = fuse([replace(sources[0], trajectory=shifted), sources[1]], odometry=made.odometry)
+    change = np.abs(again.trajectory.poses - told.trajectory.poses)[:, 0] / shift
+    # The noise is estimated anew, and the weights with it.
+    assert np.median(np.abs(change - np.sqrt(told.shared[:, 0, 0]))) < 0.05
+    assert change.min() < 0.1
+    assert change.max() > 0.9
