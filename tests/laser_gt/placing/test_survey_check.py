@@ -41,7 +41,7 @@ def test_chance_is_accused_of_nothing(stops):
 @pytest.mark.parametrize(
     ("fault", "named"), [("stop", ("1",)), ("exchanged", ("0", "2")), ("mount", ())]
 )
-@pytest.mark.parametrize("stops", [5, 10])
+@pytest.mark.parametrize("stops", [5, pytest.param(10, marks=pytest.mark.full)])
 def test_one_cause_is_named_with_its_size(stops, fault, named):
     rng = np.random.default_rng(stops)
     found = [doubt_of(rng, stops, fault) for _ in range(40)]

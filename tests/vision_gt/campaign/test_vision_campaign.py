@@ -100,6 +100,7 @@ def gtval(seed: int, *arguments: str) -> None:
     subprocess.run(command, env=environment, check=True, capture_output=True)
 
 
+@pytest.mark.full
 def test_the_command_and_a_run_write_the_same_bytes_in_two_processes(rendered, tmp_path):
     alone, run = tmp_path / "alone", tmp_path / "run"
     for folder in (alone, run):

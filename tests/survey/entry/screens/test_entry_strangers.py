@@ -54,6 +54,7 @@ def head(client, path, *lines):
     return "\r\n".join([*first, *lines, "", ""]).encode()
 
 
+@pytest.mark.full
 def test_connections_that_say_nothing_or_little_keep_nobody_out(served, ann):
     beginnings = (b"", b"GET / HTTP/1.1\r\nHost: 127", b"POST /readings HTTP/1.1\r\nX: ")
     unfinished = head(ann, "/readings", "Content-Type: application/json", "Content-Length: 500")
