@@ -85,7 +85,7 @@ def jumped(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> Jumped:
             agrees = by_motion | (2 * (change * along[rows, motion:]).sum(1) > told)
             smallest = SMALLEST_OF_ALL if len(cause) == count else SMALLEST_IN_MOTION
             least = np.where(by_motion, smallest, SMALLEST)
-            gain = gain - np.where(by_motion, LOOKED_AT, GAIN)
+            gain = gain - np.where(by_motion, GAIN_OF_MOTION, GAIN)
             better = gain > found.gains[rows, k]
             at = rows[better]
             found.gains[at, k], found.by_motion[at, k] = gain[better], by_motion[better]

@@ -319,7 +319,8 @@ def _greatest(
         told_by.append((alone, found, LARGE))
     for seen, told, smallest in told_by:
         large = np.linalg.norm(told.sizes, axis=2) > smallest
-        best = np.where(told.allowed & large, told.gains, -np.inf).max(1)
+        lacking = np.where(told.by_motion, GAIN_OF_MOTION - LOOKED_AT, 0.0)
+        best = np.where(told.allowed & large, told.gains + lacking, -np.inf).max(1)
         for peak in _peaks(best, 2 * seen.window):
             some = np.flatnonzero(told.gains[peak] > told.gains[peak].max() - NEAR)
             # Who it was the motion tells, where it was.
@@ -336,7 +337,8 @@ def _greatest(
             east = turned(headings[row : row + 2])
             jump = Jump(
                 row, causes[cause], east @ told.sizes[row, cause],
-                east @ told.spreads[row, cause] @ east.T, float(best[peak]) + GAIN, alike,
+                east @ told.spreads[row, cause] @ east.T,
+                float(best[peak] - lacking[row, cause]) + GAIN, alike,
                 bool(told.by_motion[row, cause]), told_at(seen, headings, row, causes),
             )  # fmt: skip
             candidates.append((float(best[peak]), seen.window, jump))
@@ -359,7 +361,7 @@ def _over_motion(times: Array, positions: Array, jump: Jump) -> bool:
     around = range(max(jump.row - UNSURE, 0), min(jump.row + UNSURE + 1, len(times) - 1))
     gains = [gain_over_motion(times, places, row) for row in around]
     at = around[int(np.argmax(gains))]
-    unusual = jump.gain - GAIN + LOOKED_AT > GAIN_OF_MOTION
+    unusual = jump.gain > GAIN
     return max(gains) > (GAIN_OVER_MOTION if unusual else CLEAR_OVER_MOTION) and all(
         gain_over_motion(*_without(times, places, epoch), at - (epoch <= at)) > GAIN_WITHOUT_ONE
         for epoch in range(at - 1, at + 3)
