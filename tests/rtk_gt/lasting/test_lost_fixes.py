@@ -78,7 +78,7 @@ def test_a_large_false_fix_has_its_size(size):
     assert off @ np.linalg.solve(one.covariance, off) < 16.3
 
 
-@pytest.mark.parametrize("seed", [14, 17])
+@pytest.mark.parametrize("seed", [14, 15])
 def test_who_restarts_is_told_where_one_receiver_writes_less_often(seed):
     size = np.array([0.12, -0.07, 0.05])
     made = made_drive(seed, WHITE, seconds=400.0, every=(1.0, 0.2, 0.2))
