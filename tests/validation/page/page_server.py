@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 import httpx
-from web_browser import PICTURES
+from web_browser import PICTURES, violations
 from web_server import WebServer
 
 
@@ -152,8 +152,9 @@ return [
 """
 """What keeps people out who see little, use a screen reader, or no mouse: names, contrast (WCAG
 1.4.3, 4.5 to 1), headings, ids, what scrolls sideways (1.4.10), targets (2.5.8, 24 pixels)."""
+# axe-core has more rules, but none for what scrolls sideways, nor always one for targets.
 
 
 def faults(browser):
-    """Places of the page that keep somebody out."""
-    return browser.execute_script(FAULTS)
+    """Places of the page that keep somebody out; rules of axe-core that are violated."""
+    return browser.execute_script(FAULTS) + violations(browser)
