@@ -1,6 +1,7 @@
 """`gtval open` as a process, and browsers that look at it."""
 
 import contextlib
+import json
 import threading
 import time
 from pathlib import Path
@@ -83,6 +84,22 @@ def joined(browser, served, path="/", name="ann"):
     wait(lambda: browser.find_elements("css selector", ".head nav"), 30)
     browser.get(f"{served.url}{path}")
     return browser
+
+
+def waits_in(browser, panel, said):
+    """Put a decision into the browser's storage, as the page keeps one that has no answer yet."""
+    put = (
+        "localStorage.setItem(`gtval:${arguments[0]}:"
+        "${document.documentElement.dataset.campaign}:1`, arguments[1])"
+    )
+    browser.execute_script(put, panel, json.dumps(said))
+
+
+def waiting_in(browser, panel):
+    """The decisions that wait there."""
+    of = "Object.keys(localStorage).filter((key) => key.startsWith(`gtval:${arguments[0]}:`))"
+    found = browser.execute_script(f"return {of}.map((key) => localStorage.getItem(key))", panel)
+    return [json.loads(one) for one in found]
 
 
 def wait(condition, seconds=60):
