@@ -13,7 +13,8 @@ import numpy as np
 
 from laser_gt.logs.decisions import KINDS, Decision
 from validation.errors import InputError, Problem
-from validation.text_files.csv_tables import Column, CsvTable, is_empty, read_csv
+from validation.text_files.csv_tables import Column, CsvTable, read_csv
+from validation.text_files.reading import is_empty
 from validation.text_files.writing import append_rows
 
 COLUMNS = (

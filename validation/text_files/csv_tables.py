@@ -370,14 +370,6 @@ def _is_of_smaller_unit(table: CsvTable, column: Column) -> bool:
     return True
 
 
-def is_empty(path: Path) -> bool:
-    """Whether a table that is appended to has nothing yet: it is missing, or has just been made."""
-    try:
-        return path.stat().st_size == 0
-    except OSError:
-        return not path.exists()
-
-
 def is_cell(text: str) -> bool:
     """Whether a text comes back from a table as it was written there."""
     return _unreadable(text) is None and " ".join(text.split()) == text

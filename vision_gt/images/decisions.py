@@ -15,7 +15,8 @@ import numpy as np
 
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
-from validation.text_files.csv_tables import Column, CsvTable, is_cell, is_empty, read_csv
+from validation.text_files.csv_tables import Column, CsvTable, is_cell, read_csv
+from validation.text_files.reading import is_empty
 from validation.text_files.writing import append_rows
 
 OF_USE, OF_CORNER = ("leave-out", "use"), ("corner", "no-corner")

@@ -52,7 +52,7 @@ async function choose(button, focus = false) {
   const { reference, moving } = button.dataset;
   const answer = await ask(`/matches/pair?${new URLSearchParams({ reference, moving })}`);
   if (asked !== wanted) return; // another one was chosen meanwhile
-  if (answer.status !== 200) { say(answer.error ?? words.frame.no_server, true); return; }
+  if (answer.status !== 200) { if (!box.all.length) say(answer.error ?? words.frame.no_server, true); return; }
   const same = pair && keyOf(pair.match) === keyOf(answer.match);
   if (!$("moving").hidden) { if (same) return; leave(); }
   pair = answer;

@@ -19,7 +19,8 @@ const box = new Outbox("images", "/images/decide", ({ image }) => row(image)?.qu
 let shown = null; // what the server said of the image that is shown
 let wanted = ""; // the image that was asked for last
 
-picture.failed = (name) => { if (name === wanted) say(text.no_picture, true); };
+// What is kept here because the link is lost has been said, and counts more.
+picture.failed = (name) => { if (name === wanted && !box.all.length) say(text.no_picture, true); };
 
 const rows = () => [...document.querySelectorAll("#images button")];
 const seen = () => rows().filter((row) => !row.parentElement.hidden);
@@ -58,7 +59,7 @@ async function choose(name, focus = false) {
   }
   const answer = await ask(`/images/look?${new URLSearchParams({ image: name })}`, undefined, 70);
   if (wanted !== name) return; // another one was chosen meanwhile
-  if (answer.status !== 200) { $("verdict").textContent = ""; say(answer.error ?? words.frame.no_server, true); return; }
+  if (answer.status !== 200) { $("verdict").textContent = ""; if (!box.all.length) say(answer.error ?? words.frame.no_server, true); return; }
   shown = answer;
   picture.tell(answer);
   tell();
