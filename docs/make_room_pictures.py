@@ -7,6 +7,7 @@ are left out. Imports inside functions and those for type checkers count as well
 
 import ast
 from collections.abc import Iterable, Mapping
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from xml.sax.saxutils import escape
@@ -40,19 +41,23 @@ def imports(name: str, path: Path, known: Iterable[str]) -> set[str]:
         For a relative import: the house has none.
     """
     known = set(known)
+    # What is named may be a module or something inside one.
+    found = {inner if (inner := f"{of}.{what}") in known else of for of, what in _imported(path)}
+    return {one for one in found if one in known and one != name}
+
+
+@cache
+def _imported(path: Path) -> frozenset[tuple[str, str]]:
+    """Modules that a file imports, each with what of it; '' for the whole."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            found |= {(alias.name, "") for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             if node.level or node.module is None:
-                raise ValueError(f"{name} has a relative import")
-            # What is named may be a module or something inside one.
-            found |= {
-                inner if (inner := f"{node.module}.{alias.name}") in known else node.module
-                for alias in node.names
-            }
-    return {one for one in found if one in known and one != name}
+                raise ValueError(f"{path} has a relative import")
+            found |= {(node.module, alias.name) for alias in node.names}
+    return frozenset(found)
 
 
 def arrows(folder: str, own: Mapping[str, Path] | None = None) -> dict[str, set[str]]:

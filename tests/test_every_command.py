@@ -82,7 +82,8 @@ def without_paths(text: str) -> str:
 
 
 LONG = (
-    *("demo", "report", "laser drive", "fuse: with odometry"),
+    *("demo", "run", "report", "fuse: with odometry", "sync: a drive"),
+    *("laser drive", "laser inspect", "laser solve", "laser check-mount", "vision plan"),
     *("vision calibrate", "vision solve", "vision check-displacement", "vision decide"),
 )
 """Commands of seconds: their two runs on two screens are left to the full tests."""

@@ -44,3 +44,20 @@ def sized(browser, size):
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": size["mobile"]})
     return browser
+
+
+def violations(browser):
+    """What axe-core holds against the page that is shown: rule and first places."""
+    from axe_core_python.base import AXE_SCRIPT
+
+    browser.set_script_timeout(60)
+    browser.execute_script(AXE_SCRIPT)
+    return browser.execute_async_script(
+        """
+        const answer = arguments[0];
+        axe.run(document, { resultTypes: ['violations'] }).then(
+          (found) => answer(found.violations.map((rule) =>
+            `${rule.id}: ${rule.nodes.slice(0, 3).map((node) => node.html.slice(0, 160))}`)),
+          (error) => answer([`axe-core: ${error}`]));
+        """
+    )

@@ -35,6 +35,10 @@ class FaultyResultError(GtvalError):
     """What a system hands over is not what it promises: a fault of its program, not of the data."""
 
 
+class FinalError(GtvalError):
+    """A request that is refused for good: the same one would be refused again."""
+
+
 @dataclass(frozen=True)
 class Problem:
     """One bad place in an input file.

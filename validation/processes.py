@@ -135,7 +135,7 @@ class Beside:
         Seconds without work after which they end.
     """
 
-    def __init__(self, most: int = 2, idle: float = 120.0) -> None:
+    def __init__(self, most: int = 2, idle: float = 30.0) -> None:
         self._most, self._idle = most, idle
         self._lock = Lock()
         self._pool: ProcessPoolExecutor | None = None

@@ -17,7 +17,7 @@ from laser_gt.placing.guesses import (
     scatter_from_stop_to_stop,
     wider_guesses,
 )
-from laser_gt.placing.mounts import check_mount
+from laser_gt.placing.mounts import MountCheck, check_mount
 from laser_gt.placing.noises import scanner_noise, with_noise
 from laser_gt.placing.pairs import PairSettings, find_pairs
 from laser_gt.placing.published import Published, published_poses
@@ -54,7 +54,8 @@ def solve_campaign(
     as_published : bool, optional
         Also the document's way; as the settings say by default.
     need_poses : bool
-        Whether it is an error if no stop can be placed; for looking at the matches it is not.
+        Whether it is an error if no stop can be placed, and the mount is checked; for looking at
+        the matches neither is.
 
     Raises
     ------
@@ -110,10 +111,8 @@ def solve_campaign(
     if need_poses and not solutions:
         raise GtvalError("\n".join(dict.fromkeys(failures.values())))
     check, note = None, ""
-    try:
-        check = check_mount(inputs.stops, *mount, matchings[wanted[0]].matches, survey)
-    except GtvalError as error:
-        note = str(error)
+    if need_poses:
+        check, note = _checked(inputs, matchings[wanted[0]], survey)
     published = None
     if settings.as_published if as_published is None else as_published:
         published = _published(inputs, trajectory.poses, settings, surveyed)
@@ -134,6 +133,17 @@ def solve_campaign(
         slip=slip,
         assumed_guesses=assumed,
     )
+
+
+def _checked(
+    inputs: LaserInputs, matching: Matching, survey: Surveyed
+) -> tuple[MountCheck | None, str]:
+    """The mount as the matches have it, or why they do not tell it."""
+    mount = (inputs.mount, inputs.mount_sigmas)
+    try:
+        return check_mount(inputs.stops, *mount, matching.matches, survey), ""
+    except GtvalError as error:
+        return None, str(error)
 
 
 def _wider(

@@ -14,6 +14,7 @@ import numpy as np
 from laser_gt.logs.decisions import KINDS, Decision
 from validation.errors import InputError, Problem
 from validation.text_files.csv_tables import Column, CsvTable, read_csv
+from validation.text_files.reading import is_empty
 from validation.text_files.writing import append_rows
 
 COLUMNS = (
@@ -69,7 +70,7 @@ def decision_history(path: Path, stops: Collection[str]) -> list[tuple[str, Deci
     InputError
         As of `read_decisions`.
     """
-    if not path.exists():
+    if is_empty(path):
         return []
     table = read_csv(path, COLUMNS)
     rows = [(table.text["time"][row], _decision(table, row, stops)) for row in range(len(table))]

@@ -26,13 +26,14 @@ from laser_gt.placing.solution import solve
 from laser_gt.settings import LaserSettings
 from laser_gt.system import SYSTEM
 from validation.campaign.folder import Campaign
-from validation.errors import GtvalError
+from validation.errors import FinalError, GtvalError
 from validation.page.desk import Desk, version_of
 from validation.page.runner import Runner
 from validation.page.undoing import TAKEN_BACK
 from validation.page.undoing import undoing as taking_back
 from validation.poses.angles import Array
-from validation.results import VALIDATION_SYSTEM
+from validation.processes import give_back_memory
+from validation.results import VALIDATION_SYSTEM, SystemResult
 from validation.solving import solve_validation
 from validation.systems import inputs_of, installed_systems
 from validation.text_files.writing import write_files
@@ -88,7 +89,7 @@ class Seen:
         for one in self.matching.matches:
             if {one.reference, one.moving} == set(pair):
                 return one
-        raise GtvalError(f"the stops {' and '.join(pair)} are not matched")
+        raise FinalError(f"the stops {' and '.join(pair)} are not matched")
 
     def placed(self, matching: Matching | None = None) -> tuple[str, ...]:
         """Stops that get a pose, with these matches or with others."""
@@ -143,14 +144,13 @@ class Bench:
         self.problem = ""
         """Why the matches cannot be shown."""
         self.progress = 0.0
+        self._validated: tuple[str, Mapping[str, SystemResult]] | None = None
         self._failed_at = ""
 
     def files(self) -> list[Path]:
         """All that the matches depend on."""
         campaign = self._desk.campaign()
-        systems = [one for one in installed_systems() if one.name == VALIDATION_SYSTEM]
-        paths = [path for one in systems for path in inputs_of(one, campaign)]
-        return [campaign.toml, *SYSTEM.inputs(campaign), *paths]
+        return [campaign.toml, *SYSTEM.inputs(campaign), *self._of_validation(campaign)]
 
     def version(self) -> str:
         """Changes with every file that the matches depend on, and when they have been loaded."""
@@ -190,8 +190,7 @@ class Bench:
         try:
             campaign = self._desk.campaign()
             history = decision_history(self.decisions_path(campaign), self._stops(campaign))
-            solved = solve_validation(campaign, installed_systems())
-
+            solved = self._with_validation(campaign)
             try:
                 outcome = self._solved(solved, MOST_HERE)
             except _ManyError:
@@ -206,6 +205,21 @@ class Bench:
         except Exception as error:  # noqa: BLE001  (told on the page, which goes on)
             self.problem = f"unexpected: {type(error).__name__}: {error}. Please report it"
             self._failed_at = version
+        finally:
+            give_back_memory()
+
+    def _with_validation(self, campaign: Campaign) -> Campaign:
+        """The campaign with its validation poses, solved anew where their files have changed."""
+        version = version_of([campaign.toml, *self._of_validation(campaign)])
+        if self._validated is None or self._validated[0] != version:
+            self._validated = version, solve_validation(campaign, installed_systems()).solved
+        return replace(campaign, solved=self._validated[1])
+
+    @staticmethod
+    def _of_validation(campaign: Campaign) -> list[Path]:
+        """What the validation poses are made from."""
+        systems = [one for one in installed_systems() if one.name == VALIDATION_SYSTEM]
+        return [path for one in systems for path in inputs_of(one, campaign)]
 
     def _solved(self, campaign: Campaign, most: int | None) -> LaserOutcome:
         """What the campaign holds; `_ManyError` where more than so many pairs are to be matched."""
@@ -318,7 +332,7 @@ class Bench:
         )
         restoring = undoing(history, by)
         if not restoring:
-            raise GtvalError("there is no decision of yours to take back")
+            raise FinalError("there is no decision of yours to take back")
         self.decide(restoring, seen)
         return restoring
 

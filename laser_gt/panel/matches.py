@@ -1,13 +1,13 @@
 """The panel on which matches are looked at and decided on."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from laser_gt.system import SYSTEM
-from validation.errors import GtvalError
+from validation.errors import FinalError
 from validation.page.desk import Desk, english, static_files
 from validation.page.heard import Heard
-from validation.page.panels import Call, Waiting
+from validation.page.panels import Call, Waiting, answered, recorded, said_in
 
 if TYPE_CHECKING:
     from starlette.requests import Request
@@ -123,11 +123,11 @@ class OpenMatches:
 
             return pair_told(self.bench.loaded(), names)
 
-        return await _answer(made)
+        return await answered(made)
 
     async def trial(self, request: "Request", device: "Device") -> "Response":  # noqa: ARG002
         """The match of a pair from a guess, at once."""
-        said = await _said(request)
+        said = await said_in(request)
         pair, guess = _pair(said), _pose(said)
 
         def made() -> dict[str, Any]:
@@ -141,14 +141,14 @@ class OpenMatches:
             told = match_told(seen, found, sweeps[found.reference], sweeps[found.moving])
             return {"match": told, "milliseconds": round(1e3 * (time.perf_counter() - started))}
 
-        return await _answer(made)
+        return await answered(made)
 
     async def decide(self, request: "Request", device: "Device") -> "Response":
         """Record a decision about one pair."""
         from laser_gt.logs.decisions import Decision  # noqa: PLC0415  (numpy)
         from validation.page.requests import RefusedError, text_field  # noqa: PLC0415  (an extra)
 
-        said = await _said(request)
+        said = await said_in(request)
         kind, note = text_field(said, "decision", needed=True), text_field(said, "note")
         name = text_field(said, "id")
         guess = _pose(said) if kind == "guess" else None
@@ -161,12 +161,12 @@ class OpenMatches:
                 return {"recorded": 0}
             seen = self.bench.loaded()
             one = seen.match(names)
-            decision = Decision(one.reference, one.moving, kind, guess, device.person.name, note)
-            recorded = self.bench.decide([decision], seen)
+            decision = Decision(one.reference, one.moving, kind, guess, device.by, note)
+            count = self.bench.decide([decision], seen)
             self._heard.add(name)
-            return {"recorded": recorded}
+            return {"recorded": count}
 
-        return await _answer(made)
+        return await recorded(made)
 
     async def batch(self, request: "Request", device: "Device") -> "Response":
         """Accept all that are held up by the same alone, or say what that would place.
@@ -176,33 +176,33 @@ class OpenMatches:
         """
         from validation.page.requests import flag_field, text_field  # noqa: PLC0415  (an extra)
 
-        said = await _said(request)
+        said = await said_in(request)
         kind, look = text_field(said, "kind", needed=True), flag_field(said, "look")
 
         def made() -> dict[str, Any]:
             seen = self.bench.current()
-            decisions = _accepting(seen, kind, device.person.name)
+            decisions = _accepting(seen, kind, device.by)
             pairs = [[one.reference, one.moving] for one in decisions]
             if not look:
                 if not _same_pairs(said.get("pairs", pairs), pairs):
-                    raise GtvalError(WORDS["batch_changed"])
+                    raise FinalError(WORDS["batch_changed"])
                 return {"recorded": self.bench.decide(decisions, seen)}
             before = seen.placed()
             after = seen.placed(seen.with_decisions(decisions))
             more = [stop for stop in after if stop not in set(before)]
             return {"count": len(pairs), "pairs": pairs, "more": more, "placed": len(after)}
 
-        return await _answer(made)
+        return await answered(made)
 
     async def undo(self, request: "Request", device: "Device") -> "Response":
         """Take back what this person decided last."""
-        await _said(request)
+        await said_in(request)
 
         def made() -> dict[str, Any]:
-            back = self.bench.undo(device.person.name)
+            back = self.bench.undo(device.by)
             return {"pairs": [[one.reference, one.moving] for one in back]}
 
-        return await _answer(made)
+        return await answered(made)
 
 
 def _accepting(seen: "Seen", kind: str, by: str) -> "list[Decision]":
@@ -217,7 +217,7 @@ def _accepting(seen: "Seen", kind: str, by: str) -> "list[Decision]":
 
     some = seen.sole_objections().get(kind, [])
     if not some:
-        raise GtvalError("no match is held up by that alone any more")
+        raise FinalError("no match is held up by that alone any more")
     note = f"all held up only by: {kind}"
     return [Decision(one.reference, one.moving, "accept", None, by, note) for one in some]
 
@@ -227,23 +227,6 @@ def _same_pairs(shown: Any, pairs: list[list[str]]) -> bool:
     if not isinstance(shown, list) or len(shown) != len(pairs):
         return False
     return all(pair in shown for pair in pairs)
-
-
-async def _said(request: "Request") -> dict[str, Any]:
-    """The members of a request."""
-    from validation.page.requests import json_fields  # noqa: PLC0415  (an extra)
-
-    return await json_fields(request)
-
-
-async def _answer(made: Callable[[], dict[str, Any]]) -> "Response":
-    """What is made in a thread of its own, as JSON."""
-    from starlette.concurrency import run_in_threadpool  # noqa: PLC0415  (an extra)
-    from starlette.responses import JSONResponse  # noqa: PLC0415  (the same)
-
-    from validation.text_files.json_text import as_json  # noqa: PLC0415
-
-    return JSONResponse(as_json(await run_in_threadpool(made)))
 
 
 def _pair(said: dict[str, Any]) -> tuple[str, str]:

@@ -138,8 +138,7 @@ def candidate_pairs(poses: Array, sweeps: Sequence[Sweep], settings: PairSetting
     near = np.sort(np.asarray(near, dtype=np.intp).reshape(-1, 2), axis=1)
     turned = np.abs(wrap(poses[near[:, 1], 2] - poses[near[:, 0], 2]))
     near = near[turned <= settings.heading + 1e-9]
-    overlap = [expected_overlap(poses[i], poses[j], sweeps[i], sweeps[j]) for i, j in near]
-    near = near[np.array(overlap, dtype=float) >= settings.overlap]
+    near = near[expected_overlaps(poses, sweeps, near) >= settings.overlap]
     keep = nearest_pairs(poses, near, settings.most)
     order = np.lexsort((near[keep, 1], near[keep, 0]))
     return near[keep][order]
@@ -162,21 +161,46 @@ def nearest_pairs(poses: Array, pairs: Indices, most: int) -> Indices:
     return np.array(sorted(kept), dtype=np.intp)
 
 
-def expected_overlap(first: Array, second: Array, one: Sweep, other: Sweep) -> float:
-    """Share of the points of both sweeps that lie in the other's field of view and reach.
+def expected_overlaps(poses: Array, sweeps: Sequence[Sweep], pairs: Indices) -> Array:
+    """(m,) share of the points of both sweeps that lie in the other's field of view and reach.
 
+    Parameters
+    ----------
+    poses : (n, 3) array
+        Of the sweeps' frames.
+    sweeps : sequence of Sweep
+        One for each.
+    pairs : (m, 2) int array
+        Of sweeps.
+
+    Notes
+    -----
     Walls in between are not asked; this is an upper bound that costs little.
     """
-    inside = total = 0
-    for a, b, source, target in ((first, second, other, one), (second, first, one, other)):
-        points = transform(between(a, b), source.points[::4])
-        seen = np.zeros(len(points), dtype=bool)
-        for view in target.views:
-            offset = points - view.mount[:2]
-            azimuth = np.arctan2(offset[:, 1], offset[:, 0]) - view.mount[2]
-            start = view.scan.angles[0]
-            within = np.mod(azimuth - start, 2 * np.pi) <= view.scan.angles[-1] - start + 1e-6
-            seen |= within & (np.hypot(*offset.T) <= 1.1 * target.reach)  # a judgement
-        inside += int(seen.sum())
-        total += len(points)
-    return inside / max(total, 1)
+    points = [sweep.points[::4] for sweep in sweeps]
+    counts = np.array([len(some) for some in points])
+    inside = np.zeros(len(pairs))
+    for source, target in ((1, 0), (0, 1)):
+        for stop in np.unique(pairs[:, target]).tolist():
+            rows = np.flatnonzero(pairs[:, target] == stop)
+            others = pairs[rows, source]
+            of = np.repeat(np.arange(len(rows)), counts[others])
+            T = between(poses[stop], poses[others])[of]
+            seen = _in_view(
+                sweeps[stop],
+                transform(T, np.concatenate([points[j] for j in others])[:, None])[:, 0],
+            )
+            inside[rows] += np.bincount(of, weights=seen, minlength=len(rows))
+    return np.asarray(inside / np.maximum(counts[pairs].sum(1), 1))
+
+
+def _in_view(sweep: Sweep, points: Array) -> Flags:
+    """(n,) whether points (n, 2) of a sweep's frame lie in its field of view and reach."""
+    seen = np.zeros(len(points), dtype=bool)
+    for view in sweep.views:
+        offset = points - view.mount[:2]
+        azimuth = np.arctan2(offset[:, 1], offset[:, 0]) - view.mount[2]
+        start = view.scan.angles[0]
+        within = np.mod(azimuth - start, 2 * np.pi) <= view.scan.angles[-1] - start + 1e-6
+        seen |= within & (np.hypot(*offset.T) <= 1.1 * sweep.reach)  # a judgement
+    return seen

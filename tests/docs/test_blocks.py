@@ -26,7 +26,17 @@ def follow(page, reader, *, full):
         reader.follow(block)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+ASIDE = ("docs/howto/", "docs/results.md", "docs/samples.md", "docs/deliverable.md")
+"""Pages that are followed in the full tests alone: they do to the same campaigns what others do."""
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, id=name, marks=pytest.mark.full if name.startswith(ASIDE) else ())
+        for page, name in zip(PAGES, NAMES, strict=True)
+    ],
+)
 def test_a_page_works_as_it_is_written(page, reader):
     follow(page, reader, full=False)
 

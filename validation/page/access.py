@@ -56,6 +56,11 @@ class Device:
     person: Person
     joined: float = 0.0
 
+    @property
+    def by(self) -> str:
+        """Who decides here: the person, or the device of one who gave no name."""
+        return self.person.name or self.name
+
 
 class Access:
     """Codes that work once, and the devices let in by them.
@@ -117,8 +122,6 @@ class Access:
         if not hmac.compare_digest(given, self.code):
             self._note_wrong(address, now)
             raise AccessError("this is not the code that the terminal shows now; each works once")
-        if len(self._devices) >= MAX_DEVICES:
-            raise AccessError("too many devices; start the page anew")
         self._wrong.pop(address, None)
         self.code = new_code()
         token = secrets.token_urlsafe(32)
@@ -127,9 +130,15 @@ class Access:
         name = f"{self._prefix}{self._used}"
         device = Device(name, Person(who, name), time.time())
         self._devices[_hash(token)] = device
+        self._forget_old()
         self.keep()
         self._announce(f"{who or 'somebody'} joined on {device.name}")
         return token, device
+
+    def _forget_old(self) -> None:
+        """Of more devices than may be, those let in longest ago have to type a code again."""
+        for key, _ in sorted(self._devices.items(), key=lambda item: item[1].joined)[:-MAX_DEVICES]:
+            del self._devices[key]
 
     def _note_wrong(self, address: str, now: float) -> None:
         wrong = self._wrong.setdefault(address, deque(maxlen=WRONG_CODES))

@@ -16,6 +16,7 @@ from validation.page.desk import Desk, english, environment_of, static_files
 from validation.page.guard import Door, Handler, guarded, routes_of, static_route
 from validation.page.own.to_do import OpenToDo
 from validation.page.panels import Call, Found, OpenPanel, Panel, Waiting
+from validation.page.requests import RefusedError
 
 STATIC = ("head.css", "frame.css", "bench.css", "frame.js", "canvas.js", "outbox.js", "join.js")
 
@@ -62,7 +63,7 @@ class PageApp:
 
     def __init__(self, desk: Desk, found: Found, access: Access, cookie: str) -> None:
         self._desk = desk
-        self._door = Door(access, cookie)
+        self._door = Door(access, cookie, campaign=desk.key)
         self._panels = {panel.name: panel for panel in found.panels}
         self.opened: dict[str, OpenPanel] = {}
         for panel in found.panels:
@@ -89,7 +90,7 @@ class PageApp:
         for name, panel in self.opened.items():
             pages = [call for call in panel.calls if not call.path]
             others = [call for call in panel.calls if call.path]
-            routes += [Route(f"/{name}/", self._page(call.handler)) for call in pages]
+            routes += [Route(f"/{name}/", self._page(name, call.handler)) for call in pages]
             route = Route(f"/{name}/static/{{name}}", static_route(panel.static), methods=["GET"])
             routes += [route, *routes_of(f"/{name}", others, self._door)]
         return guarded(routes, hosts)
@@ -109,7 +110,7 @@ class PageApp:
         page = environment_of("validation.page").get_template("join.html.j2")
         return HTMLResponse(page.render({"words": english(), "campaign": self._desk.title}))
 
-    def _page(self, handler: Handler) -> Callable[[Request], Awaitable[Response]]:
+    def _page(self, name: str, handler: Handler) -> Callable[[Request], Awaitable[Response]]:
         """The page of a panel; for a stranger, the one that asks for the code."""
         checked = self._door.for_device(handler)
 
@@ -117,7 +118,13 @@ class PageApp:
             if self._door.device(request) is None:
                 return self._join_page()
             await run_in_threadpool(self.look)
-            return await checked(request)
+            try:
+                return await checked(request)
+            except RefusedError as error:  # such as a campaign.toml that is being edited
+                device = self._door.device(request)
+                assert device is not None
+                shown = BrokenPanel(self._desk, name, error.reason)
+                return await shown.page(request, device)
 
         return page
 

@@ -1,5 +1,6 @@
 """What the page offers to its panels: the campaign, its texts, and how a page is set."""
 
+import hashlib
 import json
 import os
 import tomllib
@@ -13,6 +14,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from validation.campaign.folder import Campaign, load_campaign
+from validation.errors import FinalError
 
 if TYPE_CHECKING:
     from starlette.responses import Response
@@ -51,6 +53,12 @@ def version_of(paths: Iterable[Path]) -> str:
     return "-".join(f"{time:x}.{size:x}.{place:x}" for time, size, place in said)
 
 
+def campaign_key(folder: Path) -> str:
+    """What tells a campaign from others that a browser keeps something of."""
+    name = str(folder.resolve())
+    return hashlib.sha256(name.encode(errors="surrogateescape")).hexdigest()[:16]
+
+
 class Desk:
     """What all panels of a page share.
 
@@ -87,9 +95,28 @@ class Desk:
         return self._loaded[1]
 
     @property
+    def key(self) -> str:
+        """Tells the campaign from others that are served at the same address."""
+        return campaign_key(self.folder)
+
+    @property
     def title(self) -> str:
         """Name of the campaign."""
         return self._loaded[1].settings.name
+
+    def inside(self, name: str) -> Path:
+        """Where a file of the campaign folder is.
+
+        Raises
+        ------
+        FinalError
+            If a link leads out of the folder.
+        """
+        folder = self.folder.resolve()
+        path = (folder / name).resolve()
+        if not path.is_relative_to(folder):
+            raise FinalError(f"{name} is not in the campaign folder: a link leads out of it")
+        return path
 
     def html(
         self, package: str, template: str, panel: str, device: "Device", values: Mapping[str, Any]
@@ -116,6 +143,7 @@ class Desk:
         page = self._environments[package].get_template(template)
         told = {"data": {}, **values, "words": english(), "campaign": self.title}
         told |= {"panel": panel, "who": device.person.name, "navigation": self.navigation}
+        told["key"] = self.key
         return HTMLResponse(page.render(told))
 
     def head(self, panel: str, device: "Device") -> Markup:

@@ -18,6 +18,7 @@ from validation.page.panels import Call
 from validation.page.people import Person
 from validation.page.requests import (
     RefusedError,
+    check_campaign,
     check_host,
     check_origin,
     json_fields,
@@ -51,12 +52,19 @@ class Door:
         Name of the cookie that holds a device's token.
     greet : callable
         Told who was let in; what it raises is told to the device, with the status.
+    campaign : str
+        Key of the campaign: requests of another's page are refused. '' if it is not looked at.
     """
 
     def __init__(
-        self, access: Access, cookie: str, greet: Callable[[Person], None] = lambda _person: None
+        self,
+        access: Access,
+        cookie: str,
+        greet: Callable[[Person], None] = lambda _person: None,
+        campaign: str = "",
     ) -> None:
         self.access = access
+        self._campaign = campaign
         self._cookie = cookie
         self._greet = greet
 
@@ -92,6 +100,8 @@ class Door:
             device = self.device(request)
             if device is None:
                 raise RefusedError(401, "this device was not let in; type the terminal's code")
+            if self._campaign:
+                check_campaign(request, self._campaign)
             try:
                 return await handler(request, device)
             except GtvalError as error:

@@ -7,8 +7,9 @@ of a panel is called as the panel.
 
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
+from validation.errors import FinalError, GtvalError
 from validation.plugins import EntryPoint, entry_points
 
 if TYPE_CHECKING:
@@ -130,6 +131,39 @@ def installed_panels() -> Found:
     rank = {name: place for place, name in enumerate(FIRST)}
     found.panels.sort(key=lambda panel: (rank.get(panel.name, len(FIRST)), panel.name))
     return found
+
+
+async def said_in(request: "Request") -> dict[str, Any]:
+    """The members of the JSON object that a request carries."""
+    from validation.page.requests import json_fields  # noqa: PLC0415  (an extra)
+
+    return await json_fields(request)
+
+
+async def answered(made: Callable[[], dict[str, Any]]) -> "Response":
+    """What is made in a thread of its own, as JSON."""
+    from starlette.concurrency import run_in_threadpool  # noqa: PLC0415  (an extra)
+    from starlette.responses import JSONResponse  # noqa: PLC0415  (the same)
+
+    from validation.text_files.json_text import as_json  # noqa: PLC0415  (numpy)
+
+    return JSONResponse(as_json(await run_in_threadpool(made)))
+
+
+async def recorded(made: Callable[[], dict[str, Any]]) -> "Response":
+    """The same of what records something: where files forbid it now, it may be sent again later.
+
+    A file that is being edited, or a full disk, is no reason for a browser to forget what a person
+    decided; only a `FinalError` is.
+    """
+    from validation.page.requests import RefusedError  # noqa: PLC0415  (an extra)
+
+    try:
+        return await answered(made)
+    except FinalError:
+        raise
+    except GtvalError as error:
+        raise RefusedError(503, str(error)) from None
 
 
 def _loaded(entry: EntryPoint, others: Sequence[Panel]) -> Panel:

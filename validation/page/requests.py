@@ -37,6 +37,12 @@ def check_host(request: Request, hosts: Collection[str]) -> None:
         raise RefusedError(421, "this page is not served under that name")
 
 
+def check_campaign(request: Request, key: str) -> None:
+    """Raise where a page of another campaign sent the request: one address may serve several."""
+    if request.headers.get("gtval-campaign", key) != key:
+        raise RefusedError(421, "another campaign is served here now; load the page anew")
+
+
 def check_origin(request: Request) -> None:
     """Raise where another site sent the request."""
     origin = request.headers.get("origin")

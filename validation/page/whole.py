@@ -65,6 +65,8 @@ def serve_page(folder: Path, host: str, port: int, *, tls: bool, browser: bool) 
     if browser:
         link = f"{address.url}/#{access.code}"
         threading.Thread(target=webbrowser.open, args=(link,), daemon=True).start()
+    # What panels load is loaded while the first person types the code.
+    threading.Thread(target=page.look, daemon=True).start()
     try:
         serve_app(page.app(address.hosts), address, None if files is None else files.path)
     finally:

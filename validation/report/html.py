@@ -112,7 +112,13 @@ def _block(block: Table | Figure | Text, identifier: str) -> dict[str, Any]:
     if isinstance(block, Figure):
         # The SVG is made by us from escaped text; everything else is escaped by the template.
         svg = Markup(inline_svg(block, identifier))  # noqa: S704
-        return {"kind": "figure", "caption": block.caption, "svg": svg, "folded": block.folded}
+        return {
+            "kind": "figure",
+            "id": identifier,
+            "caption": block.caption,
+            "svg": svg,
+            "folded": block.folded,
+        }
     return {
         "kind": "table",
         "id": identifier,

@@ -370,14 +370,26 @@ def _is_of_smaller_unit(table: CsvTable, column: Column) -> bool:
     return True
 
 
-def _bad_text(cell: str, column: Column) -> str | None:
-    """What is wrong with a cell as text, None if nothing is."""
+def is_cell(text: str) -> bool:
+    """Whether a text comes back from a table as it was written there."""
+    return _unreadable(text) is None and " ".join(text.split()) == text
+
+
+def _unreadable(cell: str) -> str | None:
+    """What keeps a cell from being read as text, None if nothing does."""
     if not cell.isascii() and any("\udc80" <= character <= "\udcff" for character in cell):
         return "not UTF-8; save the file as UTF-8"
     if "\ufffd" in cell:
         return "a character that cannot be read; save the file as UTF-8"
     if "\0" in cell or "\n" in cell or "\r" in cell:
         return "control characters or a line break in the cell (an unclosed quote?)"
+    return None
+
+
+def _bad_text(cell: str, column: Column) -> str | None:
+    """What is wrong with a cell as text, None if nothing is."""
+    if unreadable := _unreadable(cell):
+        return unreadable
     if not cell and column.required and not column.blank:
         return f"the cell is empty; expected {expected(column)}"
     return None

@@ -48,3 +48,11 @@ def is_utf16(data: bytes) -> bool:
     """Whether a text is UTF-16: by its byte-order mark, or as every second byte is zero."""
     even, odd = (bool(data[first:100:2].strip(b"\0")) for first in (0, 1))
     return data.startswith((b"\xff\xfe", b"\xfe\xff")) or (len(data) > 1 and even != odd)
+
+
+def is_empty(path: Path) -> bool:
+    """Whether a table that is appended to has nothing yet: it is missing, or has just been made."""
+    try:
+        return path.stat().st_size == 0
+    except OSError:
+        return not path.exists()

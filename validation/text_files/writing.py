@@ -213,9 +213,20 @@ def append_rows(path: Path, header: Sequence[str], rows: Sequence[Sequence[objec
             rows = [["" if at is None else row[at] for at in order] for row in rows]
             text = csv_text(own, rows).partition("\n")[2]
             text = text if before.endswith(b"\n") else f"\n{text}"
-        with path.open("a", encoding="utf-8") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
+        _append(path, text.encode())
     except OSError as error:
         raise GtvalError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def _append(path: Path, text: bytes) -> None:
+    """Add bytes to a file, on the disk when this returns: all of them, or none."""
+    with path.open("ab", buffering=0) as stream:
+        length = stream.tell()
+        try:
+            rest = memoryview(text)
+            while rest:  # of a full disk the next write says so
+                rest = rest[stream.write(rest) :]
+            os.fsync(stream.fileno())
+        except OSError:
+            stream.truncate(length)
+            raise

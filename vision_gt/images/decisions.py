@@ -15,7 +15,8 @@ import numpy as np
 
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
-from validation.text_files.csv_tables import Column, CsvTable, read_csv
+from validation.text_files.csv_tables import Column, CsvTable, is_cell, read_csv
+from validation.text_files.reading import is_empty
 from validation.text_files.writing import append_rows
 
 OF_USE, OF_CORNER = ("leave-out", "use"), ("corner", "no-corner")
@@ -109,7 +110,7 @@ def image_decisions(path: Path) -> list[tuple[str, ImageDecision]]:
         Naming every bad place: words that are none, a corner without a pixel, an image that is
         not named relative to the campaign.
     """
-    if not path.exists():
+    if is_empty(path):
         return []
     table = read_csv(path, COLUMNS)
     rows = [(table.text["time"][row], _decision(table, row)) for row in range(len(table))]
@@ -125,16 +126,18 @@ def _decision(table: CsvTable, row: int) -> ImageDecision | None:
     text = {name: table.text[name][row] for name in table.text}
     places = numbers[: 2 if stated[1] else int(stated[0])]
     one = ImageDecision(text["image"], text["decision"], places, text["by"], text["note"])
-    for name, expected in _faults(one):
+    for name, expected in faults_of(one):
         table.flag(row, name, expected)
     return None if len(table.problems) > count else one
 
 
-def _faults(one: ImageDecision) -> Iterator[tuple[str, str]]:
+def faults_of(one: ImageDecision) -> Iterator[tuple[str, str]]:
     """Columns of a decision that are bad, and what is expected there."""
     name = PurePosixPath(one.image)
-    if name.is_absolute() or ".." in name.parts or str(name) != one.image or "\0" in one.image:
+    if name.is_absolute() or ".." in name.parts or str(name) != one.image:
         yield "image", "expected a file below the campaign folder, such as vision/poses/1/pose7.png"
+    elif not is_cell(one.image):
+        yield "image", "no table can hold this name; rename the file"
     if one.kind not in KINDS:
         yield "decision", f"expected one of {', '.join(KINDS)}"
     places = one.places
@@ -159,7 +162,7 @@ def append_image_decisions(path: Path, made: Sequence[ImageDecision], time: str)
     """
     problems, rows = [], []
     for one in made:
-        problems += [Problem(path, expected, None, name) for name, expected in _faults(one)]
+        problems += [Problem(path, expected, None, name) for name, expected in faults_of(one)]
         numbers = [f"{value:.2f}" for value in one.places.ravel()]
         said = [" ".join(text.split()) for text in (one.by, one.note)]
         rows.append([time, one.image, one.kind, *numbers, *[""] * (4 - len(numbers)), *said])

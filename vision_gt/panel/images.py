@@ -1,12 +1,12 @@
 """The panel on which images are looked at and decided on."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from validation.errors import GtvalError
 from validation.page.desk import Desk, english, static_files
 from validation.page.heard import Heard
-from validation.page.panels import Call, Waiting
+from validation.page.panels import Call, Waiting, answered, recorded, said_in
 from vision_gt.settings import VisionSettings
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ class OpenImages:
             try:
                 return {"problem": "", **list_told(self.shelves.shelf(), WORDS)}
             except GtvalError as error:
-                return {"problem": str(error), "rows": [], "frames": 0, "more": 0}
+                return {"problem": str(error), "rows": [], "frames": 0, "more": 0, "unnameable": 0}
 
         values = {"state": await run_in_threadpool(made), "data": {}}
         return self._desk.html("vision_gt.panel", template, "images", device, values)
@@ -131,7 +131,7 @@ class OpenImages:
             told = self.beside.call(SECONDS, look_told, str(self._desk.folder), image)
             return {**told, **decision_told(shelf, image, WORDS)}
 
-        return await _answer(made)
+        return await answered(made)
 
     async def picture(self, request: "Request", device: "Device") -> "Response":  # noqa: ARG002
         """The image itself, no larger than asked for."""
@@ -160,14 +160,14 @@ class OpenImages:
 
             return times_told(self.shelves.shelf(), self._desk.campaign())
 
-        return await _answer(made)
+        return await answered(made)
 
     async def decide(self, request: "Request", device: "Device") -> "Response":
         """Record a decision about one image."""
         from validation.page.requests import RefusedError, text_field  # noqa: PLC0415  (an extra)
         from vision_gt.images.decisions import KINDS  # noqa: PLC0415  (numpy)
 
-        said = await _said(request)
+        said = await said_in(request)
         image, kind = (text_field(said, name, needed=True) for name in ("image", "decision"))
         note, name = text_field(said, "note"), text_field(said, "id")
         if kind not in KINDS:
@@ -182,21 +182,21 @@ class OpenImages:
             if name in self._heard:
                 return {"recorded": 0}
             places = np.array(numbers, dtype=float).reshape(-1, 2)
-            one = ImageDecision(image, kind, places, device.person.name, note)
-            recorded = self.shelves.decide([one])
+            one = ImageDecision(image, kind, places, device.by, note)
+            count = self.shelves.decide([one])
             self._heard.add(name)
-            return {"recorded": recorded}
+            return {"recorded": count}
 
-        return await _answer(made)
+        return await recorded(made)
 
     async def undo(self, request: "Request", device: "Device") -> "Response":
         """Take back what this person decided last."""
-        await _said(request)
+        await said_in(request)
 
         def made() -> dict[str, Any]:
-            return {"images": [one.image for one in self.shelves.undo(device.person.name)]}
+            return {"images": [one.image for one in self.shelves.undo(device.by)]}
 
-        return await _answer(made)
+        return await answered(made)
 
 
 def _numbers(said: dict[str, Any]) -> list[float]:
@@ -210,23 +210,6 @@ def _numbers(said: dict[str, Any]) -> list[float]:
     if not whole or len(numbers) != len(given) or not all(-1 <= v <= 1e5 for v in numbers):
         raise RefusedError(400, "'x' and 'y', and with them 'axis_x' and 'axis_y', must be pixels")
     return [float(v) for v in numbers]
-
-
-async def _said(request: "Request") -> dict[str, Any]:
-    """The members of a request."""
-    from validation.page.requests import json_fields  # noqa: PLC0415  (an extra)
-
-    return await json_fields(request)
-
-
-async def _answer(made: Callable[[], dict[str, Any]]) -> "Response":
-    """What is made in a thread of its own, as JSON."""
-    from starlette.concurrency import run_in_threadpool  # noqa: PLC0415  (an extra)
-    from starlette.responses import JSONResponse  # noqa: PLC0415  (the same)
-
-    from validation.text_files.json_text import as_json  # noqa: PLC0415
-
-    return JSONResponse(as_json(await run_in_threadpool(made)))
 
 
 PANEL = ImagesPanel()

@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from validation.campaign.folder import Campaign
-from validation.errors import GtvalError
+from validation.errors import FinalError, GtvalError
 from validation.page.desk import Desk, version_of
 from validation.page.undoing import TAKEN_BACK, undoing
+from validation.text_files.csv_tables import is_cell
 from vision_gt.images.decisions import (
     NO_PLACE,
     OF_CORNER,
@@ -23,6 +24,7 @@ from vision_gt.images.decisions import (
     ImageDecision,
     append_image_decisions,
     decided,
+    faults_of,
     image_decisions,
 )
 from vision_gt.images.files import ENDINGS, counting
@@ -76,12 +78,15 @@ class Shelf:
         Frames of drives, by their files.
     history : list of (str, ImageDecision)
         All decisions with their times.
+    unnameable : int
+        Images whose names no table of decisions can hold: they are not listed.
     """
 
     version: str
     images: Mapping[str, Shown]
     frames: Mapping[str, Shown]
     history: list[tuple[str, ImageDecision]]
+    unnameable: int = 0
 
     @property
     def decided(self) -> Decided:
@@ -105,7 +110,7 @@ class Shelf:
         """
         found = self.images.get(image) or self.frames.get(image)
         if found is None:
-            raise GtvalError("there is no such image in the campaign")
+            raise FinalError("there is no such image in the campaign")
         return found
 
 
@@ -158,10 +163,9 @@ class Shelves:
             If there is none, or a link leads out of the campaign folder.
         """
         self.shelf().shown(image)
-        folder = self._desk.folder.resolve()
-        path = (folder / image).resolve()
-        if not path.is_relative_to(folder) or not path.is_file():
-            raise GtvalError("that image is not in the campaign folder: a link leads out of it")
+        path = self._desk.inside(image)
+        if not path.is_file():
+            raise FinalError("that image is gone")
         return path
 
     def decide(self, made: Sequence[ImageDecision]) -> int:
@@ -174,6 +178,8 @@ class Shelves:
         """
         for one in made:
             self.file_of(one.image)
+            for name, expected in faults_of(one):
+                raise FinalError(f"{name}: {expected}")
         with self._changing:
             campaign = self._desk.campaign()
             path = decisions_path(campaign, campaign.section("vision", VisionSettings))
@@ -200,7 +206,7 @@ class Shelves:
 
         restoring = undoing(self.shelf().history, by, lambda one: one.about, restored)
         if not restoring:
-            raise GtvalError("there is no decision of yours to take back")
+            raise FinalError("there is no decision of yours to take back")
         self.decide(restoring)
         return restoring
 
@@ -222,11 +228,14 @@ def _filled(
 ) -> Shelf:
     """The shelf of a campaign."""
     root, known = campaign.folder / settings.images, stored(campaign)
-    found, counts = [], decided(history)
+    found, counts, unnameable = [], decided(history), 0
     for path in root.rglob("*"):
         if path.suffix.lower() in ENDINGS and path.is_file():
             name = path.relative_to(campaign.folder).as_posix()
-            found.append(_placed(name, path.relative_to(root).parts, path.stem))
+            if is_cell(name):
+                found.append(_placed(name, path.relative_to(root).parts, path.stem))
+            else:
+                unnameable += 1
     told = [_told(one, known, counts, campaign.folder) for one in found]
     frames = [one for one in told if one.purpose == DRIVE]
     images = _with_corners([one for one in told if one.purpose != DRIVE], settings, counts)
@@ -243,6 +252,7 @@ def _filled(
         {one.image: one for one in sorted(images, key=need)},
         {one.image: one for one in sorted(frames, key=lambda one: counting(one.image))},
         history,
+        unnameable,
     )
 
 

@@ -42,7 +42,7 @@ def list_told(shelf: Shelf, words: Words) -> dict[str, Any]:
             counts[group] = counts.get(group, 0) + 1
     more = max(len(rows) - MOST_ROWS, 0)
     told = {"rows": rows[:MOST_ROWS], "more": more, "counts": counts, "frames": len(shelf.frames)}
-    return {**told, "waiting": len(shelf.needing_corner)}
+    return {**told, "waiting": len(shelf.needing_corner), "unnameable": shelf.unnameable}
 
 
 def decision_told(shelf: Shelf, image: str, words: Words) -> dict[str, Any]:

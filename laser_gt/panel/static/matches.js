@@ -1,7 +1,7 @@
 // The pairs of stops, one large, and what is decided about them. The server says what a match is
 // worth; here it is shown, moved, and decided on.
 
-import { $, ask, replace, said, watch, words } from "/static/frame.js";
+import { $, ask, mark, replace, said, watch, words } from "/static/frame.js";
 import { Outbox } from "/static/outbox.js";
 import { Scans } from "./scans.js";
 
@@ -47,13 +47,12 @@ async function choose(button, focus = false) {
   wanted += 1;
   chosen = key(button);
   const asked = wanted;
-  for (const one of rows()) one.removeAttribute("aria-current");
-  button.setAttribute("aria-current", "true");
+  mark(rows(), button);
   button.scrollIntoView({ block: "nearest" });
   const { reference, moving } = button.dataset;
   const answer = await ask(`/matches/pair?${new URLSearchParams({ reference, moving })}`);
   if (asked !== wanted) return; // another one was chosen meanwhile
-  if (answer.status !== 200) { say(answer.error ?? words.frame.no_server, true); return; }
+  if (answer.status !== 200) { if (!box.all.length) say(answer.error ?? words.frame.no_server, true); return; }
   const same = pair && keyOf(pair.match) === keyOf(answer.match);
   if (!$("moving").hidden) { if (same) return; leave(); }
   pair = answer;
@@ -126,11 +125,13 @@ function showWhen() {
 
 // -- decisions ------------------------------------------------------------------------------
 
-const box = new Outbox("gtval:matches:outbox", "/matches/decide", (problem) => say(problem ?? text.not_recorded, true));
+const box = new Outbox("matches", "/matches/decide", nameOf, (problem) => say(problem, true));
 
 async function decide(decision, guess = null) {
   if (!pair) return;
   const { match } = pair;
+  if (keyOf(match) !== chosen) { say(text.not_shown, true); return; } // what nobody has seen
+  if (!$("moving").hidden) { say(text.is_moved, true); return; }
   const more = guess ? { x: guess[0], y: guess[1], theta: guess[2] } : {};
   const sent = box.add({ reference: match.reference, moving: match.moving, decision, ...more });
   const button = row(keyOf(match));
@@ -159,14 +160,18 @@ function move(on) {
   trial = null;
   scans.isMoving = true;
   $("moving").hidden = false;
-  $("tried").textContent = "";
+  $("decide").hidden = true;
+  $("tried").textContent = narrow.matches ? text.move_by_touch : "";
+  $("tried").className = "";
   $("take-guess").disabled = true;
   $("scans").focus({ preventScroll: true });
+  if (narrow.matches) $("pair-title").scrollIntoView(); // the picture, and below it what is to be done
 }
 
 function leave() {
   scans.isMoving = false;
   $("moving").hidden = true;
+  $("decide").hidden = false;
   scans.match = pair.match;
   scans.pose = [...pair.match.pose];
   scans.draw();
@@ -195,7 +200,7 @@ async function tryIt() {
   trial = guess;
   if (!scans.pointers.size) { scans.match = answer.match; scans.pose = [...answer.match.pose]; scans.draw(); }
   const objections = answer.match.reasons.filter((one) => one.objection).map((one) => one.text).join("; ");
-  $("tried").textContent = said(text.tried, { verdict: text[`is_${kindOf(answer.match.verdict)}`], milliseconds: answer.milliseconds }) + (objections ? ` ${objections}.` : "");
+  $("tried").textContent = said(text.tried, { verdict: text[`is_${kindOf(answer.match.verdict)}`], milliseconds: answer.milliseconds }) + (objections ? ` ${objections[0].toUpperCase()}${objections.slice(1)}.` : "");
   $("take-guess").disabled = false;
 }
 
@@ -203,6 +208,7 @@ async function takeGuess() {
   if (!trial) return;
   const guess = trial;
   leave();
+  $("move").focus();
   await decide("guess", guess);
 }
 
@@ -249,6 +255,7 @@ function filtered() {
   }
   $("none").hidden = any;
   $("none").textContent = said(text.none_in_list, { name: select.selectedOptions[0]?.textContent ?? "" });
+  mark(rows(), row(chosen));
 }
 
 async function renew() {
@@ -297,6 +304,8 @@ $("moving").addEventListener("click", (event) => {
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input:not([type=checkbox]), select, dialog[open]")) return;
   if (event.key === "Escape" && !$("moving").hidden) { leave(); $("move").focus(); return; }
+  const by = { ArrowUp: -1, ArrowDown: 1, Home: -rows().length, End: rows().length }[event.key];
+  if (by && document.activeElement.closest("#pairs")) { event.preventDefault(); go(by); return; }
   const far = event.shiftKey ? 10 : 1;
   const steps = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
   if (steps && document.activeElement === $("scans")) {

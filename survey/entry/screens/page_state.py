@@ -1,6 +1,5 @@
 """Everything that the page shows, as plain data."""
 
-import hashlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -21,6 +20,7 @@ from survey.entry.record.state import Pair
 from survey.entry.room.rough_places import RoughPlaces
 from survey.entry.room.slips import shown_decimals
 from survey.entry.room.targets import Target, stop_of
+from validation.page.desk import campaign_key
 from validation.page.people import Person
 
 FOLLOWING = 200
@@ -47,7 +47,7 @@ def page_state(entry_session: EntrySession, person: Person, rough: RoughPlaces) 
     shown_at = target or guide.plan[0].targets[0]
     return {
         "version": entry_session.version,
-        "key": campaign_key(entry_session),
+        "key": campaign_key(entry_session.campaign.folder),
         "campaign": entry_session.campaign.settings.name,
         "by": person.name,
         "second": person.second,
@@ -68,12 +68,6 @@ def page_state(entry_session: EntrySession, person: Person, rough: RoughPlaces) 
         "unchecked": "" if person.second else unchecked_text(entry_session),
         "decimals": shown_decimals(entry_session.campaign.settings.instrument),
     }
-
-
-def campaign_key(entry_session: EntrySession) -> str:
-    """What a device keeps the waiting readings of this campaign under."""
-    folder = str(entry_session.campaign.folder.resolve())
-    return hashlib.sha256(folder.encode(errors="surrogateescape")).hexdigest()[:16]
 
 
 def answer_state(entry_session: EntrySession, answer: Answer) -> dict[str, Any]:

@@ -1,13 +1,22 @@
 """Matches looked at, decided on and moved in the browser; and no decision lost however it ends."""
 
-import json
 import re
 import time
 
 import numpy as np
 import pytest
 from held_up_rooms import copied, held_up_room
-from page_server import Killed, PageServer, errors, faults, joined, picture, wait
+from page_server import (
+    Killed,
+    PageServer,
+    errors,
+    faults,
+    joined,
+    picture,
+    wait,
+    waiting_in,
+    waits_in,
+)
 from web_browser import DESKTOP, PHONE, open_browser, sized
 
 from laser_gt.logs.decision_file import decision_history, read_decisions
@@ -236,13 +245,9 @@ def test_a_decision_waits_for_the_link(browser, served):
     shown(browser)
     served.process.send_signal(19)  # stopped: it answers no more
     try:
-        browser.execute_script(
-            "localStorage.setItem('gtval:matches:outbox', arguments[0])",
-            json.dumps([{"reference": "1", "moving": "2", "decision": "accept"}]),
-        )
+        waits_in(browser, "matches", {"reference": "1", "moving": "2", "decision": "accept"})
     finally:
         served.process.send_signal(18)
     browser.refresh()
     wait(lambda: len(decisions(served)) == 2)
-    wait(lambda: browser.execute_script("return localStorage.getItem('gtval:matches:outbox')")
-         == "[]")  # fmt: skip
+    wait(lambda: waiting_in(browser, "matches") == [])

@@ -1,12 +1,13 @@
 """`gtval open` as a process, and browsers that look at it."""
 
 import contextlib
+import json
 import threading
 import time
 from pathlib import Path
 
 import httpx
-from web_browser import PICTURES
+from web_browser import PICTURES, violations
 from web_server import WebServer
 
 
@@ -85,6 +86,22 @@ def joined(browser, served, path="/", name="ann"):
     return browser
 
 
+def waits_in(browser, panel, said):
+    """Put a decision into the browser's storage, as the page keeps one that has no answer yet."""
+    put = (
+        "localStorage.setItem(`gtval:${arguments[0]}:"
+        "${document.documentElement.dataset.campaign}:1`, arguments[1])"
+    )
+    browser.execute_script(put, panel, json.dumps(said))
+
+
+def waiting_in(browser, panel):
+    """The decisions that wait there."""
+    of = "Object.keys(localStorage).filter((key) => key.startsWith(`gtval:${arguments[0]}:`))"
+    found = browser.execute_script(f"return {of}.map((key) => localStorage.getItem(key))", panel)
+    return [json.loads(one) for one in found]
+
+
 def wait(condition, seconds=60):
     """Until a condition holds; one about what is just being replaced does not, yet."""
     from selenium.common.exceptions import NoSuchElementException, StaleElementReferenceException
@@ -152,8 +169,9 @@ return [
 """
 """What keeps people out who see little, use a screen reader, or no mouse: names, contrast (WCAG
 1.4.3, 4.5 to 1), headings, ids, what scrolls sideways (1.4.10), targets (2.5.8, 24 pixels)."""
+# axe-core has more rules, but none for what scrolls sideways, nor always one for targets.
 
 
 def faults(browser):
-    """Places of the page that keep somebody out."""
-    return browser.execute_script(FAULTS)
+    """Places of the page that keep somebody out; rules of axe-core that are violated."""
+    return browser.execute_script(FAULTS) + violations(browser)

@@ -142,3 +142,34 @@ def test_the_files_of_who_was_let_in_let_nobody_in(served, ann):
     token = dict(ann.cookies)[f"gtval_page_{served.port}"]
     assert token not in kept.read_text()
     assert kept.stat().st_mode & 0o077 == 0
+
+
+def test_a_report_that_is_a_link_out_of_the_folder_is_not_shown(served, ann, tmp_path):
+    outside = tmp_path / "report.html"
+    outside.write_text("of somebody else")
+    (served.folder / "report").mkdir(exist_ok=True)
+    link = served.folder / "report/report.html"
+    before = link.read_bytes() if link.exists() else None
+    link.unlink(missing_ok=True)
+    link.symlink_to(outside)
+    try:
+        answer = ann.get("/report/document")
+        assert answer.status_code == 409
+        assert "somebody" not in answer.text
+    finally:
+        link.unlink()
+        if before is not None:
+            link.write_bytes(before)
+
+
+def test_a_campaign_file_that_is_being_edited_is_told_on_every_page(served, ann):
+    toml = served.folder / "campaign.toml"
+    before = toml.read_text()
+    toml.write_text(before + "\n[visi")
+    try:
+        for panel in ("to_do", "readings", "matches", "images", "trajectories", "report"):
+            answer = ann.get(f"/{panel}/")
+            assert answer.status_code == 200
+            assert answer.headers["content-type"].startswith("text/html")
+    finally:
+        toml.write_text(before)

@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Iterator
 
 import pytest
+from web_browser import violations
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 DRIVER = shutil.which("chromedriver")
@@ -47,6 +48,7 @@ def test_the_page_does_not_overflow_and_logs_no_error(browser, report, width):
     page = opened(browser, report, width)
     assert page.execute_script("return document.documentElement.scrollWidth") <= width
     assert page.get_log("browser") == []
+    assert violations(page) == []
 
 
 def test_on_paper_no_table_is_wider_than_the_page(browser, report):

@@ -1,13 +1,14 @@
 """Files are written whole or not at all."""
 
 import os
+import resource
 from pathlib import Path
 
 import pytest
 
 from validation.errors import GtvalError
 from validation.text_files import writing as files
-from validation.text_files.writing import write_files
+from validation.text_files.writing import append_rows, write_files
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -114,3 +115,19 @@ def test_a_folder_in_the_way_of_a_file_is_told(tmp_path):
 def test_text_that_is_no_unicode_is_written_with_escapes(tmp_path):
     [path] = write_files(tmp_path, {"a": "bad \udce9 name"})
     assert path.read_bytes() == b"bad \\udce9 name"
+
+
+def test_rows_that_do_not_fit_on_the_disk_are_added_whole_or_not_at_all(tmp_path):
+    path = tmp_path / "decisions.csv"
+    append_rows(path, ("who", "what"), [("ann", "yes")])
+    before = path.read_bytes()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) + 5, hard))  # half of the next row
+    try:
+        with pytest.raises(GtvalError, match="cannot write"):
+            append_rows(path, ("who", "what"), [("bob", "no")])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert path.read_bytes() == before
+    append_rows(path, ("who", "what"), [("bob", "no")])
+    assert path.read_bytes() == before + b"bob,no\n"

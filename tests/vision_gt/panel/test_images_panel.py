@@ -1,13 +1,13 @@
 """Images looked at and decided on in the browser, by mouse, by touch and by keyboard alone."""
 
-import json
+import contextlib
 import shutil
 import time
 
 import numpy as np
 import pytest
 from imaged_rooms import written
-from page_server import PageServer, errors, faults, joined, picture, wait
+from page_server import PageServer, errors, faults, joined, picture, wait, waiting_in, waits_in
 from web_browser import DESKTOP, PHONE, open_browser, sized
 
 from vision_gt.images.decisions import decided, image_decisions
@@ -398,9 +398,54 @@ def test_a_thousand_images_are_painted_within_a_second(browser, tmp_path):
 @pytest.mark.browser
 def test_a_decision_waits_for_the_link(browser, served, history):
     opened(browser, served, PHONE)
-    said = json.dumps([{"image": reference(2), "decision": "leave-out"}])
-    browser.execute_script("localStorage.setItem('gtval:images:outbox', arguments[0])", said)
+    waits_in(browser, "images", {"image": reference(2), "decision": "leave-out"})
     browser.refresh()
     wait(lambda: list(decided(history()).left_out) == [reference(2)])
-    wait(lambda: browser.execute_script("return localStorage.getItem('gtval:images:outbox')")
-         == "[]")  # fmt: skip
+    wait(lambda: waiting_in(browser, "images") == [])
+
+
+@pytest.mark.browser
+def test_a_decision_outlives_a_campaign_file_that_is_being_edited(browser, served, history):
+    opened(browser, served, DESKTOP)
+    # The next image, and at once the decision: about the one that is named, looked at or not.
+    browser.find_element("css selector", "#images button").send_keys("j")
+    toml = served.folder / "campaign.toml"
+    before = toml.read_text()
+    toml.write_text(before + "\n[visi")
+    try:
+        browser.switch_to.active_element.send_keys("x")
+        wait(lambda: "sent again by itself" in browser.find_element("id", "said").text)
+        [one] = waiting_in(browser, "images")
+    finally:
+        toml.write_text(before)
+    wait(lambda: [*decided(history()).left_out] == [one["image"]])
+    second = browser.find_elements("css selector", "#images button")[1]
+    assert one["image"] == second.get_attribute("data-image")
+    wait(lambda: waiting_in(browser, "images") == [])
+    browser.get_log("browser")  # the refusals above
+
+
+def test_a_page_of_another_campaign_decides_nothing_here(ann, history):
+    said = {"image": reference(1), "decision": "leave-out"}
+    answer = ann.post("/images/decide", json=said, headers={"Gtval-Campaign": "f" * 16})
+    assert answer.status_code == 421
+    assert history() == []
+
+
+@pytest.mark.parametrize("name", ["a\nb.png", "a\tb.png", "a  b.png", "bad\udcff.png"])
+def test_an_image_whose_name_no_table_can_hold_is_counted_and_not_listed(
+    ann, served, history, name
+):
+    folder = served.folder / "vision/other"
+    folder.mkdir(exist_ok=True)
+    path = folder / name
+    shutil.copy(served.folder / reference(1), path)
+    try:
+        wait(lambda: "1 images are not in this list" in ann.get("/images/list").text)
+        image = path.relative_to(served.folder).as_posix()
+        with contextlib.suppress(UnicodeEncodeError):
+            said = {"image": image, "decision": "leave-out"}
+            assert ann.post("/images/decide", json=said).status_code == 409
+        assert history() == []
+    finally:
+        path.unlink()

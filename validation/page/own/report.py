@@ -81,7 +81,7 @@ class OpenReport:
         """The page that the last run wrote, as it is."""
         from starlette.responses import FileResponse  # noqa: PLC0415  (an extra)
 
-        path = self._desk.folder / REPORT_FILE
+        path = self._desk.inside(REPORT_FILE)
         if not path.is_file():
             raise GtvalError("there is no report yet")
         headers = {"Content-Security-Policy": POLICY}

@@ -1,12 +1,12 @@
 """The panel on which the signals of trajectories are laid over each other."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from validation.errors import GtvalError
 from validation.page.desk import Desk, english, static_files, version_of
 from validation.page.own.moving import origins
-from validation.page.panels import Call, Waiting
+from validation.page.panels import Call, Waiting, answered, said_in
 from validation.processes import Beside
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ class OpenTrajectories:
             folder = str(self._desk.folder)
             return self._beside.call(SECONDS, signals_told, folder, reference, source, span)
 
-        return await _answer(made)
+        return await answered(made)
 
     async def clock(self, request: "Request", device: "Device") -> "Response":  # noqa: ARG002
         """The delay of a source as a whole."""
@@ -117,13 +117,13 @@ class OpenTrajectories:
 
             return self._beside.call(SECONDS, clock_told, str(self._desk.folder), reference, source)
 
-        return await _answer(made)
+        return await answered(made)
 
     async def part(self, request: "Request", device: "Device") -> "Response":  # noqa: ARG002
         """The delay of a part of a source, near where it was put."""
-        from validation.page.requests import json_fields, text_field  # noqa: PLC0415  (an extra)
+        from validation.page.requests import text_field  # noqa: PLC0415  (an extra)
 
-        said = await json_fields(request)
+        said = await said_in(request)
         reference, source = (
             text_field(said, name, needed=True) for name in ("reference", "source")
         )
@@ -136,7 +136,7 @@ class OpenTrajectories:
             folder = str(self._desk.folder)
             return self._beside.call(SECONDS, part_told, folder, reference, source, span, moved)
 
-        return await _answer(made)
+        return await answered(made)
 
 
 def _asked(request: "Request") -> tuple[str, str]:
@@ -170,14 +170,6 @@ def _number(value: object, most: float, name: str) -> float:
     if not good or not abs(value) <= most:  # type: ignore[arg-type]
         raise RefusedError(400, f"'{name}' must be a number of seconds")
     return float(value)  # type: ignore[arg-type]
-
-
-async def _answer(made: Callable[[], dict[str, Any]]) -> "Response":
-    """What is made in a thread of its own, as JSON."""
-    from starlette.concurrency import run_in_threadpool  # noqa: PLC0415  (an extra)
-    from starlette.responses import JSONResponse  # noqa: PLC0415  (the same)
-
-    return JSONResponse(await run_in_threadpool(made))
 
 
 PANEL = TrajectoriesPanel()

@@ -4,6 +4,7 @@
 export const $ = (id) => document.getElementById(id);
 export const words = json("words");
 export const data = json("data");
+export const campaign = document.documentElement.dataset.campaign ?? ""; // its key
 
 function json(id) { return JSON.parse($(id)?.textContent ?? "{}"); }
 
@@ -14,12 +15,14 @@ export function said(text, values = {}) {
 
 // The members of the answer with its status; 0 where the page cannot be reached.
 export async function ask(path, body, seconds = 20) {
-  const sent = body === undefined ? {} : {
-    method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body),
+  const headers = campaign ? { "Gtval-Campaign": campaign } : {};
+  const sent = body === undefined ? { headers } : {
+    method: "POST", headers: { ...headers, "Content-Type": "application/json" }, body: JSON.stringify(body),
   };
   try {
     const response = await fetch(path, { ...sent, signal: AbortSignal.timeout(seconds * 1000) });
-    if (response.status === 401 && !$("join")) location.reload();
+    // A device that has to join again, or another campaign that is served at this address now.
+    if ((response.status === 401 && !$("join")) || response.status === 421) location.reload();
     const isJson = response.headers.get("content-type")?.startsWith("application/json");
     const answer = isJson ? await response.json() : { text: await response.text() };
     return { status: response.status, ...answer };
@@ -42,11 +45,28 @@ export async function replace(id, path) {
   return true;
 }
 
+// Mark the row of a list that is shown. The list is one stop of the Tab key: a list of a thousand
+// would stand between the keyboard and all that comes after it; arrows go through it.
+export function mark(rows, current) {
+  for (const one of rows) {
+    one.toggleAttribute("aria-current", false);
+    one.tabIndex = -1;
+  }
+  current?.setAttribute("aria-current", "true");
+  const stop = [current, ...rows].find((one) => one && !one.parentElement.hidden);
+  if (stop) stop.tabIndex = 0;
+}
+
 const watchers = [];
 let known = null;
 
 // Call back with the whole answer whenever a panel's version has changed, and of each answer.
 export function watch(panel, changed, always = () => {}) { watchers.push({ panel, changed, always }); }
+
+// Whatever a panel stumbles over, the page goes on looking.
+async function lookOn() {
+  try { await look(); } finally { setTimeout(lookOn, 1000); }
+}
 
 async function look() {
   const answer = await ask("/versions", undefined, 8);
@@ -54,7 +74,7 @@ async function look() {
   const text = answer.status === 200 ? words.frame.connected : words.frame.no_link;
   if (link.textContent !== text) { link.textContent = text; link.className = answer.status === 200 ? "link" : "link down"; }
   if (answer.status === 200) {
-    for (const one of answer.panels) mark(one);
+    for (const one of answer.panels) count(one);
     const before = known;
     known = Object.fromEntries(answer.panels.map((one) => [one.name, one.version]));
     for (const one of watchers) {
@@ -62,10 +82,9 @@ async function look() {
       if (before && before[one.panel] !== known[one.panel]) await one.changed(answer);
     }
   }
-  setTimeout(look, 1000);
 }
 
-function mark(one) {
+function count(one) {
   const place = document.querySelector(`.head a[data-name="${one.name}"] .mark`);
   if (!place) return;
   place.hidden = !one.count;
@@ -75,4 +94,4 @@ function mark(one) {
   told.textContent = `, ${said(words.frame.waiting, { count: one.count })}`;
 }
 
-if ($("page-link")) look();
+if ($("page-link")) lookOn();

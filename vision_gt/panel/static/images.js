@@ -1,7 +1,7 @@
 // The images of a campaign, one large, and what is decided about them. The server says what was
 // found in an image and what was expected; here it is shown, gone through, and decided on.
 
-import { $, ask, replace, said, watch, words } from "/static/frame.js";
+import { $, ask, mark, replace, said, watch, words } from "/static/frame.js";
 import { Outbox } from "/static/outbox.js";
 import { Corner } from "./corner.js";
 import { Picture, lettersOf } from "./picture.js";
@@ -15,11 +15,12 @@ const LETTERS = {
 
 const picture = new Picture($("picture"), (place) => { if (corner.isOn) corner.click(place); });
 const corner = new Corner(picture, takeCorner, () => decide("no-corner"));
-const box = new Outbox("gtval:images:outbox", "/images/decide", (problem) => say(problem ?? text.not_recorded, true));
+const box = new Outbox("images", "/images/decide", ({ image }) => row(image)?.querySelector("b").textContent ?? image, (problem) => say(problem, true));
 let shown = null; // what the server said of the image that is shown
 let wanted = ""; // the image that was asked for last
 
-picture.failed = (name) => { if (name === wanted) say(text.no_picture, true); };
+// What is kept here because the link is lost has been said, and counts more.
+picture.failed = (name) => { if (name === wanted && !box.all.length) say(text.no_picture, true); };
 
 const rows = () => [...document.querySelectorAll("#images button")];
 const seen = () => rows().filter((row) => !row.parentElement.hidden);
@@ -41,9 +42,8 @@ async function choose(name, focus = false) {
   if (!name) return;
   const isSame = shown?.image === name;
   wanted = name;
-  for (const one of rows()) one.removeAttribute("aria-current");
   const button = row(name);
-  button?.setAttribute("aria-current", "true");
+  mark(rows(), button);
   button?.scrollIntoView({ block: "nearest" });
   if (focus) button?.focus();
   if (!isSame) {
@@ -59,7 +59,7 @@ async function choose(name, focus = false) {
   }
   const answer = await ask(`/images/look?${new URLSearchParams({ image: name })}`, undefined, 70);
   if (wanted !== name) return; // another one was chosen meanwhile
-  if (answer.status !== 200) { $("verdict").textContent = ""; say(answer.error ?? words.frame.no_server, true); return; }
+  if (answer.status !== 200) { $("verdict").textContent = ""; if (!box.all.length) say(answer.error ?? words.frame.no_server, true); return; }
   shown = answer;
   picture.tell(answer);
   tell();
@@ -117,9 +117,10 @@ function toggle(name) {
 
 // -- decisions ------------------------------------------------------------------------------
 
+// About the image whose picture and name are shown, also before it has been looked at.
 async function decide(decision, more = {}) {
-  if (!shown) return;
-  const { image, title } = shown;
+  if (!wanted) return;
+  const image = wanted, title = $("image-title").textContent;
   if (await box.add({ image, decision, ...more })) {
     say(said(text[`recorded_${decision}`], { title }));
     if (wanted !== image) return; // another one was chosen meanwhile
@@ -130,10 +131,16 @@ async function decide(decision, more = {}) {
   }
 }
 
-function leaveOut() { if (shown) decide(shown.left_out ? "use" : "leave-out"); }
+function leaveOut() {
+  if (!wanted) return;
+  const state = row(wanted)?.parentElement.dataset.state;
+  const isOut = shown?.image === wanted ? Boolean(shown.left_out) : state === "left_out";
+  decide(isOut ? "use" : "leave-out");
+}
 
 function pick() {
-  if (!shown || shown.purpose !== "reference" || shown.image !== wanted) return;
+  if (shown?.image !== wanted) { say(text.looking); return; }
+  if (shown.purpose !== "reference") return;
   if (corner.isOn) corner.end(true);
   else corner.begin(shown);
 }
@@ -172,6 +179,7 @@ function filtered() {
     any ||= !one.hidden;
   }
   $("none").hidden = any;
+  mark(rows(), row(wanted));
 }
 
 async function renew() {
@@ -209,6 +217,8 @@ $("wipe").addEventListener("input", () => { picture.share = $("wipe").value / 10
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input:not([type=checkbox]), select")) return;
   if (event.key === "Escape" && corner.isOn) { corner.end(true); return; }
+  const by = { ArrowUp: -1, ArrowDown: 1, Home: -rows().length, End: rows().length }[event.key];
+  if (by && document.activeElement.closest("#images")) { event.preventDefault(); go(by); return; }
   const far = event.shiftKey ? 10 : 1;
   const steps = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
   const onPicture = document.activeElement === $("picture");

@@ -22,6 +22,13 @@ from validation.page.access import (
 from validation.page.serving import listen
 
 
+def test_of_too_many_devices_those_let_in_first_type_a_code_again(monkeypatch):
+    monkeypatch.setattr("validation.page.access.MAX_DEVICES", 3)
+    access = Access()
+    tokens = [access.join(access.code, f"p{number}")[0] for number in range(5)]
+    assert [access.device(token) is not None for token in tokens] == [False] * 2 + [True] * 3
+
+
 def test_a_code_works_once():
     access = Access()
     code = access.code
