@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
+from rtk_gt.lasting.seen_from_vehicle import turned
 from rtk_gt.lasting.unequal_rates import filled, fixed_rows, spread_over, together_rows
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.receivers.fixes import Bools
@@ -161,7 +162,7 @@ def contrasts(
     if len(times) < 8 * averaged:
         return None
     n, r = len(times) - 1, positions.shape[1]
-    whole = filled(positions, headings)
+    whole = filled(times, positions, headings)
     motion, moving = np.zeros((n, r, 3)), np.ones(n, dtype=bool)
     for rows, receivers in fixed_rows(positions):
         few = side if len(rows) == n + 1 else SIDES[0]
@@ -182,7 +183,7 @@ def contrasts(
             sides_seen, reversed(_means(along[rows][:, pairs], fixes)), strict=True
         ):
             seen[:, pairs] = spread_over(rows, mean, n)
-    directions = np.stack([_seen_from(headings[:-1], seen) for seen in sides_seen])
+    directions = np.stack([turned(-headings[:-1], seen) for seen in sides_seen])
     motion[~moving] = 0.0
     values = np.concatenate([motion.reshape(n, -1), changes], axis=1)
     axes, sigmas, floor = _scaled(values, moving, motion[0].size, 2 * max(side, averaged))
@@ -212,20 +213,13 @@ def _even(times: Array, side: int) -> Bools:
     return np.asarray(_summed(even, np.ones(2 * side - 1)) > 2 * side - 1.5)
 
 
-def _seen_from(headings: Array, vectors: Array) -> Array:
-    """(n, k, 3) vectors turned back by the headings (n,)."""
-    cosine, sine = np.cos(headings)[:, None], np.sin(headings)[:, None]
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=-1)
-
-
 def _motion(positions: Array, headings: Array, side: int) -> Array:
     """(n, r, 3) jumps of the antennas against their motion on both sides."""
     weights = step_weights(side)
     moves = np.diff(positions, axis=0)
     # The middle of the interval: half of the turn within it.
     middle = headings[:-1] + np.angle(np.exp(1j * np.diff(headings))) / 2
-    values = _summed(_seen_from(middle, moves), weights)
+    values = _summed(turned(-middle, moves), weights)
     lift = _summed(moves, weights)
     slopes = _summed(antenna_planes(positions)[2][:-1], np.full(len(weights), 1 / len(weights)))
     values[..., 2] = lift[..., 2] - np.einsum("nk,nrk->nr", slopes, lift[..., :2])

@@ -20,6 +20,7 @@ from rtk_gt.lasting.jumps import (
 from rtk_gt.lasting.lasting_error import LastingError, epochs_with
 from rtk_gt.lasting.lost_fixes import OFTEN, with_lost_fixes
 from rtk_gt.lasting.restarts import Motion, find_change
+from rtk_gt.lasting.seen_from_vehicle import baseline_headings
 from rtk_gt.lasting.unequal_rates import often, own_interval
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.receivers.fixes import RTK_FIXED, Bools, Ints
@@ -220,7 +221,7 @@ def changed(steps: Steps, offsets: Offsets) -> LastingError | None:
     looked, bad = _looked_at(whole), _bad(steps, offsets)
     everyone = tuple(range(len(steps.receivers)))
     times, positions = _thinned(whole, looked, everyone, bad[looked])
-    about = Motion(times, positions, _headings(positions))
+    about = Motion(times, positions, _headings(times, positions))
     found = find_change(steps.times[rows], placed.positions[rows], offsets, about)
     if found is None:
         return None
@@ -255,14 +256,14 @@ def smallest_seen(steps: Steps, offsets: Offsets) -> float:
         if len(rows) < 2:
             continue
         times, positions = _thinned(steps, rows, some, np.zeros(len(rows), dtype=bool))
-        least = min(least, least_of_all(times, positions, _headings(positions)))
+        least = min(least, least_of_all(times, positions, _headings(times, positions)))
     return least
 
 
 def _jumps(steps: Steps, rows: Ints, columns: tuple[int, ...], bad: Bools) -> list[_Timed]:
     """Jumps of some receivers at the times at which they are fixed together."""
     times, positions = _thinned(steps, rows, columns, bad)
-    found = find_jumps(times, positions, _headings(positions), causes_of(len(columns)))
+    found = find_jumps(times, positions, _headings(times, positions), causes_of(len(columns)))
     timed = []
     for one in found:
         before, after = own_interval(positions, one.receivers, one.row)
@@ -282,19 +283,16 @@ def _thinned(steps: Steps, rows: Ints, columns: tuple[int, ...], bad: Bools) -> 
     return steps.times[rows][first::stride], positions[first::stride]
 
 
-def _headings(positions: Array) -> Array:
+def _headings(times: Array, positions: Array) -> Array:
     """(n,) headings of the longest baseline, of (n, r, 3) positions, that no jump turns.
 
     Of receivers that have one at every epoch. A jump of one of its ends turns it between two
     epochs, which the median of the turns about that interval leaves out; over a hundred epochs the
     headings follow the baseline again.
     """
-    level = positions[:, often(positions), :2]
-    apart = np.linalg.norm(level[:, :, None] - level[:, None], axis=-1)
-    reach = np.median(apart, axis=0)
-    i, j = divmod(int(reach.argmax()), len(reach))
-    baseline = level[:, j] - level[:, i]
-    seen = np.unwrap(np.arctan2(baseline[:, 1], baseline[:, 0]))
+    seen = baseline_headings(times, positions[:, often(positions)])
+    if seen is None:
+        return np.zeros(len(times))
     turns = median_filter(np.diff(seen), 5, mode="nearest")
     smooth = np.concatenate([[0.0], np.cumsum(turns)])
     return np.asarray(smooth + uniform_filter1d(seen - smooth, 101, mode="nearest"))

@@ -23,9 +23,9 @@ from rtk_gt.lasting.causes import (
     causes_of,
     fit_of,
     jumped,
+    rotation_within,
     tempered,
     told_at,
-    turned,
 )
 from rtk_gt.lasting.continuity import gain_over_motion
 from rtk_gt.lasting.contrasts import Contrasts, contrasts, of_motion, sides_of, spoilt
@@ -285,7 +285,7 @@ def _back(times: Array, headings: Array, seen: Contrasts, one: Jump, count: int)
     rows = np.flatnonzero(near)
     if len(rows) == 0:
         return replace(one, gain=0.0)
-    turns = np.array([turned(headings[row : row + 2]) for row in rows])
+    turns = np.array([rotation_within(headings[row : row + 2]) for row in rows])
     wanted = np.einsum("nji,j->ni", turns, -one.size)
     axes = np.einsum("ji,nja->nia", seen.axes, seen.designs(one.receivers)[rows])
     expected = np.einsum("nia,na->ni", axes, wanted) / seen.sigmas[rows]
@@ -334,7 +334,7 @@ def _greatest(
             chosen = int(np.where(sure, reached, -np.inf).argmax())
             row, cause = int(rows[chosen]), int(some[chosen])
             alike = tuple(causes[int(k)] for k in some[likely] if k != cause)
-            east = turned(headings[row : row + 2])
+            east = rotation_within(headings[row : row + 2])
             jump = Jump(
                 row, causes[cause], east @ told.sizes[row, cause],
                 east @ told.spreads[row, cause] @ east.T,

@@ -39,6 +39,8 @@ class LastingError:
         Other receivers whose jump would explain it nearly as well.
     window : (float, float)
         Seconds since 1970 between which it may have begun, where no motion tells it to the fix.
+    around : (3,) and (3, 3) array, optional
+        Size and covariance by the motion about it alone, where the whole drive told it first.
     """
 
     receivers: tuple[int, ...]
@@ -51,6 +53,7 @@ class LastingError:
     spacing: float
     alike: tuple[tuple[int, ...], ...] = ()
     window: tuple[float, float] = (np.inf, -np.inf)
+    around: tuple[Array, Array] | None = None
 
     @property
     def stays(self) -> bool:
@@ -72,6 +75,13 @@ class LastingError:
 def beyond_a_base(error: LastingError) -> bool:
     """Whether a jump is clearly larger than a restart of a base station makes."""
     return error.length - 3 * error.length_sigma > LARGEST_RESTART
+
+
+def by_motion(error: LastingError) -> LastingError:
+    """The same with what the whole drive does not say: what is told once must not count twice."""
+    if error.around is None or not error.stays:
+        return error
+    return replace(error, size=error.around[0], covariance=error.around[1])
 
 
 def epochs_with(steps: Steps, receivers: tuple[int, ...], start: float, end: float) -> int:

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rtk_gt.lasting.seen_from_vehicle import baseline_headings, carried
 from rtk_gt.receivers.fixes import RTK_FIXED, Bools, Ints
 from rtk_gt.receivers.steps import Steps
 from validation.poses.angles import Array
@@ -34,28 +35,18 @@ def with_lost_fixes(steps: Steps) -> Steps:
     columns = np.flatnonzero(count >= max(OFTEN * count.max(), 2))
     if len(columns) < 2:
         return steps
-    headings = _headings(steps, fixed, columns)
+    seen = np.where(fixed[..., None], steps.positions, np.nan)
+    headings = baseline_headings(steps.times, seen[:, columns])
+    if headings is None:
+        return steps
     positions, kinds = steps.positions.copy(), steps.kinds.copy()
     for k in columns.tolist():
-        rows, before, after = _lost(steps.times, fixed, columns, k)
-        if len(rows) == 0 or headings is None:
-            continue
-        others = [j for j in columns.tolist() if j != k]
-        told = np.full((len(rows), len(others), 3), np.nan)
-        share = (steps.times[rows] - steps.times[before]) / (
-            steps.times[after] - steps.times[before]
-        )
-        for n, j in enumerate(others):
-            seen = fixed[rows, j] & fixed[before, j] & fixed[after, j]
-            arms = [
-                _turned(-headings[at], steps.positions[at, k] - steps.positions[at, j])
-                for at in (before[seen], after[seen])
-            ]
-            arm = arms[0] + share[seen, None] * (arms[1] - arms[0])
-            told[seen, n] = steps.positions[rows[seen], j] + _turned(headings[rows[seen]], arm)
-        known = ~np.isnan(told[..., 0]).all(1)
-        positions[rows[known], k] = np.nanmean(told[known], axis=1)
-        kinds[rows[known], k] = RTK_FIXED
+        others = tuple(j for j in columns.tolist() if j != k)
+        rows = _lost(steps.times, fixed, columns, k)
+        told = carried(steps.times, seen, headings, (k, others), rows)
+        known = ~np.isnan(told[:, 0])
+        positions[rows[0][known], k] = told[known]
+        kinds[rows[0][known], k] = RTK_FIXED
     return replace(steps, positions=positions, kinds=kinds)
 
 
@@ -70,26 +61,3 @@ def _lost(times: Array, fixed: Bools, columns: Ints, k: int) -> tuple[Ints, Ints
     usual = float(np.median(np.diff(times[own])))
     short = times[after] - times[before] < (MOST_LOST + 0.5) * usual
     return rows[short], before[short], after[short]
-
-
-def _headings(steps: Steps, fixed: Bools, columns: Ints) -> Array | None:
-    """(t,) headings of the longest baseline, between its fixes evenly; None where it has none."""
-    level = np.where(fixed[:, columns, None], steps.positions[:, columns, :2], np.nan)
-    apart = np.linalg.norm(level[:, :, None] - level[:, None], axis=-1)
-    together = ~np.isnan(apart).all(0)
-    reach = np.zeros(together.shape)
-    reach[together] = np.nanmedian(apart[:, together], axis=0)
-    i, j = divmod(int(reach.argmax()), len(columns))
-    rows = np.flatnonzero(~np.isnan(apart[:, i, j]))
-    if len(rows) < 2 or i == j:
-        return None
-    way = level[rows, j] - level[rows, i]
-    seen = np.unwrap(np.arctan2(way[:, 1], way[:, 0]))
-    return np.asarray(np.interp(steps.times, steps.times[rows], seen))
-
-
-def _turned(angles: Array, vectors: Array) -> Array:
-    """(n, 3) vectors turned about the vertical."""
-    c, s = np.cos(angles), np.sin(angles)
-    x, y, z = vectors.T
-    return np.column_stack([c * x - s * y, s * x + c * y, z])

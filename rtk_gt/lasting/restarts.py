@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rtk_gt.lasting.causes import SMALLEST, evidence, tempered, turned
+from rtk_gt.lasting.causes import SMALLEST, USUAL, evidence, rotation_within, tempered
 from rtk_gt.lasting.contrasts import Contrasts, contrasts, of_motion, sides_of
 from rtk_gt.lasting.drive_sums import DriveSums
 from rtk_gt.lasting.jumps import ALIKE, LARGE, LONGEST_FALSE
@@ -314,9 +314,11 @@ class _Option:
     def error(self, alike: tuple[tuple[int, ...], ...]) -> LastingError:
         """What is told of it."""
         first, end = self.edges[0], self.edges[1].after if len(self.edges) > 1 else np.inf
+        spread = np.asarray(np.linalg.inv(first.information + np.eye(3) * USUAL**-2), float)
         return LastingError(
             self.cause, first.after, end, self.size, self.covariance, self.of.gain, 0,
             first.after - first.before, alike, first.window,
+            (spread @ first.right, spread),
         )  # fmt: skip
 
 
@@ -371,7 +373,7 @@ def _edge(
     rows = np.flatnonzero(by_distance > -_NEAR)
     if len(rows) == 0:
         rows = np.array([int(by_distance.argmax())])
-    turns = np.array([turned(about.headings[row : row + 2]) for row in rows])
+    turns = np.array([rotation_within(about.headings[row : row + 2]) for row in rows])
     right, information = evidence(seen, cause, rows, ends)
     right = np.einsum("nij,nj->ni", turns, right)
     information = np.einsum("nij,njk,nlk->nil", turns, information, turns)

@@ -9,14 +9,21 @@ from scipy.linalg import block_diag
 
 from rtk_gt.lasting.causes import GAIN, SMALLEST, UNSURE
 from rtk_gt.lasting.errors import changed, lasting_errors
+from rtk_gt.lasting.first_offsets import first_offsets
 from rtk_gt.lasting.jumps import contradicts
-from rtk_gt.lasting.lasting_error import LARGEST_RESTART, LastingError, beyond_a_base, ended
+from rtk_gt.lasting.lasting_error import (
+    LARGEST_RESTART,
+    LastingError,
+    beyond_a_base,
+    by_motion,
+    ended,
+)
+from rtk_gt.lasting.whole_drive import WholeDrive
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
-from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.receivers.assumptions import ETA, FEWEST_STEPS
 from rtk_gt.receivers.fixes import Bools
-from rtk_gt.receivers.steps import Steps, pair_differences
+from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
@@ -85,7 +92,7 @@ def settle(
     if not robust:
         return steps, [], None
     quick = partial(estimate_offsets, eta=eta, bent="never", prior=prior)
-    offsets = quick(steps)
+    offsets = first_offsets(steps, quick)
     found = lasting_errors(steps, offsets)
     _check_restarts(steps, found)
     found, another = _by_the_drive(steps, quick, offsets, found)
@@ -93,14 +100,14 @@ def settle(
         if another is None:
             return steps, [], None
         found = [another]
-    errors = found
+    errors, found = found, [by_motion(one) for one in found]
     cleaned, jumps = steps, None
     for _ in range(MOST_RESTARTS):
         if errors:
             _check_left(without_errors(steps, errors), steps, errors)
             found, errors, jumps = _those_that_stay(steps, quick, errors, found)
             cleaned = without_errors(steps, errors)
-            offsets = quick(cleaned)
+            offsets = first_offsets(cleaned, quick)
         another = changed(cleaned, offsets)
         if another is None:
             return cleaned, errors, jumps
@@ -139,7 +146,7 @@ def _by_the_drive(
         rest = without_errors(steps, passing)
         if int(rest.complete.sum()) < FEWEST_STEPS:
             break
-        offsets = quick(rest)
+        offsets = first_offsets(rest, quick)
     stays = one if one is not None and one.stays else None
     return sorted([*found, *passing], key=lambda one: one.start), stays
 
@@ -160,14 +167,30 @@ def _with_another(
     errors: Sequence[LastingError],
     another: LastingError,
 ) -> tuple[list[LastingError], list[LastingError]]:
-    """Errors as found and with settled sizes, and another: the end of one of them, or a new one."""
+    """Errors as found and with settled sizes, and another: a new one, or the rest or end of one."""
     found, errors = (sorted(some, key=lambda one: one.start) for some in (found, errors))
     for k, (rough, one) in enumerate(zip(found, errors, strict=True)):
         both = ended(steps, one, another)
         if both is not None:
             first = ended(steps, rough, another) or both
             return [*found[:k], first, *found[k + 1 :]], [*errors[:k], both, *errors[k + 1 :]]
-    return [*found, another], [*errors, another]
+        rest = _rest_of(one, another, len(steps.receivers))
+        if rest is not None:
+            whole = replace(one, size=one.size + rest, covariance=another.covariance)
+            return found, [*errors[:k], whole, *errors[k + 1 :]]
+    return [*found, by_motion(another)], [*errors, another]
+
+
+def _rest_of(one: LastingError, another: LastingError, receivers: int) -> Array | None:
+    """What a jump that stays lacks, if another is at its time and of its receivers; else None."""
+    if not (one.stays and another.stays):
+        return None
+    (begin, end), (start, last) = left_out(one), left_out(another)
+    if begin > last or start > end:
+        return None
+    others = tuple(k for k in range(receivers) if k not in one.receivers)
+    ways = {one.receivers: 1.0, others: -1.0}
+    return ways[another.receivers] * another.size if another.receivers in ways else None
 
 
 def _those_that_stay(
@@ -302,9 +325,9 @@ def refined(
 
     Notes
     -----
-    The distances of the whole drive tell a jump better than those around it: least squares of the
-    jumps, the offsets and the distances together, with the sizes found around each as knowledge
-    beforehand. Each independent step counts once.
+    The distances of the whole drive, and how the vehicle leans on its way, tell a jump better than
+    what is around it: least squares of the jumps, the offsets and the distances together, with the
+    sizes found around each as knowledge beforehand. Each independent step counts once.
     """
     errors, found = (sorted(some, key=lambda one: one.start) for some in (errors, found))
     staying = [error for error in errors if error.stays]
@@ -312,30 +335,27 @@ def refined(
         return list(errors), None
     used = steps.select(steps.complete)
     good = offsets.weights > 0
-    rods = pair_differences(used.positions[good] + offsets.offsets.values)
-    along = rods / np.linalg.norm(rods, axis=-1, keepdims=True)
-    incidence = pair_incidence(len(steps.receivers))
-    n, p = along.shape[:2]
-    by_offset = (incidence[None, :, 1:, None] * along[:, :, None, :]).reshape(n, p, -1)
-    own = np.concatenate([by_offset, np.broadcast_to(-np.eye(p), (n, p, p))], axis=2)
+    positions = used.positions[good] + offsets.offsets.values
+    drive = WholeDrive.of(used.times[good], positions, offsets)
+    own, residuals = drive.own, drive.residuals
+    n, q = residuals.shape
     who = np.array([_who(steps, error) for error in staying], dtype=float)
     after = np.column_stack([starting_rows(used, error)[good] for error in staying]).astype(float)
-    by_jump = np.einsum("tj,jp,tpa->tpja", after, who @ incidence.T, along).reshape(n, p, -1)
-    residuals = offsets.residuals[good]
-    weight = np.linalg.inv(np.atleast_2d(np.cov(residuals.T)) + 1e-12 * np.eye(p))
-    weight = weight / offsets.correlation_time
-    oo = np.einsum("tpa,pq,tqb->ab", own, weight, own)
-    os = np.einsum("tpa,pq,tqb->ab", own, weight, by_jump)
-    ss = np.einsum("tpa,pq,tqb->ab", by_jump, weight, by_jump)
+    each = np.stack([drive.error(k, np.zeros(3))[..., :3] for k in range(who.shape[1])])
+    by_jump = np.einsum("tj,jr,rtqa->tqja", after, who, each).reshape(n, q, -1)
+    weight, _ = drive.weight(residuals)
+    oo = np.einsum("tpa,pq,tqb->ab", own, weight, own, optimize=True)
+    os = np.einsum("tpa,pq,tqb->ab", own, weight, by_jump, optimize=True)
+    ss = np.einsum("tpa,pq,tqb->ab", by_jump, weight, by_jump, optimize=True)
     around = [one for one in found if one.stays]
     known = np.linalg.inv(block_diag(*(one.covariance for one in around)))
     off = np.concatenate([a.size - b.size for a, b in zip(around, staying, strict=True)])
     by_offsets = np.linalg.pinv(oo, rcond=1e-9, hermitian=True) @ os
     covariance = np.linalg.inv(ss - os.T @ by_offsets + known)
-    right = np.einsum("tpa,pq,tq->a", by_jump, weight, residuals)
-    right = right - by_offsets.T @ np.einsum("tpa,pq,tq->a", own, weight, residuals)
-    right = right + known @ off
-    sizes = (covariance @ right).reshape(-1, 3)
+    right = np.einsum("tpa,pq,tq->a", by_jump, weight, residuals, optimize=True)
+    score = np.einsum("tpa,pq,tq->a", own, weight, residuals, optimize=True)
+    sizes = (covariance @ (right - by_offsets.T @ score + known @ off)).reshape(-1, 3)
+    by_offsets = by_offsets[: len(offsets.covariance)]
     better = [
         replace(error, size=error.size + change, covariance=covariance[k : k + 3, k : k + 3])
         for error, change, k in zip(staying, sizes, range(0, 3 * len(staying), 3), strict=True)

@@ -5,6 +5,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from rtk_gt.lasting.seen_from_vehicle import carried
 from rtk_gt.receivers.fixes import Ints
 from rtk_gt.receivers.steps import receiver_pairs
 from validation.poses.angles import Array
@@ -36,11 +37,10 @@ def together_rows(positions: Array) -> list[tuple[Ints, Ints]]:
 
 def _alike(seen: npt.NDArray[np.bool_]) -> list[tuple[Ints, Ints]]:
     """Rows and columns of the groups of columns (n, c) that are True at the same rows."""
-    patterns, which = np.unique(seen, axis=1, return_inverse=True)
-    return [
-        (np.flatnonzero(patterns[:, k]), np.flatnonzero(which.ravel() == k))
-        for k in range(patterns.shape[1])
-    ]
+    groups: dict[bytes, list[int]] = {}
+    for column in range(seen.shape[1]):
+        groups.setdefault(seen[:, column].tobytes(), []).append(column)
+    return [(np.flatnonzero(seen[:, some[0]]), np.array(some)) for some in groups.values()]
 
 
 def spread_over(rows: Ints, values: npt.NDArray[T], n: int) -> npt.NDArray[T]:
@@ -64,11 +64,13 @@ def spread_over(rows: Ints, values: npt.NDArray[T], n: int) -> npt.NDArray[T]:
     return found
 
 
-def filled(positions: Array, headings: Array) -> Array:
+def filled(times: Array, positions: Array, headings: Array) -> Array:
     """Positions (n, r, 3) without gaps: between its fixes an antenna goes with the vehicle.
 
     Parameters
     ----------
+    times : (n,) array
+        Seconds.
     positions : (n, r, 3) array
         NaN where there is none; of one receiver at least there are all.
     headings : (n,) array
@@ -76,23 +78,19 @@ def filled(positions: Array, headings: Array) -> Array:
 
     Notes
     -----
-    Where it is, seen from the vehicle, changes evenly from fix to fix: as much as the vehicle leans
-    and nods meanwhile is wrong, which is enough for slopes and directions.
+    As it leans and nods meanwhile this is good enough for slopes and directions (`carried`).
     """
     seen = has_fix(positions)
-    if seen.all():
-        return positions
-    c, s = np.cos(headings), np.sin(headings)
-    zero, one = np.zeros(len(c)), np.ones(len(c))
-    turn = np.moveaxis(np.array([[c, -s, zero], [s, c, zero], [zero, zero, one]]), -1, 0)
-    centre = positions[:, seen.all(0)].mean(1)
     whole = positions.copy()
-    for k in np.flatnonzero(~seen.all(0)):
-        rows = np.flatnonzero(seen[:, k])
-        arms = np.einsum("nji,nj->ni", turn[rows], positions[rows, k] - centre[rows])
-        every = np.column_stack([np.interp(np.arange(len(c)), rows, arm) for arm in arms.T])
-        between = ~seen[:, k]
-        whole[between, k] = (centre + np.einsum("nij,nj->ni", turn, every))[between]
+    others = tuple(often(positions).tolist())
+    for k in np.flatnonzero(~seen.all(0)).tolist():
+        own, between = np.flatnonzero(seen[:, k]), np.flatnonzero(~seen[:, k])
+        place = np.searchsorted(own, between)
+        before = own[np.maximum(place - 1, 0)]
+        after = own[np.minimum(place, len(own) - 1)]
+        whole[between, k] = carried(
+            times, positions, headings, (k, others), (between, before, after)
+        )
     return whole
 
 

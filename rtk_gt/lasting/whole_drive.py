@@ -78,9 +78,17 @@ class WholeDrive:
         return cls(rods, residuals, own, slopes.by_height, slopes.moving, every, whole)
 
     def as_seen(self, first: int, last: int) -> Array:
-        """(n, q) residuals, those of an error in the epochs [first, last) whole."""
-        at = np.arange(len(self.whole))[:, None]
-        return np.where((at >= first) & (at < last), self.whole, self.residuals)
+        """(n, q) residuals, those of an error in the epochs [first, last) whole.
+
+        Offsets may be those with an error that stays: then the distances before it are as far off,
+        which is usual there.
+        """
+        at = np.arange(len(self.whole))
+        rest, p = (at < first) | (at >= last), self.rods.shape[1]
+        found = np.where(rest[:, None], self.residuals, self.whole)
+        if rest.any():
+            found[rest, :p] = _clipped(self.whole[rest, :p], PLAIN)
+        return found
 
     def error(self, who: int, size: Array) -> Array:
         """(n, q, 4) design of an error of a receiver, about a size (3,).

@@ -274,4 +274,4 @@ def test_an_antenna_between_its_fixes_goes_with_the_vehicle():
     seen = positions.copy()
     seen[np.arange(len(times)) % 5 > 0, 0] = np.nan
     inside = slice(0, 46)
-    np.testing.assert_allclose(filled(seen, headings)[inside], positions[inside], atol=1e-9)
+    np.testing.assert_allclose(filled(times, seen, headings)[inside], positions[inside], atol=1e-9)
