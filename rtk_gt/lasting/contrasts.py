@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
+from rtk_gt.lasting.lacking_fixes import filled, fixed_rows, spread_over, together_rows
 from rtk_gt.lasting.seen_from_vehicle import turned
-from rtk_gt.lasting.unequal_rates import filled, fixed_rows, spread_over, together_rows
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.receivers.fixes import Bools
 from rtk_gt.receivers.steps import pair_differences
@@ -175,8 +175,11 @@ def contrasts(
     distances = np.linalg.norm(rods, axis=-1)
     along = rods / np.maximum(distances, TINY)[..., None]
     changes, sides_seen = np.zeros((n, distances.shape[1])), np.zeros((2, n, *along.shape[1:]))
+    wider = np.ones(n)
     for rows, pairs in together_rows(positions):
         fixes = max(round(averaged * (len(rows) - 1) / n), FEWEST_DISTANCES)
+        own = _wider(times[rows], distances[rows][:, pairs], fixes)
+        wider = np.maximum(wider, spread_over(rows, own, n))
         before, after = _means(distances[rows][:, pairs], fixes)
         changes[:, pairs] = spread_over(rows, after - before, n)
         for seen, mean in zip(
@@ -187,6 +190,7 @@ def contrasts(
     motion[~moving] = 0.0
     values = np.concatenate([motion.reshape(n, -1), changes], axis=1)
     axes, sigmas, floor = _scaled(values, moving, motion[0].size, 2 * max(side, averaged))
+    sigmas[:, motion[0].size :] *= wider[:, None]
     freedom = _EFFICIENCY * n / max(side, averaged)
     return Contrasts(max(side, averaged), values, axes, sigmas, floor, freedom, directions, moving)
 
@@ -237,6 +241,27 @@ def _means(values: Array, side: int) -> tuple[Array, Array]:
         (total[2 * side :] - middle) / side,
     )
     return before, after
+
+
+def _wider(times: Array, distances: Array, side: int) -> Array:
+    """(n,) times that means of distances (n + 1, p) over a pause differ by more than usual ones.
+
+    Errors that wander go on during the pause: their means change as between fixes that are as far
+    apart elsewhere. White ones do not.
+    """
+    found = np.ones(len(times) - 1)
+    before, after = _means(times, side)
+    every = float(np.median(np.diff(times)))
+    extra = np.where(after > 0, (after - before) / every - side, 0.0)
+    total = np.concatenate([np.zeros((1, distances.shape[1])), np.cumsum(distances, axis=0)])
+    means = (total[side:] - total[:-side]) / side
+    usual = sigma_from_median(means[side:] - means[:-side], axis=0) + TINY
+    steps = 2.0 ** np.ceil(np.log2(np.maximum(extra, 0.5)))
+    for step in np.unique(steps[steps >= 1]):
+        apart = min(side + int(step), len(means) // 2)
+        spread = sigma_from_median(means[apart:] - means[:-apart], axis=0)
+        found[steps == step] = max(float((spread / usual).max()), 1.0)
+    return found
 
 
 def antenna_planes(positions: Array) -> tuple[Array, Array, Array]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rtk_gt.lasting.jumps import LONGEST_FALSE, mismatch
+from rtk_gt.lasting.jumps_back import LONGEST_FALSE, mismatch
 from rtk_gt.receivers.fixes import RTK_FIXED
 from rtk_gt.receivers.steps import Steps
 from validation.poses.angles import Array

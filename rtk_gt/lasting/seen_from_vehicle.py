@@ -2,8 +2,12 @@
 
 import numpy as np
 
-from rtk_gt.receivers.fixes import Ints
+from rtk_gt.receivers.fixes import Bools, Ints
 from validation.poses.angles import Array
+
+MOST_LOST = 3
+"""Usual spacings between two fixes of a receiver within which it has lost some: a vehicle that
+leans by a degree meanwhile moves an antenna by two hundredths of its arm, evenly."""
 
 
 def turned(angles: Array, vectors: Array) -> Array:
@@ -27,21 +31,49 @@ def baseline_headings(times: Array, positions: Array) -> Array | None:
     Returns
     -------
     (n,) array
-        Evenly between the epochs at which both of its ends have a fix; the same before the first
-        and after the last. None of fewer than two such epochs.
+        Where one of its ends has no fix for long, by the next longest baseline that has, and by
+        what the two differ before and after; else evenly between. None of fewer than two epochs.
     """
     level = positions[..., :2]
-    apart = np.linalg.norm(level[:, :, None] - level[:, None], axis=-1)
+    ways = level[:, None] - level[:, :, None]
+    apart = np.linalg.norm(ways, axis=-1)
     together = ~np.isnan(apart).all(0)
     reach = np.zeros(together.shape)
     reach[together] = np.nanmedian(apart[:, together], axis=0)
-    i, j = divmod(int(reach.argmax()), len(reach))
-    rows = np.flatnonzero(~np.isnan(apart[:, i, j]))
-    if len(rows) < 2 or i == j:
+    first, second = np.triu_indices(len(reach), 1)
+    order = np.argsort(-reach[first, second], kind="stable")
+    found: Array | None = None
+    for i, j in zip(first[order], second[order], strict=True):
+        rows = np.flatnonzero(~np.isnan(apart[:, i, j]))
+        if len(rows) < 2:
+            continue
+        seen = np.arctan2(ways[rows, i, j, 1], ways[rows, i, j, 0])
+        if found is None:
+            found = np.full(len(times), np.nan)
+            found[rows] = seen
+            continue
+        known = ~np.isnan(found[rows])
+        if not known.any():
+            continue
+        ahead = np.unwrap(found[rows[known]] - seen[known])
+        more = seen + np.interp(times[rows], times[rows[known]], ahead)
+        wanted = ~known & _in_long_gaps(times, np.flatnonzero(~np.isnan(found)), rows)
+        found[rows[wanted]] = more[wanted]
+    if found is None:
         return None
-    way = level[rows, j] - level[rows, i]
-    seen = np.unwrap(np.arctan2(way[:, 1], way[:, 0]))
-    return np.asarray(np.interp(times, times[rows], seen))
+    rows = np.flatnonzero(~np.isnan(found))
+    return np.asarray(np.interp(times, times[rows], np.unwrap(found[rows])))
+
+
+def _in_long_gaps(times: Array, known: Ints, rows: Ints) -> Bools:
+    """Which rows are between two that are known and far apart, or outside of all."""
+    spacing = np.diff(times[known])
+    longest = (MOST_LOST + 0.5) * np.median(spacing) if len(spacing) else 0.0
+    after = np.searchsorted(known, rows)
+    inside = (after > 0) & (after < len(known))
+    gap = np.full(len(rows), np.inf)
+    gap[inside] = spacing[after[inside] - 1]
+    return np.asarray(gap > longest)
 
 
 def carried(
@@ -50,6 +82,7 @@ def carried(
     headings: Array,
     who: tuple[int, tuple[int, ...]],
     rows: tuple[Ints, Ints, Ints],
+    most: float = np.inf,
 ) -> Array:
     """Where an antenna is between its fixes: it goes with the vehicle.
 
@@ -66,6 +99,9 @@ def carried(
     rows : three (m,) int arrays
         Epochs at which it is wanted, and its own fixes before and after each; where these are one
         it keeps its place on the vehicle.
+    most : float
+        Metres by which it moves on the vehicle meanwhile at most: where it moves more, it jumped,
+        and keeps its place before until its next fix.
 
     Returns
     -------
@@ -86,7 +122,9 @@ def carried(
             turned(-headings[end], positions[end, own] - positions[end, other])
             for end in (before, after)
         )
-        arm = first + share[:, None] * (last - first)
+        moves = last - first
+        moves = np.where(np.linalg.norm(moves, axis=1, keepdims=True) > most, 0.0, moves)
+        arm = first + share[:, None] * moves
         told[:, n] = positions[at, other] + turned(headings[at], arm)
     found = np.full((len(at), 3), np.nan)
     known = ~np.isnan(told[..., 0]).all(1)

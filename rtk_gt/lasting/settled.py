@@ -10,13 +10,14 @@ from scipy.linalg import block_diag
 from rtk_gt.lasting.causes import GAIN, SMALLEST, UNSURE
 from rtk_gt.lasting.errors import changed, lasting_errors
 from rtk_gt.lasting.first_offsets import first_offsets
-from rtk_gt.lasting.jumps import contradicts
+from rtk_gt.lasting.jumps_back import contradicts, end_by_the_drive
 from rtk_gt.lasting.lasting_error import (
     LARGEST_RESTART,
     LastingError,
     beyond_a_base,
     by_motion,
     ended,
+    epochs_with,
 )
 from rtk_gt.lasting.whole_drive import WholeDrive
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
@@ -96,6 +97,7 @@ def settle(
     found = lasting_errors(steps, offsets)
     _check_restarts(steps, found)
     found, another = _by_the_drive(steps, quick, offsets, found)
+    found = _with_ends(steps, quick, found)
     if not found:
         if another is None:
             return steps, [], None
@@ -128,7 +130,13 @@ def _by_the_drive(
     Also the likeliest one that stays and that it shows beside them.
     """
     passing: list[LastingError] = []
-    rest, one = steps, None
+    # No distance shows what all do; their motion must not pass for that of another error.
+    of_all = [
+        one for one in found
+        if one.stays and len(one.receivers) == len(steps.receivers) and not one.alike
+    ]  # fmt: skip
+    rest, one = without_errors(steps, of_all), None
+    offsets = first_offsets(rest, quick) if of_all else offsets
     for _ in range(MOST_RESTARTS):
         one = changed(rest, offsets)
         if one is None or one.stays:
@@ -143,12 +151,34 @@ def _by_the_drive(
         one = shown[0] if shown else one
         passing.append(one)
         found = [other for other, of in zip(found, part, strict=True) if not of]
-        rest = without_errors(steps, passing)
+        rest = without_errors(steps, [*of_all, *passing])
         if int(rest.complete.sum()) < FEWEST_STEPS:
             break
         offsets = first_offsets(rest, quick)
     stays = one if one is not None and one.stays else None
     return sorted([*found, *passing], key=lambda one: one.start), stays
+
+
+def _with_ends(
+    steps: Steps, quick: Callable[[Steps], Offsets], found: Sequence[LastingError]
+) -> list[LastingError]:
+    """The errors, those of one receiver with the ends that no motion shows."""
+    ended = list(found)
+    for k, one in enumerate(found):
+        if not one.stays or len(one.receivers) > 1:
+            continue
+        rest = without_errors(steps, [*ended[:k], *ended[k + 1 :]])
+        if int(rest.complete.sum()) < FEWEST_STEPS:
+            continue
+        offsets = first_offsets(rest, quick)
+        if not offsets.known:
+            continue
+        placed = rest.corrected(offsets.offsets).select(rest.complete)
+        end = end_by_the_drive(placed.times, placed.positions, offsets, one)
+        if end is not None:
+            epochs = epochs_with(steps, one.receivers, one.start, end)
+            ended[k] = replace(one, end=end, epochs=epochs)
+    return ended
 
 
 def _part_of(one: LastingError, whole: LastingError, receivers: int) -> bool:

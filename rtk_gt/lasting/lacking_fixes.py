@@ -1,16 +1,72 @@
-"""Receivers that do not all write at one rate, on the epochs of those that write most often."""
+"""Epochs at which some receivers have no fix: lost ones, and receivers that write less often.
 
+Their antennas go with the vehicle meanwhile. A logger loses a few sentences in a hundred: an epoch
+that one receiver lacks is none of all, and next to it no motion would tell that something jumped.
+Receivers that write less often are looked at on the epochs of those that write most often.
+"""
+
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from rtk_gt.lasting.seen_from_vehicle import carried
-from rtk_gt.receivers.fixes import Ints
-from rtk_gt.receivers.steps import receiver_pairs
+from rtk_gt.lasting.seen_from_vehicle import MOST_LOST, baseline_headings, carried
+from rtk_gt.receivers.fixes import RTK_FIXED, Bools, Ints
+from rtk_gt.receivers.steps import Steps, receiver_pairs
 from validation.poses.angles import Array
 
 T = TypeVar("T", bound=np.generic)
+
+OFTEN = 0.6
+"""Share of the fixes of the most frequent receiver that others must have to go with it."""
+LEANS = 0.03
+"""Metres by which an antenna moves on the vehicle over lost fixes at most, that of a degree at an
+arm of 1.8 m: a jump in the middle of them would be two of half its size."""
+
+
+def with_lost_fixes(steps: Steps) -> Steps:
+    """The steps with fixes where a receiver lacks few and another one has some.
+
+    Only to look for errors: what stands between two fixes is no measurement.
+
+    Parameters
+    ----------
+    steps : Steps
+        Offsets added as far as known; of receivers that write less often than others nothing is
+        added.
+    """
+    fixed = steps.kinds == RTK_FIXED
+    count = fixed.sum(0)
+    columns = np.flatnonzero(count >= max(OFTEN * count.max(), 2))
+    if len(columns) < 2:
+        return steps
+    seen = np.where(fixed[..., None], steps.positions, np.nan)
+    headings = baseline_headings(steps.times, seen[:, columns])
+    if headings is None:
+        return steps
+    positions, kinds = steps.positions.copy(), steps.kinds.copy()
+    for k in columns.tolist():
+        others = tuple(j for j in columns.tolist() if j != k)
+        rows = _lost(steps.times, fixed, columns, k)
+        told = carried(steps.times, seen, headings, (k, others), rows, LEANS)
+        known = ~np.isnan(told[:, 0])
+        positions[rows[0][known], k] = told[known]
+        kinds[rows[0][known], k] = RTK_FIXED
+    return replace(steps, positions=positions, kinds=kinds)
+
+
+def _lost(times: Array, fixed: Bools, columns: Ints, k: int) -> tuple[Ints, Ints, Ints]:
+    """Rows that a receiver lacks and another one has, with its own fixes before and after."""
+    own = np.flatnonzero(fixed[:, k])
+    rows = np.flatnonzero(fixed[:, columns].any(1) & ~fixed[:, k])
+    place = np.searchsorted(own, rows)
+    inside = (place > 0) & (place < len(own))
+    rows, place = rows[inside], place[inside]
+    before, after = own[place - 1], own[place]
+    usual = float(np.median(np.diff(times[own])))
+    short = times[after] - times[before] < (MOST_LOST + 0.5) * usual
+    return rows[short], before[short], after[short]
 
 
 def has_fix(positions: Array) -> npt.NDArray[np.bool_]:
