@@ -1,7 +1,7 @@
 """A drive without the errors that last: taken out where they stay, left out where they end."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,11 +13,14 @@ from rtk_gt.lasting.first_offsets import first_offsets
 from rtk_gt.lasting.jumps_back import contradicts, end_by_the_drive
 from rtk_gt.lasting.lasting_error import (
     LARGEST_RESTART,
+    JumpErrors,
     LastingError,
     beyond_a_base,
     by_motion,
+    difference,
     ended,
     epochs_with,
+    or_others,
 )
 from rtk_gt.lasting.whole_drive import WholeDrive
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
@@ -32,39 +35,10 @@ MOST_RESTARTS = 6
 """Rounds in which smaller jumps are looked for: a drive with more is no ground truth."""
 LEAST_LEFT = 0.2
 """Share of the steps that must be left: a judgement; of fewer nobody knows which are right."""
-EITHER = 0.25
-"""Variance of which of two equally likely causes it was: of a number that is 0 or 1."""
 _ROUNDS, _STAYS = 6, 1e-3
 """At most; and metres that no size changes any more."""
 NOT_USED = -1
 """Kind of a fix that is left out."""
-
-
-@dataclass(frozen=True)
-class JumpErrors:
-    """Errors of the jumps that were taken out, and what they do to offsets and poses.
-
-    Parameters
-    ----------
-    starts : (j,) array
-        Seconds since 1970, from when on each jump counts.
-    receivers : (j, r) array
-        1 where the jump is a receiver's, else 0.
-    covariance : (3 j, 3 j) array
-        Of the sizes, m^2.
-    by_offsets : (k, 3 j) array
-        Error of the offsets and distances that one of the sizes makes.
-    """
-
-    starts: Array
-    receivers: Array
-    covariance: Array
-    by_offsets: Array
-
-    def spread(self, offsets: Offsets) -> Offsets:
-        """Offsets whose covariance contains what these errors do to them."""
-        own = self.by_offsets @ self.covariance @ self.by_offsets.T
-        return replace(offsets, covariance=offsets.covariance + own)
 
 
 def settle(
@@ -390,28 +364,35 @@ def refined(
         replace(error, size=error.size + change, covariance=covariance[k : k + 3, k : k + 3])
         for error, change, k in zip(staying, sizes, range(0, 3 * len(staying), 3), strict=True)
     ]
+    told = _differences(better, after, each, (oo, own, weight))
+    better = [
+        replace(one, alike=tuple(a for a, t in zip(one.alike, some, strict=True) if t < GAIN))
+        for one, some in zip(better, told, strict=True)
+    ]
     starts = np.array([error.start for error in staying])
     rest = [error for error in errors if not error.stays]
     both = sorted([*better, *rest], key=lambda one: one.start)
-    return both, _or_the_others(JumpErrors(starts, who, covariance, by_offsets), better)
+    return both, or_others(JumpErrors(starts, who, covariance, by_offsets), better)
 
 
-def _or_the_others(jumps: JumpErrors, staying: Sequence[LastingError]) -> JumpErrors:
-    """The same with what it does to the poses where the others may have jumped the other way.
+def _differences(
+    staying: Sequence[LastingError], after: Array, each: Array, drive: tuple[Array, Array, Array]
+) -> list[list[float]]:
+    """What the whole drive would show of each jump that stays if others had jumped, one a cause.
 
-    Distances do not tell that; the vehicle would be beside its place by the whole jump.
+    Squared sigmas of the jump's size for the receivers that only one of the two causes has; the
+    designs ``each`` (r, t, q, 3) are of each receiver's error.
     """
-    count = jumps.receivers.shape[1]
-    open_ones = [
-        one for one in staying
-        if tuple(k for k in range(count) if k not in one.receivers) in one.alike
-    ]  # fmt: skip
-    if not open_ones:
-        return jumps
-    sizes = [EITHER * np.outer(one.size, one.size) for one in open_ones]
-    return JumpErrors(
-        np.append(jumps.starts, [one.start for one in open_ones]),
-        np.concatenate([jumps.receivers, np.ones((len(open_ones), count))]),
-        block_diag(jumps.covariance, *sizes),
-        np.pad(jumps.by_offsets, ((0, 0), (0, 3 * len(open_ones)))),
-    )
+    oo, own, weight = drive
+    found = []
+    for k, one in enumerate(staying):
+        shown = []
+        for other in one.alike:
+            way = difference(one, other, len(each))
+            design = np.einsum("t,r,rtqa,a->tq", after[:, k], way, each, one.size)
+            crossed = np.einsum("tqk,qp,tp->k", own, weight, design, optimize=True)
+            alone = np.einsum("tq,qp,tp->", design, weight, design, optimize=True)
+            free = crossed @ np.linalg.pinv(oo, rcond=1e-9, hermitian=True) @ crossed
+            shown.append(float(alone - free))
+        found.append(shown)
+    return found
