@@ -130,7 +130,17 @@ def _by_the_drive(
             break
         offsets = first_offsets(rest, quick)
     stays = one if one is not None and one.stays else None
+    found = [_told_apart(other, stays) for other in found] if stays else found
     return sorted([*found, *passing], key=lambda one: one.start), stays
+
+
+def _told_apart(one: LastingError, whole: LastingError) -> LastingError:
+    """A jump that stays, with the other causes that the whole drive leaves if it shows the same."""
+    (begin, end), (start, last) = left_out(one), left_out(whole)
+    same = one.stays and one.receivers == whole.receivers and begin <= last and start <= end
+    if not same:
+        return one
+    return replace(one, alike=tuple(other for other in one.alike if other in whole.alike))
 
 
 def _with_ends(
