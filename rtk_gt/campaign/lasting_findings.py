@@ -122,7 +122,7 @@ def _finding(outcome: WithJumps, error: LastingError) -> Finding:
         Size("second at which it begins", float(begin), "s"),
     )
     what = f"by {100 * error.length:.1f} cm (95 %: \u00b1 {100 * half:.1f} cm; {axes})"
-    doubt = "".join(f", or {who_jumps(outcome, other)} the other way" for other in error.alike[:1])
+    doubt = "".join(_or_who(outcome, error, other) for other in error.alike[:1])
     if not error.stays:
         text = (
             f"A false fix that lasts: {who}{doubt} is off {what} from second {begin:.1f} to "
@@ -157,6 +157,12 @@ def _finding(outcome: WithJumps, error: LastingError) -> Finding:
         f"station's coordinates before and after.{unsure}"
     )
     return Finding("warning", text, SUBJECT, "jump", sizes)
+
+
+def _or_who(outcome: WithJumps, error: LastingError, other: tuple[int, ...]) -> str:
+    """Who else it may have been: all the others would have jumped the other way."""
+    others = set(range(len(outcome.steps.receivers))) - set(error.receivers)
+    return f", or {who_jumps(outcome, other)}{' the other way' if set(other) == others else ''}"
 
 
 def clock_findings(outcome: RtkOutcome) -> Iterator[Finding]:

@@ -10,8 +10,8 @@ from rtk_gt.campaign.digits import too_coarse
 from rtk_gt.campaign.inputs import antenna_places, check_places, load_drive, offset_prior
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.lasting.errors import smallest_seen
-from rtk_gt.lasting.lasting_error import LastingError
-from rtk_gt.lasting.settled import JumpErrors, settle
+from rtk_gt.lasting.lasting_error import JumpErrors, LastingError
+from rtk_gt.lasting.settled import settle
 from rtk_gt.offsets.checks import PriorCheck, check_prior, check_units
 from rtk_gt.offsets.estimate import Offsets, distance_names, estimate_offsets
 from rtk_gt.offsets.memory import error_model

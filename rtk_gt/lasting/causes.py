@@ -8,6 +8,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from rtk_gt.lasting.contrasts import Contrasts
+from rtk_gt.lasting.seen_from_vehicle import turned
 from rtk_gt.receivers.fixes import Bools, Ints
 from validation.poses.angles import Array
 
@@ -122,7 +123,7 @@ def told_at(
     seen: Contrasts, headings: Array, row: int, causes: Sequence[tuple[int, ...]]
 ) -> tuple[Array, Array]:
     """Evidence for all causes at an interval, (2, c, 3) and (2, c, 3, 3), east, north and up."""
-    east = turned(headings[row : row + 2])
+    east = rotation_within(headings[row : row + 2])
     both = [
         [evidence(seen, cause, np.array([row]), ends) for cause in causes] for ends in (False, True)
     ]
@@ -135,8 +136,7 @@ def tempered(gains: Array, freedom: float) -> Array:
     return np.asarray(freedom * np.log1p(gains / freedom))
 
 
-def turned(headings: Array) -> Array:
+def rotation_within(headings: Array) -> Array:
     """(3, 3) rotation from the vehicle's baseline to east, north, up, within an interval."""
     angle = headings[0] + np.angle(np.exp(1j * (headings[-1] - headings[0]))) / 2
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return turned(np.full(3, angle), np.eye(3)).T

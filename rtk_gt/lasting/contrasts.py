@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from rtk_gt.lasting.unequal_rates import filled, fixed_rows, spread_over, together_rows
+from rtk_gt.lasting.lacking_fixes import filled, fixed_rows, spread_over, together_rows
+from rtk_gt.lasting.seen_from_vehicle import turned
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.receivers.fixes import Bools
 from rtk_gt.receivers.steps import pair_differences
@@ -161,7 +162,7 @@ def contrasts(
     if len(times) < 8 * averaged:
         return None
     n, r = len(times) - 1, positions.shape[1]
-    whole = filled(positions, headings)
+    whole = filled(times, positions, headings)
     motion, moving = np.zeros((n, r, 3)), np.ones(n, dtype=bool)
     for rows, receivers in fixed_rows(positions):
         few = side if len(rows) == n + 1 else SIDES[0]
@@ -174,18 +175,22 @@ def contrasts(
     distances = np.linalg.norm(rods, axis=-1)
     along = rods / np.maximum(distances, TINY)[..., None]
     changes, sides_seen = np.zeros((n, distances.shape[1])), np.zeros((2, n, *along.shape[1:]))
+    wider = np.ones(n)
     for rows, pairs in together_rows(positions):
         fixes = max(round(averaged * (len(rows) - 1) / n), FEWEST_DISTANCES)
+        own = _wider(times[rows], distances[rows][:, pairs], fixes)
+        wider = np.maximum(wider, spread_over(rows, own, n))
         before, after = _means(distances[rows][:, pairs], fixes)
         changes[:, pairs] = spread_over(rows, after - before, n)
         for seen, mean in zip(
             sides_seen, reversed(_means(along[rows][:, pairs], fixes)), strict=True
         ):
             seen[:, pairs] = spread_over(rows, mean, n)
-    directions = np.stack([_seen_from(headings[:-1], seen) for seen in sides_seen])
+    directions = np.stack([turned(-headings[:-1], seen) for seen in sides_seen])
     motion[~moving] = 0.0
     values = np.concatenate([motion.reshape(n, -1), changes], axis=1)
     axes, sigmas, floor = _scaled(values, moving, motion[0].size, 2 * max(side, averaged))
+    sigmas[:, motion[0].size :] *= wider[:, None]
     freedom = _EFFICIENCY * n / max(side, averaged)
     return Contrasts(max(side, averaged), values, axes, sigmas, floor, freedom, directions, moving)
 
@@ -212,20 +217,13 @@ def _even(times: Array, side: int) -> Bools:
     return np.asarray(_summed(even, np.ones(2 * side - 1)) > 2 * side - 1.5)
 
 
-def _seen_from(headings: Array, vectors: Array) -> Array:
-    """(n, k, 3) vectors turned back by the headings (n,)."""
-    cosine, sine = np.cos(headings)[:, None], np.sin(headings)[:, None]
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=-1)
-
-
 def _motion(positions: Array, headings: Array, side: int) -> Array:
     """(n, r, 3) jumps of the antennas against their motion on both sides."""
     weights = step_weights(side)
     moves = np.diff(positions, axis=0)
     # The middle of the interval: half of the turn within it.
     middle = headings[:-1] + np.angle(np.exp(1j * np.diff(headings))) / 2
-    values = _summed(_seen_from(middle, moves), weights)
+    values = _summed(turned(-middle, moves), weights)
     lift = _summed(moves, weights)
     slopes = _summed(antenna_planes(positions)[2][:-1], np.full(len(weights), 1 / len(weights)))
     values[..., 2] = lift[..., 2] - np.einsum("nk,nrk->nr", slopes, lift[..., :2])
@@ -243,6 +241,27 @@ def _means(values: Array, side: int) -> tuple[Array, Array]:
         (total[2 * side :] - middle) / side,
     )
     return before, after
+
+
+def _wider(times: Array, distances: Array, side: int) -> Array:
+    """(n,) times that means of distances (n + 1, p) over a pause differ by more than usual ones.
+
+    Errors that wander go on during the pause: their means change as between fixes that are as far
+    apart elsewhere. White ones do not.
+    """
+    found = np.ones(len(times) - 1)
+    before, after = _means(times, side)
+    every = float(np.median(np.diff(times)))
+    extra = np.where(after > 0, (after - before) / every - side, 0.0)
+    total = np.concatenate([np.zeros((1, distances.shape[1])), np.cumsum(distances, axis=0)])
+    means = (total[side:] - total[:-side]) / side
+    usual = sigma_from_median(means[side:] - means[:-side], axis=0) + TINY
+    steps = 2.0 ** np.ceil(np.log2(np.maximum(extra, 0.5)))
+    for step in np.unique(steps[steps >= 1]):
+        apart = min(side + int(step), len(means) // 2)
+        spread = sigma_from_median(means[apart:] - means[:-apart], axis=0)
+        found[steps == step] = max(float((spread / usual).max()), 1.0)
+    return found
 
 
 def antenna_planes(positions: Array) -> tuple[Array, Array, Array]:

@@ -68,12 +68,29 @@ class DriveSums:
         first, last : (m,) int arrays
             The first epoch with the error, and the first without it again.
         """
+        return _solved(*self._evidence(first, last))
+
+    def gains_of(self, first: int, last: Ints, known: tuple[Array, Array]) -> Array:
+        """(m,) gains of an error of a known size, with its covariance, that ends at some epochs.
+
+        The design is that about this size, with its fourth column.
+        """
+        information, score = self._evidence(np.full(len(last), first), last)
+        size = np.append(known[0], 1.0)
+        gains = 2 * score @ size - np.einsum("mab,a,b->m", information, size, size)
+        right = (score - information @ size)[:, :3]
+        free = information[:, :3, :3] + np.linalg.inv(known[1])
+        better = np.linalg.solve(free, right[..., None])[..., 0]
+        return np.asarray(gains + (better * right).sum(1))
+
+    def _evidence(self, first: Ints, last: Ints) -> tuple[Array, Array]:
+        """Information on errors in the epochs [first, last), offsets free, and their scores."""
         crossed = self.crossed[last] - self.crossed[first]
         solved = self.solved[last] - self.solved[first]
         information = self.information[last] - self.information[first]
         information = information - np.swapaxes(crossed, 1, 2) @ solved
         score = self.right[last] - self.right[first] - np.einsum("mka,k->ma", crossed, self.rest)
-        return _solved(information, score)
+        return information, score
 
     def change(self, first: int, last: int, size: Array) -> Array:
         """(k,) change of offsets and distances with an error of this size."""

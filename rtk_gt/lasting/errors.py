@@ -10,17 +10,13 @@ import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from rtk_gt.lasting.causes import SMALLEST_OF_ALL, causes_of
-from rtk_gt.lasting.jumps import (
-    LONGEST_FALSE,
-    Jump,
-    find_jumps,
-    least_of_all,
-    passed,
-)
+from rtk_gt.lasting.edges import Motion
+from rtk_gt.lasting.jumps import Jump, find_jumps, least_of_all
+from rtk_gt.lasting.jumps_back import LONGEST_FALSE, missing_jumps, passed
+from rtk_gt.lasting.lacking_fixes import OFTEN, often, own_interval, with_lost_fixes
 from rtk_gt.lasting.lasting_error import LastingError, epochs_with
-from rtk_gt.lasting.lost_fixes import OFTEN, with_lost_fixes
-from rtk_gt.lasting.restarts import Motion, find_change
-from rtk_gt.lasting.unequal_rates import often, own_interval
+from rtk_gt.lasting.restarts import find_change
+from rtk_gt.lasting.seen_from_vehicle import baseline_headings
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.receivers.fixes import RTK_FIXED, Bools, Ints
 from rtk_gt.receivers.steps import Steps
@@ -76,6 +72,7 @@ def lasting_errors(steps: Steps, offsets: Offsets) -> list[LastingError]:
     fast = _often(steps)
     for some in dict.fromkeys([*([] if fast is None else [fast]), *_while_one_lacks(steps)]):
         found = sorted([*found, *_alone(steps, some, found)], key=lambda one: one.after)
+    found = sorted([*found, *_missing(steps, rows, bad[rows], found)], key=lambda one: one.after)
     return _episodes(steps, found)
 
 
@@ -148,12 +145,23 @@ def _alone(steps: Steps, fast: tuple[int, ...], found: list[_Timed]) -> list[_Ti
     for one in _jumps(steps, rows, fast, np.zeros(len(rows), dtype=bool)):
         at = int(np.searchsorted(together, one.after - 1e-6))
         gap = np.diff(together[max(at - 1, 0) : at + 1]).sum() if 0 < at < len(together) else np.inf
-        near = any(abs(other.after - one.after) < 2 * gap for other in found)
+        near = any(other.before - usual < one.after < other.after + usual for other in found)
         if gap > FASTER * usual and not (np.isfinite(gap) and near):
             everyone = tuple(range(len(steps.receivers)))
             who = everyone if len(one.jump.receivers) == len(fast) else one.jump.receivers
             kept.append(replace(one, jump=replace(one.jump, receivers=who)))
     return kept
+
+
+def _missing(steps: Steps, rows: Ints, bad: Bools, found: list[_Timed]) -> list[_Timed]:
+    """Jumps forth or back of those of one receiver of which only the other was found."""
+    everyone = tuple(range(len(steps.receivers)))
+    times, positions = _thinned(steps, rows, everyone, bad)
+    last = len(times) - 2
+    at = [min(max(int(np.searchsorted(times, one.after - 1e-6)) - 1, 0), last) for one in found]
+    known = [replace(one.jump, row=row) for one, row in zip(found, at, strict=True)]
+    new = missing_jumps(times, positions, _headings(times, positions), known)
+    return [_timed(times, positions, one, everyone) for one in new]
 
 
 def errors_of_one(steps: Steps) -> tuple[list[LastingError], float]:
@@ -174,9 +182,10 @@ def errors_of_one(steps: Steps) -> tuple[list[LastingError], float]:
         return [], np.inf
     times, positions = _thinned(steps, rows, (0,), np.zeros(len(rows), dtype=bool))
     course = _course(times, positions[:, 0, :2])
+    jumps = find_jumps(times, positions, course, [(0,)])
     found = [
         one
-        for one in find_jumps(times, positions, course, [(0,)])
+        for one in [*jumps, *missing_jumps(times, positions, course, jumps)]
         if np.linalg.norm(one.size) > SMALLEST_OF_ALL and EDGE <= one.row < len(times) - 1 - EDGE
     ]
     timed = [_Timed(float(times[one.row]), float(times[one.row + 1]), one) for one in found]
@@ -219,12 +228,20 @@ def changed(steps: Steps, offsets: Offsets) -> LastingError | None:
     whole = with_lost_fixes(placed)
     looked, bad = _looked_at(whole), _bad(steps, offsets)
     everyone = tuple(range(len(steps.receivers)))
-    times, positions = _thinned(whole, looked, everyone, bad[looked])
-    about = Motion(times, positions, _headings(positions))
+    about = [_motion(whole, looked, everyone, bad[looked])]
+    for some in _while_one_lacks(whole):
+        shared = np.flatnonzero((whole.kinds[:, some] == RTK_FIXED).all(1))
+        about.append(_motion(whole, shared, some, np.zeros(len(shared), dtype=bool)))
     found = find_change(steps.times[rows], placed.positions[rows], offsets, about)
     if found is None:
         return None
     return replace(found, epochs=epochs_with(steps, found.receivers, found.start, found.end))
+
+
+def _motion(steps: Steps, rows: Ints, columns: tuple[int, ...], bad: Bools) -> Motion:
+    """That of some receivers at some epochs."""
+    times, positions = _thinned(steps, rows, columns, bad)
+    return Motion(times, positions, _headings(times, positions), columns)
 
 
 def _placed(steps: Steps, offsets: Offsets) -> Steps:
@@ -255,20 +272,22 @@ def smallest_seen(steps: Steps, offsets: Offsets) -> float:
         if len(rows) < 2:
             continue
         times, positions = _thinned(steps, rows, some, np.zeros(len(rows), dtype=bool))
-        least = min(least, least_of_all(times, positions, _headings(positions)))
+        least = min(least, least_of_all(times, positions, _headings(times, positions)))
     return least
 
 
 def _jumps(steps: Steps, rows: Ints, columns: tuple[int, ...], bad: Bools) -> list[_Timed]:
     """Jumps of some receivers at the times at which they are fixed together."""
     times, positions = _thinned(steps, rows, columns, bad)
-    found = find_jumps(times, positions, _headings(positions), causes_of(len(columns)))
-    timed = []
-    for one in found:
-        before, after = own_interval(positions, one.receivers, one.row)
-        named = replace(one, receivers=tuple(columns[k] for k in one.receivers))
-        timed.append(_Timed(float(times[before]), float(times[after]), named))
-    return timed
+    found = find_jumps(times, positions, _headings(times, positions), causes_of(len(columns)))
+    return [_timed(times, positions, one, columns) for one in found]
+
+
+def _timed(times: Array, positions: Array, jump: Jump, columns: tuple[int, ...]) -> _Timed:
+    """A jump between the fixes of its receivers, which are named by their columns."""
+    before, after = own_interval(positions, jump.receivers, jump.row)
+    named = replace(jump, receivers=tuple(columns[k] for k in jump.receivers))
+    return _Timed(float(times[before]), float(times[after]), named)
 
 
 def _thinned(steps: Steps, rows: Ints, columns: tuple[int, ...], bad: Bools) -> tuple[Array, Array]:
@@ -282,19 +301,16 @@ def _thinned(steps: Steps, rows: Ints, columns: tuple[int, ...], bad: Bools) -> 
     return steps.times[rows][first::stride], positions[first::stride]
 
 
-def _headings(positions: Array) -> Array:
+def _headings(times: Array, positions: Array) -> Array:
     """(n,) headings of the longest baseline, of (n, r, 3) positions, that no jump turns.
 
     Of receivers that have one at every epoch. A jump of one of its ends turns it between two
     epochs, which the median of the turns about that interval leaves out; over a hundred epochs the
     headings follow the baseline again.
     """
-    level = positions[:, often(positions), :2]
-    apart = np.linalg.norm(level[:, :, None] - level[:, None], axis=-1)
-    reach = np.median(apart, axis=0)
-    i, j = divmod(int(reach.argmax()), len(reach))
-    baseline = level[:, j] - level[:, i]
-    seen = np.unwrap(np.arctan2(baseline[:, 1], baseline[:, 0]))
+    seen = baseline_headings(times, positions[:, often(positions)])
+    if seen is None:
+        return np.zeros(len(times))
     turns = median_filter(np.diff(seen), 5, mode="nearest")
     smooth = np.concatenate([[0.0], np.cumsum(turns)])
     return np.asarray(smooth + uniform_filter1d(seen - smooth, 101, mode="nearest"))

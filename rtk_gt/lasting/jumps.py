@@ -8,7 +8,6 @@ motion make none so large.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -19,17 +18,14 @@ from rtk_gt.lasting.causes import (
     SMALLEST,
     SMALLEST_OF_ALL,
     UNSURE,
-    USUAL,
-    causes_of,
     fit_of,
     jumped,
-    tempered,
+    rotation_within,
     told_at,
-    turned,
 )
 from rtk_gt.lasting.continuity import gain_over_motion
 from rtk_gt.lasting.contrasts import Contrasts, contrasts, of_motion, sides_of, spoilt
-from rtk_gt.lasting.unequal_rates import has_fix, often
+from rtk_gt.lasting.lacking_fixes import has_fix, often
 from rtk_gt.receivers.fixes import Ints
 from validation.poses.angles import Array
 
@@ -42,26 +38,13 @@ CLEAR_OVER_MOTION = 60.0
 GAIN_WITHOUT_ONE = 12.0
 """The same without any one of the two epochs on either side, so that one false fix is no jump: of
 those intervals without a jump at most 10, of jumps of 10 cm less in one of 150."""
-GAIN_BACK = 25.0
-"""The same of the one number of a jump back whose size is known, within `LONGEST_FALSE`: in one of
-2 million intervals."""
 NEAR = 30.0
 """Gain below the greatest within which a cause may be the right one elsewhere nearby."""
-LONGEST_FALSE = 120.0
-"""Seconds after which a jump and one back are no false fix any more: a judgement, receivers check
-their ambiguities within a minute."""
 SPOILT, LARGE = 0.05, 0.15
 """Metres by which means of distances over seconds usually change where they tell nothing, five
 times what noise makes; and of the jumps that motion must tell alone there."""
 _ROUNDS = 40
 """At most; each takes the first jump of some receivers, and those of all before it."""
-BACK = 0.15
-"""Share of a jump by which the jump back may differ, beside its sigmas: errors change meanwhile."""
-_AWAY = 16.0
-"""Squared sigmas by which it may differ: three numbers pass that in one of 900."""
-ROUGH = 0.05
-"""Share of the gains of two jumps by which one size may be worse besides: antennas whose heights
-are a decimetre wrong explain a large jump no better."""
 ALIKE = 9.0
 """Gain by which a cause must be better than another to be told from it: 1 in 100 by chance."""
 
@@ -133,8 +116,7 @@ def find_jumps(
             after = slice(jump.row + 1, None)
             positions[after, list(jump.receivers)] -= jump.size
         found += new
-    found = _merged(found)
-    return sorted([*found, *_missing(times, positions, headings, found)], key=lambda one: one.row)
+    return _merged(found)
 
 
 def _undisturbed(found: list[Jump], receivers: int) -> list[Jump]:
@@ -158,146 +140,6 @@ def least_of_all(times: Array, positions: Array, headings: Array) -> float:
             widest = np.median(np.linalg.eigvalsh(spreads)[:, -1])
             least = min(least, float(np.sqrt(GAIN_OF_MOTION * widest)))
     return max(least, SMALLEST_OF_ALL)
-
-
-class Sized(Protocol):
-    """A jump of some receivers, however it was found."""
-
-    @property
-    def receivers(self) -> tuple[int, ...]:
-        """Columns of the receivers."""
-
-    @property
-    def size(self) -> Array:
-        """(3,) east, north, up, metres."""
-
-    @property
-    def covariance(self) -> Array:
-        """(3, 3) of the size, m^2."""
-
-
-def mismatch(there: Sized, back: Sized, receivers: int) -> float:
-    """Squared sigmas by which the second is not the first one back; infinite if it is another.
-
-    What some receivers do, the others seem to do the other way round.
-    """
-    others = tuple(k for k in range(receivers) if k not in there.receivers)
-    if back.receivers not in (there.receivers, others):
-        return np.inf
-    away = _apart(there, back, back.size if back.receivers == there.receivers else -back.size)
-    return away if away < _AWAY else np.inf
-
-
-def contradicts(one: Sized, other: Sized) -> bool:
-    """Whether two sizes of an error, however they were found, are of two errors."""
-    return _apart(one, other, -other.size) >= _AWAY
-
-
-def _apart(one: Sized, other: Sized, back: Array) -> float:
-    """Squared sigmas by which a size does not take another one back."""
-    off = one.size + back
-    spread = one.covariance + other.covariance
-    spread = spread + (BACK * np.linalg.norm(one.size)) ** 2 * np.eye(3)
-    return float(off @ np.linalg.solve(spread, off))
-
-
-def passed(there: Jump, back: Jump, receivers: int) -> tuple[float, Jump] | None:
-    """How much worse one error that goes again explains two jumps, and that error; None if none.
-
-    Parameters
-    ----------
-    there, back : Jump
-        In the order of time.
-    receivers : int
-        How many there are.
-
-    Notes
-    -----
-    Who jumped each jump tells badly by itself; one cause and one size must do for both.
-    """
-    causes = causes_of(receivers)
-    if there.told[0].shape[1] != len(causes) or back.told[0].shape[1] != len(causes):
-        away = mismatch(there, back, receivers)
-        return (away, there) if np.isfinite(away) else None
-    usual = np.eye(3) * USUAL**-2
-
-    def whole(told: tuple[Array, Array]) -> tuple[Array, Array]:
-        sizes = np.asarray(np.linalg.solve(told[1] + usual, told[0][..., None])[..., 0], float)
-        return sizes, (sizes * told[0]).sum(-1)
-
-    (_, first), (after, second) = whole(there.told), whole(back.told)
-    right, information = there.told[0][0], there.told[1][0]
-    # The jump back may be another by a share.
-    slack = (BACK * np.linalg.norm(there.size)) ** 2 * np.eye(3)
-    loose = np.linalg.inv(np.linalg.inv(back.told[1][1] + usual) + slack)
-    spreads = np.linalg.inv(information + loose + usual)
-    wanted = -after[1]
-    sizes = np.einsum("cij,cj->ci", spreads, right + np.einsum("cij,cj->ci", loose, wanted))
-    off = sizes - wanted
-    both = 2 * (sizes * right).sum(1) - np.einsum("ci,cij,cj->c", sizes, information, sizes)
-    both = both + second[1] - np.einsum("ci,cij,cj->c", off, loose, off)
-    best = int(both.argmax())
-    loss = float(first.max() + second.max() - both[best])
-    most = _AWAY + ALIKE + ROUGH * float(first.max() + second.max())
-    if loss > most or np.linalg.norm(sizes[best]) < SMALLEST:
-        return None
-    alike = tuple(c for c, gain in zip(causes, both, strict=True) if both[best] - gain < ALIKE)
-    found = replace(
-        there, receivers=causes[best], size=sizes[best], covariance=spreads[best],
-        alike=tuple(c for c in alike if c != causes[best]),
-    )  # fmt: skip
-    return loss, found
-
-
-def _missing(times: Array, positions: Array, headings: Array, found: list[Jump]) -> list[Jump]:
-    """Jumps of one receiver forth or back where only the other was found: its size is known."""
-    count = positions.shape[1]
-    single = [one for one in found if len(one.receivers) == 1]
-    alone = [
-        one for one in single
-        if not any(
-            other is not one and abs(times[other.row] - times[one.row]) < LONGEST_FALSE
-            and passed(*_in_time(one, other), receivers=count) is not None
-            for other in found
-        )
-    ]  # fmt: skip
-    if not alone:
-        return []
-    views = [contrasts(times, positions, headings, sides) for sides in sides_of(times)]
-    new = []
-    for one in alone:
-        backs = [_back(times, headings, seen, one, count) for seen in views if seen is not None]
-        best = max(backs, key=lambda back: back.gain)
-        if best.gain > GAIN_BACK:
-            new.append(best)
-    return new
-
-
-def _in_time(one: Jump, other: Jump) -> tuple[Jump, Jump]:
-    return (one, other) if one.row <= other.row else (other, one)
-
-
-def _back(times: Array, headings: Array, seen: Contrasts, one: Jump, count: int) -> Jump:
-    """The likeliest jump that is the opposite of one and near it in time."""
-    near = (np.abs(times[:-1] - times[one.row]) < LONGEST_FALSE) & (
-        np.abs(np.arange(len(times) - 1) - one.row) > 2 * seen.window
-    )
-    rows = np.flatnonzero(near)
-    if len(rows) == 0:
-        return replace(one, gain=0.0)
-    turns = np.array([turned(headings[row : row + 2]) for row in rows])
-    wanted = np.einsum("nji,j->ni", turns, -one.size)
-    axes = np.einsum("ji,nja->nia", seen.axes, seen.designs(one.receivers)[rows])
-    expected = np.einsum("nia,na->ni", axes, wanted) / seen.sigmas[rows]
-    along = (seen.values[rows] @ seen.axes) / seen.sigmas[rows]
-    share = (expected * along).sum(1) / np.square(expected).sum(1)
-    gains = tempered(np.square(expected).sum(1) * share**2, seen.freedom)
-    gains = np.where(np.abs(share - 1) < 4 * BACK, gains, 0.0)
-    best = int(gains.argmax())
-    size = -one.size * share[best]
-    row = int(rows[best])
-    told = told_at(seen, headings, row, causes_of(count))
-    return replace(one, row=row, size=size, gain=float(gains[best]), told=told)
 
 
 def _greatest(
@@ -334,7 +176,7 @@ def _greatest(
             chosen = int(np.where(sure, reached, -np.inf).argmax())
             row, cause = int(rows[chosen]), int(some[chosen])
             alike = tuple(causes[int(k)] for k in some[likely] if k != cause)
-            east = turned(headings[row : row + 2])
+            east = rotation_within(headings[row : row + 2])
             jump = Jump(
                 row, causes[cause], east @ told.sizes[row, cause],
                 east @ told.spreads[row, cause] @ east.T,

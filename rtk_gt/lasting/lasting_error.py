@@ -1,14 +1,19 @@
 """An error of receivers that begins with a jump, and stays or goes again."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
-from rtk_gt.lasting.jumps import LONGEST_FALSE, mismatch
+from rtk_gt.lasting.jumps_back import LONGEST_FALSE, mismatch
+from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.receivers.fixes import RTK_FIXED
 from rtk_gt.receivers.steps import Steps
 from validation.poses.angles import Array
 
+EITHER = 0.25
+"""Variance of which of two equally likely causes it was: of a number that is 0 or 1."""
 LARGEST_RESTART = 10.0
 """Metres by which the coordinates of a base station change at most where it restarts: a judgement;
 those of a single point position, the worst that bases take, are off by some metres."""
@@ -39,6 +44,8 @@ class LastingError:
         Other receivers whose jump would explain it nearly as well.
     window : (float, float)
         Seconds since 1970 between which it may have begun, where no motion tells it to the fix.
+    around : (3,) and (3, 3) array, optional
+        Size and covariance by the motion about it alone, where the whole drive told it first.
     """
 
     receivers: tuple[int, ...]
@@ -51,6 +58,7 @@ class LastingError:
     spacing: float
     alike: tuple[tuple[int, ...], ...] = ()
     window: tuple[float, float] = (np.inf, -np.inf)
+    around: tuple[Array, Array] | None = None
 
     @property
     def stays(self) -> bool:
@@ -72,6 +80,13 @@ class LastingError:
 def beyond_a_base(error: LastingError) -> bool:
     """Whether a jump is clearly larger than a restart of a base station makes."""
     return error.length - 3 * error.length_sigma > LARGEST_RESTART
+
+
+def by_motion(error: LastingError) -> LastingError:
+    """The same with what the whole drive does not say: what is told once must not count twice."""
+    if error.around is None or not error.stays:
+        return error
+    return replace(error, size=error.around[0], covariance=error.around[1])
 
 
 def epochs_with(steps: Steps, receivers: tuple[int, ...], start: float, end: float) -> int:
@@ -99,3 +114,61 @@ def ended(steps: Steps, one: LastingError, other: LastingError) -> LastingError 
         return None
     epochs = epochs_with(steps, first.receivers, first.start, second.start)
     return replace(first, end=second.start, epochs=epochs)
+
+
+@dataclass(frozen=True)
+class JumpErrors:
+    """Errors of the jumps that were taken out, and what they do to offsets and poses.
+
+    Parameters
+    ----------
+    starts : (j,) array
+        Seconds since 1970, from when on each jump counts.
+    receivers : (j, r) array
+        1 where the jump is a receiver's, else 0.
+    covariance : (3 j, 3 j) array
+        Of the sizes, m^2.
+    by_offsets : (k, 3 j) array
+        Error of the offsets and distances that one of the sizes makes.
+    """
+
+    starts: Array
+    receivers: Array
+    covariance: Array
+    by_offsets: Array
+
+    def spread(self, offsets: Offsets) -> Offsets:
+        """Offsets whose covariance contains what these errors do to them."""
+        own = self.by_offsets @ self.covariance @ self.by_offsets.T
+        return replace(offsets, covariance=offsets.covariance + own)
+
+
+def difference(one: LastingError, other: tuple[int, ...], count: int) -> Array:
+    """(r,) times its size by which each receiver is elsewhere if others jumped.
+
+    All that did not jump would have jumped the other way; others as it did.
+    """
+    hit, instead = (
+        np.isin(np.arange(count), some).astype(float) for some in (one.receivers, other)
+    )
+    others = (hit + instead == 1).all()
+    return np.asarray(-hit - instead if others else instead - hit)
+
+
+def or_others(jumps: JumpErrors, staying: Sequence[LastingError]) -> JumpErrors:
+    """The same with what it does to the poses where others may have jumped instead.
+
+    Nothing tells that; the vehicle would be beside its place by as much as the two differ.
+    """
+    count = jumps.receivers.shape[1]
+    open_ones = [(one, one.alike[0]) for one in staying if one.alike]
+    if not open_ones:
+        return jumps
+    sizes = [EITHER * np.outer(one.size, one.size) for one, _ in open_ones]
+    ways = np.array([difference(one, other, count) for one, other in open_ones])
+    return JumpErrors(
+        np.append(jumps.starts, [one.start for one, _ in open_ones]),
+        np.concatenate([jumps.receivers, ways]),
+        block_diag(jumps.covariance, *sizes),
+        np.pad(jumps.by_offsets, ((0, 0), (0, 3 * len(open_ones)))),
+    )

@@ -5,16 +5,18 @@ for a while. Turns and slopes show offsets to millimetres over minutes, and so a
 is too small to be seen within a second. Who it was, and the second, the motion about it tells.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rtk_gt.lasting.causes import SMALLEST, evidence, tempered, turned
-from rtk_gt.lasting.contrasts import Contrasts, contrasts, of_motion, sides_of
+from rtk_gt.lasting.causes import SMALLEST, USUAL, tempered
+from rtk_gt.lasting.contrasts import of_motion
 from rtk_gt.lasting.drive_sums import DriveSums
-from rtk_gt.lasting.jumps import ALIKE, LARGE, LONGEST_FALSE
+from rtk_gt.lasting.edges import NEAR, Edge, Motion, View, edge_of, views_of
+from rtk_gt.lasting.jumps import ALIKE, LARGE
+from rtk_gt.lasting.jumps_back import LONGEST_FALSE
 from rtk_gt.lasting.lasting_error import LastingError
-from rtk_gt.lasting.unequal_rates import own_interval
 from rtk_gt.lasting.whole_drive import WholeDrive
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.receivers.fixes import Ints
@@ -40,10 +42,14 @@ gain that a jump needs there: of sixty clean records with such errors one came t
 was sharp, too."""
 SHARP, SHARP_IN_WHITE = 25.0, 9.0
 """Gain that a jump must have between two epochs, where errors wander and where they do not: of
-three normal numbers at a hundred epochs chance makes the first in one of 600 drives."""
-CLEAR_IN_WHITE = 160.0
-"""Gain from which on no jump need be sharp where errors do not wander: a vehicle that stands, or
-goes on straight, may show nothing within half a minute of it. Four times the least."""
+three normal numbers at a hundred epochs chance makes the first in one of 600 drives; of 24 clean
+drives with slow errors one came to 24. What the motion has beyond it may make up for what the
+distances lack."""
+CLEAR_IN_WHITE, CLEAR = 160.0, 300.0
+"""Gain from which on no jump need be sharp where errors do not wander, and where they do: a vehicle
+that stands, or goes on straight, may show nothing within half a minute of it, and a receiver may
+jump while it has no fix. Four times the least; and of 24 clean drives of five memories the greatest
+was 115."""
 RAMP = 5.0
 """Seconds to both sides of a slow change that a jump must explain better, where no motion is sharp:
 errors that wander by multipath take longer."""
@@ -51,27 +57,6 @@ UPWARDS = (0.15, -0.15)
 """Metres upwards from which a vertical error is looked for, beside level ones."""
 _ROUNDS = 8
 """Sizes settle to a millimetre in three; a metre upwards in six."""
-_NEAR = 30.0
-"""Gain below the greatest within which the jump may be elsewhere: 5 standard deviations."""
-
-
-@dataclass(frozen=True)
-class Motion:
-    """What shows the motion of the vehicle, at more times than all receivers have a fix together.
-
-    Parameters
-    ----------
-    times : (m,) array
-        Seconds.
-    positions : (m, r, 3) array
-        Of the antennas, metres; NaN where one has none.
-    headings : (m,) array
-        Of something fixed to the vehicle, radians.
-    """
-
-    times: Array
-    positions: Array
-    headings: Array
 
 
 @dataclass(frozen=True)
@@ -102,7 +87,7 @@ class _Candidate:
         found[some] = self.sums.fit(first, last)[2]
         # One that begins or ends elsewhere, far from it in gain, is another error.
         here = self.first if edge == "first" else self.last
-        far = np.flatnonzero(found < found[here] - 2 * _NEAR)
+        far = np.flatnonzero(found < found[here] - 2 * NEAR)
         found[: max(far[far < here], default=0)] = 0.0
         found[min(far[far > here], default=n + 1) :] = 0.0
         return found
@@ -116,7 +101,7 @@ class _Candidate:
 
 
 def find_change(
-    times: Array, positions: Array, offsets: Offsets, about: Motion
+    times: Array, positions: Array, offsets: Offsets, about: Sequence[Motion]
 ) -> LastingError | None:
     """The likeliest error of one receiver against the others that lasts; None if none is sure.
 
@@ -128,8 +113,9 @@ def find_change(
         Of the antennas, offsets added, metres.
     offsets : Offsets
         That were added, with the distances.
-    about : Motion
-        Of the same vehicle, which tells when it was.
+    about : sequence of Motion
+        Of the same vehicle, which tell when it was: that of all antennas, and those of some while
+        another one has no fix.
 
     Returns
     -------
@@ -146,22 +132,22 @@ def find_change(
         return None
     drive = WholeDrive.of(times, positions, offsets)
     each = [_likeliest(drive, k) for k in range(r)]
-    sure = [one for one in each if _told(one, n) > 0]
-    sides = sides_of(about.times)
-    seen = contrasts(about.times, about.positions, about.headings, sides[0]) if sides else None
-    if not sure or seen is None:
+    near = [one for one in each if _told(one, n) > -SHARP]
+    views = views_of(about) if near else []
+    if not views:
         return None
-    some = [one for one in each if one.gain > max(other.gain for other in sure) / 2]
+    some = [one for one in each if one.gain > max(other.gain for other in near) / 2]
     bent = [other for one in some for other in _bent(drive, one)]
-    options = [placed for one in bent for placed in _placed(times, about, seen, one)]
+    options = [placed for one in bent for placed in _placed(times, views, one)]
     options.sort(key=lambda one: -one.total)
-    best = options[0]
+    sure = [one for one in options if _sure(one, n, drive.every)]
+    if not sure or options[0].total - sure[0].total > ALIKE:
+        return None
+    best = sure[0]
     # A false fix is one receiver's, unless it is told from that.
-    single = [one for one in options if one.of.last < n and len(one.cause) == 1]
+    single = [one for one in sure if one.of.last < n and len(one.cause) == 1]
     if best.of.last < n and single and best.total - single[0].total < ALIKE:
         best = single[0]
-    if _told(best.of, n) <= 0 or not _sharp(best, drive.every):
-        return None
     alike = dict.fromkeys(
         one.cause for one in options
         if one.cause != best.cause and best.total - one.total < ALIKE
@@ -169,13 +155,17 @@ def find_change(
     return best.error(tuple(alike)) if np.linalg.norm(best.size) > SMALLEST else None
 
 
-def _sharp(best: "_Option", every: float) -> bool:
-    """Whether it came at once, or nothing else makes as much."""
-    wander = best.of.tau > SLOW
-    if not wander and best.of.gain > CLEAR_IN_WHITE:
+def _sure(one: "_Option", n: int, every: float) -> bool:
+    """Whether the distances tell an error, with the motion, and it came at once.
+
+    Or nothing else makes as much.
+    """
+    wander = one.of.tau > SLOW
+    told = _told(one.of, n)
+    if told > 0 and one.of.gain > (CLEAR if wander else CLEAR_IN_WHITE):
         return True
-    sharp = max(best.motion, best.of.sudden(every))
-    return sharp > (SHARP if wander else SHARP_IN_WHITE)
+    sharp, least = max(one.motion, one.of.sudden(every)), SHARP if wander else SHARP_IN_WHITE
+    return sharp > least and (told > 0 or (one.motion > SHARP and told + one.motion > SHARP))
 
 
 def _told(one: _Candidate, n: int) -> float:
@@ -280,28 +270,12 @@ def _greatest_of(sums: DriveSums, first: Ints, last: Ints) -> tuple[int, int, fl
 
 
 @dataclass(frozen=True)
-class _Edge:
-    """Where an error begins or ends: times of the fixes on both sides, and what the motion says.
-
-    ``information`` (3, 3) on the size and ``right`` (3,), that times the size; ``window``, what it
-    may be between.
-    """
-
-    before: float
-    after: float
-    information: Array
-    right: Array
-    gain: float
-    window: tuple[float, float]
-
-
-@dataclass(frozen=True)
 class _Option:
     """An error of some receivers, by distances and motion together."""
 
     of: _Candidate
     cause: tuple[int, ...]
-    edges: tuple[_Edge, ...]
+    edges: tuple[Edge, ...]
     size: Array
     covariance: Array
     motion: float
@@ -314,32 +288,26 @@ class _Option:
     def error(self, alike: tuple[tuple[int, ...], ...]) -> LastingError:
         """What is told of it."""
         first, end = self.edges[0], self.edges[1].after if len(self.edges) > 1 else np.inf
+        spread = np.asarray(np.linalg.inv(first.information + np.eye(3) * USUAL**-2), float)
         return LastingError(
             self.cause, first.after, end, self.size, self.covariance, self.of.gain, 0,
             first.after - first.before, alike, first.window,
+            (spread @ first.right, spread),
         )  # fmt: skip
 
 
-def _placed(times: Array, about: Motion, seen: Contrasts, found: _Candidate) -> list[_Option]:
+def _placed(times: Array, views: Sequence[View], found: _Candidate) -> list[_Option]:
     """The error as the receiver's and as the others', at the intervals that the motion shows."""
-    n, r = len(times), about.positions.shape[1]
+    n, r = len(times), len(views[0].motion.columns)
     if np.linalg.norm(found.size) > LARGE:  # distances are no straight lines so far
-        seen = of_motion(seen)
+        views = [replace(view, seen=of_motion(view.seen)) for view in views]
     others = tuple(k for k in range(r) if k != found.who)
     names = ["first"] if found.last == n else ["first", "last"]
     options = []
     for cause, sign in (((found.who,), 1.0), (others, -1.0)):
         size = sign * found.size
         edges = [
-            _edge(
-                times,
-                about,
-                seen,
-                cause,
-                name == "last",
-                found.edge_gains(name),
-                (way * size, found.spread),
-            )
+            edge_of(times, views, cause, name, found.edge_gains(name), (way * size, found.spread))
             for name, way in zip(names, (1.0, -1.0), strict=False)
         ]
         # The motion at both edges and the distances tell the size independently.
@@ -350,40 +318,3 @@ def _placed(times: Array, about: Motion, seen: Contrasts, found: _Candidate) -> 
         motion = sum(edge.gain for edge in edges)
         options.append(_Option(found, cause, tuple(edges), size, covariance, motion))
     return options
-
-
-def _edge(
-    times: Array,
-    about: Motion,
-    seen: Contrasts,
-    cause: tuple[int, ...],
-    ends: bool,
-    gains: Array,
-    known: tuple[Array, Array],
-) -> _Edge:
-    """The interval at which motion and distances show a jump of a known size best.
-
-    ``gains`` (n + 1,) are those of the distances; the size is known with its covariance.
-    """
-    # Of each interval of the motion the first epoch of all receivers after it.
-    after = np.searchsorted(times, about.times[1:] - 1e-6)
-    by_distance = gains[after] - gains.max()
-    rows = np.flatnonzero(by_distance > -_NEAR)
-    if len(rows) == 0:
-        rows = np.array([int(by_distance.argmax())])
-    turns = np.array([turned(about.headings[row : row + 2]) for row in rows])
-    right, information = evidence(seen, cause, rows, ends)
-    right = np.einsum("nij,nj->ni", turns, right)
-    information = np.einsum("nij,njk,nlk->nil", turns, information, turns)
-    size, weight = known[0], np.linalg.inv(known[1])
-    best = np.linalg.solve(information + weight, (right + weight @ size)[..., None])[..., 0]
-    off = best - size
-    gain = 2 * (best * right).sum(1) - np.einsum("ni,nij,nj->n", best, information, best)
-    gain = gain - np.einsum("ni,ij,nj->n", off, weight, off) + by_distance[rows]
-    at = int(gain.argmax())
-    first, last = own_interval(about.positions, cause, int(rows[at]))
-    likely = rows[gain > gain[at] - ALIKE]
-    return _Edge(
-        float(about.times[first]), float(about.times[last]), information[at], right[at],
-        float(gain[at]), (float(about.times[likely[0]]), float(about.times[likely[-1] + 1])),
-    )  # fmt: skip

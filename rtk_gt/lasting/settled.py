@@ -1,7 +1,7 @@
 """A drive without the errors that last: taken out where they stay, left out where they end."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -9,14 +9,25 @@ from scipy.linalg import block_diag
 
 from rtk_gt.lasting.causes import GAIN, SMALLEST, UNSURE
 from rtk_gt.lasting.errors import changed, lasting_errors
-from rtk_gt.lasting.jumps import contradicts
-from rtk_gt.lasting.lasting_error import LARGEST_RESTART, LastingError, beyond_a_base, ended
+from rtk_gt.lasting.first_offsets import first_offsets
+from rtk_gt.lasting.jumps_back import contradicts, end_by_the_drive
+from rtk_gt.lasting.lasting_error import (
+    LARGEST_RESTART,
+    JumpErrors,
+    LastingError,
+    beyond_a_base,
+    by_motion,
+    difference,
+    ended,
+    epochs_with,
+    or_others,
+)
+from rtk_gt.lasting.whole_drive import WholeDrive
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
-from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.receivers.assumptions import ETA, FEWEST_STEPS
 from rtk_gt.receivers.fixes import Bools
-from rtk_gt.receivers.steps import Steps, pair_differences
+from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 
@@ -24,39 +35,10 @@ MOST_RESTARTS = 6
 """Rounds in which smaller jumps are looked for: a drive with more is no ground truth."""
 LEAST_LEFT = 0.2
 """Share of the steps that must be left: a judgement; of fewer nobody knows which are right."""
-EITHER = 0.25
-"""Variance of which of two equally likely causes it was: of a number that is 0 or 1."""
 _ROUNDS, _STAYS = 6, 1e-3
 """At most; and metres that no size changes any more."""
 NOT_USED = -1
 """Kind of a fix that is left out."""
-
-
-@dataclass(frozen=True)
-class JumpErrors:
-    """Errors of the jumps that were taken out, and what they do to offsets and poses.
-
-    Parameters
-    ----------
-    starts : (j,) array
-        Seconds since 1970, from when on each jump counts.
-    receivers : (j, r) array
-        1 where the jump is a receiver's, else 0.
-    covariance : (3 j, 3 j) array
-        Of the sizes, m^2.
-    by_offsets : (k, 3 j) array
-        Error of the offsets and distances that one of the sizes makes.
-    """
-
-    starts: Array
-    receivers: Array
-    covariance: Array
-    by_offsets: Array
-
-    def spread(self, offsets: Offsets) -> Offsets:
-        """Offsets whose covariance contains what these errors do to them."""
-        own = self.by_offsets @ self.covariance @ self.by_offsets.T
-        return replace(offsets, covariance=offsets.covariance + own)
 
 
 def settle(
@@ -85,22 +67,23 @@ def settle(
     if not robust:
         return steps, [], None
     quick = partial(estimate_offsets, eta=eta, bent="never", prior=prior)
-    offsets = quick(steps)
+    offsets = first_offsets(steps, quick)
     found = lasting_errors(steps, offsets)
     _check_restarts(steps, found)
     found, another = _by_the_drive(steps, quick, offsets, found)
+    found = _with_ends(steps, quick, found)
     if not found:
         if another is None:
             return steps, [], None
         found = [another]
-    errors = found
+    errors, found = found, [by_motion(one) for one in found]
     cleaned, jumps = steps, None
     for _ in range(MOST_RESTARTS):
         if errors:
             _check_left(without_errors(steps, errors), steps, errors)
             found, errors, jumps = _those_that_stay(steps, quick, errors, found)
             cleaned = without_errors(steps, errors)
-            offsets = quick(cleaned)
+            offsets = first_offsets(cleaned, quick)
         another = changed(cleaned, offsets)
         if another is None:
             return cleaned, errors, jumps
@@ -121,7 +104,13 @@ def _by_the_drive(
     Also the likeliest one that stays and that it shows beside them.
     """
     passing: list[LastingError] = []
-    rest, one = steps, None
+    # No distance shows what all do; their motion must not pass for that of another error.
+    of_all = [
+        one for one in found
+        if one.stays and len(one.receivers) == len(steps.receivers) and not one.alike
+    ]  # fmt: skip
+    rest, one = without_errors(steps, of_all), None
+    offsets = first_offsets(rest, quick) if of_all else offsets
     for _ in range(MOST_RESTARTS):
         one = changed(rest, offsets)
         if one is None or one.stays:
@@ -136,12 +125,44 @@ def _by_the_drive(
         one = shown[0] if shown else one
         passing.append(one)
         found = [other for other, of in zip(found, part, strict=True) if not of]
-        rest = without_errors(steps, passing)
+        rest = without_errors(steps, [*of_all, *passing])
         if int(rest.complete.sum()) < FEWEST_STEPS:
             break
-        offsets = quick(rest)
+        offsets = first_offsets(rest, quick)
     stays = one if one is not None and one.stays else None
+    found = [_told_apart(other, stays) for other in found] if stays else found
     return sorted([*found, *passing], key=lambda one: one.start), stays
+
+
+def _told_apart(one: LastingError, whole: LastingError) -> LastingError:
+    """A jump that stays, with the other causes that the whole drive leaves if it shows the same."""
+    (begin, end), (start, last) = left_out(one), left_out(whole)
+    same = one.stays and one.receivers == whole.receivers and begin <= last and start <= end
+    if not same:
+        return one
+    return replace(one, alike=tuple(other for other in one.alike if other in whole.alike))
+
+
+def _with_ends(
+    steps: Steps, quick: Callable[[Steps], Offsets], found: Sequence[LastingError]
+) -> list[LastingError]:
+    """The errors, those of one receiver with the ends that no motion shows."""
+    ended = list(found)
+    for k, one in enumerate(found):
+        if not one.stays or len(one.receivers) > 1:
+            continue
+        rest = without_errors(steps, [*ended[:k], *ended[k + 1 :]])
+        if int(rest.complete.sum()) < FEWEST_STEPS:
+            continue
+        offsets = first_offsets(rest, quick)
+        if not offsets.known:
+            continue
+        placed = rest.corrected(offsets.offsets).select(rest.complete)
+        end = end_by_the_drive(placed.times, placed.positions, offsets, one)
+        if end is not None:
+            epochs = epochs_with(steps, one.receivers, one.start, end)
+            ended[k] = replace(one, end=end, epochs=epochs)
+    return ended
 
 
 def _part_of(one: LastingError, whole: LastingError, receivers: int) -> bool:
@@ -160,14 +181,30 @@ def _with_another(
     errors: Sequence[LastingError],
     another: LastingError,
 ) -> tuple[list[LastingError], list[LastingError]]:
-    """Errors as found and with settled sizes, and another: the end of one of them, or a new one."""
+    """Errors as found and with settled sizes, and another: a new one, or the rest or end of one."""
     found, errors = (sorted(some, key=lambda one: one.start) for some in (found, errors))
     for k, (rough, one) in enumerate(zip(found, errors, strict=True)):
         both = ended(steps, one, another)
         if both is not None:
             first = ended(steps, rough, another) or both
             return [*found[:k], first, *found[k + 1 :]], [*errors[:k], both, *errors[k + 1 :]]
-    return [*found, another], [*errors, another]
+        rest = _rest_of(one, another, len(steps.receivers))
+        if rest is not None:
+            whole = replace(one, size=one.size + rest, covariance=another.covariance)
+            return found, [*errors[:k], whole, *errors[k + 1 :]]
+    return [*found, by_motion(another)], [*errors, another]
+
+
+def _rest_of(one: LastingError, another: LastingError, receivers: int) -> Array | None:
+    """What a jump that stays lacks, if another is at its time and of its receivers; else None."""
+    if not (one.stays and another.stays):
+        return None
+    (begin, end), (start, last) = left_out(one), left_out(another)
+    if begin > last or start > end:
+        return None
+    others = tuple(k for k in range(receivers) if k not in one.receivers)
+    ways = {one.receivers: 1.0, others: -1.0}
+    return ways[another.receivers] * another.size if another.receivers in ways else None
 
 
 def _those_that_stay(
@@ -302,9 +339,9 @@ def refined(
 
     Notes
     -----
-    The distances of the whole drive tell a jump better than those around it: least squares of the
-    jumps, the offsets and the distances together, with the sizes found around each as knowledge
-    beforehand. Each independent step counts once.
+    The distances of the whole drive, and how the vehicle leans on its way, tell a jump better than
+    what is around it: least squares of the jumps, the offsets and the distances together, with the
+    sizes found around each as knowledge beforehand. Each independent step counts once.
     """
     errors, found = (sorted(some, key=lambda one: one.start) for some in (errors, found))
     staying = [error for error in errors if error.stays]
@@ -312,56 +349,60 @@ def refined(
         return list(errors), None
     used = steps.select(steps.complete)
     good = offsets.weights > 0
-    rods = pair_differences(used.positions[good] + offsets.offsets.values)
-    along = rods / np.linalg.norm(rods, axis=-1, keepdims=True)
-    incidence = pair_incidence(len(steps.receivers))
-    n, p = along.shape[:2]
-    by_offset = (incidence[None, :, 1:, None] * along[:, :, None, :]).reshape(n, p, -1)
-    own = np.concatenate([by_offset, np.broadcast_to(-np.eye(p), (n, p, p))], axis=2)
+    positions = used.positions[good] + offsets.offsets.values
+    drive = WholeDrive.of(used.times[good], positions, offsets)
+    own, residuals = drive.own, drive.residuals
+    n, q = residuals.shape
     who = np.array([_who(steps, error) for error in staying], dtype=float)
     after = np.column_stack([starting_rows(used, error)[good] for error in staying]).astype(float)
-    by_jump = np.einsum("tj,jp,tpa->tpja", after, who @ incidence.T, along).reshape(n, p, -1)
-    residuals = offsets.residuals[good]
-    weight = np.linalg.inv(np.atleast_2d(np.cov(residuals.T)) + 1e-12 * np.eye(p))
-    weight = weight / offsets.correlation_time
-    oo = np.einsum("tpa,pq,tqb->ab", own, weight, own)
-    os = np.einsum("tpa,pq,tqb->ab", own, weight, by_jump)
-    ss = np.einsum("tpa,pq,tqb->ab", by_jump, weight, by_jump)
+    each = np.stack([drive.error(k, np.zeros(3))[..., :3] for k in range(who.shape[1])])
+    by_jump = np.einsum("tj,jr,rtqa->tqja", after, who, each).reshape(n, q, -1)
+    weight, _ = drive.weight(residuals)
+    oo = np.einsum("tpa,pq,tqb->ab", own, weight, own, optimize=True)
+    os = np.einsum("tpa,pq,tqb->ab", own, weight, by_jump, optimize=True)
+    ss = np.einsum("tpa,pq,tqb->ab", by_jump, weight, by_jump, optimize=True)
     around = [one for one in found if one.stays]
     known = np.linalg.inv(block_diag(*(one.covariance for one in around)))
     off = np.concatenate([a.size - b.size for a, b in zip(around, staying, strict=True)])
     by_offsets = np.linalg.pinv(oo, rcond=1e-9, hermitian=True) @ os
     covariance = np.linalg.inv(ss - os.T @ by_offsets + known)
-    right = np.einsum("tpa,pq,tq->a", by_jump, weight, residuals)
-    right = right - by_offsets.T @ np.einsum("tpa,pq,tq->a", own, weight, residuals)
-    right = right + known @ off
-    sizes = (covariance @ right).reshape(-1, 3)
+    right = np.einsum("tpa,pq,tq->a", by_jump, weight, residuals, optimize=True)
+    score = np.einsum("tpa,pq,tq->a", own, weight, residuals, optimize=True)
+    sizes = (covariance @ (right - by_offsets.T @ score + known @ off)).reshape(-1, 3)
+    by_offsets = by_offsets[: len(offsets.covariance)]
     better = [
         replace(error, size=error.size + change, covariance=covariance[k : k + 3, k : k + 3])
         for error, change, k in zip(staying, sizes, range(0, 3 * len(staying), 3), strict=True)
     ]
+    told = _differences(better, after, each, (oo, own, weight))
+    better = [
+        replace(one, alike=tuple(a for a, t in zip(one.alike, some, strict=True) if t < GAIN))
+        for one, some in zip(better, told, strict=True)
+    ]
     starts = np.array([error.start for error in staying])
     rest = [error for error in errors if not error.stays]
     both = sorted([*better, *rest], key=lambda one: one.start)
-    return both, _or_the_others(JumpErrors(starts, who, covariance, by_offsets), better)
+    return both, or_others(JumpErrors(starts, who, covariance, by_offsets), better)
 
 
-def _or_the_others(jumps: JumpErrors, staying: Sequence[LastingError]) -> JumpErrors:
-    """The same with what it does to the poses where the others may have jumped the other way.
+def _differences(
+    staying: Sequence[LastingError], after: Array, each: Array, drive: tuple[Array, Array, Array]
+) -> list[list[float]]:
+    """What the whole drive would show of each jump that stays if others had jumped, one a cause.
 
-    Distances do not tell that; the vehicle would be beside its place by the whole jump.
+    Squared sigmas of the jump's size for the receivers that only one of the two causes has; the
+    designs ``each`` (r, t, q, 3) are of each receiver's error.
     """
-    count = jumps.receivers.shape[1]
-    open_ones = [
-        one for one in staying
-        if tuple(k for k in range(count) if k not in one.receivers) in one.alike
-    ]  # fmt: skip
-    if not open_ones:
-        return jumps
-    sizes = [EITHER * np.outer(one.size, one.size) for one in open_ones]
-    return JumpErrors(
-        np.append(jumps.starts, [one.start for one in open_ones]),
-        np.concatenate([jumps.receivers, np.ones((len(open_ones), count))]),
-        block_diag(jumps.covariance, *sizes),
-        np.pad(jumps.by_offsets, ((0, 0), (0, 3 * len(open_ones)))),
-    )
+    oo, own, weight = drive
+    found = []
+    for k, one in enumerate(staying):
+        shown = []
+        for other in one.alike:
+            way = difference(one, other, len(each))
+            design = np.einsum("t,r,rtqa,a->tq", after[:, k], way, each, one.size)
+            crossed = np.einsum("tqk,qp,tp->k", own, weight, design, optimize=True)
+            alone = np.einsum("tq,qp,tp->", design, weight, design, optimize=True)
+            free = crossed @ np.linalg.pinv(oo, rcond=1e-9, hermitian=True) @ crossed
+            shown.append(float(alone - free))
+        found.append(shown)
+    return found

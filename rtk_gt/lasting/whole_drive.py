@@ -1,10 +1,15 @@
-"""What a whole drive shows of offsets and errors: distances of the antennas, and how they lean."""
+"""What a whole drive shows of offsets and errors: distances of the antennas, and how they lean.
+
+A vehicle leans forward as its road does. A receiver whose height is wrong tilts the plane through
+the antennas for as long as it is, while the way stays as steep as it was. Springs, humps and slow
+errors make them differ, too, which the drive itself shows.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from rtk_gt.lasting.way_slopes import way_slopes
+from rtk_gt.lasting.contrasts import antenna_planes
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.offsets.robust import autocorrelation_time
@@ -12,8 +17,66 @@ from rtk_gt.receivers.fixes import Bools
 from rtk_gt.receivers.steps import pair_differences
 from validation.poses.angles import Array
 
+SIDE = 1.0
+"""Seconds to both sides over which a way is as steep as it is: at a metre a second noise of a
+centimetre is then half a degree."""
+SLOWEST = 1.0
+"""Metres a second below which a way has no slope."""
+FEWEST = 100
+"""Epochs with such a slope, at least."""
 FALSE, PLAIN = 10.0, 0.1
 """Standard deviations, or metres, to which a residual counts: false fixes of metres are others."""
+
+
+@dataclass(frozen=True)
+class _WaySlopes:
+    """Slopes of the antennas' plane along the way minus those of the way, at n epochs.
+
+    Parameters
+    ----------
+    values : (n,) array
+        Metres a metre; 0 where there are none.
+    moving : (n,) bool array
+        Where there are some.
+    by_height : (n, r) array
+        What a metre of each antenna's height adds, 1/m.
+    ahead : (n, 2) array
+        The way's direction along and across the first baseline: what a constant lean adds.
+    """
+
+    values: Array
+    moving: Bools
+    by_height: Array
+    ahead: Array
+
+
+def _way_slopes(times: Array, positions: Array) -> _WaySlopes | None:
+    """Of positions (n, r, 3), metres, at times (n,); None of two antennas or too few epochs."""
+    n, r = positions.shape[:2]
+    every = float(np.median(np.diff(times)))
+    side = max(round(SIDE / every), 1)
+    if r < 3 or n < FEWEST:
+        return None
+    centre = positions.mean(1)
+    way, took = np.zeros((n, 3)), np.full(n, np.inf)
+    way[side:-side] = centre[2 * side :] - centre[: -2 * side]
+    took[side:-side] = times[2 * side :] - times[: -2 * side]
+    length = np.hypot(way[:, 0], way[:, 1])
+    # Over a pause the way may go up and down.
+    moving = (took < 3 * side * every) & (length > SLOWEST * took)
+    if moving.sum() < FEWEST:
+        return None
+    course = way[:, :2] / np.maximum(length, 1e-3)[:, None]
+    inverse, arms, slopes = antenna_planes(positions)
+    along = (slopes * course).sum(1)
+    values = np.where(moving, along - way[:, 2] / np.maximum(length, 1e-3), 0.0)
+    by_height = np.einsum("ni,nij,nrj->nr", course, inverse, arms) * moving[:, None]
+    first = positions[:, 1, :2] - positions[:, 0, :2]
+    first = first / np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-3)
+    ahead = np.column_stack(
+        [(course * first).sum(1), first[:, 0] * course[:, 1] - first[:, 1] * course[:, 0]]
+    )
+    return _WaySlopes(values, moving, by_height, ahead * moving[:, None])
 
 
 @dataclass(frozen=True)
@@ -61,7 +124,7 @@ class WholeDrive:
             [by_offset.reshape(n, p, -1), np.broadcast_to(-np.eye(p), (n, p, p))], axis=2
         )
         every = float(np.median(np.diff(times)))
-        slopes = way_slopes(times, positions)
+        slopes = _way_slopes(times, positions)
         if slopes is None:
             none = np.zeros((n, 0)), np.zeros(n, dtype=bool)
             return cls(rods, residuals, own, *none, every, whole)
@@ -78,9 +141,17 @@ class WholeDrive:
         return cls(rods, residuals, own, slopes.by_height, slopes.moving, every, whole)
 
     def as_seen(self, first: int, last: int) -> Array:
-        """(n, q) residuals, those of an error in the epochs [first, last) whole."""
-        at = np.arange(len(self.whole))[:, None]
-        return np.where((at >= first) & (at < last), self.whole, self.residuals)
+        """(n, q) residuals, those of an error in the epochs [first, last) whole.
+
+        Offsets may be those with an error that stays: then the distances before it are as far off,
+        which is usual there.
+        """
+        at = np.arange(len(self.whole))
+        rest, p = (at < first) | (at >= last), self.rods.shape[1]
+        found = np.where(rest[:, None], self.residuals, self.whole)
+        if rest.any():
+            found[rest, :p] = _clipped(self.whole[rest, :p], PLAIN)
+        return found
 
     def error(self, who: int, size: Array) -> Array:
         """(n, q, 4) design of an error of a receiver, about a size (3,).

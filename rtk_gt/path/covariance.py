@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from rtk_gt.lasting.settled import JumpErrors
+from rtk_gt.lasting.lasting_error import JumpErrors
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.path.alignment import align
 from rtk_gt.path.orientation import angles_of, rotation_rates, skew

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import block_diag
 
-from rtk_gt.lasting.settled import JumpErrors
+from rtk_gt.lasting.lasting_error import JumpErrors
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.offsets.slow_errors import ErrorModel

@@ -9,8 +9,8 @@ from rtk_gt.lasting.continuity import gain_over_motion
 from rtk_gt.lasting.contrasts import step_weights
 from rtk_gt.lasting.drive_sums import DriveSums
 from rtk_gt.lasting.jumps import GAIN_OVER_MOTION
+from rtk_gt.lasting.lacking_fixes import filled
 from rtk_gt.lasting.settled import settle
-from rtk_gt.lasting.unequal_rates import filled
 from rtk_gt.offsets.estimate import estimate_offsets
 from rtk_gt.offsets.memory import error_model
 from rtk_gt.offsets.prior import OffsetPrior
@@ -274,4 +274,4 @@ def test_an_antenna_between_its_fixes_goes_with_the_vehicle():
     seen = positions.copy()
     seen[np.arange(len(times)) % 5 > 0, 0] = np.nan
     inside = slice(0, 46)
-    np.testing.assert_allclose(filled(seen, headings)[inside], positions[inside], atol=1e-9)
+    np.testing.assert_allclose(filled(times, seen, headings)[inside], positions[inside], atol=1e-9)
