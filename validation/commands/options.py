@@ -45,8 +45,16 @@ AS_PUBLISHED = click.option(
 
 
 @contextmanager
-def progress_bar(what: str) -> "Iterator[Progress]":
-    """A progress bar on stderr, shown on a terminal only; gives the function to report to."""
+def progress_bar(what: str, before: str = "") -> "Iterator[Progress]":
+    """A progress bar on stderr, shown on a terminal only; gives the function to report to.
+
+    Parameters
+    ----------
+    what : str
+        What is done first.
+    before : str
+        What stands before all that is being done: '2 of 5, '.
+    """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from validation.report.terminal import console
@@ -54,10 +62,10 @@ def progress_bar(what: str) -> "Iterator[Progress]":
     shown = console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=shown, transient=True, disable=not shown.is_terminal) as bar:
-        task = bar.add_task(what, total=1.0)
+        task = bar.add_task(before + what, total=1.0)
 
         def report(what: str, share: float) -> None:
-            bar.update(task, description=what, completed=share)
+            bar.update(task, description=before + what, completed=share)
 
         yield report
 
