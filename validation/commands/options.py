@@ -29,6 +29,12 @@ DRY_RUN = click.option("--dry-run", is_flag=True, help="Print only; write nothin
 WORKERS = click.option(
     "--workers", type=click.IntRange(1), help="Processes; one for each processor by default."
 )
+SCHEDULER = click.option(
+    "--scheduler",
+    metavar="tcp://HOST:PORT",
+    help="Of a Dask cluster whose workers do what processes of this machine would; needs the extra "
+    "'cluster'.",
+)
 SEED = click.option(
     "--seed",
     type=click.IntRange(0),

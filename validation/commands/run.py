@@ -12,6 +12,7 @@ from validation.commands.options import (
     EVERYTHING,
     NORMAL,
     PATH,
+    SCHEDULER,
     STRICT,
     progress_bar,
 )
@@ -32,6 +33,7 @@ PAPER = ("tables_paper.md", "tables_paper.tex")
 @STRICT
 @EVERYTHING
 @click.option("--no-report", is_flag=True, help="Write results only, no report.")
+@SCHEDULER
 def run(
     campaigns: tuple[Path, ...],
     as_json: bool,
@@ -39,6 +41,7 @@ def run(
     strict: bool,
     everything: bool,
     no_report: bool,
+    scheduler: str | None = None,
 ) -> None:
     """Do all that a campaign has data for: solve, compare, report.
 
@@ -48,16 +51,21 @@ def run(
     Of several campaigns a broken one does not stop the others; a folder that holds campaigns stands
     for all of them.
     """
+    from validation.cluster import on_cluster
     from validation.commands.output import end_of_command
     from validation.days.order import campaign_folders
 
     folders = campaign_folders(campaigns)
     if len(folders) > 1:
-        _run_several(
-            folders, method_of(normal), as_json, strict, everything=everything, report=not no_report
-        )
+        with on_cluster(scheduler):
+            _run_several(
+                *(folders, method_of(normal), as_json, strict),
+                everything=everything,
+                report=not no_report,
+            )
         return
-    done = _run_and_write(folders[0], method_of(normal), report=not no_report)
+    with on_cluster(scheduler):
+        done = _run_and_write(folders[0], method_of(normal), report=not no_report)
     if as_json:
         from validation.report.terminal import print_json
 
