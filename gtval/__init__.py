@@ -17,7 +17,17 @@ from gtval.lazy import lazily
 TYPE_CHECKING = False  # for type checkers it is true; importing typing costs more than the rest
 
 if TYPE_CHECKING:
-    from gtval.campaigns import Campaign, RunResult, load_campaign, run_campaign, write_run
+    from gtval.campaigns import (
+        Campaign,
+        ControlChart,
+        RunResult,
+        Summary,
+        control_chart,
+        load_campaign,
+        run_campaign,
+        summarise,
+        write_run,
+    )
     from gtval.judging import Evaluation, Explanation, compare, explain, findings
     from gtval.markers import Camera, MarkerPlace, locate_markers
     from gtval.receivers import (
@@ -54,6 +64,7 @@ if TYPE_CHECKING:
     from validation.results import Finding
 
 __all__ = ["Campaign", "RunResult", "load_campaign", "run_campaign", "write_run"]
+__all__ += ["ControlChart", "Summary", "control_chart", "summarise"]
 __all__ += ["Evaluation", "Explanation", "compare", "explain", "findings"]
 __all__ += ["Camera", "MarkerPlace", "locate_markers"]
 __all__ += ["Fixes", "Offsets", "VehiclePath"]
@@ -70,7 +81,8 @@ __all__ += ["Finding", "GtvalError", "InputError"]
 __getattr__ = lazily(
     __name__,
     {
-        "gtval.campaigns": "Campaign RunResult load_campaign run_campaign write_run",
+        "gtval.campaigns": "Campaign RunResult load_campaign run_campaign write_run ControlChart "
+        "Summary control_chart summarise",
         "gtval.judging": "Evaluation Explanation compare explain findings",
         "gtval.markers": "Camera MarkerPlace locate_markers",
         "gtval.receivers": "Fixes Offsets VehiclePath find_offsets find_path fixes "

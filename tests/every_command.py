@@ -45,6 +45,7 @@ USES = {
     "simulate-almanac": "{out}.alm --day 2026-11-30",
     "simulate-drive": "{out} --loops 1",
     "simulate-motion": "{out} --minutes 0.5",
+    "summary": "{ad23} --page {out}.html",
     "survey": "{room} --dry-run",
     "vision calibrate": "{vision}/vision/calibration/1 --workers 1 {board}",
     "vision check-displacement": "{vision}/truth/camera_1.yaml "

@@ -13,6 +13,7 @@ from multiprocessing import connection, get_context, parent_process
 from threading import Lock, Thread, Timer
 from typing import ParamSpec, TypeVar
 
+from validation.cluster import cluster_in_use, on_workers
 from validation.errors import GtvalError
 
 Given = ParamSpec("Given")
@@ -33,7 +34,7 @@ def in_processes(
     progress: Callable[[float], None] | None = None,
     prepare: Callable[[], None] | None = None,
 ) -> Iterator[Result]:
-    """The results of a function, in the order of its jobs.
+    """The results of a function, in the order of its jobs; by the cluster where one is in use.
 
     Parameters
     ----------
@@ -48,6 +49,9 @@ def in_processes(
     prepare : callable, optional
         Called once in each new process.
     """
+    if cluster_in_use() and len(jobs) > 1:
+        yield from _in_order(on_workers(function, jobs, progress, prepare))
+        return
     if workers == 1:
         yield from _counted(map(function, jobs), len(jobs), progress)
         return
@@ -70,15 +74,18 @@ def as_they_end(
 ) -> Iterator[tuple[int, Result]]:
     """The results of a function as they come, each with the number of its job.
 
-    So each can be kept at once: who is interrupted loses what is being worked on, a job for each
-    process. No more jobs are handed out than keep the processes busy, so any number of them takes
-    no more memory.
+    By the cluster where one is in use (`validation.cluster.on_cluster`). So each can be kept at
+    once: who is interrupted loses what is being worked on, a job for each process. No more jobs are
+    handed out than keep the processes busy, so any number of them takes no more memory.
 
     Parameters
     ----------
     function, jobs, workers, progress, prepare
         As for `in_processes`.
     """
+    if cluster_in_use() and len(jobs) > 1:
+        yield from on_workers(function, jobs, progress, prepare)
+        return
     if workers == 1:
         yield from enumerate(_counted(map(function, jobs), len(jobs), progress))
         return
@@ -232,6 +239,17 @@ def _ended(waiting: "dict[Future[Result], int]") -> Iterator[tuple[int, Result]]
     """Those that have ended, once there are some; they wait no more."""
     done, _ = wait(waiting, return_when=FIRST_COMPLETED)
     yield from sorted(((waiting.pop(one), one.result()) for one in done), key=lambda pair: pair[0])
+
+
+def _in_order(found: Iterable[tuple[int, Result]]) -> Iterator[Result]:
+    """Results in the order of their jobs, each as soon as those before it are there."""
+    early: dict[int, Result] = {}
+    following = 0
+    for number, result in found:
+        early[number] = result
+        while following in early:
+            yield early.pop(following)
+            following += 1
 
 
 def _tell(progress: Callable[[float], None] | None, share: float) -> None:

@@ -39,7 +39,7 @@ def demo(ctx: click.Context, /, folder: Path, *, as_json: bool, **choices: bool)
     if not as_json:
         click.echo(f"The AD2.3 campaign is in {folder}.\n")
     assert run.callback is not None
-    ctx.invoke(run.callback, campaign=folder, as_json=as_json, no_report=False, **choices)
+    ctx.invoke(run.callback, campaigns=(folder,), as_json=as_json, no_report=False, **choices)
 
 
 @click.command()

@@ -17,7 +17,7 @@ NOTHING_MEASURED = {
     *("check_not_found", "heights_stated", "tolerated", "record", "motion_open", "plan"),
     *("extra_readings", "mount_unchecked", "drive_frame", "drive_no_loops", "steady"),
     *("one_clock", "unknown_camera", "errors_not_stated", "heading_open", "almanac"),
-    *("part_missing", "odometry_not_laid"),
+    *("part_missing", "odometry_not_laid", "day_unreadable", "day_without_results"),
     # That something cannot be known.
     *("nees_unavailable", "no_three_cornered_hat", "positions_only", "not_observable", "rivals"),
     *("clock_not_determinable", "compared_in_part", "scatter_only", "steadiness_unknown"),

@@ -23,6 +23,7 @@ INDOOR = {
     "plan": "{room}",
     "report": "{room}",
     "run": "{room}",
+    "summary": "{room} --no-page",
     "survey": "{room} --dry-run",
     "vision calibrate": "{room}/vision/calibration/1 --workers 2 {board}",
     "vision check-survey": "{room} --workers 2",

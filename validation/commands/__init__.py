@@ -26,6 +26,11 @@ COMMANDS: list[click.Command] = [
         "Run a campaign and write its report: HTML, and tables as Markdown and LaTeX.",
     ),
     Later(
+        "summary",
+        "validation.commands.summary:summary",
+        "Tell how the ground truth of several days was, and whether it got worse.",
+    ),
+    Later(
         "explain",
         "validation.commands.explain:explain",
         "Tell where errors come from: a mount, a frame, a few wrong poses, and whose.",

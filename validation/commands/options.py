@@ -29,6 +29,12 @@ DRY_RUN = click.option("--dry-run", is_flag=True, help="Print only; write nothin
 WORKERS = click.option(
     "--workers", type=click.IntRange(1), help="Processes; one for each processor by default."
 )
+SCHEDULER = click.option(
+    "--scheduler",
+    metavar="tcp://HOST:PORT",
+    help="Of a Dask cluster whose workers do what processes of this machine would; needs the extra "
+    "'cluster'.",
+)
 SEED = click.option(
     "--seed",
     type=click.IntRange(0),
@@ -45,8 +51,16 @@ AS_PUBLISHED = click.option(
 
 
 @contextmanager
-def progress_bar(what: str) -> "Iterator[Progress]":
-    """A progress bar on stderr, shown on a terminal only; gives the function to report to."""
+def progress_bar(what: str, before: str = "") -> "Iterator[Progress]":
+    """A progress bar on stderr, shown on a terminal only; gives the function to report to.
+
+    Parameters
+    ----------
+    what : str
+        What is done first.
+    before : str
+        What stands before all that is being done: '2 of 5, '.
+    """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from validation.report.terminal import console
@@ -54,10 +68,10 @@ def progress_bar(what: str) -> "Iterator[Progress]":
     shown = console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=shown, transient=True, disable=not shown.is_terminal) as bar:
-        task = bar.add_task(what, total=1.0)
+        task = bar.add_task(before + what, total=1.0)
 
         def report(what: str, share: float) -> None:
-            bar.update(task, description=what, completed=share)
+            bar.update(task, description=before + what, completed=share)
 
         yield report
 

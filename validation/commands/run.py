@@ -11,11 +11,14 @@ from validation.commands.options import (
     CAMPAIGN,
     EVERYTHING,
     NORMAL,
+    PATH,
+    SCHEDULER,
     STRICT,
     progress_bar,
 )
 
 if TYPE_CHECKING:
+    from validation.results import Finding
     from validation.run import RunResult
     from validation.statistics.error_statistics import IntervalMethod
     from validation.statistics.evaluation import Evaluation
@@ -24,63 +27,138 @@ PAPER = ("tables_paper.md", "tables_paper.tex")
 
 
 @click.command()
-@CAMPAIGN
+@click.argument("campaigns", type=PATH, nargs=-1, required=True, metavar="CAMPAIGN...")
 @AS_JSON
 @NORMAL
 @STRICT
 @EVERYTHING
 @click.option("--no-report", is_flag=True, help="Write results only, no report.")
+@SCHEDULER
 def run(
-    campaign: Path, as_json: bool, normal: bool, strict: bool, everything: bool, no_report: bool
+    campaigns: tuple[Path, ...],
+    as_json: bool,
+    normal: bool,
+    strict: bool,
+    everything: bool,
+    no_report: bool,
+    scheduler: str | None = None,
 ) -> None:
     """Do all that a campaign has data for: solve, compare, report.
 
     Poses, errors and statistics go to CAMPAIGN/results, the report to CAMPAIGN/report. If input
     is bad, nothing is written. A part that fails unexpectedly does not take the others along.
-    """
-    from validation.commands.output import end_of_command
 
-    done = _run_and_write(campaign, method_of(normal), report=not no_report)
-    page = None if no_report else done.campaign.report / "report.html"
+    Of several campaigns a broken one does not stop the others; a folder that holds campaigns stands
+    for all of them.
+    """
+    from validation.cluster import on_cluster
+    from validation.commands.output import end_of_command
+    from validation.days.order import campaign_folders
+
+    folders = campaign_folders(campaigns)
+    if len(folders) > 1:
+        with on_cluster(scheduler):
+            _run_several(
+                *(folders, method_of(normal), as_json, strict),
+                everything=everything,
+                report=not no_report,
+            )
+        return
+    with on_cluster(scheduler):
+        done = _run_and_write(folders[0], method_of(normal), report=not no_report)
     if as_json:
-        _print_run_json(done, page)
+        from validation.report.terminal import print_json
+
+        print_json(_run_json(done, _page_of(done, report=not no_report)))
     else:
-        _print_run(done, everything=everything)
-        click.echo(f"Results: {done.campaign.results}")
-        if page:
-            click.echo(f"Report: {page}")
+        _tell_run(done, everything=everything, report=not no_report)
     end_of_command(done.findings, failed=done.failed, strict=strict)
 
 
-def _print_run_json(done: "RunResult", page: Path | None) -> None:
+def _run_several(
+    folders: "Sequence[Path]",
+    method: "IntervalMethod",
+    as_json: bool,
+    strict: bool,
+    *,
+    everything: bool,
+    report: bool,
+) -> None:
+    """Run campaigns in turn, tell each when it is done, and end as the worst of them calls for."""
+    from validation.commands.output import BAD_INPUT, end_of_command
+    from validation.days.running import run_one
+    from validation.report.terminal import print_json
+
+    told: list[dict[str, object]] = []
+    findings: list[Finding] = []
+    bad = failed = 0
+    for number, folder in enumerate(folders, 1):
+        # A bar of its own for each: what is printed while one is shown goes to the bar's stream.
+        with progress_bar("reading", f"{number} of {len(folders)}, {folder.name}: ") as progress:
+            one = run_one(folder, progress, method, report=report)
+        failed += one.failed
+        if one.done is not None:
+            findings += one.done.findings
+            told.append({"folder": folder})
+            if as_json:
+                told[-1] |= _run_json(one.done, _page_of(one.done, report=report))
+            else:
+                click.echo(f"Campaign {folder}\n")
+                _tell_run(one.done, everything=everything, report=report)
+                click.echo()
+            continue
+        bad += not one.trace
+        told.append({"folder": folder, "error": {"message": one.error, "problems": one.problems}})
+        click.echo(f"{one.trace}Error: {folder}: {one.error}", err=True)
+    if as_json:
+        print_json({"campaigns": told})
+    else:
+        broken = [str(one["folder"]) for one in told if "error" in one]
+        said = f"; without results: {', '.join(broken)}" if broken else ""
+        click.echo(f"{len(told) - len(broken)} of {len(told)} campaigns are done{said}")
+    if bad and not failed:
+        click.get_current_context().exit(BAD_INPUT)
+    end_of_command(findings, failed=bool(failed), strict=strict)
+
+
+def _page_of(done: "RunResult", *, report: bool) -> Path | None:
+    return done.campaign.report / "report.html" if report else None
+
+
+def _tell_run(done: "RunResult", *, everything: bool, report: bool) -> None:
+    """A run for people, and where its files are."""
+    _print_run(done, everything=everything)
+    click.echo(f"Results: {done.campaign.results}")
+    if report:
+        click.echo(f"Report: {_page_of(done, report=report)}")
+
+
+def _run_json(done: "RunResult", page: Path | None) -> dict[str, object]:
     """A run for scripts."""
     from validation.report.evaluation_json import evaluation_json
-    from validation.report.terminal import print_json
     from validation.statistics.by_source import source_json
     from validation.statistics.standards.summary import standards_json
 
     said = {one.system: standards_json(one) for one in done.statements.standards}
-    print_json(
-        {
-            "campaign": done.campaign.settings.name,
-            "validation_is_faulty": done.validation_is_faulty,
-            "results": done.campaign.results,
-            "report": page,
-            "systems": {system.name: system.result.facts for system in done.systems},
-            "time": done.in_time.facts if done.in_time else {},
-            "comparisons": [
-                {
-                    **evaluation_json(one),
-                    "standards": said.get(one.system),
-                    "by_source": source_json(
-                        [each for each in done.statements.by_source if each.system == one.system]
-                    ),
-                }
-                for one in done.evaluations
-            ],
-            "findings": done.findings,
-        }
-    )
+    return {
+        "campaign": done.campaign.settings.name,
+        "validation_is_faulty": done.validation_is_faulty,
+        "results": done.campaign.results,
+        "report": page,
+        "systems": {system.name: system.result.facts for system in done.systems},
+        "time": done.in_time.facts if done.in_time else {},
+        "comparisons": [
+            {
+                **evaluation_json(one),
+                "standards": said.get(one.system),
+                "by_source": source_json(
+                    [each for each in done.statements.by_source if each.system == one.system]
+                ),
+            }
+            for one in done.evaluations
+        ],
+        "findings": done.findings,
+    }
 
 
 def _print_run(done: "RunResult", *, everything: bool) -> None:

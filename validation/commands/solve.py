@@ -11,6 +11,7 @@ from validation.commands.options import (
     CAMPAIGN,
     DRY_RUN,
     EVERYTHING,
+    SCHEDULER,
     STRICT,
     progress_bar,
 )
@@ -56,13 +57,15 @@ def solve_command(
         strict: bool,
         everything: bool,
         dry_run: bool,
+        scheduler: str | None,
         **choices: object,
     ) -> None:
+        from validation.cluster import on_cluster
         from validation.commands.output import end_of_command, print_result
         from validation.errors import GtvalError
         from validation.solving import system_output
 
-        with progress_bar(system) as report:
+        with on_cluster(scheduler), progress_bar(system) as report:
             solved, findings, results = system_output(
                 campaign, system, report, choices, write=not dry_run
             )
@@ -80,6 +83,6 @@ def solve_command(
 
     command.__doc__ = help_text
     decorated: Any = command
-    for option in reversed((CAMPAIGN, AS_JSON, STRICT, EVERYTHING, DRY_RUN, *options)):
+    for option in reversed((CAMPAIGN, AS_JSON, STRICT, EVERYTHING, DRY_RUN, SCHEDULER, *options)):
         decorated = option(decorated)
     return click.command(name)(decorated)

@@ -165,9 +165,9 @@ def error_against_heading(comparison: Comparison) -> Figure:
 
 
 def _worth_a_label(errors: Array) -> npt.NDArray[np.intp]:
-    """Rows to be named: all of a few, else the third that is farthest from the median."""
+    """Rows to be named: all of a few, else the third farthest from the median, 60 at most."""
     apart = np.abs(errors - np.median(errors))
-    count = len(errors) if len(errors) <= 8 else len(errors) // 3
+    count = len(errors) if len(errors) <= 8 else min(len(errors) // 3, MOST_NAMES)
     return np.argsort(-apart, kind="stable")[:count]
 
 

@@ -70,7 +70,8 @@ def apart(validation: PoseTable, gt: PoseTable) -> Apart:
         return Apart(ours, theirs, (), unknown, depends=False)
     assert follows is not None
     assert theirs.follows is not None
-    every = [*ids, *(name for name in follows.ids if name not in set(ids))]
+    both = set(ids)
+    every = [*ids, *(name for name in follows.ids if name not in both)]
     known = validation.select(every)
     used = _flat([every.index(name) for name in follows.ids], k)
     gain = theirs.follows.gain

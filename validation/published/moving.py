@@ -180,7 +180,8 @@ def _place(trajectory: Trajectory, start: float, end: float) -> Array:
 
 def _laid_onto(table: PoseTable, validation: PoseTable) -> tuple[PoseTable, Finding]:
     """The table in the frame of the survey, by the rotation and shift that fits its stops best."""
-    common = [name for name in table.ids if name in validation.ids]
+    surveyed = set(validation.ids)
+    common = [name for name in table.ids if name in surveyed]
     if len(common) < 3:
         said = f"'{table.system}' has {len(common)} stops in common with the survey; a frame of "
         raise GtvalError(f"{said}its own needs 3")

@@ -90,7 +90,8 @@ def _placed(
     asked = entry.placed_by
     if not asked or validation is None or table.follows is not None:
         return table
-    shared = [name for name in table.ids if name in set(validation.ids)]
+    surveyed = set(validation.ids)
+    shared = [name for name in table.ids if name in surveyed]
     stops = shared if asked == "all" else asked
     lost = [name for name in stops if name not in shared]
     said = ""

@@ -32,7 +32,8 @@ def _difference_table(own: PoseTable, published: PoseTable) -> Table:
         columns.append((f"{component.name} [{component.unit}]", ".4f", other.poses[:, k]))
     for k, component in enumerate(one.components):
         columns.append((f"d{component.name} [m{component.unit}]", "+.1f", MILLI * off[:, k]))
-    missing = [name for name in own.ids if name not in set(ids)]
+    both = set(ids)
+    missing = [name for name in own.ids if name not in both]
     lost = f" It gives no pose of {listed_ids(missing)}." if missing else ""
     note = f"d: the published way minus '{own.system}'.{lost}"
     return Table.of_columns(f"'{own.system}' by the published way", columns, note)
@@ -51,7 +52,8 @@ def beside_section(
         own = judged.get(name.removesuffix(AS_PUBLISHED))
         if own is None or own is evaluation:
             continue
-        ids = [stop for stop in own.comparison.ids if stop in evaluation.comparison.ids]
+        there = set(evaluation.comparison.ids)
+        ids = [stop for stop in own.comparison.ids if stop in there]
         both = [_errors(one, ids) for one in (own, evaluation)]
         for k, component in enumerate(own.comparison.components):
             sizes = [float(MILLI * np.sqrt(np.mean(errors[:, k] ** 2))) for errors in both]
@@ -70,4 +72,5 @@ def beside_section(
 def _errors(evaluation: Evaluation, ids: list[str]) -> np.ndarray:
     """(n, k) errors of the named stops."""
     comparison = evaluation.comparison
-    return comparison.errors[[comparison.ids.index(name) for name in ids]]
+    rows = {name: row for row, name in enumerate(comparison.ids)}
+    return comparison.errors[[rows[name] for name in ids]]

@@ -10,6 +10,9 @@ from validation.results import Figure, Section, SystemResult, Table, Text
 from validation.solving import unexpected
 
 Failures = list[SystemResult]
+MOST_ROWS = 3000
+"""Rows of a table of a report. A judgement: a hall of 2,000 stops has all its poses there, nobody
+reads more, and each thousand rows take a quarter of a megabyte."""
 
 
 def section_or_sentence(title: str, make: Callable[[], Section], failures: Failures) -> Section:
@@ -44,10 +47,19 @@ def _checked(title: str, block: Table | Figure | Text, failures: Failures) -> Ta
         if isinstance(block, Figure):
             return DrawnFigure(**vars(block), svg=drawn_svg(block))
         if not isinstance(block, Text):
+            block = _shortened(block)
             rows_of_text(block)
     except Exception as error:  # noqa: BLE001  (one figure must not take the report)
         return _failed(f"report: {title}: {name}", error, failures)
     return block
+
+
+def _shortened(table: Table) -> Table:
+    """The table with the first of its rows, where there are too many for a page."""
+    if len(table.rows) <= MOST_ROWS:
+        return table
+    left = f"The first {MOST_ROWS} of {len(table.rows)} rows; all are in the files under results/."
+    return replace(table, rows=table.rows[:MOST_ROWS], note=f"{table.note} {left}".strip())
 
 
 def _failed(part: str, error: Exception, failures: Failures) -> Text:

@@ -71,6 +71,8 @@ class Document:
         What to measure, look at or repeat, the most valuable first.
     paper : sequence of Table
         Narrow tables for a paper.
+    tables_in : str
+        What holds all tables: paper says so in place of those that are closed.
     """
 
     title: str
@@ -83,6 +85,7 @@ class Document:
     failures: Sequence[SystemResult] = ()
     to_do: Sequence[ToDo] = ()
     paper: Sequence[Table] = ()
+    tables_in: str = "tables.md"
 
     @property
     def tables(self) -> list[Table]:

@@ -28,7 +28,8 @@ def html_report(document: Document) -> str:
             "first": section is document.overview,
             "folded": section.folded,
             "short": section.title == SHORT,
-            "blocks": _blocks(section.blocks, f"s{number}"),
+            "blocks": _blocks(section.blocks, f"s{number}", document.tables_in),
+            "tables_in": document.tables_in,
         }
         for number, section in enumerate(document.sections, 1)
     ]
@@ -87,9 +88,14 @@ def _environment() -> Environment:
     return environment
 
 
-def _blocks(blocks: Sequence[Table | Figure | Text], name: str) -> list[dict[str, Any]]:
+def _blocks(
+    blocks: Sequence[Table | Figure | Text], name: str, tables_in: str = "tables.md"
+) -> list[dict[str, Any]]:
     """What the templates need of several blocks."""
-    return [_block(block, f"{name}b{place}") for place, block in enumerate(blocks)]
+    return [
+        {**_block(block, f"{name}b{place}"), "tables_in": tables_in}
+        for place, block in enumerate(blocks)
+    ]
 
 
 def _groups(findings: Sequence[Finding]) -> dict[str, Any]:

@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.collections import Collection, LineCollection, PathCollection
 from matplotlib.lines import Line2D
+from matplotlib.quiver import Quiver
 
 from validation.figures.writing import web_image
 from validation.results import Figure
@@ -82,12 +83,14 @@ def _clouds_as_images(drawn: matplotlib.figure.Figure) -> None:
 
 
 def _points_of(artist: Any) -> int:
-    """Dots or pieces of line that an artist draws one by one."""
+    """Dots, arrows or pieces of line that an artist draws one by one."""
     if isinstance(artist, Line2D):
         marked = artist.get_marker() not in {"None", "none", None, " ", ""}
         return int(np.size(artist.get_xdata())) if marked else 0
     if isinstance(artist, LineCollection):
         return len(artist.get_paths())
+    if isinstance(artist, Quiver):
+        return len(np.asarray(artist.get_offsets()))
     return len(np.asarray(artist.get_offsets())) if isinstance(artist, PathCollection) else 0
 
 

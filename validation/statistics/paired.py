@@ -101,13 +101,15 @@ def _sizes(a: Evaluation, b: Evaluation) -> Iterator[Sizes]:
     first, second = a.comparison, b.comparison
     if first.components != second.components:
         return
-    common = [name for name in first.ids if name in set(second.ids)]
-    zero = tuple(name for name in common if name in {*almost_zero(first), *almost_zero(second)})
+    there, taken_over = set(second.ids), {*almost_zero(first), *almost_zero(second)}
+    common = [name for name in first.ids if name in there]
+    zero = tuple(name for name in common if name in taken_over)
+    places = [{name: row for row, name in enumerate(one.ids)} for one in (first, second)]
     for without in dict.fromkeys([(), zero]):
-        ids = [name for name in common if name not in without]
+        ids = [name for name in common if not without or name not in taken_over]
         if len(ids) < FEWEST_STOPS:
             continue
-        rows = [[one.ids.index(name) for name in ids] for one in (first, second)]
+        rows = [[place[name] for name in ids] for place in places]
         one, other = np.abs(first.errors[rows[0]]), np.abs(second.errors[rows[1]])
         for k, component in enumerate(first.components):
             off = one[:, k] - other[:, k]

@@ -6,6 +6,7 @@ Colours and markers are those of `validation.figures.errors`; nothing is told by
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse, Rectangle
@@ -17,7 +18,7 @@ from validation.explain.fitting.models import Motion, correct
 from validation.explain.fitting.noise import Mask
 from validation.explain.fitting.settled import Settled
 from validation.explain.sources.verdicts import CELLS, Arbitration
-from validation.figures.errors import COLOURS, GREY, arrow_scale
+from validation.figures.errors import COLOURS, GREY, MOST_NAMES, arrow_scale
 from validation.poses.angles import Array, wrap
 
 if TYPE_CHECKING:
@@ -88,7 +89,8 @@ def _name_flagged(
     """Names of the flagged poses; those outside the axes are named at the edge with an arrow."""
     low, high = axes.get_ylim()
     rows = np.flatnonzero(~used)
-    rows = rows[np.argsort(headings[rows])]
+    rows = rows[np.argsort(-np.abs(errors[rows]), kind="stable")[:MOST_NAMES]]
+    rows = rows[np.argsort(headings[rows], kind="stable")]
     last = -np.inf
     lines = 0
     for row in rows:
@@ -161,9 +163,10 @@ def arrows_before_after(one: SystemExplanation) -> Figure:
                 )  # fmt: skip
         axes.plot(*positions.T, "o", color=COLOURS[0], markersize=3)
         axes.update_datalim(positions + arrows)
-        for name, point, good in zip(settled.pairs.ids, positions, used, strict=True):
+        for row in _named_rows(used, lengths):
+            name = settled.pairs.ids[row]
             axes.annotate(
-                name if good else f"{name} (flagged)", point, (3, 3),
+                name if used[row] else f"{name} (flagged)", positions[row], (3, 3),
                 textcoords="offset points", fontsize=7,
             )  # fmt: skip
         axes.autoscale_view()
@@ -175,6 +178,14 @@ def arrows_before_after(one: SystemExplanation) -> Figure:
     panels[0].set_ylabel("y [m], GTV frame")
     figure.suptitle(f"From validation to GT, enlarged {scale} times", fontsize=11)
     return figure
+
+
+def _named_rows(used: Mask, sizes: Array) -> npt.NDArray[np.intp]:
+    """Rows of poses to be named: all of a few, else of those that are flagged the farthest off."""
+    if len(used) <= MOST_NAMES:
+        return np.arange(len(used))
+    flagged = np.flatnonzero(~used)
+    return flagged[np.argsort(-sizes[flagged], kind="stable")[:MOST_NAMES]]
 
 
 def source_matrix(explanation: Explanation) -> Figure:

@@ -37,9 +37,10 @@ def corrected_csv(one: SystemExplanation) -> str:
     settled = one.settled
     assert settled is not None
     table, pairs = one.table, settled.pairs
+    place = {name: row for row, name in enumerate(pairs.ids)}
     if pairs.motion is not None or settled.fit.model.drifts:
-        table = table.select([name for name in table.ids if name in pairs.ids])
-        order = [pairs.ids.index(name) for name in table.ids]
+        table = table.select([name for name in table.ids if name in place])
+        order = [place[name] for name in table.ids]
         poses = settled.corrected_poses(pairs.convention.read(table.poses), order)
     else:
         poses = settled.corrected_poses(pairs.convention.read(table.poses))
@@ -47,8 +48,8 @@ def corrected_csv(one: SystemExplanation) -> str:
     if pairs.stated:
         known = settled.corrected_covariances()
         for row, name in enumerate(table.ids):
-            if name in pairs.ids:
-                covariances[row] = known[pairs.ids.index(name)]
+            if name in place:
+                covariances[row] = known[place[name]]
     note = f"corrected: {one.name} ({_values(one)})"
     sources = tuple(f"{source + ' - ' if source else ''}{note}" for source in table.sources)
     done = replace(
