@@ -3,10 +3,13 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from validation.days.charted import Series, Summary
 from validation.results import Finding, Severity, Size, listed_ids
 from validation.statistics.control.changes import Change
 from validation.statistics.control.limits import FIRST
+from validation.statistics.control.trend import trend
 
 WORSE_FIRST = ("bias", "spread")
 
@@ -113,6 +116,9 @@ def _finding(summary: Summary, group: Sequence[Noticed]) -> Finding:
             f"{_in_small(one, *_since(one))} in {one.series.component.name}" for one in last
         )
         text += f"; on the last day the bias differs from the days before the change by {now}"
+    slopes = [f"{one.series.component.name} {told}" for one in drifts if (told := _slope(one))]
+    if slopes:
+        text += f"; by all days since it began: {', '.join(slopes)}"
     text += ". Do not use what was recorded since then before the cause is known: look at what was "
     text += (
         "moved, exchanged or calibrated anew, and run `gtval explain` on a day before and after."
@@ -137,6 +143,22 @@ def _finding(summary: Summary, group: Sequence[Noticed]) -> Finding:
 def _since(one: Noticed) -> tuple[float]:
     """By how much the last day differs from those before the change."""
     return (float(one.series.values[-1]) - one.series.before(one.change),)
+
+
+def _slope(one: Noticed) -> str:
+    """'+2.0 mm a day (+1.8 to +2.2)', by the days from its beginning to the next change or the end.
+
+    '' where these are no more than those that it was noticed by.
+    """
+    series, change = one.series, one.change
+    later = [other.began for other in series.chart.changes if other.noticed > change.noticed]
+    rows = slice(max(change.began - 1, 0), min([*later, len(series.days)]))
+    if rows.stop <= change.noticed + 1 or series.of == "spread":
+        return ""
+    days = np.arange(rows.start, rows.stop)  # counted as the change counts them
+    found = trend(days, series.values[rows], series.chart.sigmas[rows])
+    ends = [_in_small(one, value, unit=False) for value in (found.low, found.high)]
+    return f"{_in_small(one, found.per_day)} a day ({ends[0]} to {ends[1]})"
 
 
 def _how_much(one: Noticed) -> str:

@@ -138,14 +138,8 @@ class PageApp:
         """Name, version and count of every panel that has work, for the head of all pages."""
         shown = []
         for name, panel in self.opened.items():
-            title, there = name, True
-            if name in self._panels:
-                title = self._panels[name].title
-                try:
-                    there = self._panels[name].has_work(self._desk.campaign())
-                except GtvalError:  # campaign.toml is being edited: told by the panels
-                    there = True
-            if there:
+            title = self._panels[name].title if name in self._panels else name
+            if self._has_work(name):
                 count = sum(one.count for one in self._waiting_of(name, panel))
                 version = panel.version()
                 shown.append({"name": name, "title": title, "count": count, "version": version})
@@ -153,6 +147,14 @@ class PageApp:
             {name: one[name] for name in ("name", "title", "count")} for one in shown
         ]
         return shown
+
+    def _has_work(self, name: str) -> bool:
+        """Whether the campaign has something for a panel; one that failed to load is shown."""
+        try:
+            panel = self._panels.get(name)
+            return panel is None or panel.has_work(self._desk.campaign())
+        except GtvalError:  # campaign.toml is being edited: told by the panels
+            return True
 
     def _waiting_of(self, name: str, panel: OpenPanel) -> list[Waiting]:
         """What waits in a panel, asked for anew only when it has changed."""
@@ -175,7 +177,7 @@ class PageApp:
                 panel.version(),
             )
             for name, panel in self.opened.items()
-            if not isinstance(panel, OpenToDo)
+            if not isinstance(panel, OpenToDo) and self._has_work(name)
         }
 
 

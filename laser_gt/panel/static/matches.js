@@ -128,7 +128,7 @@ function showWhen() {
 const box = new Outbox("matches", "/matches/decide", nameOf, (problem) => say(problem, true));
 
 async function decide(decision, guess = null) {
-  if (!pair) return;
+  if (!pair) { say(text.not_shown, true); return; }
   const { match } = pair;
   if (keyOf(match) !== chosen) { say(text.not_shown, true); return; } // what nobody has seen
   if (!$("moving").hidden) { say(text.is_moved, true); return; }

@@ -111,6 +111,18 @@ def test_a_drift_is_noticed_before_long(tmp_path, systems):
         assert 0 < size.low < size.value < size.high < 0.02
 
 
+def test_the_slope_of_a_drift_is_told_by_all_days_since_it_began(tmp_path):
+    summary = summarise_campaigns([write_season(tmp_path, days=28, seed=2)])
+    (finding,) = [one for one in summary.findings if one.subject == "vision"]
+    found = re.search(
+        r"by all days since it began: x \+(\S+) mm a day \(\+(\S+) to \+(\S+)\)", finding.text
+    )
+    value, low, high = map(float, found.groups())
+    assert low <= 2.0 <= high
+    assert value == pytest.approx(2.0, abs=0.25)  # 19 days of 1 mm: a sigma of 0.04 mm a day
+    assert high - low < 0.5
+
+
 def test_days_without_a_change_are_good(tmp_path):
     summary = summarise_campaigns([write_season(tmp_path, drift=0.0)])
     assert codes(summary) == [("no_change", "vision")]

@@ -17,6 +17,7 @@ from validation.poses.trajectory import Trajectory
 from validation.trajectories.clock.correlation import correlate_headings
 from validation.trajectories.clock.estimate import estimate_clock
 from validation.trajectories.clock.result import ClockEstimate
+from validation.trajectories.clock.search import FEWEST_ROWS
 from validation.trajectories.formats import read_trajectory
 from validation.trajectories.motion import motion_at
 from validation.trajectories.settings import TimeSettings
@@ -26,8 +27,6 @@ PLACES = 500
 NEAR = 2.0
 """Seconds to both sides of where a person put a part, in which its delay is sought: what the
 correlation of AD2.3 looked through."""
-FEWEST = 5
-"""Poses of a part. A judgement: fewer have no motion to speak of."""
 
 
 @lru_cache(maxsize=16)
@@ -92,7 +91,12 @@ def signals_told(
     parts = []
     try:
         found = correlate_headings(true, seen).parts
-        parts = [[round(p.first_s - begin, 3), round(p.last_s - begin, 3)] for p in found]
+        own = seen.times_since(true.epoch)
+        parts = [
+            [round(p.first_s - begin, 3), round(p.last_s - begin, 3)]
+            for p in found
+            if ((own >= p.first_s) & (own <= p.last_s)).sum() >= FEWEST_ROWS
+        ]
     except GtvalError:
         pass  # too little in common, or no headings: no part is proposed
     return {
@@ -185,12 +189,12 @@ def part_told(
     true, seen = _trajectory(campaign, reference), _trajectory(campaign, source)
     times = seen.times_since(true.epoch) - true.times[0]
     part = seen.select((times >= span[0]) & (times <= span[1]))
-    if len(part) < FEWEST:
-        raise GtvalError(f"this part has {len(part)} poses of '{source}'; {FEWEST} are needed")
+    if len(part) < FEWEST_ROWS:
+        raise GtvalError(f"this part has {len(part)} poses of '{source}'; {FEWEST_ROWS} are needed")
     own = true.times - true.times[0]
     low, high = span[0] + moved - 2 * NEAR, span[1] + moved + 2 * NEAR
     around = true.select((own >= low) & (own <= high))
-    if len(around) < FEWEST:
+    if len(around) < FEWEST_ROWS:
         raise GtvalError(f"'{reference}' has no poses near this part")
     shifted = part.shifted(moved)
     confidence = campaign.settings.comparison.confidence
