@@ -69,9 +69,12 @@ class Series(Shown):
 
     def before(self, change: Change) -> float:
         """Mean of the days before a change, since the chart last began anew; metres or radians."""
-        start = max((one + 1 for one in self.chart.noticed if one < change.noticed), default=0)
-        charted = self.chart.values[start : change.began]
+        charted = self.chart.values[self.since(change) : change.began]
         return float(self.measured(np.asarray(charted.mean())))
+
+    def since(self, change: Change) -> int:
+        """The day on which the chart that noticed a change began."""
+        return max((one + 1 for one in self.chart.noticed if one < change.noticed), default=0)
 
     def moved(self, change: Change) -> tuple[float, float, float]:
         """By how much a change had moved the number when it was noticed, and its interval."""

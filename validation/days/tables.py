@@ -17,7 +17,9 @@ def systems_table(summary: Summary) -> Table:
         steps = [float(number) for number in one.trend]
         values = [float(1e3 * value) for value in (one.values.mean(), _scatter(one), *steps)]
         unit = SMALL[one.component.unit]
-        told = "; ".join(_noticed(summary, one, change) for change in one.chart.changes)
+        told = "; ".join(
+            _noticed(summary, one, change) for change in one.chart.changes if not change.goes_on
+        )
         last = 1e3 * float(one.values[-1])
         rows.append([one.system, one.name, unit, len(one.days), *values, last, told or "no change"])
     columns = [
@@ -143,6 +145,7 @@ def _change_json(summary: Summary, one: Series, change: Change) -> dict[str, Any
         "began_on": summary.label(one.days[change.began]),
         "kind": change.kind,
         "probability_of_drift": change.drift,
+        "goes_on": change.goes_on,
         "size": size,
         "low": low,
         "high": high,

@@ -32,6 +32,14 @@ class Noticed:
         """The day it was noticed, as a place in the summary."""
         return self.series.days[self.change.noticed]
 
+    def by_all_days(self) -> tuple[Change, int]:
+        """What it is by all days to the next change, and the number of that day or of all days."""
+        chart, change = self.series.chart, self.change
+        later = [other for other in chart.changes if other.noticed > change.noticed]
+        end = next((other.began for other in later if not other.goes_on), len(chart.values))
+        end = max(end, change.noticed + 1)
+        return chart.likeliest_of(self.series.since(change), end), end
+
 
 def findings_of(summary: Summary) -> list[Finding]:
     """All that is to be said of the days, changes first."""
@@ -79,7 +87,12 @@ def groups(summary: Summary) -> list[list[Noticed]]:
     That is, whose beginnings may be the same day: the components of one move.
     """
     found: list[list[Noticed]] = []
-    every = [Noticed(one, change) for one in summary.series for change in one.chart.changes]
+    every = [
+        Noticed(one, change)
+        for one in summary.series
+        for change in one.chart.changes
+        if not change.goes_on
+    ]
     for one in sorted(every, key=lambda one: (one.day, one.began[0])):
         group = next((some for some in found if _together(some[0], one)), None)
         if group is None:
@@ -103,7 +116,7 @@ def _finding(summary: Summary, group: Sequence[Noticed]) -> Finding:
     """One line on changes that belong together."""
     first = min(group, key=lambda one: one.day)
     of, system = first.series.of, first.series.system
-    drifts = [one for one in group if one.change.kind == "drift"]
+    drifts = [one for one in group if one.by_all_days()[0].kind == "drift"]
     began, low, high = (summary.label(day) for day in first.began)
     about = began if low == high else f"{began} ({low} to {high})"
     parts = ", ".join(_how_much(one) for one in group)
@@ -116,9 +129,9 @@ def _finding(summary: Summary, group: Sequence[Noticed]) -> Finding:
             f"{_in_small(one, *_since(one))} in {one.series.component.name}" for one in last
         )
         text += f"; on the last day the bias differs from the days before the change by {now}"
-    slopes = [f"{one.series.component.name} {told}" for one in drifts if (told := _slope(one))]
+    slopes = [told for one in group if (told := _slope(summary, one))]
     if slopes:
-        text += f"; by all days since it began: {', '.join(slopes)}"
+        text += f"; by all days it drifts by {', '.join(slopes)}"
     text += ". Do not use what was recorded since then before the cause is known: look at what was "
     text += (
         "moved, exchanged or calibrated anew, and run `gtval explain` on a day before and after."
@@ -145,20 +158,18 @@ def _since(one: Noticed) -> tuple[float]:
     return (float(one.series.values[-1]) - one.series.before(one.change),)
 
 
-def _slope(one: Noticed) -> str:
-    """'+2.0 mm a day (+1.8 to +2.2)', by the days from its beginning to the next change or the end.
-
-    '' where these are no more than those that it was noticed by.
-    """
-    series, change = one.series, one.change
-    later = [other.began for other in series.chart.changes if other.noticed > change.noticed]
-    rows = slice(max(change.began - 1, 0), min([*later, len(series.days)]))
-    if rows.stop <= change.noticed + 1 or series.of == "spread":
+def _slope(summary: Summary, one: Noticed) -> str:
+    """'x +2.0 mm a day (+1.8 to +2.2) since 2026-03-10', by all days that tell; '' without more."""
+    whole, end = one.by_all_days()
+    if end <= one.change.noticed + 1 or one.series.of == "spread" or whole.kind == "step":
         return ""
+    rows = slice(max(whole.began - 1, 0), end)
     days = np.arange(rows.start, rows.stop)  # counted as the change counts them
-    found = trend(days, series.values[rows], series.chart.sigmas[rows])
+    found = trend(days, one.series.values[rows], one.series.chart.sigmas[rows])
     ends = [_in_small(one, value, unit=False) for value in (found.low, found.high)]
-    return f"{_in_small(one, found.per_day)} a day ({ends[0]} to {ends[1]})"
+    began = summary.label(one.series.days[whole.began])
+    name, steep = one.series.component.name, _in_small(one, found.per_day)
+    return f"{name} {steep} a day ({ends[0]} to {ends[1]}) since {began}"
 
 
 def _how_much(one: Noticed) -> str:

@@ -188,3 +188,18 @@ def test_the_trend_is_that_of_a_regression():
     assert (told.low, told.high) == pytest.approx((known.slope - half, known.slope + half))
     assert np.isnan(trend([1, 1, 1], [1, 2, 3], np.zeros(3)).per_day)
     assert np.isnan(trend([1, 2], [1, 2], np.zeros(2)).per_day)
+
+
+def separate(values):
+    return sum(not change.goes_on for change in control_chart(values, charts=6).changes)
+
+
+def test_a_drift_that_goes_on_is_one_change_and_a_step_in_it_another():
+    days = np.arange(40)
+    drift = 0.002 * np.maximum(days - 8, 0)
+    seeds = [np.random.default_rng(seed).normal(0, 0.001, 40) for seed in range(100)]
+    on = [separate(scatter + drift) for scatter in seeds]
+    assert on.count(1) >= 94  # 295 of 300 measured
+    for day, least in ((24, 98), (28, 75)):  # on the 28th many charts have just begun anew
+        jumped = [separate(scatter + drift + 0.02 * (days >= day)) for scatter in seeds]
+        assert sum(number >= 2 for number in jumped) >= least

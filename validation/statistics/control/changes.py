@@ -13,6 +13,8 @@ Kind = Literal["step", "drift"]
 SINGLY, FARTHER = 12, 1.25
 """Every day of the last twelve may be the first of a change; farther back each such day lies this
 many times as far. A change of 20 days that is taken for one of 22 keeps 95 % of its evidence."""
+ONE_LINE = 0.01
+"""Of drifts that go on as they were, so many are told as two."""
 SAME = 1e-12
 """Of the largest value: values that differ by less are the same number."""
 
@@ -37,6 +39,8 @@ class Change(NamedTuple):
         its interval.
     per_day : float
         Of a drift: size of one day; NaN of a step.
+    goes_on : bool
+        Whether it is an earlier drift, noticed anew: one straight line explains both.
     """
 
     noticed: int
@@ -49,6 +53,7 @@ class Change(NamedTuple):
     low: float
     high: float
     per_day: float
+    goes_on: bool = False
 
 
 class Candidates(NamedTuple):
@@ -70,7 +75,7 @@ class Candidates(NamedTuple):
         return np.asarray(self.product**2 / self.square)
 
 
-def candidates(values: Array, weights: Array) -> Candidates:
+def candidates(values: Array, weights: Array, *, every: bool = False) -> Candidates:
     """Every change that may have begun on the second day or later.
 
     Parameters
@@ -79,6 +84,8 @@ def candidates(values: Array, weights: Array) -> Candidates:
         In the order of the days, n at least 3.
     weights : (n,) array
         Reciprocals of their variances, up to a factor.
+    every : bool
+        Whether each day may be the first, those long ago too.
 
     Notes
     -----
@@ -89,7 +96,7 @@ def candidates(values: Array, weights: Array) -> Candidates:
     """
     n, all_weights = values.shape[-1], weights.sum()
     centred = values - ((weights * values).sum(-1) / all_weights)[..., None]
-    first = n - lengths(n)
+    first = n - (np.arange(1, n) if every else lengths(n))
     w1 = _backwards(weights)
     w2 = _backwards(w1)
     w3 = 2 * _backwards(w2) - w2
@@ -166,7 +173,7 @@ def likeliest(values: Array, weights: Array, confidence: float = 0.95) -> Change
     mixture, so that they allow for not knowing when it began, and whether it is a step or a drift.
     """
     n = len(values)
-    found = candidates(values, weights)
+    found = candidates(values, weights, every=True)
     floor = SAME * max(float(found.total), np.finfo(float).tiny)
     left = np.maximum(found.total - found.gains, floor)
     logs = -n / 2 * np.log(left)
@@ -199,6 +206,47 @@ def likeliest(values: Array, weights: Array, confidence: float = 0.95) -> Change
         high=size + half,
         per_day=_mixture(chances[1], one[1], variances[1])[0] if kind == "drift" else np.nan,
     )
+
+
+def is_one_drift(values: Array, weights: Array, since: int) -> bool:
+    """Whether one drift explains the values as well as one that changes once more.
+
+    Parameters
+    ----------
+    values, weights : (n,) array
+        As for `evidence`; the days before the drift are in it.
+    since : int
+        The first day on which level and slope may have changed once more.
+
+    Notes
+    -----
+    The F test of two more unknowns, for the likeliest day of a second change and times the number
+    of such days (Bonferroni). The first day of the single drift is chosen, too, which favours that
+    it is one: what is told twice has to differ.
+    """
+    n = len(values)
+    found = candidates(values, weights, every=True)
+    first = int(found.first[found.gains[1].argmax()])
+    days = np.arange(n)
+    line = np.stack([np.ones(n), np.maximum(days - first + 1, 0)], axis=1)
+    alone = _left(line, values, weights)
+    kinks = range(max(since, 1), n)
+    left = min(
+        _left(np.column_stack([line, days >= day, np.maximum(days - day, 0)]), values, weights)
+        for day in kinks
+    )
+    free = n - 4
+    if free < 1 or alone <= left:
+        return True
+    test = (alone - left) / 2 / max(left / free, np.finfo(float).tiny)
+    return bool(special.fdtrc(2, free, test) * len(kinks) > ONE_LINE)
+
+
+def _left(unknowns: Array, values: Array, weights: Array) -> float:
+    """Weighted sum of squares that the best combination of unknowns leaves."""
+    root = np.sqrt(weights)
+    solved, *_ = np.linalg.lstsq(unknowns * root[:, None], values * root, rcond=None)
+    return float(weights @ (values - unknowns @ solved) ** 2)
 
 
 def _mixture(chances: Array, means: Array, variances: Array) -> tuple[float, float]:

@@ -1,5 +1,6 @@
 """The control chart of one number a day, as if it had been looked at on every day."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,12 @@ from scipy import special
 
 from validation.poses.angles import Array
 from validation.shown import Shown
-from validation.statistics.control.changes import Change, evidence, likeliest
+from validation.statistics.control.changes import (
+    Change,
+    evidence,
+    is_one_drift,
+    likeliest,
+)
 from validation.statistics.control.limits import FIRST, limit
 
 MOST_DAYS = 400
@@ -53,6 +59,12 @@ class ControlChart(Shown):
     def noticed(self) -> tuple[int, ...]:
         """Days on which a change was noticed, from 0."""
         return tuple(change.noticed for change in self.changes)
+
+    def likeliest_of(self, start: int, end: int) -> Change:
+        """The change that some days tell, by all of them; as many as a chart needs, at least."""
+        rows = slice(start, end)
+        x, s = self.values[rows], self.sigmas[rows]
+        return _counted_from(likeliest(x, _weights(x, s)), start)
 
 
 def control_chart(
@@ -103,7 +115,7 @@ def control_chart(
     rate = 1 / (false_alarm_days * charts)
     told = np.full((5, len(x)), np.nan)
     changes: list[Change] = []
-    start = 0
+    start, drifting = 0, 0
     for day in range(len(x)):
         since = max(start, day + 1 - MOST_DAYS)
         here = slice(since, day + 1)
@@ -115,11 +127,23 @@ def control_chart(
         sure = float(evidence(x[here], weights))
         told[:, day] = sure, height, *_expected(x[here], weights, height)
         if sure > height:
-            change = likeliest(x[here], weights, confidence)
-            changes.append(_counted_from(change, since))
-            start = day + 1
+            change = _counted_from(likeliest(x[here], weights, confidence), since)
+            whole = slice(max(drifting, day + 1 - MOST_DAYS), day + 1)
+            goes_on = _goes_on(changes, x[whole], s[whole], whole.start)
+            changes.append(change._replace(goes_on=goes_on))
+            start, drifting = day + 1, drifting if goes_on else start
     found, limits, centre, low, high = told
     return ControlChart(x, s, found, limits, centre, low, high, tuple(changes))
+
+
+def _goes_on(changes: Sequence[Change], values: Array, sigmas: Array, since: int) -> bool:
+    """Whether what is noticed is the drift before it, noticed anew; its days count from `since`.
+
+    The first days of a drift may have looked like a step.
+    """
+    if not changes or changes[-1].began <= since:
+        return False
+    return is_one_drift(values, _weights(values, sigmas), changes[-1].noticed + 1 - since)
 
 
 def _counted_from(change: Change, since: int) -> Change:
