@@ -37,7 +37,7 @@ class RtkSystem:
 
             return positions_result(solve_positions(campaign, progress))
         from rtk_gt.campaign.solve import solve_campaign
-        from validation.processes import give_back_memory
+        from validation.pieces.processes import give_back_memory
 
         found = result_of(solve_campaign(campaign, progress))
         give_back_memory()

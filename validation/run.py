@@ -9,8 +9,8 @@ from validation.errors import FaultyResultError, GtvalError, InputError, Problem
 from validation.explain.telling.section import ExplainParts, explain_campaign
 from validation.explain.telling.sizes import told_once
 from validation.in_time import TimeParts, time_parts
+from validation.pieces.processes import give_back_memory
 from validation.poses.pose_table import SPATIAL, PoseTable
-from validation.processes import give_back_memory
 from validation.published.systems import published_systems
 from validation.results import AS_PUBLISHED, VALIDATION_SYSTEM, Finding, Section, SystemResult
 from validation.shown import Shown

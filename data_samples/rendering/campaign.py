@@ -26,8 +26,8 @@ from data_samples.rooms.cameras import (
     reference_camera,
 )
 from validation.errors import GtvalError
+from validation.pieces.processes import in_processes
 from validation.poses.angles import Array
-from validation.processes import in_processes
 from vision_gt.optics.camera import Camera, inside_image, project
 from vision_gt.patterns.boards import Board
 

@@ -13,8 +13,8 @@ from laser_gt.matching.search import SearchSettings
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import wrapped
 from laser_gt.scans.scan import Sweep
+from validation.pieces.processes import in_processes
 from validation.poses.angles import Array
-from validation.processes import in_processes
 
 REACH = 0.15
 """Metres within which points are paired at first, from a guess by the submaps or by a judged match.

@@ -12,8 +12,8 @@ from laser_gt.scans.evidence import MARGIN
 from laser_gt.scans.planar import compose, compose_jacobians, transform, wrapped
 from laser_gt.scans.scan import Sweep
 from laser_gt.scans.surfaces import surface
+from validation.pieces.processes import in_processes
 from validation.poses.angles import Array
-from validation.processes import in_processes
 
 REACH = 0.08
 """Metres within which points are paired at first: the guess is good to the odometry since the last

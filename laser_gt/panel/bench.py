@@ -31,8 +31,8 @@ from validation.page.desk import Desk, version_of
 from validation.page.runner import Runner
 from validation.page.undoing import TAKEN_BACK
 from validation.page.undoing import undoing as taking_back
+from validation.pieces.processes import give_back_memory
 from validation.poses.angles import Array
-from validation.processes import give_back_memory
 from validation.results import VALIDATION_SYSTEM, SystemResult
 from validation.solving import solve_validation
 from validation.systems import inputs_of, installed_systems

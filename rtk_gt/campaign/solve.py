@@ -39,9 +39,9 @@ from rtk_gt.receivers.together import check_together
 from rtk_gt.settings import RtkSettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
+from validation.pieces.processes import give_back_memory
 from validation.poses.angles import Array
 from validation.poses.earth_frames import LocalFrame
-from validation.processes import give_back_memory
 from validation.systems import Progress, no_progress
 
 ENOUGH = 300

@@ -7,7 +7,7 @@ from drives import drive_inputs_of
 
 from data_samples.motion.laser import laser_drive
 from laser_gt.driving.drive import solve_log
-from validation.cluster import on_cluster
+from validation.pieces.cluster import on_cluster
 from validation.text_files.json_text import json_text
 from vision_gt.images.jobs import MarkerJob, detect_all
 from vision_gt.patterns.dictionaries import Family

@@ -51,9 +51,9 @@ def run(
     Of several campaigns a broken one does not stop the others; a folder that holds campaigns stands
     for all of them.
     """
-    from validation.cluster import on_cluster
     from validation.commands.output import end_of_command
     from validation.days.order import campaign_folders
+    from validation.pieces.cluster import on_cluster
 
     folders = campaign_folders(campaigns)
     if len(folders) > 1:

@@ -60,9 +60,9 @@ def solve_command(
         scheduler: str | None,
         **choices: object,
     ) -> None:
-        from validation.cluster import on_cluster
         from validation.commands.output import end_of_command, print_result
         from validation.errors import GtvalError
+        from validation.pieces.cluster import on_cluster
         from validation.solving import system_output
 
         with on_cluster(scheduler), progress_bar(system) as report:

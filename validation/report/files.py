@@ -1,6 +1,6 @@
 """The files of report/, made from a run."""
 
-from validation.processes import give_back_memory
+from validation.pieces.processes import give_back_memory
 from validation.report.document import build_document
 from validation.report.html import html_report, listed_items
 from validation.report.latex import latex_paper, latex_report

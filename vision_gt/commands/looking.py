@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
-from validation.processes import in_processes
+from validation.pieces.processes import in_processes
 from validation.results import Table, TableColumn
 from validation.systems import Progress, no_progress
 from validation.text_files.csv_tables import Column, read_csv

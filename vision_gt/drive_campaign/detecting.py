@@ -4,9 +4,10 @@ import itertools
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+from validation.pieces.work import taken_over
 from vision_gt.drive_campaign.frames import CameraFrames
 from vision_gt.images.jobs import Found, MarkerJob, detect_in
-from vision_gt.images.kept import KeptDetections, detect_new, key_of, settings_key
+from vision_gt.images.kept import KeptDetections, detect_new, image_key, settings_key
 from vision_gt.images.pictures import video_frames
 
 ALL = 10**9
@@ -50,12 +51,13 @@ def _in_video(frames: CameraFrames, job: MarkerJob, kept: KeptDetections) -> Ite
     assert frames.video is not None
     settings = settings_key(job)
     for number, (name, image) in enumerate(video_frames(frames.video, ALL)):
-        key = key_of(image.tobytes(), settings, number)
+        key = image_key(image.tobytes(), settings, number)
         own = _for(job, frames.video.with_name(name))
-        known = kept.get(key, own)
+        known = taken_over(key, own, kept, kept)
+        kept.count(taken=known is not None, done=known is None)
         if known is None:
             known = detect_in(image, own)
-            kept.add(key, known, own)
+            kept.add(key, kept.written(known, own))
         yield known
 
 

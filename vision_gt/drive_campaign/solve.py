@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from validation.campaign.folder import Campaign
 from validation.errors import InputError, Problem
+from validation.pieces.store import FOLDER
 from validation.poses.trajectory import Clock, Trajectory
 from validation.systems import Progress, no_progress
 from validation.trajectories.formats import read_trajectory
@@ -14,7 +15,7 @@ from vision_gt.drive_campaign.frames import CameraFrames, drive_frames
 from vision_gt.driving.drive import DriveOutcome, solve_drive
 from vision_gt.driving.stream import Stream, camera_stream
 from vision_gt.images.jobs import MarkerJob
-from vision_gt.images.kept import FOLDER, KeptDetections
+from vision_gt.images.kept import KeptDetections
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.robot.robot_pose import Floor
 from vision_gt.settings import VisionSettings

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from validation.errors import InputError, Problem
-from validation.processes import as_they_end
+from validation.pieces.processes import as_they_end
 from vision_gt.images.boards import Detector, FoundBoard, look_for_boards
 from vision_gt.images.files import Image, is_blank, read_picture
 from vision_gt.images.markers import Detection, detect_markers
@@ -19,7 +19,7 @@ from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.patterns.rejections import Rejection
 
-_WORTH_A_POOL = 12
+WORTH_A_POOL = 12
 """With fewer images starting processes takes longer than it saves: a judgement, as a process has to
 import all modules first."""
 
@@ -148,12 +148,12 @@ def detect_each(
         As for `detect_all`.
     """
     workers = workers or os.cpu_count() or 1
-    if len(jobs) < _WORTH_A_POOL:
+    if len(jobs) < WORTH_A_POOL:
         workers = 1
-    return as_they_end(detect_one, jobs, workers, progress, _one_thread)
+    return as_they_end(detect_one, jobs, workers, progress, one_thread)
 
 
-def _one_thread() -> None:
+def one_thread() -> None:
     """One thread of OpenCV in each process."""
     cv2.setNumThreads(1)
 

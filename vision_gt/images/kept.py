@@ -1,42 +1,27 @@
 """Detections kept from one run to the next, by what the image holds and how it is looked at."""
 
-import hashlib
-import json
+import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import astuple, replace
-from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from validation.pieces.store import FOLDER, KeptPieces, code_of, key_of
+from validation.pieces.work import done_once
 from vision_gt.images.files import MAX_BYTES
-from vision_gt.images.jobs import BoardJob, Found, Job, detect_each
+from vision_gt.images.jobs import WORTH_A_POOL, BoardJob, Found, Job, detect_one, one_thread
 from vision_gt.images.markers import Detection, MarkerView
 from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.rejections import Rejection, rejected
 
-FOLDER = "kept"
-"""Below the campaign; may be deleted at any time."""
-_BEGIN = b'{"key":"'
-_DIGITS = 64
-"""Of a key in base 16."""
-_READING = 0.05
-"""Of the work, that it takes to read files and to see whether they are known: a millisecond beside
-twenty and more."""
-_LOOKING = 3
-"""Goes up where the code finds other things in the same image: 2 since tone curves are fitted, 3
-since covariances count what a fit leaves side by side."""
+CODE = ("vision_gt.images", "vision_gt.prints", "vision_gt.patterns", "vision_gt.optics")
+"""What finds things in images."""
 
 
-class KeptDetections:
-    """What earlier runs found in images, and what this one adds.
-
-    Each image is one line, written as soon as it was looked at: a run that is killed goes on where
-    it was. Only where the lines are is in memory. Where nothing can be written all is looked at
-    again by the next run.
+class KeptDetections(KeptPieces):
+    """What earlier runs found in images, and what this one adds; how it is written and read.
 
     Parameters
     ----------
@@ -47,55 +32,16 @@ class KeptDetections:
     """
 
     def __init__(self, path: Path, *, whole: bool = True) -> None:
-        self.path, self.whole = path, whole
-        self._place: dict[str, int] = {}
-        self._unwritten: dict[str, bytes] = {}
-        self._cut = False
-        with suppress(OSError), path.open("rb") as stream:
-            start = 0
-            for line in stream:
-                if line.startswith(_BEGIN) and line.endswith(b"}\n"):
-                    key = line[len(_BEGIN) : len(_BEGIN) + _DIGITS].decode("ascii", "replace")
-                    self._place[key] = start
-                start += len(line)
-                self._cut = not line.endswith(b"\n")
+        super().__init__(path, "images")
+        self.whole = whole
 
-    def __len__(self) -> int:
-        return len(self._place) + len(self._unwritten)
+    def written(self, result: Found, job: Job) -> dict[str, Any]:
+        """What an image shows, as a line of the file has it."""
+        return _as_json(result, job, whole=self.whole)
 
-    def get(self, key: str, job: Job) -> Found | None:
-        """What a job found in an image; None where that is not known, or cannot be read."""
-        try:
-            told = json.loads(self._line(key))
-            if told["key"] != key:
-                return None
-            return _from_json(told, job)
-        except (OSError, ValueError, KeyError, TypeError, IndexError):
-            return None
-
-    def _line(self, key: str) -> bytes:
-        if key in self._unwritten:
-            return self._unwritten[key]
-        with self.path.open("rb") as stream:
-            stream.seek(self._place[key])
-            return stream.readline()
-
-    def add(self, key: str, found: Found, job: Job) -> None:
-        """Keep what was found."""
-        told = _as_json(key, found, job, whole=self.whole)
-        line = json.dumps(told, separators=(",", ":")).encode() + b"\n"
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            with self.path.open("ab") as stream:
-                if self._cut:
-                    stream.write(b"\n")
-                    self._cut = False
-                start = stream.tell()
-                stream.write(line)
-        except OSError:
-            self._unwritten[key] = line
-            return
-        self._place[key] = start
+    def read(self, told: dict[str, Any], job: Job) -> Found:
+        """What a line says of the image of a job."""
+        return _from_json(told, job)
 
 
 def kept_images(folder: Path) -> KeptDetections:
@@ -120,46 +66,29 @@ def detect_new(
     workers, progress
         As for `detect_all`.
     """
-    keys = []
-    for number, job in enumerate(jobs):
-        keys.append(key_of(content_of(job.path), settings_key(job)))
-        progress(_READING * number / len(jobs))
-    found: list[Found | None] = [kept.get(key, job) for key, job in zip(keys, jobs, strict=True)]
-    new = [i for i, one in enumerate(found) if one is None]
+    known = (workers or os.cpu_count() or 1) if len(jobs) >= WORTH_A_POOL else 1
+    return done_once(detect_one, jobs, _key, kept, kept, known, progress, one_thread)
 
-    def looked(share: float) -> None:
-        progress(_READING + (1 - _READING) * share)
 
-    for at, one in detect_each([jobs[i] for i in new], workers, looked):
-        found[new[at]] = one
-        kept.add(keys[new[at]], one, jobs[new[at]])
-    return [one for one in found if one is not None]
+def _key(job: Job) -> str:
+    return image_key(content_of(job.path), settings_key(job))
 
 
 def settings_key(job: Job) -> str:
-    """All that a detection depends on but for the image, this program's version included."""
+    """All that a detection depends on but for the image and the code."""
     if isinstance(job, BoardJob):
         boards = [(part, astuple(board)) for part, board in job.boards]
         told = (job.perhaps,) if job.perhaps else ()
-        return repr((_program(), _LOOKING, "boards", boards, job.detector, *told))
+        return repr(("boards", boards, job.detector, *told))
     camera = job.camera
     lens = None if camera is None else (camera.size, np.asarray(camera.parameters).tolist())
     family = (job.family.name, job.family.border)
-    return repr((_program(), _LOOKING, family, sorted(job.wanted), lens, job.fitted))
+    return repr((family, sorted(job.wanted), lens, job.fitted))
 
 
-@cache
-def _program() -> str:
-    """The version of this program, which takes a millisecond to find out."""
-    return version("gtval")
-
-
-def key_of(content: bytes, settings: str, frame: int = 0) -> str:
-    """SHA-256 of an image, or of a frame of a video, and of how it is looked at."""
-    digest = hashlib.sha256(settings.encode())
-    digest.update(frame.to_bytes(8, "big"))
-    digest.update(content)
-    return digest.hexdigest()
+def image_key(content: bytes, settings: str, frame: int = 0) -> str:
+    """Of an image, or of a frame of a video, and of how it is looked at."""
+    return key_of(code_of(*CODE), settings.encode(), frame.to_bytes(8, "big"), content)
 
 
 def content_of(path: Path) -> bytes:
@@ -171,9 +100,9 @@ def content_of(path: Path) -> bytes:
         return b""
 
 
-def _as_json(key: str, found: Found, job: Job, *, whole: bool) -> dict[str, Any]:
-    """A line of the file."""
-    line: dict[str, Any] = {"key": key, "size": list(found.size)}
+def _as_json(found: Found, job: Job, *, whole: bool) -> dict[str, Any]:
+    """What an image shows as values that JSON has."""
+    line: dict[str, Any] = {"size": list(found.size)}
     line["views"] = [
         [view.number, view.corners.tolist(), view.covariances.tolist()]
         for view in found.markers.views

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from validation.campaign.folder import Campaign
     from validation.page.access import Device
-    from validation.processes import Beside
+    from validation.pieces.processes import Beside
     from vision_gt.panel.shelf import Shelves
 
 WORDS = english()["images"]
@@ -74,7 +74,7 @@ class OpenImages:
     def beside(self) -> "Beside":
         """The processes in which images are decoded and looked at."""
         if self._beside is None:
-            from validation.processes import Beside  # noqa: PLC0415  (only when one is looked at)
+            from validation.pieces.processes import Beside  # noqa: PLC0415  (only when one is looked at)
 
             self._beside = Beside()
         return self._beside

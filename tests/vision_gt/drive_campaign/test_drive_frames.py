@@ -11,7 +11,7 @@ from vision_scenes import APRIL, camera, marker_image, random_marker
 from validation.errors import InputError
 from vision_gt.drive_campaign.detecting import frames_seen
 from vision_gt.drive_campaign.frames import drive_frames
-from vision_gt.images import jobs
+from vision_gt.images import kept as images_kept
 from vision_gt.images.files import drive_cameras
 from vision_gt.images.jobs import MarkerJob
 from vision_gt.images.kept import KeptDetections, detect_new
@@ -107,7 +107,7 @@ def test_a_run_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
     images(tmp_path / "1", names)
     (frames,) = drive_frames(tmp_path)
     looked = []
-    own = jobs.detect_one
+    own = images_kept.detect_one
 
     def stopping(job):
         if len(looked) == 2:
@@ -116,13 +116,15 @@ def test_a_run_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
         return own(job)
 
     path = tmp_path / "kept.jsonl"
-    monkeypatch.setattr(jobs, "detect_one", stopping)
+    monkeypatch.setattr(images_kept, "detect_one", stopping)
     with pytest.raises(KeyboardInterrupt):
         frames_seen(frames, JOB, KeptDetections(path), workers=1)
     assert len(path.read_text().splitlines()) == 2
     path.write_text(path.read_text() + '{"key": "cut sho')  # killed while it wrote
     looked.clear()
-    monkeypatch.setattr(jobs, "detect_one", lambda job: (looked.append(job.path.name), own(job))[1])
+    monkeypatch.setattr(
+        images_kept, "detect_one", lambda job: (looked.append(job.path.name), own(job))[1]
+    )
     found = frames_seen(frames, JOB, KeptDetections(path), workers=1)
     assert looked == names[2:]
     assert [one.markers.numbers for one in found] == [(5,)] * 4

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from vision_scenes import APRIL, close_up, random_marker
 
-from vision_gt.images import jobs
 from vision_gt.images.jobs import BoardJob, MarkerJob, detect_one
 from vision_gt.images.kept import KeptDetections, detect_new
 from vision_gt.patterns.boards import Board
@@ -20,18 +19,18 @@ JOB = MarkerJob(None, APRIL, (5,))
 RUN = """
 import sys
 from pathlib import Path
-from vision_gt.images import jobs
+from vision_gt.images import kept
 from vision_gt.images.jobs import MarkerJob
 from vision_gt.images.kept import KeptDetections, detect_new
 from vision_gt.patterns.dictionaries import Family
 
-own = jobs.detect_one
+own = kept.detect_one
 
 def said(job):
     print(job.path.name, flush=True)
     return own(job)
 
-jobs.detect_one = said
+kept.detect_one = said
 folder = Path(sys.argv[1])
 found = [MarkerJob(path, Family("APRILTAG_36H11"), (5,)) for path in sorted(folder.glob("*.png"))]
 detect_new(found, KeptDetections(folder / "kept.jsonl"), 1)
@@ -84,13 +83,18 @@ def test_a_run_killed_at_any_moment_goes_on_where_it_was(photographs, tmp_path, 
     begun += killed.communicate()[0].splitlines()
     kept = KeptDetections(tmp_path / "kept.jsonl")
     assert len(kept) >= len(begun) - 1
-    looked, own = [], jobs.detect_one
-    monkeypatch.setattr(jobs, "detect_one", lambda job: (looked.append(job.path), own(job))[1])
+    looked = []
+
+    def own(job):
+        looked.append(job.path)
+        return detect_one(job)
+
+    monkeypatch.setattr("vision_gt.images.kept.detect_one", own)
     before = len(kept)
     found = detect_new([replace(JOB, path=path) for path in paths], kept, 1)
     assert looked == paths[before:]
     for path, one in zip(paths, found, strict=True):
-        same(one, own(replace(JOB, path=path)))
+        same(one, detect_one(replace(JOB, path=path)))
 
 
 def test_boards_and_what_was_rejected_are_kept_to_the_last_bit(tmp_path):
@@ -124,5 +128,7 @@ def test_where_nothing_can_be_written_the_run_remembers(photographs, tmp_path, m
     kept = KeptDetections(tmp_path / "kept" / "images.jsonl")
     own = [replace(JOB, path=photographs[0], camera=None)]
     (found,) = detect_new(own, kept)
-    monkeypatch.setattr(jobs, "detect_one", lambda job: pytest.fail(f"{job.path} again"))
+    monkeypatch.setattr(
+        "vision_gt.images.kept.detect_one", lambda job: pytest.fail(f"{job.path} again")
+    )
     same(found, detect_new(own, kept)[0])

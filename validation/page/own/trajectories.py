@@ -7,7 +7,7 @@ from validation.errors import GtvalError
 from validation.page.desk import Desk, english, static_files, version_of
 from validation.page.own.moving import origins
 from validation.page.panels import Call, Waiting, answered, said_in
-from validation.processes import Beside
+from validation.pieces.processes import Beside
 
 if TYPE_CHECKING:
     from starlette.requests import Request

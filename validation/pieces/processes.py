@@ -13,8 +13,8 @@ from multiprocessing import connection, get_context, parent_process
 from threading import Lock, Thread, Timer
 from typing import ParamSpec, TypeVar
 
-from validation.cluster import cluster_in_use, on_workers
 from validation.errors import GtvalError
+from validation.pieces.cluster import cluster_in_use, on_workers
 
 Given = ParamSpec("Given")
 Job = TypeVar("Job")
@@ -74,9 +74,9 @@ def as_they_end(
 ) -> Iterator[tuple[int, Result]]:
     """The results of a function as they come, each with the number of its job.
 
-    By the cluster where one is in use (`validation.cluster.on_cluster`). So each can be kept at
-    once: who is interrupted loses what is being worked on, a job for each process. No more jobs are
-    handed out than keep the processes busy, so any number of them takes no more memory.
+    By the cluster where one is in use (`validation.pieces.cluster.on_cluster`). So each can be kept
+    at once: who is interrupted loses what is being worked on, a job for each process. No more jobs
+    are handed out than keep the processes busy, so any number of them takes no more memory.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ def on_workers(
     Parameters
     ----------
     function, jobs, progress, prepare
-        As for `validation.processes.as_they_end`.
+        As for `validation.pieces.processes.as_they_end`.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from validation.errors import GtvalError
-from validation.processes import Beside
+from validation.pieces.processes import Beside
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import pytest
 
 _SCRIPT = """
 import os, time
-from validation.processes import as_they_end
+from validation.pieces.processes import as_they_end
 
 def job(number):
     print(os.getpid(), flush=True)

@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from validation.cluster import cluster_in_use, on_cluster
 from validation.errors import GtvalError
-from validation.processes import as_they_end, in_processes
+from validation.pieces.cluster import cluster_in_use, on_cluster
+from validation.pieces.processes import as_they_end, in_processes
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Dask's own, of ports and clean-up
 
@@ -82,7 +82,7 @@ def test_what_fails_on_a_worker_fails_here(cluster):
 
 def test_a_scheduler_that_is_not_there_is_told(monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("validation.cluster.PATIENCE", 1)
+    monkeypatch.setattr("validation.pieces.cluster.PATIENCE", 1)
     said = r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"
     with pytest.raises(GtvalError, match=said), on_cluster("tcp://127.0.0.1:9"):
         pass

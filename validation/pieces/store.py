@@ -1,0 +1,169 @@
+"""Results of pieces of work, kept in the campaign folder from one run to the next."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+FOLDER = "kept"
+"""Below the campaign; may be deleted at any time."""
+_BEGIN = b'{"key":"'
+_DIGITS = 64
+"""Of a key in base 16."""
+_LIBRARIES = ("numpy", "scipy", "opencv-contrib-python-headless")
+"""Others than gtval that results of pieces depend on to the last digit."""
+
+
+@dataclass
+class Tally:
+    """How many pieces were taken over from earlier runs, and how many were done."""
+
+    taken: int = 0
+    done: int = 0
+
+
+@dataclass
+class Counts:
+    """Pieces of each kind since `counted` began."""
+
+    kinds: dict[str, Tally] = field(default_factory=dict)
+
+    def of(self, kind: str) -> Tally:
+        """Of one kind."""
+        return self.kinds.setdefault(kind, Tally())
+
+    def text(self) -> str:
+        """'130 of 130 images, 12 of 98 matches of scans'; '' where nothing was taken over."""
+        parts = [
+            f"{one.taken:,} of {one.taken + one.done:,} {kind}"
+            for kind, one in self.kinds.items()
+            if one.taken
+        ]
+        return ", ".join(parts)
+
+
+_counts: ContextVar[Counts | None] = ContextVar("counts", default=None)
+
+
+@contextmanager
+def counted() -> Iterator[Counts]:
+    """Count all pieces that are done or taken over until the end of the block."""
+    counts = Counts()
+    token = _counts.set(counts)
+    try:
+        yield counts
+    finally:
+        _counts.reset(token)
+
+
+class KeptPieces:
+    """What earlier runs made of pieces of work, and what this one adds.
+
+    Each piece is one line of JSON, written as soon as it is done: a run that is killed goes on
+    where it was, and two runs at once add to the same file. Only where the lines are is in memory.
+    Where nothing can be written all is done again by the next run.
+
+    Parameters
+    ----------
+    path : Path
+        The file, of a folder that need not be there.
+    kind : str
+        What the pieces are, in the plural: 'images'.
+    """
+
+    def __init__(self, path: Path, kind: str) -> None:
+        self.path, self.kind = path, kind
+        self._place: dict[str, int] = {}
+        self._unwritten: dict[str, bytes] = {}
+        self._cut = False
+        with suppress(OSError), path.open("rb") as stream:
+            start = 0
+            for line in stream:
+                if line.startswith(_BEGIN) and line.endswith(b"}\n"):
+                    key = line[len(_BEGIN) : len(_BEGIN) + _DIGITS].decode("ascii", "replace")
+                    self._place[key] = start
+                start += len(line)
+                self._cut = not line.endswith(b"\n")
+
+    def __len__(self) -> int:
+        return len(self._place) + len(self._unwritten)
+
+    def get(self, key: str) -> dict[str, Any] | None:
+        """What was made of a piece; None where that is not known, or cannot be read."""
+        try:
+            told: dict[str, Any] = json.loads(self._line(key))
+            return told if told["key"] == key else None
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def _line(self, key: str) -> bytes:
+        if key in self._unwritten:
+            return self._unwritten[key]
+        with self.path.open("rb") as stream:
+            stream.seek(self._place[key])
+            return stream.readline()
+
+    def add(self, key: str, told: Mapping[str, Any]) -> None:
+        """Keep what was made of a piece, of values that JSON has."""
+        line = json.dumps({"key": key, **told}, separators=(",", ":")).encode() + b"\n"
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with self.path.open("ab", buffering=0) as stream:  # one write, so that no two mix
+                if self._cut:
+                    stream.write(b"\n")
+                    self._cut = False
+                written = stream.write(line)
+                place = stream.tell() - written
+                self._cut = written < len(line)
+        except OSError:
+            self._unwritten[key] = line
+            return
+        self._place[key] = place
+
+    def count(self, *, taken: int = 0, done: int = 0) -> None:
+        """Tell those who count (`counted`) of pieces taken over and done."""
+        counts = _counts.get()
+        if counts is not None:
+            one = counts.of(self.kind)
+            one.taken, one.done = one.taken + taken, one.done + done
+
+
+def key_of(*parts: bytes) -> str:
+    """SHA-256 of all that a piece depends on, each part by its length and its content."""
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "big"))
+        digest.update(part)
+    return digest.hexdigest()
+
+
+@cache
+def code_of(*packages: str) -> bytes:
+    """Digest of the code of packages or modules, and of the versions of the libraries below it.
+
+    So a result is done again when the code that makes it has changed, and by no other change.
+
+    Parameters
+    ----------
+    *packages : str
+        Importable names: 'laser_gt.matching'.
+    """
+    digest = hashlib.sha256()
+    for name in (*_LIBRARIES, "gtval"):
+        digest.update(f"{name} {version(name)}\n".encode())
+    for package in packages:
+        spec = find_spec(package)
+        if spec is None or spec.origin is None:
+            raise ModuleNotFoundError(package)
+        origin = Path(spec.origin)
+        files = sorted(origin.parent.rglob("*.py")) if spec.submodule_search_locations else [origin]
+        for file in files:
+            digest.update(file.name.encode() + b"\0" + file.read_bytes())
+    return digest.digest()
