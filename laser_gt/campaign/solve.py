@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from laser_gt.campaign.inputs import LaserInputs, load_inputs, references, surveyed_poses
-from laser_gt.campaign.kept import base_of, kept_file, key_of, read_matching, read_raw
+from laser_gt.campaign.kept import KeptPairs, kept_file, matching_key, read_matching
 from laser_gt.campaign.outcome import LaserOutcome
 from laser_gt.campaign.slips import likely_slip
 from laser_gt.matching.genetic import GeneticSettings
 from laser_gt.matching.judgement import MatchSettings
 from laser_gt.matching.verdicts import JudgementSettings
 from laser_gt.placing.anchors import Surveyed
-from laser_gt.placing.engines import Engine, EngineSettings, Matching, Report, match_pairs
+from laser_gt.placing.engines import Engine, EngineSettings, Matcher, Matching, Report, match_pairs
 from laser_gt.placing.guesses import (
     first_trajectory,
     scatter_from_stop_to_stop,
@@ -40,6 +40,7 @@ def solve_campaign(
     engines: Sequence[Engine] | None = None,
     as_published: bool | None = None,
     need_poses: bool = True,
+    matcher: Matcher | None = None,
 ) -> LaserOutcome:
     """Robot poses by scan matching and by the genetic aligner.
 
@@ -56,6 +57,9 @@ def solve_campaign(
     need_poses : bool
         Whether it is an error if no stop can be placed, and the mount is checked; for looking at
         the matches neither is.
+    matcher : callable, optional
+        What matches pairs; by default `KeptPairs` of the campaign, in as many processes as there
+        are processors.
 
     Raises
     ------
@@ -76,11 +80,9 @@ def solve_campaign(
     both: tuple[Engine, ...] = ("scanmatch", "genetic") if settings.genetic else ("scanmatch",)
     wanted = tuple(dict.fromkeys(both if engines is None else engines))
     poses, assumed = trajectory.poses, None
-    kept = {
-        wanted[0]: _matched(
-            campaign, inputs, poses, settings, wanted[0], _part(progress, 0, wanted)
-        )
-    }
+    using = KeptPairs(campaign.folder).matcher() if matcher is None else matcher
+    first_part = _part(progress, 0, wanted)
+    kept = {wanted[0]: _matched(campaign, inputs, poses, settings, wanted[0], first_part, using)}
     wider = _wider(inputs, poses, settings, kept[wanted[0]][1])
     if wider is not None:
         assumed, settings = (
@@ -91,7 +93,7 @@ def solve_campaign(
     for at, engine in enumerate(wanted):
         if engine not in kept:
             part = _part(progress, at, wanted)
-            kept[engine] = _matched(campaign, inputs, poses, settings, engine, part)
+            kept[engine] = _matched(campaign, inputs, poses, settings, engine, part, using)
     keys = {engine: key for engine, (key, _) in kept.items()}
     matchings = {engine: one for engine, (_, one) in kept.items()}
     mount = (inputs.mount, inputs.mount_sigmas)
@@ -173,6 +175,7 @@ def _matched(
     settings: LaserSettings,
     engine: Engine,
     progress: Report,
+    matcher: Matcher,
 ) -> tuple[str, Matching]:
     """All matches by one engine with their key, as they were kept or made anew."""
     limits = PairSettings(
@@ -183,15 +186,13 @@ def _matched(
     )
     form = engine_settings(settings)
     pairs = find_pairs(poses, [one.sweep for one in inputs.sweeps], limits, inputs.decisions)
-    base = base_of(inputs.sweeps, form, engine)
-    key = f"{base} {key_of(base, poses, pairs, inputs.decisions)}"
-    path = campaign.results / kept_file(engine)
-    kept = read_matching(path, key, engine)
+    decisions = inputs.decisions
+    key = matching_key(inputs.sweeps, form, engine, poses, pairs, decisions)
+    kept = read_matching(campaign.results / kept_file(engine), key, engine)
     if kept is not None:
         return key, kept
-    before = read_raw(path, base)
-    asked = (inputs.sweeps, poses, pairs, inputs.decisions, form, engine)
-    return key, match_pairs(*asked, progress, before)
+    asked = (inputs.sweeps, poses, pairs, decisions, form, engine)
+    return key, match_pairs(*asked, progress, matcher)
 
 
 def engine_settings(settings: LaserSettings) -> EngineSettings:

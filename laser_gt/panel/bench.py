@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from laser_gt.campaign.kept import KeptPairs, ManyPairsError
 from laser_gt.campaign.outcome import LaserOutcome
 from laser_gt.campaign.result_files import kept_files
 from laser_gt.campaign.sections import kind_of
@@ -129,10 +130,6 @@ class Seen:
         return dict(sorted(found.items(), key=lambda item: -len(item[1])))
 
 
-class _ManyError(Exception):
-    """Many pairs are to be matched."""
-
-
 class Bench:
     """Matches of one campaign, loaded in the background whenever a file has changed."""
 
@@ -193,7 +190,7 @@ class Bench:
             solved = self._with_validation(campaign)
             try:
                 outcome = self._solved(solved, MOST_HERE)
-            except _ManyError:
+            except ManyPairsError:
                 self._make_apart()
                 outcome = self._solved(solved, None)
             before = None if self.seen is None else self.seen.outcome.keys
@@ -222,17 +219,18 @@ class Bench:
         return [path for one in systems for path in inputs_of(one, campaign)]
 
     def _solved(self, campaign: Campaign, most: int | None) -> LaserOutcome:
-        """What the campaign holds; `_ManyError` where more than so many pairs are to be matched."""
-        made = [0]
+        """What the campaign holds; `ManyPairsError` where more than `most` pairs are new."""
 
-        def report(what: str, share: float) -> None:
+        def report(_what: str, share: float) -> None:
             self.progress = share
-            made[0] += what.startswith(ENGINE)
-            if most is not None and made[0] > most:
-                raise _ManyError
 
         return solve_campaign(
-            campaign, report, engines=(ENGINE,), as_published=False, need_poses=False
+            campaign,
+            report,
+            engines=(ENGINE,),
+            as_published=False,
+            need_poses=False,
+            matcher=KeptPairs(campaign.folder).matcher(1, most),
         )
 
     def _make_apart(self) -> None:

@@ -1,5 +1,6 @@
 """All pairs matched by one engine, judged, and compared with their loops and the decisions."""
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -64,24 +65,52 @@ class EngineSettings:
 
 
 @dataclass(frozen=True)
+class PairJob:
+    """A pair to be matched, and all that its match depends on.
+
+    Parameters
+    ----------
+    reference, moving : Prepared
+        The two sweeps.
+    guess : (3,) array
+        Frame of the second in that of the first.
+    limits : MatchSettings
+        How well that is known, and the limits of the verdict.
+    settings : EngineSettings
+        How pairs are matched.
+    engine : {"scanmatch", "genetic"}
+        By what.
+    """
+
+    reference: Prepared
+    moving: Prepared
+    guess: Array
+    limits: MatchSettings
+    settings: EngineSettings
+    engine: Engine
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Of both stops."""
+        return self.reference.name, self.moving.name
+
+
+@dataclass(frozen=True)
 class Raw:
-    """A match before its loops and the decisions are asked, and what it depends on.
+    """A match before its loops and the decisions are asked.
 
     Parameters
     ----------
     match : Match
         From its guess.
-    sigmas : (float, float)
-        Of that guess, metres and radians.
     row : int
-        Of its pair, by which chance is drawn.
+        Of its pair.
     curve : (g,) array or None
         Best fitness by generation (genetic only).
     """
 
     match: Match
-    sigmas: tuple[float, float]
-    row: int
+    row: int = -1
     curve: Array | None = None
 
 
@@ -134,6 +163,18 @@ class Matching:
         return sum(not loop.closes for loop in self.loops)
 
 
+Matcher = Callable[[Sequence[PairJob], Report], Sequence[Raw]]
+
+
+def one_by_one(jobs: Sequence[PairJob], report: Report) -> list[Raw]:
+    """The matches of pairs, in this process."""
+    found = []
+    for number, job in enumerate(jobs):
+        report(f"{job.engine}: {' - '.join(job.names)}", number / len(jobs))
+        found.append(match_pair(job))
+    return found
+
+
 def match_pairs(
     sweeps: Sequence[Prepared],
     poses: Array,
@@ -142,7 +183,7 @@ def match_pairs(
     settings: EngineSettings,
     engine: Engine,
     report: Report,
-    before: Mapping[tuple[str, str], Raw] | None = None,
+    matcher: Matcher = one_by_one,
 ) -> Matching:
     """Every pair matched and judged, with what its loops and the decisions say of it.
 
@@ -162,9 +203,9 @@ def match_pairs(
         By what.
     report : callable
         Called with what is being done and the share done.
-    before : mapping of (str, str) to Raw, optional
-        Matches of the same sweeps with the same settings. Those from the same guess are taken
-        over: a decision about one pair costs no match of another.
+    matcher : callable
+        Gives the matches of jobs (`match_pair`), in their order: by other processes, or those that
+        were kept.
 
     Notes
     -----
@@ -173,7 +214,6 @@ def match_pairs(
     where a match between parts may be wrong, with the pairs that may confirm it.
     So it tries all pairs of which scan matching may have one that joins the parts.
     """
-    generators = np.random.default_rng(settings.seed).spawn(len(pairs))
     tried = np.ones(len(pairs), dtype=bool)
     if engine == "genetic":
         tried[:] = False
@@ -183,15 +223,18 @@ def match_pairs(
     rows = np.flatnonzero(tried)
     raw: dict[int, Raw] = {}
     while True:
-        for row in rows.tolist():
-            i, j = pairs[row].tolist()
-            names = (sweeps[i].name, sweeps[j].name)
-            guess, limits = _guess(poses, i, j, decisions.get(names), settings)
-            known = _known((before or {}).get(names), guess, limits, row, engine)
-            if known is None:
-                report(f"{engine}: {' - '.join(names)}", len(raw) / int(tried.sum()))
-            ends, rng = (sweeps[i], sweeps[j]), generators[row]
-            raw[row] = known or _matched(*ends, guess, limits, row, settings, engine, rng)
+        jobs = []
+        for i, j in pairs[rows].tolist():
+            decision = decisions.get((sweeps[i].name, sweeps[j].name))
+            guess, limits = _guess(poses, i, j, decision, settings)
+            jobs.append(PairJob(sweeps[i], sweeps[j], guess, limits, settings, engine))
+        before = len(raw)
+
+        def told(what: str, share: float, before: int = before, new: int = len(jobs)) -> None:
+            report(what, (before + share * new) / (before + new))
+
+        made = matcher(jobs, told)
+        raw |= {row: replace(one, row=row) for row, one in zip(rows.tolist(), made, strict=True)}
         found = {row: one.match for row, one in raw.items()}
         matches, loops = _told(sweeps, poses, found, decisions, settings)
         rows = _more(poses, pairs, tried, matches, settings.genetic_pairs)
@@ -208,34 +251,24 @@ def match_pairs(
     return Matching(engine, matches, loops, convergence, by_pair)
 
 
-def _known(
-    raw: Raw | None, guess: Array, limits: MatchSettings, row: int, engine: Engine
-) -> Raw | None:
-    """A match of before, if it is from this guess, and by the same chance."""
-    if raw is None or raw.sigmas != (limits.guess_length, limits.guess_angle):
-        return None
-    same = np.array_equal(raw.match.guess, guess) and (engine == "scanmatch" or raw.row == row)
-    return raw if same else None
+def match_pair(job: PairJob) -> Raw:
+    """One pair matched by an engine.
 
-
-def _matched(
-    reference: Prepared,
-    moving: Prepared,
-    guess: Array,
-    limits: MatchSettings,
-    row: int,
-    settings: EngineSettings,
-    engine: Engine,
-    rng: np.random.Generator,
-) -> Raw:
-    """One pair matched by an engine."""
-    sigmas = (limits.guess_length, limits.guess_angle)
-    if engine == "genetic":
-        winner = genetic_match(reference, moving, rng, [guess], settings.genetic, middle=guess)
-        found = judged(reference, moving, guess, winner.finalists, limits)
-        return Raw(found, sigmas, row, winner.convergence)
-    start = _start(reference, moving, guess, settings)
-    return Raw(match(reference, moving, guess, limits, start), sigmas, row)
+    Notes
+    -----
+    The chance of the genetic aligner is that of the seed and of the names of both stops: a match
+    is the same whatever other pairs there are, and in which order and process they are matched.
+    """
+    reference, moving, guess = job.reference, job.moving, job.guess
+    if job.engine == "genetic":
+        drawn = hashlib.sha256("\0".join(job.names).encode()).digest()
+        rng = np.random.default_rng([job.settings.seed, *drawn[:8]])
+        search = job.settings.genetic
+        winner = genetic_match(reference, moving, rng, [guess], search, middle=guess)
+        found = judged(reference, moving, guess, winner.finalists, job.limits)
+        return Raw(found, curve=winner.convergence)
+    start = _start(reference, moving, guess, job.settings)
+    return Raw(match(reference, moving, guess, job.limits, start))
 
 
 def match_by_hand(

@@ -5,6 +5,7 @@ found a partner. Here every point of both sweeps is asked: is there a surface wh
 you hidden from the other sensor, outside of its view, or in a place that its beams have crossed?
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from laser_gt.scans.planar import inverse, transform
-from laser_gt.scans.scan import Flags, Sweep, View
+from laser_gt.scans.scan import Flags, Sweep, View, bare, digest_of
 from laser_gt.scans.surfaces import FINE_LAGS, Surface, surface
 from validation.poses.angles import Array
 
@@ -40,6 +41,15 @@ class Prepared:
 
     sweep: Sweep
 
+    def __reduce__(self) -> tuple[Callable[[str, Sweep], "Prepared"], tuple[str, Sweep]]:
+        """Another process gets the sweep and makes it ready itself, once for all its matches."""
+        return _ready, (self.digest, bare(self.sweep))
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of all that matches with the sweep depend on, its name apart."""
+        return digest_of(self.sweep)
+
     @property
     def name(self) -> str:
         """Of the stop."""
@@ -66,6 +76,21 @@ class Prepared:
     def tolerance(self) -> float:
         """Largest distance in metres at which a point is explained by a surface."""
         return MARGIN + 4 * self.sweep.range_sigma
+
+
+_READY: dict[str, Prepared] = {}
+"""What this process made ready for others, by digests."""
+MOST_READY = 300
+"""Sweeps that a process keeps ready. A judgement: with their tables they take some 100 MB."""
+
+
+def _ready(digest: str, sweep: Sweep) -> Prepared:
+    """A sweep that another process sent, made ready at most once."""
+    if digest not in _READY or _READY[digest].name != sweep.name:
+        if len(_READY) >= MOST_READY:
+            _READY.pop(next(iter(_READY)))
+        _READY[digest] = Prepared(sweep)
+    return _READY[digest]
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """Planar scans as sensors give them, and what a robot with one or more scanners saw at a stop."""
 
+import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -226,6 +227,24 @@ class Sweep:
 def sweep(scan: Scan, name: str = "") -> Sweep:
     """What one scanner saw, in its own frame."""
     return Sweep((View(scan),), name)
+
+
+def bare(one: Sweep) -> Sweep:
+    """The sweep without what was worked out of it, as it is sent to another process."""
+    views = (View(replace(view.scan), view.mount) for view in one.views)
+    return Sweep(tuple(views), one.name)
+
+
+def digest_of(one: Sweep) -> str:
+    """Hash of all that a sweep is, its name and times apart."""
+    digest = hashlib.sha256()
+    for view in one.views:
+        scan = view.scan
+        noise = (scan.sigma, scan.shared_sigma, scan.shared_beams)
+        digest.update(repr((len(scan), scan.range_min, scan.range_max, noise)).encode())
+        for array in (scan.ranges, scan.angles, view.mount):
+            digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
+    return digest.hexdigest()
 
 
 def merge(

@@ -54,6 +54,7 @@ def run(
     from validation.commands.output import end_of_command
     from validation.days.order import campaign_folders
     from validation.pieces.cluster import on_cluster
+    from validation.pieces.store import counted
 
     folders = campaign_folders(campaigns)
     if len(folders) > 1:
@@ -64,14 +65,16 @@ def run(
                 report=not no_report,
             )
         return
-    with on_cluster(scheduler):
+    with on_cluster(scheduler), counted() as pieces:
         done = _run_and_write(folders[0], method_of(normal), report=not no_report)
     if as_json:
         from validation.report.terminal import print_json
 
-        print_json(_run_json(done, _page_of(done, report=not no_report)))
+        told = _run_json(done, _page_of(done, report=not no_report))
+        print_json({**told, "pieces": pieces.kinds})
     else:
         _tell_run(done, everything=everything, report=not no_report)
+        click.echo(pieces.text(), nl=False)
     end_of_command(done.findings, failed=done.failed, strict=strict)
 
 

@@ -63,18 +63,20 @@ def solve_command(
         from validation.commands.output import end_of_command, print_result
         from validation.errors import GtvalError
         from validation.pieces.cluster import on_cluster
+        from validation.pieces.store import counted
         from validation.solving import system_output
 
-        with on_cluster(scheduler), progress_bar(system) as report:
+        with on_cluster(scheduler), counted() as pieces, progress_bar(system) as report:
             solved, findings, results = system_output(
                 campaign, system, report, choices, write=not dry_run
             )
         if as_json:
             from validation.report.terminal import print_json
 
-            print_json({**solved.result.facts, "findings": findings})
+            print_json({**solved.result.facts, "findings": findings, "pieces": pieces.kinds})
         else:
             print_result(solved.result, findings, results, everything=everything)
+            click.echo(pieces.text(), nl=False)
         end_of_command(findings, failed=solved.failed, strict=strict)
         found = solved.result
         if not (found.tables or found.trajectories or found.without_poses):

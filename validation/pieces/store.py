@@ -40,13 +40,13 @@ class Counts:
         return self.kinds.setdefault(kind, Tally())
 
     def text(self) -> str:
-        """'130 of 130 images, 12 of 98 matches of scans'; '' where nothing was taken over."""
+        """'Taken over from earlier runs: 130 of 130 images', a line; '' where nothing was."""
         parts = [
             f"{one.taken:,} of {one.taken + one.done:,} {kind}"
             for kind, one in self.kinds.items()
             if one.taken
         ]
-        return ", ".join(parts)
+        return f"Taken over from earlier runs: {', '.join(parts)}\n" if parts else ""
 
 
 _counts: ContextVar[Counts | None] = ContextVar("counts", default=None)
@@ -94,6 +94,9 @@ class KeptPieces:
 
     def __len__(self) -> int:
         return len(self._place) + len(self._unwritten)
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._place or key in self._unwritten
 
     def get(self, key: str) -> dict[str, Any] | None:
         """What was made of a piece; None where that is not known, or cannot be read."""

@@ -18,10 +18,10 @@ more."""
 class Form(Protocol[Job_contra, Result]):
     """How the result of a job is written as JSON and read again."""
 
-    def written(self, result: Result, job: Job_contra) -> dict[str, Any]:
+    def written(self, result: Result, job: Job_contra, /) -> dict[str, Any]:
         """The result as values that JSON has."""
 
-    def read(self, told: dict[str, Any], job: Job_contra) -> Result:
+    def read(self, told: dict[str, Any], job: Job_contra, /) -> Result:
         """The result, from what `written` gave; ValueError, KeyError or the like if it is none."""
 
 
