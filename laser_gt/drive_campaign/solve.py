@@ -17,6 +17,7 @@ from laser_gt.driving.drive import solve_log
 from laser_gt.driving.log import DriveOutcome
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
+from validation.pieces.store import kept_in
 from validation.published.moving import stops_table
 from validation.results import SystemResult, Table
 from validation.systems import Progress, no_progress
@@ -49,7 +50,8 @@ def solve_drive_campaign(
     inputs, stops = drive_inputs(campaign)
     scans = max(len(each) for each in inputs.scans.values())
     count = (workers or os.cpu_count() or 1) if scans > FEW else 1
-    outcome = solve_log(inputs, count, progress)
+    with kept_in(campaign.folder):
+        outcome = solve_log(inputs, count, progress)
     return result_of(outcome, stops, campaign)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +13,9 @@ from laser_gt.matching.local import MOSTLY_FAKE, align
 from laser_gt.matching.search import SearchSettings
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import wrapped
-from laser_gt.scans.scan import Sweep
-from validation.pieces.processes import in_processes
+from laser_gt.scans.scan import Sweep, digest_of
+from validation.pieces.store import code_of, kept_here, key_of
+from validation.pieces.work import done_once
 from validation.poses.angles import Array
 
 REACH = 0.15
@@ -34,6 +36,8 @@ IN_FREE_SPACE = 0.15
 IN_COMMON = 0.2
 """Least share of all points that lie on the other sweep, of a match that is searched for. A
 judgement: less than a fifth of two views is a corner, and buildings have many."""
+CODE = ("laser_gt.scans", "laser_gt.matching", "laser_gt.driving.links")
+"""What links are made by."""
 PART = 24
 """Pairs that a process takes at once: few enough to share the work evenly, enough to prepare each
 sweep for several of them."""
@@ -113,9 +117,49 @@ def matched_links(
         ({number: sweeps[number] for one in part for number in (one.start, one.end)}, part)
         for part in parts
     ]
-    work = partial(_links_of, judged=judged)
+    work, form = partial(_links_of, judged=judged), _Form()
     few = workers if len(jobs) > workers else 1
-    return [link for found in in_processes(work, jobs, few, report) for link in found]
+    kept = kept_here("laser_links.jsonl", "groups of links")
+    done = done_once(work, jobs, partial(_key, judged=judged), kept, form, few, report)
+    return [link for found in done for link in found]
+
+
+class _Form:
+    """Links of a part of the pairs, as they are kept."""
+
+    @staticmethod
+    def written(result: Sequence[Link], job: Job) -> dict[str, Any]:
+        """As values that JSON has, sweeps by their place in the job."""
+        place = {number: at for at, number in enumerate(job[0])}
+        rows = [
+            [
+                place[one.start],
+                place[one.end],
+                one.pose.tolist(),
+                one.information.tolist(),
+                one.sure,
+            ]
+            for one in result
+        ]
+        return {"links": rows}
+
+    @staticmethod
+    def read(told: dict[str, Any], job: Job) -> list[Link]:
+        """The links, their sweeps being those of the job."""
+        numbers = list(job[0])
+        return [
+            Link(numbers[start], numbers[end], np.array(pose), np.array(information), bool(sure))
+            for start, end, pose, information, sure in told["links"]
+        ]
+
+
+def _key(job: Job, *, judged: bool) -> str:
+    """Hash of all that the links of a part depend on."""
+    sweeps, asked = job
+    place = {number: at for at, number in enumerate(sweeps)}
+    pairs = [(place[one.start], place[one.end], one.guess.tolist(), one.sigmas) for one in asked]
+    digests = (digest_of(one).encode() for one in sweeps.values())
+    return key_of(code_of(*CODE), repr((judged, pairs)).encode(), *digests)
 
 
 def _links_of(job: Job, *, judged: bool) -> list[Link]:

@@ -59,8 +59,8 @@ class Odometer:
 
     @cached_property
     def _track(self) -> Array:
-        """(n, 3) poses whose heading does not jump."""
-        return np.column_stack([self.poses[:, :2], np.unwrap(self.poses[:, 2])])
+        """(3, n) poses whose heading does not jump, a row each for x, y and heading."""
+        return np.stack([self.poses[:, 0], self.poses[:, 1], np.unwrap(self.poses[:, 2])])
 
     @cached_property
     def _half(self) -> float:
@@ -72,11 +72,12 @@ class Odometer:
         after = np.clip(np.searchsorted(self.times, times), 1, len(self.times) - 1)
         wide = self.times[after] - self.times[after - 1] > LONGEST
         inside = (times >= self.times[0] - self._half) & (times <= self.times[-1] + self._half)
-        return np.asarray(inside & (~wide | np.isin(times, self.times)))
+        exact = (self.times[after] == times) | (self.times[after - 1] == times)
+        return np.asarray(inside & (~wide | exact))
 
     def at(self, times: Array) -> Array:
         """(m, 3) robot poses at times, in between on straight lines; the ends outside."""
-        columns = [np.interp(times, self.times, column) for column in self._track.T]
+        columns = [np.interp(times, self.times, column) for column in self._track]
         return wrapped(np.column_stack(columns))
 
     def twists(self, times: Array) -> Array:

@@ -1,6 +1,8 @@
 """Pairs of sweeps that may show one place, by how well their relative pose is known."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,6 +11,9 @@ from laser_gt.placing.equations import ends_of
 from laser_gt.scans.planar import between
 from laser_gt.scans.scan import Indices
 from validation.poses.angles import Array, wrap
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 NEAR = 2.0
 """Metres within which two scans show enough of the same walls. A judgement: the width of a room's
@@ -25,13 +30,50 @@ LARGEST = 2.5
 them wide."""
 
 
-def uncertainty(count: int, links: Sequence[Link], steps: Sequence[Link]) -> Array:
-    """(n, n) standard deviations of relative positions along the surest way, metres.
+AT_ONCE = 200
+"""Keyframes whose distances to all others are in memory at once."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Standard deviations of relative positions along the surest way, metres.
 
     An upper bound of that of the graph, which all ways together tell.
+
+    Parameters
+    ----------
+    ways : (n, n) sparse array
+        Variance that each link or step adds.
     """
+
+    ways: "csr_array"
+
+    def typical(self) -> float:
+        """Median over pairs, of a part of the keyframes where they are many."""
+        count = self.ways.shape[0]
+        rows = np.linspace(0, count - 1, min(count, AT_ONCE)).astype(np.intp)
+        return float(np.median(self._of(rows)))
+
+    def of_pairs(self, pairs: Indices) -> Array:
+        """(m,) of pairs of keyframes, (m, 2); infinite where nothing joins them."""
+        found = np.full(len(pairs), np.inf)
+        firsts, place = np.unique(pairs[:, 0], return_inverse=True)
+        for start in range(0, len(firsts), AT_ONCE):
+            some = firsts[start : start + AT_ONCE]
+            rows = np.flatnonzero((place >= start) & (place < start + AT_ONCE))
+            found[rows] = self._of(some)[place[rows] - start, pairs[rows, 1]]
+        return found
+
+    def _of(self, rows: Indices) -> Array:
+        """(k, n) from some keyframes to all."""
+        from scipy.sparse.csgraph import dijkstra  # noqa: PLC0415  (loaded when loops are sought)
+
+        return np.asarray(np.sqrt(dijkstra(self.ways, directed=False, indices=rows)))
+
+
+def uncertainty(count: int, links: Sequence[Link], steps: Sequence[Link]) -> Uncertainty:
+    """How well keyframes are known to each other, by links and steps between them."""
     from scipy.sparse import coo_array  # noqa: PLC0415  (loaded when loops are sought)
-    from scipy.sparse.csgraph import dijkstra  # noqa: PLC0415
 
     every = [*links, *steps]
     ends = ends_of(every)
@@ -44,14 +86,12 @@ def uncertainty(count: int, links: Sequence[Link], steps: Sequence[Link]) -> Arr
         key = (min(start, end), max(start, end))
         best[key] = min(best.get(key, np.inf), cost)
     pairs = np.array(list(best))
-    table = coo_array((list(best.values()), pairs.T), shape=(count, count)).tocsr()
-    squared = dijkstra(table, directed=False)
-    return np.asarray(np.sqrt(squared))
+    return Uncertainty(coo_array((list(best.values()), pairs.T), shape=(count, count)).tocsr())
 
 
 def loop_candidates(
     poses: Array,
-    sigmas: Array,
+    sigmas: Uncertainty,
     have: set[tuple[int, int]],
     field: float,
     most: int,
@@ -62,8 +102,8 @@ def loop_candidates(
     ----------
     poses : (n, 3) array
         Of the keyframes.
-    sigmas : (n, n) array
-        Standard deviations of their distances, metres.
+    sigmas : Uncertainty
+        Of their distances.
     have : set of (int, int)
         Pairs that need not be asked, the smaller first.
     field : float
@@ -78,14 +118,14 @@ def loop_candidates(
     """
     from scipy.spatial import cKDTree  # noqa: PLC0415
 
-    reach = NEAR + 2 * min(float(np.median(sigmas)), LARGEST)
+    reach = NEAR + 2 * min(sigmas.typical(), LARGEST)
     pairs = cKDTree(poses[:, :2]).query_pairs(reach, output_type="ndarray").astype(np.intp)
     pairs = np.sort(pairs, axis=1)
     apart = pairs[:, 1] - pairs[:, 0] >= AWAY
     pairs = pairs[apart]
     distance = np.hypot(*(poses[pairs[:, 0], :2] - poses[pairs[:, 1], :2]).T)
     turned = np.abs(wrap(poses[pairs[:, 0], 2] - poses[pairs[:, 1], 2]))
-    sigma = sigmas[pairs[:, 0], pairs[:, 1]]
+    sigma = sigmas.of_pairs(pairs)
     usable = (distance < NEAR + 2 * sigma) & (sigma < LARGEST)
     usable &= turned < max(field - np.deg2rad(90.0), np.deg2rad(60.0))
     pairs, sigma = pairs[usable], sigma[usable]
@@ -117,8 +157,3 @@ def _nearest_of_passes(
         guess = between(poses[first], poses[second])
         asked.append(Asked(first, second, guess, (length, max(length / ARM, 0.01))))
     return asked
-
-
-def thinned(asked: Sequence[Asked], every: int) -> list[Asked]:
-    """Only pairs whose later keyframe is one of so many, for a first look at where loops are."""
-    return [one for one in asked if one.end % every == 0]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -10,14 +11,17 @@ from laser_gt.driving.tracking import LOST
 from laser_gt.matching.local import align
 from laser_gt.scans.evidence import MARGIN
 from laser_gt.scans.planar import compose, compose_jacobians, transform, wrapped
-from laser_gt.scans.scan import Sweep
+from laser_gt.scans.scan import Sweep, digest_of
 from laser_gt.scans.surfaces import surface
-from validation.pieces.processes import in_processes
+from validation.pieces.store import code_of, kept_here, key_of
+from validation.pieces.work import done_once
 from validation.poses.angles import Array
 
 REACH = 0.08
 """Metres within which points are paired at first: the guess is good to the odometry since the last
 keyframe, half a metre ago."""
+CODE = ("laser_gt.scans", "laser_gt.matching", "laser_gt.driving")
+"""What places sweeps."""
 SURPRISE = 25.0
 """Squared distance from the guess, in standard deviations, beyond which a match is not believed."""
 
@@ -88,7 +92,38 @@ def placed_sweeps(
         for place in places
     ]
     few = workers if len(jobs) > workers else 1
-    return [one for found in in_processes(_placed, jobs, few, report) for one in found]
+    kept = kept_here("laser_places.jsonl", "stretches of a drive")
+    done = done_once(_placed, jobs, _key, kept, _Form(), few, report)
+    return [one for found in done for one in found]
+
+
+class _Form:
+    """Sweeps placed in one submap, as they are kept."""
+
+    @staticmethod
+    def written(result: Sequence[Placed], _job: Job) -> dict[str, Any]:
+        """As values that JSON has, in the order of the place."""
+        rows = [[one.pose.tolist(), one.covariance.tolist(), one.matched] for one in result]
+        return {"placed": rows}
+
+    @staticmethod
+    def read(told: dict[str, Any], job: Job) -> list[Placed]:
+        """The placed sweeps, by the numbers of the place."""
+        place = job[1]
+        return [
+            Placed(sweep, place.base, np.array(pose), np.array(covariance), bool(matched))
+            for sweep, (pose, covariance, matched) in zip(place.sweeps, told["placed"], strict=True)
+        ]
+
+
+def _key(job: Job) -> str:
+    """Hash of all that the poses in one submap depend on."""
+    sweeps, place = job
+    order = (*place.keyframes, *place.sweeps)
+    digests = (digest_of(sweeps[number]).encode() for number in order)
+    arrays = (place.poses, place.guesses, place.covariances)
+    told = repr(len(place.keyframes)).encode()
+    return key_of(code_of(*CODE), told, *digests, *(one.tobytes() for one in arrays))
 
 
 def _placed(job: Job) -> list[Placed]:

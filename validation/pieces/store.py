@@ -138,6 +138,25 @@ class KeptPieces:
             one.taken, one.done = one.taken + taken, one.done + done
 
 
+_folder: ContextVar[Path | None] = ContextVar("folder", default=None)
+
+
+@contextmanager
+def kept_in(campaign: Path) -> Iterator[None]:
+    """Keep the pieces of estimators that know no files below a campaign folder."""
+    token = _folder.set(campaign / FOLDER)
+    try:
+        yield
+    finally:
+        _folder.reset(token)
+
+
+def kept_here(file: str, kind: str) -> KeptPieces | None:
+    """The pieces of a file where `kept_in` says; None where nothing is kept."""
+    folder = _folder.get()
+    return None if folder is None else KeptPieces(folder / file, kind)
+
+
 def key_of(*parts: bytes) -> str:
     """SHA-256 of all that a piece depends on, each part by its length and its content."""
     digest = hashlib.sha256()

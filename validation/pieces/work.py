@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar
 
-from validation.pieces.processes import as_they_end
+from validation.pieces.processes import as_they_end, in_processes
 from validation.pieces.store import KeptPieces
 
 Job = TypeVar("Job")
@@ -29,7 +29,7 @@ def done_once(
     function: Callable[[Job], Result],
     jobs: Sequence[Job],
     key: Callable[[Job], str],
-    kept: KeptPieces,
+    kept: KeptPieces | None,
     form: Form[Job, Result],
     workers: int = 1,
     progress: Callable[[float], None] = lambda _share: None,
@@ -45,13 +45,15 @@ def done_once(
         Its arguments, one for each piece.
     key : callable
         Of a job: hash of all that its result depends on (`key_of`).
-    kept : KeptPieces
+    kept : KeptPieces or None
         What earlier runs made; what is new is added as it ends.
     form : Form
         How a result is kept.
     workers, progress, prepare
         As for `validation.pieces.processes.as_they_end`.
     """
+    if kept is None:
+        return list(in_processes(function, jobs, workers, progress, prepare))
     keys: list[str] = []
     found: list[Result | None] = []
     for number, job in enumerate(jobs):
