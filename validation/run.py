@@ -3,8 +3,9 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from validation.campaign.folder import Campaign, line_of
+from validation.campaign.folder import Campaign
 from validation.campaign.provenance import input_hashes, relative
+from validation.campaign.toml_files import line_of
 from validation.errors import FaultyResultError, GtvalError, InputError, Problem
 from validation.explain.telling.section import ExplainParts, explain_campaign
 from validation.explain.telling.sizes import told_once

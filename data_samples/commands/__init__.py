@@ -31,4 +31,9 @@ COMMANDS: list[click.Command] = [
         "Write a synthetic drive, seen by four cameras and a motion capture, as a campaign to "
         "FOLDER.",
     ),
+    Later(
+        "study",
+        "data_samples.commands.study:study",
+        "Draw many synthetic rooms and tell how often what gtval says of them is true.",
+    ),
 ]

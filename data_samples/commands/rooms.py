@@ -1,6 +1,5 @@
 """The commands ``gtval demo`` and ``gtval simulate``."""
 
-import os
 from pathlib import Path
 
 import click
@@ -144,6 +143,7 @@ def simulate(
     from data_samples.rooms.laser_campaign import with_faults
     from data_samples.rooms.rooms import RoomSettings
     from data_samples.rooms.simulate import ExampleSystem, SimulationSettings
+    from validation.pieces.processors import processors
 
     if drive is not None and not vision:
         raise click.UsageError("--drive is filmed by the cameras of --vision; give both")
@@ -166,7 +166,7 @@ def simulate(
             with_faults(laser_faults, mount_error) if laser else None,
             VisionSettings() if vision else None,
             None if drive is None else DriveSettings(seconds=drive),
-            workers or os.cpu_count() or 1,
+            processors(workers),
             lambda share: report("rendering", share),
         )
     said = {

@@ -1,7 +1,6 @@
 """Matches kept from one command to the next, by the hash of all that they depend on."""
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import partial
@@ -25,6 +24,7 @@ from laser_gt.placing.engines import (
 from laser_gt.placing.loops import Loop
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.scan import Indices
+from validation.pieces.processors import processors
 from validation.pieces.store import FOLDER, KeptPieces, code_of, key_of
 from validation.pieces.work import done_once
 from validation.poses.angles import Array
@@ -81,7 +81,7 @@ class KeptPairs(KeptPieces):
                 return []
             if most_new is not None and sum(pair_key(job) not in self for job in jobs) > most_new:
                 raise ManyPairsError
-            many = workers or os.cpu_count() or 1
+            many = processors(workers)
             few = many if len(jobs) * SECONDS[jobs[0].engine] > WORTH_A_POOL else 1
             tell = partial(report, f"{jobs[0].engine}: {len(jobs)} pairs")
             return done_once(match_pair, jobs, pair_key, self, self, few, tell)

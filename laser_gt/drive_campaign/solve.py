@@ -1,6 +1,5 @@
 """A campaign's drive solved, in the form that all systems share."""
 
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +16,7 @@ from laser_gt.driving.drive import solve_log
 from laser_gt.driving.log import DriveOutcome
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
+from validation.pieces.processors import processors
 from validation.pieces.store import kept_in
 from validation.published.moving import stops_table
 from validation.results import SystemResult, Table
@@ -49,7 +49,7 @@ def solve_drive_campaign(
     """
     inputs, stops = drive_inputs(campaign)
     scans = max(len(each) for each in inputs.scans.values())
-    count = (workers or os.cpu_count() or 1) if scans > FEW else 1
+    count = processors(workers) if scans > FEW else 1
     with kept_in(campaign.folder):
         outcome = solve_log(inputs, count, progress)
     return result_of(outcome, stops, campaign)

@@ -1,29 +1,24 @@
 """The campaign folder: its campaign.toml and where things lie in it."""
 
-import difflib
-import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
 from math import dist
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from validation.campaign.faults import NAME, SYSTEM, in_words
+from validation.campaign.faults import NAME, SYSTEM
+from validation.campaign.toml_files import closest, input_error, line_of, read_toml
 from validation.errors import InputError, Problem
 from validation.plugins import entry_points
 from validation.shown import Shown
-from validation.text_files.reading import file_bytes
 
 if TYPE_CHECKING:
     from validation.results import SystemResult
 
-MAX_TOML_BYTES = 1_000_000
-"""A thousand times what people write: a larger file is something else under a wrong name."""
 LONGEST = 300.0
 """Metres that no hand-held laser distance meter measures; a longer pole is in other units."""
 ROUNDED = 0.001
@@ -303,7 +298,7 @@ class Campaign(Shown):
         try:
             return model.model_validate(self.extra.get(name, {}))
         except ValidationError as error:
-            raise _input_error(self.toml, model, error, (name,)) from None
+            raise input_error(self.toml, model, error, (name,)) from None
 
 
 def load_campaign(folder: Path, known_tables: frozenset[str] | None = None) -> Campaign:
@@ -325,16 +320,19 @@ def load_campaign(folder: Path, known_tables: frozenset[str] | None = None) -> C
     if folder.name == "campaign.toml":
         folder = folder.parent
     path = folder / "campaign.toml"
-    data = _parse(path)
+    said = (
+        "there is no such file; a campaign folder needs one. `gtval simulate DIR` writes an example"
+    )
+    data = read_toml(path, "a campaign.toml", said)
     if known_tables is None:  # an entry point is called as its system and its table
         known_tables = frozenset(entry.name for entry in entry_points(group="gtval.systems"))
     try:
         settings = CampaignSettings.model_validate(data)
     except ValidationError as error:
-        raise _input_error(path, CampaignSettings, error) from None
+        raise input_error(path, CampaignSettings, error) from None
     known = known_tables | _OWN_TABLES
     problems = [
-        Problem(path, f"unknown table or key{_closest(key, known)}", line_of(path, (key,)), key)
+        Problem(path, f"unknown table or key{closest(key, known)}", line_of(path, (key,)), key)
         for key in data
         if key not in known
     ]
@@ -344,99 +342,3 @@ def load_campaign(folder: Path, known_tables: frozenset[str] | None = None) -> C
 
 
 _OWN_TABLES = frozenset(CampaignSettings.model_fields) | {"plan", "explain", "time"}
-
-
-def _closest(key: str, known: set[str] | frozenset[str]) -> str:
-    near = difflib.get_close_matches(key, known, 1)
-    return f"; did you mean '{near[0]}'?" if near else ""
-
-
-def _parse(path: Path) -> dict[str, Any]:
-    """Contents of a TOML file."""
-    try:
-        if not path.exists():
-            what = "there is no such file; a campaign folder needs one"
-            raise InputError([Problem(path, f"{what}. `gtval simulate DIR` writes an example")])
-        data = file_bytes(path, MAX_TOML_BYTES, "a campaign.toml", text=True)
-        return tomllib.loads(data.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        line = path.read_bytes()[: error.start].count(b"\n") + 1
-        raise InputError([Problem(path, "not UTF-8; save the file as UTF-8", line)]) from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError([Problem(path, f"not valid TOML: {error}")]) from None
-    except RecursionError:
-        raise InputError([Problem(path, "not valid TOML: nested too deeply")]) from None
-    except ValueError as error:  # a NUL byte in the name, or a number of thousands of digits
-        raise InputError([Problem(path, f"cannot be read: {error}")]) from None
-
-
-def _input_error(
-    path: Path, model: type[BaseModel], error: ValidationError, prefix: tuple[str, ...] = ()
-) -> InputError:
-    """The same faults with file, line and dotted key, and the keys that there are."""
-    problems = []
-    for fault in error.errors():
-        keys = prefix + tuple(str(part) for part in fault["loc"] if part != "[key]")
-        value = fault["input"]
-        shown = None if fault["type"] == "missing" or isinstance(value, dict) else str(value)
-        what = in_words(fault)
-        if fault["type"] == "extra_forbidden":
-            known = _keys_of(model, fault["loc"][:-1])
-            what = f"unknown key{_closest(keys[-1], known)}; there are {', '.join(sorted(known))}"
-        problems.append(Problem(path, what, line_of(path, keys), ".".join(keys) or None, shown))
-    return InputError(problems)
-
-
-def _keys_of(model: type[BaseModel], loc: tuple[int | str, ...]) -> set[str]:
-    """The keys of a table, by where it stands below the table of a model."""
-    for name in (part for part in loc if isinstance(part, str) and part in model.model_fields):
-        stated = model.model_fields[name].annotation
-        inner = [one for one in (stated, *get_args(stated)) if isinstance(one, type)]
-        model = next((one for one in inner if issubclass(one, BaseModel)), model)
-    return set(model.model_fields)
-
-
-_TABLE = re.compile(r"\[\[?[^\[\],=]+\]\]?\s*(#.*)?$")
-"""The line that begins a table; a row of a list has commas, or is one of numbers."""
-
-
-def line_of(path: Path, keys: tuple[str, ...]) -> int | None:
-    """Line on which a dotted key is set, as far as the text tells; None if it is not found.
-
-    Parameters
-    ----------
-    path : Path
-        A TOML file.
-    keys : tuple of str
-        The key; after the name of an array of tables, the number of the table, from 0.
-    """
-    names = [key for key in keys if not key.isdigit()]
-    if not names:
-        return None
-    wanted: dict[tuple[str, ...], int] = {}
-    for at, key in enumerate(keys):
-        if key.isdigit():
-            wanted[tuple(one for one in keys[:at] if not one.isdigit())] = int(key)
-    met: dict[tuple[str, ...], int] = {}
-    prefix: list[str] = []
-    best: int | None = None
-    here = True
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    for number, line in enumerate(lines, 1):
-        text = line.strip()
-        if _TABLE.match(text):
-            prefix = text.split("#")[0].strip("[] ").split(".")
-            if text.startswith("[["):
-                whole = tuple(prefix)
-                below = {key: n for key, n in met.items() if key[: len(whole)] != whole}
-                met = below | {whole: met.get(whole, -1) + 1}
-            here = all(met.get(key, n) == n for key, n in wanted.items())
-            if here and prefix == names[: len(prefix)]:
-                best = number
-            continue
-        if not here:
-            continue
-        key = text.split("=")[0].strip().strip('"')
-        if "=" in text and [*prefix, *key.split(".")] == names[: len(prefix) + 1]:
-            return number
-    return best

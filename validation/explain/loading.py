@@ -68,7 +68,7 @@ def unknown_systems(
     InputError
         Naming each system that is called independent and that nothing can give poses of.
     """
-    from validation.campaign.folder import line_of  # noqa: PLC0415  (pydantic is slow)
+    from validation.campaign.toml_files import line_of  # noqa: PLC0415  (pydantic is slow)
 
     _refuse_unknown_witnesses(campaign, settings, present)
     stated = [("references", name) for name in settings.references]
@@ -91,7 +91,7 @@ def _refuse_unknown_witnesses(
     A name that says nothing would leave copies to be one witness while a person believes
     otherwise. Systems that are installed or named in the campaign may have no poses today.
     """
-    from validation.campaign.folder import line_of  # noqa: PLC0415  (pydantic is slow)
+    from validation.campaign.toml_files import line_of  # noqa: PLC0415  (pydantic is slow)
     from validation.systems import installed_systems  # noqa: PLC0415  (they are found once needed)
 
     there = [VALIDATION_SYSTEM, *present, *settings.witnesses]

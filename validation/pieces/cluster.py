@@ -6,6 +6,7 @@ from contextvars import ContextVar
 from typing import Any, TypeVar
 
 from validation.errors import GtvalError
+from validation.pieces.processors import at_work_for_another
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -133,4 +134,5 @@ def _worked(
         if name not in _prepared:
             prepare()
         _prepared.add(name)
+    at_work_for_another()
     return function(job)

@@ -15,6 +15,7 @@ from typing import ParamSpec, TypeVar
 
 from validation.errors import GtvalError
 from validation.pieces.cluster import cluster_in_use, on_workers
+from validation.pieces.processors import at_work_for_another
 
 Given = ParamSpec("Given")
 Job = TypeVar("Job")
@@ -222,6 +223,7 @@ class Beside:
 
 def _begin(prepare: Callable[[], None] | None) -> None:
     """What each new process does first."""
+    at_work_for_another()
     Thread(target=_end_with_parent, daemon=True).start()
     if prepare is not None:
         prepare()

@@ -3,8 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-from validation.campaign.folder import Campaign, Published, line_of
+from validation.campaign.folder import Campaign, Published
 from validation.campaign.stored import components_of, refuse_degrees
+from validation.campaign.toml_files import line_of
 from validation.errors import InputError, Problem
 from validation.poses.common_origin import placed_by
 from validation.poses.pose_table import PLANAR, PoseTable, from_csv

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.campaign.folder import Campaign, line_of
+from validation.campaign.folder import Campaign
+from validation.campaign.toml_files import line_of
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.pose_table import PoseTable

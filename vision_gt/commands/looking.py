@@ -1,6 +1,5 @@
 """Images of a campaign as pictures, with or without the results of a run."""
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.pieces.processes import in_processes
+from validation.pieces.processors import processors
 from validation.results import Table, TableColumn
 from validation.systems import Progress, no_progress
 from validation.text_files.csv_tables import Column, read_csv
@@ -388,7 +388,7 @@ def looks_drawn(
         raise GtvalError("there is no image to draw; `--all` draws boards that were used, too")
     folder = output or campaign.results / FOLDER
     drawn = [(one, campaign.folder) for one in looks]
-    count = 1 if len(looks) < _FEW else workers or os.cpu_count() or 1
+    count = 1 if len(looks) < _FEW else processors(workers)
     parts = in_processes(picture_bytes, drawn, count, lambda share: progress("drawing", share))
     write_files(folder, dict(zip(map(name_of, looks), parts, strict=True)))
     remarks = []

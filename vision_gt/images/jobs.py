@@ -1,6 +1,5 @@
 """Detection in many images at once, in as many processes as there are processors."""
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,6 +9,7 @@ import numpy as np
 
 from validation.errors import InputError, Problem
 from validation.pieces.processes import as_they_end
+from validation.pieces.processors import processors
 from vision_gt.images.boards import Detector, FoundBoard, look_for_boards
 from vision_gt.images.files import Image, is_blank, read_picture
 from vision_gt.images.markers import Detection, detect_markers
@@ -147,7 +147,7 @@ def detect_each(
     jobs, workers, progress
         As for `detect_all`.
     """
-    workers = workers or os.cpu_count() or 1
+    workers = processors(workers)
     if len(jobs) < WORTH_A_POOL:
         workers = 1
     return as_they_end(detect_one, jobs, workers, progress, one_thread)

@@ -1,6 +1,5 @@
 """Detections kept from one run to the next, by what the image holds and how it is looked at."""
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, replace
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from validation.pieces.processors import processors
 from validation.pieces.store import FOLDER, KeptPieces, code_of, key_of
 from validation.pieces.work import done_once
 from vision_gt.images.files import MAX_BYTES
@@ -66,7 +66,7 @@ def detect_new(
     workers, progress
         As for `detect_all`.
     """
-    known = (workers or os.cpu_count() or 1) if len(jobs) >= WORTH_A_POOL else 1
+    known = processors(workers) if len(jobs) >= WORTH_A_POOL else 1
     return done_once(detect_one, jobs, _key, kept, kept, known, progress, one_thread)
 
 

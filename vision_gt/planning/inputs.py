@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from validation.campaign.folder import Campaign, line_of
+from validation.campaign.folder import Campaign
+from validation.campaign.toml_files import line_of
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
 from validation.poses.pose_table import from_csv
