@@ -123,9 +123,6 @@ def _drawn(folder: Path, job: TrialJob) -> PoseTable:
     settings = SimulationSettings(
         instrument=HAND_LASER.model_copy(update=stated),
         robot_frame=RIG.model_copy(update={"marking_sigma": own.marking_sigma}),
-        systems=()
-        if example is None
-        else (ExampleSystem("example", example.sigmas, example.bias),),
         systems=systems,
         missing=own.missing,
         blunders=own.blunders,
