@@ -49,6 +49,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         f"{160 + 0.01 * (k % 3)},fixed"
         for k in range(60)
     ]
+    (files / "study.toml").write_text("seeds = 2\n[room]\nstops = 3\nworld_points = 6\n")
     (files / "standing.csv").write_text("time,latitude,longitude,height,fix\n" + "\n".join(rows))
     turn = [0.1 * k for k in range(60)]
     rows = [f"{t:.1f},{math.sin(t):.4f},{math.cos(t):.4f},{-t:.4f}\n" for t in turn]

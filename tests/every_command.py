@@ -9,6 +9,7 @@ from validation.cli import main
 BOARD = "--columns 10 --rows 6 --square 0.1"
 USES = {
     "accuracy": "{room} --start 1 --end 2 --dx 0.01 --dy 0.01 --dtheta 0.02",
+    "clean": "{room} --dry-run",
     "compare": "{ad23}",
     "convergence": "{room} --starts 20",
     "convert": "{files}/motion.tum {out}.csv",
@@ -45,6 +46,7 @@ USES = {
     "simulate-almanac": "{out}.alm --day 2026-11-30",
     "simulate-drive": "{out} --loops 1",
     "simulate-motion": "{out} --minutes 0.5",
+    "study": "{files}/study.toml --folder {out} --workers 1",
     "summary": "{ad23} --page {out}.html",
     "survey": "{room} --dry-run",
     "vision calibrate": "{vision}/vision/calibration/1 --workers 1 {board}",

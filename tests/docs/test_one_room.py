@@ -10,6 +10,7 @@ from every_command import BOARD, commands
 SIZE = ("--laser", "--vision", "--stops", "4", "--initial-guesses", "--hand-points", "2")
 INDOOR = {
     "accuracy": "{room}",
+    "clean": "{room} --dry-run",
     "compare": "{room}",
     "convergence": "{room} --starts 20",
     "enter": "{room} --status",
@@ -43,6 +44,7 @@ INDOOR = {
 ELSEWHERE = {
     "demo": "the campaign of AD2.3 itself",
     "simulate": "what makes the room",
+    "study": "rooms of its own, drawn for a plan",
     "laser drive": "a robot that drives, which `gtval simulate-motion --laser` makes",
     "journal-merge": "the journals of two writers, which `gtval enter` makes",
 }

@@ -95,7 +95,7 @@ def line_of(path: Path, keys: tuple[str, ...]) -> int | None:
     keys : tuple of str
         The key; after the name of an array of tables, the number of the table, from 0.
     """
-    names = [key for key in keys if not key.isdigit()]
+    names = [part for key in keys if not key.isdigit() for part in key.split(".")]
     if not names:
         return None
     wanted: dict[tuple[str, ...], int] = {}
@@ -121,7 +121,7 @@ def line_of(path: Path, keys: tuple[str, ...]) -> int | None:
             continue
         if not here:
             continue
-        key = text.split("=")[0].strip().strip('"')
-        if "=" in text and [*prefix, *key.split(".")] == names[: len(prefix) + 1]:
+        found = [*prefix, *text.split("=")[0].strip().strip('"').split(".")]
+        if "=" in text and found == names[: len(found)]:
             return number
     return best

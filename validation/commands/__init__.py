@@ -50,4 +50,9 @@ COMMANDS: list[click.Command] = [
         "validation.commands.convert:convert",
         "Convert a trajectory: poses at times, from one format of file to another.",
     ),
+    Later(
+        "clean",
+        "validation.commands.clean:clean",
+        "Remove what is kept of earlier runs: detections, matches, trials.",
+    ),
 ]
