@@ -15,9 +15,10 @@ from typing import Any
 
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError
+from validation.pieces.store import FOLDER
 from validation.text_files.writing import Content, LargeText, pieces_of
 
-COMPUTED = frozenset({"results", "report"})
+COMPUTED = frozenset({"results", "report", FOLDER})
 """Folders of a campaign that hold nothing a person typed or a sensor recorded."""
 
 RECORD = "run.json"

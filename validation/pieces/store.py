@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -129,6 +130,25 @@ class KeptPieces:
             self._unwritten[key] = line
             return
         self._place[key] = place
+
+    def forget_others(self, keys: Collection[str]) -> None:
+        """Leave only the pieces of some keys in the file; it stays as it is where that fails."""
+        if not set(self._place) - set(keys):
+            return
+        beside = self.path.with_name(f".{self.path.name}.{os.getpid()}")
+        place: dict[str, int] = {}
+        try:
+            with beside.open("wb") as stream:
+                for key in keys:
+                    if key in self._place:
+                        place[key] = stream.tell()
+                        stream.write(self._line(key))
+            beside.replace(self.path)
+        except OSError:
+            with suppress(OSError):
+                beside.unlink()
+            return
+        self._place, self._cut = place, False
 
     def count(self, *, taken: int = 0, done: int = 0) -> None:
         """Tell those who count (`counted`) of pieces taken over and done."""

@@ -5,7 +5,8 @@ from dataclasses import replace
 from functools import partial
 
 from validation.report.cells import rows_of_text
-from validation.report.svg import DrawnFigure, drawn_svg
+from validation.report.kept_figures import svg_of
+from validation.report.svg import DrawnFigure
 from validation.results import Figure, Section, SystemResult, Table, Text
 from validation.solving import unexpected
 
@@ -45,7 +46,7 @@ def _checked(title: str, block: Table | Figure | Text, failures: Failures) -> Ta
     name = getattr(block, "name", None) or getattr(block, "title", "text")
     try:
         if isinstance(block, Figure):
-            return DrawnFigure(**vars(block), svg=drawn_svg(block))
+            return DrawnFigure(**vars(block), svg=svg_of(title, block))
         if not isinstance(block, Text):
             block = _shortened(block)
             rows_of_text(block)

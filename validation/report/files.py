@@ -3,6 +3,7 @@
 from validation.pieces.processes import give_back_memory
 from validation.report.document import build_document
 from validation.report.html import html_report, listed_items
+from validation.report.kept_figures import figures_kept
 from validation.report.latex import latex_paper, latex_report
 from validation.report.markdown import markdown_paper, markdown_report
 from validation.report.pdf import pdf_report
@@ -35,7 +36,8 @@ def report_files(run: RunResult, *, pdf: bool = False) -> tuple[RunResult, dict[
     GtvalError
         If a PDF is wanted and cannot be made.
     """
-    document = build_document(run)
+    with figures_kept(run):
+        document = build_document(run)
     page = html_report(document)
     give_back_memory()  # figures
     files: dict[str, Content] = {

@@ -24,7 +24,8 @@ from vision_gt.checks.known_places import (
     read_marker,
 )
 from vision_gt.images.files import images_of_poses, list_images
-from vision_gt.images.jobs import BoardJob, Found, Job, MarkerJob, detect_all
+from vision_gt.images.jobs import BoardJob, Found, Job, MarkerJob
+from vision_gt.images.kept import detect_new, kept_images
 from vision_gt.network.adjustment import Network
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.settings import BoardSettings, VisionSettings, stated
@@ -273,7 +274,7 @@ def _displacement(given: _Given) -> Checks:
 
 def _looked(given: _Given, jobs: Sequence[Job]) -> list[Found]:
     """What images show; an error for all that are bad or not of their camera's size."""
-    found = detect_all(jobs, given.workers)
+    found = detect_new(jobs, kept_images(given.campaign.folder), given.workers)
     sizes = {camera.name: camera.size for camera in given.network.cameras}
     problems = [Problem(one.path, one.fault) for one in found if one.fault]
     problems += [

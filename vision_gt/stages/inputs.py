@@ -20,7 +20,6 @@ from vision_gt.images.jobs import (
     Job,
     MarkerJob,
     check_sizes,
-    detect_all,
     raise_faults,
 )
 from vision_gt.images.kept import KeptDetections, detect_new, kept_images
@@ -124,7 +123,7 @@ class VisionInputs:
         """What people decided about images."""
         return decided_about(self.campaign, self.settings)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """The cameras of the network: those named, or that see the robot, or that took anything."""
         images = self.images
@@ -321,7 +320,7 @@ class VisionInputs:
         jobs = [
             self.marker_job(path, cameras[name], fitted=False) for (name, _), path in stops.items()
         ]
-        found = detect_all(jobs, self.workers)
+        found = detect_new(jobs, self.kept, self.workers)
         return dict(zip(stops, (one.markers for one in found), strict=True))
 
     def stop_images(self) -> dict[tuple[str, str], Path]:
