@@ -1,9 +1,9 @@
 """The files of report/, made from a run."""
 
 from validation.pieces.processes import give_back_memory
+from validation.report.checked import figures_kept
 from validation.report.document import build_document
 from validation.report.html import html_report, listed_items
-from validation.report.kept_figures import figures_kept
 from validation.report.latex import latex_paper, latex_report
 from validation.report.markdown import markdown_paper, markdown_report
 from validation.report.pdf import pdf_report
