@@ -10,7 +10,7 @@ from validation.errors import FaultyResultError, GtvalError, InputError, Problem
 from validation.explain.telling.section import ExplainParts, explain_campaign
 from validation.explain.telling.sizes import told_once
 from validation.in_time import TimeParts, time_parts
-from validation.pieces.processes import give_back_memory
+from validation.pieces.processes import give_back_memory, shared_processes
 from validation.poses.pose_table import SPATIAL, PoseTable
 from validation.published.systems import published_systems
 from validation.results import AS_PUBLISHED, VALIDATION_SYSTEM, Finding, Section, SystemResult
@@ -142,7 +142,8 @@ def run_campaign(
         If any data are bad, with the faults of all systems at once; if there is nothing to
         run; if published poses have the name of a system.
     """
-    systems = _solve_all(campaign, progress)
+    with shared_processes():
+        systems = _solve_all(campaign, progress)
     progress("comparing", 0.9)
     findings = [finding for system in systems for finding in system.result.findings]
     evaluations, more, failures = _evaluate_all(campaign, systems, method)

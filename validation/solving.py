@@ -31,6 +31,7 @@ from validation.campaign.provenance import (
     sources_of,
 )
 from validation.errors import FaultyResultError, GtvalError, shown
+from validation.pieces.processes import shared_processes
 from validation.poses.pose_files import pose_files
 from validation.poses.pose_table import PoseTable
 from validation.published.systems import published_systems
@@ -192,7 +193,9 @@ def solve_system(
     """
     chosen = {name: value for name, value in (choices or {}).items() if value is not None}
     try:
-        solved = solved_system(system.name, system.solve(campaign, progress, **chosen), chosen)
+        with shared_processes():
+            result = system.solve(campaign, progress, **chosen)
+        solved = solved_system(system.name, result, chosen)
     except (Exception, SystemExit) as error:
         if isinstance(error, GtvalError) and not isinstance(error, FaultyResultError):
             raise

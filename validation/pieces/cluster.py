@@ -6,7 +6,7 @@ from contextvars import ContextVar
 from typing import Any, TypeVar
 
 from validation.errors import GtvalError
-from validation.pieces.processors import at_work_for_another
+from validation.pieces.processors import worked
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -100,7 +100,7 @@ def on_workers(
 
     def hand_out() -> None:
         for number in numbers:
-            future = client.submit(_worked, function, jobs[number], prepare, pure=False)
+            future = client.submit(worked, function, prepare, jobs[number], pure=False)
             waiting[future] = number
             done.add(future)
             if len(waiting) >= AHEAD * max(threads, 1):
@@ -120,19 +120,3 @@ def on_workers(
         raise GtvalError(f"a piece of the work ended one worker after the other: {error}") from None
     finally:
         client.cancel(list(waiting))
-
-
-_prepared: set[str] = set()
-"""What this process has been prepared with."""
-
-
-def _worked(
-    function: Callable[[Job], Result], job: Job, prepare: Callable[[], None] | None
-) -> Result:
-    """A job, in a process of the cluster, which is prepared once."""
-    if prepare is not None and (name := f"{prepare.__module__}.{prepare.__qualname__}"):
-        if name not in _prepared:
-            prepare()
-        _prepared.add(name)
-    at_work_for_another()
-    return function(job)

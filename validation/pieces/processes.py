@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import connection, get_context, parent_process
@@ -15,7 +16,7 @@ from typing import ParamSpec, TypeVar
 
 from validation.errors import GtvalError
 from validation.pieces.cluster import cluster_in_use, on_workers
-from validation.pieces.processors import at_work_for_another
+from validation.pieces.processors import worked
 
 Given = ParamSpec("Given")
 Job = TypeVar("Job")
@@ -56,14 +57,10 @@ def in_processes(
     if workers == 1:
         yield from _counted(map(function, jobs), len(jobs), progress)
         return
-    # Spawned, not forked: a process with threads must not be copied.
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, (prepare,))
-    try:
+    with _pool_of(workers) as pool:
         with _interrupts_held():
-            results = pool.map(function, jobs, chunksize=_CHUNK)
+            results = pool.map(partial(worked, function, prepare), jobs, chunksize=_CHUNK)
         yield from _counted(results, len(jobs), progress)
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def as_they_end(
@@ -90,13 +87,12 @@ def as_they_end(
     if workers == 1:
         yield from enumerate(_counted(map(function, jobs), len(jobs), progress))
         return
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, (prepare,))
     waiting: dict[Future[Result], int] = {}
-    try:
+    with _pool_of(workers) as pool:
         ended = 0
         for number, job in enumerate(jobs):
             with _interrupts_held():
-                waiting[pool.submit(function, job)] = number
+                waiting[pool.submit(worked, function, prepare, job)] = number
             if len(waiting) < _AHEAD * workers:
                 continue
             for result in _ended(waiting):
@@ -108,8 +104,48 @@ def as_they_end(
                 ended += 1
                 _tell(progress, ended / len(jobs))
                 yield result
+
+
+_shared: ContextVar[dict[int, ProcessPoolExecutor] | None] = ContextVar("shared", default=None)
+
+
+@contextmanager
+def shared_processes() -> Iterator[None]:
+    """Keep the processes that are started in a block for all its work; they end with it.
+
+    A process takes a second of its processor to start, as it imports all modules.
+    """
+    if _shared.get() is not None:
+        yield
+        return
+    pools: dict[int, ProcessPoolExecutor] = {}
+    token = _shared.set(pools)
+    try:
+        yield
     finally:
+        _shared.reset(token)
+        for pool in pools.values():
+            pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _pool_of(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes for one piece of work: those of `shared_processes`, or some that end with it."""
+    pools = _shared.get()
+    known = None if pools is None else pools.get(workers)
+    # Spawned, not forked: a process with threads must not be copied.
+    pool = known or ProcessPoolExecutor(workers, get_context("spawn"), _begin)
+    try:
+        yield pool
+    except BaseException:  # what was handed out is of no use any more
+        if pools is not None:
+            pools.pop(workers, None)
         pool.shutdown(cancel_futures=True)
+        raise
+    if pools is None:
+        pool.shutdown()
+    else:
+        pools[workers] = pool
 
 
 @dataclass(frozen=True)
@@ -169,7 +205,7 @@ class Beside:
             if self._ending is not None:
                 self._ending.cancel()
             if self._pool is None:
-                self._pool = ProcessPoolExecutor(self._most, get_context("spawn"), _begin, (None,))
+                self._pool = ProcessPoolExecutor(self._most, get_context("spawn"), _begin)
             pool = self._pool
             with _interrupts_held():
                 future = pool.submit(_answered, partial(function, *args, **more))
@@ -221,12 +257,9 @@ class Beside:
             self._drop(self._pool)
 
 
-def _begin(prepare: Callable[[], None] | None) -> None:
+def _begin() -> None:
     """What each new process does first."""
-    at_work_for_another()
     Thread(target=_end_with_parent, daemon=True).start()
-    if prepare is not None:
-        prepare()
 
 
 def _end_with_parent() -> None:

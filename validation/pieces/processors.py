@@ -1,6 +1,11 @@
-"""How many processors this process may count on."""
+"""How many processors this process may count on, and what it does for another."""
 
 import os
+from collections.abc import Callable
+from typing import TypeVar
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
 
 _inside = False
 """Whether this process is one of those that others hand jobs to."""
@@ -14,7 +19,18 @@ def processors(wanted: int | None = None) -> int:
     return wanted or (1 if _inside else os.cpu_count() or 1)
 
 
-def at_work_for_another() -> None:
-    """Say that this process does jobs for another: see `processors`."""
+_prepared: set[str] = set()
+"""What this process has been prepared with."""
+
+
+def worked(
+    function: Callable[[Job], Result], prepare: Callable[[], None] | None, job: Job
+) -> Result:
+    """A job done for another process, by one that is prepared for it once."""
     global _inside  # noqa: PLW0603  (a fact about the process)
     _inside = True
+    if prepare is not None and (name := f"{prepare.__module__}.{prepare.__qualname__}"):
+        if name not in _prepared:
+            prepare()
+        _prepared.add(name)
+    return function(job)
