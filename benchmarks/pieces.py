@@ -20,7 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +124,17 @@ def closing_all(made: Iterable[Any]) -> Iterator[list[Any]]:
         yield [stack.enter_context(one) for one in made]
 
 
+def of_group(group: int) -> float:
+    """Processor time of all processes of a group, those that have ended and were waited for too."""
+    total = 0.0
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            told = path.read_text().rpartition(")")[2].split()
+            if int(told[2]) == group:
+                total += sum(map(int, told[11:15])) / os.sysconf("SC_CLK_TCK")
+    return total
+
+
 def kills(folder: Path, number: int) -> None:
     """Runs that are killed at a random moment, and run again."""
 
@@ -156,17 +167,18 @@ def kills(folder: Path, number: int) -> None:
     for _kill in range(number):
         fresh()
         at = float(rng.uniform(0.05, 0.98)) * wall
-        before = used()
         going = subprocess.Popen(run, stdout=subprocess.DEVNULL, start_new_session=True)
         time.sleep(at)
+        first = of_group(going.pid)
         os.killpg(going.pid, signal.SIGKILL)
         going.wait()
+        before = used()
         kept = list((folder / "kept").glob("*"))
         there = sum(path.read_bytes().count(b"}\n") for path in kept)
         done = subprocess.run(run, check=True, capture_output=True, text=True)
         pieces = json.loads(done.stdout)["pieces"]
         new = sum(one["done"] for one in pieces.values())
-        more.append((used() - before - whole) / whole)
+        more.append((first + used() - before - whole) / whole)
         again.append((there + new - count) / count)
         same = digest() == expected
         print(
