@@ -1,6 +1,7 @@
 """The command ``gtval study``."""
 
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import click
 
@@ -54,6 +55,7 @@ def study(
 
     asked = read_plan(plan)
     where = plan.with_suffix("") if folder is None else folder
+    own_folder(where)
     with on_cluster(scheduler), counted() as pieces, progress_bar("rooms") as report:
         done = run_study(asked, where, report, workers)
     write_files(where, study_files(done))
@@ -67,3 +69,23 @@ def study(
     print_table(power_table(done, notes=everything))
     click.echo(f"Results: {where}")
     click.echo(pieces.text(), nl=False)
+
+
+def own_folder(where: Path) -> None:
+    """Make the folder of a study, or raise where it holds or is something else."""
+    from data_samples.studies.tables import FILES, MARK
+    from validation.errors import GtvalError
+
+    try:
+        where.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=where):
+            pass
+    except OSError as error:
+        said = f"the results of the study cannot be written to {where}: {error.strerror}"
+        raise GtvalError(f"{said}. Give another place with --folder") from None
+    others = [name for name in FILES if (where / name).exists()]
+    if others and not (where / MARK).exists():
+        raise GtvalError(
+            f"{where / others[0]} is not of a study, and would be replaced; nothing was done. Give "
+            "another place with --folder"
+        )

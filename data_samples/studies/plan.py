@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
-from validation.campaign.folder import Finite, NotNegative, Positive, Settings
+from validation.campaign.folder import NotNegative, Positive, Settings
 from validation.campaign.toml_files import input_error, line_of, read_toml
 from validation.errors import InputError, Problem
 from validation.shown import Shown
@@ -17,8 +17,11 @@ MOST_SETTINGS = 1000
 """Combinations of a plan. A judgement: more are a slip, and no table that anybody reads."""
 
 Count = Annotated[int, Field(ge=0, le=10_000, strict=True)]
-Sigmas = tuple[Positive, Positive, Positive]
-Offsets = tuple[Finite, Finite, Finite]
+Sigma = Annotated[float, Field(ge=1e-9, le=10, strict=True)]
+Offset = Annotated[float, Field(ge=-1000, le=1000, strict=True)]
+Sigmas = tuple[Sigma, Sigma, Sigma]
+Offsets = tuple[Offset, Offset, Offset]
+Flag = Annotated[bool, Field(strict=True)]
 Fault = Literal["boxes", "edges", "floor", "glass", "grazing", "lean", "lost", "tilt"]
 
 
@@ -45,7 +48,7 @@ class SurveyTable(Settings):
     blunders: Count = 0
     blunder_size: Positive = 0.1
     typos: Count = 0
-    mirror_trap: bool = False
+    mirror_trap: Flag = False
     hand_points: Count = 2
     spot_height: NotNegative = 0.0
     tail_freedom: Annotated[float, Field(gt=2, strict=True)] | None = None
@@ -86,7 +89,7 @@ class PlanFile(TrialSettings):
 
     name: Annotated[str, Field(min_length=1, max_length=200)] = ""
     seeds: Annotated[int, Field(ge=2, le=100_000, strict=True)] = 100
-    first_seed: Annotated[int, Field(ge=0, strict=True)] = 1
+    first_seed: Annotated[int, Field(ge=0, le=2**53, strict=True)] = 1
     confidence: Annotated[float, Field(ge=0.5, lt=1, strict=True)] = 0.95
     vary: dict[str, Annotated[list[Any], Field(min_length=1)]] = Field(default_factory=dict)
 

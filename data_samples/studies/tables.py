@@ -8,7 +8,11 @@ from data_samples.studies.study import Ranged, Study
 from validation.report.cells import Value
 from validation.results import Table
 from validation.text_files.csv_text import csv_text
+from validation.text_files.json_text import json_text
 
+FILES = ("rooms.csv", "poses.csv", "findings.csv")
+MARK = "study.json"
+"""All of the study for scripts; says that the folder is that of a study."""
 SHOWN = ("error", "warning")
 """Severities of the findings that are printed; files and JSON have the notes, too."""
 
@@ -66,13 +70,11 @@ def power_table(study: Study, *, notes: bool = False) -> Table:
 
 
 def study_files(study: Study) -> dict[str, str]:
-    """The tables as CSV, by the names of their files."""
-    tables = {
-        "rooms.csv": rooms_table(study),
-        "poses.csv": honesty_table(study),
-        "findings.csv": power_table(study, notes=True),
-    }
-    return {name: csv_text(one.columns, one.rows) for name, one in tables.items()}
+    """The tables as CSV, and all as JSON, by the names of their files."""
+    tables = (rooms_table(study), honesty_table(study), power_table(study, notes=True))
+    files = zip(FILES, tables, strict=True)
+    told = {name: csv_text(one.columns, one.rows) for name, one in files}
+    return {**told, MARK: json_text(study_json(study))}
 
 
 def study_json(study: Study) -> dict[str, Any]:

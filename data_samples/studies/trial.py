@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from validation.errors import GtvalError
 from validation.pieces.store import KeptPieces, code_of, key_of
 from validation.poses.angles import Array
 from validation.poses.pose_table import PLANAR, PoseTable, pose_difference
+from validation.results import Severity
 from validation.run import run_campaign
 from validation.statistics.consistency import nees
 
@@ -75,6 +76,12 @@ class SystemErrors:
     sigmas: Array
     nees: Array
 
+    def __post_init__(self) -> None:
+        n = len(self.errors)
+        shapes = (self.errors.shape, self.sigmas.shape, self.nees.shape)
+        if shapes != ((n, 3), (n, 3), (n,)):
+            raise ValueError(f"errors, sigmas and NEES of {n} poses, not {shapes}")
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -101,12 +108,12 @@ class Trial:
 def run_trial(job: TrialJob) -> Trial:
     """A room drawn, worked out as `gtval run` does, and held against its truth."""
     with TemporaryDirectory(prefix="gtval-trial-") as made:
-        folder = Path(made)
-        truth = _drawn(folder, job)
+        folder, stops = Path(made), job.settings.room.stops
         try:
+            truth = _drawn(folder, job)
             done = run_campaign(load_campaign(folder))
         except GtvalError as error:
-            return Trial({}, len(truth), refused=" ".join(str(error).split())[:500])
+            return Trial({}, stops, refused=" ".join(str(error).split())[:500])
         tables = [table for table in done.tables if table.components == PLANAR and len(table)]
         found = {table.system: _errors(truth, table) for table in tables}
         told = {(one.severity, one.code, one.subject) for one in done.findings}
@@ -158,8 +165,10 @@ class KeptTrials(KeptPieces):
     def __init__(self, path: Path) -> None:
         super().__init__(path, "trials")
 
-    def written(self, result: Trial, _job: TrialJob) -> dict[str, Any]:
-        """A trial as values that JSON has; numbers that are not there as null."""
+    def written(self, result: Trial, _job: TrialJob) -> dict[str, Any] | None:
+        """A trial as values that JSON has; not one that may have failed by chance."""
+        if any(code == "unexpected" for _, code, _ in result.findings):
+            return None
         systems = {
             name: [_listed(one.errors), _listed(one.sigmas), _listed(one.nees)]
             for name, one in result.systems.items()
@@ -179,6 +188,8 @@ class KeptTrials(KeptPieces):
             for name, arrays in told["systems"].items()
         }
         findings = frozenset((severity, code, who) for severity, code, who in told["findings"])
+        if not {severity for severity, _, _ in findings} <= set(get_args(Severity)):
+            raise ValueError(findings)
         return Trial(systems, int(told["stops"]), findings, str(told["refused"]))
 
 

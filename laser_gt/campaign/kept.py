@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from laser_gt.logs.decisions import Decision
-from laser_gt.matching.verdicts import Match
+from laser_gt.matching.verdicts import VERDICTS, Match
 from laser_gt.placing.engines import (
     Engine,
     EngineSettings,
@@ -183,5 +183,7 @@ def _match(values: dict[str, Any]) -> Match:
     """A match from its values."""
     for name in ARRAYS:
         values[name] = None if values[name] is None else np.array(values[name], dtype=float)
+    if values["verdict"] not in VERDICTS:
+        raise ValueError(values["verdict"])
     values["reasons"] = tuple(values["reasons"])
     return Match(**values)

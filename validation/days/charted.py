@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -114,6 +115,14 @@ class Summary(Shown):
     def systems(self) -> tuple[str, ...]:
         """All systems, in the order in which the days have them."""
         return tuple(dict.fromkeys(name for day in self.days for name in day.systems))
+
+    @property
+    def step(self) -> str:
+        """What is between one and the next: 'day' where they are on successive days."""
+        moments = [one.moment for one in self.days]
+        dates = [one.date() for one in moments if one is not None]
+        daily = {(after - before).days for before, after in pairwise(dates)} <= {1}
+        return "day" if self.dated and daily else "campaign"
 
     def label(self, day: int) -> str:
         """What a day is called: its date, or its folder where days have none or share them."""

@@ -149,5 +149,6 @@ def _change_json(summary: Summary, one: Series, change: Change) -> dict[str, Any
         "size": size,
         "low": low,
         "high": high,
-        "per_day": change.per_day if one.of == "bias" else None,
+        "per_campaign": change.per_day if one.of == "bias" else None,
+        "per_day": change.per_day if one.of == "bias" and summary.step == "day" else None,
     }

@@ -33,12 +33,18 @@ class Noticed:
         return self.series.days[self.change.noticed]
 
     def by_all_days(self) -> tuple[Change, int]:
-        """What it is by all days to the next change, and the number of that day or of all days."""
+        """What it is by all days to the next change, and the number of that day or of all days.
+
+        What was noticed alone where these days are no single change: a drift that has ended.
+        """
         chart, change = self.series.chart, self.change
         later = [other for other in chart.changes if other.noticed > change.noticed]
         end = next((other.began for other in later if not other.goes_on), len(chart.values))
         end = max(end, change.noticed + 1)
-        return chart.likeliest_of(self.series.since(change), end), end
+        start = self.series.since(change)
+        if change.kind == "drift" and not chart.drifts_on(start, change.noticed + 1, end):
+            return change, change.noticed + 1
+        return chart.likeliest_of(start, end), end
 
 
 def findings_of(summary: Summary) -> list[Finding]:
@@ -119,7 +125,7 @@ def _finding(summary: Summary, group: Sequence[Noticed]) -> Finding:
     drifts = [one for one in group if one.by_all_days()[0].kind == "drift"]
     began, low, high = (summary.label(day) for day in first.began)
     about = began if low == high else f"{began} ({low} to {high})"
-    parts = ", ".join(_how_much(one) for one in group)
+    parts = ", ".join(_how_much(one, summary.step) for one in group)
     what = "The bias" if of == "bias" else "The spread of the errors"
     verb = "drifts" if len(drifts) * 2 > len(group) else "has changed"
     text = f"{what} {verb} since about {about}: {parts}. Noticed on {summary.label(first.day)}"
@@ -132,6 +138,9 @@ def _finding(summary: Summary, group: Sequence[Noticed]) -> Finding:
     slopes = [told for one in group if (told := _slope(summary, one))]
     if slopes:
         text += f"; by all days it drifts by {', '.join(slopes)}"
+    ended = [one.series.component.name for one in group if _has_ended(one)]
+    if ended:
+        text += f"; in {', '.join(ended)} it has not gone on like that to the last day"
     text += ". Do not use what was recorded since then before the cause is known: look at what was "
     text += (
         "moved, exchanged or calibrated anew, and run `gtval explain` on a day before and after."
@@ -158,6 +167,13 @@ def _since(one: Noticed) -> tuple[float]:
     return (float(one.series.values[-1]) - one.series.before(one.change),)
 
 
+def _has_ended(one: Noticed) -> bool:
+    """Whether a drift did not go on as it was when it was noticed."""
+    _, end = one.by_all_days()
+    more = end < len(one.series.days)
+    return one.change.kind == "drift" and end == one.change.noticed + 1 and more
+
+
 def _slope(summary: Summary, one: Noticed) -> str:
     """'x +2.0 mm a day (+1.8 to +2.2) since 2026-03-10', by all days that tell; '' without more."""
     whole, end = one.by_all_days()
@@ -169,10 +185,10 @@ def _slope(summary: Summary, one: Noticed) -> str:
     ends = [_in_small(one, value, unit=False) for value in (found.low, found.high)]
     began = summary.label(one.series.days[whole.began])
     name, steep = one.series.component.name, _in_small(one, found.per_day)
-    return f"{name} {steep} a day ({ends[0]} to {ends[1]}) since {began}"
+    return f"{name} {steep} a {summary.step} ({ends[0]} to {ends[1]}) since {began}"
 
 
-def _how_much(one: Noticed) -> str:
+def _how_much(one: Noticed, step: str) -> str:
     """'x +2.1 mm a day, +8.2 mm (+6.5 to +9.9) when noticed'."""
     size, low, high = one.series.moved(one.change)
     name = one.series.component.name
@@ -183,7 +199,7 @@ def _how_much(one: Noticed) -> str:
     ends = [_in_small(one, value, unit=False) for value in (low, high)]
     moved = f"{_in_small(one, size)} ({ends[0]} to {ends[1]})"
     if one.change.kind == "drift":
-        return f"{name} {_in_small(one, one.change.per_day)} a day, {moved} when noticed"
+        return f"{name} {_in_small(one, one.change.per_day)} a {step}, {moved} when noticed"
     return f"{name} {moved}"
 
 

@@ -24,10 +24,11 @@ _LIBRARIES = ("numpy", "scipy", "opencv-contrib-python-headless")
 
 @dataclass
 class Tally:
-    """How many pieces were taken over from earlier runs, and how many were done."""
+    """How many pieces were taken over from earlier runs, were done, and could not be kept."""
 
     taken: int = 0
     done: int = 0
+    lost: int = 0
 
 
 @dataclass
@@ -47,7 +48,11 @@ class Counts:
             for kind, one in self.kinds.items()
             if one.taken
         ]
-        return f"Taken over from earlier runs: {', '.join(parts)}\n" if parts else ""
+        told = f"Taken over from earlier runs: {', '.join(parts)}\n" if parts else ""
+        lost = ", ".join(f"{one.lost:,} {kind}" for kind, one in self.kinds.items() if one.lost)
+        if lost:
+            told += f"Not kept for later runs, as the folder {FOLDER} cannot be written: {lost}\n"
+        return told
 
 
 _counts: ContextVar[Counts | None] = ContextVar("counts", default=None)
@@ -128,6 +133,7 @@ class KeptPieces:
                 self._cut = written < len(line)
         except OSError:
             self._unwritten[key] = line
+            self.count(lost=1)
             return
         self._place[key] = place
 
@@ -150,12 +156,13 @@ class KeptPieces:
             return
         self._place, self._cut = place, False
 
-    def count(self, *, taken: int = 0, done: int = 0) -> None:
-        """Tell those who count (`counted`) of pieces taken over and done."""
+    def count(self, *, taken: int = 0, done: int = 0, lost: int = 0) -> None:
+        """Tell those who count (`counted`) of pieces taken over, done, and not kept."""
         counts = _counts.get()
         if counts is not None:
             one = counts.of(self.kind)
             one.taken, one.done = one.taken + taken, one.done + done
+            one.lost += lost
 
 
 _folder: ContextVar[Path | None] = ContextVar("folder", default=None)

@@ -18,8 +18,8 @@ more."""
 class Form(Protocol[Job_contra, Result]):
     """How the result of a job is written as JSON and read again."""
 
-    def written(self, result: Result, job: Job_contra, /) -> dict[str, Any]:
-        """The result as values that JSON has."""
+    def written(self, result: Result, job: Job_contra, /) -> dict[str, Any] | None:
+        """The result as values that JSON has; None where it should not be kept."""
 
     def read(self, told: dict[str, Any], job: Job_contra, /) -> Result:
         """The result, from what `written` gave; ValueError, KeyError or the like if it is none."""
@@ -68,7 +68,9 @@ def done_once(
 
     for at, result in as_they_end(function, [jobs[i] for i in new], workers, told, prepare):
         found[new[at]] = result
-        kept.add(keys[new[at]], form.written(result, jobs[new[at]]))
+        line = form.written(result, jobs[new[at]])
+        if line is not None:  # what failed by chance is tried again by the next run
+            kept.add(keys[new[at]], line)
         kept.count(done=1)
     return [one for one in found if one is not None]
 
@@ -78,5 +80,5 @@ def taken_over(key: str, job: Job, kept: KeptPieces, form: Form[Job, Result]) ->
     told = kept.get(key)
     try:
         return None if told is None else form.read(told, job)
-    except (ValueError, KeyError, TypeError, IndexError):
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError):
         return None

@@ -57,7 +57,9 @@ def _in_video(frames: CameraFrames, job: MarkerJob, kept: KeptDetections) -> Ite
         kept.count(taken=known is not None, done=known is None)
         if known is None:
             known = detect_in(image, own)
-            kept.add(key, kept.written(known, own))
+            told = kept.written(known, own)
+            if told is not None:
+                kept.add(key, told)
         yield known
 
 

@@ -19,6 +19,8 @@ from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.patterns.rejections import Rejection
 
+BROKEN = "could not be looked at: "
+"""Begins the note on an image in which something went wrong that nobody expected."""
 WORTH_A_POOL = 12
 """With fewer images starting processes takes longer than it saves: a judgement, as a process has to
 import all modules first."""
@@ -174,7 +176,7 @@ def detect_in(image: Image, job: Job) -> Found:
         return _looked_at(image, size, job)
     except Exception as error:  # noqa: BLE001  (no image may end a run)
         said = " ".join(str(error).split())[:200] or type(error).__name__
-        return Found(job.path, size, note=f"could not be looked at: {said}")
+        return Found(job.path, size, note=f"{BROKEN}{said}")
 
 
 def _looked_at(image: Image, size: tuple[int, int], job: Job) -> Found:

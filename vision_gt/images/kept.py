@@ -11,7 +11,7 @@ from validation.pieces.processors import processors
 from validation.pieces.store import FOLDER, KeptPieces, code_of, key_of
 from validation.pieces.work import done_once
 from vision_gt.images.files import MAX_BYTES
-from vision_gt.images.jobs import WORTH_A_POOL, BoardJob, Found, Job, detect_one, one_thread
+from vision_gt.images.jobs import BROKEN, WORTH_A_POOL, BoardJob, Found, Job, detect_one, one_thread
 from vision_gt.images.markers import Detection, MarkerView
 from vision_gt.patterns.board_views import BoardView
 from vision_gt.patterns.rejections import Rejection, rejected
@@ -35,8 +35,10 @@ class KeptDetections(KeptPieces):
         super().__init__(path, "images")
         self.whole = whole
 
-    def written(self, result: Found, job: Job) -> dict[str, Any]:
-        """What an image shows, as a line of the file has it."""
+    def written(self, result: Found, job: Job) -> dict[str, Any] | None:
+        """What an image shows, as a line of the file has it; not what may have failed by chance."""
+        if result.note.startswith(BROKEN):
+            return None
         return _as_json(result, job, whole=self.whole)
 
     def read(self, told: dict[str, Any], job: Job) -> Found:

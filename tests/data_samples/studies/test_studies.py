@@ -154,7 +154,7 @@ def test_the_command_tells_and_writes_the_tables(made):
     done = CliRunner().invoke(main, ["study", str(plan.path), "--folder", str(folder), "--json"])
     assert done.exit_code == 0, done.output
     told = json.loads(done.stdout)
-    assert told["pieces"]["trials"] == {"taken": 6, "done": 0}
+    assert told["pieces"]["trials"] == {"taken": 6, "done": 0, "lost": 0}
     assert [one["intervals"] for one in told["poses"]] == [
         one.verdict(0.95) for one in study.honesty
     ]
@@ -164,8 +164,64 @@ def test_the_command_tells_and_writes_the_tables(made):
     shown = CliRunner().invoke(main, ["study", str(plan.path), "--folder", str(folder)])
     assert "Taken over from earlier runs: 6 of 6 trials" in shown.output
     cleaned = CliRunner().invoke(main, ["clean", str(folder), "--dry-run"])
-    assert "1 files" in cleaned.output
+    assert "1 file, " in cleaned.output
     assert (folder / "kept" / "trials.jsonl").exists()
+
+
+def test_what_failed_by_chance_is_not_kept(tmp_path, monkeypatch):
+    plan = read_plan(plan_of(tmp_path, "seeds = 2\n[room]\nstops = 3\nworld_points = 6\n"))
+
+    def failing(*_args, **_more):
+        raise MemoryError
+
+    with monkeypatch.context() as now:
+        now.setattr("survey.system.solve_survey", failing, raising=False)
+        now.setattr("validation.solving.solved_system", failing)
+        first = run_study(plan, tmp_path, workers=1)
+    assert not any(one.systems for one in first.trials[""])
+    again = run_study(plan, tmp_path, workers=1)
+    assert all("survey" in one.systems for one in again.trials[""])
+
+
+def test_a_room_that_cannot_be_drawn_stops_no_other(tmp_path):
+    text = 'seeds = 2\n[room]\nstops = 3\nworld_points = 6\n[vary]\n"room.width" = [7.0, 3.0]\n'
+    study = run_study(read_plan(plan_of(tmp_path, text)), tmp_path, workers=1)
+    assert [study.refused(one) for one in study.trials] == [0, 2]
+    assert "too small" in study.trials["room.width = 3.0"][0].refused
+
+
+@pytest.mark.parametrize(
+    "spoilt", ['"systems":[]', '"findings":[["bogus","a","b"]]', '"stops":"x"']
+)
+def test_a_kept_trial_of_wrong_content_is_done_again(made, tmp_path, spoilt):
+    plan, folder, _ = made
+    job = TrialJob(next(iter(plan.settings.values())), 1)
+    told = json.loads((folder / "kept" / "trials.jsonl").read_text().splitlines()[0])
+    told |= json.loads("{" + spoilt + "}")
+    path = tmp_path / "kept" / "trials.jsonl"
+    path.parent.mkdir()
+    told = {"key": job.key, **{name: one for name, one in told.items() if name != "key"}}
+    path.write_text(json.dumps(told, separators=(",", ":")) + "\n")
+    one = replace(plan, seeds=range(1, 3), settings={"": job.settings})
+    with counted() as pieces:
+        run_study(one, tmp_path, workers=1)
+    assert pieces.of("trials").done == 2
+
+
+def test_files_of_others_are_not_replaced(tmp_path):
+    plan = plan_of(tmp_path, "seeds = 2\n[room]\nstops = 3\nworld_points = 6\n")
+    folder = tmp_path / "plan"
+    folder.mkdir()
+    (folder / "poses.csv").write_text("mine\n")
+    done = CliRunner().invoke(main, ["study", str(plan), "--workers", "1"])
+    assert done.exit_code != 0
+    assert "is not of a study" in done.output
+    assert (folder / "poses.csv").read_text() == "mine\n"
+    bare = tmp_path / "blunders"
+    bare.write_bytes(plan.read_bytes())
+    done = CliRunner().invoke(main, ["study", str(bare), "--workers", "1"])
+    assert done.exit_code != 0
+    assert "Give another place with --folder" in done.output
 
 
 @pytest.mark.full

@@ -34,6 +34,16 @@ def test_a_folder_with_something_else_is_left_alone(campaign):
     assert len(list((campaign / "kept").iterdir())) == 2
 
 
+def test_a_folder_of_campaigns_stands_for_them(tmp_path_factory):
+    hall = tmp_path_factory.mktemp("hall")
+    for name in ("day_1", "day_2"):
+        (hall / name / "kept").mkdir(parents=True)
+        (hall / name / "campaign.toml").write_text('name = "x"\n')
+        (hall / name / "kept" / ".report_figures.jsonl.4711").write_text("cut")
+    assert CliRunner().invoke(main, ["clean", str(hall)]).exit_code == 0
+    assert not list(hall.glob("*/kept"))
+
+
 def test_a_link_is_not_followed(campaign, tmp_path_factory):
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     (elsewhere / "a.jsonl").write_text("{}")

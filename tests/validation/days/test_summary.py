@@ -1,5 +1,6 @@
 """Repeated days: which system on which day, what changed, and what could not be read."""
 
+import datetime as dt
 import json
 import re
 import shutil
@@ -47,14 +48,19 @@ def write_day(folder, biases, rng, *, date="", scale=1.0):
     return folder
 
 
-def write_season(root, days=14, seed=1, drift=0.002, systems=("vision",), **day):
+def write_season(
+    root, days=14, seed=1, drift=0.002, systems=("vision",), until=10**9, apart=1, **day
+):
     """Days whose bias in x drifts from the tenth on, and scatters by a millimetre."""
     rng = np.random.default_rng(seed)
     for number in range(1, days + 1):
-        moved = np.array([drift * max(number - 9, 0), 0.0, 0.0])
+        moved = np.array([drift * max(min(number, until) - 9, 0), 0.0, 0.0])
         biases = {system: moved + rng.normal(0, 0.001, 3) for system in systems}
         folder = root / f"day_{number}"
-        write_day(folder, biases, rng, date=f"2026-03-{number:02d}", **day)
+        date = f"2026-03-{number:02d}"
+        if apart != 1:
+            date = str(dt.date(2026, 1, 1) + dt.timedelta(days=apart * number))
+        write_day(folder, biases, rng, date=date, **day)
     return root
 
 
@@ -124,6 +130,23 @@ def test_the_slope_of_a_drift_is_told_by_all_days_since_it_began(tmp_path):
     assert value == pytest.approx(2.0, abs=0.2)  # 19 days of 1 mm: a sigma of 0.04 mm a day
     assert high - low < 0.4
     assert began == pytest.approx(10, abs=1)
+
+
+def test_a_drift_that_has_ended_is_told_as_such(tmp_path):
+    folder = write_season(tmp_path, days=28, seed=5, until=15)
+    (finding,) = [one for one in summarise_campaigns([folder]).findings if one.subject == "vision"]
+    assert "drifts since about 2026-03-" in finding.text
+    assert "it has not gone on like that to the last day" in finding.text
+    assert "by all days it drifts" not in finding.text
+
+
+def test_a_drift_over_weeks_is_told_for_each_campaign(tmp_path):
+    folder = write_season(tmp_path, days=20, seed=3, apart=7)
+    summary = summarise_campaigns([folder])
+    assert summary.step == "campaign"
+    (finding,) = [one for one in summary.findings if one.subject == "vision"]
+    assert "mm a campaign" in finding.text
+    assert "mm a day" not in finding.text
 
 
 def test_days_without_a_change_are_good(tmp_path):

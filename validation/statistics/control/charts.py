@@ -60,6 +60,16 @@ class ControlChart(Shown):
         """Days on which a change was noticed, from 0."""
         return tuple(change.noticed for change in self.changes)
 
+    def drifts_on(self, start: int, since: int, end: int) -> bool:
+        """Whether a drift that the days from a start to another show goes on as it was to the end.
+
+        True where no day is left to tell.
+        """
+        if since >= end:
+            return True
+        x, s = self.values[start:end], self.sigmas[start:end]
+        return is_one_drift(x, _weights(x, s), since - start)
+
     def likeliest_of(self, start: int, end: int) -> Change:
         """The change that some days tell, by all of them; as many as a chart needs, at least."""
         rows = slice(start, end)
