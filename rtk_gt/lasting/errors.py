@@ -13,7 +13,14 @@ from rtk_gt.lasting.causes import SMALLEST_OF_ALL, causes_of
 from rtk_gt.lasting.edges import Motion
 from rtk_gt.lasting.jumps import Jump, find_jumps, least_of_all
 from rtk_gt.lasting.jumps_back import LONGEST_FALSE, missing_jumps, passed
-from rtk_gt.lasting.lacking_fixes import OFTEN, often, own_interval, with_lost_fixes
+from rtk_gt.lasting.lacking_fixes import (
+    OFTEN,
+    SPACING,
+    often,
+    own_interval,
+    spaced_rows,
+    with_lost_fixes,
+)
 from rtk_gt.lasting.lasting_error import LastingError, epochs_with
 from rtk_gt.lasting.restarts import find_change
 from rtk_gt.lasting.seen_from_vehicle import baseline_headings
@@ -24,9 +31,6 @@ from validation.poses.angles import Array
 
 FASTER = 1.5
 """Times as many epochs that some receivers must have together to be looked at by themselves."""
-SPACING = 0.2
-"""Seconds between the epochs that are looked at, of those that are nearer: all tell no more of what
-lasts for seconds, and a vehicle goes only so far in that time."""
 MOST = 4000
 """Epochs at most from which jumps of the offsets are told: enough for every correlation time."""
 COURSE, SLOWEST = 1.0, 0.3
@@ -64,8 +68,9 @@ def lasting_errors(steps: Steps, offsets: Offsets) -> list[LastingError]:
     offsets : Offsets
         Of the receivers, to a decimetre.
     """
-    bad = _bad(steps, offsets)
-    steps = with_lost_fixes(_placed(steps, offsets))
+    recorded, some = steps, spaced_rows(steps)
+    bad = _bad(steps, offsets)[some]
+    steps = with_lost_fixes(_placed(steps, offsets).select(some))
     everyone = tuple(range(len(steps.receivers)))
     rows = _looked_at(steps)
     found = _jumps(steps, rows, everyone, bad[rows])
@@ -73,7 +78,7 @@ def lasting_errors(steps: Steps, offsets: Offsets) -> list[LastingError]:
     for some in dict.fromkeys([*([] if fast is None else [fast]), *_while_one_lacks(steps)]):
         found = sorted([*found, *_alone(steps, some, found)], key=lambda one: one.after)
     found = sorted([*found, *_missing(steps, rows, bad[rows], found)], key=lambda one: one.after)
-    return _episodes(steps, found)
+    return _episodes(recorded, found)
 
 
 def _looked_at(steps: Steps) -> Ints:
@@ -224,9 +229,9 @@ def changed(steps: Steps, offsets: Offsets) -> LastingError | None:
     every = np.flatnonzero(steps.complete)
     rows = every[~_single(offsets)]
     rows = rows[:: max(len(rows) // MOST, 1)]
-    placed = _placed(steps, offsets)
-    whole = with_lost_fixes(placed)
-    looked, bad = _looked_at(whole), _bad(steps, offsets)
+    placed, some = _placed(steps, offsets), spaced_rows(steps)
+    whole = with_lost_fixes(placed.select(some))
+    looked, bad = _looked_at(whole), _bad(steps, offsets)[some]
     everyone = tuple(range(len(steps.receivers)))
     about = [_motion(whole, looked, everyone, bad[looked])]
     for some in _while_one_lacks(whole):
@@ -264,7 +269,7 @@ def smallest_seen(steps: Steps, offsets: Offsets) -> float:
 
     Infinite where the steps are too few. Parameters as in `lasting_errors`.
     """
-    steps = with_lost_fixes(_placed(steps, offsets))
+    steps = with_lost_fixes(_placed(steps, offsets).select(spaced_rows(steps)))
     fast = _often(steps)
     least = np.inf
     for some in (tuple(range(len(steps.receivers))), *([] if fast is None else [fast])):

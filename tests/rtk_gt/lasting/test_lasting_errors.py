@@ -9,7 +9,7 @@ from rtk_gt.lasting.continuity import gain_over_motion
 from rtk_gt.lasting.contrasts import step_weights
 from rtk_gt.lasting.drive_sums import DriveSums
 from rtk_gt.lasting.jumps import GAIN_OVER_MOTION
-from rtk_gt.lasting.lacking_fixes import filled
+from rtk_gt.lasting.lacking_fixes import filled, spaced_rows
 from rtk_gt.lasting.settled import settle
 from rtk_gt.offsets.estimate import estimate_offsets
 from rtk_gt.offsets.memory import error_model
@@ -218,6 +218,27 @@ def test_receivers_of_unequal_rates_show_who_it_was(who, size, last):
     first = 150.4 if 0 not in who else 151.0
     assert abs(error.start - made.steps.times[0] - first) < 0.41 + (0 in who)
     assert error.stays == (last is None)
+
+
+@pytest.mark.parametrize(
+    ("who", "size"), [((0, 1, 2), (0.07, -0.10, 0.03)), ((1, 2), (0.05, -0.06, 0.02))]
+)
+def test_receivers_of_three_rates_show_a_jump(who, size):
+    made = made_drive(21, WHITE, seconds=300.0, every=(1.0, 0.2, 0.1))
+    bad = made.jumped(list(who), rows_from(made, 150.0), np.array(size))
+    (found,) = settle(bad.steps)[1]
+    assert found.receivers == who
+    assert abs(found.start - made.steps.times[0] - 150.0) < 0.41
+    off = found.size - size
+    assert off @ np.linalg.solve(found.covariance, off) < 16.3  # 99.9 % of three normal numbers
+    assert settle(made.steps)[1] == []
+
+
+def test_of_dense_epochs_those_with_most_fixes_are_looked_at():
+    made = made_drive(21, WHITE, seconds=60.0, every=(1.0, 0.2, 0.1))
+    rows = spaced_rows(made.steps)
+    np.testing.assert_allclose(np.diff(made.steps.times[rows]), 0.2, atol=1e-6)
+    assert (made.steps.kinds[rows][:, :2] == 4).sum() == (made.steps.kinds[:, :2] == 4).sum()
 
 
 def test_a_false_fix_too_small_for_its_motion_is_found_by_the_whole_drive():
