@@ -68,9 +68,9 @@ def lasting_errors(steps: Steps, offsets: Offsets) -> list[LastingError]:
     offsets : Offsets
         Of the receivers, to a decimetre.
     """
-    recorded, some = steps, spaced_rows(steps)
-    bad = _bad(steps, offsets)[some]
-    steps = with_lost_fixes(_placed(steps, offsets).select(some))
+    recorded, spaced = steps, spaced_rows(steps)
+    bad = _bad(steps, offsets)[spaced]
+    steps = with_lost_fixes(_placed(steps, offsets).select(spaced))
     everyone = tuple(range(len(steps.receivers)))
     rows = _looked_at(steps)
     found = _jumps(steps, rows, everyone, bad[rows])
@@ -234,9 +234,9 @@ def changed(steps: Steps, offsets: Offsets) -> LastingError | None:
     looked, bad = _looked_at(whole), _bad(steps, offsets)[some]
     everyone = tuple(range(len(steps.receivers)))
     about = [_motion(whole, looked, everyone, bad[looked])]
-    for some in _while_one_lacks(whole):
-        shared = np.flatnonzero((whole.kinds[:, some] == RTK_FIXED).all(1))
-        about.append(_motion(whole, shared, some, np.zeros(len(shared), dtype=bool)))
+    for others in _while_one_lacks(whole):
+        shared = np.flatnonzero((whole.kinds[:, others] == RTK_FIXED).all(1))
+        about.append(_motion(whole, shared, others, np.zeros(len(shared), dtype=bool)))
     found = find_change(steps.times[rows], placed.positions[rows], offsets, about)
     if found is None:
         return None

@@ -234,6 +234,18 @@ def test_receivers_of_three_rates_show_a_jump(who, size):
     assert settle(made.steps)[1] == []
 
 
+def test_the_size_of_a_restart_under_slow_errors_is_within_its_covariance():
+    """Slow errors make the means before and after differ by a centimetre by themselves."""
+    size, squares = np.array([0.10, -0.08, 0.06]), []
+    for seed in range(61, 65):
+        made = made_drive(seed, Errors(0.003, 0.010, 60.0), seconds=300.0)
+        (found,) = settle(made.jumped([1, 2], rows_from(made, 150.0), size).steps)[1]
+        assert found.receivers == (1, 2)
+        squares.append((found.size - size) @ np.linalg.solve(found.covariance, found.size - size))
+    # 99.9 % of twelve normal numbers, and 0.1 %.
+    assert 2.2 < sum(squares) < 32.9
+
+
 def test_of_dense_epochs_those_with_most_fixes_are_looked_at():
     made = made_drive(21, WHITE, seconds=60.0, every=(1.0, 0.2, 0.1))
     rows = spaced_rows(made.steps)
