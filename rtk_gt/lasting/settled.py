@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 from rtk_gt.lasting.causes import GAIN, SMALLEST
 from rtk_gt.lasting.errors import changed, lasting_errors
 from rtk_gt.lasting.first_offsets import first_offsets
-from rtk_gt.lasting.jumps_back import contradicts, end_by_the_drive
+from rtk_gt.lasting.jumps_back import contradicts, span_by_the_drive
 from rtk_gt.lasting.lasting_error import (
     LARGEST_RESTART,
     JumpErrors,
@@ -161,8 +161,8 @@ def _told_apart(
 ) -> tuple[list[LastingError], LastingError]:
     """Errors with the one that the whole drive shows in the place of others at its time.
 
-    Whose jump it was the whole drive tells better than the seconds about it. If it shows the same
-    receivers, it leaves fewer others in doubt.
+    Whose jump it was the whole drive tells better than the seconds about it, where it tells more.
+    If it shows the same receivers, it leaves fewer others in doubt.
     """
     here = [one for one in found if one.stays and _at_one_time(one, whole)]
     of_all = [one for one in here if len(one.receivers) == receivers and not one.alike]
@@ -172,6 +172,8 @@ def _told_apart(
             return list(found), whole  # beside it
         whole = others
     same = [one for one in here if one.receivers == whole.receivers]
+    if not same and any(one.gain > whole.gain for one in here):
+        return list(found), whole
     told = [replace(one, alike=tuple(a for a in one.alike if a in whole.alike)) for one in same]
     told = told or ([whole] if here else [])
     return [*(one for one in found if one not in here), *told], whole
@@ -186,7 +188,7 @@ def _at_one_time(one: LastingError, other: LastingError) -> bool:
 def _with_ends(
     steps: Steps, quick: Callable[[Steps], Offsets], found: Sequence[LastingError]
 ) -> list[LastingError]:
-    """The errors, those of one receiver with the ends that no motion shows."""
+    """The errors, those of one receiver with the ends or beginnings that no motion shows."""
     ended = list(found)
     for k, one in enumerate(found):
         if not one.stays or len(one.receivers) > 1:
@@ -198,10 +200,11 @@ def _with_ends(
         if not offsets.known:
             continue
         placed = rest.corrected(offsets.offsets).select(rest.complete)
-        end = end_by_the_drive(placed.times, placed.positions, offsets, one)
-        if end is not None:
-            epochs = epochs_with(steps, one.receivers, one.start, end)
-            ended[k] = replace(one, end=end, epochs=epochs)
+        span = span_by_the_drive(placed.times, placed.positions, offsets, one)
+        if span is not None:
+            size = one.size if span[0] == one.start else -one.size
+            epochs = epochs_with(steps, one.receivers, *span)
+            ended[k] = replace(one, start=span[0], end=span[1], size=size, epochs=epochs)
     return ended
 
 
