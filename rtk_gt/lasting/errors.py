@@ -11,7 +11,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 
 from rtk_gt.lasting.causes import SMALLEST_OF_ALL, causes_of
 from rtk_gt.lasting.edges import Motion
-from rtk_gt.lasting.jumps import Jump, find_jumps, least_of_all
+from rtk_gt.lasting.jumps import Jump, find_jumps, least_of_all, least_of_some
 from rtk_gt.lasting.jumps_back import LONGEST_FALSE, missing_jumps, passed
 from rtk_gt.lasting.lacking_fixes import (
     OFTEN,
@@ -279,6 +279,17 @@ def smallest_seen(steps: Steps, offsets: Offsets) -> float:
         times, positions = _thinned(steps, rows, some, np.zeros(len(rows), dtype=bool))
         least = min(least, least_of_all(times, positions, _headings(times, positions)))
     return least
+
+
+def smallest_of_some(steps: Steps, offsets: Offsets) -> tuple[float, float]:
+    """The same of jumps of some receivers, whichever, level and upwards, metres."""
+    steps = with_lost_fixes(_placed(steps, offsets).select(spaced_rows(steps)))
+    rows = _looked_at(steps)
+    if len(rows) < 2:
+        return np.inf, np.inf
+    everyone = tuple(range(len(steps.receivers)))
+    times, positions = _thinned(steps, rows, everyone, np.zeros(len(rows), dtype=bool))
+    return least_of_some(times, positions, _headings(times, positions))
 
 
 def _jumps(steps: Steps, rows: Ints, columns: tuple[int, ...], bad: Bools) -> list[_Timed]:
