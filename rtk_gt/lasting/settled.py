@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from scipy.linalg import block_diag
 
-from rtk_gt.lasting.causes import GAIN, SMALLEST
+from rtk_gt.lasting.causes import GAIN, SMALLEST, UNSURE
 from rtk_gt.lasting.errors import changed, lasting_errors
 from rtk_gt.lasting.first_offsets import first_offsets
 from rtk_gt.lasting.jumps_back import contradicts, span_by_the_drive
@@ -143,14 +143,26 @@ def _by_the_drive(
             if of and not other.stays and other.receivers == one.receivers
             and contradicts(other, one)
         ]  # fmt: skip
-        one = shown[0] if shown else one
+        single = [
+            other for other in found
+            if not other.stays and len(other.receivers) == 1 < len(one.receivers)
+            and _same_span(other, one)
+        ]  # fmt: skip
+        # A false fix is one receiver's.
+        one = (shown or single or [one])[0]
         passing.append(one)
-        found = [other for other, of in zip(found, part, strict=True) if not of]
+        found = [
+            other for other, of in zip(found, part, strict=True) if not of and other is not one
+        ]
         rest = without_errors(steps, [*of_all, *passing])
         if int(rest.complete.sum()) < FEWEST_STEPS:
             break
         offsets = first_offsets(rest, quick)
     stays = one if one is not None and one.stays else None
+    rest = without_errors(steps, passing)
+    if passing and int(rest.complete.sum()) >= FEWEST_STEPS:
+        # What an error leaves in the distances as the vehicle turns passes for other jumps.
+        found = lasting_errors(rest, first_offsets(rest, quick))
     if stays:
         found, stays = _told_apart(found, stays, len(steps.receivers))
     return sorted([*found, *passing], key=lambda one: one.start), stays
@@ -177,6 +189,12 @@ def _told_apart(
     told = [replace(one, alike=tuple(a for a in one.alike if a in whole.alike)) for one in same]
     told = told or ([whole] if here else [])
     return [*(one for one in found if one not in here), *told], whole
+
+
+def _same_span(one: LastingError, other: LastingError) -> bool:
+    """Whether two errors begin and end together, as nearly as noise leaves it."""
+    margin = (UNSURE + 0.5) * max(one.spacing, other.spacing)
+    return abs(one.start - other.start) < margin and abs(one.end - other.end) < margin
 
 
 def _at_one_time(one: LastingError, other: LastingError) -> bool:

@@ -47,7 +47,13 @@ def test_a_jump_is_seen_whole_beside_any_speed_and_acceleration(side):
 
 
 @pytest.mark.parametrize(
-    ("who", "size"), [((1, 2), (0.03, -0.035, 0.02)), ((0, 1, 2), (0.06, -0.07, 0.04))]
+    ("who", "size"),
+    [
+        ((1, 2), (0.03, -0.035, 0.02)),
+        ((0, 1, 2), (0.06, -0.07, 0.04)),
+        # On a slope of a few percent it is centimetres above the road.
+        ((0, 1, 2), (-0.9, 0.6, 0.2)),
+    ],
 )
 def test_a_jump_that_stays_is_found_and_taken_out(who, size):
     made = made_drive(11, WHITE, seconds=300.0)
