@@ -29,6 +29,8 @@ from validation.poses.angles import Array
 GAIN_BACK = 25.0
 """Gain, as `GAIN`, of the one number of a jump back whose size is known, within `LONGEST_FALSE`: in
 one of 2 million intervals."""
+GAIN_BACK_ABOUT = 35.0
+"""The same where its three numbers are known about: in one of ten million."""
 LONGEST_FALSE = 120.0
 """Seconds after which a jump and one back are no false fix any more: a judgement, receivers check
 their ambiguities within a minute."""
@@ -171,7 +173,7 @@ def missing_jumps(
         views = [contrasts(times, rest, headings, sides) for sides in sides_of(times)]
         backs = [_back(times, headings, seen, one, count) for seen in views if seen is not None]
         best = max(backs, key=lambda back: back.gain)
-        if best.gain > GAIN_BACK:
+        if best.gain > GAIN_BACK_ABOUT:
             new.append(best)
     return new
 

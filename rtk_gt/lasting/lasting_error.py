@@ -136,6 +136,27 @@ def left_out(error: LastingError) -> tuple[float, float]:
     return begin, end
 
 
+def same_span(one: LastingError, other: LastingError) -> bool:
+    """Whether two errors begin and end together, as nearly as noise leaves it."""
+    margin = (UNSURE + 0.5) * max(one.spacing, other.spacing)
+    return abs(one.start - other.start) < margin and abs(one.end - other.end) < margin
+
+
+def ends_with(one: LastingError, whole: LastingError) -> bool:
+    """Whether an error ends when another one of the same receivers begins, which stays.
+
+    The end is that beginning, and the seconds about it do not tell which of the two it was.
+    """
+    begin, end = left_out(whole)
+    return not one.stays and one.receivers == whole.receivers and begin <= one.end <= end
+
+
+def at_one_time(one: LastingError, other: LastingError) -> bool:
+    """Whether two errors may have begun together."""
+    (begin, end), (start, last) = left_out(one), left_out(other)
+    return begin <= last and start <= end
+
+
 def ended(steps: Steps, one: LastingError, other: LastingError) -> LastingError | None:
     """The first of two errors that stay, ended by the second if that is the jump back; else None.
 

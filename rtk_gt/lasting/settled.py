@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from scipy.linalg import block_diag
 
-from rtk_gt.lasting.causes import GAIN, SMALLEST, UNSURE
+from rtk_gt.lasting.causes import GAIN, SMALLEST
 from rtk_gt.lasting.errors import changed, lasting_errors
 from rtk_gt.lasting.first_offsets import first_offsets
 from rtk_gt.lasting.jumps_back import contradicts, span_by_the_drive
@@ -15,14 +15,16 @@ from rtk_gt.lasting.lasting_error import (
     LARGEST_RESTART,
     JumpErrors,
     LastingError,
+    at_one_time,
     beyond_a_base,
     by_motion,
     difference,
     ended,
+    ends_with,
     epochs_with,
-    left_out,
     of_the_others,
     or_others,
+    same_span,
     starting_rows,
     who_has,
     without_errors,
@@ -126,10 +128,7 @@ def _by_the_drive(
     """
     passing: list[LastingError] = []
     # No distance shows what all do; their motion must not pass for that of another error.
-    of_all = [
-        one for one in found
-        if one.stays and len(one.receivers) == len(steps.receivers) and not one.alike
-    ]  # fmt: skip
+    of_all = [one for one in found if one.stays and len(one.receivers) == len(steps.receivers)]
     rest, one = without_errors(steps, of_all), None
     offsets = first_offsets(rest, quick) if of_all else offsets
     for _ in range(MOST_RESTARTS):
@@ -146,7 +145,7 @@ def _by_the_drive(
         single = [
             other for other in found
             if not other.stays and len(other.receivers) == 1 < len(one.receivers)
-            and _same_span(other, one)
+            and same_span(other, one)
         ]  # fmt: skip
         # A false fix is one receiver's.
         one = (shown or single or [one])[0]
@@ -159,10 +158,9 @@ def _by_the_drive(
             break
         offsets = first_offsets(rest, quick)
     stays = one if one is not None and one.stays else None
-    rest = without_errors(steps, passing)
     if passing and int(rest.complete.sum()) >= FEWEST_STEPS:
         # What an error leaves in the distances as the vehicle turns passes for other jumps.
-        found = lasting_errors(rest, first_offsets(rest, quick))
+        found = [*of_all, *lasting_errors(rest, offsets)]
     if stays:
         found, stays = _told_apart(found, stays, len(steps.receivers))
     return sorted([*found, *passing], key=lambda one: one.start), stays
@@ -176,31 +174,20 @@ def _told_apart(
     Whose jump it was the whole drive tells better than the seconds about it, where it tells more.
     If it shows the same receivers, it leaves fewer others in doubt.
     """
-    here = [one for one in found if one.stays and _at_one_time(one, whole)]
-    of_all = [one for one in here if len(one.receivers) == receivers and not one.alike]
+    here = [one for one in found if one.stays and at_one_time(one, whole)]
+    here += [one for one in found if ends_with(one, whole)]
+    of_all = [one for one in here if len(one.receivers) == receivers]
     for one in of_all:
         others = of_the_others(one, whole, receivers)
         if others is None:
             return list(found), whole  # beside it
         whole = others
-    same = [one for one in here if one.receivers == whole.receivers]
+    same = [one for one in here if one.stays and one.receivers == whole.receivers]
     if not same and any(one.gain > whole.gain for one in here):
         return list(found), whole
     told = [replace(one, alike=tuple(a for a in one.alike if a in whole.alike)) for one in same]
     told = told or ([whole] if here else [])
     return [*(one for one in found if one not in here), *told], whole
-
-
-def _same_span(one: LastingError, other: LastingError) -> bool:
-    """Whether two errors begin and end together, as nearly as noise leaves it."""
-    margin = (UNSURE + 0.5) * max(one.spacing, other.spacing)
-    return abs(one.start - other.start) < margin and abs(one.end - other.end) < margin
-
-
-def _at_one_time(one: LastingError, other: LastingError) -> bool:
-    """Whether two errors may have begun together."""
-    (begin, end), (start, last) = left_out(one), left_out(other)
-    return begin <= last and start <= end
 
 
 def _with_ends(
@@ -260,7 +247,7 @@ def _rest_of(one: LastingError, another: LastingError, receivers: int) -> Array 
     """What a jump that stays lacks, if another is at its time and of its receivers; else None."""
     if not (one.stays and another.stays):
         return None
-    if not _at_one_time(one, another):
+    if not at_one_time(one, another):
         return None
     others = tuple(k for k in range(receivers) if k not in one.receivers)
     ways = {one.receivers: 1.0, others: -1.0}
@@ -278,14 +265,29 @@ def _those_that_stay(
     The motion about a time may show the end of an error that has gone, or a jolt.
     """
     found = sorted(found, key=lambda one: one.start)
+    everyone = tuple(range(len(steps.receivers)))
     while errors:
         errors, jumps = _settled_sizes(steps, quick, errors, found)
+        of_all = [_as_one_of_all(*both, everyone) for both in zip(found, errors, strict=True)]
+        if any(of_all):
+            found = [of or one for of, one in zip(of_all, found, strict=True)]
+            errors = [of or one for of, one in zip(of_all, errors, strict=True)]
+            continue
         kept = [not one.stays or (one.length >= SMALLEST and _clear(one)) for one in errors]
         if all(kept):
             return list(found), errors, jumps
         errors = [one for one, stays in zip(errors, kept, strict=True) if stays]
         found = [one for one, stays in zip(found, kept, strict=True) if stays]
     return [], [], None
+
+
+def _as_one_of_all(
+    found: LastingError, settled: LastingError, everyone: tuple[int, ...]
+) -> LastingError | None:
+    """A jump of some receivers as one of all, if the distances do not show what the motion did."""
+    if not settled.stays or everyone not in found.alike or not contradicts(found, settled):
+        return None
+    return replace(found, receivers=everyone, alike=())
 
 
 def _clear(error: LastingError) -> bool:
