@@ -12,6 +12,8 @@ from itertools import product
 import numpy as np
 from trials.straight_roads import KNOWLEDGE, ROADS, knowledge_of, prior_of, road_of, sizes, solved
 
+from rtk_gt.campaign.solve import prepare
+from rtk_gt.settings import RtkSettings
 from validation.errors import GtvalError
 
 REASONS = (
@@ -34,11 +36,12 @@ def main() -> None:
     first, count = (int(n) for n in (sys.argv[1:] + ["100", "5"][len(sys.argv) - 1 :])[:2])
     accepted, refused, errors = Counter(), Counter(), []
     for seed in range(first, first + count):
-        for kind, what in product(ROADS, KNOWLEDGE):
-            road = road_of(seed, **kind)
+        roads = [(kind, road_of(seed, **kind)) for kind in ROADS]
+        ready = [(kind, road, prepare(road.steps, RtkSettings())) for kind, road in roads]
+        for (kind, road, made), what in product(ready, KNOWLEDGE):
             prior = prior_of(*knowledge_of(road, what, seed))
             try:
-                worst = max(sizes(road, *solved(road.steps, prior)))
+                worst = max(sizes(road, *solved(road.steps, prior, ready=made)))
             except GtvalError as error:
                 refused[what, reason_of(error)] += 1
                 continue

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from data_samples.drives.drive import ANTENNAS
-from rtk_gt.campaign.solve import offsets_of, prepare
+from rtk_gt.campaign.solve import Prepared, offsets_of, prepare
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.path.antennas import Places
 from rtk_gt.path.choice import Choice, check_attitude
@@ -134,11 +134,17 @@ def prior_of(
 
 
 def solved(
-    steps: Steps, prior: OffsetPrior, settings: RtkSettings | None = None
+    steps: Steps,
+    prior: OffsetPrior,
+    settings: RtkSettings | None = None,
+    ready: Prepared | None = None,
 ) -> tuple[Choice, VehiclePath]:
-    """Choice and path of the whole chain; a GtvalError where it refuses."""
+    """Choice and path of the whole chain; a GtvalError where it refuses.
+
+    What `prepare` makes of the steps is the same whatever is stated, and may be given.
+    """
     settings = settings or RtkSettings()
-    ready = prepare(steps, settings)
+    ready = ready or prepare(steps, settings)
     steps = ready.steps
     chosen, _, model = offsets_of(ready, prior, settings, Places(ANTENNAS[:, 2]))
     rows = np.flatnonzero(steps.complete)[chosen.offsets.weights > 0]

@@ -51,7 +51,8 @@ def fix_modes(records: Sequence[Fixes], posed: Array, max_gap: float) -> Figure:
     axes.set_yticks(
         range(len(records) + 1), [*(record.receiver for record in records), "ground truth"]
     )
-    axes.invert_yaxis()
+    # The row of the ground truth is there where there is none, too.
+    axes.set_ylim(len(records) + 0.5, -0.5)
     axes.set_xlabel("time from the start of the record [s]")
     for kind in sorted(used):
         axes.plot([], [], color=kind_colour(kind), linewidth=6, label=FIX_NAMES[kind])
@@ -186,7 +187,7 @@ def reception(records: Sequence[Fixes]) -> Figure:
         above.step(
             elapsed[known], record.satellites[known], where="post", label=record.receiver, **style
         )
-        below.plot(elapsed, record.hdop, **style)
+        below.step(elapsed, record.hdop, where="post", **style)
     above.set_ylabel("satellites")
     above.yaxis.set_major_locator(MaxNLocator(integer=True))
     below.set_ylabel("HDOP")

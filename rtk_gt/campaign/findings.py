@@ -54,7 +54,11 @@ def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
         *_consistency(outcome),
         *clock_findings(outcome),
         *lasting_findings(outcome),
-        *(() if too_coarse(outcome.records) else unseen_findings(outcome)),
+        *(
+            ()
+            if too_coarse(outcome.records)
+            else unseen_findings(outcome, outcome.smallest_of_some)
+        ),
         *_leaps(outcome),
         *_assumed(outcome),
         *_records(outcome),

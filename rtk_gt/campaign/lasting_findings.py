@@ -69,8 +69,13 @@ def lasting_findings(outcome: WithJumps) -> Iterator[Finding]:
         yield Finding("warning", text, SUBJECT, "many_jumps", size)
 
 
-def unseen_findings(outcome: WithJumps) -> Iterator[Finding]:
-    """That a jump of all receivers may be in the drive unseen, between fixes and over gaps."""
+def unseen_findings(
+    outcome: WithJumps, of_some: tuple[float, float] | None = None
+) -> Iterator[Finding]:
+    """That jumps may be in the drive unseen: of all receivers, between fixes and over gaps.
+
+    And of some, level and upwards, metres.
+    """
     least, found = outcome.smallest_seen, outcome.coverage
     said = f"of less than some {100 * least:.0f} cm" if np.isfinite(least) else "of any size"
     of_all = "of all receivers " if len(outcome.steps.receivers) > 1 else ""
@@ -78,6 +83,15 @@ def unseen_findings(outcome: WithJumps) -> Iterator[Finding]:
         f"A jump {of_all}{said} would not be seen in this record: the vehicle moves more "
         "than that by itself between its fixes. "
     )
+    sizes = [Size("smallest jump of all that is seen", least, "m")] if np.isfinite(least) else []
+    if of_some is not None and np.isfinite(of_some).all():
+        level, up = (f"{100 * one:.0f} cm" if one < 1 else "1 m and more" for one in of_some)
+        text += (
+            f"Nor would one of some of them, or a false fix, of less than some {level} level or "
+            f"{up} upwards, unless the whole drive tells it. "
+        )
+        names = ("smallest jump of some level", "smallest jump of some upwards")
+        sizes += [Size(name, one, "m") for name, one in zip(names, of_some, strict=True)]
     gaps = [gap for gap in found.gaps if gap.duration > found.max_gap]
     if gaps:
         last = "lasts" if len(gaps) == 1 else "last"
@@ -88,7 +102,6 @@ def unseen_findings(outcome: WithJumps) -> Iterator[Finding]:
     if least > LARGEST_UNSEEN:
         text += "Record at 5 Hz or more if the base station may restart. "
     text += "Compare the base station's coordinates before and after the drive."
-    sizes = [Size("smallest jump of all that is seen", least, "m")] if np.isfinite(least) else []
     sizes += [Size("gaps over which none is seen", len(gaps), "gaps")] if gaps else []
     yield Finding("note", text, SUBJECT, "jumps_unseen", tuple(sizes))
 

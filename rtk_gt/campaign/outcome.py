@@ -48,6 +48,8 @@ class RtkOutcome:
         By how much the receivers' clocks were off; None where they were not.
     smallest_seen : float
         Metres of a jump of all receivers that half of the intervals would show.
+    smallest_of_some : (float, float)
+        The same of some receivers, level and upwards.
     prior : OffsetPrior
         What campaign.toml states of offsets and distances.
     stated : PriorCheck, optional
@@ -91,6 +93,7 @@ class RtkOutcome:
     lasting: tuple[LastingError, ...]
     clocks: Clocks | None
     smallest_seen: float
+    smallest_of_some: tuple[float, float]
     prior: OffsetPrior
     stated: PriorCheck | None
     offsets: Offsets

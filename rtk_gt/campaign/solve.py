@@ -9,7 +9,7 @@ import numpy as np
 from rtk_gt.campaign.digits import too_coarse
 from rtk_gt.campaign.inputs import antenna_places, check_places, load_drive, offset_prior
 from rtk_gt.campaign.outcome import RtkOutcome
-from rtk_gt.lasting.errors import smallest_seen
+from rtk_gt.lasting.errors import smallest_of_some, smallest_seen
 from rtk_gt.lasting.lasting_error import JumpErrors, LastingError
 from rtk_gt.lasting.settled import settle
 from rtk_gt.offsets.checks import PriorCheck, check_prior, check_units
@@ -111,6 +111,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
         lasting=tuple(ready.lasting),
         clocks=ready.clocks,
         smallest_seen=ready.smallest_seen,
+        smallest_of_some=ready.smallest_of_some,
         noise=noise,
         model=model,
         common=common,
@@ -162,6 +163,7 @@ class Prepared(NamedTuple):
     jumps: JumpErrors | None
     model: ErrorModel | None
     smallest_seen: float
+    smallest_of_some: tuple[float, float]
     quick: Offsets
 
 
@@ -193,7 +195,8 @@ def prepare(
         steps, eta=settings.eta, robust=settings.robust, bent="never", prior=prior
     )
     model = error_model(steps, quick)
-    return Prepared(steps, clocks, lasting, jumps, model, smallest_seen(steps, quick), quick)
+    of_all, of_some = smallest_seen(steps, quick), smallest_of_some(steps, quick)
+    return Prepared(steps, clocks, lasting, jumps, model, of_all, of_some, quick)
 
 
 def offsets_of(

@@ -70,12 +70,12 @@ class DriveSums:
         """
         return _solved(*self._evidence(first, last))
 
-    def gains_of(self, first: int, last: Ints, known: tuple[Array, Array]) -> Array:
-        """(m,) gains of an error of a known size, with its covariance, that ends at some epochs.
+    def gains_of(self, first: Ints, last: Ints, known: tuple[Array, Array]) -> Array:
+        """(m,) gains of an error of a known size, with its covariance, in the epochs [first, last).
 
         The design is that about this size, with its fourth column.
         """
-        information, score = self._evidence(np.full(len(last), first), last)
+        information, score = self._evidence(first, last)
         size = np.append(known[0], 1.0)
         gains = 2 * score @ size - np.einsum("mab,a,b->m", information, size, size)
         right = (score - information @ size)[:, :3]

@@ -11,9 +11,16 @@ from scipy.ndimage import median_filter, uniform_filter1d
 
 from rtk_gt.lasting.causes import SMALLEST_OF_ALL, causes_of
 from rtk_gt.lasting.edges import Motion
-from rtk_gt.lasting.jumps import Jump, find_jumps, least_of_all
+from rtk_gt.lasting.jumps import Jump, find_jumps, least_of_all, least_of_some
 from rtk_gt.lasting.jumps_back import LONGEST_FALSE, missing_jumps, passed
-from rtk_gt.lasting.lacking_fixes import OFTEN, often, own_interval, with_lost_fixes
+from rtk_gt.lasting.lacking_fixes import (
+    OFTEN,
+    SPACING,
+    often,
+    own_interval,
+    spaced_rows,
+    with_lost_fixes,
+)
 from rtk_gt.lasting.lasting_error import LastingError, epochs_with
 from rtk_gt.lasting.restarts import find_change
 from rtk_gt.lasting.seen_from_vehicle import baseline_headings
@@ -24,9 +31,6 @@ from validation.poses.angles import Array
 
 FASTER = 1.5
 """Times as many epochs that some receivers must have together to be looked at by themselves."""
-SPACING = 0.2
-"""Seconds between the epochs that are looked at, of those that are nearer: all tell no more of what
-lasts for seconds, and a vehicle goes only so far in that time."""
 MOST = 4000
 """Epochs at most from which jumps of the offsets are told: enough for every correlation time."""
 COURSE, SLOWEST = 1.0, 0.3
@@ -64,8 +68,9 @@ def lasting_errors(steps: Steps, offsets: Offsets) -> list[LastingError]:
     offsets : Offsets
         Of the receivers, to a decimetre.
     """
-    bad = _bad(steps, offsets)
-    steps = with_lost_fixes(_placed(steps, offsets))
+    recorded, spaced = steps, spaced_rows(steps)
+    bad = _bad(steps, offsets)[spaced]
+    steps = with_lost_fixes(_placed(steps, offsets).select(spaced))
     everyone = tuple(range(len(steps.receivers)))
     rows = _looked_at(steps)
     found = _jumps(steps, rows, everyone, bad[rows])
@@ -73,7 +78,7 @@ def lasting_errors(steps: Steps, offsets: Offsets) -> list[LastingError]:
     for some in dict.fromkeys([*([] if fast is None else [fast]), *_while_one_lacks(steps)]):
         found = sorted([*found, *_alone(steps, some, found)], key=lambda one: one.after)
     found = sorted([*found, *_missing(steps, rows, bad[rows], found)], key=lambda one: one.after)
-    return _episodes(steps, found)
+    return _episodes(recorded, found)
 
 
 def _looked_at(steps: Steps) -> Ints:
@@ -224,14 +229,14 @@ def changed(steps: Steps, offsets: Offsets) -> LastingError | None:
     every = np.flatnonzero(steps.complete)
     rows = every[~_single(offsets)]
     rows = rows[:: max(len(rows) // MOST, 1)]
-    placed = _placed(steps, offsets)
-    whole = with_lost_fixes(placed)
-    looked, bad = _looked_at(whole), _bad(steps, offsets)
+    placed, some = _placed(steps, offsets), spaced_rows(steps)
+    whole = with_lost_fixes(placed.select(some))
+    looked, bad = _looked_at(whole), _bad(steps, offsets)[some]
     everyone = tuple(range(len(steps.receivers)))
     about = [_motion(whole, looked, everyone, bad[looked])]
-    for some in _while_one_lacks(whole):
-        shared = np.flatnonzero((whole.kinds[:, some] == RTK_FIXED).all(1))
-        about.append(_motion(whole, shared, some, np.zeros(len(shared), dtype=bool)))
+    for others in _while_one_lacks(whole):
+        shared = np.flatnonzero((whole.kinds[:, others] == RTK_FIXED).all(1))
+        about.append(_motion(whole, shared, others, np.zeros(len(shared), dtype=bool)))
     found = find_change(steps.times[rows], placed.positions[rows], offsets, about)
     if found is None:
         return None
@@ -264,7 +269,7 @@ def smallest_seen(steps: Steps, offsets: Offsets) -> float:
 
     Infinite where the steps are too few. Parameters as in `lasting_errors`.
     """
-    steps = with_lost_fixes(_placed(steps, offsets))
+    steps = with_lost_fixes(_placed(steps, offsets).select(spaced_rows(steps)))
     fast = _often(steps)
     least = np.inf
     for some in (tuple(range(len(steps.receivers))), *([] if fast is None else [fast])):
@@ -274,6 +279,17 @@ def smallest_seen(steps: Steps, offsets: Offsets) -> float:
         times, positions = _thinned(steps, rows, some, np.zeros(len(rows), dtype=bool))
         least = min(least, least_of_all(times, positions, _headings(times, positions)))
     return least
+
+
+def smallest_of_some(steps: Steps, offsets: Offsets) -> tuple[float, float]:
+    """The same of jumps of some receivers, whichever, level and upwards, metres."""
+    steps = with_lost_fixes(_placed(steps, offsets).select(spaced_rows(steps)))
+    rows = _looked_at(steps)
+    if len(rows) < 2:
+        return np.inf, np.inf
+    everyone = tuple(range(len(steps.receivers)))
+    times, positions = _thinned(steps, rows, everyone, np.zeros(len(rows), dtype=bool))
+    return least_of_some(times, positions, _headings(times, positions))
 
 
 def _jumps(steps: Steps, rows: Ints, columns: tuple[int, ...], bad: Bools) -> list[_Timed]:

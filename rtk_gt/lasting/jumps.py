@@ -16,8 +16,10 @@ from rtk_gt.lasting.causes import (
     GAIN_OF_MOTION,
     LOOKED_AT,
     SMALLEST,
+    SMALLEST_IN_MOTION,
     SMALLEST_OF_ALL,
     UNSURE,
+    causes_of,
     fit_of,
     jumped,
     rotation_within,
@@ -45,6 +47,8 @@ SPOILT, LARGE = 0.05, 0.15
 times what noise makes; and of the jumps that motion must tell alone there."""
 _ROUNDS = 40
 """At most; each takes the first jump of some receivers, and those of all before it."""
+ENOUGH = 2000
+"""Intervals whose median says how well a jump is seen: to a few percent."""
 ALIKE = 9.0
 """Gain by which a cause must be better than another to be told from it: 1 in 100 by chance."""
 
@@ -140,6 +144,28 @@ def least_of_all(times: Array, positions: Array, headings: Array) -> float:
             widest = np.median(np.linalg.eigvalsh(spreads)[:, -1])
             least = min(least, float(np.sqrt(GAIN_OF_MOTION * widest)))
     return max(least, SMALLEST_OF_ALL)
+
+
+def least_of_some(times: Array, positions: Array, headings: Array) -> tuple[float, float]:
+    """Metres of a jump of some receivers, level and upwards, that half of the intervals would show.
+
+    Whoever they are; parameters as of `find_jumps`.
+    """
+    causes = [some for some in causes_of(positions.shape[1]) if len(some) < positions.shape[1]]
+    least = np.full((len(causes), 2), np.inf)
+    for sides in sides_of(times):
+        seen = contrasts(times, positions, headings, sides)
+        if seen is None or not seen.moving.any():
+            continue
+        rows = np.flatnonzero(seen.moving)
+        rows = rows[:: max(len(rows) // ENOUGH, 1)]
+        for k, cause in enumerate(causes):
+            _, _, spreads = fit_of(seen, cause, rows)
+            level = np.linalg.eigvalsh(spreads[:, :2, :2])[:, -1]
+            widest = np.median([level, spreads[:, 2, 2]], axis=1)
+            least[k] = np.minimum(least[k], np.sqrt(GAIN * widest))
+    level, up = np.maximum(least.max(axis=0, initial=0.0), SMALLEST_IN_MOTION)
+    return float(level), float(up)
 
 
 def _greatest(

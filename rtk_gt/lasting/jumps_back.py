@@ -13,6 +13,7 @@ from rtk_gt.lasting.causes import (
     SMALLEST,
     USUAL,
     causes_of,
+    evidence,
     rotation_within,
     tempered,
     told_at,
@@ -22,11 +23,14 @@ from rtk_gt.lasting.drive_sums import DriveSums
 from rtk_gt.lasting.jumps import ALIKE, Jump
 from rtk_gt.lasting.whole_drive import WholeDrive
 from rtk_gt.offsets.estimate import Offsets
+from rtk_gt.receivers.fixes import Ints
 from validation.poses.angles import Array
 
 GAIN_BACK = 25.0
 """Gain, as `GAIN`, of the one number of a jump back whose size is known, within `LONGEST_FALSE`: in
 one of 2 million intervals."""
+GAIN_BACK_ABOUT = 35.0
+"""The same where its three numbers are known about: in one of ten million."""
 LONGEST_FALSE = 120.0
 """Seconds after which a jump and one back are no false fix any more: a judgement, receivers check
 their ambiguities within a minute."""
@@ -158,17 +162,18 @@ def missing_jumps(
             for other in found
         )
     ]  # fmt: skip
-    if not alone:
-        return []
-    positions = positions.copy()
-    for one in found:
-        positions[one.row + 1 :, list(one.receivers)] -= one.size
-    views = [contrasts(times, positions, headings, sides) for sides in sides_of(times)]
     new = []
     for one in alone:
+        # Its own size, of some seconds, is too rough to be taken out: what it leaves turns with the
+        # vehicle.
+        rest = positions.copy()
+        for other in found:
+            if other is not one:
+                rest[other.row + 1 :, list(other.receivers)] -= other.size
+        views = [contrasts(times, rest, headings, sides) for sides in sides_of(times)]
         backs = [_back(times, headings, seen, one, count) for seen in views if seen is not None]
         best = max(backs, key=lambda back: back.gain)
-        if best.gain > GAIN_BACK:
+        if best.gain > GAIN_BACK_ABOUT:
             new.append(best)
     return new
 
@@ -186,24 +191,28 @@ def _back(times: Array, headings: Array, seen: Contrasts, one: Jump, count: int)
     if len(rows) == 0:
         return replace(one, gain=0.0)
     turns = np.array([rotation_within(headings[row : row + 2]) for row in rows])
+    right, information = evidence(seen, one.receivers, rows)
+    # As well as the size is known, and the jump back may be another by a share.
+    spread = one.covariance + (BACK * np.linalg.norm(one.size)) ** 2 * np.eye(3)
+    known = np.einsum("nji,jk,nkl->nil", turns, np.linalg.inv(spread), turns)
     wanted = np.einsum("nji,j->ni", turns, -one.size)
-    axes = np.einsum("ji,nja->nia", seen.axes, seen.designs(one.receivers)[rows])
-    expected = np.einsum("nia,na->ni", axes, wanted) / seen.sigmas[rows]
-    along = (seen.values[rows] @ seen.axes) / seen.sigmas[rows]
-    share = (expected * along).sum(1) / np.square(expected).sum(1)
-    gains = tempered(np.square(expected).sum(1) * share**2, seen.freedom)
-    gains = np.where(np.abs(share - 1) < 4 * BACK, gains, 0.0)
+    pulled = right + np.einsum("nij,nj->ni", known, wanted)
+    sizes = np.linalg.solve(information + known, pulled[..., None])[..., 0]
+    off = sizes - wanted
+    gains = 2 * (sizes * right).sum(1) - np.einsum("ni,nij,nj->n", sizes, information, sizes)
+    gains = tempered(np.maximum(gains, 0.0), seen.freedom)
+    gains = gains - np.einsum("ni,nij,nj->n", off, known, off)
     best = int(gains.argmax())
-    size = -one.size * share[best]
+    size = turns[best] @ sizes[best]
     row = int(rows[best])
     told = told_at(seen, headings, row, causes_of(count))
     return replace(one, row=row, size=size, gain=float(gains[best]), told=told)
 
 
-def end_by_the_drive(
+def span_by_the_drive(
     times: Array, positions: Array, offsets: Offsets, error: EndingError
-) -> float | None:
-    """First time without an error of one receiver whose end no motion shows; None if it stays.
+) -> tuple[float, float] | None:
+    """First time with and without an error of one receiver that seems to stay; None if it stays.
 
     Parameters
     ----------
@@ -216,24 +225,40 @@ def end_by_the_drive(
     error : EndingError
         With its beginning, its size and what is known of that.
 
+    Returns
+    -------
+    (float, float)
+        From its beginning to an end that no motion shows. Or it ends where it seems to begin, and
+        is the other way.
+
     Notes
     -----
     A receiver that loses its fix and finds it again has another one: that is how false fixes end.
     Distances hardly change with a vertical error, but of a known size they tell how long it lasts.
     """
     drive = WholeDrive.of(times, positions, offsets)
-    n, first = len(times), int(np.searchsorted(times, error.start - 1e-6))
-    lasts = np.arange(first + FEWEST_DISTANCES, n - FEWEST_DISTANCES)
-    lasts = lasts[times[lasts] - error.start < LONGEST_FALSE]
-    if len(lasts) == 0:
-        return None
-    (who,) = error.receivers
-    seen = drive.as_seen(first, int(lasts[-1]))
+    n, at = len(times), int(np.searchsorted(times, error.start - 1e-6))
+    rows = np.arange(FEWEST_DISTANCES, n - FEWEST_DISTANCES)
+    rows = rows[np.abs(times[rows] - error.start) < LONGEST_FALSE]
+    lasts, firsts = rows[rows >= at + FEWEST_DISTANCES], rows[rows <= at - FEWEST_DISTANCES]
     weight, _ = drive.weight(drive.residuals)
-    sums = DriveSums.of(drive.own, drive.error(who, error.size), seen, weight)
-    known = error.size, error.covariance
-    gains, stays = sums.gains_of(first, lasts, known), sums.gains_of(first, np.array([n]), known)
-    best = int(gains.argmax())
-    if gains[best] - max(float(stays[0]), 0.0) < GAIN_BACK:
-        return None
-    return float(times[lasts[best]])
+    (who,) = error.receivers
+
+    def gains(first: Ints, last: Ints, sign: float) -> Array:
+        """(m,) gains of errors in the epochs [first, last)."""
+        size = sign * error.size
+        seen = drive.as_seen(int(first.min()), int(last.max()))
+        sums = DriveSums.of(drive.own, drive.error(who, size), seen, weight)
+        return sums.gains_of(first, last, (size, error.covariance))
+
+    stays = max(float(gains(np.array([at]), np.array([n]), 1.0)[0]), 0.0)
+    best, span = stays + GAIN_BACK, None
+    if len(lasts):
+        ends = gains(np.full(len(lasts), at), lasts, 1.0)
+        if ends.max() > best:
+            best, span = ends.max(), (error.start, float(times[lasts[ends.argmax()]]))
+    if len(firsts):
+        begins = gains(firsts, np.full(len(firsts), at), -1.0)
+        if begins.max() > best:
+            span = float(times[firsts[begins.argmax()]]), error.start
+    return span

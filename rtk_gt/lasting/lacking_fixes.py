@@ -18,11 +18,30 @@ from validation.poses.angles import Array
 
 T = TypeVar("T", bound=np.generic)
 
+SPACING = 0.2
+"""Seconds between the epochs that are looked at, of those that are nearer: all tell no more of what
+lasts for seconds, and a vehicle goes only so far in that time."""
 OFTEN = 0.6
 """Share of the fixes of the most frequent receiver that others must have to go with it."""
 LEANS = 0.03
 """Metres by which an antenna moves on the vehicle over lost fixes at most, that of a degree at an
 arm of 1.8 m: a jump in the middle of them would be two of half its size."""
+
+
+def spaced_rows(steps: Steps) -> Ints:
+    """Rows of the steps that are `SPACING` apart, or as far as they are.
+
+    Of several such choices the one with most fixes: a receiver that writes ten times a second then
+    goes with those that write five times, and none seems to write seldom beside it.
+    """
+    apart = np.diff(steps.times)
+    # The mean of the usual ones: stamps may be rounded, and an hour has a hundred thousand.
+    usual = apart[apart < 1.5 * np.median(apart)] if len(apart) else apart
+    every = float(usual.mean()) if len(usual) else SPACING
+    stride = max(round(SPACING / every), 1)
+    place = np.rint((steps.times - steps.times[:1]) / every).astype(int) % stride
+    fixes = np.bincount(place, (steps.kinds == RTK_FIXED).sum(1), stride)
+    return np.flatnonzero(place == int(fixes.argmax()))
 
 
 def with_lost_fixes(steps: Steps) -> Steps:

@@ -6,14 +6,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from rtk_gt.lasting.jumps_back import LONGEST_FALSE, mismatch
+from rtk_gt.lasting.causes import UNSURE
+from rtk_gt.lasting.jumps_back import LONGEST_FALSE, contradicts, mismatch
 from rtk_gt.offsets.estimate import Offsets
-from rtk_gt.receivers.fixes import RTK_FIXED
+from rtk_gt.receivers.fixes import RTK_FIXED, Bools
 from rtk_gt.receivers.steps import Steps
 from validation.poses.angles import Array
 
 EITHER = 0.25
 """Variance of which of two equally likely causes it was: of a number that is 0 or 1."""
+NOT_USED = -1
+"""Kind of a fix that is left out."""
 LARGEST_RESTART = 10.0
 """Metres by which the coordinates of a base station change at most where it restarts: a judgement;
 those of a single point position, the worst that bases take, are off by some metres."""
@@ -96,6 +99,64 @@ def epochs_with(steps: Steps, receivers: tuple[int, ...], start: float, end: flo
     return int((at & fixed).sum())
 
 
+def starting_rows(steps: Steps, error: LastingError) -> Bools:
+    """(t,) True from the first epoch on that has the error."""
+    return np.asarray(steps.times >= error.start - 1e-6)
+
+
+def without_errors(steps: Steps, errors: Sequence[LastingError]) -> Steps:
+    """The steps with errors that stay taken out, and fixes with errors that end left out.
+
+    Some epochs on both sides of a jump are left out, too: noise moves the place where it is found.
+    """
+    positions, kinds = steps.positions.copy(), steps.kinds.copy()
+    for error in errors:
+        if error.stays:
+            positions -= who_has(steps, error)[:, None] * np.where(
+                starting_rows(steps, error)[:, None, None], error.size, 0.0
+            )
+        begin, end = left_out(error)
+        at = (steps.times > begin) & (steps.times < end)
+        kinds[at[:, None] & who_has(steps, error)] = NOT_USED
+    return replace(steps, positions=positions, kinds=kinds)
+
+
+def who_has(steps: Steps, error: LastingError) -> Bools:
+    """(r,) True for the receivers that have the error."""
+    return np.asarray(np.isin(np.arange(len(steps.receivers)), error.receivers))
+
+
+def left_out(error: LastingError) -> tuple[float, float]:
+    """Times between which the receivers' fixes are left out."""
+    margin = (UNSURE + 0.5) * error.spacing
+    last = error.start if error.stays else error.end
+    begin, end = error.start - margin, last + margin - error.spacing
+    if error.stays:
+        begin, end = min(begin, error.window[0]), max(end, error.window[1])
+    return begin, end
+
+
+def same_span(one: LastingError, other: LastingError) -> bool:
+    """Whether two errors begin and end together, as nearly as noise leaves it."""
+    margin = (UNSURE + 0.5) * max(one.spacing, other.spacing)
+    return abs(one.start - other.start) < margin and abs(one.end - other.end) < margin
+
+
+def ends_with(one: LastingError, whole: LastingError) -> bool:
+    """Whether an error ends when another one of the same receivers begins, which stays.
+
+    The end is that beginning, and the seconds about it do not tell which of the two it was.
+    """
+    begin, end = left_out(whole)
+    return not one.stays and one.receivers == whole.receivers and begin <= one.end <= end
+
+
+def at_one_time(one: LastingError, other: LastingError) -> bool:
+    """Whether two errors may have begun together."""
+    (begin, end), (start, last) = left_out(one), left_out(other)
+    return begin <= last and start <= end
+
+
 def ended(steps: Steps, one: LastingError, other: LastingError) -> LastingError | None:
     """The first of two errors that stay, ended by the second if that is the jump back; else None.
 
@@ -114,6 +175,32 @@ def ended(steps: Steps, one: LastingError, other: LastingError) -> LastingError 
         return None
     epochs = epochs_with(steps, first.receivers, first.start, second.start)
     return replace(first, end=second.start, epochs=epochs)
+
+
+def of_the_others(one: LastingError, back: LastingError, receivers: int) -> LastingError | None:
+    """A jump of all and one back of some at its time: one of the others; None if it is not that.
+
+    Parameters
+    ----------
+    one : LastingError
+        Of all receivers.
+    back : LastingError
+        Of some, the other way, such as of one that had no fix meanwhile.
+    receivers : int
+        How many there are.
+    """
+    if contradicts(one, replace(back, size=-back.size)):
+        return None
+    told, more = np.linalg.inv(one.covariance), np.linalg.inv(back.covariance)
+    covariance = np.linalg.inv(told + more)
+    return replace(
+        one,
+        receivers=tuple(k for k in range(receivers) if k not in back.receivers),
+        size=covariance @ (told @ one.size - more @ back.size),
+        covariance=covariance,
+        alike=(),
+        around=(one.size, one.covariance),
+    )
 
 
 @dataclass(frozen=True)

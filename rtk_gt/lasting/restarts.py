@@ -138,7 +138,15 @@ def find_change(
         return None
     some = [one for one in each if one.gain > max(other.gain for other in near) / 2]
     bent = [other for one in some for other in _bent(drive, one)]
-    options = [placed for one in bent for placed in _placed(times, views, one)]
+    # With a large one distances are no straight lines, and only the motion tells when.
+    alone = []
+    if any(np.linalg.norm(one.size) > LARGE for one in bent):
+        alone = [replace(view, seen=of_motion(view.seen)) for view in views]
+    options = [
+        placed
+        for one in bent
+        for placed in _placed(times, alone if np.linalg.norm(one.size) > LARGE else views, one)
+    ]
     options.sort(key=lambda one: -one.total)
     sure = [one for one in options if _sure(one, n, drive.every)]
     if not sure or options[0].total - sure[0].total > ALIKE:
@@ -299,8 +307,6 @@ class _Option:
 def _placed(times: Array, views: Sequence[View], found: _Candidate) -> list[_Option]:
     """The error as the receiver's and as the others', at the intervals that the motion shows."""
     n, r = len(times), len(views[0].motion.columns)
-    if np.linalg.norm(found.size) > LARGE:  # distances are no straight lines so far
-        views = [replace(view, seen=of_motion(view.seen)) for view in views]
     others = tuple(k for k in range(r) if k != found.who)
     names = ["first"] if found.last == n else ["first", "last"]
     options = []

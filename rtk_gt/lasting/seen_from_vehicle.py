@@ -100,8 +100,8 @@ def carried(
         Epochs at which it is wanted, and its own fixes before and after each; where these are one
         it keeps its place on the vehicle.
     most : float
-        Metres by which it moves on the vehicle meanwhile at most: where it moves more, it jumped,
-        and keeps its place before until its next fix.
+        Metres by which it moves on the vehicle meanwhile at most: where it moves more beside all
+        others, it jumped, and keeps its place before until its next fix.
 
     Returns
     -------
@@ -117,15 +117,18 @@ def carried(
     at, before, after = rows
     share = (times[at] - times[before]) / np.maximum(times[after] - times[before], 1e-9)
     told = np.full((len(at), len(others), 3), np.nan)
+    jumps = np.zeros((len(at), len(others)), dtype=bool)
     for n, other in enumerate(others):
         first, last = (
             turned(-headings[end], positions[end, own] - positions[end, other])
             for end in (before, after)
         )
         moves = last - first
-        moves = np.where(np.linalg.norm(moves, axis=1, keepdims=True) > most, 0.0, moves)
-        arm = first + share[:, None] * moves
+        jumps[:, n] = np.linalg.norm(moves, axis=1) > most
+        arm = first + share[:, None] * np.where(jumps[:, n, None], 0.0, moves)
         told[:, n] = positions[at, other] + turned(headings[at], arm)
+    # One of the others that jumps, while it does not beside the rest, tells nothing of it.
+    told[jumps & ~jumps.all(1, keepdims=True)] = np.nan
     found = np.full((len(at), 3), np.nan)
     known = ~np.isnan(told[..., 0]).all(1)
     found[known] = np.nanmean(told[known], axis=1)

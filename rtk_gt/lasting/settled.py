@@ -7,26 +7,34 @@ from functools import partial
 import numpy as np
 from scipy.linalg import block_diag
 
-from rtk_gt.lasting.causes import GAIN, SMALLEST, UNSURE
+from rtk_gt.lasting.causes import GAIN, SMALLEST
 from rtk_gt.lasting.errors import changed, lasting_errors
 from rtk_gt.lasting.first_offsets import first_offsets
-from rtk_gt.lasting.jumps_back import contradicts, end_by_the_drive
+from rtk_gt.lasting.jumps_back import contradicts, span_by_the_drive
 from rtk_gt.lasting.lasting_error import (
     LARGEST_RESTART,
     JumpErrors,
     LastingError,
+    at_one_time,
     beyond_a_base,
     by_motion,
     difference,
     ended,
+    ends_with,
     epochs_with,
+    of_the_others,
     or_others,
+    same_span,
+    starting_rows,
+    who_has,
+    without_errors,
 )
 from rtk_gt.lasting.whole_drive import WholeDrive
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
+from rtk_gt.offsets.memory import error_model
 from rtk_gt.offsets.prior import OffsetPrior
+from rtk_gt.offsets.slow_errors import ErrorModel
 from rtk_gt.receivers.assumptions import ETA, FEWEST_STEPS
-from rtk_gt.receivers.fixes import Bools
 from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
 from validation.poses.angles import Array
@@ -37,8 +45,6 @@ LEAST_LEFT = 0.2
 """Share of the steps that must be left: a judgement; of fewer nobody knows which are right."""
 _ROUNDS, _STAYS = 6, 1e-3
 """At most; and metres that no size changes any more."""
-NOT_USED = -1
-"""Kind of a fix that is left out."""
 
 
 def settle(
@@ -86,10 +92,27 @@ def settle(
             offsets = first_offsets(cleaned, quick)
         another = changed(cleaned, offsets)
         if another is None:
-            return cleaned, errors, jumps
-        settled = errors
+            return _under_slow_errors(steps, quick, cleaned, errors, found, jumps)
+        settled = errors, found
         found, errors = _with_another(steps, found, errors, another)
-    return cleaned, settled, jumps
+    return _under_slow_errors(steps, quick, cleaned, *settled, jumps)
+
+
+def _under_slow_errors(
+    steps: Steps,
+    quick: Callable[[Steps], Offsets],
+    cleaned: Steps,
+    errors: Sequence[LastingError],
+    found: Sequence[LastingError],
+    jumps: JumpErrors | None,
+) -> tuple[Steps, list[LastingError], JumpErrors | None]:
+    """What `settle` returns, with sizes that slow errors of the receivers are allowed for in."""
+    offsets = quick(cleaned)
+    model = error_model(cleaned, offsets) if jumps is not None and offsets.known else None
+    if model is None:
+        return cleaned, list(errors), jumps
+    better, jumps = refined(cleaned, offsets, errors, found, model)
+    return without_errors(steps, better), better, jumps
 
 
 def _by_the_drive(
@@ -105,10 +128,7 @@ def _by_the_drive(
     """
     passing: list[LastingError] = []
     # No distance shows what all do; their motion must not pass for that of another error.
-    of_all = [
-        one for one in found
-        if one.stays and len(one.receivers) == len(steps.receivers) and not one.alike
-    ]  # fmt: skip
+    of_all = [one for one in found if one.stays and len(one.receivers) == len(steps.receivers)]
     rest, one = without_errors(steps, of_all), None
     offsets = first_offsets(rest, quick) if of_all else offsets
     for _ in range(MOST_RESTARTS):
@@ -122,31 +142,58 @@ def _by_the_drive(
             if of and not other.stays and other.receivers == one.receivers
             and contradicts(other, one)
         ]  # fmt: skip
-        one = shown[0] if shown else one
+        single = [
+            other for other in found
+            if not other.stays and len(other.receivers) == 1 < len(one.receivers)
+            and same_span(other, one)
+        ]  # fmt: skip
+        # A false fix is one receiver's.
+        one = (shown or single or [one])[0]
         passing.append(one)
-        found = [other for other, of in zip(found, part, strict=True) if not of]
+        found = [
+            other for other, of in zip(found, part, strict=True) if not of and other is not one
+        ]
         rest = without_errors(steps, [*of_all, *passing])
         if int(rest.complete.sum()) < FEWEST_STEPS:
             break
         offsets = first_offsets(rest, quick)
     stays = one if one is not None and one.stays else None
-    found = [_told_apart(other, stays) for other in found] if stays else found
+    if passing and int(rest.complete.sum()) >= FEWEST_STEPS:
+        # What an error leaves in the distances as the vehicle turns passes for other jumps.
+        found = [*of_all, *lasting_errors(rest, offsets)]
+    if stays:
+        found, stays = _told_apart(found, stays, len(steps.receivers))
     return sorted([*found, *passing], key=lambda one: one.start), stays
 
 
-def _told_apart(one: LastingError, whole: LastingError) -> LastingError:
-    """A jump that stays, with the other causes that the whole drive leaves if it shows the same."""
-    (begin, end), (start, last) = left_out(one), left_out(whole)
-    same = one.stays and one.receivers == whole.receivers and begin <= last and start <= end
-    if not same:
-        return one
-    return replace(one, alike=tuple(other for other in one.alike if other in whole.alike))
+def _told_apart(
+    found: Sequence[LastingError], whole: LastingError, receivers: int
+) -> tuple[list[LastingError], LastingError]:
+    """Errors with the one that the whole drive shows in the place of others at its time.
+
+    Whose jump it was the whole drive tells better than the seconds about it, where it tells more.
+    If it shows the same receivers, it leaves fewer others in doubt.
+    """
+    here = [one for one in found if one.stays and at_one_time(one, whole)]
+    here += [one for one in found if ends_with(one, whole)]
+    of_all = [one for one in here if len(one.receivers) == receivers]
+    for one in of_all:
+        others = of_the_others(one, whole, receivers)
+        if others is None:
+            return list(found), whole  # beside it
+        whole = others
+    same = [one for one in here if one.stays and one.receivers == whole.receivers]
+    if not same and any(one.gain > whole.gain for one in here):
+        return list(found), whole
+    told = [replace(one, alike=tuple(a for a in one.alike if a in whole.alike)) for one in same]
+    told = told or ([whole] if here else [])
+    return [*(one for one in found if one not in here), *told], whole
 
 
 def _with_ends(
     steps: Steps, quick: Callable[[Steps], Offsets], found: Sequence[LastingError]
 ) -> list[LastingError]:
-    """The errors, those of one receiver with the ends that no motion shows."""
+    """The errors, those of one receiver with the ends or beginnings that no motion shows."""
     ended = list(found)
     for k, one in enumerate(found):
         if not one.stays or len(one.receivers) > 1:
@@ -158,10 +205,11 @@ def _with_ends(
         if not offsets.known:
             continue
         placed = rest.corrected(offsets.offsets).select(rest.complete)
-        end = end_by_the_drive(placed.times, placed.positions, offsets, one)
-        if end is not None:
-            epochs = epochs_with(steps, one.receivers, one.start, end)
-            ended[k] = replace(one, end=end, epochs=epochs)
+        span = span_by_the_drive(placed.times, placed.positions, offsets, one)
+        if span is not None:
+            size = one.size if span[0] == one.start else -one.size
+            epochs = epochs_with(steps, one.receivers, *span)
+            ended[k] = replace(one, start=span[0], end=span[1], size=size, epochs=epochs)
     return ended
 
 
@@ -199,8 +247,7 @@ def _rest_of(one: LastingError, another: LastingError, receivers: int) -> Array 
     """What a jump that stays lacks, if another is at its time and of its receivers; else None."""
     if not (one.stays and another.stays):
         return None
-    (begin, end), (start, last) = left_out(one), left_out(another)
-    if begin > last or start > end:
+    if not at_one_time(one, another):
         return None
     others = tuple(k for k in range(receivers) if k not in one.receivers)
     ways = {one.receivers: 1.0, others: -1.0}
@@ -218,14 +265,29 @@ def _those_that_stay(
     The motion about a time may show the end of an error that has gone, or a jolt.
     """
     found = sorted(found, key=lambda one: one.start)
+    everyone = tuple(range(len(steps.receivers)))
     while errors:
         errors, jumps = _settled_sizes(steps, quick, errors, found)
+        of_all = [_as_one_of_all(*both, everyone) for both in zip(found, errors, strict=True)]
+        if any(of_all):
+            found = [of or one for of, one in zip(of_all, found, strict=True)]
+            errors = [of or one for of, one in zip(of_all, errors, strict=True)]
+            continue
         kept = [not one.stays or (one.length >= SMALLEST and _clear(one)) for one in errors]
         if all(kept):
             return list(found), errors, jumps
         errors = [one for one, stays in zip(errors, kept, strict=True) if stays]
         found = [one for one, stays in zip(found, kept, strict=True) if stays]
     return [], [], None
+
+
+def _as_one_of_all(
+    found: LastingError, settled: LastingError, everyone: tuple[int, ...]
+) -> LastingError | None:
+    """A jump of some receivers as one of all, if the distances do not show what the motion did."""
+    if not settled.stays or everyone not in found.alike or not contradicts(found, settled):
+        return None
+    return replace(found, receivers=everyone, alike=())
 
 
 def _clear(error: LastingError) -> bool:
@@ -281,48 +343,12 @@ def _check_left(cleaned: Steps, steps: Steps, errors: Sequence[LastingError]) ->
         )
 
 
-def starting_rows(steps: Steps, error: LastingError) -> Bools:
-    """(t,) True from the first epoch on that has the error."""
-    return np.asarray(steps.times >= error.start - 1e-6)
-
-
-def without_errors(steps: Steps, errors: Sequence[LastingError]) -> Steps:
-    """The steps with errors that stay taken out, and fixes with errors that end left out.
-
-    Some epochs on both sides of a jump are left out, too: noise moves the place where it is found.
-    """
-    positions, kinds = steps.positions.copy(), steps.kinds.copy()
-    for error in errors:
-        if error.stays:
-            positions -= _who(steps, error)[:, None] * np.where(
-                starting_rows(steps, error)[:, None, None], error.size, 0.0
-            )
-        begin, end = left_out(error)
-        at = (steps.times > begin) & (steps.times < end)
-        kinds[at[:, None] & _who(steps, error)] = NOT_USED
-    return replace(steps, positions=positions, kinds=kinds)
-
-
-def _who(steps: Steps, error: LastingError) -> Bools:
-    """(r,) True for the receivers that have the error."""
-    return np.asarray(np.isin(np.arange(len(steps.receivers)), error.receivers))
-
-
-def left_out(error: LastingError) -> tuple[float, float]:
-    """Times between which the receivers' fixes are left out."""
-    margin = (UNSURE + 0.5) * error.spacing
-    last = error.start if error.stays else error.end
-    begin, end = error.start - margin, last + margin - error.spacing
-    if error.stays:
-        begin, end = min(begin, error.window[0]), max(end, error.window[1])
-    return begin, end
-
-
 def refined(
     steps: Steps,
     offsets: Offsets,
     errors: Sequence[LastingError],
     found: Sequence[LastingError],
+    model: ErrorModel | None = None,
 ) -> tuple[list[LastingError], JumpErrors | None]:
     """The errors with better sizes of those that stay, and what is left of their errors.
 
@@ -336,12 +362,15 @@ def refined(
         That were taken out, in the order of time.
     found : sequence of LastingError
         The same as they were found, with sizes and covariances by the time around each.
+    model : ErrorModel, optional
+        Of the receivers' errors, where they are slow. Without it each independent step counts once.
 
     Notes
     -----
     The distances of the whole drive, and how the vehicle leans on its way, tell a jump better than
     what is around it: least squares of the jumps, the offsets and the distances together, with the
-    sizes found around each as knowledge beforehand. Each independent step counts once.
+    sizes found around each as knowledge beforehand. Slow errors make the means before and after
+    differ by themselves: what the drive then tells is weighed by what its scores vary by.
     """
     errors, found = (sorted(some, key=lambda one: one.start) for some in (errors, found))
     staying = [error for error in errors if error.stays]
@@ -353,7 +382,7 @@ def refined(
     drive = WholeDrive.of(used.times[good], positions, offsets)
     own, residuals = drive.own, drive.residuals
     n, q = residuals.shape
-    who = np.array([_who(steps, error) for error in staying], dtype=float)
+    who = np.array([who_has(steps, error) for error in staying], dtype=float)
     after = np.column_stack([starting_rows(used, error)[good] for error in staying]).astype(float)
     each = np.stack([drive.error(k, np.zeros(3))[..., :3] for k in range(who.shape[1])])
     by_jump = np.einsum("tj,jr,rtqa->tqja", after, who, each).reshape(n, q, -1)
@@ -365,10 +394,16 @@ def refined(
     known = np.linalg.inv(block_diag(*(one.covariance for one in around)))
     off = np.concatenate([a.size - b.size for a, b in zip(around, staying, strict=True)])
     by_offsets = np.linalg.pinv(oo, rcond=1e-9, hermitian=True) @ os
-    covariance = np.linalg.inv(ss - os.T @ by_offsets + known)
-    right = np.einsum("tpa,pq,tq->a", by_jump, weight, residuals, optimize=True)
-    score = np.einsum("tpa,pq,tq->a", own, weight, residuals, optimize=True)
-    sizes = (covariance @ (right - by_offsets.T @ score + known @ off)).reshape(-1, 3)
+    information = ss - os.T @ by_offsets
+    right = np.einsum("tpa,pq,tq->a", by_jump - own @ by_offsets, weight, residuals, optimize=True)
+    if model is not None:
+        scored = np.swapaxes(by_jump - own @ by_offsets, 1, 2) @ weight
+        spread = drive.score_spread(used.times[good], scored, model, offsets.eta)
+        least = 1e-9 * np.trace(spread) / len(spread) * np.eye(len(spread))
+        trusted = np.linalg.solve(spread + least, information)
+        information, right = information @ trusted, trusted.T @ right
+    covariance = np.linalg.inv(information + known)
+    sizes = (covariance @ (right + known @ off)).reshape(-1, 3)
     by_offsets = by_offsets[: len(offsets.covariance)]
     better = [
         replace(error, size=error.size + change, covariance=covariance[k : k + 3, k : k + 3])

@@ -13,6 +13,7 @@ from rtk_gt.lasting.contrasts import antenna_planes
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.offsets.robust import autocorrelation_time
+from rtk_gt.offsets.slow_errors import ErrorModel, summed_covariance
 from rtk_gt.receivers.fixes import Bools
 from rtk_gt.receivers.steps import pair_differences
 from validation.poses.angles import Array
@@ -140,6 +141,12 @@ class WholeDrive:
         whole = np.concatenate([whole, leans], axis=1)
         return cls(rods, residuals, own, slopes.by_height, slopes.moving, every, whole)
 
+    @property
+    def receivers(self) -> int:
+        """How many there are."""
+        p = self.rods.shape[1]
+        return next(r for r in range(2, p + 2) if r * (r - 1) // 2 == p)
+
     def as_seen(self, first: int, last: int) -> Array:
         """(n, q) residuals, those of an error in the epochs [first, last) whole.
 
@@ -158,9 +165,7 @@ class WholeDrive:
 
         The last column is what the distances change by beyond it, as they are no straight lines.
         """
-        p = self.rods.shape[1]
-        count = next(r for r in range(2, p + 2) if r * (r - 1) // 2 == p)
-        sign = pair_incidence(count)[:, who, None]
+        sign = pair_incidence(self.receivers)[:, who, None]
         right = self.rods - sign * size
         length = np.linalg.norm(right, axis=-1, keepdims=True)
         design = sign * right / length
@@ -171,6 +176,23 @@ class WholeDrive:
         lean = np.zeros((len(found), 1, 4))
         lean[:, 0, 2] = self.by_height[:, who]
         return np.concatenate([found, lean], axis=1)
+
+    def score_spread(self, times: Array, scored: Array, model: ErrorModel, eta: float) -> Array:
+        """(k, k) what sums of ``scored`` (n, k, q) times the residuals vary by, by a model.
+
+        The receivers' errors are white and slow; the lean varies by springs and humps besides.
+        """
+        n, r = len(self.rods), self.receivers
+        errors = np.stack([self.error(who, np.zeros(3))[..., :3] for who in range(r)], axis=2)
+        errors = (errors * [1.0, 1.0, eta]).reshape(n, -1, 3 * r)
+        scores = scored @ errors
+        found = model.white**2 * np.einsum("tkc,tlc->kl", scores, scores)
+        found += summed_covariance(times, scores, model)
+        p = self.rods.shape[1]
+        for lean in range(p, scored.shape[2]):
+            varies = 1 / self.weight(self.residuals)[0][lean, lean]
+            found += varies * scored[:, :, lean].T @ scored[:, :, lean]
+        return np.asarray(found)
 
     def weight(self, residuals: Array) -> tuple[Array, float]:
         """(q, q) weight of residuals (n, q) and how many epochs one independent one is worth.

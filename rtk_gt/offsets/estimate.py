@@ -39,6 +39,9 @@ from validation.shown import Shown
 Bent = Literal["always", "if sure", "never"]
 _ROUNDS = 40
 """At most: a judgement."""
+BENDS = 0.25
+"""Share of the narrowest sigma from which on a bend counts: at three sigmas of the widest direction
+it is nine times as large, two of the narrowest."""
 _ROUGH_SIGMA = 0.01
 """Before the residuals say how large the noise is, in metres: what makers state of RTK."""
 OPEN = 0.3
@@ -264,7 +267,9 @@ def _iterate(
     if (
         bent != "never"
         and len(prior.heights)
-        and (np.isfinite(prior.distances).any() or not signal.all())
+        and (
+            np.isfinite(prior.distances).any() or not signal.all() or _bends(covariance, distances)
+        )
     ):
         drive = _information((signal, directions, score_free), meat)
         belief = prior.of_offsets(normal.mean, start)
@@ -369,6 +374,15 @@ def _information(drive: tuple[Array, Array, Array], meat: Array) -> tuple[Array,
     V = directions[:, known]
     spread = (V.T @ meat @ V) / np.outer(signal[known], signal[known])
     return V @ np.linalg.inv(spread) @ V.T, V @ (right[known] / signal[known])
+
+
+def _bends(covariance: Array, distances: Array) -> bool:
+    """Whether the widest direction bends by as much as the narrowest is known to.
+
+    Seen from the end of a distance d, one that is open by s goes off its line by some s^2 / 2 d.
+    """
+    values = np.linalg.eigvalsh(covariance)
+    return bool(values[-1] / (2 * distances.min()) > BENDS * np.sqrt(max(values[0], 0.0)))
 
 
 def _bent(

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy import special
 
 from rtk_gt.offsets.prior import OffsetPrior
 from validation.poses.angles import Array
@@ -86,7 +87,7 @@ def posterior_moments(
     are drawn from a fixed seed: a result is the same each time.
 
     What lies on an arc has tails that a normal distribution of its covariance has not: it is
-    widened along its axes until they hold what lies beyond three standard deviations.
+    widened along its axes and as a whole until it holds what lies beyond three standard deviations.
     """
     A, wanted = drive
     B, believed = belief
@@ -147,13 +148,21 @@ def _blunted(log: Array) -> Array:
 
 
 def _widened(covariance: Array, away: Array, weight: Array) -> Array:
-    """The covariance, widened along its axes until `TAIL` of the sample is within three sigmas."""
+    """The covariance, widened until `TAIL` of the sample is within three sigmas.
+
+    Along each of its axes, and then as a whole: what is far out along an arc is far across it, too.
+    """
     values, axes = np.linalg.eigh(covariance)
     sizes = np.abs(away @ axes) / np.sqrt(np.maximum(values, 1e-18))
     order = np.argsort(sizes, axis=0)
     reached = np.cumsum(weight[order], axis=0) >= TAIL
     beyond = np.take_along_axis(sizes, order, axis=0)[reached.argmax(0), np.arange(len(values))]
-    return np.asarray((axes * values * np.maximum(beyond / 3.0, 1.0) ** 2) @ axes.T)
+    values = np.maximum(values, 1e-18) * np.maximum(beyond / 3.0, 1.0) ** 2
+    squares = (np.square(away @ axes) / values).sum(1)
+    far = np.argsort(squares)
+    whole = squares[far][np.searchsorted(np.cumsum(weight[far]), TAIL)]
+    wider = max(float(whole / special.chdtri(len(values), 1 - TAIL)), 1.0)
+    return np.asarray((axes * values * wider) @ axes.T)
 
 
 def _square(away: Array, information: Array) -> Array:

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rtk_gt.lasting.errors import SHORT, errors_of_one
-from rtk_gt.lasting.lasting_error import LastingError
-from rtk_gt.lasting.settled import left_out
+from rtk_gt.lasting.lasting_error import LastingError, left_out
 from rtk_gt.positions.heading import Headings
 from rtk_gt.receivers.fixes import Bools, Fixes
 from rtk_gt.receivers.steps import Steps

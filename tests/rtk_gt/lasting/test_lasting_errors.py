@@ -9,7 +9,7 @@ from rtk_gt.lasting.continuity import gain_over_motion
 from rtk_gt.lasting.contrasts import step_weights
 from rtk_gt.lasting.drive_sums import DriveSums
 from rtk_gt.lasting.jumps import GAIN_OVER_MOTION
-from rtk_gt.lasting.lacking_fixes import filled
+from rtk_gt.lasting.lacking_fixes import filled, spaced_rows
 from rtk_gt.lasting.settled import settle
 from rtk_gt.offsets.estimate import estimate_offsets
 from rtk_gt.offsets.memory import error_model
@@ -47,7 +47,13 @@ def test_a_jump_is_seen_whole_beside_any_speed_and_acceleration(side):
 
 
 @pytest.mark.parametrize(
-    ("who", "size"), [((1, 2), (0.03, -0.035, 0.02)), ((0, 1, 2), (0.06, -0.07, 0.04))]
+    ("who", "size"),
+    [
+        ((1, 2), (0.03, -0.035, 0.02)),
+        ((0, 1, 2), (0.06, -0.07, 0.04)),
+        # On a slope of a few percent it is centimetres above the road.
+        ((0, 1, 2), (-0.9, 0.6, 0.2)),
+    ],
 )
 def test_a_jump_that_stays_is_found_and_taken_out(who, size):
     made = made_drive(11, WHITE, seconds=300.0)
@@ -218,6 +224,39 @@ def test_receivers_of_unequal_rates_show_who_it_was(who, size, last):
     first = 150.4 if 0 not in who else 151.0
     assert abs(error.start - made.steps.times[0] - first) < 0.41 + (0 in who)
     assert error.stays == (last is None)
+
+
+@pytest.mark.parametrize(
+    ("who", "size"), [((0, 1, 2), (0.07, -0.10, 0.03)), ((1, 2), (0.05, -0.06, 0.02))]
+)
+def test_receivers_of_three_rates_show_a_jump(who, size):
+    made = made_drive(21, WHITE, seconds=300.0, every=(1.0, 0.2, 0.1))
+    bad = made.jumped(list(who), rows_from(made, 150.0), np.array(size))
+    (found,) = settle(bad.steps)[1]
+    assert found.receivers == who
+    assert abs(found.start - made.steps.times[0] - 150.0) < 0.41
+    off = found.size - size
+    assert off @ np.linalg.solve(found.covariance, off) < 16.3  # 99.9 % of three normal numbers
+    assert settle(made.steps)[1] == []
+
+
+def test_the_size_of_a_restart_under_slow_errors_is_within_its_covariance():
+    """Slow errors make the means before and after differ by a centimetre by themselves."""
+    size, squares = np.array([0.10, -0.08, 0.06]), []
+    for seed in range(61, 65):
+        made = made_drive(seed, Errors(0.003, 0.010, 60.0), seconds=300.0)
+        (found,) = settle(made.jumped([1, 2], rows_from(made, 150.0), size).steps)[1]
+        assert found.receivers == (1, 2)
+        squares.append((found.size - size) @ np.linalg.solve(found.covariance, found.size - size))
+    # 99.9 % of twelve normal numbers, and 0.1 %.
+    assert 2.2 < sum(squares) < 32.9
+
+
+def test_of_dense_epochs_those_with_most_fixes_are_looked_at():
+    made = made_drive(21, WHITE, seconds=60.0, every=(1.0, 0.2, 0.1))
+    rows = spaced_rows(made.steps)
+    np.testing.assert_allclose(np.diff(made.steps.times[rows]), 0.2, atol=1e-6)
+    assert (made.steps.kinds[rows][:, :2] == 4).sum() == (made.steps.kinds[:, :2] == 4).sum()
 
 
 def test_a_false_fix_too_small_for_its_motion_is_found_by_the_whole_drive():

@@ -170,3 +170,15 @@ def test_the_heading_goes_on_while_an_end_of_the_longest_baseline_has_no_fix():
     # White noise of 3 mm on 1.14 m, 5 sigmas, and how a leaning vehicle turns the two apart.
     assert np.abs(found - whole)[away].max() < 5 * 0.003 * 2**0.5 / 1.14 + 0.02
     np.testing.assert_allclose(np.delete(found, away), np.delete(whole, away))
+
+
+def test_a_jump_of_two_while_the_third_has_no_fix_is_one_of_two():
+    """Their motion alone looks like one of all, and the third comes back where it was."""
+    made = made_drive(31, WHITE, seconds=300.0)
+    size = np.array([0.08, -0.12, 0.03])
+    bad = made.jumped([0, 1], rows_from(made, AT), size)
+    (found,) = settle(floating(bad.steps, rows_from(made, 130.0, 155.0), 2))[1]
+    assert found.receivers == (0, 1)
+    assert abs(found.start - made.steps.times[0] - AT) < 0.41
+    off = found.size - size
+    assert off @ np.linalg.solve(found.covariance, off) < 16.3  # 99.9 % of three normal numbers
