@@ -107,7 +107,7 @@ def study_json(study: Study) -> dict[str, Any]:
             }
             for one in study.honesty
         ],
-        "findings": [
+        "power": [
             {
                 "setting": one.setting,
                 "severity": one.severity,

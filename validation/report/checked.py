@@ -1,7 +1,7 @@
 """Parts of the report made one by one: a broken one leaves a sentence behind, a figure is kept."""
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import replace
 from functools import partial
@@ -86,12 +86,12 @@ class Shelf:
     def __init__(self, run: RunResult) -> None:
         keys = keys_of_steps(run)
         self._whole = keys[""]
-        self._of = {
-            id(block): keys.get(solved.name, self._whole)
-            for solved in run.systems
-            for section in solved.result.sections
-            for block in section.blocks
-        }
+        self._of: dict[int, str] = {}
+        for solved in run.systems:
+            with suppress(TypeError, AttributeError):  # a plug-in's own fault, told where it shows
+                for section in solved.result.sections:
+                    own = keys.get(solved.name, self._whole)
+                    self._of |= {id(block): own for block in section.blocks}
         path = run.campaign.folder / FOLDER / "report_figures.jsonl"
         self._kept = KeptPieces(path, "figures")
         self._used: list[str] = []
