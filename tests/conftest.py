@@ -14,6 +14,13 @@ settings.register_profile("gtval", deadline=None)
 settings.load_profile("gtval")
 
 
+def pytest_make_parametrize_id(val):
+    """A short name for long text: a test's name is in the environment of all that it starts."""
+    if isinstance(val, (str, bytes)) and len(val) > 200:
+        return f"{type(val).__name__} of {len(val)}: {val[:40]!r}"
+    return None
+
+
 @pytest.fixture(scope="session")
 def samples(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Folders of a solved demo, a room with laser scans, a drive with sensors, and of files."""
