@@ -2,8 +2,10 @@
 
 import math
 import shutil
+from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -102,3 +104,13 @@ def vision_sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
     simulated = simulate_survey(room, SimulationSettings(), rng)
     write_campaign(folder, simulated, 11, texts, images_of(cameras, rng, 1))
     return folder
+
+
+@pytest.fixture(scope="session")
+def cluster() -> Iterator[Any]:
+    """A cluster of Dask with two workers, each a process."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as made:
+        yield made

@@ -32,6 +32,7 @@ from validation.campaign.provenance import (
 )
 from validation.errors import FaultyResultError, GtvalError, shown
 from validation.pieces.processes import shared_processes
+from validation.pieces.store import LIBRARIES
 from validation.poses.pose_files import pose_files
 from validation.poses.pose_table import PoseTable
 from validation.published.systems import published_systems
@@ -48,7 +49,6 @@ from validation.systems import (
 from validation.text_files.json_text import json_text
 from validation.text_files.writing import Content, LargeText, write_files
 
-LIBRARIES = ("numpy", "scipy", "opencv-contrib-python-headless", "filterpy", "kiss-icp")
 TRACEBACKS = "tracebacks"
 
 _RESERVED = re.compile(

@@ -6,6 +6,7 @@ from pathlib import Path
 from validation.campaign.folder import Campaign
 from validation.campaign.provenance import below, relative
 from validation.pieces.store import code_of, key_of
+from validation.results import VALIDATION_SYSTEM
 from validation.run import RunResult
 from validation.solving import starts_from_survey
 from validation.systems import System, inputs_of, installed_systems
@@ -42,11 +43,9 @@ def keys_of_steps(run: RunResult) -> dict[str, str]:
         }
         told: list[object] = [solved.name, settings, extra, dict(solved.choices)]
         told.append(_hashes(campaign, system, run.inputs))
-        if starts_from_survey(system) and (survey := installed.get("survey")) is not None:
-            told.append(_hashes(campaign, survey, run.inputs))
-            own_survey = campaign.extra.get("survey")
-            told += [own_survey, _package(survey)]
-        found[solved.name] = key_of(code_of(own, "survey", "validation"), json_text(told).encode())
+        if starts_from_survey(system):  # which was solved before
+            told.append(found.get(VALIDATION_SYSTEM, found[""]))
+        found[solved.name] = key_of(code_of(own, "validation"), json_text(told).encode())
     return found
 
 

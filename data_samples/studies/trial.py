@@ -24,6 +24,7 @@ from validation.statistics.consistency import nees
 
 CODE = (
     "data_samples.faults",
+    "data_samples.motion",
     "data_samples.rendering",
     "data_samples.rooms",
     "data_samples.room_campaign",

@@ -20,7 +20,7 @@ from validation.poses.angles import Array
 REACH = 0.08
 """Metres within which points are paired at first: the guess is good to the odometry since the last
 keyframe, half a metre ago."""
-CODE = ("laser_gt.scans", "laser_gt.matching", "laser_gt.driving")
+CODE = ("laser_gt.scans", "laser_gt.matching", "laser_gt.driving", "laser_gt.logs.motion")
 """What places sweeps."""
 SURPRISE = 25.0
 """Squared distance from the guess, in standard deviations, beyond which a match is not believed."""

@@ -47,7 +47,7 @@ CLEARLY = (0.85, 0.3)
 odometry, for odometry to have slipped. Measured on 22 drives with single slips of 0.1 and 0.2 rad:
 at the right pose 98 % lie on it and by odometry a tenth to a third; once, with people in the way,
 another pose a quarter of a metre off had 73 %."""
-CODE = ("laser_gt.scans", "laser_gt.matching", "laser_gt.driving")
+CODE = ("laser_gt.scans", "laser_gt.matching", "laser_gt.driving", "laser_gt.logs.motion")
 """What tracks are made by."""
 REACH = 0.3
 """Metres within which points are paired at first. A judgement: half a doorway."""

@@ -15,16 +15,7 @@ from vision_gt.patterns.dictionaries import Family
 pytestmark = [pytest.mark.full, pytest.mark.filterwarnings("ignore")]  # Dask's own warnings
 
 
-@pytest.fixture(scope="module")
-def scheduler():
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-    ) as made:
-        yield made.scheduler_address
-
-
-def test_markers_in_images_are_the_same(scheduler, tmp_path):
+def test_markers_in_images_are_the_same(cluster, tmp_path):
     rng = np.random.default_rng(1)
     family = Family("4X4_50")
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
@@ -38,15 +29,15 @@ def test_markers_in_images_are_the_same(scheduler, tmp_path):
         jobs.append(MarkerJob(path, family, tuple(range(5))))
     here = detect_all(jobs, 1)
     assert all(len(one.markers.views) == 1 for one in here)
-    with on_cluster(scheduler):
+    with on_cluster(cluster.scheduler_address):
         there = detect_all(jobs, 1)
     assert json_text(there) == json_text(here)
 
 
-def test_a_drive_is_the_same(scheduler):
+def test_a_drive_is_the_same(cluster):
     inputs = drive_inputs_of(laser_drive(0, minutes=0.25))
     here = solve_log(inputs, 1, lambda _what, _share: None)
-    with on_cluster(scheduler):
+    with on_cluster(cluster.scheduler_address):
         there = solve_log(inputs, 1, lambda _what, _share: None)
     np.testing.assert_array_equal(there.trajectory.poses, here.trajectory.poses)
     np.testing.assert_array_equal(there.trajectory.covariances, here.trajectory.covariances)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -32,6 +33,7 @@ class Noticed:
         """The day it was noticed, as a place in the summary."""
         return self.series.days[self.change.noticed]
 
+    @cached_property
     def by_all_days(self) -> tuple[Change, int]:
         """What it is by all days to the next change, and the number of that day or of all days.
 
@@ -122,7 +124,7 @@ def _finding(summary: Summary, group: Sequence[Noticed]) -> Finding:
     """One line on changes that belong together."""
     first = min(group, key=lambda one: one.day)
     of, system = first.series.of, first.series.system
-    drifts = [one for one in group if one.by_all_days()[0].kind == "drift"]
+    drifts = [one for one in group if one.by_all_days[0].kind == "drift"]
     began, low, high = (summary.label(day) for day in first.began)
     about = began if low == high else f"{began} ({low} to {high})"
     parts = ", ".join(_how_much(one, summary.step) for one in group)
@@ -169,14 +171,14 @@ def _since(one: Noticed) -> tuple[float]:
 
 def _has_ended(one: Noticed) -> bool:
     """Whether a drift did not go on as it was when it was noticed."""
-    _, end = one.by_all_days()
+    _, end = one.by_all_days
     more = end < len(one.series.days)
     return one.change.kind == "drift" and end == one.change.noticed + 1 and more
 
 
 def _slope(summary: Summary, one: Noticed) -> str:
     """'x +2.0 mm a day (+1.8 to +2.2) since 2026-03-10', by all days that tell; '' without more."""
-    whole, end = one.by_all_days()
+    whole, end = one.by_all_days
     if end <= one.change.noticed + 1 or one.series.of == "spread" or whole.kind == "step":
         return ""
     rows = slice(max(whole.began - 1, 0), end)

@@ -18,8 +18,10 @@ FOLDER = "kept"
 _BEGIN = b'{"key":"'
 _DIGITS = 64
 """Of a key in base 16."""
-_LIBRARIES = ("numpy", "scipy", "opencv-contrib-python-headless")
-"""Others than gtval that results of pieces depend on to the last digit."""
+LIBRARIES = ("numpy", "scipy", "opencv-contrib-python-headless", "filterpy", "kiss-icp")
+"""Others than gtval that results depend on to the last digit."""
+_SHARED = ("validation.poses.angles", "validation.statistics.robust")
+"""Formulas that all packages use."""
 
 
 @dataclass
@@ -205,9 +207,9 @@ def code_of(*packages: str) -> bytes:
         Importable names: 'laser_gt.matching'.
     """
     digest = hashlib.sha256()
-    for name in (*_LIBRARIES, "gtval"):
+    for name in (*LIBRARIES, "gtval"):
         digest.update(f"{name} {version(name)}\n".encode())
-    for package in packages:
+    for package in (*_SHARED, *packages):
         spec = find_spec(package)
         if spec is None or spec.origin is None:
             raise ModuleNotFoundError(package)

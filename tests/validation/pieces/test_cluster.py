@@ -15,15 +15,6 @@ from validation.pieces.processes import as_they_end, in_processes
 pytestmark = pytest.mark.filterwarnings("ignore")  # Dask's own, of ports and clean-up
 
 
-@pytest.fixture(scope="module")
-def cluster():
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-    ) as made:
-        yield made
-
-
 def root(number, folder=None):
     """A number that any rounding would change, and a note of who made it."""
     if folder is not None:

@@ -129,6 +129,41 @@ def test_a_key_changes_with_the_code_and_with_where_a_part_ends(monkeypatch):
         code_of("laser_gt.nothing_such")
 
 
+def closures():
+    """What each kind of piece is made by, as its key says, and where the function is."""
+    from data_samples.studies import trial
+    from laser_gt.campaign import kept as pairs
+    from laser_gt.driving import links, refining, tracking
+    from vision_gt.images import kept as images
+
+    yield "vision_gt.images.jobs", images.CODE
+    yield "laser_gt.matching.judgement", pairs.CODE
+    yield "laser_gt.matching.genetic", pairs.CODE
+    for module in (links, refining, tracking, trial):
+        yield module.__name__, module.CODE
+
+
+OF_NO_NUMBER = (
+    *("validation.errors", "validation.pieces", "validation.shown", "validation.text_files"),
+    "data_samples.studies.plan",  # settings, whose values are in the key
+    "laser_gt.logs.records",  # reads files, whose content is in the key
+)
+
+
+@pytest.mark.parametrize(("module", "code"), list(closures()))
+def test_a_key_has_all_code_that_its_piece_is_made_by(module, code):
+    grimp = pytest.importorskip("grimp")
+    packages = ("laser_gt", "vision_gt", "validation", "survey", "rtk_gt", "data_samples")
+    upstream = grimp.build_graph(*packages).find_upstream_modules(module)
+    known = (*code, *store._SHARED, *OF_NO_NUMBER)
+    unknown = [
+        one
+        for one in upstream
+        if not any(one == name or one.startswith(f"{name}.") for name in known)
+    ]
+    assert unknown == []
+
+
 def test_nothing_is_kept_where_nothing_says_where(tmp_path):
     assert kept_here("squares.jsonl", "squares") is None
     assert done_once(square, [2], key, None, Squares()) == [4]

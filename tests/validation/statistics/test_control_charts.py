@@ -199,7 +199,9 @@ def test_a_drift_that_goes_on_is_one_change_and_a_step_in_it_another():
     drift = 0.002 * np.maximum(days - 8, 0)
     seeds = [np.random.default_rng(seed).normal(0, 0.001, 40) for seed in range(100)]
     on = [separate(scatter + drift) for scatter in seeds]
-    assert on.count(1) >= 94  # 295 of 300 measured
+    # One in a hundred is told as two by the level of the test, one more as it is asked some five
+    # times in 40 days: of 100 with a chance of 5 % at most, 12 and more in one of a thousand.
+    assert on.count(1) >= 88
     for day, least in ((24, 98), (28, 75)):  # on the 28th many charts have just begun anew
         jumped = [separate(scatter + drift + 0.02 * (days >= day)) for scatter in seeds]
         assert sum(number >= 2 for number in jumped) >= least
