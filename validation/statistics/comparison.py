@@ -25,6 +25,7 @@ from validation.statistics.consistency import (
     nees,
     normalised_errors,
     sum_test,
+    whitened,
 )
 
 
@@ -266,29 +267,17 @@ def _test(
 
 
 def _joint_nees(errors: Array, validation: PoseTable, gt: PoseTable) -> float:
-    """Of all errors (n, k) together; where the tables have factors, without the whole matrix.
-
-    Notes
-    -----
-    With blocks B of single poses and a factor F, C = B + F F^T and, by Woodbury's identity,
-    e^T C^-1 e = e^T B^-1 e - |L^-1 F^T B^-1 e|^2, L L^T = 1 + F^T B^-1 F.
-    """
+    """Of all errors (n, k) together; where the tables have factors, without the whole matrix."""
     tables = (validation, gt)
     if not any(table.factor is not None for table in tables) or any(
         table.joint is not None for table in tables
     ):
         return float(nees(errors.ravel(), joint_of(validation) + joint_of(gt)))
     n, k = errors.shape
-    parts = [_split(table) for table in tables]
-    try:
-        root = np.linalg.cholesky(parts[0][0] + parts[1][0])
-        factor = np.concatenate([shared for _, shared in parts], axis=1).reshape(n, k, -1)
-        white = np.linalg.solve(root, np.concatenate([errors[..., None], factor], axis=-1))
-        e, F = white[..., 0].ravel(), white[..., 1:].reshape(n * k, -1)
-        inner = np.linalg.cholesky(np.eye(F.shape[1]) + F.T @ F)
-    except np.linalg.LinAlgError:
-        raise ValueError("not positive definite") from None
-    return float(e @ e - (np.linalg.solve(inner, F.T @ e) ** 2).sum())
+    (ours, first), (theirs, second) = (_split(table) for table in tables)
+    factor = np.concatenate([first, second], axis=1).reshape(n, k, -1)
+    white = whitened(errors[..., None], ours + theirs, factor)
+    return float(np.square(white).sum())
 
 
 def _split(table: PoseTable) -> tuple[Array, Array]:

@@ -102,10 +102,81 @@ def joint_square(
     values, vectors = np.linalg.eigh(covariance / size[:, None] / size)
     kept = values > LEAST_SHARE
     white = (vectors[:, kept] / np.sqrt(values[kept])).T
-    left = white @ (errors / size)
-    freedom = int(kept.sum())
+    rest = None if slopes is None else white @ (slopes / size[:, None])
+    return _square_beside(white @ (errors / size), rest)
+
+
+def square_with_factor(
+    errors: Array, blocks: Array, factor: Array, slopes: Array
+) -> tuple[float, int] | None:
+    """The same of poses that share errors by a factor, without a matrix of all poses.
+
+    Parameters
+    ----------
+    errors : (n, k) array
+        Of n poses.
+    blocks : (n, k, k) array
+        Covariance of what each has alone.
+    factor : (n, k, r) array
+        Of what they share: that of all is the blocks and the factor times its transpose.
+    slopes : (n, k, p) array
+        Of parameters that were fitted.
+
+    Returns
+    -------
+    (float, int) or None
+        None where the blocks leave a direction that is zero by construction.
+    """
+    variances = np.diagonal(blocks, axis1=1, axis2=2) + np.square(factor).sum(2)
+    size = np.sqrt(variances)
+    if not (variances > 0).all():
+        return None
+    scaled = blocks / size[:, :, None] / size[:, None, :]
+    if np.linalg.eigvalsh(scaled).min(initial=np.inf) <= LEAST_SHARE:
+        return None
+    white = whitened(np.concatenate([errors[..., None], slopes], axis=2), blocks, factor)
+    return _square_beside(white[:, 0], white[:, 1:])
+
+
+def whitened(values: Array, blocks: Array, factor: Array) -> Array:
+    """(n k, p) values in directions of unit variance, of n poses that share errors by a factor.
+
+    Parameters
+    ----------
+    values : (n, k, p) array
+        In p columns.
+    blocks : (n, k, k) array
+        Covariance of what each pose has alone.
+    factor : (n, k, r) array
+        That of all is the blocks and the factor times its transpose.
+
+    Raises
+    ------
+    ValueError
+        If a block is not positive definite.
+
+    Notes
+    -----
+    With L L^T = B, F = L^-1 factor and its singular values s and left vectors U, the covariance
+    is L (1 + F F^T) L^T, and (1 + F F^T)^-1/2 = 1 - U diag(1 - (1 + s^2)^-1/2) U^T.
+    """
+    n, k, columns = values.shape
+    try:
+        root = np.linalg.cholesky(blocks)
+    except np.linalg.LinAlgError:
+        raise ValueError("a covariance is not positive definite") from None
+    white = np.linalg.solve(root, np.concatenate([values, factor], axis=2)).reshape(n * k, -1)
+    own, shared = white[:, :columns], white[:, columns:]
+    vectors, sizes, _ = np.linalg.svd(shared, full_matrices=False)
+    less = 1 - 1 / np.sqrt(1 + sizes**2)
+    return np.asarray(own - vectors @ (less[:, None] * (vectors.T @ own)))
+
+
+def _square_beside(left: Array, slopes: Array | None) -> tuple[float, int]:
+    """Square of white errors beside what fitted parameters could take away, and its freedom."""
+    freedom = len(left)
     if slopes is not None and slopes.shape[1]:
-        basis, sizes, _ = np.linalg.svd(white @ (slopes / size[:, None]), full_matrices=False)
+        basis, sizes, _ = np.linalg.svd(slopes, full_matrices=False)
         basis = basis[:, sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300)]
         left = left - basis @ (basis.T @ left)
         freedom -= basis.shape[1]

@@ -1,6 +1,6 @@
 """Pairs of a validation pose and a GT pose, as the fits take them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from validation.poses.angles import Array
 from validation.poses.common_origin import apart, own_part
 from validation.poses.follows import Follows
 from validation.poses.pose_table import PLANAR, PoseTable, in_common, pose_difference
+from validation.poses.shared_errors import SharedErrors, shared_errors
 
 CONSTRUCTED = np.array([2e-4, 2e-4, 2e-4])
 """An error below this (metres, radians) at the reference pose is one of rounding in print:
@@ -55,8 +56,8 @@ class Pairs:
         Stops left out because their error is zero by construction.
     motion : Motion, optional
         At the GT poses, where times are known.
-    between : (n, 3, n, 3) array, optional
-        Covariance between the errors of different stops, where the tables state one.
+    between : SharedErrors, optional
+        What errors of different stops have in common, where the tables state it.
     unit_doubt : str
         Why the headings of one table are perhaps in degrees, in words; empty if nothing says so.
     convention : Convention
@@ -84,7 +85,7 @@ class Pairs:
     reference_covariance: Array | None = None
     constructed: tuple[str, ...] = ()
     motion: Motion | None = None
-    between: Array | None = None
+    between: SharedErrors | None = None
     unit_doubt: str = ""
     convention: Convention = NONE
     covariance_unit: CovarianceUnit = AS_STATED
@@ -127,7 +128,7 @@ class Pairs:
             validation_covariances=self.validation_covariances[chosen],
             gt_covariances=self.gt_covariances[chosen],
             motion=None if self.motion is None else self.motion.select(chosen),
-            between=None if self.between is None else self.between[chosen][:, :, chosen],
+            between=None if self.between is None else self.between.select(chosen),
             steps=self.order[chosen],
         )
 
@@ -170,7 +171,7 @@ def make_pairs(
     walk = np.argsort(steps, kind="stable")
     convention = convention_of(ours.poses[walk], theirs.poses[walk])
     read = convention.read(theirs.poses)
-    between = shared_part([ours, theirs]) if stated else None
+    between = shared_errors([ours, theirs]) if stated else None
     unit, nothing = np.broadcast_to(np.eye(3), (len(ids), 3, 3)), np.zeros((len(ids), 3, 3))
     first, second = (
         (ours.covariances, convention.read_covariances(theirs.covariances))
@@ -265,28 +266,3 @@ def _motion(ids: list[str], poses: Array, times: Mapping[str, float]) -> Motion:
     path = poses.copy()
     path[order, 2] = np.unwrap(poses[order, 2])
     return Motion.along(stamp, path)
-
-
-def shared_part(tables: Sequence[PoseTable]) -> Array | None:
-    """Covariance between different poses, added up over tables of the same n stops.
-
-    Parameters
-    ----------
-    tables : sequence of PoseTable
-        Independent of each other.
-
-    Returns
-    -------
-    (n, 3, n, 3) array or None
-        With zeros between a pose and itself; None where no table states a joint covariance.
-    """
-    total: Array | None = None
-    for table in tables:
-        joint = table.joint_covariance
-        if joint is None:
-            continue
-        n, k = table.poses.shape
-        between = np.array(joint, dtype=float).reshape(n, k, n, k)
-        between[np.arange(n), :, np.arange(n)] = 0.0
-        total = between if total is None else total + between
-    return total

@@ -1,6 +1,7 @@
 """The chosen explanation without the flagged cells: parameters, intervals, degrees of freedom."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,8 @@ from validation.explain.fitting.pairs import Pairs
 from validation.explain.fitting.serial import Serial, serial
 from validation.explain.fitting.shared import shared_covariance
 from validation.poses.angles import Array, wrap
-from validation.statistics.consistency import joint_square
+from validation.poses.shared_errors import SharedErrors
+from validation.statistics.consistency import joint_square, square_with_factor
 from validation.statistics.hypotheses import Parameter
 
 WAY = 1 / 3
@@ -214,7 +216,7 @@ class Settled:
             result.append(np.sqrt(total / dof) if dof > 0 else np.nan)
         return np.array(result)
 
-    @property
+    @cached_property
     def misfit(self) -> Array:
         """(2, 3) noise of positions and headings over the stated one, with a 99 % interval.
 
@@ -243,20 +245,21 @@ class Settled:
                 result[kind] = level[kind] * np.sqrt(total / np.array([dof, *bounds]))
         return result
 
-    def _joint_misfit(self, between: Array) -> Array:
+    def _joint_misfit(self, between: SharedErrors) -> Array:
         """The misfit with the stated covariance of all poses together."""
         n, k = len(self.cells), self._k
-        whole = np.array(between)
-        whole[np.arange(n), :, np.arange(n)] += self.fit.covariances[0]
         slopes = np.broadcast_to(self.fit.corrected.by_parameters, (1, n, 3, k))[0]
-        slopes = slopes.reshape(3 * n, k)
-        residuals, joint = self.fit.residuals[0].ravel(), whole.reshape(3 * n, 3 * n)
         result = np.full((2, 3), np.nan)
         for kind in range(2):
-            rows = np.flatnonzero((self.cells[:, _KIND] & (kind == _KIND)).ravel())
+            rows, of = np.flatnonzero(self.cells[:, kind]), np.flatnonzero(kind == _KIND)
             if not rows.size:
                 continue
-            total, freedom = joint_square(residuals[rows], joint[np.ix_(rows, rows)], slopes[rows])
+            parts = np.ix_(rows, of)
+            blocks = self.fit.covariances[0][np.ix_(rows, of, of)]
+            shared = between.select(rows)
+            total, freedom = _square_of(
+                self.fit.residuals[0][parts], blocks, shared.only(of), slopes[parts]
+            )
             if freedom:
                 bounds = special.chdtri(freedom, np.array([0.005, 0.995]))
                 result[kind] = np.sqrt(total / np.array([freedom, *bounds]))
@@ -275,6 +278,22 @@ class Settled:
         )
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(1 - self.noise**2 / first)
+
+
+def _square_of(
+    errors: Array, covariances: Array, shared: SharedErrors, slopes: Array
+) -> tuple[float, int]:
+    """Normalised square of errors (n, k) beside what is fitted, and its freedom."""
+    n, k = errors.shape
+    if shared.whole is None:
+        own = covariances - shared.factor @ np.swapaxes(shared.factor, 1, 2)
+        found = square_with_factor(errors, own, shared.factor, slopes)
+        if found is not None:
+            return found
+    whole = shared.matrix()
+    whole[np.arange(n), :, np.arange(n)] = covariances
+    flat = slopes.reshape(n * k, -1)
+    return joint_square(errors.ravel(), whole.reshape(n * k, n * k), flat)
 
 
 def _deviation(values: Array, angle: bool) -> float:

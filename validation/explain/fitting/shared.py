@@ -12,9 +12,10 @@ from scipy import special
 from validation.explain.fitting.fit import Fit, known_part
 from validation.explain.fitting.noise import regular
 from validation.poses.angles import Array
+from validation.poses.shared_errors import SharedErrors
 
 
-def shared_covariance(fit: Fit, covariance: Array, between: Array | None) -> Array:
+def shared_covariance(fit: Fit, covariance: Array, between: SharedErrors | None) -> Array:
     """(k, k) what the shared errors add to the covariance of a fit's parameters.
 
     Parameters
@@ -23,8 +24,8 @@ def shared_covariance(fit: Fit, covariance: Array, between: Array | None) -> Arr
         Of one version of the pairs.
     covariance : (k, k) array
         Of its parameters if all poses were independent; infinite where undetermined.
-    between : (n, 3, n, 3) array or None
-        As `validation.explain.fitting.pairs.shared_part` gives it.
+    between : SharedErrors or None
+        What the errors of different poses have in common.
 
     Notes
     -----
@@ -39,8 +40,8 @@ def shared_covariance(fit: Fit, covariance: Array, between: Array | None) -> Arr
     root = np.sqrt(fit.weights[0][:, [0, 0, 1]])
     precision = root[:, :, None] * np.linalg.inv(regular(fit.covariances[0])) * root[:, None, :]
     own = known_part(covariance)
-    gain = np.einsum("kl,nil,nij->knj", own, slopes, precision)
-    added = np.einsum("kni,nimj,lmj->kl", gain, between, gain)
+    gain = np.einsum("kl,nil,nij->knj", own, slopes, precision, optimize=True)
+    added = between.seen_by(gain)
     known = np.isfinite(np.diagonal(covariance))
     if np.linalg.eigvalsh((own + added)[known][:, known]).min(initial=1.0) >= 0:
         return np.asarray(added)

@@ -8,8 +8,9 @@ from explain_campaigns import matrix, pose, random_stops
 from scipy.stats import chi2
 
 from validation.explain.analysis import explain
-from validation.explain.fitting.pairs import shared_part
 from validation.poses.pose_table import PoseTable
+from validation.poses.shared_errors import shared_errors
+from validation.statistics.consistency import square_with_factor
 
 NOISE = np.array([0.001, 0.001, 0.001])
 FRAME = np.array([0.0015, 0.0015, 0.0005])
@@ -82,9 +83,45 @@ def test_a_real_mount_error_is_still_found_with_an_interval_that_holds_it():
 
 def test_the_shared_part_adds_up_and_leaves_the_diagonal_out():
     validation, gt = campaign(0)
-    between = shared_part([validation, gt])
+    between = shared_errors([validation, gt]).matrix()
     assert between[0, :, 0] == pytest.approx(np.zeros((3, 3)))
     joint = validation.joint.reshape(STOPS, 3, STOPS, 3)
     assert between[0, :, 1] == pytest.approx(joint[0, :, 1])
-    assert shared_part([validation, validation])[2, :, 5] == pytest.approx(2 * joint[2, :, 5])
-    assert shared_part([gt]) is None
+    twice = shared_errors([validation, validation]).matrix()
+    assert twice[2, :, 5] == pytest.approx(2 * joint[2, :, 5])
+    assert shared_errors([gt]) is None
+
+
+def with_factor(validation):
+    """The same survey with the factor of its joint covariance, which is its slopes."""
+    factor = slopes(validation.poses) * np.concatenate([FRAME, RIG])
+    own = np.eye(3) * NOISE**2
+    rows = factor.reshape(STOPS, 3, 6)
+    covariances = own + rows @ np.swapaxes(rows, 1, 2)
+    return replace(validation, joint=None, factor=factor, covariances=covariances)
+
+
+def test_a_factor_says_the_same_as_the_matrix_of_all_poses():
+    validation, gt = campaign(3, MOUNT)
+    by_factor = with_factor(validation)
+    matrix = by_factor.joint_covariance
+    by_matrix = replace(by_factor, factor=None, joint=matrix)
+    one, other = (explanation(table, gt) for table in (by_factor, by_matrix))
+    assert one.name == other.name
+    assert one.settled.full_covariance == pytest.approx(other.settled.full_covariance, rel=1e-9)
+    assert one.settled.misfit == pytest.approx(other.settled.misfit, rel=1e-9)
+
+
+def test_where_a_pose_errs_only_as_the_others_do_the_whole_matrix_is_looked_at():
+    """All that the survey errs is shared: what it has alone is nothing, up to rounding."""
+    validation, _ = campaign(4)
+    factor = slopes(validation.poses) * np.concatenate([FRAME, RIG])
+    rows = factor.reshape(STOPS, 3, 6)
+    blocks = rows @ np.swapaxes(rows, 1, 2)
+    rng = np.random.default_rng(5)
+    errors = (factor @ rng.standard_normal(6)).reshape(STOPS, 3)
+    none = np.zeros((STOPS, 3, 0))
+    assert square_with_factor(errors, blocks * 0, rows, none) is None
+    found = square_with_factor(errors, blocks * 0 + np.eye(3) * NOISE**2, rows, none)
+    whole = factor @ factor.T + np.eye(3 * STOPS) * NOISE[0] ** 2
+    assert found == pytest.approx((errors.ravel() @ np.linalg.solve(whole, errors.ravel()), 78))

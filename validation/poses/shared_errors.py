@@ -1,0 +1,80 @@
+"""What the errors of different poses of tables have in common, without a matrix of all poses."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from validation.poses.angles import Array
+from validation.poses.pose_table import PoseTable
+
+
+@dataclass(frozen=True)
+class SharedErrors:
+    """The covariance between different ones of n poses of k numbers each.
+
+    Parameters
+    ----------
+    factor : (n, k, r) array
+        That between two different poses is the product of their rows; a survey of any number of
+        stops has one column for each unknown of its marks.
+    whole : (n, k, n, k) array, optional
+        What is added to it, where no factor is known; zero between a pose and itself.
+    """
+
+    factor: Array
+    whole: Array | None = None
+
+    def select(self, rows: npt.NDArray[np.intp]) -> "SharedErrors":
+        """Of the poses in the given rows."""
+        whole = None if self.whole is None else self.whole[rows][:, :, rows]
+        return SharedErrors(self.factor[rows], whole)
+
+    def only(self, numbers: npt.NDArray[np.intp]) -> "SharedErrors":
+        """Of some of the numbers of each pose."""
+        whole = None if self.whole is None else self.whole[:, numbers][..., numbers]
+        return SharedErrors(self.factor[:, numbers], whole)
+
+    def matrix(self) -> Array:
+        """(n, k, n, k) covariance between different poses; zero between a pose and itself."""
+        found = np.einsum("nkr,mlr->nkml", self.factor, self.factor, optimize=True)
+        if self.whole is not None:
+            found = found + self.whole
+        found[np.arange(len(found)), :, np.arange(len(found))] = 0.0
+        return np.asarray(found)
+
+    def seen_by(self, gain: Array) -> Array:
+        """(p, p) covariance of ``gain`` (p, n, k) times the errors, without what poses have alone.
+
+        It is no covariance of its own: poses alone are left out, so it may be negative.
+        """
+        each = np.einsum("pnk,nkr->npr", gain, self.factor)
+        together = each.sum(0)
+        found = together @ together.T - np.einsum("npr,nqr->pq", each, each)
+        if self.whole is not None:
+            found = found + np.einsum("pni,nimj,qmj->pq", gain, self.whole, gain)
+        return np.asarray(found)
+
+
+def shared_errors(tables: Sequence[PoseTable]) -> SharedErrors | None:
+    """Those of tables of the same stops, independent of each other; None where none states any.
+
+    Parameters
+    ----------
+    tables : sequence of PoseTable
+        With a joint covariance, its factor, or neither.
+    """
+    factors: list[Array] = []
+    whole: Array | None = None
+    for table in tables:
+        n, k = table.poses.shape
+        if table.factor is not None:
+            factors.append(table.factor.reshape(n, k, -1))
+        elif table.joint is not None:
+            between = np.array(table.joint, dtype=float).reshape(n, k, n, k)
+            between[np.arange(n), :, np.arange(n)] = 0.0
+            whole = between if whole is None else whole + between
+    if not factors and whole is None:
+        return None
+    return SharedErrors(np.concatenate([np.zeros((n, k, 0)), *factors], axis=2), whole)
