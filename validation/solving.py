@@ -32,6 +32,7 @@ from validation.campaign.provenance import (
 )
 from validation.errors import FaultyResultError, GtvalError, shown
 from validation.pieces.processes import shared_processes
+from validation.pieces.results import results_kept_in
 from validation.pieces.store import LIBRARIES
 from validation.poses.pose_files import pose_files
 from validation.poses.pose_table import PoseTable
@@ -193,7 +194,7 @@ def solve_system(
     """
     chosen = {name: value for name, value in (choices or {}).items() if value is not None}
     try:
-        with shared_processes():
+        with shared_processes(), results_kept_in(campaign.folder):
             result = system.solve(campaign, progress, **chosen)
         solved = solved_system(system.name, result, chosen)
     except (Exception, SystemExit) as error:

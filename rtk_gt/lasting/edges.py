@@ -10,6 +10,7 @@ from rtk_gt.lasting.contrasts import Contrasts, contrasts, sides_of
 from rtk_gt.lasting.jumps import ALIKE
 from rtk_gt.lasting.lacking_fixes import own_interval
 from rtk_gt.receivers.fixes import Bools
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 
 NEAR = 30.0
@@ -90,6 +91,7 @@ class Edge:
     window: tuple[float, float]
 
 
+@kept_result()
 def edge_of(
     times: Array,
     views: Sequence[View],

@@ -27,6 +27,7 @@ from rtk_gt.lasting.seen_from_vehicle import baseline_headings
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.receivers.fixes import RTK_FIXED, Bools, Ints
 from rtk_gt.receivers.steps import Steps
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 
 FASTER = 1.5
@@ -264,6 +265,7 @@ def _placed(steps: Steps, offsets: Offsets) -> Steps:
     )
 
 
+@kept_result()
 def smallest_seen(steps: Steps, offsets: Offsets) -> float:
     """Metres of a jump of all receivers that half of the intervals would show in any direction.
 
@@ -281,6 +283,7 @@ def smallest_seen(steps: Steps, offsets: Offsets) -> float:
     return least
 
 
+@kept_result()
 def smallest_of_some(steps: Steps, offsets: Offsets) -> tuple[float, float]:
     """The same of jumps of some receivers, whichever, level and upwards, metres."""
     steps = with_lost_fixes(_placed(steps, offsets).select(spaced_rows(steps)))

@@ -29,6 +29,7 @@ from rtk_gt.lasting.continuity import gain_over_motion
 from rtk_gt.lasting.contrasts import Contrasts, contrasts, of_motion, sides_of, spoilt
 from rtk_gt.lasting.lacking_fixes import has_fix, often
 from rtk_gt.receivers.fixes import Ints
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 
 GAIN_OVER_MOTION = 40.0
@@ -88,6 +89,7 @@ class Jump:
     told: tuple[Array, Array] = (np.zeros((2, 0, 3)), np.zeros((2, 0, 3, 3)))
 
 
+@kept_result()
 def find_jumps(
     times: Array, positions: Array, headings: Array, causes: Sequence[tuple[int, ...]]
 ) -> list[Jump]:

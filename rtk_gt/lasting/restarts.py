@@ -20,6 +20,7 @@ from rtk_gt.lasting.lasting_error import LastingError
 from rtk_gt.lasting.whole_drive import WholeDrive
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.receivers.fixes import Ints
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 
 EDGE = 20
@@ -100,6 +101,7 @@ class _Candidate:
         return self.gain - self.sums.gain_of_slow(self.first, self.last, reach)
 
 
+@kept_result()
 def find_change(
     times: Array, positions: Array, offsets: Offsets, about: Sequence[Motion]
 ) -> LastingError | None:

@@ -26,6 +26,7 @@ from survey.readings.point_names import robot_point
 from survey.readings.readings import Mask, Readings
 from validation.campaign.folder import RobotFrame, Vframe
 from validation.errors import GtvalError
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 from validation.poses.joint import LARGEST_WHOLE
 from validation.poses.pose_table import PoseTable
@@ -120,6 +121,7 @@ class SurveySolution(Shown):
         )
 
 
+@kept_result("progress")
 def solve_survey(
     vframe: Vframe,
     rig: RobotFrame,

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from validation.errors import GtvalError
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array, wrap
 from validation.statistics.hypotheses import Ranking, Tried, ranked
 from vision_gt.causes.effects import (
@@ -163,6 +164,7 @@ class Diagnosis:
         return set(evidence.stops) - bad, standing
 
 
+@kept_result()
 def diagnose(seen: Seen) -> Diagnosis:
     """The hypotheses about what is wrong, the best first.
 

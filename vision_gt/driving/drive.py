@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from validation.pieces.results import kept_result
 from validation.poses.trajectory import Trajectory
 from validation.results import Finding
 from validation.shown import Shown
@@ -55,6 +56,7 @@ class DriveOutcome(Shown):
     findings: tuple[Finding, ...] = ()
 
 
+@kept_result("progress")
 def solve_drive(
     streams: Sequence[Stream],
     odometry: Trajectory | None = None,

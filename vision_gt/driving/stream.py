@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import block_diag
 
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 from validation.poses.trajectory import Clock, Trajectory
 from validation.shown import Shown
@@ -136,6 +137,7 @@ class Stream(Shown):
         return replace(self, verdicts=tuple(verdicts))
 
 
+@kept_result()
 def camera_stream(
     camera: str,
     times: Array,

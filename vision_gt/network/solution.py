@@ -9,6 +9,7 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import RigidTransform
 
 from validation.errors import GtvalError
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, camera_slots
 from vision_gt.network.adjustment import Bar, KnownBody, Network, adjust_network
@@ -118,6 +119,7 @@ class NetworkSolution:
     exchanged: tuple[Exchange, ...] = field(default=())
 
 
+@kept_result()
 def solve_network(given: NetworkInput, *, joint: bool = True) -> NetworkSolution:
     """The cameras in the GTV frame.
 

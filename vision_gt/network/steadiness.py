@@ -8,6 +8,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 from vision_gt.least_squares.adjustment import Knowledge, adjust
 from vision_gt.least_squares.setups import Setup, as_views
@@ -165,6 +166,7 @@ def _board_pose(view: BoardView, camera: Camera) -> tuple[RigidTransform, Array]
     return done.setup.T_world_body[0], done.body_covariances[0] * factor
 
 
+@kept_result()
 def image_move(before: Image, after: Image) -> ImageMove | None:
     """Shift and rotation of an image against an earlier one; None if there is too little to see.
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 from vision_gt.images.markers import LEAST_CELL
 from vision_gt.optics.camera import Camera
@@ -175,6 +176,7 @@ class CameraPlan:
         return float((self.over_floor.cameras_with_pose >= at_least).mean())
 
 
+@kept_result()
 def work_out(given: PlanInput) -> CameraPlan:
     """What planned cameras will see, and how well they will know the robot's pose."""
     grid = floor_grid(given.outline)

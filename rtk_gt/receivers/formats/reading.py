@@ -23,6 +23,7 @@ from rtk_gt.receivers.formats.rtklib import BARE, pos_baselines, pos_fixes
 from rtk_gt.receivers.formats.ubx import SYNC, ubx_baselines, ubx_fixes
 from rtk_gt.receivers.utm import geodetic_of_utm
 from validation.errors import GtvalError, InputError, Problem
+from validation.pieces.results import kept_result
 from validation.poses.earth_frames import LocalFrame
 from validation.trajectories.formats.bags import MAGIC, bag_fault
 from validation.trajectories.formats.rawlog_objects import is_rawlog
@@ -96,6 +97,12 @@ def _read(path: Path, stated: Stated) -> Fixes:
     form, data = _told(path, stated)
     if form == "bag":
         return bag_fixes(path, stated.receiver, stated.label or None)
+    return _fixes_of(form, path, data, stated)
+
+
+@kept_result()
+def _fixes_of(form: str, path: Path, data: bytes, stated: Stated) -> Fixes:
+    """The fixes of the content of a file."""
     if stated.coordinates != "degrees":
         if form != "csv":
             said = f"coordinates in metres are read of tables (csv), not of {form}"
