@@ -11,7 +11,13 @@ import time
 import numpy as np
 import pytest
 
+from data_samples.drives.drive import DriveSettings, simulate_drive
+from data_samples.drives.files import write_drive
 from gtval.testing import make_room
+from validation.campaign.folder import load_campaign
+from validation.pieces import results as kept_results
+from validation.pieces.store import counted
+from validation.run import run_campaign
 
 RUN = (sys.executable, "-m", "gtval", "run")
 
@@ -113,3 +119,36 @@ def test_a_run_killed_at_random_moments_goes_on_and_repeats_little(tmp_path):
         # What was being matched when it was killed is matched again, and nothing else.
         assert kept + matches["done"] == whole["matches of scans"]["done"]
         assert results(folder) == expected
+
+
+class NeverRaisedError(Exception):
+    """Stands where what cannot be told is caught."""
+
+
+def steps_of(folder, monkeypatch):
+    """How many steps of each package a run keeps, none of them of a kind that cannot be told."""
+    monkeypatch.setattr(kept_results, "UnknownKindError", NeverRaisedError)
+    with counted() as pieces:
+        done = run_campaign(load_campaign(folder))
+    assert not done.failed
+    return {kind: one.done for kind, one in pieces.kinds.items() if kind.startswith("steps of ")}
+
+
+def test_every_step_of_a_drive_of_receivers_can_be_kept(tmp_path, monkeypatch):
+    write_drive(tmp_path, simulate_drive(1, DriveSettings(loops=1)))
+    steps = steps_of(tmp_path, monkeypatch)
+    assert steps["steps of rtk"] > 5
+    assert steps_of(tmp_path, monkeypatch) == {"steps of rtk": 0}
+
+
+@pytest.mark.full
+def test_every_step_of_a_room_with_cameras_can_be_kept(tmp_path, monkeypatch):
+    room = ("simulate", "--seed", "6", "--stops", "4", "--vision", "--drive", "3")
+    subprocess.run(
+        [sys.executable, "-m", "gtval", *room, str(tmp_path / "room")],
+        check=True,
+        capture_output=True,
+    )
+    steps = steps_of(tmp_path / "room", monkeypatch)
+    assert steps == {"steps of survey": 1, "steps of vision": 11}
+    assert set(steps_of(tmp_path / "room", monkeypatch).values()) == {0}

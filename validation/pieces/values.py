@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 import sys
 from collections.abc import Callable, Mapping
 from collections.abc import Set as AbstractSet
@@ -139,7 +140,7 @@ class _Writer:
         return [self.told(one) for one in value]
 
     def _array(self, value: Any) -> Any:
-        if value.dtype.kind not in _KINDS or type(value) not in {np.ndarray, type(value[()])}:
+        if value.dtype.kind not in _KINDS or isinstance(value, np.ma.MaskedArray | np.matrix):
             raise UnknownKindError(f"an array of {value.dtype}")
         rows = np.asarray(value)
         columns = rows.flags.f_contiguous and not rows.flags.c_contiguous
@@ -205,7 +206,8 @@ class _Reader:
     def read(self, told: Any) -> Any:
         """A value."""
         if isinstance(told, _PLAIN):
-            return told
+            nothing = isinstance(told, float) and math.isnan(told)
+            return math.nan if nothing else told  # one object, as where it is a default
         form = next(iter(told))
         if form == "again":
             return self._made[told["again"]]
