@@ -5,8 +5,11 @@ when it is called.
 """
 
 import os
+import signal
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from threading import current_thread, main_thread
 from typing import Any
 
 import click
@@ -79,7 +82,8 @@ class DiscoveredGroup(click.Group):
             sys.exit(UNEXPECTED)
         try:
             try:
-                return super().main(*arguments, **settings)
+                with _ended_as_interrupted():
+                    return super().main(*arguments, **settings)
             finally:
                 sys.stdout.flush()
         except OSError as error:
@@ -121,6 +125,22 @@ class DiscoveredGroup(click.Group):
             click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
             _tell(ctx, said)
             ctx.exit(UNEXPECTED)
+
+
+@contextmanager
+def _ended_as_interrupted() -> Iterator[None]:
+    """Let SIGTERM, which schedulers and containers send, end a command as Ctrl-C does.
+
+    So temporary folders go, and what is being written is whole or not there.
+    """
+    if current_thread() is not main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _stdout_fails() -> bool:

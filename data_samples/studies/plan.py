@@ -154,6 +154,12 @@ def _settings(path: Path, plan: PlanFile, data: Mapping[str, Any]) -> dict[str, 
         for value in values
         for problem in _faults(path, base, key, value)
     ]
+    problems += [
+        Problem(path, "it comes twice", _line_of(path, key), f"vary.{key}", _told(value))
+        for key, values in plan.vary.items()
+        for at, value in enumerate(values)
+        if value in values[:at]
+    ]
     if problems:
         raise InputError(problems)
     found = {}
@@ -167,7 +173,7 @@ def _settings(path: Path, plan: PlanFile, data: Mapping[str, Any]) -> dict[str, 
 
 def _faults(path: Path, base: Mapping[str, Any], key: str, value: object) -> list[Problem]:
     """What is wrong with one value of what is varied."""
-    line = line_of(path, ("vary", key)) or line_of(path, ("vary",))
+    line = _line_of(path, key)
     table, _, name = key.partition(".")
     if table not in TrialSettings.model_fields or not name:
         known = ", ".join(TrialSettings.model_fields)
@@ -181,6 +187,11 @@ def _faults(path: Path, base: Mapping[str, Any], key: str, value: object) -> lis
             for one in input_error(path, TrialSettings, error).problems
         ]
     return []
+
+
+def _line_of(path: Path, key: str) -> int | None:
+    """Where what is varied is."""
+    return line_of(path, ("vary", key)) or line_of(path, ("vary",))
 
 
 def _changed(base: Mapping[str, Any], values: Mapping[str, object]) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from data_samples.rooms.simulate import HAND_LASER, RIG, ExampleSystem, Simulati
 from data_samples.studies.plan import TrialSettings
 from validation.campaign.folder import load_campaign
 from validation.errors import GtvalError
+from validation.pieces.results import results_kept_in
 from validation.pieces.store import KeptPieces, code_of, key_of
 from validation.poses.angles import Array
 from validation.poses.pose_table import PLANAR, PoseTable, pose_difference
@@ -108,7 +109,8 @@ class Trial:
 
 def run_trial(job: TrialJob) -> Trial:
     """A room drawn, worked out as `gtval run` does, and held against its truth."""
-    with TemporaryDirectory(prefix="gtval-trial-") as made:
+    # The room is gone when it is worked out: only what comes of it is kept.
+    with TemporaryDirectory(prefix="gtval-trial-") as made, results_kept_in(None):
         folder, stops = Path(made), job.settings.room.stops
         try:
             truth = _drawn(folder, job)

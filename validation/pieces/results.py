@@ -19,15 +19,15 @@ Result = TypeVar("Result")
 class _Kept:
     """The results of one campaign, and which of them this run has used."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path | None) -> None:
+        self.folder = folder
         self._files: dict[str, KeptPieces] = {}
         self._used: dict[str, list[str]] = {}
 
     def of(self, package: str) -> KeptPieces:
         """Those of the functions of a package."""
-        if package not in self._files:
-            path = self._folder / f"{package}_steps.jsonl"
+        if package not in self._files and self.folder is not None:
+            path = self.folder / f"{package}_steps.jsonl"
             self._files[package] = KeptPieces(path, f"steps of {package.removesuffix('_gt')}")
         return self._files[package]
 
@@ -45,15 +45,16 @@ _kept: ContextVar[_Kept | None] = ContextVar("kept", default=None)
 
 
 @contextmanager
-def results_kept_in(campaign: Path) -> Iterator[None]:
+def results_kept_in(campaign: Path | None) -> Iterator[None]:
     """Keep the results of all `kept_result` functions in a block below a campaign folder.
 
-    Those that a whole block has not used are forgotten at its end.
+    Those that a whole block has not used are forgotten at its end. Inside another such block
+    that one counts, and with None nothing is kept.
     """
     if _kept.get() is not None:
         yield
         return
-    kept = _Kept(campaign / FOLDER)
+    kept = _Kept(None if campaign is None else campaign / FOLDER)
     token = _kept.set(kept)
     try:
         yield
@@ -87,7 +88,7 @@ def kept_result(
         @wraps(function)
         def once(*args: Given.args, **more: Given.kwargs) -> Result:
             kept = _kept.get()
-            if kept is None:
+            if kept is None or kept.folder is None:
                 return function(*args, **more)
             bound = parameters.bind(*args, **more)
             bound.apply_defaults()

@@ -2,6 +2,10 @@
 
 import csv
 import json
+import os
+import subprocess
+import sys
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -64,6 +68,7 @@ def test_every_combination_is_a_setting(tmp_path):
         ('[vary]\n"stops" = [1]', 2, "vary.stops", "expected a table and its key"),
         ('[vary]\n"room.stops" = [0, 3]', 2, "vary.room.stops", "1"),
         ('[vary]\n"room.stops" = []', 2, "vary.room.stops", "1"),
+        ('[vary]\n"room.stops" = [3, 4, 3]', 2, "vary.room.stops", "it comes twice"),
     ],
 )
 def test_what_is_wrong_in_a_plan_is_told_with_its_place(tmp_path, text, line, key, said):
@@ -222,6 +227,26 @@ def test_files_of_others_are_not_replaced(tmp_path):
     done = CliRunner().invoke(main, ["study", str(bare), "--workers", "1"])
     assert done.exit_code != 0
     assert "Give another place with --folder" in done.output
+
+
+def test_a_study_that_a_scheduler_ends_leaves_no_room_behind(tmp_path):
+    plan = plan_of(tmp_path, "seeds = 50\n[room]\nstops = 20\n")
+    rooms = tmp_path / "rooms"
+    rooms.mkdir()
+    words = ["study", str(plan), "--workers", "1", "--folder", str(tmp_path / "found")]
+    going = subprocess.Popen(
+        [sys.executable, "-m", "gtval", *words],
+        env={**os.environ, "TMPDIR": str(rooms)},
+        stderr=subprocess.PIPE,
+    )
+    while not list(rooms.iterdir()):
+        assert going.poll() is None
+        time.sleep(0.02)
+    going.terminate()
+    _, said = going.communicate()
+    assert going.returncode == 130
+    assert b"Interrupted; no file is half-written." in said
+    assert list(rooms.iterdir()) == []
 
 
 @pytest.mark.full
