@@ -13,6 +13,7 @@ import argparse
 import json
 import pickle
 import resource
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -58,6 +59,7 @@ def command(*arguments: str) -> Ready:
         from validation.cli import main
 
         words = [one.format(folder) for one in arguments]
+        shutil.rmtree(folder / "kept", ignore_errors=True)  # of the run that imported
 
         def run() -> None:
             done = CliRunner().invoke(main, words)
@@ -217,6 +219,7 @@ def make_days(days: int, folder: Path) -> None:
 POSES = (100, 1000, 10_000, 100_000)
 WORKS = {
     "survey": Work("stops", (26, 100, 500, 2000), make_room, command("survey", "{}")),
+    "run": Work("stops", (26, 100, 500, 2000), make_room, command("run", "{}")),
     "vision": Work("frames", (100, 1000, 5000, 20_000), make_frames, solve_frames),
     "laser": Work("scans", (300, 1000, 3000), make_scans, solve_scans),
     "rtk": Work("minutes", (10, 30, 60, 120), make_minutes, command("rtk", "solve", "{}")),

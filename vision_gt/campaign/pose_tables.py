@@ -5,10 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from validation.poses.joint import LARGEST_WHOLE
 from validation.poses.pose_table import PoseTable
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.optics.transforms import mean_transform, planar_pose
-from vision_gt.robot.robot_pose import joint_covariance
+from vision_gt.robot.robot_pose import joint_covariance, joint_factor
 
 SYSTEM_NAME = "vision"
 PUBLISHED_NAME = "vision_as_published"
@@ -25,6 +26,8 @@ def pose_tables(outcome: VisionOutcome) -> list[PoseTable]:
     if known:
         poses = [pose for _, pose in known]
         planar = [pose.planar for pose in poses]
+        shared = (poses, outcome.network.network, outcome.layout.layout)
+        large = 3 * len(poses) > LARGEST_WHOLE
         tables.append(
             PoseTable(
                 SYSTEM_NAME,
@@ -32,7 +35,8 @@ def pose_tables(outcome: VisionOutcome) -> list[PoseTable]:
                 np.array([pose for pose, _ in planar]),
                 np.array([covariance for _, covariance in planar]),
                 sources=tuple(_source(pose.cameras) for pose in poses),
-                joint=joint_covariance(poses, outcome.network.network, outcome.layout.layout),
+                joint=None if large else joint_covariance(*shared),
+                factor=joint_factor(*shared) if large else None,
             )
         )
     if outcome.published:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.spatial.transform import RigidTransform
 from scipy.special import chdtrc
 
@@ -346,17 +347,30 @@ def joint_covariance(poses: Sequence[RobotPose], network: Network, layout: Layou
 
     Poses share cameras and markers, so they err together.
     """
-    n, c = len(poses), len(network.covariance)
-    jacobians = [planar_jacobian(pose.best.R) for pose in poses]
-    S = np.concatenate([J @ p.sensitivity for J, p in zip(jacobians, poses, strict=True)])
-    shared = np.zeros((S.shape[1], S.shape[1]))
-    shared[:c, :c] = network.covariance
-    shared[c:, c:] = layout.covariance
-    joint = S @ shared @ S.T
-    for i in range(n):
+    sensitivity, shared = _shared(poses, network, layout)
+    joint = sensitivity @ shared @ sensitivity.T
+    for i, pose in enumerate(poses):
         rows = slice(3 * i, 3 * i + 3)
-        joint[rows, rows] = poses[i].planar[1]
+        joint[rows, rows] = pose.planar[1]
     return np.asarray(0.5 * (joint + joint.T))
+
+
+def joint_factor(poses: Sequence[RobotPose], network: Network, layout: Layout) -> Array:
+    """(3 n, r) factor of it: that of two poses is the product of their rows.
+
+    It has a column for each number of the cameras and the markers, however many poses there are.
+    """
+    sensitivity, shared = _shared(poses, network, layout)
+    values, vectors = np.linalg.eigh(shared)
+    known = values > 0
+    return np.asarray(sensitivity @ (vectors[:, known] * np.sqrt(values[known])))
+
+
+def _shared(poses: Sequence[RobotPose], network: Network, layout: Layout) -> tuple[Array, Array]:
+    """How poses (3 n) follow cameras and markers, and the covariance of these."""
+    jacobians = [planar_jacobian(pose.best.R) for pose in poses]
+    sensitivity = np.concatenate([J @ p.sensitivity for J, p in zip(jacobians, poses, strict=True)])
+    return sensitivity, block_diag(network.covariance, layout.covariance)
 
 
 def best_of(poses: Mapping[str, RobotPose]) -> str | None:

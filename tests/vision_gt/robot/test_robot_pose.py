@@ -1,6 +1,7 @@
 """Robot poses: accurate, with covariances that hold, and ambiguity declared."""
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from vision_gt.robot.robot_pose import (
     Sighting,
     best_of,
     joint_covariance,
+    joint_factor,
     published_pose,
     robot_pose,
 )
@@ -170,6 +172,11 @@ def test_poses_from_one_camera_err_together():
     joint = joint_covariance(poses, network, layout)
     assert joint[0, 3] == pytest.approx(0.01**2, rel=0.02)
     assert np.linalg.eigvalsh(joint).min() > 0
+    factor = joint_factor(poses, network, layout)
+    between = (factor @ factor.T).reshape(len(poses), 3, len(poses), 3)
+    for one, other in permutations(range(len(poses)), 2):
+        expected = joint.reshape(between.shape)[one, :, other]
+        assert between[one, :, other] == pytest.approx(expected, rel=1e-9, abs=1e-18)
 
 
 def test_covariances_that_include_the_layout_hold():
