@@ -6,11 +6,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from validation.errors import InputError, Problem
 from validation.poses.angles import Array
+from validation.poses.factored import Factored, least_variances
 from validation.poses.follows import Follows
+from validation.poses.joint import LARGEST_WHOLE
 from validation.poses.pose_table import PoseTable, in_common
+from validation.poses.shared_errors import shared_errors
 from validation.text_files.csv_tables import Column, header_of, read_csv
 from validation.text_files.csv_text import csv_text
 
@@ -24,6 +28,9 @@ mean is zero by construction: the mean then shows less than a quarter of an even
 placed by all n compared stops keeps nothing, one placed by half of them as much as before."""
 MAX_BYTES = 100_000_000
 """Two thousand numbers of a factor of six columns have 0.2 MB."""
+
+
+Indices = npt.NDArray[np.intp]
 
 
 class Apart(NamedTuple):
@@ -73,22 +80,29 @@ def apart(validation: PoseTable, gt: PoseTable) -> Apart:
     both = set(ids)
     every = [*ids, *(name for name in follows.ids if name not in both)]
     known = validation.select(every)
-    used = _flat([every.index(name) for name in follows.ids], k)
-    gain = theirs.follows.gain
-    left = np.zeros((len(ids) * k, len(every) * k))
-    left[:, : len(ids) * k] = np.eye(len(ids) * k)
-    left[:, used] -= gain
-    constructed = _constructed(left, ids, k)
-    share = _mean_share(left, known, len(ids), k)
+    row = {name: number for number, name in enumerate(every)}
+    used = _flat([row[name] for name in follows.ids], k)
+    by, of = theirs.follows.by, theirs.follows.of
+    constructed = _constructed(by, of, used, ids)
+    share = _mean_share(by, of, used, known, len(ids))
     if not (known.has_covariance.all() and theirs.has_covariance.all()):
         return Apart(ours, theirs, constructed, share, depends=False)
-    whole = joint_of(known)
+    if _in_few_numbers(known, theirs):
+        rest = Factored.of(known).without(by, of, used, len(ids))
+        return Apart(
+            rest.given_to(ours),
+            Factored.of(theirs).less(by, of, known.select(follows.ids)).given_to(theirs),
+            constructed,
+            share,
+            depends=True,
+        )
+    whole, gain = joint_of(known), by @ of
+    left = np.eye(len(ids) * k, len(every) * k)
+    left[:, used] -= gain
     own = joint_of(theirs) - gain @ whole[np.ix_(used, used)] @ gain.T
-    floors = 1e-9 * np.concatenate([np.diagonal(joint_of(one)) for one in (ours, theirs)])
-    first, second = floors[: len(left)], floors[len(left) :]
     return Apart(
-        _with_joint(ours, left @ whole @ left.T, first),
-        _with_joint(theirs, own, second),
+        _with_joint(ours, left @ whole @ left.T, _floor(ours)),
+        _with_joint(theirs, own, _floor(theirs)),
         constructed,
         share,
         depends=True,
@@ -104,9 +118,10 @@ def own_part(validation: PoseTable, gt: PoseTable) -> PoseTable:
     known = validation.select(follows.ids)
     if not (known.has_covariance.all() and gt.has_covariance.all()):
         return gt
-    whole = joint_of(gt)
-    own = whole - follows.gain @ joint_of(known) @ follows.gain.T
-    return _with_joint(gt, own, 1e-9 * np.diagonal(whole))
+    if _in_few_numbers(gt):
+        return Factored.of(gt).less(follows.by, follows.of, known).given_to(gt)
+    own = joint_of(gt) - follows.gain @ joint_of(known) @ follows.gain.T
+    return _with_joint(gt, own, _floor(gt))
 
 
 def _applies(follows: Follows | None, validation: PoseTable, k: int) -> bool:
@@ -129,7 +144,7 @@ def joint_of(table: PoseTable) -> Array:
     return blocks.reshape(n * k, n * k)
 
 
-def _flat(rows: Sequence[int], k: int) -> Array:
+def _flat(rows: Sequence[int], k: int) -> Indices:
     """Where the numbers of some poses are."""
     return np.asarray((np.array(rows, dtype=int)[:, None] * k + np.arange(k)).ravel())
 
@@ -147,7 +162,7 @@ def _with_joint(table: PoseTable, joint: Array, floor: Array) -> PoseTable:
             blocks[row] += added
             at = slice(row * k, row * k + k)
             joint[at, at] += added
-    return replace(table, covariances=blocks, joint=joint, factor=None)
+    return replace(table, covariances=blocks, joint=joint, factor=None, signs=None)
 
 
 def _scaled(matrix: Array) -> Array:
@@ -155,22 +170,48 @@ def _scaled(matrix: Array) -> Array:
     return np.asarray(matrix / size[:, None] / size)
 
 
-def _constructed(left: Array, ids: Sequence[str], k: int) -> tuple[str, ...]:
-    """Stops at which nothing of the validation's error is left: the system took it over whole."""
-    blocks = np.square(left).reshape(len(ids), k, -1).sum((1, 2))
-    return tuple(name for name, size in zip(ids, blocks, strict=True) if size < LEAST_SHARE)
+def _floor(table: PoseTable) -> Array:
+    """(n k,) variances that rounding may take."""
+    return least_variances(table).ravel()
 
 
-def _mean_share(left: Array, known: PoseTable, n: int, k: int) -> Array:
+def _constructed(by: Array, of: Array, used: Indices, ids: Sequence[str]) -> tuple[str, ...]:
+    """Stops at which nothing of the validation's error is left: the system took it over whole.
+
+    Left are the rows of 1 - by of, whose squares are 1 - 2 by_i of_i + by_i of of' by_i'.
+    """
+    square = np.einsum("ir,rs,is->i", by, of @ of.T, by) + 1
+    inside = used < len(by)
+    square[used[inside]] -= 2 * np.einsum("ir,ri->i", by[used[inside]], of[:, inside])
+    each = square.reshape(len(ids), -1).sum(1)
+    return tuple(name for name, size in zip(ids, each, strict=True) if size < LEAST_SHARE)
+
+
+def _mean_share(by: Array, of: Array, used: Indices, known: PoseTable, n: int) -> Array:
     """(k,) variance of the mean difference over that of n independent errors of the validation.
 
     By its stated covariances; where none are stated, as if all were a metre and a radian.
     """
-    stated = known.has_covariance.all()
-    whole = joint_of(known) if stated else np.eye(left.shape[1])
-    means = left.reshape(n, k, -1).mean(0)
-    alone = np.diagonal(whole).reshape(-1, k)[:n].sum(0) / n**2
-    return np.asarray(np.einsum("kj,jl,kl->k", means, whole, means) / alone)
+    count, k = known.poses.shape
+    covariances: Array = np.broadcast_to(np.eye(k), (count, k, k))
+    flat = np.zeros((k, count * k))
+    flat[:, : n * k] = np.tile(np.eye(k) / n, n)
+    flat[:, used] -= by.reshape(n, k, -1).mean(0) @ of
+    means = flat.reshape(k, count, k)
+    if known.has_covariance.all():
+        covariances = known.covariances
+    square = np.einsum("anj,njl,bnl->ab", means, covariances, means)
+    together = shared_errors([known]) if known.has_covariance.all() else None
+    if together is not None:
+        square = square + together.seen_by(means)
+    alone = np.diagonal(covariances, axis1=1, axis2=2)[:n].sum(0) / n**2
+    return np.asarray(np.diagonal(square) / alone)
+
+
+def _in_few_numbers(*tables: PoseTable) -> bool:
+    """Whether no matrix of all poses is there, nor is one small enough to be made."""
+    whole = any(table.joint is not None for table in tables)
+    return not whole and max(table.poses.size for table in tables) > LARGEST_WHOLE
 
 
 def placed_by(
@@ -207,7 +248,8 @@ def placed_by(
         return table
     by = _lever(table.poses, mount=mount and k > 2)
     n, r = len(table), by.shape[1]
-    rows = _flat([table.ids.index(name) for name in stops], k)
+    row = {name: number for number, name in enumerate(table.ids)}
+    rows = _flat([row[name] for name in stops], k)
     known = validation.select(stops)
     weights = np.ones(k)
     if known.has_covariance.all():
@@ -215,17 +257,20 @@ def placed_by(
     if k > 2 and not headings:
         weights[2] = 0.0
     root = np.sqrt(np.tile(weights, len(stops)))
-    of = np.linalg.pinv(by[rows] * root[:, None]) * root
+    of = np.asarray(np.linalg.pinv(by[rows] * root[:, None]) * root, dtype=float)
     follows = Follows(
         validation.system, tuple(stops), by, of, "frame and mount" if r > 3 else "frame"
     )
     if not (known.has_covariance.all() and table.has_covariance.all()):
         return replace(table, follows=follows)
+    if _in_few_numbers(table):
+        own = Factored.of(table).without(by, of, rows, n)
+        return replace(own.more(by, of, known).given_to(table), follows=follows)
     left = np.eye(n * k)
     left[:, rows] -= follows.gain
     whole = left @ joint_of(table) @ left.T
     whole += follows.gain @ joint_of(known) @ follows.gain.T
-    return replace(_with_joint(table, whole, 1e-9 * np.diagonal(joint_of(table))), follows=follows)
+    return replace(_with_joint(table, whole, _floor(table)), follows=follows)
 
 
 def _lever(poses: Array, *, mount: bool) -> Array:

@@ -18,6 +18,8 @@ LARGEST_WHOLE = 300
 """Numbers of all poses up to which the matrix is written whole, also where it has a factor: 90,000
 cells, under 2 MB, which a spreadsheet shows. It grows with the square: the 201 poses of a drive of
 four minutes have 1,206 numbers and a matrix of 11.7 MB, their factor of 9 columns has 0.2 MB."""
+LESS = "less"
+"""Begins the names of columns of a factor that are taken away."""
 MAX_BYTES = 500_000_000
 """A factor of 20 columns of a million numbers."""
 
@@ -53,13 +55,20 @@ def joint_files(table: PoseTable) -> dict[str, Content]:
 
 def _factor_lines(table: PoseTable, factor: Array) -> Iterator[str]:
     """The lines of a factor's file; floats keep their last bit."""
-    yield ",".join(["number", *(f"shared_{column + 1}" for column in range(factor.shape[1]))])
+    _, signs = table.shared_part()
+    names = [_column(column, sign) for column, sign in enumerate(signs.tolist(), 1)]
+    yield ",".join(["number", *names])
     k = len(table.components)
     parts = [component.name for component in table.components]
     for row, stop in enumerate(table.ids):
         own = factor[row * k : (row + 1) * k].tolist()
         for part, numbers in zip(parts, own, strict=True):
             yield ",".join([harmless(f"{stop}.{part}"), *map(repr, numbers)])
+
+
+def _column(number: int, sign: float) -> str:
+    """'shared_3', or 'less_3' of what is taken away."""
+    return f"{LESS if sign < 0 else 'shared'}_{number}"
 
 
 def _matrix_text(names: list[str], columns: list[str], matrix: Array) -> str:
@@ -90,7 +99,12 @@ def with_stored_joint(table: PoseTable, path: Path) -> PoseTable:
         raise InputError([Problem(factor, f"{whole.name} states the same; delete the older one")])
     square = found == [whole]
     matrix = _matrix(found[0], _names(table), path, square=square)
-    table = replace(table, joint=matrix) if square else replace(table, factor=matrix)
+    if square:
+        table = replace(table, joint=matrix)
+    else:
+        names = header_of(factor, max_bytes=MAX_BYTES)[1:]
+        signs = np.array([-1.0 if name.startswith(LESS) else 1.0 for name in names])
+        table = replace(table, factor=matrix, signs=None if (signs > 0).all() else signs)
     _check_own(table, matrix, found[0], path)
     return table
 
@@ -118,10 +132,8 @@ def _check_own(table: PoseTable, matrix: Array, beside: Path, path: Path) -> Non
         fits = np.allclose(own, table.covariances, rtol=1e-6, atol=0.0, equal_nan=False)
     else:
         # What a pose shares is a part of its covariance: the rest is a covariance, too.
-        rows = matrix.reshape(n, k, -1)
         scale = np.sqrt(np.diagonal(table.covariances, axis1=1, axis2=2))[:, :, None]
-        rest = table.covariances - rows @ np.swapaxes(rows, 1, 2)
-        rest = rest / scale / np.swapaxes(scale, 1, 2)
+        rest = table.own_covariances() / scale / np.swapaxes(scale, 1, 2)
         fits = bool(np.isfinite(rest).all() and (np.linalg.eigvalsh(rest) > -1e-6).all())
     if not fits:
         raise InputError(

@@ -86,6 +86,9 @@ class PoseTable(Shown):
         The same in few numbers, where poses share the errors of few unknowns: the covariance
         between two different poses is ``factor`` times its transpose there. Instead of ``joint``;
         `joint_covariance` gives the matrix of either.
+    signs : (r,) array, optional
+        1 or -1 for each column of the factor, all 1 by default: what a column of -1 gives is taken
+        away, as where poses err less together than each of them.
     provenance : mapping
         Facts of the whole table for results/run.json.
     follows : Follows, optional
@@ -106,6 +109,7 @@ class PoseTable(Shown):
     sources: tuple[str, ...] = ()
     joint: Array | None = None
     factor: Array | None = None
+    signs: Array | None = None
     provenance: Mapping[str, object] = field(default_factory=dict)
     follows: Follows | None = None
 
@@ -161,6 +165,11 @@ class PoseTable(Shown):
                 raise FaultyResultError(f"{who}: give the joint covariance or its factor, not both")
             if self.factor.ndim != 2 or len(self.factor) != size:
                 raise FaultyResultError(f"{who}: factor {self.factor.shape}, not {size} rows")
+        columns = 0 if self.factor is None else self.factor.shape[1]
+        if self.signs is not None and (
+            self.signs.shape != (columns,) or not (np.abs(self.signs) == 1).all()
+        ):
+            raise FaultyResultError(f"{who}: signs are 1 or -1 for each column of the factor")
         if self.follows is not None and len(self.follows.by) != size:
             raise FaultyResultError(f"{who}: follows by {len(self.follows.by)} rows, not {size}")
 
@@ -183,9 +192,22 @@ class PoseTable(Shown):
         if self.factor is None:
             return self.joint
         n, k = self.poses.shape
-        whole = (self.factor @ self.factor.T).reshape(n, k, n, k)
+        signs = 1.0 if self.signs is None else self.signs
+        whole = ((self.factor * signs) @ self.factor.T).reshape(n, k, n, k)
         whole[np.arange(n), :, np.arange(n)] = self.covariances
         return whole.reshape(n * k, n * k)
+
+    def shared_part(self) -> tuple[Array, Array]:
+        """Rows (n, k, r) of the factor, of no columns where there is none, and signs (r,)."""
+        n, k = self.poses.shape
+        columns = 0 if self.factor is None else self.factor.shape[1]
+        rows = np.zeros((n, k, 0)) if self.factor is None else self.factor.reshape(n, k, columns)
+        return rows, np.ones(rows.shape[2]) if self.signs is None else self.signs
+
+    def own_covariances(self) -> Array:
+        """(n, k, k) what each pose has beside what the factor says it shares."""
+        rows, signs = self.shared_part()
+        return np.asarray(self.covariances - (rows * signs) @ np.swapaxes(rows, 1, 2))
 
     def select(self, ids: Iterable[str]) -> Self:
         """The rows of the named stops, in that order."""

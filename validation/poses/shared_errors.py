@@ -19,26 +19,30 @@ class SharedErrors:
     factor : (n, k, r) array
         That between two different poses is the product of their rows; a survey of any number of
         stops has one column for each unknown of its marks.
+    signs : (r,) array
+        1 or -1 for each column, which is added or taken away.
     whole : (n, k, n, k) array, optional
         What is added to it, where no factor is known; zero between a pose and itself.
     """
 
     factor: Array
+    signs: Array
     whole: Array | None = None
 
     def select(self, rows: npt.NDArray[np.intp]) -> "SharedErrors":
         """Of the poses in the given rows."""
         whole = None if self.whole is None else self.whole[rows][:, :, rows]
-        return SharedErrors(self.factor[rows], whole)
+        return SharedErrors(self.factor[rows], self.signs, whole)
 
     def only(self, numbers: npt.NDArray[np.intp]) -> "SharedErrors":
         """Of some of the numbers of each pose."""
         whole = None if self.whole is None else self.whole[:, numbers][..., numbers]
-        return SharedErrors(self.factor[:, numbers], whole)
+        return SharedErrors(self.factor[:, numbers], self.signs, whole)
 
     def matrix(self) -> Array:
         """(n, k, n, k) covariance between different poses; zero between a pose and itself."""
-        found = np.einsum("nkr,mlr->nkml", self.factor, self.factor, optimize=True)
+        signed = self.factor * self.signs
+        found = np.einsum("nkr,mlr->nkml", signed, self.factor, optimize=True)
         if self.whole is not None:
             found = found + self.whole
         found[np.arange(len(found)), :, np.arange(len(found))] = 0.0
@@ -51,7 +55,8 @@ class SharedErrors:
         """
         each = np.einsum("pnk,nkr->npr", gain, self.factor)
         together = each.sum(0)
-        found = together @ together.T - np.einsum("npr,nqr->pq", each, each)
+        found = (together * self.signs) @ together.T
+        found = found - np.einsum("npr,nqr->pq", each * self.signs, each)
         if self.whole is not None:
             found = found + np.einsum("pni,nimj,qmj->pq", gain, self.whole, gain)
         return np.asarray(found)
@@ -65,16 +70,17 @@ def shared_errors(tables: Sequence[PoseTable]) -> SharedErrors | None:
     tables : sequence of PoseTable
         With a joint covariance, its factor, or neither.
     """
-    factors: list[Array] = []
+    parts: list[tuple[Array, Array]] = []
     whole: Array | None = None
     for table in tables:
         n, k = table.poses.shape
         if table.factor is not None:
-            factors.append(table.factor.reshape(n, k, -1))
+            parts.append(table.shared_part())
         elif table.joint is not None:
             between = np.array(table.joint, dtype=float).reshape(n, k, n, k)
             between[np.arange(n), :, np.arange(n)] = 0.0
             whole = between if whole is None else whole + between
-    if not factors and whole is None:
+    if not parts and whole is None:
         return None
-    return SharedErrors(np.concatenate([np.zeros((n, k, 0)), *factors], axis=2), whole)
+    factor = np.concatenate([np.zeros((n, k, 0)), *(rows for rows, _ in parts)], axis=2)
+    return SharedErrors(factor, np.concatenate([np.zeros(0), *(one for _, one in parts)]), whole)

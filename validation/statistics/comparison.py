@@ -7,6 +7,7 @@ import numpy as np
 from validation.errors import GtvalError
 from validation.poses.angles import Array
 from validation.poses.common_origin import CONSTRUCTED_MEAN, apart, joint_of
+from validation.poses.factored import Factored
 from validation.poses.follows import Follows
 from validation.poses.pose_table import (
     PLANAR,
@@ -24,6 +25,7 @@ from validation.statistics.consistency import (
     joint_square,
     nees,
     normalised_errors,
+    square_of_factored,
     sum_test,
     whitened,
 )
@@ -128,9 +130,9 @@ class Comparison(Shown):
                 total += np.einsum("ikjk->k", table.joint.reshape(n, k, n, k))
                 continue
             total += np.einsum("ikk->k", table.covariances)
-            if table.factor is not None:  # the covariances have its own part already
-                shared = table.factor.reshape(n, k, -1)
-                total += np.square(shared.sum(0)).sum(1) - np.square(shared).sum((0, 2))
+            shared, signs = table.shared_part()  # the covariances have its own part already
+            together = np.square(shared.sum(0)) - np.square(shared).sum(0)
+            total += (together * signs).sum(1)
         return np.asarray(np.sqrt(total) / n)
 
     def __len__(self) -> int:
@@ -252,8 +254,7 @@ def _test(
     ours, theirs = validation.select(ids), gt.select(ids)
     method = "joint NEES, with the stated correlations between poses"
     if gt.follows is not None:
-        joint = joint_of(ours) + joint_of(theirs)
-        total, freedom = joint_square(errors[stated].ravel(), joint, every=k)
+        total, freedom = _square(errors[stated], ours, theirs)
         method += f" and with the survey, {n * k - freedom} of {n * k} numbers being fitted"
         return sum_test(total, n, freedom / n, confidence, method) if freedom else None
     try:
@@ -266,6 +267,16 @@ def _test(
     return sum_test(total, n, k, confidence, method)
 
 
+def _square(errors: Array, validation: PoseTable, gt: PoseTable) -> tuple[float, int]:
+    """Of errors of which some may be zero by construction, with its freedom."""
+    if validation.joint is None and gt.joint is None:
+        found = square_of_factored(errors, _together(validation, gt))
+        if found is not None:
+            return found
+    joint = joint_of(validation) + joint_of(gt)
+    return joint_square(errors.ravel(), joint, every=errors.shape[1])
+
+
 def _joint_nees(errors: Array, validation: PoseTable, gt: PoseTable) -> float:
     """Of all errors (n, k) together; where the tables have factors, without the whole matrix."""
     tables = (validation, gt)
@@ -273,17 +284,10 @@ def _joint_nees(errors: Array, validation: PoseTable, gt: PoseTable) -> float:
         table.joint is not None for table in tables
     ):
         return float(nees(errors.ravel(), joint_of(validation) + joint_of(gt)))
-    n, k = errors.shape
-    (ours, first), (theirs, second) = (_split(table) for table in tables)
-    factor = np.concatenate([first, second], axis=1).reshape(n, k, -1)
-    white = whitened(errors[..., None], ours + theirs, factor)
+    white = whitened(errors[..., None], _together(validation, gt))
     return float(np.square(white).sum())
 
 
-def _split(table: PoseTable) -> tuple[Array, Array]:
-    """What each pose has for itself (n, k, k), and the factor (n k, r) of what poses share."""
-    n, k = table.poses.shape
-    if table.factor is None:
-        return table.covariances, np.zeros((n * k, 0))
-    rows = table.factor.reshape(n, k, -1)
-    return table.covariances - rows @ np.swapaxes(rows, 1, 2), table.factor
+def _together(validation: PoseTable, gt: PoseTable) -> Factored:
+    """The covariance of the errors of tables that have no matrix of all poses."""
+    return Factored.of(validation).beside(Factored.of(gt))

@@ -8,6 +8,7 @@ from scipy import special
 
 from validation.poses.angles import Array
 from validation.poses.common_origin import LEAST_SHARE
+from validation.poses.factored import Factored
 
 Verdict = Literal["below", "inside", "above"]
 
@@ -103,11 +104,11 @@ def joint_square(
     kept = values > LEAST_SHARE
     white = (vectors[:, kept] / np.sqrt(values[kept])).T
     rest = None if slopes is None else white @ (slopes / size[:, None])
-    return _square_beside(white @ (errors / size), rest)
+    return _square_beside(white @ (errors / size), rest, len(white))
 
 
-def square_with_factor(
-    errors: Array, blocks: Array, factor: Array, slopes: Array
+def square_of_factored(
+    errors: Array, covariance: Factored, slopes: Array | None = None
 ) -> tuple[float, int] | None:
     """The same of poses that share errors by a factor, without a matrix of all poses.
 
@@ -115,66 +116,81 @@ def square_with_factor(
     ----------
     errors : (n, k) array
         Of n poses.
-    blocks : (n, k, k) array
-        Covariance of what each has alone.
-    factor : (n, k, r) array
-        Of what they share: that of all is the blocks and the factor times its transpose.
-    slopes : (n, k, p) array
+    covariance : Factored
+        Of them.
+    slopes : (n, k, p) array, optional
         Of parameters that were fitted.
 
     Returns
     -------
     (float, int) or None
-        None where the blocks leave a direction that is zero by construction.
+        None where what a pose has alone leaves a direction that is zero by construction.
     """
-    variances = np.diagonal(blocks, axis1=1, axis2=2) + np.square(factor).sum(2)
-    size = np.sqrt(variances)
+    own, factor, signs = covariance
+    variances = np.diagonal(own, axis1=1, axis2=2) + (np.square(factor) * signs).sum(2)
     if not (variances > 0).all():
         return None
-    scaled = blocks / size[:, :, None] / size[:, None, :]
+    size = np.sqrt(variances)
+    scaled = own / size[:, :, None] / size[:, None, :]
     if np.linalg.eigvalsh(scaled).min(initial=np.inf) <= LEAST_SHARE:
         return None
-    white = whitened(np.concatenate([errors[..., None], slopes], axis=2), blocks, factor)
-    return _square_beside(white[:, 0], white[:, 1:])
+    columns = errors[..., None]
+    if slopes is not None:
+        columns = np.concatenate([columns, slopes], axis=2)
+    white = whitened(columns, covariance, LEAST_SHARE)
+    spanned = min(errors.size, len(signs))
+    return _square_beside(white[:, 0], white[:, 1:], len(white) - spanned)
 
 
-def whitened(values: Array, blocks: Array, factor: Array) -> Array:
-    """(n k, p) values in directions of unit variance, of n poses that share errors by a factor.
+def whitened(values: Array, covariance: Factored, least: float = 0.0) -> Array:
+    """Values (n, k, p) in directions of unit variance, of poses that share errors by a factor.
 
     Parameters
     ----------
     values : (n, k, p) array
         In p columns.
-    blocks : (n, k, k) array
-        Covariance of what each pose has alone.
-    factor : (n, k, r) array
-        That of all is the blocks and the factor times its transpose.
+    covariance : Factored
+        Of errors.
+    least : float
+        Directions that have no more than this share of the variance that poses have alone are left
+        out: they are zero by construction.
+
+    Returns
+    -------
+    (m, p) array
+        Of the same squares and products as the values by the inverse of the covariance; m is the
+        numbers of all poses and the columns of the factor, but for directions that are left out.
 
     Raises
     ------
     ValueError
-        If a block is not positive definite.
+        If what a pose has alone, or the whole, is not positive definite.
 
     Notes
     -----
-    With L L^T = B, F = L^-1 factor and its singular values s and left vectors U, the covariance
-    is L (1 + F F^T) L^T, and (1 + F F^T)^-1/2 = 1 - U diag(1 - (1 + s^2)^-1/2) U^T.
+    With L L^T = B of the blocks, L^-1 F = Q R and the signs S, the covariance is
+    L (1 + Q R S R^T Q^T) L^T: it is 1 beside the few directions Q, and in them that of a small
+    matrix.
     """
     n, k, columns = values.shape
     try:
-        root = np.linalg.cholesky(blocks)
+        root = np.linalg.cholesky(covariance.own)
     except np.linalg.LinAlgError:
         raise ValueError("a covariance is not positive definite") from None
-    white = np.linalg.solve(root, np.concatenate([values, factor], axis=2)).reshape(n * k, -1)
-    own, shared = white[:, :columns], white[:, columns:]
-    vectors, sizes, _ = np.linalg.svd(shared, full_matrices=False)
-    less = 1 - 1 / np.sqrt(1 + sizes**2)
-    return np.asarray(own - vectors @ (less[:, None] * (vectors.T @ own)))
+    both = np.concatenate([values, covariance.factor], axis=2)
+    white = np.linalg.solve(root, both).reshape(n * k, -1)
+    inside, R = np.linalg.qr(white[:, columns:])
+    sizes, ways = np.linalg.eigh(np.eye(len(R)) + (R * covariance.signs) @ R.T)
+    if least == 0.0 and sizes.min(initial=1.0) <= 0:
+        raise ValueError("a covariance is not positive definite")
+    kept = sizes > least
+    within = inside.T @ white[:, :columns]
+    told = (ways[:, kept].T @ within) / np.sqrt(sizes[kept])[:, None]
+    return np.concatenate([told, white[:, :columns] - inside @ within])
 
 
-def _square_beside(left: Array, slopes: Array | None) -> tuple[float, int]:
+def _square_beside(left: Array, slopes: Array | None, freedom: int) -> tuple[float, int]:
     """Square of white errors beside what fitted parameters could take away, and its freedom."""
-    freedom = len(left)
     if slopes is not None and slopes.shape[1]:
         basis, sizes, _ = np.linalg.svd(slopes, full_matrices=False)
         basis = basis[:, sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300)]

@@ -1,17 +1,25 @@
 """Two tables of which one took its frame from the other: what their differences tell."""
 
+import tracemalloc
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from validation.errors import InputError
+from validation.poses import common_origin, joint
 from validation.poses.common_origin import (
+    apart,
     follows_files,
+    joint_of,
+    own_part,
     placed_by,
     with_stored_follows,
 )
 from validation.poses.pose_table import PLANAR, PoseTable, from_csv, to_csv
 from validation.statistics.comparison import compare
+from validation.text_files.writing import pieces_of
 
 SURVEY, OWN = np.array([0.003, 0.003, 0.003]), np.array([0.002, 0.002, 0.001])
 
@@ -116,3 +124,86 @@ def test_positions_alone_can_be_placed_too():
     prism = placed_by(PoseTable("prism", ids, truth, cov, PLANAR[:2]), survey, ids)
     test = compare(survey, prism).test
     assert round(test.per_pose * test.poses) == 12 - 3
+
+
+def _by_factor(seed, stops=12, *, mount=True, chance=0.0):
+    """The same with a survey that states its joint covariance by a factor, in few numbers."""
+    survey, table = _campaign(seed, stops, mount=mount)
+    shift = np.tile([0.004, 0.004, 0.0], len(survey))[:, None]
+    survey = replace(survey, joint=None, factor=shift)
+    rng = np.random.default_rng(seed + 1)
+    skew = rng.normal(0, 0.3, (len(survey), 3, 3)) * chance + np.eye(3)
+    own = skew @ np.diag(OWN**2) @ np.swapaxes(skew, 1, 2)
+    start = PoseTable("cart", survey.ids, table.poses, own)
+    return survey, start, survey.ids[:stops]
+
+
+@pytest.mark.parametrize("mount", [True, False])
+@pytest.mark.parametrize("stops", [12, 7, 1])
+@pytest.mark.parametrize("kept", [slice(None), slice(2, 11), slice(None, None, -2)])
+def test_in_few_numbers_all_is_as_with_a_matrix_of_all_poses(monkeypatch, mount, stops, kept):
+    survey, start, used = _by_factor(stops, stops, mount=mount and stops > 1, chance=1.0)
+    found = []
+    for largest in (10_000, 0):
+        monkeypatch.setattr(common_origin, "LARGEST_WHOLE", largest)
+        table = placed_by(start, survey, used, mount=mount and stops > 1)
+        some = table.select(table.ids[kept])
+        parts = apart(survey, some)
+        found.append((table, compare(survey, some), parts, own_part(survey, some)))
+    whole, few = found
+    assert few[0].joint is None
+    for which in (0, 3):
+        scale = np.sqrt(np.diagonal(joint_of(whole[0].select(whole[which].ids))))
+        off = (joint_of(few[which]) - joint_of(whole[which])) / scale / scale[:, None]
+        assert np.abs(off).max() < 1e-7
+    for name in ("validation", "gt"):
+        one, other = (joint_of(getattr(some[2], name)) for some in found)
+        scale = np.sqrt(np.diagonal(joint_of(survey)).max())
+        assert np.abs(one - other).max() < 1e-7 * scale**2
+    assert few[2].constructed == whole[2].constructed
+    assert few[2].mean_share == pytest.approx(whole[2].mean_share, abs=1e-9)
+    first, second = whole[1].test, few[1].test
+    assert round(first.per_pose * first.poses) == round(second.per_pose * second.poses)
+    assert second.mean == pytest.approx(first.mean, rel=1e-4)
+    assert few[1].mean_sigmas == pytest.approx(whole[1].mean_sigmas, abs=1e-8)
+
+
+def test_a_factor_of_which_a_part_is_taken_away_is_read_back(tmp_path, monkeypatch):
+    monkeypatch.setattr(common_origin, "LARGEST_WHOLE", 0)
+    monkeypatch.setattr(joint, "LARGEST_WHOLE", 0)
+    survey, start, used = _by_factor(3, 6)
+    table = placed_by(start, survey, used, mount=True)
+    assert set(table.signs) == {-1.0, 1.0}
+    path = tmp_path / "poses_cart.csv"
+    path.write_text(to_csv(table))
+    ((name, content),) = joint.joint_files(table).items()
+    (tmp_path / name).write_text("".join(one.decode() for one in pieces_of(content)))
+    read = joint.with_stored_joint(from_csv(path), path)
+    assert (read.factor == table.factor).all()
+    assert (read.signs == table.signs).all()
+    assert read.select(read.ids[2:5]).signs is not None
+
+
+def test_ten_thousand_poses_placed_by_a_survey_need_no_matrix_of_all():
+    rng = np.random.default_rng(5)
+    n = 10_000
+    ids = tuple(map(str, range(n)))
+    truth = np.column_stack([rng.uniform(-50, 50, (n, 2)), rng.uniform(-3, 3, n)])
+    blocks = np.tile(np.diag(SURVEY**2), (n, 1, 1))
+    shift = np.tile([0.004, 0.004, 0.0], n)[:, None]
+    covariances = blocks + np.outer(*[[0.004, 0.004, 0.0]] * 2)
+    errors = rng.normal(0, 1, (n, 3)) * SURVEY + shift[:3, 0] * rng.normal()
+    survey = PoseTable("survey", ids, truth + errors, covariances, factor=shift)
+    own = truth + rng.normal(0, 1, (n, 3)) * OWN
+    start = PoseTable("cart", ids, own, np.tile(np.diag(OWN**2), (n, 1, 1)))
+    tracemalloc.start()
+    table = placed_by(start, survey, ids[::4])
+    moved = own + (
+        table.follows.by @ (table.follows.of @ (survey.poses[::4] - own[::4]).ravel())
+    ).reshape(n, 3)
+    test = compare(survey, replace(table, poses=moved)).test
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 200e6
+    assert test.verdict == "inside" or test.p_value > 0.001
+    assert round(test.per_pose * n) == 3 * n - 3  # what the frame could take away is none

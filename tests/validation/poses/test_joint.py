@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from validation.errors import GtvalError, InputError
-from validation.explain.fitting.pairs import shared_part
 from validation.poses.joint import LARGEST_WHOLE, joint_files, joint_path, with_stored_joint
 from validation.poses.pose_files import pose_files
 from validation.poses.pose_table import SPATIAL, PoseTable, from_csv, to_csv
+from validation.poses.shared_errors import shared_errors
 from validation.statistics.comparison import compare
 
 
@@ -123,7 +123,7 @@ def test_comparison_and_explanation_are_those_of_the_whole_matrix():
     # The condition of the matrix is some 1e3: rounding changes the 13th digit.
     assert alone.test.mean == pytest.approx(both.test.mean, rel=1e-11)
     assert alone.test.p_value == pytest.approx(both.test.p_value, rel=1e-9)
-    parts = shared_part([table]), shared_part([whole(table)])
+    parts = shared_errors([table]).matrix(), shared_errors([whole(table)]).matrix()
     assert np.array_equal(*parts)
 
 

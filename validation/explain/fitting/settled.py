@@ -14,8 +14,9 @@ from validation.explain.fitting.pairs import Pairs
 from validation.explain.fitting.serial import Serial, serial
 from validation.explain.fitting.shared import shared_covariance
 from validation.poses.angles import Array, wrap
+from validation.poses.factored import Factored
 from validation.poses.shared_errors import SharedErrors
-from validation.statistics.consistency import joint_square, square_with_factor
+from validation.statistics.consistency import joint_square, square_of_factored
 from validation.statistics.hypotheses import Parameter
 
 WAY = 1 / 3
@@ -286,8 +287,9 @@ def _square_of(
     """Normalised square of errors (n, k) beside what is fitted, and its freedom."""
     n, k = errors.shape
     if shared.whole is None:
-        own = covariances - shared.factor @ np.swapaxes(shared.factor, 1, 2)
-        found = square_with_factor(errors, own, shared.factor, slopes)
+        rows, signs = shared.factor, shared.signs
+        own = covariances - (rows * signs) @ np.swapaxes(rows, 1, 2)
+        found = square_of_factored(errors, Factored(own, rows, signs), slopes)
         if found is not None:
             return found
     whole = shared.matrix()

@@ -8,9 +8,10 @@ from explain_campaigns import matrix, pose, random_stops
 from scipy.stats import chi2
 
 from validation.explain.analysis import explain
+from validation.poses.factored import Factored
 from validation.poses.pose_table import PoseTable
 from validation.poses.shared_errors import shared_errors
-from validation.statistics.consistency import square_with_factor
+from validation.statistics.consistency import square_of_factored
 
 NOISE = np.array([0.001, 0.001, 0.001])
 FRAME = np.array([0.0015, 0.0015, 0.0005])
@@ -120,8 +121,8 @@ def test_where_a_pose_errs_only_as_the_others_do_the_whole_matrix_is_looked_at()
     blocks = rows @ np.swapaxes(rows, 1, 2)
     rng = np.random.default_rng(5)
     errors = (factor @ rng.standard_normal(6)).reshape(STOPS, 3)
-    none = np.zeros((STOPS, 3, 0))
-    assert square_with_factor(errors, blocks * 0, rows, none) is None
-    found = square_with_factor(errors, blocks * 0 + np.eye(3) * NOISE**2, rows, none)
+    ones = np.ones(6)
+    assert square_of_factored(errors, Factored(blocks * 0, rows, ones)) is None
+    found = square_of_factored(errors, Factored(blocks * 0 + np.eye(3) * NOISE**2, rows, ones))
     whole = factor @ factor.T + np.eye(3 * STOPS) * NOISE[0] ** 2
     assert found == pytest.approx((errors.ravel() @ np.linalg.solve(whole, errors.ravel()), 78))
