@@ -11,7 +11,8 @@ from rtk_gt.campaign.pose_tables import sensor_tables
 from rtk_gt.offsets.estimate import distance_names
 from rtk_gt.receivers.fixes import Fixes
 from validation.poses.angles import Array
-from validation.poses.pose_table import to_csv, to_tum
+from validation.poses.pose_table import to_csv
+from validation.poses.tum_text import to_tum
 from validation.text_files.csv_text import csv_text
 from validation.text_files.writing import Content, text_of
 

@@ -98,7 +98,8 @@ def sensor_path(
     """
     from rtk_gt.campaign.pose_tables import table_at
     from rtk_gt.sensors.sensor_files import read_times
-    from validation.poses.pose_table import to_csv, to_tum
+    from validation.poses.pose_table import to_csv
+    from validation.poses.tum_text import to_tum
     from validation.report.terminal import print_json
     from validation.text_files.writing import write_files
 

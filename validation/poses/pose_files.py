@@ -8,7 +8,8 @@ from functools import partial
 from validation.errors import FaultyResultError, GtvalError, shown
 from validation.poses.common_origin import follows_files
 from validation.poses.joint import joint_files
-from validation.poses.pose_table import PoseTable, csv_lines, tum_lines
+from validation.poses.pose_table import PoseTable, csv_lines
+from validation.poses.tum_text import tum_lines
 from validation.text_files.writing import Content, text_of
 
 _SYSTEM = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")

@@ -1,9 +1,8 @@
 """Poses with covariances, named components and where they came from."""
 
-import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations_with_replacement
 from pathlib import Path
@@ -127,6 +126,8 @@ class PoseTable(Shown):
         object.__setattr__(self, "poses", poses)
         object.__setattr__(self, "covariances", covariances)
         object.__setattr__(self, "sources", tuple(self.sources) or ("",) * n)
+        if self.factor is None:
+            object.__setattr__(self, "signs", None)
         self._check(n, k)
 
     def _check(self, n: int, k: int) -> None:
@@ -165,11 +166,9 @@ class PoseTable(Shown):
                 raise FaultyResultError(f"{who}: give the joint covariance or its factor, not both")
             if self.factor.ndim != 2 or len(self.factor) != size:
                 raise FaultyResultError(f"{who}: factor {self.factor.shape}, not {size} rows")
-        columns = 0 if self.factor is None else self.factor.shape[1]
-        if self.signs is not None and (
-            self.signs.shape != (columns,) or not (np.abs(self.signs) == 1).all()
-        ):
-            raise FaultyResultError(f"{who}: signs are 1 or -1 for each column of the factor")
+            signs = np.ones(self.factor.shape[1]) if self.signs is None else self.signs
+            if signs.shape != self.factor.shape[1:] or not (np.abs(signs) == 1).all():
+                raise FaultyResultError(f"{who}: signs are 1 or -1 for each column of the factor")
         if self.follows is not None and len(self.follows.by) != size:
             raise FaultyResultError(f"{who}: follows by {len(self.follows.by)} rows, not {size}")
 
@@ -391,67 +390,6 @@ def _source(*cells: str) -> str:
     own, told = cells[-1], zip(MAKERS, cells, strict=False)
     new = [f"{kind} {name}" for kind, name in told if name and f"{kind} " not in own]
     return ", ".join([own, *new] if own else new)
-
-
-def to_tum(table: PoseTable, times: Mapping[str, float] | None = None) -> str:
-    """A planar or spatial table in the TUM trajectory format: t x y z qx qy qz qw.
-
-    Parameters
-    ----------
-    table : PoseTable
-        Poses with components x, y, theta, or x, y, z, yaw, pitch, roll.
-    times : mapping of str to float, optional
-        Time stamp in seconds of each id. Without it the number in the id is used, so that the
-        same stop has the same stamp in every system's file.
-
-    Raises
-    ------
-    GtvalError
-        If an id has no time and is not a number; if the poses have other components.
-    """
-    return "\n".join(tum_lines(table, times)()) + "\n"
-
-
-def tum_lines(
-    table: PoseTable, times: Mapping[str, float] | None = None
-) -> Callable[[], Iterator[str]]:
-    """What makes the lines of `to_tum` without their ends; a GtvalError at once as there."""
-    if times is None:
-        times = {name: _number_or_nan(name) for name in table.ids}
-    if not all(math.isfinite(times.get(name, math.nan)) for name in table.ids):
-        raise GtvalError(
-            f"system '{table.system}' has stops that are not numbered; give their times"
-        )
-    if table.components not in {PLANAR, SPATIAL}:
-        raise GtvalError(f"system '{table.system}' has poses that the TUM format cannot hold")
-    stamps = np.array([times[name] for name in table.ids])
-
-    def lines() -> Iterator[str]:
-        for row in np.argsort(stamps, kind="stable").tolist():
-            position, quaternion = _position_and_quaternion(table, row)
-            yield " ".join(repr(float(one)) for one in (stamps[row], *position, *quaternion))
-
-    return lines
-
-
-def _number_or_nan(name: str) -> float:
-    try:
-        return float(name)
-    except ValueError:
-        return math.nan
-
-
-def _position_and_quaternion(table: PoseTable, row: int) -> tuple[list[float], Array]:
-    """x, y, z and the quaternion (x, y, z, w) of one pose."""
-    named = dict(zip((c.name for c in table.components), table.poses[row], strict=True))
-    position = [named["x"], named["y"], named.get("z", 0.0)]
-    if "theta" in named:
-        half = named["theta"] / 2
-        return position, np.array([0.0, 0.0, np.sin(half), np.cos(half)])
-    from scipy.spatial.transform import Rotation  # noqa: PLC0415  (planar tables do without)
-
-    angles = [named["yaw"], named["pitch"], named["roll"]]
-    return position, np.asarray(Rotation.from_euler("ZYX", angles).as_quat())
 
 
 def in_common(tables: Sequence[PoseTable]) -> list[str]:

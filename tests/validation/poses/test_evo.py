@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from validation.poses.pose_table import to_tum
+from validation.poses.tum_text import to_tum
 from validation.statistics.comparison import compare
 
 EVO = shutil.which("evo_ape") or shutil.which("evo_ape", path=str(Path(sys.executable).parent))
