@@ -19,8 +19,8 @@ from validation.poses.pose_table import (
     in_common,
     pose_difference,
     to_csv,
-    to_tum,
 )
+from validation.poses.tum_text import to_tum
 
 names = st.text(st.characters(codec="utf-8"), min_size=1, max_size=8).filter(
     lambda name: name.isprintable() and name == name.strip()
