@@ -109,7 +109,7 @@ def write_run(done: RunResult) -> list[Path]:
     >>> (folder / "report" / "report.html") in files
     True
     """
-    return write_results(*report_files(done))
+    return write_results(*report_files(done)).files
 
 
 @html_of.register

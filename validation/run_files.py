@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from validation.campaign.banner import marked_report
 from validation.campaign.provenance import (
@@ -123,7 +123,14 @@ def run_record(
     }
 
 
-def write_results(run: RunResult, report: Mapping[str, Content] | None = None) -> list[Path]:
+class Written(NamedTuple):
+    """Files that a run has written, and what others are out of date now."""
+
+    files: list[Path]
+    old: list[OutOfDate]
+
+
+def write_results(run: RunResult, report: Mapping[str, Content] | None = None) -> Written:
     """Write all results, and the report if there is one, or nothing at all.
 
     Files that the run before this one made and this one did not are removed, as far as its
@@ -136,11 +143,6 @@ def write_results(run: RunResult, report: Mapping[str, Content] | None = None) -
     report : mapping of str to str or bytes, optional
         Files of the report by their names relative to report/.
 
-    Returns
-    -------
-    list of Path
-        The files written.
-
     Raises
     ------
     GtvalError
@@ -148,14 +150,21 @@ def write_results(run: RunResult, report: Mapping[str, Content] | None = None) -
     """
     folder, results = run.campaign.folder, run.campaign.results
     steps = result_files(run)
-    left = left_over(run, report=bool(report))
     before = earlier_outputs(run.campaign)
-    files = {name: content for step in steps.values() for name, content in step.items()}
-    files[RECORD] = json_text(record := run_record(run, steps, left))
-    contents = {f"{results.name}/{name}": content for name, content in files.items()}
-    contents |= marked_report(run.campaign, left[1])
-    for name, content in (report or {}).items():
-        contents[f"{run.campaign.report.name}/{name}"] = content
-    written = write_files(folder, contents)
-    remove_results(run.campaign, before.difference(record["outputs"]))
-    return written
+    listed: list[str] = []
+    old: list[OutOfDate] = []
+
+    def then() -> dict[str, Content]:
+        """What tells of the files, and the report."""
+        left = left_over(run, report=bool(report))
+        record = run_record(run, steps, left)
+        listed.extend(record["outputs"])
+        old.extend(left[1])
+        more: dict[str, Content] = {f"{results.name}/{RECORD}": json_text(record)}
+        more |= marked_report(run.campaign, left[1])
+        return more | {f"{run.campaign.report.name}/{n}": one for n, one in (report or {}).items()}
+
+    contents = {f"{results.name}/{n}": one for step in steps.values() for n, one in step.items()}
+    written = write_files(folder, contents, then=then)
+    remove_results(run.campaign, before.difference(listed))
+    return Written(written, old)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from validation.campaign.folder import load_campaign
 from validation.run import RunResult, run_campaign
-from validation.run_files import left_over, write_results
+from validation.run_files import write_results
 from validation.solving import late_finding
 from validation.statistics.error_statistics import IntervalMethod
 from validation.systems import Progress
@@ -51,6 +51,5 @@ def run_and_write(
 
         progress("writing the report", RUN_BEFORE_REPORT)
         done, files = report_files(done, pdf=pdf)
-    _, old = left_over(done, report=report)
-    write_results(done, files)
+    old = write_results(done, files).old
     return replace(done, findings=(*done.findings, *late_finding("results", old)))

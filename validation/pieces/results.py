@@ -119,7 +119,7 @@ def _done_once(key: str, kept: _Kept, package: str, work: Callable[[], Result]) 
         pass  # it is done again
     result = work()
     try:
-        line = json.loads(json.dumps(as_json(result)))
+        line = as_json(result)
         again: Result = from_json(line)
     except UnknownKindError:
         return result

@@ -275,7 +275,7 @@ def _covariance_columns(components: Sequence[Component]) -> list[str]:
     return [a.code + b.code for a, b in combinations_with_replacement(components, 2)]
 
 
-_ROWS = 4096
+ROWS = 4096
 """Poses that are turned into text at a time."""
 
 
@@ -294,8 +294,8 @@ def csv_lines(table: PoseTable) -> Iterator[str]:
     yield ",".join([*header, "source"])
     upper = np.triu_indices(len(table.components))
     blank = [""] * len(upper[0])
-    for start in range(0, len(table), _ROWS):
-        rows = slice(start, start + _ROWS)
+    for start in range(0, len(table), ROWS):
+        rows = slice(start, start + ROWS)
         covariances = table.covariances[rows]
         own = covariances[:, upper[0], upper[1]].tolist()
         stated = np.isfinite(covariances).all(axis=(1, 2)).reshape(-1)

@@ -4,10 +4,13 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
+import numpy.typing as npt
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
-from validation.poses.pose_table import PLANAR, SPATIAL, PoseTable
+from validation.poses.pose_table import PLANAR, ROWS, SPATIAL, PoseTable
+
+Indices = npt.NDArray[np.intp]
 
 
 def to_tum(table: PoseTable, times: Mapping[str, float] | None = None) -> str:
@@ -44,9 +47,12 @@ def tum_lines(
     stamps = np.array([times[name] for name in table.ids])
 
     def lines() -> Iterator[str]:
-        for row in np.argsort(stamps, kind="stable").tolist():
-            position, quaternion = _position_and_quaternion(table, row)
-            yield " ".join(repr(float(one)) for one in (stamps[row], *position, *quaternion))
+        order = np.argsort(stamps, kind="stable")
+        for start in range(0, len(order), ROWS):
+            rows = order[start : start + ROWS]
+            cells = np.column_stack([stamps[rows], *_positions_and_quaternions(table, rows)])
+            for row in cells.tolist():
+                yield " ".join(map(repr, row))
 
     return lines
 
@@ -58,14 +64,16 @@ def _number_or_nan(name: str) -> float:
         return math.nan
 
 
-def _position_and_quaternion(table: PoseTable, row: int) -> tuple[list[float], Array]:
-    """x, y, z and the quaternion (x, y, z, w) of one pose."""
-    named = dict(zip((c.name for c in table.components), table.poses[row], strict=True))
-    position = [named["x"], named["y"], named.get("z", 0.0)]
+def _positions_and_quaternions(table: PoseTable, rows: Indices) -> tuple[Array, Array]:
+    """x, y, z (n, 3) and the quaternions (n, 4), x, y, z, w, of some poses."""
+    none = np.zeros(len(rows))
+    names = (one.name for one in table.components)
+    named = dict(zip(names, table.poses[rows].T, strict=True))
+    position = np.column_stack([named["x"], named["y"], named.get("z", none)])
     if "theta" in named:
         half = named["theta"] / 2
-        return position, np.array([0.0, 0.0, np.sin(half), np.cos(half)])
+        return position, np.column_stack([none, none, np.sin(half), np.cos(half)])
     from scipy.spatial.transform import Rotation  # noqa: PLC0415  (planar tables do without)
 
-    angles = [named["yaw"], named["pitch"], named["roll"]]
+    angles = np.column_stack([named["yaw"], named["pitch"], named["roll"]])
     return position, np.asarray(Rotation.from_euler("ZYX", angles).as_quat())

@@ -59,6 +59,7 @@ def write_files(
     contents: Mapping[str, Content],
     *,
     before: Callable[[], None] = lambda: None,
+    then: Callable[[], Mapping[str, Content]] = dict,
 ) -> list[Path]:
     """The paths of a set of files, all written before the first is put in place.
 
@@ -76,6 +77,9 @@ def write_files(
     before : callable
         Called when all are on the disk, just before the first takes its name; what it raises
         leaves everything as it was.
+    then : callable
+        Gives further files once these are on the disk, when the digests of large texts are known:
+        such a text is made only once then.
 
     Raises
     ------
@@ -86,7 +90,7 @@ def write_files(
     staged: dict[Path, Path] = {}
     kept: dict[Path, Path | None] = {}
     try:
-        for name, content in contents.items():
+        for name, content in _in_turn(contents, then):
             target = folder / name
             made += [path for path in target.parents if not path.exists()]
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -113,6 +117,14 @@ def write_files(
     return list(staged)
 
 
+def _in_turn(
+    contents: Mapping[str, Content], then: Callable[[], Mapping[str, Content]]
+) -> Iterator[tuple[str, Content]]:
+    """Files, and those that depend on them."""
+    yield from contents.items()
+    yield from then().items()
+
+
 def pieces_of(content: Content) -> Iterator[bytes]:
     """The bytes of a file in pieces, as a large text is not to be there twice.
 
@@ -135,13 +147,18 @@ def _stage(target: Path, content: Content) -> Path:
     handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
     try:
         with os.fdopen(handle, "wb") as stream:
-            stream.writelines(pieces_of(content))
+            digest = hashlib.sha256()
+            for piece in pieces_of(content):
+                digest.update(piece)
+                stream.write(piece)
             stream.flush()
             os.fsync(stream.fileno())
     except BaseException:
         with contextlib.suppress(OSError):
             Path(name).unlink()
         raise
+    if isinstance(content, LargeText):
+        vars(content)["digest"] = digest.hexdigest()
     umask = os.umask(0)
     os.umask(umask)
     Path(name).chmod(0o666 & ~umask)
