@@ -191,7 +191,9 @@ def test_a_system_that_is_given_twice_is_refused(command):
 def test_options_may_stand_before_the_campaign_of_a_group(system, ad23_folder, tmp_path):
     folder = shutil.copytree(ad23_folder, tmp_path / "ad23")
     first, last = gtval(system, "--json", folder), gtval(system, folder, "--json")
-    assert first.stdout == last.stdout
+    one, other = json.loads(first.stdout), json.loads(last.stdout)
+    one.pop("pieces", None), other.pop("pieces", None)  # the second takes some over
+    assert one == other
     # Of AD2.3 only vision has data of its own: what was printed of its markers.
     known = "vision solve" if system == "vision" else system
     assert json.loads(first.stdout)["command"] == known
