@@ -48,9 +48,11 @@ def joint_files(table: PoseTable) -> dict[str, Content]:
                 partial(_factor_lines, table, table.factor), table.factor.size
             )
         }
-    names = _names(table)
     joint = table.joint_covariance
-    return {} if joint is None else {joint_path(path).name: _matrix_text(names, names, joint)}
+    if joint is None:
+        return {}
+    lines = partial(_matrix_lines, _names(table), joint)
+    return {joint_path(path).name: text_of(lines, joint.size)}
 
 
 def _factor_lines(table: PoseTable, factor: Array) -> Iterator[str]:
@@ -71,9 +73,11 @@ def _column(number: int, sign: float) -> str:
     return f"{LESS if sign < 0 else 'shared'}_{number}"
 
 
-def _matrix_text(names: list[str], columns: list[str], matrix: Array) -> str:
-    rows = ([name, *row.tolist()] for name, row in zip(names, matrix, strict=True))
-    return csv_text(["number", *columns], rows)
+def _matrix_lines(names: list[str], matrix: Array) -> Iterator[str]:
+    """The lines of a matrix's file: one row at a time, as they are long."""
+    yield csv_text(["number", *names], []).rstrip("\n")
+    for name, row in zip(names, matrix, strict=True):
+        yield csv_text([name], []).rstrip("\n") + "," + ",".join(map(repr, row.tolist()))
 
 
 def with_stored_joint(table: PoseTable, path: Path) -> PoseTable:

@@ -9,6 +9,7 @@ from validation.poses.pose_files import pose_files
 from validation.poses.pose_table import SPATIAL, PoseTable, from_csv, to_csv
 from validation.poses.shared_errors import shared_errors
 from validation.statistics.comparison import compare
+from validation.text_files.writing import write_files
 
 
 @pytest.fixture
@@ -36,8 +37,7 @@ def whole(table):
 
 
 def written(table, folder):
-    for name, text in pose_files([table]).items():
-        (folder / name).write_text(text)
+    write_files(folder, pose_files([table]))
     return folder / f"poses_{table.system}.csv"
 
 
