@@ -1,6 +1,6 @@
 """Boards in images: corners found by OpenCV, their order made the board's own."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from validation.poses.angles import Array
 from vision_gt.images.charuco import as_printed, charuco_corners
-from vision_gt.images.other_boards import as_named, dark_rim, is_another, what_instead
+from vision_gt.images.chessboards import classic, dark_rim, is_another, sector, starts
+from vision_gt.images.other_boards import as_named, what_instead
 from vision_gt.images.saddles import refine_saddles
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.rejections import Rejection, hull, rejected
@@ -107,17 +108,17 @@ def find_board(image: Image, board: Board, detector: Detector = "fitted") -> Fou
         return _find_charuco(image, board)[0]
     numbers = np.arange(len(board.corners))
     if detector == "classic":
-        pixels = _classic(image, board)
+        pixels = classic(image, board)
         if pixels is not None:
             pixels = _in_board_order(image, _refined(image, pixels, _STOCK_WINDOW), board)
         return None if pixels is None else FoundBoard(numbers, pixels)
     if detector == "sector":
-        pixels = _sector(image, board)
+        pixels = sector(image, board)
         return (
             None if pixels is None else FoundBoard(numbers, _in_board_order(image, pixels, board))
         )
     stock = None
-    for start in _starts(image, board):
+    for start in starts(image, board):
         pixels = _in_board_order(image, start, board)
         fitted = _fitted(image, numbers, pixels, board, _CLEAR_OF_CORNERS)
         if fitted is not None:
@@ -150,10 +151,7 @@ def look_for_boards(
     left: list[Rejection] = []
     for board in boards:
         if board.family is None:
-            plain = find_board(image, board, detector)
-            if plain is not None and is_another(image, board, plain.ids, plain.pixels):
-                plain = None
-            found.append(plain)
+            found.append(_plain(image, board, detector))
             continue
         one, rest = _find_charuco(image, board)
         found.append(one)
@@ -174,6 +172,14 @@ def look_for_boards(
         left.append(rejected("board", instead.name, None, instead.outline))
         return BoardLook(tuple(found), tuple(left), instead.name)
     return BoardLook(tuple(found), tuple(left))
+
+
+def _plain(image: Image, board: Board, detector: Detector) -> FoundBoard | None:
+    """A plain board; None if it is not found or is another one."""
+    one = find_board(image, board, detector)
+    if one is None or is_another(image, board, one.ids, one.pixels, one.sigmas):
+        return None
+    return one
 
 
 def _as_others(
@@ -202,14 +208,6 @@ def _perhaps_inverted(
     return ""
 
 
-def _starts(image: Image, board: Board) -> Iterator[Array]:
-    """Corners by one detector of OpenCV after another, the quick ones first."""
-    for find in (_classic, _half_size, _sector, _exhaustive, _patient):
-        pixels = find(image, board)
-        if pixels is not None:
-            yield pixels
-
-
 def _half_window(pixels: Array, board: Board) -> int:
     """Half window of a refinement that keeps clear of the neighbouring corners."""
     nx, ny = board.inner
@@ -230,40 +228,6 @@ def _fitted(
         return None
     sigmas = np.hypot(fit.sigmas, _LEAST_SIGMA)
     return FoundBoard(numbers[fit.good], fit.pixels[fit.good], sigmas[fit.good])
-
-
-def _classic(image: Image, board: Board, flags: int = cv2.CALIB_CB_FAST_CHECK) -> Array | None:
-    flags |= cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-    found, corners = cv2.findChessboardCorners(image, board.inner, flags=flags)
-    return np.array(corners, dtype=float).reshape(-1, 2) if found else None
-
-
-def _patient(image: Image, board: Board) -> Array | None:
-    """The first detector without its quick look, which takes dim or blurred boards for none."""
-    return _classic(image, board, 0)
-
-
-def _sector(
-    image: Image,
-    board: Board,
-    flags: int = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY,
-) -> Array | None:
-    found, corners = cv2.findChessboardCornersSB(image, board.inner, flags=flags)
-    return np.array(corners, dtype=float).reshape(-1, 2) if found else None
-
-
-def _exhaustive(image: Image, board: Board) -> Array | None:
-    """The sector-based detector with all it has, then with nothing done to the grey levels."""
-    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
-    pixels = _sector(image, board, flags)
-    return _sector(image, board, 0) if pixels is None else pixels
-
-
-def _half_size(image: Image, board: Board) -> Array | None:
-    """A start for the fit: half the size takes a quarter of the time."""
-    half = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    pixels = _sector(np.asarray(half, dtype=np.uint8), board, cv2.CALIB_CB_NORMALIZE_IMAGE)
-    return None if pixels is None else np.asarray(2 * pixels + 0.5)
 
 
 def _refined(image: Image, corners: Array, half: int) -> Array:

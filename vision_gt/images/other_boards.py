@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import cv2
 import numpy as np
@@ -12,6 +11,7 @@ import numpy.typing as npt
 
 from validation.poses.angles import Array
 from vision_gt.images.charuco import MOST_AGREE, Markers, agreement, as_printed
+from vision_gt.images.chessboards import any_size, begin_anew
 from vision_gt.images.reading import read_codes
 from vision_gt.patterns.boards import LEAST_PLAIN, Board
 from vision_gt.patterns.dictionaries import Family
@@ -70,12 +70,6 @@ them: cells of markers and gaps between circles are not."""
 _ROUND = 0.82
 """Of a blob, 4 pi area over the square of its rim: a square has 0.785, an ellipse of 2 to 1
 0.84."""
-_CLEARLY, _LEAST_SIDE = 0.65, 4
-"""Of the way from one colour to the other, and squares in a row: a white rim has half of them
-wrong."""
-_BY_TURNS = 0.7
-"""Share of a found board's squares that are dark and light by turns: half of them by chance, three
-quarters where there are markers in the light ones."""
 _FEW_CORNERS = 15
 """Fewer are no chessboard: cells of a marker are dark and light by turns, too."""
 _QUICK = cv2.CALIB_CB_FAST_CHECK | cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
@@ -164,89 +158,7 @@ def _chessboard(image: Image, board: Board) -> Array | None:
         seen, corners = cv2.findChessboardCorners(image, board.inner, flags=_QUICK)
         if seen:
             return np.asarray(corners, dtype=float).reshape(*board.inner[::-1], 2)
-    flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
-    try:
-        seen, corners, meta = cv2.findChessboardCornersSBWithMeta(image, (3, 3), flags)
-    except cv2.error:
-        return None
-    if not seen:
-        return None
-    return np.asarray(corners, dtype=float).reshape(*np.asarray(meta).shape[:2], 2)
-
-
-def is_another(image: Image, board: Board, numbers: Ints, pixels: Array) -> bool:
-    """Whether corners that were found are those of another plain board than the stated one.
-
-    Either its squares are not dark and light by turns, as where every second corner was passed
-    over; or they go on beyond its rim: then it is a part of a larger board.
-
-    Parameters
-    ----------
-    image : (h, w) array of uint8
-        Grey levels.
-    board : Board
-        The stated one.
-    numbers : (n,) array of int
-        Which of its corners were found.
-    pixels : (n, 2) array
-        Where.
-    """
-    H, _ = cv2.findHomography(board.corners[numbers, :2] / board.square, pixels, cv2.RANSAC, 3.0)
-    if H is None:
-        return False
-    nx, ny = board.inner
-    inside = np.stack(np.meshgrid(np.arange(nx - 1), np.arange(ny - 1)), -1).reshape(-1, 2)
-    level, seen = _levels(image, H, inside)
-    even = inside.sum(1) % 2 == 0
-    if not (seen & even).any() or not (seen & ~even).any():
-        return False
-    first, other = level[seen & even].mean(), level[seen & ~even].mean()
-    lighter = level > (first + other) / 2
-    if (lighter == even)[seen].mean() < _BY_TURNS and (lighter != even)[seen].mean() < _BY_TURNS:
-        return True
-    along, down = np.arange(-1, nx), np.arange(-1, ny)
-    sides = [np.column_stack([along, np.full(nx + 1, y)]) for y in (-2, ny)]
-    sides += [np.column_stack([np.full(ny + 1, x), down]) for x in (-2, nx)]
-    for side in sides:
-        level, seen = _levels(image, H, side)
-        share = (level - other) / (first - other)  # 1 where it is as the first square, 0 as others
-        right = np.where(side.sum(1) % 2 == 0, share > _CLEARLY, share < 1 - _CLEARLY)
-        if seen.sum() >= _LEAST_SIDE and right[seen].mean() >= _ALTERNATE:
-            return True
-    return False
-
-
-def dark_rim(image: Image, board: Board, numbers: Ints, pixels: Array) -> bool:
-    """Whether the rim around a plain board's squares is dark, as of a print in white on black.
-
-    Parameters
-    ----------
-    image, board, numbers, pixels
-        As for `is_another`.
-    """
-    H, _ = cv2.findHomography(board.corners[numbers, :2] / board.square, pixels, cv2.RANSAC, 3.0)
-    if H is None:
-        return False
-    nx, ny = board.inner
-    inside, _ = _levels(image, H, np.mgrid[: nx - 1, : ny - 1].reshape(2, -1).T)
-    along, down = np.arange(-1, nx), np.arange(-1, ny)
-    # A fifth of a square outside of the outer squares.
-    rim = [np.column_stack([along, np.full(nx + 1, y)]) for y in (-1.7, ny - 0.3)]
-    rim += [np.column_stack([np.full(ny + 1, x), down]) for x in (-1.7, nx - 0.3)]
-    level, seen = _levels(image, H, np.concatenate(rim))
-    low, high = np.quantile(inside, [0.1, 0.9])
-    dark = level < low + (1 - _CLEARLY) * (high - low)
-    return bool(seen.any() and dark[seen].mean() >= _ALTERNATE)
-
-
-def _levels(image: Image, H: Any, squares: Ints) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Grey levels (n,) in the middles of squares (n, 2), and whether these are in the image."""
-    ahead = np.column_stack([squares + 0.5, np.ones(len(squares))]) @ np.asarray(H).T
-    column, row = np.rint(ahead[:, :2] / ahead[:, 2:]).astype(int).T
-    height, width = image.shape
-    seen = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    grey = image[row.clip(0, height - 1), column.clip(0, width - 1)]
-    return grey.astype(float), seen
+    return any_size(image)
 
 
 def _alternates(image: Image, grid: Array) -> bool:
@@ -320,6 +232,7 @@ def circles(image: Image, board: Board) -> OtherBoard | None:
             (cv2.CALIB_CB_ASYMMETRIC_GRID, "an asymmetric"),
         ):
             for across, down in sizes:
+                begin_anew()
                 seen, places = cv2.findCirclesGrid(shown, (across, down), flags=flag)
                 if seen:
                     outline = np.asarray(places, dtype=float).reshape(-1, 2)

@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision_gt.images.boards import STOCK_SIGMA, find_board
+from vision_gt.images.chessboards import is_another
 from vision_gt.optics.camera import project
 from vision_gt.patterns.boards import Board
 
@@ -89,3 +90,37 @@ def test_nothing_is_found_where_nothing_is():
     rng = np.random.default_rng(1)
     image = np.clip(120 + 8 * rng.standard_normal((HEIGHT, WIDTH)), 0, 255).astype(np.uint8)
     assert find_board(image, BOARD) is None
+
+
+@pytest.mark.parametrize("detector", ["fitted", "sector"])
+def test_an_image_shows_the_same_after_others(detector):
+    images = [image for image, _ in bad_boards(6, 11)]
+    first = [find_board(image, BOARD, detector) for image in images]
+    backwards = [find_board(image, BOARD, detector) for image in images[::-1]][::-1]
+    assert any(one is not None for one in first)
+    for one, other in zip(first, backwards, strict=True):
+        assert (one is None) == (other is None)
+        if one is not None and other is not None:
+            assert one.pixels.tobytes() == other.pixels.tobytes()
+
+
+def test_corners_of_which_some_were_passed_over_are_another_board():
+    nx, ny = BOARD.inner
+    x, y = np.meshgrid(np.arange(nx), np.arange(ny))
+    image = np.full((HEIGHT, WIDTH), 210, dtype=np.uint8)
+    squares = np.kron((np.indices((ny + 1, nx + 1)).sum(0) % 2) * 170 + 40, np.ones((30, 30)))
+    image[50:, 30:][: squares.shape[0], : squares.shape[1]] = squares
+
+    def another(columns, sigma):
+        pixels = np.stack([60 + 30.0 * columns[x], 80 + 30.0 * y], -1).reshape(-1, 2)
+        sigmas = np.full(nx * ny, sigma)
+        return is_another(image, BOARD, np.arange(nx * ny), pixels, sigmas)
+
+    whole = np.arange(nx)
+    leap = whole + (whole > 4)
+    assert not another(whole, 0.1)
+    assert another(leap, 0.1)
+    # Corners as rough as that tell nothing of the sort.
+    rough = whole + 0.6 * (whole > 4)
+    assert another(rough, 0.1)
+    assert not another(rough, 3.0)

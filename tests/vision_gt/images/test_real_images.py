@@ -9,6 +9,7 @@ import pytest
 from vision_scenes import opencv_markers
 
 from vision_gt.images.boards import find_board, look_for_boards
+from vision_gt.images.chessboards import sector
 from vision_gt.images.files import read_image
 from vision_gt.images.markers import detect_markers
 from vision_gt.optics.camera import Camera
@@ -151,3 +152,46 @@ def test_a_wrong_count_of_squares_is_named_on_real_images():
     assert sum(look.found[0] is not None for look in wrong) <= 1
     named = [look.instead for look in wrong if "10 x 7 squares; 9 x 6 were" in look.instead]
     assert len(named) > len(paths) / 2
+
+
+@needs_real
+def test_a_photograph_shows_the_same_whatever_opencv_drew_before():
+    """Searched for 9 x 6 squares, this one had 31 corners for one draw in four, and else none."""
+    image = read_image(REAL / "vision" / "opencv_stereo" / "right09.jpg")
+    thorough = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
+    found = set()
+    for seed in range(12):
+        cv2.setRNGSeed(seed)
+        pixels = sector(image, Board(9, 6, 0.025), thorough)
+        found.add(None if pixels is None else pixels.tobytes())
+    assert len(found) == 1
+
+
+@needs_real
+def test_photographs_show_the_same_at_another_place_in_memory():
+    """Arithmetic on several numbers at once must not hang on where an image begins."""
+    board = read_image(REAL / "vision" / "opencv_stereo" / "left02.jpg")
+    markers = read_image(REAL / "vision" / "fiducials" / "tag_245-246_d7_14cm.png")
+    family = Family("5X5_1000")
+    looked = [digits(find_board(board, STEREO)), digits(detect_markers(markers, family).views[0])]
+    for start in (1, 8, 33):
+        there = [elsewhere(image, start) for image in (board, markers)]
+        again = find_board(there[0], STEREO), detect_markers(there[1], family).views[0]
+        assert [digits(one) for one in again] == looked
+
+
+def elsewhere(image, start):
+    """A copy that begins at another remainder of 64 bytes."""
+    room = np.empty(image.size + 128, dtype=np.uint8)
+    first = -room.ctypes.data % 64 + start
+    copy = room[first : first + image.size].reshape(image.shape)
+    copy[:] = image
+    return copy
+
+
+def digits(found):
+    """All digits of what was found."""
+    return [
+        value.tobytes() if isinstance(value, np.ndarray) else value
+        for value in vars(found).values()
+    ]
