@@ -7,11 +7,13 @@ whatever the vehicle does: their means before and after differ by noise alone.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special
 
 from rtk_gt.lasting.lacking_fixes import filled, fixed_rows, spread_over, together_rows
+from rtk_gt.lasting.neighbours import reach_of, unexpected_ways
 from rtk_gt.lasting.seen_from_vehicle import turned
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.receivers.fixes import Bools
@@ -47,6 +49,18 @@ _AROUND = 10
 """Windows before and after an interval that say how rough the drive is there."""
 
 
+class Sides(NamedTuple):
+    """Fixes on each side of an interval that are looked at.
+
+    Those of the motion, and those whose distances are averaged; ``guessed``: the motion is held
+    against the guess by its neighbours, not against a line.
+    """
+
+    motion: int
+    averaged: int
+    guessed: bool = False
+
+
 @dataclass(frozen=True)
 class Contrasts:
     """Jumps that each of n intervals between epochs seems to have, as noise and motion make them.
@@ -72,8 +86,11 @@ class Contrasts:
         ends: meanwhile a vehicle may turn.
     moving : (n,) bool array
         False at intervals whose window has a pause: only distances tell there.
-    slopes : (n, 2) array
-        Of the plane through the antennas, along and across the baseline: what is level for it.
+    effects : (n, 3 r, 3 r) array
+        What a jump of each receiver does to those that all seem to have: its own, level and up
+        above the plane through the antennas.
+    guessed : bool
+        Whether the motion is held against the guess by its neighbours.
     """
 
     window: int
@@ -84,7 +101,8 @@ class Contrasts:
     freedom: float
     rods: Array
     moving: Bools
-    slopes: Array
+    effects: Array
+    guessed: bool = False
 
     def designs(self, cause: tuple[int, ...], ends: bool = False) -> Array:
         """(n, 3 r + p, 3) what a jump of these receivers does to the contrasts.
@@ -95,9 +113,7 @@ class Contrasts:
         n, p = rods.shape[:2]
         count = (self.values.shape[1] - p) // 3
         hit = np.isin(np.arange(count), cause).astype(float)
-        above = np.tile(np.eye(3), (n, 1, 1))
-        above[:, 2, :2] = -self.slopes
-        whole = (hit[:, None, None] * above[:, None]).reshape(n, 3 * count, 3)
+        whole = self.effects.reshape(n, 3 * count, count, 3)[:, :, list(cause)].sum(2)
         if p == 0:
             return whole
         by_distance = (pair_incidence(count) @ hit)[:, None] * rods
@@ -128,18 +144,22 @@ def _summed(values: Array, weights: Array) -> Array:
     return found
 
 
-def sides_of(times: Array) -> list[tuple[int, int]]:
+def sides_of(times: Array) -> list[Sides]:
     """Fixes on each side whose motion, and whose distances, are looked at together."""
     if len(times) < 8 * FEWEST_DISTANCES:
         return []
     every = float(np.median(np.diff(times)))
     motion = [side for side in SIDES if side == SIDES[0] or side * every <= LONGEST_SIDE]
     short, long = (max(round(side / every), FEWEST_DISTANCES) for side in DISTANCE_SIDES)
-    return [*((side, short) for side in motion), (motion[0], long)]
+    return [
+        *(Sides(side, short) for side in motion),
+        Sides(motion[0], long),
+        Sides(reach_of(times), short, True),
+    ]
 
 
 def contrasts(
-    times: Array, positions: Array, headings: Array, sides: tuple[int, int]
+    times: Array, positions: Array, headings: Array, sides: Sides
 ) -> Contrasts | None:
     """The contrasts of the n intervals between n + 1 epochs; None of too few without pauses.
 
@@ -152,8 +172,8 @@ def contrasts(
         less often has none.
     headings : (n + 1,) array
         Of something fixed to the vehicle, radians.
-    sides : (int, int)
-        Fixes on each side whose motion, and whose distances, are looked at.
+    sides : Sides
+        What is looked at.
 
     Notes
     -----
@@ -162,17 +182,18 @@ def contrasts(
     even slope a vehicle that turns keeps them. What a receiver shows that writes less often is that
     of its own interval, for all intervals within it.
     """
-    side, averaged = sides
+    side, averaged, guessed = sides
     if len(times) < 8 * averaged:
         return None
-    n, r = len(times) - 1, positions.shape[1]
+    n = len(times) - 1
     whole = filled(times, positions, headings)
-    motion, moving = np.zeros((n, r, 3)), np.ones(n, dtype=bool)
-    for rows, receivers in fixed_rows(positions):
-        few = side if len(rows) == n + 1 else SIDES[0]
-        own = _motion(whole[rows], headings[rows], few)[:, receivers]
-        motion[:, receivers] = spread_over(rows, own, n)
-        moving &= spread_over(rows, _even(times[rows], few), n)
+    if guessed:
+        told = unexpected_ways(times, positions, whole, headings)
+        if told is None:
+            return None
+        motion, effects, moving = told.values, told.effects, told.told
+    else:
+        motion, effects, moving = _against_lines(times, positions, whole, headings, side)
     if moving.sum() < 8 * side:
         return None
     rods = pair_differences(whole)
@@ -195,13 +216,32 @@ def contrasts(
     values = np.concatenate([motion.reshape(n, -1), changes], axis=1)
     axes, sigmas, floor = _scaled(values, moving, motion[0].size, 2 * max(side, averaged))
     sigmas[:, motion[0].size :] *= wider[:, None]
-    freedom = _EFFICIENCY * n / max(side, averaged)
+    # What neighbours guess is new at each interval; lines and means are so once a side.
+    freedom = _EFFICIENCY * n / (SIDES[0] if guessed else max(side, averaged))
+    return Contrasts(
+        max(side, averaged), values, axes, sigmas, floor, freedom, directions, moving, effects,
+        guessed,
+    )  # fmt: skip
+
+
+def _against_lines(
+    times: Array, positions: Array, whole: Array, headings: Array, side: int
+) -> tuple[Array, Array, Bools]:
+    """(n, r, 3) jumps beside lines through fixes on both sides, their effects, and where told."""
+    n, r = len(times) - 1, positions.shape[1]
+    motion, moving = np.zeros((n, r, 3)), np.ones(n, dtype=bool)
+    for rows, receivers in fixed_rows(positions):
+        few = side if len(rows) == n + 1 else SIDES[0]
+        own = _motion(whole[rows], headings[rows], few)[:, receivers]
+        motion[:, receivers] = spread_over(rows, own, n)
+        moving &= spread_over(rows, _even(times[rows], few), n)
     plane = np.column_stack([antenna_planes(whole)[2][:-1], np.zeros(n)])
     slopes = turned(-headings[:-1], plane)[:, :2]
     slopes = _summed(slopes, np.full(2 * SIDES[-1] - 1, 1 / (2 * SIDES[-1] - 1)))
-    return Contrasts(
-        max(side, averaged), values, axes, sigmas, floor, freedom, directions, moving, slopes
-    )
+    effects = np.tile(np.eye(3 * r), (n, 1, 1))
+    for k in range(r):
+        effects[:, 3 * k + 2, 3 * k : 3 * k + 2] = -slopes
+    return motion, effects, moving
 
 
 def spoilt(seen: Contrasts, spread: float) -> Bools:

@@ -172,7 +172,7 @@ def _greatest(
     times: Array, positions: Array, headings: Array, causes: Sequence[tuple[int, ...]]
 ) -> list[Jump]:
     """The jumps that are the greatest within their windows."""
-    candidates: list[tuple[float, int, Jump]] = []
+    candidates: list[tuple[float, int, Jump, bool]] = []
     looked = [contrasts(times, positions, headings, sides) for sides in sides_of(times)]
     views = [seen for seen in looked if seen is not None]
     places = _Places(times, positions, headings, looked[0] if looked else None)
@@ -193,7 +193,13 @@ def _greatest(
             some = np.flatnonzero(told.gains[peak] > told.gains[peak].max() - NEAR)
             # Who it was the motion tells, where it was.
             reach = seen.window // 3
-            rows = np.array([places.best(int(peak), causes[int(k)], reach) for k in some])
+            rows = np.array(
+                [
+                    _sharpest(told.gains[:, k], int(peak), reach) if seen.guessed
+                    else places.best(int(peak), causes[int(k)], reach)
+                    for k in some.tolist()
+                ]
+            )  # fmt: skip
             reached = told.gains[rows, some]
             likely = reached > reached.max() - ALIKE
             sure = likely & told.allowed[rows, some]
@@ -209,14 +215,27 @@ def _greatest(
                 float(best[peak] - lacking[row, cause]) + GAIN, alike,
                 bool(told.by_motion[row, cause]), told_at(seen, headings, row, causes),
             )  # fmt: skip
-            candidates.append((float(best[peak]), seen.window, jump))
+            leans = seen.guessed and _leans(jump, positions.shape[1])
+            candidates.append((float(best[peak]), seen.window, jump, leans))
     taken: list[tuple[int, int, Jump]] = []
-    for _, side, jump in sorted(candidates, key=lambda one: -one[0]):
+    for _, side, jump, leans in sorted(candidates, key=lambda one: -one[0]):
         if all(abs(jump.row - row) > 2 * max(side, other) for row, other, _ in taken) and (
-            not jump.by_motion or _over_motion(times, positions, jump)
+            not jump.by_motion or leans or _over_motion(times, positions, jump)
         ):
             taken.append((jump.row, side, jump))
     return [jump for _, _, jump in taken]
+
+
+def _sharpest(gains: Array, peak: int, reach: int) -> int:
+    """The row with the greatest gain within ``reach`` of a peak."""
+    low = max(peak - reach, 0)
+    return low + int(gains[low : peak + reach + 1].argmax())
+
+
+def _leans(jump: Jump, receivers: int) -> bool:
+    """Whether some receivers jump upwards: a vehicle that leans at once, as no driver makes it."""
+    up, level = abs(jump.size[2]), np.linalg.norm(jump.size[:2])
+    return len(jump.receivers) < receivers and bool(up > 2 * level)
 
 
 def _over_motion(times: Array, positions: Array, jump: Jump) -> bool:
