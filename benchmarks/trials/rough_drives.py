@@ -148,7 +148,10 @@ def _driven(rng: np.random.Generator, seconds: float) -> Array:
     slope = (gradient * ahead).sum(1)
     across = (gradient * ahead[:, ::-1] * [-1, 1]).sum(1)
     left, right = _road(rng, way), _road(rng, way)
-    front, rear = ((left + right) / 2)[:, None], _behind(way, (left + right) / 2, WHEELBASE)[:, None]
+    front, rear = (
+        ((left + right) / 2)[:, None],
+        _behind(way, (left + right) / 2, WHEELBASE)[:, None],
+    )
     push, aside = np.gradient(speed, FINE), speed**2 * bend
     gust = gaussian_filter1d(rng.standard_normal(n), 0.5 / FINE)
     gust = gust / gust.std() * rng.uniform(0.0, 0.008)

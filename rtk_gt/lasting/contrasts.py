@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from rtk_gt.lasting.lacking_fixes import filled, fixed_rows, spread_over, together_rows
-from rtk_gt.lasting.neighbours import reach_of, unexpected_ways
+from rtk_gt.lasting.lacking_fixes import filled, fixed_rows, often, spread_over, together_rows
+from rtk_gt.lasting.neighbours import NEAREST, reaches_of, unexpected_ways
 from rtk_gt.lasting.seen_from_vehicle import turned
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.receivers.fixes import Bools
@@ -21,11 +21,11 @@ from rtk_gt.receivers.steps import pair_differences
 from validation.poses.angles import Array
 from validation.statistics.robust import sigma_from_median
 
-SIDES = (2, 4, 8)
-"""Fixes on each side of a jump that are tried for the motion: two see it where the vehicle turns
-sharply, eight average noise where it does not."""
-LONGEST_SIDE = 1.0
-"""Seconds of such a side at most, but of the shortest: steering changes within a second."""
+SIDE = 2
+"""Fixes on each side of a jump whose lines are compared: two see it where the vehicle turns
+sharply."""
+PLANE = 8
+"""Fixes on each side whose plane through the antennas says what is level."""
 DISTANCE_SIDES = (2.0, 10.0)
 """Seconds on each side whose distances are averaged: in five seconds, the shortest error that
 lasts, both of its ends are then seen apart; ten find the smaller jumps that stay."""
@@ -53,12 +53,14 @@ class Sides(NamedTuple):
     """Fixes on each side of an interval that are looked at.
 
     Those of the motion, and those whose distances are averaged; ``guessed``: the motion is held
-    against the guess by its neighbours, not against a line.
+    against the guess by its neighbours, not against a line; ``own``: of the receivers that have a
+    position at every epoch, where one that writes less often lacks fixes.
     """
 
     motion: int
     averaged: int
     guessed: bool = False
+    own: bool = False
 
 
 @dataclass(frozen=True)
@@ -69,14 +71,14 @@ class Contrasts:
     ----------
     window : int
         Fixes on each side within which a second jump would disturb.
-    values : (n, 3 r + p) array
-        Jump of each receiver, along and across its baseline and up, then that of each distance,
+    values : (n, 3 c + p) array
+        Jump of each of c receivers, along and across its baseline and up, then that of each distance,
         metres.
-    axes : (3 r + p, 3 r + p) array
+    axes : (3 c + p, 3 c + p) array
         Principal axes of the contrasts of the whole drive, one a column.
-    sigmas : (n, 3 r + p) array
+    sigmas : (n, 3 c + p) array
         Standard deviations along them, those of the whole drive or, where more, of the time around.
-    floor : (3 r + p,) array
+    floor : (3 c + p,) array
         Those of the whole drive, without what its tails add.
     freedom : float
         How many independent contrasts the sigmas are from.
@@ -86,8 +88,8 @@ class Contrasts:
         ends: meanwhile a vehicle may turn.
     moving : (n,) bool array
         False at intervals whose window has a pause: only distances tell there.
-    effects : (n, 3 r, 3 r) array
-        What a jump of each receiver does to those that all seem to have: its own, level and up
+    effects : (n, 3 c, 3 r) array
+        What a jump of each of r receivers does to those that c seem to have: its own, level and up
         above the plane through the antennas.
     guessed : bool
         Whether the motion is held against the guess by its neighbours.
@@ -105,15 +107,15 @@ class Contrasts:
     guessed: bool = False
 
     def designs(self, cause: tuple[int, ...], ends: bool = False) -> Array:
-        """(n, 3 r + p, 3) what a jump of these receivers does to the contrasts.
+        """(n, 3 c + p, 3) what a jump of these receivers does to the contrasts.
 
         Of an error that begins, or ends.
         """
         rods = self.rods[int(ends)]
         n, p = rods.shape[:2]
-        count = (self.values.shape[1] - p) // 3
+        shown, count = self.effects.shape[1], self.effects.shape[2] // 3
         hit = np.isin(np.arange(count), cause).astype(float)
-        whole = self.effects.reshape(n, 3 * count, count, 3)[:, :, list(cause)].sum(2)
+        whole = self.effects.reshape(n, shown, count, 3)[:, :, list(cause)].sum(2)
         if p == 0:
             return whole
         by_distance = (pair_incidence(count) @ hit)[:, None] * rods
@@ -144,23 +146,24 @@ def _summed(values: Array, weights: Array) -> Array:
     return found
 
 
-def sides_of(times: Array) -> list[Sides]:
-    """Fixes on each side whose motion, and whose distances, are looked at together."""
+def sides_of(times: Array, positions: Array) -> list[Sides]:
+    """Fixes on each side whose motion, and whose distances, are looked at together.
+
+    Of positions (n, r, 3) at times (n,); lines come first.
+    """
     if len(times) < 8 * FEWEST_DISTANCES:
         return []
     every = float(np.median(np.diff(times)))
-    motion = [side for side in SIDES if side == SIDES[0] or side * every <= LONGEST_SIDE]
     short, long = (max(round(side / every), FEWEST_DISTANCES) for side in DISTANCE_SIDES)
-    return [
-        *(Sides(side, short) for side in motion),
-        Sides(motion[0], long),
-        Sides(reach_of(times), short, True),
-    ]
+    reaches = reaches_of(times)
+    found = [Sides(SIDE, short), Sides(SIDE, long)]
+    found += [Sides(reach, short, True) for reach in reaches]
+    if 1 < len(often(positions)) < positions.shape[1]:
+        found.append(Sides(reaches[-1], short, True, True))
+    return found
 
 
-def contrasts(
-    times: Array, positions: Array, headings: Array, sides: Sides
-) -> Contrasts | None:
+def contrasts(times: Array, positions: Array, headings: Array, sides: Sides) -> Contrasts | None:
     """The contrasts of the n intervals between n + 1 epochs; None of too few without pauses.
 
     Parameters
@@ -182,13 +185,13 @@ def contrasts(
     even slope a vehicle that turns keeps them. What a receiver shows that writes less often is that
     of its own interval, for all intervals within it.
     """
-    side, averaged, guessed = sides
+    side, averaged, guessed, own_only = sides
     if len(times) < 8 * averaged:
         return None
     n = len(times) - 1
     whole = filled(times, positions, headings)
     if guessed:
-        told = unexpected_ways(times, positions, whole, headings)
+        told = unexpected_ways(times, positions, whole, headings, side, own=own_only)
         if told is None:
             return None
         motion, effects, moving = told.values, told.effects, told.told
@@ -216,8 +219,13 @@ def contrasts(
     values = np.concatenate([motion.reshape(n, -1), changes], axis=1)
     axes, sigmas, floor = _scaled(values, moving, motion[0].size, 2 * max(side, averaged))
     sigmas[:, motion[0].size :] *= wider[:, None]
+    if own_only:
+        # Where all tell, they tell more.
+        all_tell = unexpected_ways(times, positions, whole, headings, NEAREST)
+        moving = moving & ~all_tell.told if all_tell else moving
+        sigmas[~moving, : motion[0].size] = NEVER
     # What neighbours guess is new at each interval; lines and means are so once a side.
-    freedom = _EFFICIENCY * n / (SIDES[0] if guessed else max(side, averaged))
+    freedom = _EFFICIENCY * n / (SIDE if guessed else max(side, averaged))
     return Contrasts(
         max(side, averaged), values, axes, sigmas, floor, freedom, directions, moving, effects,
         guessed,
@@ -231,13 +239,13 @@ def _against_lines(
     n, r = len(times) - 1, positions.shape[1]
     motion, moving = np.zeros((n, r, 3)), np.ones(n, dtype=bool)
     for rows, receivers in fixed_rows(positions):
-        few = side if len(rows) == n + 1 else SIDES[0]
+        few = side if len(rows) == n + 1 else SIDE
         own = _motion(whole[rows], headings[rows], few)[:, receivers]
         motion[:, receivers] = spread_over(rows, own, n)
         moving &= spread_over(rows, _even(times[rows], few), n)
     plane = np.column_stack([antenna_planes(whole)[2][:-1], np.zeros(n)])
     slopes = turned(-headings[:-1], plane)[:, :2]
-    slopes = _summed(slopes, np.full(2 * SIDES[-1] - 1, 1 / (2 * SIDES[-1] - 1)))
+    slopes = _summed(slopes, np.full(2 * PLANE - 1, 1 / (2 * PLANE - 1)))
     effects = np.tile(np.eye(3 * r), (n, 1, 1))
     for k in range(r):
         effects[:, 3 * k + 2, 3 * k : 3 * k + 2] = -slopes

@@ -37,6 +37,9 @@ intervals without a jump, of drives that brake and turn, it was at most 34; of j
 receivers at 5 and 10 Hz and a noise of 6 mm at least 59."""
 CLEAR_OVER_MOTION = 60.0
 """The same where the usual motion of the drive makes as much (`LOOKED_AT`)."""
+GAIN_OF_LIFT = 25.0
+"""The same of a jump upwards of all receivers that the guess by its neighbours makes clear: nobody
+brakes or steers upwards. One of some receivers is none of their motion: the vehicle leans at once."""
 GAIN_WITHOUT_ONE = 12.0
 """The same without any one of the two epochs on either side, so that one false fix is no jump: of
 those intervals without a jump at most 10, of jumps of 10 cm less in one of 150."""
@@ -137,7 +140,7 @@ def least_of_all(times: Array, positions: Array, headings: Array) -> float:
     """Metres of a jump of all that half of the intervals would show; parameters as above."""
     least = np.inf
     everyone = tuple(range(positions.shape[1]))
-    for sides in sides_of(times):
+    for sides in sides_of(times, positions):
         seen = contrasts(times, positions, headings, sides)
         if seen is not None and seen.moving.any():
             _, _, spreads = fit_of(seen, everyone, np.flatnonzero(seen.moving))
@@ -153,7 +156,7 @@ def least_of_some(times: Array, positions: Array, headings: Array) -> tuple[floa
     """
     causes = [some for some in causes_of(positions.shape[1]) if len(some) < positions.shape[1]]
     least = np.full((len(causes), 2), np.inf)
-    for sides in sides_of(times):
+    for sides in sides_of(times, positions):
         seen = contrasts(times, positions, headings, sides)
         if seen is None or not seen.moving.any():
             continue
@@ -172,8 +175,8 @@ def _greatest(
     times: Array, positions: Array, headings: Array, causes: Sequence[tuple[int, ...]]
 ) -> list[Jump]:
     """The jumps that are the greatest within their windows."""
-    candidates: list[tuple[float, int, Jump, bool]] = []
-    looked = [contrasts(times, positions, headings, sides) for sides in sides_of(times)]
+    candidates: list[tuple[float, int, Jump, float]] = []
+    looked = [contrasts(times, positions, headings, sides) for sides in sides_of(times, positions)]
     views = [seen for seen in looked if seen is not None]
     places = _Places(times, positions, headings, looked[0] if looked else None)
     told_by = [(seen, jumped(seen, causes), 0.0) for seen in views]
@@ -215,12 +218,12 @@ def _greatest(
                 float(best[peak] - lacking[row, cause]) + GAIN, alike,
                 bool(told.by_motion[row, cause]), told_at(seen, headings, row, causes),
             )  # fmt: skip
-            leans = seen.guessed and _leans(jump, positions.shape[1])
-            candidates.append((float(best[peak]), seen.window, jump, leans))
+            least = _least_over_motion(jump, positions.shape[1], seen.guessed)
+            candidates.append((float(best[peak]), seen.window, jump, least))
     taken: list[tuple[int, int, Jump]] = []
-    for _, side, jump, leans in sorted(candidates, key=lambda one: -one[0]):
+    for _, side, jump, least in sorted(candidates, key=lambda one: -one[0]):
         if all(abs(jump.row - row) > 2 * max(side, other) for row, other, _ in taken) and (
-            not jump.by_motion or leans or _over_motion(times, positions, jump)
+            least == 0 or _over_motion(times, positions, jump, least)
         ):
             taken.append((jump.row, side, jump))
     return [jump for _, _, jump in taken]
@@ -232,13 +235,17 @@ def _sharpest(gains: Array, peak: int, reach: int) -> int:
     return low + int(gains[low : peak + reach + 1].argmax())
 
 
-def _leans(jump: Jump, receivers: int) -> bool:
-    """Whether some receivers jump upwards: a vehicle that leans at once, as no driver makes it."""
-    up, level = abs(jump.size[2]), np.linalg.norm(jump.size[:2])
-    return len(jump.receivers) < receivers and bool(up > 2 * level)
+def _least_over_motion(jump: Jump, receivers: int, guessed: bool) -> float:
+    """Gain that a jump must have against motion of any roughness."""
+    upwards = abs(jump.size[2]) > 2 * np.linalg.norm(jump.size[:2])
+    if not jump.by_motion or (guessed and upwards and len(jump.receivers) < receivers):
+        return 0.0
+    if guessed and upwards and jump.gain > CLEAR_OVER_MOTION:
+        return GAIN_OF_LIFT
+    return GAIN_OVER_MOTION if jump.gain > GAIN else CLEAR_OVER_MOTION
 
 
-def _over_motion(times: Array, positions: Array, jump: Jump) -> bool:
+def _over_motion(times: Array, positions: Array, jump: Jump, least: float) -> bool:
     """Whether no motion of the receivers that jump explains it nearly as well."""
     every = often(positions)
     who = [k for k in jump.receivers if k in every] or list(jump.receivers)
@@ -248,8 +255,7 @@ def _over_motion(times: Array, positions: Array, jump: Jump) -> bool:
     around = range(max(jump.row - UNSURE, 0), min(jump.row + UNSURE + 1, len(times) - 1))
     gains = [gain_over_motion(times, places, row) for row in around]
     at = around[int(np.argmax(gains))]
-    unusual = jump.gain > GAIN
-    return max(gains) > (GAIN_OVER_MOTION if unusual else CLEAR_OVER_MOTION) and all(
+    return max(gains) > least and all(
         gain_over_motion(*_without(times, places, epoch), at - (epoch <= at)) > GAIN_WITHOUT_ONE
         for epoch in range(at - 1, at + 3)
     )
@@ -271,7 +277,7 @@ class _Places:
         self._seen = seen
         if seen is not None and len(self._often) < positions.shape[1]:
             own = positions[:, self._often]
-            self._seen = contrasts(times, own, headings, sides_of(times)[0])
+            self._seen = contrasts(times, own, headings, sides_of(times, own)[0])
 
     def best(self, row: int, cause: tuple[int, ...], reach: int) -> int:
         """The row within ``reach`` of one at which a jump explains the contrasts about it best.

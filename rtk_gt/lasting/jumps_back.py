@@ -170,7 +170,7 @@ def missing_jumps(
         for other in found:
             if other is not one:
                 rest[other.row + 1 :, list(other.receivers)] -= other.size
-        views = [contrasts(times, rest, headings, sides) for sides in sides_of(times)]
+        views = [contrasts(times, rest, headings, sides) for sides in sides_of(times, rest)]
         backs = [_back(times, headings, seen, one, count) for seen in views if seen is not None]
         best = max(backs, key=lambda back: back.gain)
         if best.gain > GAIN_BACK_ABOUT:

@@ -18,9 +18,9 @@ from validation.poses.angles import Array
 
 REACH = 1.0
 """Seconds before and after an interval whose ways are looked at: in simulated drives with errors of
-30 to 120 s twice as many make the sigma of a jump 3 % smaller, half as many 5 % larger."""
-FEWEST = 2
-"""Intervals before and after at least."""
+30 to 120 s twice as many make the sigma of a jump 3 % smaller, half as many 10 % larger."""
+NEAREST = 1
+"""Intervals before and after, beside pauses: the sigma is then a third larger."""
 WORTH = 4
 """Intervals a number that is fitted, at least: the guess is then wrong by a seventh more than the
 best one could be."""
@@ -42,10 +42,10 @@ class Unexpected:
 
     Parameters
     ----------
-    values : (n, r, 3) array
-        Jump of each receiver, along and across its baseline and up, metres.
-    effects : (n, 3 r, 3 r) array
-        What a jump of each receiver does to the values of all.
+    values : (n, c, 3) array
+        Jump of each of c receivers, along and across the baseline and up, metres.
+    effects : (n, 3 c, 3 r) array
+        What a jump of each of all receivers does to the values.
     told : (n,) bool array
         False where the neighbours tell nothing, as beside a pause.
     """
@@ -55,13 +55,13 @@ class Unexpected:
     told: Bools
 
 
-def reach_of(times: Array) -> int:
-    """Intervals before and after one that are looked at."""
-    return max(round(REACH / float(np.median(np.diff(times)))), FEWEST)
+def reaches_of(times: Array) -> list[int]:
+    """Intervals before and after one that are looked at, fewest first."""
+    return sorted({NEAREST, max(round(REACH / float(np.median(np.diff(times)))), NEAREST)})
 
 
 def unexpected_ways(
-    times: Array, positions: Array, whole: Array, headings: Array
+    times: Array, positions: Array, whole: Array, headings: Array, reach: int, *, own: bool = False
 ) -> Unexpected | None:
     """What the ways between n + 1 epochs have beyond the guess; None of too few.
 
@@ -76,6 +76,10 @@ def unexpected_ways(
         The same with what is between filled in.
     headings : (n + 1,) array
         Of something fixed to the vehicle, radians.
+    reach : int
+        Intervals before and after each that are looked at.
+    own : bool
+        Only the receivers with a position at every epoch.
 
     Notes
     -----
@@ -89,23 +93,24 @@ def unexpected_ways(
         return None
     ways = _ways(whole[:, often], headings).reshape(n, -1)
     even = _even(times)
-    told, values = _guessed(ways, even, reach_of(times))
+    told, values = _guessed(ways, even, reach)
     if not told.any():
         return None
-    found = Unexpected(
-        np.zeros((n, r, 3)), np.tile(np.eye(3 * r), (n, 1, 1)), told
-    )
+    effects = np.tile(np.eye(3 * r), (n, 1, 1))
+    if own:
+        shown = (3 * often[:, None] + np.arange(3)).ravel()
+        return Unexpected(values.reshape(n, -1, 3), effects[:, shown], told)
+    found = Unexpected(np.zeros((n, r, 3)), effects, told)
     found.values[:, often] = values.reshape(n, -1, 3)
     for rows, columns in rare:
         some = _of_rare((times, whole, headings, even), often, rows, columns)
         if some is None:
             return None
-        own, effects, told = some
-        found.values[:, columns] = own
-        at = np.concatenate([np.arange(3 * k, 3 * k + 3) for k in columns])
-        by = np.concatenate([np.arange(3 * k, 3 * k + 3) for k in often])
-        found.effects[:, at[:, None], by] = effects
-        found.told[...] &= told
+        found.values[:, columns] = some[0]
+        at = (3 * columns[:, None] + np.arange(3)).ravel()
+        by = (3 * often[:, None] + np.arange(3)).ravel()
+        found.effects[:, at[:, None], by] = some[1]
+        found.told[...] &= some[2]
     return found if found.told.any() else None
 
 
@@ -172,7 +177,14 @@ def _of_rare(
     n, stride = len(times) - 1, round(float(np.median(np.diff(rows))))
     cuts = np.unique([0, round(stride / 3), stride - round(stride / 3), stride])
     edges = np.concatenate(
-        [[-2 * stride], cuts[:-1] - stride, cuts[:-1], cuts[:-1] + stride, 2 * stride + cuts[:1], [3 * stride]]
+        [
+            [-2 * stride],
+            cuts[:-1] - stride,
+            cuts[:-1],
+            cuts[:-1] + stride,
+            2 * stride + cuts[:1],
+            [3 * stride],
+        ]
     )
     regular = np.diff(rows) == stride
     good = np.flatnonzero(regular[:-2] & regular[1:-1] & regular[2:]) + 1
@@ -198,7 +210,9 @@ def _of_rare(
     values[good], told[good] = left.reshape(len(good), -1, 3), True
     # In which part of its interval each interval between all epochs is.
     place = np.clip(np.arange(n) - spread_over(rows, rows[:-1], n), 0, stride - 1)
-    part = 1 + 2 * (len(cuts) - 1) - (len(cuts) - 1) + np.searchsorted(cuts, place, side="right") - 1
+    part = (
+        1 + 2 * (len(cuts) - 1) - (len(cuts) - 1) + np.searchsorted(cuts, place, side="right") - 1
+    )
     wide = 3 * len(often)
     by_part = -np.swapaxes(guess[: parts.shape[1]].reshape(-1, wide, wanted.shape[1]), 1, 2)
     return spread_over(rows, values, n), by_part[part], spread_over(rows, told, n)
@@ -214,7 +228,9 @@ def _fitted(by: Array, wanted: Array) -> tuple[Array, Array]:
         square = known.T @ known + _TINY**2 * usual.sum() * np.eye(by.shape[1])
         guess = np.linalg.solve(square, known.T @ (wanted[usual] - level))
         left = wanted - level - (by - centre) @ guess
-        spread = np.linalg.inv(left[usual].T @ left[usual] / usual.sum() + _TINY**2 * np.eye(wanted.shape[1]))
+        spread = np.linalg.inv(
+            left[usual].T @ left[usual] / usual.sum() + _TINY**2 * np.eye(wanted.shape[1])
+        )
         far = np.einsum("mi,ij,mj->m", left, spread, left) > _UNUSUAL
         if not far.any() or far.mean() > _MOST_UNUSUAL:
             break
