@@ -2,9 +2,9 @@
 
 Nothing is shared with `lasting_errors` but the shape of the result. The road is a random profile
 whose spectrum falls with the square of the wave number, as measured roads do, under hills, with
-potholes; the body is a damped spring for height, pitch and roll; the driver accelerates and turns in
-by steps that a pedal and a wheel smooth, stops, and gusts push him. Antennas are elsewhere on each
-vehicle. Sentences are lost singly and in bursts, and receivers fall back to float for seconds.
+potholes; the body is a damped spring for height, pitch and roll; the driver accelerates and turns
+in by steps that a pedal and a wheel smooth, stops, and gusts push him. Antennas are elsewhere on
+each vehicle. Sentences are lost singly and in bursts, and receivers fall back to float for seconds.
 """
 
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
-from trials.lasting_errors import ETA, FINE, SITE, START, Errors, Made
 
 from rtk_gt.receivers.steps import Steps
+from trials.lasting_errors import ETA, FINE, SITE, START, Errors, Made
 from validation.poses.angles import Array
 
 ROUGH = (2e-6, 2e-5)
@@ -96,7 +96,7 @@ def spoilt_by(made: Made, seed: int, kind: str) -> tuple[Made, Put]:
         "restart": [(0,), (1, 2), (0, 1), (2,)][rng.integers(4)],
         "all": (0, 1, 2),
         "false": (int(rng.integers(3)),),
-    }[kind.split()[0]]
+    }[kind.split(maxsplit=1)[0]]
     end = start + rng.uniform(5, 60) if kind.startswith("false") else np.inf
     rows = np.flatnonzero((times >= start) & (times < end))
     # Told by the first fixes that have it and have it no more.

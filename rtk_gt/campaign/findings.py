@@ -57,7 +57,7 @@ def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
         *(
             ()
             if too_coarse(outcome.records)
-            else unseen_findings(outcome, outcome.smallest_of_some)
+            else unseen_findings(outcome, outcome.seen_of_some)
         ),
         *_leaps(outcome),
         *_assumed(outcome),

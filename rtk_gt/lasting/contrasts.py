@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
+from rtk_gt.lasting.continuity import NEAREST, reaches_of, unexpected_ways
 from rtk_gt.lasting.lacking_fixes import filled, fixed_rows, often, spread_over, together_rows
-from rtk_gt.lasting.neighbours import NEAREST, reaches_of, unexpected_ways
 from rtk_gt.lasting.seen_from_vehicle import turned
 from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.receivers.fixes import Bools
@@ -72,8 +72,8 @@ class Contrasts:
     window : int
         Fixes on each side within which a second jump would disturb.
     values : (n, 3 c + p) array
-        Jump of each of c receivers, along and across its baseline and up, then that of each distance,
-        metres.
+        Jump of each of c receivers, along and across its baseline and up, then that of each
+        distance, metres.
     axes : (3 c + p, 3 c + p) array
         Principal axes of the contrasts of the whole drive, one a column.
     sigmas : (n, 3 c + p) array
@@ -119,7 +119,7 @@ class Contrasts:
         if p == 0:
             return whole
         by_distance = (pair_incidence(count) @ hit)[:, None] * rods
-        return np.concatenate([whole, by_distance], axis=1)
+        return np.asarray(np.concatenate([whole, by_distance], axis=1))
 
 
 def step_weights(side: int) -> Array:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import special
 
 from rtk_gt.lasting.causes import (
     GAIN,
@@ -19,7 +20,6 @@ from rtk_gt.lasting.causes import (
     SMALLEST_IN_MOTION,
     SMALLEST_OF_ALL,
     UNSURE,
-    causes_of,
     fit_of,
     jumped,
     rotation_within,
@@ -39,7 +39,7 @@ CLEAR_OVER_MOTION = 60.0
 """The same where the usual motion of the drive makes as much (`LOOKED_AT`)."""
 GAIN_OF_LIFT = 25.0
 """The same of a jump upwards of all receivers that the guess by its neighbours makes clear: nobody
-brakes or steers upwards. One of some receivers is none of their motion: the vehicle leans at once."""
+brakes or steers upwards. One of some receivers upwards is none of their motion at all."""
 GAIN_WITHOUT_ONE = 12.0
 """The same without any one of the two epochs on either side, so that one false fix is no jump: of
 those intervals without a jump at most 10, of jumps of 10 cm less in one of 150."""
@@ -50,8 +50,8 @@ SPOILT, LARGE = 0.05, 0.15
 times what noise makes; and of the jumps that motion must tell alone there."""
 _ROUNDS = 40
 """At most; each takes the first jump of some receivers, and those of all before it."""
-ENOUGH = 2000
-"""Intervals whose median says how well a jump is seen: to a few percent."""
+CHANCE = 0.95
+"""Share of the intervals, and of the jumps at them, that are seen of a size."""
 ALIKE = 9.0
 """Gain by which a cause must be better than another to be told from it: 1 in 100 by chance."""
 
@@ -136,39 +136,63 @@ def _undisturbed(found: list[Jump], receivers: int) -> list[Jump]:
     return found[: next(some, len(found)) + 1]
 
 
-def least_of_all(times: Array, positions: Array, headings: Array) -> float:
-    """Metres of a jump of all that half of the intervals would show; parameters as above."""
-    least = np.inf
-    everyone = tuple(range(positions.shape[1]))
-    for sides in sides_of(times, positions):
-        seen = contrasts(times, positions, headings, sides)
-        if seen is not None and seen.moving.any():
-            _, _, spreads = fit_of(seen, everyone, np.flatnonzero(seen.moving))
-            widest = np.median(np.linalg.eigvalsh(spreads)[:, -1])
-            least = min(least, float(np.sqrt(GAIN_OF_MOTION * widest)))
-    return max(least, SMALLEST_OF_ALL)
+@dataclass(frozen=True)
+class SeenSizes:
+    """Jumps that motion and distances show within seconds: (5 %, 95 %) of each, metres.
 
+    Of the smaller size five in a hundred are seen, where they are seen best; of the larger one 95
+    in a hundred, wherever it happens, but beside a pause.
 
-def least_of_some(times: Array, positions: Array, headings: Array) -> tuple[float, float]:
-    """Metres of a jump of some receivers, level and upwards, that half of the intervals would show.
-
-    Whoever they are; parameters as of `find_jumps`.
+    Parameters
+    ----------
+    level, up : (float, float)
+        In any level direction, and upwards.
     """
-    causes = [some for some in causes_of(positions.shape[1]) if len(some) < positions.shape[1]]
-    least = np.full((len(causes), 2), np.inf)
+
+    level: tuple[float, float] = (np.inf, np.inf)
+    up: tuple[float, float] = (np.inf, np.inf)
+
+    def best(self, other: "SeenSizes") -> "SeenSizes":
+        """What one of two looks shows."""
+        return min(self, other, key=lambda one: one.level[1] + one.up[1])
+
+
+def seen_sizes(
+    times: Array, positions: Array, headings: Array, causes: Sequence[tuple[int, ...]]
+) -> SeenSizes:
+    """Sizes of jumps of some receivers, whichever, that are seen; parameters as of `find_jumps`.
+
+    Notes
+    -----
+    At each interval the look that sees most counts. The gain of a jump is a normal number, squared,
+    about its size in sigmas, and must exceed `GAIN_OF_MOTION`.
+    """
+    n = len(times) - 1
+    sigmas = np.full((len(causes), 2, n), np.inf)
     for sides in sides_of(times, positions):
-        seen = contrasts(times, positions, headings, sides)
+        # Where one that writes less often lacks a fix, as beside a pause, little is seen of it.
+        seen = None if sides.own else contrasts(times, positions, headings, sides)
         if seen is None or not seen.moving.any():
             continue
         rows = np.flatnonzero(seen.moving)
-        rows = rows[:: max(len(rows) // ENOUGH, 1)]
         for k, cause in enumerate(causes):
             _, _, spreads = fit_of(seen, cause, rows)
             level = np.linalg.eigvalsh(spreads[:, :2, :2])[:, -1]
-            widest = np.median([level, spreads[:, 2, 2]], axis=1)
-            least[k] = np.minimum(least[k], np.sqrt(GAIN * widest))
-    level, up = np.maximum(least.max(axis=0, initial=0.0), SMALLEST_IN_MOTION)
-    return float(level), float(up)
+            both = np.sqrt([level, spreads[:, 2, 2]])
+            sigmas[k][:, rows] = np.minimum(sigmas[k][:, rows], both)
+    told = np.isfinite(sigmas).all((0, 1))
+    if not told.any():
+        return SeenSizes()
+    everyone = positions.shape[1]
+    smallest = SMALLEST_OF_ALL if len(causes[0]) == everyone else SMALLEST_IN_MOTION
+    low = np.quantile(sigmas[..., told], 1 - CHANCE, axis=2).min(0)
+    high = np.quantile(sigmas[..., told], CHANCE, axis=2).max(0)
+    gain, normal = np.sqrt(GAIN_OF_MOTION), float(special.ndtri(CHANCE))
+    ends = [
+        (max((gain - normal) * small, smallest), max((gain + normal) * large, smallest))
+        for small, large in zip(low, high, strict=True)
+    ]
+    return SeenSizes(*((float(small), float(large)) for small, large in ends))
 
 
 def _greatest(
