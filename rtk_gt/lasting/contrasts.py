@@ -117,7 +117,7 @@ class Contrasts:
         hit = np.isin(np.arange(count), cause).astype(float)
         whole = self.effects.reshape(n, shown, count, 3)[:, :, list(cause)].sum(2)
         if p == 0:
-            return whole
+            return np.asarray(whole)
         by_distance = (pair_incidence(count) @ hit)[:, None] * rods
         return np.asarray(np.concatenate([whole, by_distance], axis=1))
 

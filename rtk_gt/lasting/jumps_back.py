@@ -130,7 +130,9 @@ def passed(there: Jump, back: Jump, receivers: int) -> tuple[float, Jump] | None
     best = int(both.argmax())
     loss = float(first.max() + second.max() - both[best])
     most = _AWAY + ALIKE + ROUGH * float(first.max() + second.max())
-    if loss > most or np.linalg.norm(sizes[best]) < SMALLEST:
+    if loss > most:
+        return _of_the_single_one(there, back, receivers)
+    if np.linalg.norm(sizes[best]) < SMALLEST:
         return None
     alike = tuple(c for c, gain in zip(causes, both, strict=True) if both[best] - gain < ALIKE)
     found = replace(
@@ -138,6 +140,23 @@ def passed(there: Jump, back: Jump, receivers: int) -> tuple[float, Jump] | None
         alike=tuple(c for c in alike if c != causes[best]),
     )  # fmt: skip
     return loss, found
+
+
+def _of_the_single_one(there: Jump, back: Jump, receivers: int) -> tuple[float, Jump] | None:
+    """Two jumps of one size, the one of a receiver and the other of the rest, as that one's error.
+
+    Distances and the lean do not tell the two apart, and an epoch that one receiver lacks there
+    spoils what the motion says.
+    """
+    single = min(there, back, key=lambda one: len(one.receivers))
+    if len(single.receivers) > 1 or len(there.receivers) + len(back.receivers) != receivers:
+        return None
+    away = mismatch(there, back, receivers)
+    if not np.isfinite(away):
+        return None
+    size = there.size if single is there else -back.size
+    alike = tuple(one for one in (there.receivers, *there.alike) if one != single.receivers)
+    return away, replace(there, receivers=single.receivers, size=size, alike=alike)
 
 
 def missing_jumps(

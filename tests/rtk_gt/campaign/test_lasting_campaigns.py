@@ -58,7 +58,7 @@ def test_what_a_jump_of_all_may_hide_in_is_said(tmp_path):
     assert "So may one of some of them, or a false fix, of less than some" in whole.text
     sizes = [one.value for one in whole.sizes]
     assert len(sizes) == 8  # of all and of some, level and upwards: of 95 and of 5 in a hundred
-    assert all(often > seldom for often, seldom in zip(sizes[::2], sizes[1::2], strict=True))
+    assert all(often >= seldom for often, seldom in zip(sizes[::2], sizes[1::2], strict=True))
     of_all, level, up = sizes[0], sizes[4], sizes[6]
     assert 0 < of_all < 0.12
     # Errors are 1.75 times as large upwards, and the vehicle shakes that way.
