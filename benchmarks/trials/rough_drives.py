@@ -51,15 +51,7 @@ def rough_drive(
     seed: int, errors: Errors, *, seconds: float = 600.0, every: tuple[float, ...] = (0.2, 0.2, 0.2)
 ) -> Made:
     """A drive; ``every`` receiver writes a fix so many seconds."""
-    rng = np.random.default_rng([seed, 77])
-    antennas = np.array(
-        [
-            [rng.uniform(-0.4, 0.3), rng.uniform(-0.3, 0.3), rng.uniform(0.0, 0.2)],
-            [rng.uniform(1.2, 2.0), rng.uniform(0.3, 0.7), rng.uniform(0.0, 0.2)],
-            [rng.uniform(1.2, 2.0), -rng.uniform(0.3, 0.7), rng.uniform(0.0, 0.2)],
-        ]
-    )
-    poses = _driven(rng, seconds)
+    rng, antennas, poses = _moved(seed, seconds)
     R = Rotation.from_euler("ZYX", poses[:, 3:]).as_matrix()
     true = poses[:, None, :3] + np.einsum("tij,rj->tri", R, antennas)
     offsets = np.concatenate([np.zeros((1, 3)), rng.normal(0, [80, 80, 3], (2, 3))])
@@ -80,6 +72,24 @@ def rough_drive(
         ("rear", "left", "right"), START + rows[some] * FINE, positions[some], kinds[some], SITE
     )
     return Made(steps, poses[rows[some]], offsets, antennas)
+
+
+def rough_motion(seed: int, seconds: float) -> tuple[Array, Array]:
+    """Antennas (3, 3) and poses (n, 6), one every `FINE` seconds, of a drive."""
+    return _moved(seed, seconds)[1:]
+
+
+def _moved(seed: int, seconds: float) -> tuple[np.random.Generator, Array, Array]:
+    """The generator behind a drive, its antennas and its poses."""
+    rng = np.random.default_rng([seed, 77])
+    antennas = np.array(
+        [
+            [rng.uniform(-0.4, 0.3), rng.uniform(-0.3, 0.3), rng.uniform(0.0, 0.2)],
+            [rng.uniform(1.2, 2.0), rng.uniform(0.3, 0.7), rng.uniform(0.0, 0.2)],
+            [rng.uniform(1.2, 2.0), -rng.uniform(0.3, 0.7), rng.uniform(0.0, 0.2)],
+        ]
+    )
+    return rng, antennas, _driven(rng, seconds)
 
 
 def spoilt_by(made: Made, seed: int, kind: str) -> tuple[Made, Put]:
