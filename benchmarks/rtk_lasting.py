@@ -169,7 +169,7 @@ def rough(first: int, drives: int) -> None:
         alarms += bool(settle(made.steps)[1])
         for kind in rough_drives.KINDS:
             bad, put = spoilt_by(made, first + n, kind)
-            scores = [_squares(one, put) for one in settle(bad.steps)[1] if _is(one, put, rates)]
+            scores = [_squares(one, put) for one in settle(bad.steps)[1] if _is(one, put, bad)]
             told = counts.setdefault((kind, "white" if errors.slow == 0 else "slow"), [0, 0, 0.0])
             told[0] += 1
             told[1] += bool(scores)
@@ -185,12 +185,15 @@ def rough(first: int, drives: int) -> None:
         print(f"  {kind:14} {noise:6} {found:.0f} of {count:.0f}, squares {mean:.2f}", flush=True)
 
 
-def _is(one: LastingError, put: Put, rates: tuple[float, ...]) -> bool:
-    """Whether an error that was found is the one that was put in."""
-    slack = 2.01 * max(rates[k] for k in put.receivers)
-    ends = one.end == put.end or abs(one.end - put.end) <= slack
-    begins = abs(one.start - put.start) <= slack
-    return begins and ends and put.receivers in (one.receivers, *one.alike)
+def _is(one: LastingError, put: Put, made: Made) -> bool:
+    """Whether an error that was found is the one that was put in: within two fixes of its own."""
+    own = made.steps.times[(made.steps.kinds[:, put.receivers] == 4).any(1)]
+
+    def apart(time: float, other: float) -> int:
+        return abs(int(np.searchsorted(own, time - 1e-6)) - int(np.searchsorted(own, other - 1e-6)))
+
+    near = apart(one.start, put.start) <= 2 and apart(one.end, put.end) <= 2
+    return near and one.stays == np.isinf(put.end) and put.receivers in (one.receivers, *one.alike)
 
 
 def _squares(one: LastingError, put: Put) -> float:

@@ -78,7 +78,7 @@ def jumped(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> Jumped:
     for k, cause in enumerate(causes):
         for ends in (False, True):
             gain, size, spread = fit_of(seen, cause, rows, ends)
-            designs = seen.designs(cause, ends)[rows]
+            designs = seen.designs(cause, ends, rows)
             design = np.einsum("ji,nja->nia", seen.axes[:, motion:], designs)
             change = np.einsum("npa,na->np", design / seen.sigmas[rows, motion:, None], size)
             told = np.square(change).sum(1)
@@ -113,7 +113,7 @@ def evidence(
 ) -> tuple[Array, Array]:
     """Information (m, 3, 3) on the size of a jump at some intervals, and (m, 3) times the size."""
     along = (seen.values[rows] @ seen.axes) / seen.sigmas[rows]
-    designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(cause, ends)[rows])
+    designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(cause, ends, rows))
     weighed = designs / seen.sigmas[rows, :, None]
     right = np.einsum("nka,nk->na", weighed, along)
     return right, np.einsum("nka,nkb->nab", weighed, weighed)

@@ -113,11 +113,11 @@ def unexpected_ways(
     told, values = _guessed(ways, even, reach)
     if not told.any():
         return None
-    effects = np.tile(np.eye(3 * r), (n, 1, 1))
+    effects = np.broadcast_to(np.eye(3 * r), (n, 3 * r, 3 * r))
     if own:
         shown = (3 * often[:, None] + np.arange(3)).ravel()
         return Unexpected(values.reshape(n, -1, 3), effects[:, shown], told)
-    found = Unexpected(np.zeros((n, r, 3)), effects, told)
+    found = Unexpected(np.zeros((n, r, 3)), effects.copy() if rare else effects, told)
     found.values[:, often] = values.reshape(n, -1, 3)
     for rows, columns in rare:
         some = _of_rare((times, whole, headings, even), often, rows, columns)

@@ -16,7 +16,7 @@ from rtk_gt.lasting.continuity import NEAREST, reaches_of, unexpected_ways
 from rtk_gt.lasting.lacking_fixes import filled, fixed_rows, often, spread_over, together_rows
 from rtk_gt.lasting.seen_from_vehicle import turned
 from rtk_gt.offsets.noise import pair_incidence
-from rtk_gt.receivers.fixes import Bools
+from rtk_gt.receivers.fixes import Bools, Ints
 from rtk_gt.receivers.steps import pair_differences
 from validation.poses.angles import Array
 from validation.statistics.robust import sigma_from_median
@@ -106,16 +106,18 @@ class Contrasts:
     effects: Array
     guessed: bool = False
 
-    def designs(self, cause: tuple[int, ...], ends: bool = False) -> Array:
-        """(n, 3 c + p, 3) what a jump of these receivers does to the contrasts.
+    def designs(
+        self, cause: tuple[int, ...], ends: bool = False, rows: Ints | slice = slice(None)
+    ) -> Array:
+        """(m, 3 c + p, 3) what a jump of these receivers does to the contrasts of some intervals.
 
         Of an error that begins, or ends.
         """
-        rods = self.rods[int(ends)]
+        rods, effects = self.rods[int(ends)][rows], self.effects[rows]
         n, p = rods.shape[:2]
-        shown, count = self.effects.shape[1], self.effects.shape[2] // 3
+        shown, count = effects.shape[1], effects.shape[2] // 3
         hit = np.isin(np.arange(count), cause).astype(float)
-        whole = self.effects.reshape(n, shown, count, 3)[:, :, list(cause)].sum(2)
+        whole = effects.reshape(n, shown, count, 3)[:, :, list(cause)].sum(2)
         if p == 0:
             return np.asarray(whole)
         by_distance = (pair_incidence(count) @ hit)[:, None] * rods

@@ -315,11 +315,13 @@ class _Places:
         reach = max(reach, self._reach if self._reach > 1 else 0)
         n = len(seen.values)
         motion = seen.values.shape[1] - seen.rods.shape[2]
-        along = (seen.values @ seen.axes) / seen.floor
-        designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(columns)) / seen.floor[:, None]
+        rows = np.arange(max(row - reach, 1) - 1, min(row + reach + 1, n - 1) + 1)
+        along = (seen.values[rows] @ seen.axes) / seen.floor
+        designs = seen.designs(columns, rows=rows)
+        designs = np.einsum("ji,nja->nia", seen.axes, designs) / seen.floor[:, None]
         best, place = -np.inf, row
-        for at in range(max(row - reach, 1), min(row + reach + 1, n - 1)):
-            if not seen.moving[at - 1 : at + 2].all():
+        for at in range(1, len(rows) - 1):
+            if not seen.moving[rows[at - 1 : at + 2]].all():
                 continue
             near = [-0.5 * designs[at - 1, :motion], designs[at], -0.5 * designs[at + 1, :motion]]
             design = np.concatenate(near)
@@ -327,7 +329,7 @@ class _Places:
             size, *_ = np.linalg.lstsq(design, found, rcond=None)
             gain = float(found @ design @ size)
             if gain > best:
-                best, place = gain, at
+                best, place = gain, int(rows[at])
         return place
 
 
