@@ -261,8 +261,10 @@ def _sharpest(gains: Array, peak: int, reach: int) -> int:
 
 def _least_over_motion(jump: Jump, receivers: int, guessed: bool) -> float:
     """Gain that a jump must have against motion of any roughness."""
+    if not jump.by_motion:
+        return 0.0
     upwards = abs(jump.size[2]) > 2 * np.linalg.norm(jump.size[:2])
-    if not jump.by_motion or (guessed and upwards and len(jump.receivers) < receivers):
+    if guessed and upwards and jump.gain > GAIN and len(jump.receivers) < receivers:
         return 0.0
     if guessed and upwards and jump.gain > CLEAR_OVER_MOTION:
         return GAIN_OF_LIFT

@@ -43,6 +43,11 @@ ROUGH = 0.05
 are a decimetre wrong explain a large jump no better."""
 
 
+PART = 0.7
+"""Share of the smaller of two gains by which one size may be worse at most: what is left must show
+that there are two jumps."""
+
+
 class Sized(Protocol):
     """A jump of some receivers, however it was found."""
 
@@ -130,6 +135,7 @@ def passed(there: Jump, back: Jump, receivers: int) -> tuple[float, Jump] | None
     best = int(both.argmax())
     loss = float(first.max() + second.max() - both[best])
     most = _AWAY + ALIKE + ROUGH * float(first.max() + second.max())
+    most = min(most, PART * float(min(first.max(), second.max())))
     if loss > most:
         return _of_the_single_one(there, back, receivers)
     if np.linalg.norm(sizes[best]) < SMALLEST:
