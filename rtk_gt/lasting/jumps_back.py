@@ -235,7 +235,7 @@ def _back(times: Array, headings: Array, seen: Contrasts, one: Jump, count: int)
 
 
 def span_by_the_drive(
-    times: Array, positions: Array, offsets: Offsets, error: EndingError
+    times: Array, positions: Array, offsets: Offsets, error: EndingError, found_again: Array
 ) -> tuple[float, float] | None:
     """First time with and without an error of one receiver that seems to stay; None if it stays.
 
@@ -249,6 +249,8 @@ def span_by_the_drive(
         That were added, with the distances.
     error : EndingError
         With its beginning, its size and what is known of that.
+    found_again : (m,) array
+        Seconds since 1970 at which its receiver found its fix again after it had lost it.
 
     Returns
     -------
@@ -259,6 +261,7 @@ def span_by_the_drive(
     Notes
     -----
     A receiver that loses its fix and finds it again has another one: that is how false fixes end.
+    There the end may be no better than none at all, if only the error does not stay.
     Distances hardly change with a vertical error, but of a known size they tell how long it lasts.
     """
     drive = WholeDrive.of(times, positions, offsets)
@@ -276,10 +279,14 @@ def span_by_the_drive(
         sums = DriveSums.of(drive.own, drive.error(who, size), seen, weight)
         return sums.gains_of(first, last, (size, error.covariance))
 
-    stays = max(float(gains(np.array([at]), np.array([n]), 1.0)[0]), 0.0)
-    best, span = stays + GAIN_BACK, None
+    stays = float(gains(np.array([at]), np.array([n]), 1.0)[0])
+    best, span = max(stays, 0.0) + GAIN_BACK, None
     if len(lasts):
         ends = gains(np.full(len(lasts), at), lasts, 1.0)
+        again = found_again[np.isin(np.searchsorted(times, found_again - 1e-6), lasts)]
+        at_pauses = ends[np.searchsorted(times, again - 1e-6) - lasts[0]]
+        if len(again) and at_pauses.max() > max(stays + GAIN_BACK_ABOUT, ends.max() - ALIKE):
+            return error.start, float(again[at_pauses.argmax()])
         if ends.max() > best:
             best, span = ends.max(), (error.start, float(times[lasts[ends.argmax()]]))
     if len(firsts):
