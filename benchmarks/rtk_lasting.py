@@ -11,7 +11,6 @@ seed, drives a condition, and what is run ("jumps", "alone", "hours", "slow", "c
 import sys
 import time
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 from trials import rough_drives
@@ -160,11 +159,10 @@ def rough(first: int, drives: int) -> None:
     print(
         "error: found within two fixes with its receivers, and squared errors of the sizes over 3"
     )
-    every = list(product(ROUGH_RATES, ROUGH_NOISE.items()))
     counts: dict[tuple[str, str], list[float]] = {}
     alarms = 0
     for n in range(drives):
-        rates, (name, errors) = every[n % len(every)]
+        rates, name, errors = _rough_kind(first + n)
         made = rough_drive(first + n, errors, every=rates)
         alarms += bool(settle(made.steps)[1])
         for kind in rough_drives.KINDS:
@@ -185,6 +183,12 @@ def rough(first: int, drives: int) -> None:
         print(f"  {kind:14} {noise:6} {found:.0f} of {count:.0f}, squares {mean:.2f}", flush=True)
 
 
+def _rough_kind(seed: int) -> tuple[tuple[float, ...], str, Errors]:
+    """Rates and errors of a rough drive: all twelve in twelve drives."""
+    name = list(ROUGH_NOISE)[seed % len(ROUGH_NOISE)]
+    return ROUGH_RATES[seed // len(ROUGH_NOISE) % len(ROUGH_RATES)], name, ROUGH_NOISE[name]
+
+
 def _is(one: LastingError, put: Put, made: Made) -> bool:
     """Whether an error that was found is the one that was put in: within two fixes of its own."""
     own = made.steps.times[(made.steps.kinds[:, put.receivers] == 4).any(1)]
@@ -203,9 +207,9 @@ def _squares(one: LastingError, put: Put) -> float:
 
 def rough_hours(first: int, drives: int) -> None:
     print(f"\nRough clean hours with an alarm, of {drives}")
-    every, alarms = list(product(ROUGH_RATES, ROUGH_NOISE.items())), 0
+    alarms = 0
     for n in range(drives):
-        rates, (name, errors) = every[n % len(every)]
+        rates, name, errors = _rough_kind(first + n)
         found = settle(rough_drive(first + n, errors, seconds=3600.0, every=rates).steps)[1]
         alarms += bool(found)
         for one in found:
