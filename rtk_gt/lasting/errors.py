@@ -193,6 +193,7 @@ def errors_of_one(steps: Steps) -> tuple[list[LastingError], SeenSizes]:
         for one in [*jumps, *missing_jumps(times, positions, course, jumps)]
         if np.linalg.norm(one.size) > SMALLEST_OF_ALL and EDGE <= one.row < len(times) - 1 - EDGE
     ]
+    found.sort(key=lambda one: one.row)
     timed = [_Timed(float(times[one.row]), float(times[one.row + 1]), one) for one in found]
     errors = [one for one in _episodes(steps, timed) if one.gain > _gain_of_one(one)]
     return errors, seen_sizes(times, positions, course, [(0,)])
