@@ -36,10 +36,10 @@ MOST = 4000
 COURSE, SLOWEST = 1.0, 0.3
 """Seconds to both sides over which a course is averaged, and metres a second below which there is
 none: noise of a centimetre turns it by a degree."""
-GAIN_OF_ONE = 80.0
+GAIN_OF_ONE = 110.0
 """Twice the log likelihood ratio above which one receiver is said to have jumped. Its antenna is
 thrown sideways where the vehicle changes its turn from 15 degrees a second to one side to 15 to the
-other between two fixes: in simulated drives that do so all the time it made gains of up to 69. It
+other between two fixes: in simulated drives that do so all the time it made gains of up to 96. It
 is not thrown upwards."""
 GAIN_THERE_AND_BACK = 55.0
 """The same of one that ends with a jump back of the same size, which turns hardly make."""
