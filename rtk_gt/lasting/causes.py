@@ -85,8 +85,9 @@ def jumped(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> Jumped:
             by_motion = told <= TELLING
             agrees = by_motion | (2 * (change * along[rows, motion:]).sum(1) > told)
             smallest = SMALLEST_OF_ALL if len(cause) == count else SMALLEST_IN_MOTION
-            least = np.where(by_motion, smallest, SMALLEST)
-            gain = gain - np.where(by_motion, GAIN_OF_MOTION, GAIN)
+            # What neighbours guess has the longer tails of motion whatever else tells.
+            least = np.where(by_motion | seen.guessed, smallest, SMALLEST)
+            gain = gain - np.where(by_motion | seen.guessed, GAIN_OF_MOTION, GAIN)
             better = gain > found.gains[rows, k]
             at = rows[better]
             found.gains[at, k], found.by_motion[at, k] = gain[better], by_motion[better]

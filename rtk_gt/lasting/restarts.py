@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rtk_gt.lasting.causes import SMALLEST, USUAL, tempered
+from rtk_gt.lasting.causes import SMALLEST, SMALLEST_IN_MOTION, USUAL, tempered
 from rtk_gt.lasting.contrasts import of_motion
 from rtk_gt.lasting.drive_sums import DriveSums
 from rtk_gt.lasting.edges import NEAR, Edge, Motion, View, edge_of, views_of
@@ -171,7 +171,10 @@ def _sure(one: "_Option", n: int, every: float) -> bool:
     if told > 0 and one.of.gain > (CLEAR if wander else CLEAR_IN_WHITE):
         return True
     sharp, least = max(one.motion, one.of.sudden(every)), SHARP if wander else SHARP_IN_WHITE
-    return sharp > least and (told > 0 or (one.motion > SHARP and told + one.motion > SHARP))
+    # What only the motion makes sure must be as large as it must be there.
+    seen = one.motion > SHARP and told + one.motion > SHARP
+    seen = seen and bool(np.linalg.norm(one.size) > SMALLEST_IN_MOTION)
+    return sharp > least and (told > 0 or seen)
 
 
 def _told(one: _Candidate, n: int) -> float:
