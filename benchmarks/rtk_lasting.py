@@ -2,8 +2,10 @@
 
 Drives of a vehicle that the program does not know (`trials.lasting_errors`): jumps of all
 receivers, restarts of the base station of two, false fixes of one, clean hours; then offsets and
-poses with slow errors against the truth, and clocks that are off. Numbers on the command line:
-first seed, drives a condition, and what is run ("jumps", "hours", "slow", "clocks" or "all").
+poses with slow errors against the truth, and clocks that are off. The same errors in drives of a
+rougher kind (`trials.rough_drives`), and clean hours of these. Numbers on the command line: first
+seed, drives a condition, and what is run ("jumps", "alone", "hours", "slow", "clocks", "rough",
+"rough_hours" or "all").
 """
 
 import sys
@@ -11,7 +13,9 @@ import time
 from dataclasses import replace
 
 import numpy as np
+from trials import rough_drives
 from trials.lasting_errors import ETA, Errors, Made, made_drive
+from trials.rough_drives import Put, rough_drive, spoilt_by
 
 from rtk_gt.lasting.errors import errors_of_one
 from rtk_gt.lasting.lasting_error import LastingError
@@ -45,6 +49,13 @@ SLOW = {
     "5 mm, 120 s alone": (Errors(0.0, 0.005, 120.0), 1200.0),
     "10 mm, 120 s with white": (Errors(0.004, 0.010, 120.0), 1200.0),
 }
+ROUGH_NOISE = {
+    "white 4 mm": Errors(0.004),
+    "slow 10 mm, 30 s": Errors(0.003, 0.010, 30.0),
+    "slow 5 mm, 60 s": Errors(0.003, 0.005, 60.0),
+    "slow 7 mm, 120 s": Errors(0.004, 0.007, 120.0),
+}
+ROUGH_RATES = ((0.2, 0.2, 0.2), (1.0, 0.2, 0.2), (1.0, 0.2, 0.1))
 KINDS = ("false fix 8 cm level", "false fix 15 cm up", "restart 5 cm", "all 10 cm")
 
 
@@ -143,6 +154,69 @@ def hours(first: int, drives: int) -> None:
         print(f"  {noise:22} {alarms}", flush=True)
 
 
+def rough(first: int, drives: int) -> None:
+    print(f"\nRough drives of ten minutes at 5, 1 + 5 and 1 + 5 + 10 Hz, {drives} of each kind of")
+    print(
+        "error: found within two fixes with its receivers, and squared errors of the sizes over 3"
+    )
+    counts: dict[tuple[str, str], list[float]] = {}
+    alarms = 0
+    for n in range(drives):
+        rates, name, errors = _rough_kind(first + n)
+        made = rough_drive(first + n, errors, every=rates)
+        alarms += bool(settle(made.steps)[1])
+        for kind in rough_drives.KINDS:
+            bad, put = spoilt_by(made, first + n, kind)
+            scores = [_squares(one, put) for one in settle(bad.steps)[1] if _is(one, put, bad)]
+            told = counts.setdefault((kind, "white" if errors.slow == 0 else "slow"), [0, 0, 0.0])
+            told[0] += 1
+            told[1] += bool(scores)
+            told[2] += scores[0] if scores else 0.0
+            if not scores:
+                where = f"{put.start - made.steps.times[0]:.1f} s, {rates}, {name}"
+                print(
+                    f"    missed: drive {first + n}, {kind} {put.size} of {put.receivers}, {where}"
+                )
+    print(f"  clean drives with an alarm: {alarms} of {drives}")
+    for (kind, noise), (count, found, squares) in sorted(counts.items()):
+        mean = squares / max(found, 1) / 3
+        print(f"  {kind:14} {noise:6} {found:.0f} of {count:.0f}, squares {mean:.2f}", flush=True)
+
+
+def _rough_kind(seed: int) -> tuple[tuple[float, ...], str, Errors]:
+    """Rates and errors of a rough drive: all twelve in twelve drives."""
+    name = list(ROUGH_NOISE)[seed % len(ROUGH_NOISE)]
+    return ROUGH_RATES[seed // len(ROUGH_NOISE) % len(ROUGH_RATES)], name, ROUGH_NOISE[name]
+
+
+def _is(one: LastingError, put: Put, made: Made) -> bool:
+    """Whether an error that was found is the one that was put in: within two fixes of its own."""
+    own = made.steps.times[(made.steps.kinds[:, put.receivers] == 4).any(1)]
+
+    def apart(time: float, other: float) -> int:
+        return abs(int(np.searchsorted(own, time - 1e-6)) - int(np.searchsorted(own, other - 1e-6)))
+
+    near = apart(one.start, put.start) <= 2 and apart(one.end, put.end) <= 2
+    return near and one.stays == np.isinf(put.end) and put.receivers in (one.receivers, *one.alike)
+
+
+def _squares(one: LastingError, put: Put) -> float:
+    off = one.size - put.size
+    return float(off @ np.linalg.solve(one.covariance, off))
+
+
+def rough_hours(first: int, drives: int) -> None:
+    print(f"\nRough clean hours with an alarm, of {drives}")
+    alarms = 0
+    for n in range(drives):
+        rates, name, errors = _rough_kind(first + n)
+        found = settle(rough_drive(first + n, errors, seconds=3600.0, every=rates).steps)[1]
+        alarms += bool(found)
+        for one in found:
+            print(f"    drive {first + n}, {rates}, {name}: {one.receivers} {one.size}", flush=True)
+    print(f"  {alarms}", flush=True)
+
+
 def solved(made: Made) -> tuple[Offsets, VehiclePath, Array]:
     """Offsets, path, and the true poses of the path."""
     quick = estimate_offsets(made.steps, eta=ETA, bent="never")
@@ -191,7 +265,8 @@ def main() -> None:
     given = sys.argv[1:]
     first, drives = (int(n) for n in (given + ["1000", "40"][len(given) :])[:2])
     what = given[2] if len(given) > 2 else "all"
-    runs = {"jumps": jumps, "alone": alone, "hours": hours, "slow": slow, "clocks": clocks}
+    runs = {"jumps": jumps, "alone": alone, "hours": hours, "slow": slow, "clocks": clocks,
+            "rough": rough, "rough_hours": rough_hours}  # fmt: skip
     for name, run in runs.items():
         if what in (name, "all"):
             run(first, drives)

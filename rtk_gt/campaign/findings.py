@@ -54,11 +54,7 @@ def rtk_findings(outcome: RtkOutcome) -> list[Finding]:
         *_consistency(outcome),
         *clock_findings(outcome),
         *lasting_findings(outcome),
-        *(
-            ()
-            if too_coarse(outcome.records)
-            else unseen_findings(outcome, outcome.smallest_of_some)
-        ),
+        *(() if too_coarse(outcome.records) else unseen_findings(outcome, outcome.seen_of_some)),
         *_leaps(outcome),
         *_assumed(outcome),
         *_records(outcome),

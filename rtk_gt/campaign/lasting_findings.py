@@ -7,6 +7,7 @@ import numpy as np
 
 from rtk_gt.campaign.outcome import RtkOutcome
 from rtk_gt.lasting.errors import SHORT
+from rtk_gt.lasting.jumps import SeenSizes
 from rtk_gt.lasting.lasting_error import LastingError, beyond_a_base
 from rtk_gt.path.common_errors import CLEARLY
 from rtk_gt.path.coverage import Coverage
@@ -45,8 +46,8 @@ class WithJumps(Protocol):
         """From when on seconds are counted."""
 
     @property
-    def smallest_seen(self) -> float:
-        """Metres of a jump of all that half of the intervals would show."""
+    def seen_of_all(self) -> SeenSizes:
+        """Sizes of jumps of all that are seen."""
 
 
 def short_errors(outcome: WithJumps) -> int:
@@ -69,29 +70,24 @@ def lasting_findings(outcome: WithJumps) -> Iterator[Finding]:
         yield Finding("warning", text, SUBJECT, "many_jumps", size)
 
 
-def unseen_findings(
-    outcome: WithJumps, of_some: tuple[float, float] | None = None
-) -> Iterator[Finding]:
+def unseen_findings(outcome: WithJumps, of_some: SeenSizes | None = None) -> Iterator[Finding]:
     """That jumps may be in the drive unseen: of all receivers, between fixes and over gaps.
 
-    And of some, level and upwards, metres.
+    And of some, level and upwards.
     """
-    least, found = outcome.smallest_seen, outcome.coverage
-    said = f"of less than some {100 * least:.0f} cm" if np.isfinite(least) else "of any size"
-    of_all = "of all receivers " if len(outcome.steps.receivers) > 1 else ""
+    of_all, found = outcome.seen_of_all, outcome.coverage
+    who = "of all receivers " if len(outcome.steps.receivers) > 1 else ""
     text = (
-        f"A jump {of_all}{said} would not be seen in this record: the vehicle moves more "
-        "than that by itself between its fixes. "
+        f"A jump {who}of {_less_than(of_all)} may stay unseen in this record, as the vehicle moves "
+        f"that much by itself between its fixes{_seldom(of_all)}. "
     )
-    sizes = [Size("smallest jump of all that is seen", least, "m")] if np.isfinite(least) else []
-    if of_some is not None and np.isfinite(of_some).all():
-        level, up = (f"{100 * one:.0f} cm" if one < 1 else "1 m and more" for one in of_some)
+    sizes = list(_seen_sizes("jump of all", of_all))
+    if of_some is not None and np.isfinite(of_some.level + of_some.up).all():
         text += (
-            f"Nor would one of some of them, or a false fix, of less than some {level} level or "
-            f"{up} upwards, unless the whole drive tells it. "
+            f"So may one of some of them, or a false fix, of {_less_than(of_some)}, unless the "
+            f"whole drive tells it{_seldom(of_some)}. "
         )
-        names = ("smallest jump of some level", "smallest jump of some upwards")
-        sizes += [Size(name, one, "m") for name, one in zip(names, of_some, strict=True)]
+        sizes += _seen_sizes("jump of some", of_some)
     gaps = [gap for gap in found.gaps if gap.duration > found.max_gap]
     if gaps:
         last = "lasts" if len(gaps) == 1 else "last"
@@ -99,11 +95,38 @@ def unseen_findings(
             f"Over a gap one of any size would not: {len(gaps)} {last} more than "
             f"{found.max_gap:g} s, and what comes after one may be off from what came before. "
         )
-    if least > LARGEST_UNSEEN:
+    if max(of_all.level[1], of_all.up[1]) > LARGEST_UNSEEN:
         text += "Record at 5 Hz or more if the base station may restart. "
     text += "Compare the base station's coordinates before and after the drive."
     sizes += [Size("gaps over which none is seen", len(gaps), "gaps")] if gaps else []
     yield Finding("note", text, SUBJECT, "jumps_unseen", tuple(sizes))
+
+
+def _less_than(seen: SeenSizes) -> str:
+    """Sizes below which a jump may stay unseen: 95 in 100 are seen of them."""
+    if not np.isfinite(seen.level + seen.up).all():
+        return "any size"
+    return f"less than some {_metres(seen.level[1])} level or {_metres(seen.up[1])} upwards"
+
+
+def _seldom(seen: SeenSizes) -> str:
+    """Sizes of which few are seen."""
+    if not np.isfinite(seen.level + seen.up).all():
+        return ""
+    level, up = _metres(seen.level[0]), _metres(seen.up[0])
+    return f" (95 in 100 of that size are seen; of {level} and {up} 5 in 100)"
+
+
+def _metres(size: float) -> str:
+    return f"{100 * size:.0f} cm" if size < 1 else "1 m and more"
+
+
+def _seen_sizes(what: str, seen: SeenSizes) -> Iterator[Size]:
+    """What 95 and 5 in 100 are seen of, level and upwards."""
+    for way, (low, high) in (("level", seen.level), ("upwards", seen.up)):
+        if np.isfinite(high):
+            yield Size(f"{what}, {way}, of which 95 in 100 are seen", high, "m")
+            yield Size(f"{what}, {way}, of which 5 in 100 are seen", low, "m")
 
 
 def _told(error: LastingError) -> bool:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rtk_gt.lasting.jumps import SeenSizes
 from rtk_gt.lasting.lasting_error import LastingError
 from rtk_gt.offsets.checks import PriorCheck
 from rtk_gt.offsets.estimate import Offsets
@@ -46,10 +47,8 @@ class RtkOutcome:
         fixes that have them are left out.
     clocks : Clocks, optional
         By how much the receivers' clocks were off; None where they were not.
-    smallest_seen : float
-        Metres of a jump of all receivers that half of the intervals would show.
-    smallest_of_some : (float, float)
-        The same of some receivers, level and upwards.
+    seen_of_all, seen_of_some : SeenSizes
+        Sizes of jumps of all receivers, and of some, that are seen within seconds.
     prior : OffsetPrior
         What campaign.toml states of offsets and distances.
     stated : PriorCheck, optional
@@ -92,8 +91,8 @@ class RtkOutcome:
     steps: Steps
     lasting: tuple[LastingError, ...]
     clocks: Clocks | None
-    smallest_seen: float
-    smallest_of_some: tuple[float, float]
+    seen_of_all: SeenSizes
+    seen_of_some: SeenSizes
     prior: OffsetPrior
     stated: PriorCheck | None
     offsets: Offsets

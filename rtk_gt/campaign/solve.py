@@ -9,7 +9,8 @@ import numpy as np
 from rtk_gt.campaign.digits import too_coarse
 from rtk_gt.campaign.inputs import antenna_places, check_places, load_drive, offset_prior
 from rtk_gt.campaign.outcome import RtkOutcome
-from rtk_gt.lasting.errors import smallest_of_some, smallest_seen
+from rtk_gt.lasting.errors import seen_of_all, seen_of_some
+from rtk_gt.lasting.jumps import SeenSizes
 from rtk_gt.lasting.lasting_error import JumpErrors, LastingError
 from rtk_gt.lasting.settled import settle
 from rtk_gt.offsets.checks import PriorCheck, check_prior, check_units
@@ -110,8 +111,8 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
         left=chosen.left,
         lasting=tuple(ready.lasting),
         clocks=ready.clocks,
-        smallest_seen=ready.smallest_seen,
-        smallest_of_some=ready.smallest_of_some,
+        seen_of_all=ready.seen_of_all,
+        seen_of_some=ready.seen_of_some,
         noise=noise,
         model=model,
         common=common,
@@ -162,8 +163,8 @@ class Prepared(NamedTuple):
     lasting: list[LastingError]
     jumps: JumpErrors | None
     model: ErrorModel | None
-    smallest_seen: float
-    smallest_of_some: tuple[float, float]
+    seen_of_all: SeenSizes
+    seen_of_some: SeenSizes
     quick: Offsets
 
 
@@ -195,7 +196,7 @@ def prepare(
         steps, eta=settings.eta, robust=settings.robust, bent="never", prior=prior
     )
     model = error_model(steps, quick)
-    of_all, of_some = smallest_seen(steps, quick), smallest_of_some(steps, quick)
+    of_all, of_some = seen_of_all(steps, quick), seen_of_some(steps, quick)
     return Prepared(steps, clocks, lasting, jumps, model, of_all, of_some, quick)
 
 

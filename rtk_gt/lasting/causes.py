@@ -78,15 +78,16 @@ def jumped(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> Jumped:
     for k, cause in enumerate(causes):
         for ends in (False, True):
             gain, size, spread = fit_of(seen, cause, rows, ends)
-            designs = seen.designs(cause, ends)[rows]
+            designs = seen.designs(cause, ends, rows)
             design = np.einsum("ji,nja->nia", seen.axes[:, motion:], designs)
             change = np.einsum("npa,na->np", design / seen.sigmas[rows, motion:, None], size)
             told = np.square(change).sum(1)
             by_motion = told <= TELLING
             agrees = by_motion | (2 * (change * along[rows, motion:]).sum(1) > told)
             smallest = SMALLEST_OF_ALL if len(cause) == count else SMALLEST_IN_MOTION
-            least = np.where(by_motion, smallest, SMALLEST)
-            gain = gain - np.where(by_motion, GAIN_OF_MOTION, GAIN)
+            # What neighbours guess has the longer tails of motion whatever else tells.
+            least = np.where(by_motion | seen.guessed, smallest, SMALLEST)
+            gain = gain - np.where(by_motion | seen.guessed, GAIN_OF_MOTION, GAIN)
             better = gain > found.gains[rows, k]
             at = rows[better]
             found.gains[at, k], found.by_motion[at, k] = gain[better], by_motion[better]
@@ -113,7 +114,7 @@ def evidence(
 ) -> tuple[Array, Array]:
     """Information (m, 3, 3) on the size of a jump at some intervals, and (m, 3) times the size."""
     along = (seen.values[rows] @ seen.axes) / seen.sigmas[rows]
-    designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(cause, ends)[rows])
+    designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(cause, ends, rows))
     weighed = designs / seen.sigmas[rows, :, None]
     right = np.einsum("nka,nk->na", weighed, along)
     return right, np.einsum("nka,nkb->nab", weighed, weighed)

@@ -7,23 +7,25 @@ whatever the vehicle does: their means before and after differ by noise alone.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special
 
-from rtk_gt.lasting.lacking_fixes import filled, fixed_rows, spread_over, together_rows
+from rtk_gt.lasting.continuity import NEAREST, reaches_of, unexpected_ways
+from rtk_gt.lasting.lacking_fixes import filled, fixed_rows, often, spread_over, together_rows
 from rtk_gt.lasting.seen_from_vehicle import turned
 from rtk_gt.offsets.noise import pair_incidence
-from rtk_gt.receivers.fixes import Bools
+from rtk_gt.receivers.fixes import Bools, Ints
 from rtk_gt.receivers.steps import pair_differences
 from validation.poses.angles import Array
 from validation.statistics.robust import sigma_from_median
 
-SIDES = (2, 4, 8)
-"""Fixes on each side of a jump that are tried for the motion: two see it where the vehicle turns
-sharply, eight average noise where it does not."""
-LONGEST_SIDE = 1.0
-"""Seconds of such a side at most, but of the shortest: steering changes within a second."""
+SIDE = 2
+"""Fixes on each side of a jump whose lines are compared: two see it where the vehicle turns
+sharply."""
+PLANE = 8
+"""Fixes on each side whose plane through the antennas says what is level."""
 DISTANCE_SIDES = (2.0, 10.0)
 """Seconds on each side whose distances are averaged: in five seconds, the shortest error that
 lasts, both of its ends are then seen apart; ten find the smaller jumps that stay."""
@@ -47,6 +49,20 @@ _AROUND = 10
 """Windows before and after an interval that say how rough the drive is there."""
 
 
+class Sides(NamedTuple):
+    """Fixes on each side of an interval that are looked at.
+
+    Those of the motion, and those whose distances are averaged; ``guessed``: the motion is held
+    against the guess by its neighbours, not against a line; ``own``: of the receivers that have a
+    position at every epoch, where one that writes less often lacks fixes.
+    """
+
+    motion: int
+    averaged: int
+    guessed: bool = False
+    own: bool = False
+
+
 @dataclass(frozen=True)
 class Contrasts:
     """Jumps that each of n intervals between epochs seems to have, as noise and motion make them.
@@ -55,14 +71,14 @@ class Contrasts:
     ----------
     window : int
         Fixes on each side within which a second jump would disturb.
-    values : (n, 3 r + p) array
-        Jump of each receiver, along and across its baseline and up, then that of each distance,
-        metres.
-    axes : (3 r + p, 3 r + p) array
+    values : (n, 3 c + p) array
+        Jump of each of c receivers, along and across its baseline and up, then that of each
+        distance, metres.
+    axes : (3 c + p, 3 c + p) array
         Principal axes of the contrasts of the whole drive, one a column.
-    sigmas : (n, 3 r + p) array
+    sigmas : (n, 3 c + p) array
         Standard deviations along them, those of the whole drive or, where more, of the time around.
-    floor : (3 r + p,) array
+    floor : (3 c + p,) array
         Those of the whole drive, without what its tails add.
     freedom : float
         How many independent contrasts the sigmas are from.
@@ -72,8 +88,11 @@ class Contrasts:
         ends: meanwhile a vehicle may turn.
     moving : (n,) bool array
         False at intervals whose window has a pause: only distances tell there.
-    slopes : (n, 2) array
-        Of the plane through the antennas, along and across the baseline: what is level for it.
+    effects : (n, 3 c, 3 r) array
+        What a jump of each of r receivers does to those that c seem to have: its own, level and up
+        above the plane through the antennas.
+    guessed : bool
+        Whether the motion is held against the guess by its neighbours.
     """
 
     window: int
@@ -84,24 +103,25 @@ class Contrasts:
     freedom: float
     rods: Array
     moving: Bools
-    slopes: Array
+    effects: Array
+    guessed: bool = False
 
-    def designs(self, cause: tuple[int, ...], ends: bool = False) -> Array:
-        """(n, 3 r + p, 3) what a jump of these receivers does to the contrasts.
+    def designs(
+        self, cause: tuple[int, ...], ends: bool = False, rows: Ints | slice = slice(None)
+    ) -> Array:
+        """(m, 3 c + p, 3) what a jump of these receivers does to the contrasts of some intervals.
 
         Of an error that begins, or ends.
         """
-        rods = self.rods[int(ends)]
+        rods, effects = self.rods[int(ends)][rows], self.effects[rows]
         n, p = rods.shape[:2]
-        count = (self.values.shape[1] - p) // 3
+        shown, count = effects.shape[1], effects.shape[2] // 3
         hit = np.isin(np.arange(count), cause).astype(float)
-        above = np.tile(np.eye(3), (n, 1, 1))
-        above[:, 2, :2] = -self.slopes
-        whole = (hit[:, None, None] * above[:, None]).reshape(n, 3 * count, 3)
+        whole = effects.reshape(n, shown, count, 3)[:, :, list(cause)].sum(2)
         if p == 0:
-            return whole
+            return np.asarray(whole)
         by_distance = (pair_incidence(count) @ hit)[:, None] * rods
-        return np.concatenate([whole, by_distance], axis=1)
+        return np.asarray(np.concatenate([whole, by_distance], axis=1))
 
 
 def step_weights(side: int) -> Array:
@@ -128,19 +148,24 @@ def _summed(values: Array, weights: Array) -> Array:
     return found
 
 
-def sides_of(times: Array) -> list[tuple[int, int]]:
-    """Fixes on each side whose motion, and whose distances, are looked at together."""
+def sides_of(times: Array, positions: Array) -> list[Sides]:
+    """Fixes on each side whose motion, and whose distances, are looked at together.
+
+    Of positions (n, r, 3) at times (n,); lines come first.
+    """
     if len(times) < 8 * FEWEST_DISTANCES:
         return []
     every = float(np.median(np.diff(times)))
-    motion = [side for side in SIDES if side == SIDES[0] or side * every <= LONGEST_SIDE]
     short, long = (max(round(side / every), FEWEST_DISTANCES) for side in DISTANCE_SIDES)
-    return [*((side, short) for side in motion), (motion[0], long)]
+    reaches = reaches_of(times)
+    found = [Sides(SIDE, short), Sides(SIDE, long)]
+    found += [Sides(reach, short, True) for reach in reaches]
+    if 1 < len(often(positions)) < positions.shape[1]:
+        found.append(Sides(reaches[-1], short, True, True))
+    return found
 
 
-def contrasts(
-    times: Array, positions: Array, headings: Array, sides: tuple[int, int]
-) -> Contrasts | None:
+def contrasts(times: Array, positions: Array, headings: Array, sides: Sides) -> Contrasts | None:
     """The contrasts of the n intervals between n + 1 epochs; None of too few without pauses.
 
     Parameters
@@ -152,8 +177,8 @@ def contrasts(
         less often has none.
     headings : (n + 1,) array
         Of something fixed to the vehicle, radians.
-    sides : (int, int)
-        Fixes on each side whose motion, and whose distances, are looked at.
+    sides : Sides
+        What is looked at.
 
     Notes
     -----
@@ -162,17 +187,18 @@ def contrasts(
     even slope a vehicle that turns keeps them. What a receiver shows that writes less often is that
     of its own interval, for all intervals within it.
     """
-    side, averaged = sides
+    side, averaged, guessed, own_only = sides
     if len(times) < 8 * averaged:
         return None
-    n, r = len(times) - 1, positions.shape[1]
+    n = len(times) - 1
     whole = filled(times, positions, headings)
-    motion, moving = np.zeros((n, r, 3)), np.ones(n, dtype=bool)
-    for rows, receivers in fixed_rows(positions):
-        few = side if len(rows) == n + 1 else SIDES[0]
-        own = _motion(whole[rows], headings[rows], few)[:, receivers]
-        motion[:, receivers] = spread_over(rows, own, n)
-        moving &= spread_over(rows, _even(times[rows], few), n)
+    if guessed:
+        told = unexpected_ways(times, positions, whole, headings, side, own=own_only)
+        if told is None:
+            return None
+        motion, effects, moving = told.values, told.effects, told.told
+    else:
+        motion, effects, moving = _against_lines(times, positions, whole, headings, side)
     if moving.sum() < 8 * side:
         return None
     rods = pair_differences(whole)
@@ -195,13 +221,37 @@ def contrasts(
     values = np.concatenate([motion.reshape(n, -1), changes], axis=1)
     axes, sigmas, floor = _scaled(values, moving, motion[0].size, 2 * max(side, averaged))
     sigmas[:, motion[0].size :] *= wider[:, None]
-    freedom = _EFFICIENCY * n / max(side, averaged)
+    if own_only:
+        # Where all tell, they tell more.
+        all_tell = unexpected_ways(times, positions, whole, headings, NEAREST)
+        moving = moving & ~all_tell.told if all_tell else moving
+        sigmas[~moving, : motion[0].size] = NEVER
+    # What neighbours guess is new at each interval; lines and means are so once a side.
+    freedom = _EFFICIENCY * n / (SIDE if guessed else max(side, averaged))
+    return Contrasts(
+        max(side, averaged), values, axes, sigmas, floor, freedom, directions, moving, effects,
+        guessed,
+    )  # fmt: skip
+
+
+def _against_lines(
+    times: Array, positions: Array, whole: Array, headings: Array, side: int
+) -> tuple[Array, Array, Bools]:
+    """(n, r, 3) jumps beside lines through fixes on both sides, their effects, and where told."""
+    n, r = len(times) - 1, positions.shape[1]
+    motion, moving = np.zeros((n, r, 3)), np.ones(n, dtype=bool)
+    for rows, receivers in fixed_rows(positions):
+        few = side if len(rows) == n + 1 else SIDE
+        own = _motion(whole[rows], headings[rows], few)[:, receivers]
+        motion[:, receivers] = spread_over(rows, own, n)
+        moving &= spread_over(rows, _even(times[rows], few), n)
     plane = np.column_stack([antenna_planes(whole)[2][:-1], np.zeros(n)])
     slopes = turned(-headings[:-1], plane)[:, :2]
-    slopes = _summed(slopes, np.full(2 * SIDES[-1] - 1, 1 / (2 * SIDES[-1] - 1)))
-    return Contrasts(
-        max(side, averaged), values, axes, sigmas, floor, freedom, directions, moving, slopes
-    )
+    slopes = _summed(slopes, np.full(2 * PLANE - 1, 1 / (2 * PLANE - 1)))
+    effects = np.tile(np.eye(3 * r), (n, 1, 1))
+    for k in range(r):
+        effects[:, 3 * k + 2, 3 * k : 3 * k + 2] = -slopes
+    return motion, effects, moving
 
 
 def spoilt(seen: Contrasts, spread: float) -> Bools:

@@ -53,25 +53,33 @@ class View:
 
 
 def views_of(motions: Sequence[Motion]) -> list[View]:
-    """All motions that show something: the first one's, and what others show about its pauses."""
+    """All motions that show something: the first one's, and what others show about its pauses.
+
+    Of the first one by lines all intervals are looked at; by the guess of neighbours those that it
+    tells, by as many of them as there are.
+    """
     views: list[View] = []
     for motion in motions:
-        sides = sides_of(motion.times)
-        seen = (
-            contrasts(motion.times, motion.positions, motion.headings, sides[0]) if sides else None
-        )
-        if seen is None:
-            if motion is motions[0]:
-                break
-            continue
+        first = motion is motions[0]
+        sides = sides_of(motion.times, motion.positions)
+        looked = [sides[0], *(one for one in reversed(sides) if one.guessed)] if sides else []
+        found = [contrasts(motion.times, motion.positions, motion.headings, one) for one in looked]
+        if first and (not found or found[0] is None):
+            break
         looked_at = np.ones(len(motion.times) - 1, dtype=bool)
-        if motion is not motions[0]:
+        if not first:
             whole, middle = motions[0], (motion.times[1:] + motion.times[:-1]) / 2
             at = np.searchsorted(whole.times, middle) - 1
-            inside = (at >= 0) & (at < len(whole.times) - 1)
-            looked_at = inside & seen.moving
-            looked_at[inside] &= ~views[0].seen.moving[at[inside]]
-        views.append(View(motion, seen, looked_at))
+            looked_at = (at >= 0) & (at < len(whole.times) - 1)
+            looked_at[looked_at] &= ~views[0].seen.moving[at[looked_at]]
+        for one in found:
+            if one is None:
+                continue
+            here = looked_at if first and not one.guessed else looked_at & one.moving
+            views.append(View(motion, one, here))
+            if one.guessed:
+                # The next ones look nearer by, and see less.
+                looked_at = looked_at & ~one.moving
     return views
 
 

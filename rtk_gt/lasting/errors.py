@@ -11,7 +11,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 
 from rtk_gt.lasting.causes import SMALLEST_OF_ALL, causes_of
 from rtk_gt.lasting.edges import Motion
-from rtk_gt.lasting.jumps import Jump, find_jumps, least_of_all, least_of_some
+from rtk_gt.lasting.jumps import Jump, SeenSizes, find_jumps, seen_sizes
 from rtk_gt.lasting.jumps_back import LONGEST_FALSE, missing_jumps, passed
 from rtk_gt.lasting.lacking_fixes import (
     OFTEN,
@@ -37,10 +37,10 @@ MOST = 4000
 COURSE, SLOWEST = 1.0, 0.3
 """Seconds to both sides over which a course is averaged, and metres a second below which there is
 none: noise of a centimetre turns it by a degree."""
-GAIN_OF_ONE = 80.0
+GAIN_OF_ONE = 110.0
 """Twice the log likelihood ratio above which one receiver is said to have jumped. Its antenna is
 thrown sideways where the vehicle changes its turn from 15 degrees a second to one side to 15 to the
-other between two fixes: in simulated drives that do so all the time it made gains of up to 69. It
+other between two fixes: in simulated drives that do so all the time it made gains of up to 96. It
 is not thrown upwards."""
 GAIN_THERE_AND_BACK = 55.0
 """The same of one that ends with a jump back of the same size, which turns hardly make."""
@@ -170,8 +170,8 @@ def _missing(steps: Steps, rows: Ints, bad: Bools, found: list[_Timed]) -> list[
     return [_timed(times, positions, one, everyone) for one in new]
 
 
-def errors_of_one(steps: Steps) -> tuple[list[LastingError], float]:
-    """Errors of a single receiver that begin with a jump, and the smallest jump that would show.
+def errors_of_one(steps: Steps) -> tuple[list[LastingError], SeenSizes]:
+    """Errors of a single receiver that begin with a jump, and the sizes of jumps that show.
 
     Parameters
     ----------
@@ -180,12 +180,12 @@ def errors_of_one(steps: Steps) -> tuple[list[LastingError], float]:
 
     Notes
     -----
-    Its motion alone tells them, seen along and across the way that it takes. Infinite is the
-    smallest jump where the fixes are too few.
+    Its motion alone tells them, seen along and across the way that it takes. Infinite are the
+    sizes where the fixes are too few.
     """
     rows = np.flatnonzero(steps.complete)
     if len(rows) < 2:
-        return [], np.inf
+        return [], SeenSizes()
     times, positions = _thinned(steps, rows, (0,), np.zeros(len(rows), dtype=bool))
     course = _course(times, positions[:, 0, :2])
     jumps = find_jumps(times, positions, course, [(0,)])
@@ -194,9 +194,10 @@ def errors_of_one(steps: Steps) -> tuple[list[LastingError], float]:
         for one in [*jumps, *missing_jumps(times, positions, course, jumps)]
         if np.linalg.norm(one.size) > SMALLEST_OF_ALL and EDGE <= one.row < len(times) - 1 - EDGE
     ]
+    found.sort(key=lambda one: one.row)
     timed = [_Timed(float(times[one.row]), float(times[one.row + 1]), one) for one in found]
     errors = [one for one in _episodes(steps, timed) if one.gain > _gain_of_one(one)]
-    return errors, least_of_all(times, positions, course)
+    return errors, seen_sizes(times, positions, course, [(0,)])
 
 
 def _gain_of_one(error: LastingError) -> float:
@@ -266,33 +267,36 @@ def _placed(steps: Steps, offsets: Offsets) -> Steps:
 
 
 @kept_result()
-def smallest_seen(steps: Steps, offsets: Offsets) -> float:
-    """Metres of a jump of all receivers that half of the intervals would show in any direction.
+def seen_of_all(steps: Steps, offsets: Offsets) -> SeenSizes:
+    """Sizes of jumps of all receivers that are seen; infinite where the steps are too few.
 
-    Infinite where the steps are too few. Parameters as in `lasting_errors`.
+    Parameters as in `lasting_errors`.
     """
     steps = with_lost_fixes(_placed(steps, offsets).select(spaced_rows(steps)))
-    fast = _often(steps)
-    least = np.inf
+    fast, found = _often(steps), SeenSizes()
     for some in (tuple(range(len(steps.receivers))), *([] if fast is None else [fast])):
         rows = np.flatnonzero((steps.kinds[:, some] == RTK_FIXED).all(1))
-        if len(rows) < 2:
-            continue
-        times, positions = _thinned(steps, rows, some, np.zeros(len(rows), dtype=bool))
-        least = min(least, least_of_all(times, positions, _headings(times, positions)))
-    return least
+        found = found.best(_seen(steps, rows, some, [tuple(range(len(some)))]))
+    return found
 
 
 @kept_result()
-def smallest_of_some(steps: Steps, offsets: Offsets) -> tuple[float, float]:
-    """The same of jumps of some receivers, whichever, level and upwards, metres."""
+def seen_of_some(steps: Steps, offsets: Offsets) -> SeenSizes:
+    """The same of jumps of some receivers, whichever."""
     steps = with_lost_fixes(_placed(steps, offsets).select(spaced_rows(steps)))
-    rows = _looked_at(steps)
-    if len(rows) < 2:
-        return np.inf, np.inf
     everyone = tuple(range(len(steps.receivers)))
-    times, positions = _thinned(steps, rows, everyone, np.zeros(len(rows), dtype=bool))
-    return least_of_some(times, positions, _headings(times, positions))
+    some = [one for one in causes_of(len(everyone)) if len(one) < len(everyone)]
+    return _seen(steps, _looked_at(steps), everyone, some)
+
+
+def _seen(
+    steps: Steps, rows: Ints, columns: tuple[int, ...], causes: list[tuple[int, ...]]
+) -> SeenSizes:
+    """Of jumps of some columns at some epochs."""
+    if len(rows) < 2 or not causes:
+        return SeenSizes()
+    times, positions = _thinned(steps, rows, columns, np.zeros(len(rows), dtype=bool))
+    return seen_sizes(times, positions, _headings(times, positions), causes)
 
 
 def _jumps(steps: Steps, rows: Ints, columns: tuple[int, ...], bad: Bools) -> list[_Timed]:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import special
 
 from rtk_gt.lasting.causes import (
     GAIN,
@@ -19,7 +20,6 @@ from rtk_gt.lasting.causes import (
     SMALLEST_IN_MOTION,
     SMALLEST_OF_ALL,
     UNSURE,
-    causes_of,
     fit_of,
     jumped,
     rotation_within,
@@ -38,6 +38,9 @@ intervals without a jump, of drives that brake and turn, it was at most 34; of j
 receivers at 5 and 10 Hz and a noise of 6 mm at least 59."""
 CLEAR_OVER_MOTION = 60.0
 """The same where the usual motion of the drive makes as much (`LOOKED_AT`)."""
+GAIN_OF_LIFT = 25.0
+"""The same of a jump upwards of all receivers that the guess by its neighbours makes clear: nobody
+brakes or steers upwards. One of some receivers upwards is none of their motion at all."""
 GAIN_WITHOUT_ONE = 12.0
 """The same without any one of the two epochs on either side, so that one false fix is no jump: of
 those intervals without a jump at most 10, of jumps of 10 cm less in one of 150."""
@@ -48,8 +51,8 @@ SPOILT, LARGE = 0.05, 0.15
 times what noise makes; and of the jumps that motion must tell alone there."""
 _ROUNDS = 40
 """At most; each takes the first jump of some receivers, and those of all before it."""
-ENOUGH = 2000
-"""Intervals whose median says how well a jump is seen: to a few percent."""
+CHANCE = 0.95
+"""Share of the intervals, and of the jumps at them, that are seen of a size."""
 ALIKE = 9.0
 """Gain by which a cause must be better than another to be told from it: 1 in 100 by chance."""
 
@@ -135,47 +138,71 @@ def _undisturbed(found: list[Jump], receivers: int) -> list[Jump]:
     return found[: next(some, len(found)) + 1]
 
 
-def least_of_all(times: Array, positions: Array, headings: Array) -> float:
-    """Metres of a jump of all that half of the intervals would show; parameters as above."""
-    least = np.inf
-    everyone = tuple(range(positions.shape[1]))
-    for sides in sides_of(times):
-        seen = contrasts(times, positions, headings, sides)
-        if seen is not None and seen.moving.any():
-            _, _, spreads = fit_of(seen, everyone, np.flatnonzero(seen.moving))
-            widest = np.median(np.linalg.eigvalsh(spreads)[:, -1])
-            least = min(least, float(np.sqrt(GAIN_OF_MOTION * widest)))
-    return max(least, SMALLEST_OF_ALL)
+@dataclass(frozen=True)
+class SeenSizes:
+    """Jumps that motion and distances show within seconds: (5 %, 95 %) of each, metres.
 
+    Of the smaller size five in a hundred are seen, where they are seen best; of the larger one 95
+    in a hundred, wherever it happens, but beside a pause.
 
-def least_of_some(times: Array, positions: Array, headings: Array) -> tuple[float, float]:
-    """Metres of a jump of some receivers, level and upwards, that half of the intervals would show.
-
-    Whoever they are; parameters as of `find_jumps`.
+    Parameters
+    ----------
+    level, up : (float, float)
+        In any level direction, and upwards.
     """
-    causes = [some for some in causes_of(positions.shape[1]) if len(some) < positions.shape[1]]
-    least = np.full((len(causes), 2), np.inf)
-    for sides in sides_of(times):
-        seen = contrasts(times, positions, headings, sides)
+
+    level: tuple[float, float] = (np.inf, np.inf)
+    up: tuple[float, float] = (np.inf, np.inf)
+
+    def best(self, other: "SeenSizes") -> "SeenSizes":
+        """What one of two looks shows."""
+        return min(self, other, key=lambda one: one.level[1] + one.up[1])
+
+
+def seen_sizes(
+    times: Array, positions: Array, headings: Array, causes: Sequence[tuple[int, ...]]
+) -> SeenSizes:
+    """Sizes of jumps of some receivers, whichever, that are seen; parameters as of `find_jumps`.
+
+    Notes
+    -----
+    At each interval the look that sees most counts. The gain of a jump is a normal number, squared,
+    about its size in sigmas, and must exceed `GAIN_OF_MOTION`.
+    """
+    n = len(times) - 1
+    sigmas = np.full((len(causes), 2, n), np.inf)
+    for sides in sides_of(times, positions):
+        # Where one that writes less often lacks a fix, as beside a pause, little is seen of it.
+        seen = None if sides.own else contrasts(times, positions, headings, sides)
         if seen is None or not seen.moving.any():
             continue
         rows = np.flatnonzero(seen.moving)
-        rows = rows[:: max(len(rows) // ENOUGH, 1)]
         for k, cause in enumerate(causes):
             _, _, spreads = fit_of(seen, cause, rows)
             level = np.linalg.eigvalsh(spreads[:, :2, :2])[:, -1]
-            widest = np.median([level, spreads[:, 2, 2]], axis=1)
-            least[k] = np.minimum(least[k], np.sqrt(GAIN * widest))
-    level, up = np.maximum(least.max(axis=0, initial=0.0), SMALLEST_IN_MOTION)
-    return float(level), float(up)
+            both = np.sqrt([level, spreads[:, 2, 2]])
+            sigmas[k][:, rows] = np.minimum(sigmas[k][:, rows], both)
+    told = np.isfinite(sigmas).all((0, 1))
+    if not told.any():
+        return SeenSizes()
+    everyone = positions.shape[1]
+    smallest = SMALLEST_OF_ALL if len(causes[0]) == everyone else SMALLEST_IN_MOTION
+    low = np.quantile(sigmas[..., told], 1 - CHANCE, axis=2).min(0)
+    high = np.quantile(sigmas[..., told], CHANCE, axis=2).max(0)
+    gain, normal = np.sqrt(GAIN_OF_MOTION), float(special.ndtri(CHANCE))
+    ends = [
+        (max((gain - normal) * small, smallest), max((gain + normal) * large, smallest))
+        for small, large in zip(low, high, strict=True)
+    ]
+    return SeenSizes(*((float(small), float(large)) for small, large in ends))
 
 
 def _greatest(
     times: Array, positions: Array, headings: Array, causes: Sequence[tuple[int, ...]]
 ) -> list[Jump]:
     """The jumps that are the greatest within their windows."""
-    candidates: list[tuple[float, int, Jump]] = []
-    looked = [contrasts(times, positions, headings, sides) for sides in sides_of(times)]
+    candidates: list[tuple[float, int, Jump, float]] = []
+    looked = [contrasts(times, positions, headings, sides) for sides in sides_of(times, positions)]
     views = [seen for seen in looked if seen is not None]
     places = _Places(times, positions, headings, looked[0] if looked else None)
     told_by = [(seen, jumped(seen, causes), 0.0) for seen in views]
@@ -195,7 +222,13 @@ def _greatest(
             some = np.flatnonzero(told.gains[peak] > told.gains[peak].max() - NEAR)
             # Who it was the motion tells, where it was.
             reach = seen.window // 3
-            rows = np.array([places.best(int(peak), causes[int(k)], reach) for k in some])
+            rows = np.array(
+                [
+                    _sharpest(told.gains[:, k], int(peak), reach) if seen.guessed
+                    else places.best(int(peak), causes[int(k)], reach)
+                    for k in some.tolist()
+                ]
+            )  # fmt: skip
             reached = told.gains[rows, some]
             likely = reached > reached.max() - ALIKE
             sure = likely & told.allowed[rows, some]
@@ -211,17 +244,36 @@ def _greatest(
                 float(best[peak] - lacking[row, cause]) + GAIN, alike,
                 bool(told.by_motion[row, cause]), told_at(seen, headings, row, causes),
             )  # fmt: skip
-            candidates.append((float(best[peak]), seen.window, jump))
+            least = _least_over_motion(jump, positions.shape[1], seen.guessed)
+            candidates.append((float(best[peak]), seen.window, jump, least))
     taken: list[tuple[int, int, Jump]] = []
-    for _, side, jump in sorted(candidates, key=lambda one: -one[0]):
+    for _, side, jump, least in sorted(candidates, key=lambda one: -one[0]):
         if all(abs(jump.row - row) > 2 * max(side, other) for row, other, _ in taken) and (
-            not jump.by_motion or _over_motion(times, positions, jump)
+            least == 0 or _over_motion(times, positions, jump, least)
         ):
             taken.append((jump.row, side, jump))
     return [jump for _, _, jump in taken]
 
 
-def _over_motion(times: Array, positions: Array, jump: Jump) -> bool:
+def _sharpest(gains: Array, peak: int, reach: int) -> int:
+    """The row with the greatest gain within ``reach`` of a peak."""
+    low = max(peak - reach, 0)
+    return low + int(gains[low : peak + reach + 1].argmax())
+
+
+def _least_over_motion(jump: Jump, receivers: int, guessed: bool) -> float:
+    """Gain that a jump must have against motion of any roughness."""
+    if not jump.by_motion:
+        return 0.0
+    upwards = abs(jump.size[2]) > 2 * np.linalg.norm(jump.size[:2])
+    if guessed and upwards and jump.gain > GAIN and len(jump.receivers) < receivers:
+        return 0.0
+    if guessed and upwards and jump.gain > CLEAR_OVER_MOTION:
+        return GAIN_OF_LIFT
+    return GAIN_OVER_MOTION if jump.gain > GAIN else CLEAR_OVER_MOTION
+
+
+def _over_motion(times: Array, positions: Array, jump: Jump, least: float) -> bool:
     """Whether no motion of the receivers that jump explains it nearly as well."""
     every = often(positions)
     who = [k for k in jump.receivers if k in every] or list(jump.receivers)
@@ -231,8 +283,7 @@ def _over_motion(times: Array, positions: Array, jump: Jump) -> bool:
     around = range(max(jump.row - UNSURE, 0), min(jump.row + UNSURE + 1, len(times) - 1))
     gains = [gain_over_motion(times, places, row) for row in around]
     at = around[int(np.argmax(gains))]
-    unusual = jump.gain > GAIN
-    return max(gains) > (GAIN_OVER_MOTION if unusual else CLEAR_OVER_MOTION) and all(
+    return max(gains) > least and all(
         gain_over_motion(*_without(times, places, epoch), at - (epoch <= at)) > GAIN_WITHOUT_ONE
         for epoch in range(at - 1, at + 3)
     )
@@ -254,7 +305,7 @@ class _Places:
         self._seen = seen
         if seen is not None and len(self._often) < positions.shape[1]:
             own = positions[:, self._often]
-            self._seen = contrasts(times, own, headings, sides_of(times)[0])
+            self._seen = contrasts(times, own, headings, sides_of(times, own)[0])
 
     def best(self, row: int, cause: tuple[int, ...], reach: int) -> int:
         """The row within ``reach`` of one at which a jump explains the contrasts about it best.
@@ -268,11 +319,13 @@ class _Places:
         reach = max(reach, self._reach if self._reach > 1 else 0)
         n = len(seen.values)
         motion = seen.values.shape[1] - seen.rods.shape[2]
-        along = (seen.values @ seen.axes) / seen.floor
-        designs = np.einsum("ji,nja->nia", seen.axes, seen.designs(columns)) / seen.floor[:, None]
+        rows = np.arange(max(row - reach, 1) - 1, min(row + reach + 1, n - 1) + 1)
+        along = (seen.values[rows] @ seen.axes) / seen.floor
+        designs = seen.designs(columns, rows=rows)
+        designs = np.einsum("ji,nja->nia", seen.axes, designs) / seen.floor[:, None]
         best, place = -np.inf, row
-        for at in range(max(row - reach, 1), min(row + reach + 1, n - 1)):
-            if not seen.moving[at - 1 : at + 2].all():
+        for at in range(1, len(rows) - 1):
+            if not seen.moving[rows[at - 1 : at + 2]].all():
                 continue
             near = [-0.5 * designs[at - 1, :motion], designs[at], -0.5 * designs[at + 1, :motion]]
             design = np.concatenate(near)
@@ -280,7 +333,7 @@ class _Places:
             size, *_ = np.linalg.lstsq(design, found, rcond=None)
             gain = float(found @ design @ size)
             if gain > best:
-                best, place = gain, at
+                best, place = gain, int(rows[at])
         return place
 
 

@@ -43,6 +43,11 @@ ROUGH = 0.05
 are a decimetre wrong explain a large jump no better."""
 
 
+PART = 0.7
+"""Share of the smaller of two gains by which one size may be worse at most: what is left must show
+that there are two jumps."""
+
+
 class Sized(Protocol):
     """A jump of some receivers, however it was found."""
 
@@ -130,7 +135,10 @@ def passed(there: Jump, back: Jump, receivers: int) -> tuple[float, Jump] | None
     best = int(both.argmax())
     loss = float(first.max() + second.max() - both[best])
     most = _AWAY + ALIKE + ROUGH * float(first.max() + second.max())
-    if loss > most or np.linalg.norm(sizes[best]) < SMALLEST:
+    most = min(most, PART * float(min(first.max(), second.max())))
+    if loss > most:
+        return _of_the_single_one(there, back, receivers)
+    if np.linalg.norm(sizes[best]) < SMALLEST:
         return None
     alike = tuple(c for c, gain in zip(causes, both, strict=True) if both[best] - gain < ALIKE)
     found = replace(
@@ -138,6 +146,23 @@ def passed(there: Jump, back: Jump, receivers: int) -> tuple[float, Jump] | None
         alike=tuple(c for c in alike if c != causes[best]),
     )  # fmt: skip
     return loss, found
+
+
+def _of_the_single_one(there: Jump, back: Jump, receivers: int) -> tuple[float, Jump] | None:
+    """Two jumps of one size, the one of a receiver and the other of the rest, as that one's error.
+
+    Distances and the lean do not tell the two apart, and an epoch that one receiver lacks there
+    spoils what the motion says.
+    """
+    single = min(there, back, key=lambda one: len(one.receivers))
+    if len(single.receivers) > 1 or len(there.receivers) + len(back.receivers) != receivers:
+        return None
+    away = mismatch(there, back, receivers)
+    if not np.isfinite(away):
+        return None
+    size = there.size if single is there else -back.size
+    alike = tuple(one for one in (there.receivers, *there.alike) if one != single.receivers)
+    return away, replace(there, receivers=single.receivers, size=size, alike=alike)
 
 
 def missing_jumps(
@@ -170,7 +195,7 @@ def missing_jumps(
         for other in found:
             if other is not one:
                 rest[other.row + 1 :, list(other.receivers)] -= other.size
-        views = [contrasts(times, rest, headings, sides) for sides in sides_of(times)]
+        views = [contrasts(times, rest, headings, sides) for sides in sides_of(times, rest)]
         backs = [_back(times, headings, seen, one, count) for seen in views if seen is not None]
         best = max(backs, key=lambda back: back.gain)
         if best.gain > GAIN_BACK_ABOUT:
@@ -210,7 +235,7 @@ def _back(times: Array, headings: Array, seen: Contrasts, one: Jump, count: int)
 
 
 def span_by_the_drive(
-    times: Array, positions: Array, offsets: Offsets, error: EndingError
+    times: Array, positions: Array, offsets: Offsets, error: EndingError, found_again: Array
 ) -> tuple[float, float] | None:
     """First time with and without an error of one receiver that seems to stay; None if it stays.
 
@@ -224,6 +249,8 @@ def span_by_the_drive(
         That were added, with the distances.
     error : EndingError
         With its beginning, its size and what is known of that.
+    found_again : (m,) array
+        Seconds since 1970 at which its receiver found its fix again after it had lost it.
 
     Returns
     -------
@@ -234,6 +261,7 @@ def span_by_the_drive(
     Notes
     -----
     A receiver that loses its fix and finds it again has another one: that is how false fixes end.
+    There the end may be no better than none at all, if only the error does not stay.
     Distances hardly change with a vertical error, but of a known size they tell how long it lasts.
     """
     drive = WholeDrive.of(times, positions, offsets)
@@ -251,10 +279,14 @@ def span_by_the_drive(
         sums = DriveSums.of(drive.own, drive.error(who, size), seen, weight)
         return sums.gains_of(first, last, (size, error.covariance))
 
-    stays = max(float(gains(np.array([at]), np.array([n]), 1.0)[0]), 0.0)
-    best, span = stays + GAIN_BACK, None
+    stays = float(gains(np.array([at]), np.array([n]), 1.0)[0])
+    best, span = max(stays, 0.0) + GAIN_BACK, None
     if len(lasts):
         ends = gains(np.full(len(lasts), at), lasts, 1.0)
+        again = found_again[np.isin(np.searchsorted(times, found_again - 1e-6), lasts)]
+        at_pauses = ends[np.searchsorted(times, again - 1e-6) - lasts[0]]
+        if len(again) and at_pauses.max() > max(stays + GAIN_BACK_ABOUT, ends.max() - ALIKE):
+            return error.start, float(again[at_pauses.argmax()])
         if ends.max() > best:
             best, span = ends.max(), (error.start, float(times[lasts[ends.argmax()]]))
     if len(firsts):

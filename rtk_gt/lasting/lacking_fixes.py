@@ -88,6 +88,15 @@ def _lost(times: Array, fixed: Bools, columns: Ints, k: int) -> tuple[Ints, Ints
     return rows[short], before[short], after[short]
 
 
+def found_again(steps: Steps, receiver: int) -> Array:
+    """(m,) times at which a receiver has a fix again after it lacked more than it loses singly."""
+    own = steps.times[steps.kinds[:, receiver] == RTK_FIXED]
+    apart = np.diff(own)
+    if len(apart) == 0:
+        return np.zeros(0)
+    return np.asarray(own[1:][apart > (MOST_LOST + 0.5) * np.median(apart)])
+
+
 def has_fix(positions: Array) -> npt.NDArray[np.bool_]:
     """(n, r) True where a receiver has a position, of (n, r, 3) with NaN where not."""
     return np.asarray(~np.isnan(positions[..., 0]))

@@ -11,6 +11,7 @@ from rtk_gt.lasting.causes import GAIN, SMALLEST
 from rtk_gt.lasting.errors import changed, lasting_errors
 from rtk_gt.lasting.first_offsets import first_offsets
 from rtk_gt.lasting.jumps_back import contradicts, span_by_the_drive
+from rtk_gt.lasting.lacking_fixes import found_again
 from rtk_gt.lasting.lasting_error import (
     LARGEST_RESTART,
     JumpErrors,
@@ -205,7 +206,8 @@ def _with_ends(
         if not offsets.known:
             continue
         placed = rest.corrected(offsets.offsets).select(rest.complete)
-        span = span_by_the_drive(placed.times, placed.positions, offsets, one)
+        again = found_again(steps, one.receivers[0])
+        span = span_by_the_drive(placed.times, placed.positions, offsets, one, again)
         if span is not None:
             size = one.size if span[0] == one.start else -one.size
             epochs = epochs_with(steps, one.receivers, *span)

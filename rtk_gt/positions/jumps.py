@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rtk_gt.lasting.errors import SHORT, errors_of_one
+from rtk_gt.lasting.jumps import SeenSizes
 from rtk_gt.lasting.lasting_error import LastingError, left_out
 from rtk_gt.positions.heading import Headings
 from rtk_gt.receivers.fixes import Bools, Fixes
@@ -16,10 +17,10 @@ from validation.poses.earth_frames import LocalFrame
 
 
 class PositionJumps(NamedTuple):
-    """Errors that begin with a jump, and the smallest that would show, metres."""
+    """Errors that begin with a jump, and the sizes of jumps that are seen."""
 
     lasting: Sequence[LastingError]
-    smallest_seen: float
+    seen_of_all: SeenSizes
 
 
 def of_first(steps: Steps, *, search: bool) -> PositionJumps:

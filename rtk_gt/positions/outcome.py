@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rtk_gt.lasting.jumps import SeenSizes
 from rtk_gt.lasting.lasting_error import LastingError
 from rtk_gt.path.coverage import Coverage
 from rtk_gt.positions.heading import Headings
@@ -54,8 +55,8 @@ class PositionsOutcome:
         Fixes that are said to be RTK-fixed and are left out.
     jump_covariances : (n, 3, 3) array
         Of the jumps that were taken out of each position, m^2.
-    smallest_seen : float
-        Metres of a jump that half of the intervals would show.
+    seen_of_all : SeenSizes
+        Sizes of jumps that are seen.
     headings : Headings, optional
         Positions with headings, of two receivers.
     without_heading : str
@@ -81,7 +82,7 @@ class PositionsOutcome:
     lasting: tuple[LastingError, ...]
     left_out: Bools
     jump_covariances: Array
-    smallest_seen: float
+    seen_of_all: SeenSizes
     areas: tuple[AreaQuality, ...] = ()
     headings: Headings | None = None
     without_heading: str = ""

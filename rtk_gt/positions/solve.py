@@ -13,7 +13,7 @@ from rtk_gt.campaign.inputs import (
     load_drive,
     offset_prior,
 )
-from rtk_gt.lasting.errors import smallest_seen
+from rtk_gt.lasting.errors import seen_of_all
 from rtk_gt.lasting.settled import settle
 from rtk_gt.offsets.checks import check_prior
 from rtk_gt.offsets.minima import all_minima
@@ -73,7 +73,7 @@ def solve_positions(campaign: Campaign, progress: Progress = no_progress) -> Pos
         lasting=tuple(jumps.lasting),
         left_out=left_out,
         jump_covariances=spread,
-        smallest_seen=jumps.smallest_seen,
+        seen_of_all=jumps.seen_of_all,
         areas=area_qualities(given.settings.outlines, record, positions),
         headings=found,
         without_heading=why,
@@ -117,5 +117,5 @@ def _headings(campaign: Campaign, given: DriveRecords) -> tuple[Headings, Positi
         minima = replace(minima, best=jumps.spread(minima.best), others=others)
     noise = None if settings.sigma is None else GpsNoise(settings.sigma, settings.eta)
     found = headings(minima, steps, arm, noise, settings.max_gap)
-    least = smallest_seen(steps, found.offsets)
+    least = seen_of_all(steps, found.offsets)
     return with_jumps(found, lasting), PositionJumps(lasting, least)

@@ -5,7 +5,7 @@ import pytest
 from trials.lasting_errors import ETA, Errors, made_drive
 
 from rtk_gt.lasting.causes import UNSURE, USUAL
-from rtk_gt.lasting.continuity import gain_over_motion
+from rtk_gt.lasting.continuity import gain_over_motion, unexpected_ways
 from rtk_gt.lasting.contrasts import step_weights
 from rtk_gt.lasting.drive_sums import DriveSums
 from rtk_gt.lasting.jumps import GAIN_OVER_MOTION
@@ -205,6 +205,38 @@ def test_a_restart_on_level_ground_is_found_where_heights_are_stated():
 
 
 MIXED = (1.0, 0.2, 0.2)
+
+
+def test_a_false_fix_upwards_shows_under_slow_errors():
+    """Three antennas have no height to spare: only that no vehicle leans at once tells it."""
+    made = made_drive(71, Errors(0.003, 0.010, 30.0), seconds=300.0)
+    bad = made.jumped([1], rows_from(made, 150.0, 180.0), np.array([0.0, 0.0, 0.15]))
+    (error,) = settle(bad.steps)[1]
+    assert error.receivers == (1,)
+    off = np.array([error.start, error.end]) - made.steps.times[0] - [150.0, 180.0]
+    assert np.abs(off).max() < 0.41
+    away = error.size - [0.0, 0.0, 0.15]
+    assert away @ np.linalg.solve(error.covariance, away) < 16.3  # 99.9 % of three normal numbers
+
+
+@pytest.mark.parametrize(("who", "every"), [(0, MIXED), (1, (0.2, 0.2, 0.2))])
+def test_what_goes_beyond_the_guess_is_a_jump_however_often_one_writes(who, every):
+    made = made_drive(72, WHITE, seconds=300.0, every=every)
+    positions = made.steps.positions + made.offsets
+    times, row, size = made.steps.times, 750, np.array([0.0, 0.0, 0.3])
+    headings = np.zeros(len(times))
+    jumped = positions.copy()
+    jumped[row:, who] += size
+    clean, bad = (
+        unexpected_ways(times, some, filled(times, some, headings), headings, 5)
+        for some in (positions, jumped)
+    )
+    assert clean.told[row - 1]
+    expected = clean.effects[row - 1].reshape(3, 3, 3, 3)[:, :, who] @ size
+    # So large a jump is left out of what is usual, which some windows less change by noise.
+    np.testing.assert_allclose(
+        bad.values[row - 1] - clean.values[row - 1], expected, atol=0.03 * size[2]
+    )
 
 
 @pytest.mark.parametrize(

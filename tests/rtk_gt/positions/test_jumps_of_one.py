@@ -1,9 +1,12 @@
 """Jumps and false fixes that last, of one receiver and of two, as far as their motion tells."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from trials.lasting_errors import Errors, made_drive
 
+from rtk_gt.lasting.errors import errors_of_one
 from rtk_gt.positions.result import positions_result
 from rtk_gt.positions.solve import solve_positions
 from validation.campaign.folder import load_campaign
@@ -54,6 +57,19 @@ def test_a_false_fix_upwards_of_one_receiver_is_left_out(tmp_path):
     assert "false fix that lasts" in result.files["rtk_positions.csv"]
 
 
+def test_an_error_of_one_whose_end_shows_first_still_begins_before_it():
+    """Its end is clearer than its beginning, which is looked for from there."""
+    steps = made_drive(4002, Errors(0.003)).steps
+    positions = steps.positions[:, 1:2].copy()
+    positions[1505:1717] += [0.029, -0.074, 0.0]
+    one = replace(
+        steps, receivers=steps.receivers[1:2], positions=positions, kinds=steps.kinds[:, 1:2]
+    )
+    (error,) = errors_of_one(one)[0]
+    assert abs(error.start - steps.times[1505]) < 0.41
+    assert abs(error.end - steps.times[1717]) < 0.41
+
+
 def test_a_jump_that_stays_is_taken_out_and_in_the_covariance(tmp_path):
     made = made_drive(4003, Errors(0.003))
     bad = made.jumped([1], np.arange(1500, 3000), np.array([0.12, -0.05, 0.1]))
@@ -77,7 +93,7 @@ def test_clean_drives_of_one_receiver_raise_no_alarm(tmp_path):
     assert not outcome.lasting
     said = [one.text for one in positions_result(outcome).findings if one.code == "jumps_unseen"]
     assert said
-    assert said[0].startswith("A jump of less than")
+    assert said[0].startswith("A jump of less than some")
 
 
 def test_a_false_fix_of_the_second_of_two_receivers_turns_no_heading(tmp_path):
