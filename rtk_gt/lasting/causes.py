@@ -8,7 +8,6 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from rtk_gt.lasting.contrasts import Contrasts
-from rtk_gt.lasting.seen_from_vehicle import turned
 from rtk_gt.receivers.fixes import Bools, Ints
 from validation.poses.angles import Array
 
@@ -139,5 +138,16 @@ def tempered(gains: Array, freedom: float) -> Array:
 
 def rotation_within(headings: Array) -> Array:
     """(3, 3) rotation from the vehicle's baseline to east, north, up, within an interval."""
-    angle = headings[0] + np.angle(np.exp(1j * (headings[-1] - headings[0]))) / 2
-    return turned(np.full(3, angle), np.eye(3)).T
+    return np.asarray(rotations_within(headings[[0, -1]], np.zeros(1, dtype=np.intp))[0])
+
+
+def rotations_within(headings: Array, rows: Ints) -> Array:
+    """(n, 3, 3) the same within the intervals that begin at some rows."""
+    first, last = headings[rows], headings[rows + 1]
+    angle = first + np.angle(np.exp(1j * (last - first))) / 2
+    turns = np.zeros((len(rows), 3, 3))
+    turns[:, 0, 0] = turns[:, 1, 1] = np.cos(angle)
+    turns[:, 1, 0] = np.sin(angle)
+    turns[:, 0, 1] = -turns[:, 1, 0]
+    turns[:, 2, 2] = 1.0
+    return turns

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rtk_gt.lasting.causes import evidence, rotation_within
+from rtk_gt.lasting.causes import evidence, rotations_within
 from rtk_gt.lasting.contrasts import Contrasts, contrasts, sides_of
 from rtk_gt.lasting.jumps import ALIKE
 from rtk_gt.lasting.lacking_fixes import own_interval
@@ -147,7 +147,7 @@ def _edge_by(
     rows = np.flatnonzero((by_distance > -near) & view.looked_at)
     if len(rows) == 0:
         return None
-    turns = np.array([rotation_within(motion.headings[row : row + 2]) for row in rows])
+    turns = rotations_within(motion.headings, rows)
     right, information = evidence(view.seen, own, rows, name == "last")
     right = np.einsum("nij,nj->ni", turns, right)
     information = np.einsum("nij,njk,nlk->nil", turns, information, turns)

@@ -14,7 +14,7 @@ from rtk_gt.lasting.causes import (
     USUAL,
     causes_of,
     evidence,
-    rotation_within,
+    rotations_within,
     tempered,
     told_at,
 )
@@ -215,7 +215,7 @@ def _back(times: Array, headings: Array, seen: Contrasts, one: Jump, count: int)
     rows = np.flatnonzero(near)
     if len(rows) == 0:
         return replace(one, gain=0.0)
-    turns = np.array([rotation_within(headings[row : row + 2]) for row in rows])
+    turns = rotations_within(headings, rows)
     right, information = evidence(seen, one.receivers, rows)
     # As well as the size is known, and the jump back may be another by a share.
     spread = one.covariance + (BACK * np.linalg.norm(one.size)) ** 2 * np.eye(3)

@@ -15,6 +15,7 @@ from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.offsets.noise import LEAST_SPREAD, pair_incidence
 from rtk_gt.offsets.slow_errors import MOST_NUMBERS, ErrorModel, mean_memory
 from rtk_gt.receivers.steps import Steps, pair_differences
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 
 SHORTEST, LONGEST = 2.0, 0.2
@@ -55,6 +56,7 @@ class _Blocks:
     length: float
 
 
+@kept_result()
 def error_model(steps: Steps, offsets: Offsets) -> ErrorModel | None:
     """White and slow errors of the receivers; None where slow ones do not show.
 

@@ -16,6 +16,7 @@ from rtk_gt.offsets.prior import USUAL_ARM, OffsetPrior
 from rtk_gt.offsets.slow_errors import ErrorModel
 from rtk_gt.receivers.steps import Steps
 from validation.errors import GtvalError
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 
 HEADINGS = 6
@@ -68,6 +69,7 @@ MANY, LARGE_MISTAKE = 20.0, 0.3
 reading that is farther off is a mistake, and every solution then is."""
 
 
+@kept_result()
 def all_minima(
     steps: Steps,
     *,

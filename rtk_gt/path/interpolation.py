@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from rtk_gt.path.vehicle_path import VehiclePath
 from rtk_gt.receivers.fixes import Bools, Ints
 from validation.errors import GtvalError
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array, wrap
 from validation.poses.pose_table import SPATIAL
 
@@ -127,6 +128,7 @@ def _local_parabola(times: Array, values: Array, wanted: Array) -> Array:
     return np.asarray((weights * values[rows]).sum(1))
 
 
+@kept_result()
 def hold_out(path: VehiclePath, max_gap: float) -> HoldOut:
     """Errors of all methods at poses left out, every second of each unbroken stretch.
 
