@@ -58,7 +58,7 @@ _RESERVED = re.compile(
 """Files of the run itself under results/."""
 
 MOST_BYTES = 200
-"""Of a file's name: of the 255 that file systems take, its temporary neighbours need 25."""
+"""Of a file's name: of the 255 that file systems take, its temporary neighbours need 30."""
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,13 @@ import contextlib
 import csv
 import hashlib
 import os
+import platform
+import re
 import shutil
-import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import islice
+from itertools import count, islice
 from pathlib import Path
 
 from validation.errors import GtvalError
@@ -114,6 +115,7 @@ def write_files(
     for copy in kept.values():
         if copy:
             copy.unlink()
+    _remove_left({target.parent for target in staged})
     return list(staged)
 
 
@@ -144,7 +146,8 @@ def pieces_of(content: Content) -> Iterator[bytes]:
 
 def _stage(target: Path, content: Content) -> Path:
     """A flushed temporary file beside the target; removed again if it cannot be filled."""
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
+    name = _beside(target)
+    handle = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:
         with os.fdopen(handle, "wb") as stream:
             digest = hashlib.sha256()
@@ -155,22 +158,51 @@ def _stage(target: Path, content: Content) -> Path:
             os.fsync(stream.fileno())
     except BaseException:
         with contextlib.suppress(OSError):
-            Path(name).unlink()
+            name.unlink()
         raise
     if isinstance(content, LargeText):
         vars(content)["digest"] = digest.hexdigest()
-    umask = os.umask(0)
-    os.umask(umask)
-    Path(name).chmod(0o666 & ~umask)
-    return Path(name)
+    return name
+
+
+_number = count()
+_HOST = hashlib.sha256(platform.node().encode()).hexdigest()[:4]
+_TEMPORARY = re.compile(rf"\..+\.{_HOST}-(\d+)-\d+\.tmp")
+
+
+def _beside(target: Path, what: str = "") -> Path:
+    """A name beside a file that no other writer uses, and that says who does."""
+    return target.with_name(f".{target.name}.{_HOST}-{os.getpid()}-{next(_number)}{what}.tmp")
+
+
+def _remove_left(folders: Iterable[Path]) -> None:
+    """Remove what writers of this machine have left that were killed."""
+    for folder in folders:
+        with contextlib.suppress(OSError):
+            for one in os.scandir(folder):
+                found = _TEMPORARY.fullmatch(one.name)
+                if found and not _lives(int(found[1])):
+                    Path(one.path).unlink()
+
+
+def _lives(process: int) -> bool:
+    """Whether there is a process of that number; said of all where that cannot be told."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def _keep(target: Path) -> Path | None:
     """A second name for the file that is about to be replaced; None if there is none."""
     if not target.exists():
         return None
-    copy = target.with_name(f".{target.name}.{os.getpid()}.old.tmp")
-    copy.unlink(missing_ok=True)
+    copy = _beside(target, ".old")
     try:
         copy.hardlink_to(target)
     except OSError:  # a file system without hard links

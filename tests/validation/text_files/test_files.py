@@ -2,6 +2,9 @@
 
 import os
 import resource
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -131,3 +134,28 @@ def test_rows_that_do_not_fit_on_the_disk_are_added_whole_or_not_at_all(tmp_path
     assert path.read_bytes() == before
     append_rows(path, ("who", "what"), [("bob", "no")])
     assert path.read_bytes() == before + b"bob,no\n"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="elsewhere nobody is said to be gone")
+def test_what_a_killed_writer_left_goes_with_the_next_write_and_nobody_elses(tmp_path):
+    script = (
+        "import os, signal, sys; from pathlib import Path; "
+        "from validation.text_files.writing import write_files; "
+        "write_files(Path(sys.argv[1]), {'a': 'new', 'b': 'new'}, "
+        "before=lambda: os.kill(os.getpid(), signal.SIGKILL))"
+    )
+    killed = subprocess.run([sys.executable, "-c", script, str(tmp_path)], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    left = sorted(tmp_path.iterdir())
+    assert len(left) == 2
+    number = left[0].name.split("-")[1]
+    others = [
+        left[0].with_name(left[0].name.replace(f"-{number}-", f"-{os.getpid()}-")),
+        tmp_path / ".a.0000x-12-0.tmp",
+        tmp_path / f".a.{number}.tmp",
+        tmp_path / "notes.tmp",
+    ]
+    for one in others:
+        one.write_text("of somebody else")
+    write_files(tmp_path, {"a": "again"})
+    assert sorted(tmp_path.iterdir()) == sorted([*others, tmp_path / "a"])
