@@ -167,7 +167,7 @@ def _stage(target: Path, content: Content) -> Path:
 
 _number = count()
 _HOST = hashlib.sha256(platform.node().encode()).hexdigest()[:4]
-_TEMPORARY = re.compile(rf"\..+\.{_HOST}-(\d+)-\d+\.tmp")
+_TEMPORARY = re.compile(rf"\..+\.{_HOST}-(\d+)-\d+(\.old)?\.tmp")
 
 
 def _beside(target: Path, what: str = "") -> Path:
