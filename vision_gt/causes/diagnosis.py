@@ -226,6 +226,7 @@ def _exchanged(seen: Seen, null: Solved, noise: Sequence[Noise]) -> list[Tried[C
     return tried
 
 
+@kept_result()
 def _reread(
     effect: Exchanged, seen: Seen, null: Solved, noise: Sequence[Noise], steps: int = _GLANCE
 ) -> Tried[Cause]:
@@ -272,6 +273,7 @@ def _neighbours(effect: Effect, evidence: Evidence) -> list[Effect]:
     return [replace(effect, since=stops[i]) for i in (at - 1, at + 1) if 0 <= i < len(stops)]
 
 
+@kept_result()
 def _tried(effect: Effect, null: Solved) -> Tried[Cause]:
     """A hypothesis solved in full."""
     if isinstance(effect, Scaled):

@@ -200,6 +200,7 @@ def work_out(given: PlanInput) -> CameraPlan:
     )
 
 
+@kept_result()
 def predict(given: PlanInput, poses: Array) -> Predicted:
     """How well the pose will be known of a robot that stands at poses (p, 3)."""
     held = given.floor is not None
@@ -238,6 +239,7 @@ def _rules(given: PlanInput) -> dict[str, list[RuleRow]]:
     }
 
 
+@kept_result()
 def rule_of(camera: Camera, height: float, given: PlanInput) -> list[RuleRow]:
     """Sizes of a marker by its distance, for a camera that looks straight at it.
 
