@@ -159,9 +159,21 @@ def _honesty(plan: Plan, label: str, trials: Sequence[Trial]) -> Iterator[Honest
             poses=len(errors),
             stops=sum(one.stops for one in rooms),
             rms=np.sqrt((errors**2).mean(0)),
-            inside=_of_rooms([_inside(one, reach) for one in own], plan.confidence, 0.0, 1.0),
+            inside=_share_inside([_inside(one, reach) for one in own], plan.confidence),
             nees=_of_rooms([one.nees / 3 for one in own], plan.confidence, 0.0, np.inf),
         )
+
+
+def _share_inside(values: Sequence[Array], confidence: float) -> Ranged:
+    """Share of all rooms; where no room has an error outside, as if each were one number.
+
+    Student's interval has no width then, which would be a claim that few rooms cannot make.
+    """
+    found = _of_rooms(values, confidence, 0.0, 1.0)
+    if found.value < 1 or np.isnan(found.low):
+        return found
+    rooms = sum(len(one) > 0 for one in values)
+    return Ranged(found.value, proportion(rooms, rooms, confidence).low, 1.0)
 
 
 def _inside(one: SystemErrors, reach: float) -> Array:

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from scipy import stats
 
 from data_samples.studies.plan import TrialSettings, read_plan
-from data_samples.studies.study import Ranged, _of_rooms, proportion, run_study
+from data_samples.studies.study import Ranged, _of_rooms, _share_inside, proportion, run_study
 from data_samples.studies.trial import KeptTrials, TrialJob, run_trial
 from validation.cli import main
 from validation.errors import InputError
@@ -227,6 +227,13 @@ def test_files_of_others_are_not_replaced(tmp_path):
     done = CliRunner().invoke(main, ["study", str(bare), "--workers", "1"])
     assert done.exit_code != 0
     assert "Give another place with --folder" in done.output
+
+
+def test_few_rooms_without_an_error_outside_do_not_pass_for_too_careful():
+    found = _share_inside([np.ones(18)] * 16, 0.999)
+    # Of right intervals of 99.9 %, 16 rooms of 18 numbers have none outside in 75 of 100 studies.
+    assert found.value == found.high == 1.0
+    assert found.low == pytest.approx(0.0005 ** (1 / 16))
 
 
 def test_a_study_that_a_scheduler_ends_leaves_no_room_behind(tmp_path):
