@@ -17,7 +17,6 @@ from laser_gt.driving.log import DriveOutcome
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.pieces.processors import processors
-from validation.pieces.store import kept_in
 from validation.published.moving import stops_table
 from validation.results import SystemResult, Table
 from validation.systems import Progress, no_progress
@@ -50,8 +49,7 @@ def solve_drive_campaign(
     inputs, stops = drive_inputs(campaign)
     scans = max(len(each) for each in inputs.scans.values())
     count = processors(workers) if scans > FEW else 1
-    with kept_in(campaign.folder):
-        outcome = solve_log(inputs, count, progress)
+    outcome = solve_log(inputs, count, progress)
     return result_of(outcome, stops, campaign)
 
 

@@ -2,8 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -14,10 +12,9 @@ from laser_gt.matching.local import align
 from laser_gt.matching.search import SearchSettings, global_match
 from laser_gt.scans.evidence import MARGIN, Prepared
 from laser_gt.scans.planar import between, compose, inverse, transform, wrapped
-from laser_gt.scans.scan import Flags, Indices, Sweep, View, digest_of
+from laser_gt.scans.scan import Flags, Indices, Sweep, View
 from laser_gt.scans.surfaces import Surface, surface
-from validation.pieces.store import code_of, kept_here, key_of
-from validation.pieces.work import done_once
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 
 SPACING = (0.3, 0.2)
@@ -47,8 +44,6 @@ CLEARLY = (0.85, 0.3)
 odometry, for odometry to have slipped. Measured on 22 drives with single slips of 0.1 and 0.2 rad:
 at the right pose 98 % lie on it and by odometry a tenth to a third; once, with people in the way,
 another pose a quarter of a metre off had 73 %."""
-CODE = ("laser_gt.scans", "laser_gt.matching", "laser_gt.driving", "laser_gt.logs.motion")
-"""What tracks are made by."""
 REACH = 0.3
 """Metres within which points are paired at first. A judgement: half a doorway."""
 
@@ -75,6 +70,7 @@ class Track:
 Report = Callable[[float], None]
 
 
+@kept_result("report")
 def track(
     sweeps: Sequence[Sweep],
     times: Array,
@@ -103,46 +99,6 @@ def track(
     report : callable
         Told the share done.
     """
-    work = partial(_tracked, report=report)
-    job = (tuple(sweeps), times, mount, odometer, kept, slack)
-    (found,) = done_once(work, [job], _key, kept_here("laser_tracks.jsonl", "tracks"), _Form())
-    return found
-
-
-Job = tuple[tuple[Sweep, ...], Array, Array, Odometer | None, Flags, Array]
-
-
-class _Form:
-    """A track as it is kept."""
-
-    @staticmethod
-    def written(result: Track, _job: Job) -> dict[str, Any]:
-        """As values that JSON has."""
-        return {name: getattr(result, name).tolist() for name in ("poses", "matched", "keyframes")}
-
-    @staticmethod
-    def read(told: dict[str, Any], _job: Job) -> Track:
-        """The track of a line."""
-        keyframes = np.array(told["keyframes"], dtype=np.intp)
-        return Track(np.array(told["poses"]), np.array(told["matched"], dtype=bool), keyframes)
-
-
-def _key(job: Job) -> str:
-    """Hash of all that a track depends on."""
-    sweeps, times, mount, odometer, kept, slack = job
-    own = (
-        ()
-        if odometer is None
-        else (odometer.times, odometer.poses, odometer.length, odometer.angle)
-    )
-    arrays = (times, mount, kept, slack, *own)
-    digests = (digest_of(one).encode() for one in sweeps)
-    return key_of(code_of(*CODE), *digests, *(np.asarray(one).tobytes() for one in arrays))
-
-
-def _tracked(job: Job, *, report: Report) -> Track:
-    """The track of all sweeps."""
-    sweeps, times, mount, odometer, kept, slack = job
     way = _Way(odometer, times, mount)
     poses = np.zeros((len(sweeps), 3))
     matched = np.ones(len(sweeps), dtype=bool)

@@ -2,14 +2,14 @@
 
 import json
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
 from functools import wraps
 from inspect import signature
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
-from validation.pieces.store import FOLDER, KeptPieces, code_of, key_of
+from validation.pieces.store import FOLDER, KeptPieces, code_of, kept_in, key_of
 from validation.pieces.values import UnknownKindError, as_json, digest_of_value, from_json
 
 Given = ParamSpec("Given")
@@ -46,7 +46,7 @@ _kept: ContextVar[_Kept | None] = ContextVar("kept", default=None)
 
 @contextmanager
 def results_kept_in(campaign: Path | None) -> Iterator[None]:
-    """Keep the results of all `kept_result` functions in a block below a campaign folder.
+    """Keep results of `kept_result` functions, and pieces as `kept_in`, below a campaign folder.
 
     Those that a whole block has not used are forgotten at its end. Inside another such block
     that one counts, and with None nothing is kept.
@@ -57,7 +57,8 @@ def results_kept_in(campaign: Path | None) -> Iterator[None]:
     kept = _Kept(None if campaign is None else campaign / FOLDER)
     token = _kept.set(kept)
     try:
-        yield
+        with nullcontext() if campaign is None else kept_in(campaign):
+            yield
         kept.close()
     finally:
         _kept.reset(token)

@@ -133,13 +133,13 @@ def closures():
     """What each kind of piece is made by, as its key says, and where the function is."""
     from data_samples.studies import trial
     from laser_gt.campaign import kept as pairs
-    from laser_gt.driving import links, refining, tracking
+    from laser_gt.driving import links, refining
     from vision_gt.images import kept as images
 
     yield "vision_gt.images.jobs", images.CODE
     yield "laser_gt.matching.judgement", pairs.CODE
     yield "laser_gt.matching.genetic", pairs.CODE
-    for module in (links, refining, tracking, trial):
+    for module in (links, refining, trial):
         yield module.__name__, module.CODE
 
 
