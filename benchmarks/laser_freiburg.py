@@ -37,6 +37,7 @@ from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import between, compose, inverse, wrapped
 from laser_gt.scans.scan import sweep
 from validation.poses.angles import Array, wrap
+from validation.poses.factored import Factored
 
 DATA = Path(os.environ.get("GTVAL_REAL_DATA", Path(__file__).parents[2] / "shared" / "real"))
 FOLDER = DATA / "laser" / "fr079"
@@ -123,12 +124,11 @@ def show_matches(lines: Lines, name: str, relations: Relations, found: list[Matc
 def mount_from(motions: Array, matches: Sequence[Match]) -> MountEstimate:
     """The mount from motions of the robot and their matches, each motion with stops of its own."""
     n = len(motions)
-    poses, joint = np.zeros((n, 2, 3)), np.zeros((n, 2, 3, n, 2, 3))
+    poses, own = np.zeros((n, 2, 3)), np.zeros((n, 2, 3, 3))
     poses[:, 1] = motions
-    joint[range(n), 0, :, range(n), 0, :] = np.eye(3) * 1e-12
-    joint[range(n), 1, :, range(n), 1, :] = np.diag(RELATION_SIGMAS) ** 2
+    own[:, 0], own[:, 1] = np.eye(3) * 1e-12, np.diag(RELATION_SIGMAS) ** 2
     edges = [Edge(2 * i, 2 * i + 1, one.pose, one.covariance) for i, one in enumerate(matches)]
-    return mount_of(poses.reshape(-1, 3), joint.reshape(6 * n, 6 * n), edges, np.zeros(3))
+    return mount_of(poses.reshape(-1, 3), Factored.alone(own.reshape(-1, 3, 3)), edges, np.zeros(3))
 
 
 def show_loops(rows: Array) -> None:

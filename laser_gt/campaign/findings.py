@@ -79,14 +79,15 @@ def _survey_doubts(outcome: LaserOutcome) -> Iterator[Finding]:
     solution = next(iter(outcome.solutions.values()), None)
     if solution is None:
         return
+    where = {stop: row for row, stop in enumerate(solution.stops)}
     for part in range(int(solution.parts.max()) + 1):
         inside = np.array(solution.stops, dtype=object)[solution.parts == part].tolist()
         known = outcome.survey.select([s for s in outcome.survey.stops if s in inside])
-        rows = np.array([solution.stops.index(stop) for stop in known.stops], dtype=np.intp)
+        rows = np.array([where[stop] for stop in known.stops], dtype=np.intp)
         if len(rows) < 2:
             continue
         shape = shape_of(solution.graph, rows)
-        doubt = survey_doubt(known.stops, shape, known.poses, known.joint)
+        doubt = survey_doubt(known.stops, shape, known.poses, known.covariance)
         if doubt is not None:
             doubt = replace(doubt, assumed=bool(known.assumed))
             text, sizes = doubt_text(doubt, "to the stops"), doubt_sizes(doubt)

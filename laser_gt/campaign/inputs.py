@@ -18,6 +18,7 @@ from laser_gt.settings import LaserSettings, ScannerSettings
 from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError, Problem
 from validation.poses.angles import Array
+from validation.poses.factored import Factored
 from validation.poses.pose_table import PoseTable, from_csv
 from validation.results import VALIDATION_SYSTEM
 from validation.text_files.csv_tables import Column, read_csv
@@ -344,17 +345,15 @@ def surveyed_poses(campaign: Campaign) -> Surveyed:
 
 def as_surveyed(table: PoseTable) -> Surveyed:
     """A pose table as surveyed stops; those without covariance get `ASSUMED_SIGMAS`."""
-    n = len(table)
-    stated = np.asarray(np.isfinite(table.covariances).all((1, 2)))
-    joint = table.joint_covariance
-    if joint is not None and stated.all():
-        return Surveyed(tuple(table.ids), table.poses, joint)
-    joint = np.zeros((n, 3, n, 3))
-    joint[range(n), :, range(n), :] = np.where(
-        stated[:, None, None], table.covariances, np.diag(ASSUMED_SIGMAS) ** 2
-    )
+    stated = table.has_covariance
+    if table.is_correlated and stated.all():
+        known = Factored.of(table)
+        if known.net is not None:  # equations of a graph take errors that are shared as unknowns
+            known = Factored.of_matrix(known.matrix(), len(table.components))
+        return Surveyed(table.ids, table.poses, known)
+    own = np.where(stated[:, None, None], table.covariances, np.diag(ASSUMED_SIGMAS) ** 2)
     assumed = tuple(stop for stop, known in zip(table.ids, stated, strict=True) if not known)
-    return Surveyed(tuple(table.ids), table.poses, joint.reshape(3 * n, 3 * n), assumed)
+    return Surveyed(table.ids, table.poses, Factored.alone(own), assumed)
 
 
 def references(

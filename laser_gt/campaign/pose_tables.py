@@ -1,5 +1,7 @@
 """Poses of laser GT as pose tables."""
 
+from collections import Counter
+
 import numpy as np
 
 from laser_gt.campaign.outcome import LaserOutcome
@@ -34,20 +36,14 @@ def pose_tables(outcome: LaserOutcome) -> list[PoseTable]:
 
 def _table(solution: LaserSolution) -> PoseTable:
     """Poses by one engine; the source of each says how many matches hold its stop."""
-    matching, joint = solution.matching, solution.placement.joint
-    n = len(solution.stops)
-    counts = [
-        sum(stop in {one.reference, one.moving} for one in matching.used) for stop in solution.stops
-    ]
-    return PoseTable(
+    matching = solution.matching
+    counts = Counter(stop for one in matching.used for stop in {one.reference, one.moving})
+    table = PoseTable(
         system=f"laser_{matching.engine}",
         ids=solution.stops,
         poses=solution.placement.poses,
-        covariances=joint.reshape(n, 3, n, 3)[range(n), :, range(n), :],
-        joint=joint,
         sources=tuple(
-            f"{count} matches{_hanging(solution, stop)}"
-            for stop, count in zip(solution.stops, counts, strict=True)
+            f"{counts[stop]} matches{_hanging(solution, stop)}" for stop in solution.stops
         ),
         provenance={
             "reference": list(solution.anchors),
@@ -62,6 +58,7 @@ def _table(solution: LaserSolution) -> PoseTable:
             "frame and mount",
         ),
     )
+    return solution.placement.covariance.stated_in(table)
 
 
 def _hanging(solution: LaserSolution, stop: str) -> str:

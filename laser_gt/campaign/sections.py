@@ -162,8 +162,7 @@ def kind_of(reason: str) -> str:
 
 def pose_table(solution: LaserSolution) -> Table:
     """Poses with standard deviations."""
-    n = len(solution.stops)
-    sigma = np.sqrt(np.diagonal(solution.placement.joint)).reshape(n, 3)
+    sigma = solution.placement.sigmas
     values = np.hstack([solution.placement.poses, sigma]).tolist()
     return Table(
         f"Poses by {solution.matching.engine}",

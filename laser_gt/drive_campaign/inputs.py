@@ -195,8 +195,6 @@ def _surveyed_stops(
     if not wanted:
         return []
     known = survey.select(wanted)
-    n = len(wanted)
-    covariances = known.joint.reshape(n, 3, n, 3)[range(n), :, range(n), :]
     return [
         SurveyedStop(
             name,
@@ -206,5 +204,5 @@ def _surveyed_stops(
             spread,
             name in known.assumed,
         )
-        for name, pose, spread in zip(wanted, known.poses, covariances, strict=True)
+        for name, pose, spread in zip(wanted, known.poses, known.covariance.blocks, strict=True)
     ]

@@ -24,6 +24,7 @@ from laser_gt.scans.planar import (
 )
 from laser_gt.scans.scan import Flags, Indices
 from validation.poses.angles import Array
+from validation.poses.nets import inverse_blocks
 
 MAX_STEPS = 100
 """Bound on the steps. A judgement: the weights need thirty of them from a start that is off by a
@@ -44,8 +45,6 @@ HELD = 1e12
 """Information with which a graph without surveyed poses is held at its first pose of the robot: a
 micrometre and a microradian."""
 _OPEN = "the scans and the odometry do not determine the poses"
-COLUMNS = 256
-"""Columns of the inverse that are solved for at once: 10 MB for a thousand poses."""
 
 
 @dataclass(frozen=True)
@@ -238,8 +237,8 @@ def _equations(
     ends = np.column_stack([nodes, np.full(len(nodes), n)])
     information = np.linalg.inv(stated_covariances)
     equations.add(ends, jacobians, information, wrapped(robot - stated))
-    measured = np.linalg.inv(graph.mount_covariance)
-    equations.add_known([n], measured, wrapped(mount - graph.mount))
+    measured: Array = np.asarray(np.linalg.inv(graph.mount_covariance))
+    equations.add_known(n, measured, wrapped(mount - graph.mount))
     return equations
 
 
@@ -332,15 +331,11 @@ def marginals(graph: DriveGraph, solved: DrivePoses, scale: float) -> Marginals:
     weights = np.where(solved.weights > 0.5, 1.0, 0.0) / scale, solved.moving
     equations = _equations(graph, links, steps, weights, solved.poses, solved.mount)
     factor, n = equations.factor(_OPEN), len(solved.poses)
-    poses, size = np.empty((n, 3, 3)), 3 * n + 3
+    size = 3 * n + 3
     last = factor.solve(np.eye(size, 3, -3 * n))
-    for first in range(0, n, COLUMNS // 3):
-        count = min(COLUMNS // 3, n - first)
-        columns = factor.solve(np.eye(size, 3 * count, -3 * first))
-        block = columns[3 * first : 3 * (first + count)].reshape(count, 3, count, 3)
-        poses[first : first + count] = block[range(count), :, range(count), :]
+    poses = inverse_blocks(factor, size, n, 3)
     cross = last[:-3].reshape(n, 3, 3)
-    return Marginals((poses + np.swapaxes(poses, 1, 2)) / 2, cross, last[-3:])
+    return Marginals(poses, cross, last[-3:])
 
 
 def mount_covariance(graph: DriveGraph, solved: DrivePoses, scale: float) -> Array:

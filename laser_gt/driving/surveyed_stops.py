@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from laser_gt.driving.closing import closed
 from laser_gt.driving.graph import DriveGraph, DrivePoses, joint_covariance, solve_drive
@@ -18,6 +17,7 @@ from laser_gt.placing.survey_check import (
 )
 from laser_gt.scans.planar import compose, compose_jacobians, inverse
 from validation.poses.angles import Array
+from validation.poses.factored import Factored
 
 TOO_MANY = 0.1
 """Share of the matches that odometry contradicts, from which on the shape itself is doubted: of
@@ -63,7 +63,7 @@ def _without(tracked: Way, stops: tuple[str, ...] | list[str]) -> Way:
     return replace(tracked, nodes=nodes)
 
 
-def _shape(graph: DriveGraph, free: DriveGraph) -> tuple[Shape, Array, Array]:
+def _shape(graph: DriveGraph, free: DriveGraph) -> tuple[Shape, Array, Factored]:
     """The robot at the anchors of a graph as a free one has it, and its surveyed poses there."""
     stiff = replace(free, mount_covariance=STIFF * np.eye(3))
     solved = solve_drive(stiff)
@@ -72,7 +72,8 @@ def _shape(graph: DriveGraph, free: DriveGraph) -> tuple[Shape, Array, Array]:
     back = np.broadcast_to(inverse(mount), poses.shape)
     by_laser, _ = compose_jacobians(poses, back)
     laser = joint_covariance(stiff, solved, max(solved.misfit, 1.0), nodes)
-    turned = block_diag(*by_laser)
-    shape = Shape(compose(poses, back), turned @ laser @ turned.T, mount, graph.mount_covariance)
+    spread = Factored.of_matrix(laser, 3).turned(by_laser)
+    shape = Shape(compose(poses, back), spread, mount, graph.mount_covariance)
     surveyed = np.array([one.pose for one in graph.anchors])
-    return shape, surveyed, block_diag(*(one.covariance for one in graph.anchors))
+    own = Factored.alone(np.array([one.covariance for one in graph.anchors]))
+    return shape, surveyed, own

@@ -8,6 +8,7 @@ import numpy as np
 from laser_gt.matching.verdicts import Match
 from laser_gt.placing.graph import Edge
 from validation.poses.angles import Array
+from validation.poses.factored import Factored
 
 
 @dataclass(frozen=True)
@@ -20,23 +21,23 @@ class Surveyed:
         Their names.
     poses : (p, 3) array
         Robot poses.
-    joint : (3p, 3p) array
-        Joint covariance.
+    covariance : Factored
+        Of all together.
     assumed : tuple of str
         Stops whose covariance was not stated but assumed.
     """
 
     stops: tuple[str, ...]
     poses: Array
-    joint: Array
+    covariance: Factored
     assumed: tuple[str, ...] = ()
 
     def select(self, stops: Sequence[str]) -> "Surveyed":
         """Some of the stops, in that order."""
-        rows = np.array([self.stops.index(stop) for stop in stops], dtype=int)
-        flat = (3 * rows[:, None] + np.arange(3)).ravel()
+        where = {stop: row for row, stop in enumerate(self.stops)}
+        rows = np.array([where[stop] for stop in stops], dtype=np.intp)
         assumed = tuple(stop for stop in stops if stop in self.assumed)
-        return Surveyed(tuple(stops), self.poses[rows], self.joint[np.ix_(flat, flat)], assumed)
+        return Surveyed(tuple(stops), self.poses[rows], self.covariance.select(rows), assumed)
 
 
 def edges_of(stops: Sequence[str], matches: Sequence[Match]) -> list[Edge]:

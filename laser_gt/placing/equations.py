@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from laser_gt.scans.scan import Indices
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.poses.factored import Factored
+from validation.poses.nets import sparse_factor
 
 
 class Joined(Protocol):
@@ -35,10 +36,12 @@ class Equations:
     ----------
     count : int
         n, the mount included where it is an unknown.
+    more : int
+        Number of other unknowns, after these: errors that poses which are known share.
     """
 
-    def __init__(self, count: int) -> None:
-        self.gradient = np.zeros(3 * count)
+    def __init__(self, count: int, more: int = 0) -> None:
+        self.gradient = np.zeros(3 * count + more)
         self._parts: list[tuple[Array, Indices, Indices]] = []
 
     def add(self, where: Indices, jacobians: Array, information: Array, off: Array) -> None:
@@ -64,25 +67,55 @@ class Equations:
         )
         np.add.at(self.gradient, flat, (weighted @ off[:, None, :, None])[..., 0])
 
-    def add_known(self, where: npt.ArrayLike, information: npt.ArrayLike, off: Array) -> None:
-        """Add poses that are known themselves, all together.
+    def add_known(self, where: int, information: Array, off: Array) -> None:
+        """Add a pose that is known itself.
 
         Parameters
         ----------
-        where : (p,) array-like of int
-            Which poses.
-        information : (3p, 3p) array-like
-            Inverse of their joint covariance.
+        where : int
+            Which.
+        information : (3, 3) array
+            Inverse of its covariance.
+        off : (3,) array
+            The pose less what is known of it.
+        """
+        at = np.array([[where]], dtype=np.intp)
+        self.add(at, np.eye(3)[None, None], information[None], off[None])
+
+    def add_surveyed(self, where: Indices, known: Factored, off: Array, shared: Array) -> None:
+        """Add poses that are known, with errors that they share; these are the other unknowns.
+
+        Parameters
+        ----------
+        where : (p,) int array
+            Which.
+        known : Factored
+            Their covariance, without a net.
         off : (p, 3) array
             The poses less what is known of them.
+        shared : (r,) array
+            The errors that they share, in standard deviations, as the columns of the factor.
         """
-        flat = (3 * np.asarray(where, dtype=np.intp)[:, None] + np.arange(3)).ravel()
-        known = np.asarray(information, dtype=float)
-        self._keep(known, flat[:, None], flat[None, :])
-        self.gradient[flat] += known @ off.ravel()
+        own, factor, signs, _ = known
+        information: Array = np.asarray(np.linalg.inv(own))
+        weighted = information @ factor
+        off = off - factor @ shared
+        flat = 3 * where[:, None] + np.arange(3)
+        last = len(self.gradient) - len(signs) + np.arange(len(signs))
+        self._keep(information, flat[:, :, None], flat[:, None, :])
+        self._keep(-weighted, flat[:, :, None], last[None, None, :])
+        self._keep(-weighted, flat[:, :, None], last[None, None, :], turned=True)
+        inside = np.diag(signs) + np.einsum("nkr,nks->rs", factor, weighted)
+        self._keep(inside, last[:, None], last[None, :])
+        np.add.at(self.gradient, flat, (information @ off[..., None])[..., 0])
+        self.gradient[last] += signs * shared - np.einsum("nkr,nk->r", weighted, off)
 
-    def _keep(self, values: Array, rows: Indices, columns: Indices) -> None:
+    def _keep(
+        self, values: Array, rows: Indices, columns: Indices, *, turned: bool = False
+    ) -> None:
         rows, columns = np.broadcast_to(rows, values.shape), np.broadcast_to(columns, values.shape)
+        if turned:
+            rows, columns = columns, rows
         self._parts.append((values.ravel(), rows.ravel(), columns.ravel()))
 
     def matrix(self) -> Any:
@@ -101,9 +134,7 @@ class Equations:
         GtvalError
             With the text ``otherwise``, if it is singular.
         """
-        from scipy.sparse.linalg import splu  # noqa: PLC0415
-
         try:
-            return splu(self.matrix(), permc_spec="MMD_AT_PLUS_A")
+            return sparse_factor(self.matrix())
         except RuntimeError:
             raise GtvalError(otherwise) from None

@@ -8,6 +8,8 @@ the poses in it).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,8 +24,11 @@ from laser_gt.scans.planar import (
     rotation,
     wrapped,
 )
+from laser_gt.scans.scan import Indices
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.poses.factored import Factored
+from validation.poses.nets import Net, sparse_factor
 
 MAX_STEPS = 50
 """Bound on the steps of Gauss-Newton. A judgement: it converges in a few from the initial guess of
@@ -31,6 +36,9 @@ any chain of matches; the bound ends what weights that change to and fro would k
 LEAST_MISFIT = 0.02
 """Least factor on the edges' covariances: no loop closes perfectly but by chance. A judgement: a
 seventh of the stated standard deviations; the rest is then noise of the stops."""
+SMALL = 300
+"""Stops up to which the covariance of all is kept once one is asked for: 6.5 MB, worked out in a
+tenth of a second; from more on each is worked out alone, in some milliseconds."""
 _OPEN = "the matches do not determine the poses and the mount: turn the robot between stops"
 
 
@@ -74,8 +82,8 @@ class Graph:
         Stops with surveyed poses.
     prior_poses : (p, 3) array
         Those poses.
-    prior_covariance : (3p, 3p) array
-        Joint covariance of those poses.
+    prior_covariance : Factored
+        Covariance of those poses.
     mount_covariance : (3, 3) array or None
         Of the measured mount; None where it is to be found without a measured one.
     guesses : sequence of Edge
@@ -88,7 +96,7 @@ class Graph:
     edges: Sequence[Edge]
     prior_stops: Sequence[int]
     prior_poses: Array
-    prior_covariance: Array
+    prior_covariance: Factored
     mount_covariance: Array | None
     guesses: Sequence[Edge] = ()
 
@@ -96,6 +104,86 @@ class Graph:
     def every(self) -> list[Edge]:
         """Matches, then guesses."""
         return [*self.edges, *self.guesses]
+
+
+@dataclass(frozen=True, repr=False)
+class GraphSpread:
+    """Covariance of the poses and the mount of a solved graph, worked out as far as it is asked.
+
+    Parameters
+    ----------
+    information : (3n + 3 + r, 3n + 3 + r) sparse array
+        Of the poses, the mount, and r errors that surveyed poses share.
+    noise : (n, 3, 3) array
+        What each pose errs beside what follows from it.
+    """
+
+    information: Any
+    noise: Array
+
+    @cached_property
+    def _factor(self) -> Any:
+        try:
+            return sparse_factor(self.information)
+        except RuntimeError:
+            raise GtvalError("the matches do not determine the poses") from None
+
+    @cached_property
+    def _whole(self) -> Array:
+        """(3n + 3, 3n + 3) all of it, of a small graph."""
+        whole: Array = self._columns(np.arange(3 * len(self.noise) + 3))
+        return whole
+
+    def _columns(self, flat: Indices) -> Array:
+        """(3n + 3, m) columns of the poses and the mount, without the noise."""
+        right = np.zeros((self.information.shape[0], len(flat)))
+        right[flat, np.arange(len(flat))] = 1.0
+        return np.asarray(self._factor.solve(right)[: 3 * len(self.noise) + 3])
+
+    def between(self, stops: Sequence[int]) -> Array:
+        """(3p, 3p) covariance of p poses together."""
+        flat = (3 * np.array(stops)[:, None] + np.arange(3)).ravel()
+        whole = len(self.noise) <= SMALL
+        found = (self._whole[:, flat] if whole else self._columns(flat))[flat]
+        for at, stop in enumerate(stops):
+            part = slice(3 * at, 3 * at + 3)
+            found[part, part] += self.noise[stop]
+        return np.asarray((found + found.T) / 2)
+
+    @cached_property
+    def mount(self) -> Array:
+        """(3, 3) covariance of the mount."""
+        last = 3 * len(self.noise) + np.arange(3)
+        found = self._columns(last)[last]
+        return np.asarray((found + found.T) / 2)
+
+    @cached_property
+    def by_mount(self) -> Array:
+        """(3n, 3) how the poses follow an error of the mount."""
+        last = 3 * len(self.noise) + np.arange(3)
+        found = self._columns(last)[: 3 * len(self.noise)]
+        return np.asarray(np.linalg.solve(self.mount, found.T).T)
+
+    @cached_property
+    def _for_known_mount(self) -> Net:
+        """That of the poses for a known mount, without the noise."""
+        size = 3 * len(self.noise)
+        try:
+            return Net.of(self.information[:size, :size].tocsc(), 3)
+        except RuntimeError:
+            raise GtvalError("the matches do not determine the poses") from None
+
+    def for_known_mount(self, by_pose: Array) -> Factored:
+        """Covariance of poses that follow those of the graph by (n, 3, 3), for a known mount."""
+        from scipy import sparse  # noqa: PLC0415  (loaded when a graph is solved)
+
+        n = len(self.noise)
+        rows = np.arange(n + 1)
+        back = sparse.bsr_array((np.linalg.inv(by_pose), rows[:-1], rows), shape=(3 * n, 3 * n))
+        net, turned = self._for_known_mount, np.swapaxes(by_pose, 1, 2)
+        information = (back.T @ net.information @ back).tocsc()
+        moved = Net(information, net.by, by_pose @ net.blocks @ turned)
+        return Factored(by_pose @ self.noise @ turned, np.zeros((n, 3, 0)), np.zeros(0), moved)
 
 
 @dataclass(frozen=True)
@@ -108,8 +196,8 @@ class GraphSolution:
         Robot poses in the GTV frame.
     mount : (3,) array
         Laser frame in the robot frame.
-    covariance : (3n + 3, 3n + 3) array
-        Joint covariance of the poses and, last, the mount.
+    spread : GraphSpread
+        Covariance of the poses and the mount.
     chi_squared : float
         Of the edges, with their robust weights, and of the surveyed poses.
     degrees_of_freedom : int
@@ -120,7 +208,7 @@ class GraphSolution:
 
     poses: Array
     mount: Array
-    covariance: Array
+    spread: GraphSpread
     chi_squared: float
     degrees_of_freedom: int
     weights: Array
@@ -154,27 +242,36 @@ def solve_graph(
     Notes
     -----
     Residual of an edge: the pose between (R_i X)^-1 R_j X and the match, whitened. Gauss-Newton
-    with iterated weights on sparse normal equations; the joint covariance is their inverse,
-    scaled by the misfit of the edges if that exceeds what their covariances allow.
+    with iterated weights on sparse normal equations; the covariance is their inverse, the edges
+    scaled by their misfit if that exceeds what their covariances allow.
     """
     if not graph.edges or not len(graph.prior_stops):
         raise GtvalError("no accepted match, or no surveyed stop: nothing to place the scans with")
     poses, mount = graph.initial.copy(), graph.mount.copy()
-    weights = np.ones(len(graph.every))
+    known, stops = graph.prior_covariance, np.array(graph.prior_stops, dtype=np.intp)
+    shared, end = np.zeros(len(known.signs)), 3 * len(poses)
+    terms = _Terms.of(graph)
     for _ in range(MAX_STEPS):
-        residuals, chi = _edge_residuals(graph, poses, mount)
+        residuals, chi = terms.residuals(poses, mount)
         weights = 1 / (1 + chi / (3 * robust_width**2))
-        equations = _equations(graph, poses, mount, residuals, weights)
+        equations = terms.equations(graph, poses, mount, residuals, weights)
+        off = wrapped(poses[stops] - graph.prior_poses)
+        equations.add_surveyed(stops, known, off, shared)
         step = -equations.factor(_OPEN).solve(equations.gradient)
-        poses = wrapped(poses + step[:-3].reshape(-1, 3))
-        mount = mount + step[-3:]
-        if np.abs(step).max() < 1e-9:
+        poses = wrapped(poses + step[:end].reshape(-1, 3))
+        mount = mount + step[end : end + 3]
+        shared = shared + step[end + 3 :]
+        if np.abs(step[: end + 3]).max() < 1e-9:
             break
-    return _solution(graph, poses, mount, weights, least_misfit)
+    return _solution(graph, terms, (poses, mount, shared), weights, least_misfit)
 
 
 def _solution(
-    graph: Graph, poses: Array, mount: Array, weights: Array, least_misfit: float
+    graph: Graph,
+    terms: "_Terms",
+    found: tuple[Array, Array, Array],
+    weights: Array,
+    least_misfit: float,
 ) -> GraphSolution:
     """The solution with its covariance, the edges scaled by their misfit.
 
@@ -183,78 +280,66 @@ def _solution(
     share of the covariance that the misfit of the loops does not show is taken as noise of the
     stops (`stop_noise`) and added to each of them.
     """
-    residuals, chi = _edge_residuals(graph, poses, mount)
-    count = len(graph.edges)
-    off = wrapped(poses[list(graph.prior_stops)] - graph.prior_poses).ravel()
+    poses, mount, shared = found
+    residuals, chi = terms.residuals(poses, mount)
+    count, known = len(graph.edges), graph.prior_covariance
+    stops = np.array(graph.prior_stops, dtype=np.intp)
+    off = wrapped(poses[stops] - graph.prior_poses)
     total = float((weights * chi)[:count].sum())
-    total += float(off @ np.linalg.solve(graph.prior_covariance, off))
-    unknowns = 3 * (len(poses) - len(graph.prior_stops) + (graph.mount_covariance is None))
-    freedom = _determined(graph.edges) - unknowns
+    total += float(np.einsum("nk,nkp->", off, known.solve(off[..., None])))
+    unknowns = 3 * (len(poses) - len(stops) + (graph.mount_covariance is None))
+    freedom = _determined(terms.covariances[:count]) - unknowns
     misfit = total / freedom if freedom > 0 else 1.0
     scale = max(misfit, least_misfit)
     scaled = weights / np.where(np.arange(len(weights)) < count, scale, 1.0)
-    information = _equations(graph, poses, mount, residuals, scaled).matrix()
-    try:
-        covariance = np.linalg.inv(information.toarray())
-    except np.linalg.LinAlgError:
-        raise GtvalError("the matches do not determine the poses") from None
-    shared = max(1.0 - scale, 0.0)
-    for stop, noise in stop_noise(graph.edges, poses, mount).items():
-        part = slice(3 * stop, 3 * stop + 3)
-        covariance[part, part] += shared * noise
-    covariance = (covariance + covariance.T) / 2
-    return GraphSolution(poses, mount, covariance, total, freedom, weights[:count])
+    equations = terms.equations(graph, poses, mount, residuals, scaled)
+    equations.add_surveyed(stops, known, off, shared)
+    noise = np.zeros((len(poses), 3, 3))
+    if scale < 1.0:
+        noise = (1.0 - scale) * stop_noise(graph.edges, poses, mount)
+    spread = GraphSpread(equations.matrix(), noise)
+    return GraphSolution(poses, mount, spread, total, freedom, weights[:count])
 
 
-def _determined(edges: Sequence[Edge]) -> int:
-    """Number of directions that the edges determine to less than a metre, or a radian."""
-    return int((np.linalg.eigvalsh(np.array([edge.covariance for edge in edges])) < 1).sum())
+def _determined(covariances: Array) -> int:
+    """Number of directions that edges determine to less than a metre, or a radian."""
+    return int((np.linalg.eigvalsh(covariances) < 1).sum())
 
 
-def stop_noise(edges: Sequence[Edge], poses: Array, mount: Array) -> dict[int, Array]:
-    """Covariance of each stop's robot pose from the noise of its own scans.
+def stop_noise(edges: Sequence[Edge], poses: Array, mount: Array) -> Array:
+    """(n, 3, 3) covariance of each stop's robot pose from the noise of its own scans.
 
     Half of an edge's covariance is the noise of either of its two scans; seen from the other
     stop it needs turning only, for it acts at the stop's own laser frame. The mean over the
     stop's edges, by their information, carried from laser frame to robot pose.
     """
-    found: dict[int, list[Array]] = {}
-    for edge in edges:
-        back = inverse(edge.pose)
-        noise = edge.covariance if edge.noise is None else edge.noise
-        turned_back = inverse_covariance_of(edge.pose, noise)
-        for stop, pose, covariance in (
-            (edge.end, edge.pose, noise),
-            (edge.start, back, turned_back),
-        ):
-            turn = np.eye(3)
-            turn[:2, :2] = rotation(pose[2]).T
-            information: Array = np.asarray(np.linalg.inv(turn @ covariance @ turn.T / 2))
-            found.setdefault(stop, []).append(information)
-    result = {}
-    for stop, informations in found.items():
-        laser = compose(poses[stop], mount)
-        _, by_offset = compose_jacobians(laser, np.zeros(3))
-        by_laser, _ = compose_jacobians(laser, inverse(mount))
-        jacobian = by_laser @ by_offset
-        mean = np.linalg.inv(np.mean(informations, axis=0))
-        result[stop] = jacobian @ mean @ jacobian.T
-    return result
+    moved = np.array([edge.pose for edge in edges])
+    noise = np.array([edge.covariance if edge.noise is None else edge.noise for edge in edges])
+    start, end = ends_of(edges).T
+    # A scan's own axes are turned by the pose in which it is seen.
+    turns = np.tile(np.eye(3), (2, len(edges), 1, 1))
+    turns[0, :, :2, :2] = np.swapaxes(rotation(moved[:, 2]), -1, -2)
+    turns[1, :, :2, :2] = np.swapaxes(rotation(inverse(moved)[:, 2]), -1, -2)
+    seen = np.stack([noise, inverse_covariance_of(moved, noise)])
+    each: Array = np.asarray(np.linalg.inv(turns @ seen @ np.swapaxes(turns, -1, -2) / 2))
+    stops, n = np.concatenate([end, start]), len(poses)
+    information = np.zeros((n, 3, 3))
+    np.add.at(information, stops, each.reshape(-1, 3, 3))
+    counts = np.bincount(stops, minlength=n)
+    here = np.flatnonzero(counts)
+    laser = compose(poses[here], np.broadcast_to(mount, (len(here), 3)))
+    _, by_offset = compose_jacobians(laser, np.zeros_like(laser))
+    by_laser, _ = compose_jacobians(laser, np.broadcast_to(inverse(mount), laser.shape))
+    jacobian = by_laser @ by_offset
+    mean = np.linalg.inv(information[here] / counts[here][:, None, None])
+    found = np.zeros((n, 3, 3))
+    found[here] = jacobian @ mean @ np.swapaxes(jacobian, 1, 2)
+    return found
 
 
 def predicted(first: Array, second: Array, mount: Array) -> Array:
     """Laser frame at the second stop in the laser frame at the first: (R_i X)^-1 R_j X."""
     return between(compose(first, mount), compose(second, mount))
-
-
-def _edge_residuals(graph: Graph, poses: Array, mount: Array) -> tuple[Array, Array]:
-    """(m, 3) predicted less matched poses, and their (m,) squared Mahalanobis lengths."""
-    start, end = ends_of(graph.every).T
-    measured = np.array([edge.pose for edge in graph.every])
-    residual = wrapped(predicted(poses[start], poses[end], mount) - measured)
-    covariance = np.array([edge.covariance for edge in graph.every])
-    solved = np.linalg.solve(covariance, residual[..., None])[..., 0]
-    return residual, (residual * solved).sum(-1)
 
 
 def _edge_jacobians(first: Array, second: Array, mount: Array) -> tuple[Array, Array, Array]:
@@ -271,23 +356,39 @@ def _edge_jacobians(first: Array, second: Array, mount: Array) -> tuple[Array, A
     )
 
 
-def _equations(
-    graph: Graph, poses: Array, mount: Array, residuals: Array, weights: Array
-) -> Equations:
-    """All terms: matches and guesses, surveyed poses, the measured mount."""
-    n = len(poses)
-    start, end = ends_of(graph.every).T
-    information = np.linalg.inv(np.array([edge.covariance for edge in graph.every]))
-    jacobians = np.stack(
-        _edge_jacobians(poses[start], poses[end], np.broadcast_to(mount, (len(start), 3))), axis=1
-    )
-    where = np.stack([start, end, np.full(len(start), n)], axis=1)
-    equations = Equations(n + 1)
-    equations.add(where, jacobians, information * weights[:, None, None], residuals)
-    stops = list(graph.prior_stops)
-    off = wrapped(poses[stops] - graph.prior_poses)
-    equations.add_known(stops, np.linalg.inv(graph.prior_covariance), off)
-    if graph.mount_covariance is not None:
-        off = wrapped(mount - graph.mount)
-        equations.add_known([n], np.linalg.inv(graph.mount_covariance), off)
-    return equations
+class _Terms(NamedTuple):
+    """The edges of a graph in arrays: ends (m, 2), poses (m, 3), covariances (m, 3, 3)."""
+
+    ends: Indices
+    poses: Array
+    covariances: Array
+    information: Array
+
+    @classmethod
+    def of(cls, graph: Graph) -> "_Terms":
+        """Matches, then guesses."""
+        every = graph.every
+        covariances = np.array([edge.covariance for edge in every])
+        poses = np.array([edge.pose for edge in every])
+        return cls(ends_of(every), poses, covariances, np.linalg.inv(covariances))
+
+    def residuals(self, poses: Array, mount: Array) -> tuple[Array, Array]:
+        """(m, 3) predicted less matched poses, and their (m,) squared Mahalanobis lengths."""
+        start, end = self.ends.T
+        residual = wrapped(predicted(poses[start], poses[end], mount) - self.poses)
+        return residual, np.einsum("mi,mij,mj->m", residual, self.information, residual)
+
+    def equations(
+        self, graph: Graph, poses: Array, mount: Array, residuals: Array, weights: Array
+    ) -> Equations:
+        """Of matches and guesses, and the measured mount; what is surveyed comes beside."""
+        n, (start, end) = len(poses), self.ends.T
+        each = np.broadcast_to(mount, (len(start), 3))
+        jacobians = np.stack(_edge_jacobians(poses[start], poses[end], each), axis=1)
+        where = np.column_stack([self.ends, np.full(len(start), n)])
+        equations = Equations(n + 1, len(graph.prior_covariance.signs))
+        equations.add(where, jacobians, self.information * weights[:, None, None], residuals)
+        if graph.mount_covariance is not None:
+            off = wrapped(mount - graph.mount)
+            equations.add_known(n, np.asarray(np.linalg.inv(graph.mount_covariance)), off)
+        return equations

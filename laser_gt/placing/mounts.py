@@ -15,10 +15,11 @@ from laser_gt.placing.anchors import Surveyed, edges_of
 from laser_gt.placing.equations import ends_of
 from laser_gt.placing.graph import LEAST_MISFIT, Edge, Graph, solve_graph, stop_noise
 from laser_gt.placing.pairs import parts_of
-from laser_gt.placing.switches import GAUGE
+from laser_gt.placing.switches import GAUGE, held
 from laser_gt.scans.planar import CONTRADICTION, between, compose, wrapped
 from validation.errors import GtvalError
 from validation.poses.angles import Array, wrap
+from validation.poses.factored import Factored
 
 MIN_TURN = 0.1
 """Smallest spread of turns, in radians, from which a mount's position can be seen: an error of a
@@ -154,12 +155,12 @@ def check_mount(
     edges = edges_of(known.stops, matches)
     if len(edges) < 2:
         raise GtvalError("fewer than two matches join surveyed stops; the mount cannot be checked")
-    found = mount_of(known.poses, known.joint, edges, mount)
+    found = mount_of(known.poses, known.covariance, edges, mount)
     return MountCheck(mount, mount_sigmas, found)
 
 
 def mount_of(
-    poses: Array, covariance: Array, edges: Sequence[Edge], stated: Array
+    poses: Array, covariance: Factored, edges: Sequence[Edge], stated: Array
 ) -> MountEstimate:
     """The mount from robot poses and matches between them, AX = XB in the plane.
 
@@ -167,8 +168,8 @@ def mount_of(
     ----------
     poses : (n, 3) array
         Robot poses.
-    covariance : (3n, 3n) array
-        Their joint covariance.
+    covariance : Factored
+        Of these.
     edges : sequence of Edge
         Matches.
     stated : (3,) array
@@ -199,28 +200,25 @@ def mount_of(
     )
     first = _first_mount(poses, edges, stated)
     own = _own_share(poses, edges, first)
-    survey = covariance.copy()
-    for stop, noise in stop_noise(edges, poses, first).items():
-        part = slice(3 * stop, 3 * stop + 3)
-        survey[part, part] += (1 - own) * noise
+    noise = (1 - own) * stop_noise(edges, poses, first)
     graph = Graph(
         initial=poses,
         mount=first,
         edges=[replace(edge, covariance=own * edge.covariance) for edge in edges],
         prior_stops=range(len(poses)),
         prior_poses=poses,
-        prior_covariance=survey,
+        prior_covariance=covariance._replace(own=covariance.own + noise),
         mount_covariance=None,
     )
     try:
         solution = solve_graph(graph, least_misfit=1.0)
     except GtvalError:  # all poses are known: what has no solution is the mount
         raise GtvalError(left_open) from None
-    covariance = solution.covariance[-3:, -3:]
-    sigmas = np.sqrt(np.abs(np.diagonal(covariance)))
-    if not (np.isfinite(covariance).all() and (sigmas < OPEN).all()):
+    spread = solution.spread.mount
+    sigmas = np.sqrt(np.abs(np.diagonal(spread)))
+    if not (np.isfinite(spread).all() and (sigmas < OPEN).all()):
         raise GtvalError(left_open)
-    return MountEstimate(wrapped(solution.mount), covariance, turn, len(edges))
+    return MountEstimate(wrapped(solution.mount), spread, turn, len(edges))
 
 
 def _own_share(poses: Array, edges: Sequence[Edge], mount: Array) -> float:
@@ -236,7 +234,7 @@ def _own_share(poses: Array, edges: Sequence[Edge], mount: Array) -> float:
         edges=edges,
         prior_stops=first.tolist(),
         prior_poses=poses[first],
-        prior_covariance=np.eye(3 * len(first)) * GAUGE,
+        prior_covariance=held(len(first)),
         mount_covariance=np.eye(3) * GAUGE,
     )
     found = solve_graph(graph)

@@ -92,12 +92,16 @@ def connected_stops(count: int, pairs: npt.ArrayLike, roots: Sequence[int]) -> F
 
 
 def parts_of(count: int, pairs: npt.ArrayLike) -> Indices:
-    """(count,) number of the part that each stop is in, where pairs, (m, 2), join stops."""
-    parts = np.full(count, -1, dtype=np.intp)
-    for stop in range(count):
-        if parts[stop] < 0:
-            parts[connected_stops(count, pairs, [stop])] = stop
-    return parts
+    """(count,) the part that each stop is in, its first stop, where pairs, (m, 2), join stops."""
+    from scipy import sparse  # noqa: PLC0415  (loaded when stops are joined)
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
+
+    joined = np.asarray(pairs, dtype=np.intp).reshape(-1, 2)
+    ones = np.ones(len(joined))
+    graph = sparse.coo_array((ones, (joined[:, 0], joined[:, 1])), shape=(count, count))
+    _, labels = connected_components(graph, directed=False)
+    _, first, which = np.unique(labels, return_index=True, return_inverse=True)
+    return np.asarray(first[which], dtype=np.intp)
 
 
 def bridges(poses: Array, pairs: Indices, parts: Indices, most: int) -> Indices:

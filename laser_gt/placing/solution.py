@@ -11,9 +11,9 @@ from laser_gt.placing.engines import Matching
 from laser_gt.placing.equations import ends_of
 from laser_gt.placing.graph import Edge, Graph, GraphSolution, solve_graph
 from laser_gt.placing.guesses import guess_deviations
-from laser_gt.placing.pairs import distances, parts_of
+from laser_gt.placing.pairs import parts_of
 from laser_gt.placing.placement import Placement, place
-from laser_gt.placing.switches import GAUGE, WRONG_SHARE, guess_edges, spanning
+from laser_gt.placing.switches import WRONG_SHARE, guess_edges, held, spanning
 from laser_gt.scans.planar import CONTRADICTION, compose, inverse
 from laser_gt.scans.scan import Flags, Indices
 from validation.errors import GtvalError
@@ -142,7 +142,7 @@ def solve(
             edges=inside,
             prior_stops=starts,
             prior_poses=robot[starts],
-            prior_covariance=np.eye(3 * len(starts)) * GAUGE,
+            prior_covariance=held(len(starts)),
             mount_covariance=np.diag(mount_sigmas**2),
             guesses=guess_edges(trajectory[kept], numbers, guess_sigmas),
         )
@@ -150,7 +150,7 @@ def solve(
     return LaserSolution(
         matching=matching,
         graph=solution,
-        placement=place(solution, anchors, known.poses, known.joint, numbers),
+        placement=place(solution, anchors, known.poses, known.covariance, numbers),
         stops=names,
         anchors=known.stops,
         parts=numbers,
@@ -226,19 +226,23 @@ def _gaps(
     stops: Sequence[str], parts: Indices, kept: Flags, matching: Matching, trajectory: Array
 ) -> tuple[Gap, ...]:
     """What is not placed, part by part, and what would close the gap."""
+    from scipy.spatial import cKDTree  # noqa: PLC0415  (loaded when stops are placed)
+
     gaps = []
     placed = np.flatnonzero(kept)
+    near, there = cKDTree(trajectory[placed, :2]), {stops[row] for row in placed.tolist()}
     for part in dict.fromkeys(parts[~kept].tolist()):
         rows = np.flatnonzero(parts == part)
         names = tuple(stops[row] for row in rows.tolist())
+        inside = set(names)
         between_them = tuple(
             one
             for one in matching.matches
-            if (one.reference in names) != (one.moving in names)
-            and {one.reference, one.moving} & {stops[row] for row in placed.tolist()}
+            if (one.reference in inside) != (one.moving in inside)
+            and {one.reference, one.moving} & there
         )
-        pairs = np.array([(row, other) for row in rows.tolist() for other in placed.tolist()])
-        apart = distances(trajectory, pairs)
-        first, second = pairs[int(apart.argmin())].tolist()
-        gaps.append(Gap(names, between_them, (stops[first], stops[second]), float(apart.min())))
+        apart, nearest = near.query(trajectory[rows, :2])
+        first = int(np.argmin(apart))
+        ends = (names[first], stops[int(placed[nearest[first]])])
+        gaps.append(Gap(names, between_them, ends, float(apart[first])))
     return tuple(gaps)

@@ -3,10 +3,9 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from laser_gt.placing.graph import GraphSolution
@@ -20,6 +19,7 @@ from laser_gt.scans.planar import (
 )
 from laser_gt.scans.scan import Indices
 from validation.poses.angles import Array
+from validation.poses.factored import Factored
 from validation.results import Severity, Size
 
 RARE = 1e-6
@@ -30,6 +30,9 @@ CLEAR = 10.0
 alone: odds of 150 to 1."""
 STEPS, SMALL = 30, 1e-7
 """Bound on the steps of a fit, and the step, in metres and radians, that ends it."""
+LIKELIEST = 16
+"""Single stops, and pairs that are exchanged, that are tried where there are more. A judgement: the
+one that is off stands out among all by its residual."""
 _LOOSE = 1e-9
 """Factor on the information of a mount that may be anything."""
 
@@ -44,8 +47,8 @@ class Shape:
     ----------
     poses : (p, 3) array
         x, y, theta.
-    covariance : (3p, 3p) array
-        Joint one, for a known mount.
+    covariance : Factored
+        Of all together, for a known mount.
     mount : (3,) array
         With which they follow from those of the laser.
     mount_covariance : (3, 3) array
@@ -53,27 +56,24 @@ class Shape:
     """
 
     poses: Array
-    covariance: Array
+    covariance: Factored
     mount: Array
     mount_covariance: Array
 
     def with_mount(self, more: Array) -> tuple[Array, Array]:
-        """(p, 3) poses with more, (3,), on the mount, and their (3p, 3) derivatives by that."""
+        """(p, 3) poses with more, (3,), on the mount, and their derivatives, (p, 3, 3), by that."""
         mount = self.mount + more
         laser = compose(self.poses, self.mount)
         back = np.broadcast_to(inverse(mount), laser.shape)
         by_back = compose_jacobians(laser, back)[1]
-        return compose(laser, back), (by_back @ inverse_jacobian(mount)).reshape(-1, 3)
+        return compose(laser, back), by_back @ inverse_jacobian(mount)
 
 
 def shape_of(solution: GraphSolution, rows: Indices) -> Shape:
     """The shape of some poses of a graph whose own surveyed stop had a negligible covariance."""
-    n = len(solution.poses)
-    flat = (3 * rows[:, None] + np.arange(3)).ravel()
-    covariance, mount = solution.covariance, solution.covariance[3 * n :, 3 * n :]
-    by_mount = covariance[flat, 3 * n :] @ np.linalg.inv(mount)
-    alone = covariance[np.ix_(flat, flat)] - by_mount @ covariance[3 * n :, flat]
-    return Shape(solution.poses[rows], alone, solution.mount, mount)
+    spread = solution.spread
+    alone = spread.for_known_mount(np.tile(np.eye(3), (len(solution.poses), 1, 1)))
+    return Shape(solution.poses[rows], alone.select(rows), solution.mount, spread.mount)
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class _Tried:
     criterion: float
 
 
-def contradiction(shape: Shape, surveyed: Array, covariance: Array) -> tuple[float, int, bool]:
+def contradiction(shape: Shape, surveyed: Array, covariance: Factored) -> tuple[float, int, bool]:
     """Squared standard deviations, degrees of freedom, and whether chance makes that.
 
     Parameters
@@ -140,18 +140,18 @@ def contradiction(shape: Shape, surveyed: Array, covariance: Array) -> tuple[flo
         Of p stops.
     surveyed : (p, 3) array
         Their poses in the GTV frame.
-    covariance : (3p, 3p) array
-        Joint one.
+    covariance : Factored
+        Of these together.
     """
     freedom = 3 * len(surveyed) - 3
     if freedom <= 0:
         return 0.0, 0, False
-    squares = _fit(shape, surveyed, covariance)[0]
+    squares = _fit(shape, surveyed, covariance).squares
     return squares, freedom, bool(chi2.sf(squares, freedom) < RARE)
 
 
 def survey_doubt(
-    names: Sequence[str], shape: Shape, surveyed: Array, covariance: Array
+    names: Sequence[str], shape: Shape, surveyed: Array, covariance: Factored
 ) -> SurveyDoubt | None:
     """What is wrong, if chance does not explain how surveyed poses and scans differ.
 
@@ -183,82 +183,125 @@ def with_mount(doubt: SurveyDoubt) -> SurveyDoubt:
     return replace(doubt, kind="open", stops=(), size=nothing, sigmas=nothing, likely=likely)
 
 
-def _causes(shape: Shape, surveyed: Array, covariance: Array) -> Iterator[_Tried]:
-    """All single causes."""
+def _causes(shape: Shape, surveyed: Array, covariance: Factored) -> Iterator[_Tried]:
+    """All single causes; of many stops the `LIKELIEST` of each kind."""
     count = len(surveyed)
     price = 3 * np.log(3 * count)
-    for row in range(count):
+    fitted = _fit(shape, surveyed, covariance)
+    for row in _likeliest_stops(fitted, covariance):
         rest = np.delete(np.arange(count), row)
-        left = _fit(*_of(rest, shape, surveyed, covariance))[0]
+        left = _fit(*_of(rest, shape, surveyed, covariance)).squares
         yield _Tried("stop", (row,), left, 3 * count - 6, left + price + 2 * np.log(count))
-    for pair in combinations(range(count), 2):
+    for pair in _likeliest_pairs(fitted, surveyed):
         order = np.arange(count)
         order[list(pair)] = pair[::-1]
         _, poses, spread = _of(order, shape, surveyed, covariance)
-        left = _fit(shape, poses, spread)[0]
+        left = _fit(shape, poses, spread).squares
         choice = 2 * np.log(count * (count - 1) / 2)
         yield _Tried("exchanged", pair, left, 3 * count - 3, left + choice)
     free = replace(shape, mount_covariance=shape.mount_covariance / _LOOSE)
-    left = _fit(free, surveyed, covariance)[0]
+    left = _fit(free, surveyed, covariance).squares
     yield _Tried("mount", (), left, 3 * count - 6, left + price)
 
 
-def _size(cause: _Tried, shape: Shape, surveyed: Array, covariance: Array) -> tuple[Array, Array]:
+def _likeliest_stops(fitted: "_Fitted", covariance: Factored) -> list[int]:
+    """The stops whose poses may be off, in their order.
+
+    Without a stop of weighed residual v the squares are v' C v less, C being its covariance given
+    all others: at least what its survey has alone.
+    """
+    weighed = fitted.weighed
+    less = np.einsum("ni,nij,nj->n", weighed, covariance.own, weighed)
+    return sorted(np.argsort(-less, kind="stable")[:LIKELIEST].tolist())
+
+
+def _likeliest_pairs(fitted: "_Fitted", surveyed: Array) -> list[tuple[int, int]]:
+    """The pairs of stops that may be exchanged, in their order.
+
+    With the slope of the squares, 2 v, an exchange moves the residuals at one of the two stops by
+    the difference of their surveyed poses, and by its opposite at the other.
+    """
+    count = len(surveyed)
+    if count * (count - 1) // 2 <= LIKELIEST * (LIKELIEST - 1) // 2:
+        return list(combinations(range(count), 2))
+    far = np.argsort(-np.square(fitted.off[:, :2]).sum(1), kind="stable")[: 4 * LIKELIEST]
+    pairs = list(combinations(sorted(far.tolist()), 2))
+    first, second = np.array(pairs, dtype=np.intp).T
+    moved = wrapped(surveyed[second] - surveyed[first])
+    after = wrapped(fitted.off[first] + moved), wrapped(fitted.off[second] - moved)
+    left = sum(np.square(one[:, :2]).sum(1) for one in after)
+    before = np.square(fitted.off[:, :2]).sum(1)
+    gain = before[first] + before[second] - left
+    best = np.argsort(-gain, kind="stable")[:LIKELIEST]
+    return sorted(pairs[row] for row in best.tolist())
+
+
+def _size(
+    cause: _Tried, shape: Shape, surveyed: Array, covariance: Factored
+) -> tuple[Array, Array]:
     """By how much the cause is off, (3,), and standard deviations."""
     if cause.kind == "exchanged":
         return np.full(3, np.nan), np.full(3, np.nan)
     if cause.kind == "mount":
         free = replace(shape, mount_covariance=shape.mount_covariance / _LOOSE)
-        _, _, mount, known = _fit(free, surveyed, covariance)
-        return -mount, np.sqrt(np.diagonal(known)[-3:])
+        found = _fit(free, surveyed, covariance)
+        return -found.mount, np.sqrt(np.diagonal(found.known)[-3:])
     (row,) = cause.stops
     rest = np.delete(np.arange(len(surveyed)), row)
-    _, frame, mount, known = _fit(*_of(rest, shape, surveyed, covariance))
-    flat = slice(3 * row, 3 * row + 3)
-    poses, by_mount = shape.with_mount(mount)
+    found = _fit(*_of(rest, shape, surveyed, covariance))
+    poses, by_mount = shape.with_mount(found.mount)
     pose = poses[row]
-    by_frame, by_pose = compose_jacobians(frame, pose)
-    lever = np.hstack([by_frame, by_pose @ by_mount[flat]])
-    own = covariance[flat, flat] + by_pose @ shape.covariance[flat, flat] @ by_pose.T
-    spread = own + lever @ known @ lever.T
-    return wrapped(surveyed[row] - compose(frame, pose)), np.sqrt(np.diagonal(spread))
+    by_frame, by_pose = compose_jacobians(found.frame, pose)
+    lever = np.hstack([by_frame, by_pose @ by_mount[row]])
+    own = covariance.blocks[row] + by_pose @ shape.covariance.blocks[row] @ by_pose.T
+    spread = own + lever @ found.known @ lever.T
+    return wrapped(surveyed[row] - compose(found.frame, pose)), np.sqrt(np.diagonal(spread))
 
 
 def _of(
-    rows: Indices, shape: Shape, surveyed: Array, covariance: Array
-) -> tuple[Shape, Array, Array]:
+    rows: Indices, shape: Shape, surveyed: Array, covariance: Factored
+) -> tuple[Shape, Array, Factored]:
     """Shape and survey of some stops."""
-    flat = (3 * rows[:, None] + np.arange(3)).ravel()
-    some = replace(
-        shape,
-        poses=shape.poses[rows],
-        covariance=shape.covariance[np.ix_(flat, flat)],
-    )
-    return some, surveyed[rows], covariance[np.ix_(flat, flat)]
+    some = replace(shape, poses=shape.poses[rows], covariance=shape.covariance.select(rows))
+    return some, surveyed[rows], covariance.select(rows)
 
 
-def _fit(shape: Shape, surveyed: Array, covariance: Array) -> tuple[float, Array, Array, Array]:
-    """Squares left, frame (3,), error of the mount (3,), and the covariance (6, 6) of both."""
-    p = len(surveyed)
+class _Fitted(NamedTuple):
+    """Squares left, frame (3,), error of the mount (3,), and the covariance (6, 6) of both.
+
+    ``off`` and ``weighed``, (p, 3), are residuals, and these times the inverse of their covariance.
+    """
+
+    squares: float
+    frame: Array
+    mount: Array
+    known: Array
+    off: Array
+    weighed: Array
+
+
+def _fit(shape: Shape, surveyed: Array, covariance: Factored) -> _Fitted:
+    """The frame and the error of the mount with which a shape fits its surveyed poses best."""
     frame, mount = compose(surveyed[0], inverse(shape.poses[0])), np.zeros(3)
     prior = np.zeros((6, 6))
     prior[3:, 3:] = np.linalg.inv(shape.mount_covariance)
     for _ in range(STEPS):
         poses, by_mount = shape.with_mount(mount)
         by_frame, by_pose = compose_jacobians(np.broadcast_to(frame, poses.shape), poses)
-        turned = block_diag(*by_pose)
-        lever = np.hstack([by_frame.reshape(3 * p, 3), turned @ by_mount])
-        weight = np.linalg.inv(covariance + turned @ shape.covariance @ turned.T)
-        off = wrapped(surveyed - compose(frame, poses)).ravel()
-        known = np.linalg.inv(lever.T @ weight @ lever + prior)
-        step = known @ (lever.T @ weight @ off - prior[:, 3:] @ mount)
+        lever = np.concatenate([by_frame, by_pose @ by_mount], axis=2)
+        off = wrapped(surveyed - compose(frame, poses))
+        both = covariance.beside(shape.covariance.turned(by_pose))
+        weighed = both.solve(np.concatenate([lever, off[..., None]], axis=2))
+        known = np.linalg.inv(np.einsum("npi,npj->ij", lever, weighed[..., :6]) + prior)
+        step = known @ (np.einsum("npi,np->i", lever, weighed[..., 6]) - prior[:, 3:] @ mount)
         frame, mount = wrapped(frame + step[:3]), wrapped(mount + step[3:])
         if np.abs(step).max() < SMALL:
             break
     poses, _ = shape.with_mount(mount)
-    off = wrapped(surveyed - compose(frame, poses)).ravel()
-    squares = float(off @ weight @ off + mount @ prior[3:, 3:] @ mount)
-    return squares, frame, mount, known
+    off = wrapped(surveyed - compose(frame, poses))
+    weighed = both.solve(off[..., None])[..., 0]
+    squares = float((off * weighed).sum() + mount @ prior[3:, 3:] @ mount)
+    return _Fitted(squares, frame, mount, known, off, weighed)
 
 
 def doubt_text(doubt: SurveyDoubt, whose: str) -> str:

@@ -7,6 +7,7 @@ match that nothing checks stays as it is, and joins stops only where there is no
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from heapq import heappop, heappush
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from laser_gt.matching.verdicts import Match, Verdict
 from laser_gt.placing.anchors import edge_of
 from laser_gt.placing.equations import ends_of
-from laser_gt.placing.graph import Edge, Graph, GraphSolution, solve_graph
+from laser_gt.placing.graph import Edge, Graph, GraphSolution, GraphSpread, solve_graph
 from laser_gt.placing.guesses import guess_deviations
 from laser_gt.placing.loops import FLOOR, way
 from laser_gt.placing.pairs import parts_of
@@ -30,6 +31,7 @@ from laser_gt.scans.planar import (
 )
 from laser_gt.scans.scan import Indices
 from validation.poses.angles import Array
+from validation.poses.factored import Factored
 
 GAUGE = 1e-12
 """Variance with which a graph is held at its first stop: a micrometre and a microradian, a
@@ -64,10 +66,8 @@ class Part:
         """Pose and covariance of a stop seen from another of the same part."""
         first, second = self.solution.poses[[start, end]]
         by_back, by_second = compose_jacobians(inverse(first), second)
-        rows = [range(3 * stop, 3 * stop + 3) for stop in (start, end)]
-        flat = np.concatenate([np.array(one) for one in rows])
         jacobian = np.hstack([by_back @ inverse_jacobian(first), by_second])
-        covariance = jacobian @ self.solution.covariance[np.ix_(flat, flat)] @ jacobian.T
+        covariance = jacobian @ self.solution.spread.between([start, end]) @ jacobian.T
         return between(first, second), covariance
 
 
@@ -156,8 +156,11 @@ def graph_of(poses: Array, used: Sequence[Edge], sigmas: Sequence[float]) -> Par
     """The graph of laser frames from the matches that are used, each part held at one stop."""
     parts = parts_of(len(poses), ends_of(used))
     if not used:
-        zero = np.zeros((3 * len(poses) + 3,) * 2)
-        return Part(GraphSolution(poses, np.zeros(3), zero, 0.0, 0, np.ones(0)), parts)
+        from scipy import sparse  # noqa: PLC0415  (loaded when a graph is solved)
+
+        fixed = sparse.eye_array(3 * len(poses) + 3, format="csc") / GAUGE
+        spread = GraphSpread(fixed, np.zeros((len(poses), 3, 3)))
+        return Part(GraphSolution(poses, np.zeros(3), spread, 0.0, 0, np.ones(0)), parts)
     _, first = np.unique(parts, return_index=True)
     graph = Graph(
         initial=spanning(poses, used, first.tolist(), np.zeros(3)),
@@ -165,30 +168,45 @@ def graph_of(poses: Array, used: Sequence[Edge], sigmas: Sequence[float]) -> Par
         edges=used,
         prior_stops=first.tolist(),
         prior_poses=poses[first],
-        prior_covariance=np.eye(3 * len(first)) * GAUGE,
+        prior_covariance=held(len(first)),
         mount_covariance=np.eye(3) * GAUGE,
         guesses=guess_edges(poses, parts, sigmas),
     )
     return Part(solve_graph(graph), parts)
 
 
+def held(count: int) -> Factored:
+    """Covariance of stops that hold a graph."""
+    return Factored.alone(np.tile(GAUGE * np.eye(3), (count, 1, 1)))
+
+
 def spanning(robot: Array, edges: Sequence[Edge], starts: Sequence[int], mount: Array) -> Array:
     """First robot poses by following the most certain edges out from the starts."""
-    poses = robot.copy()
-    known = set(starts)
-    waiting = sorted(edges, key=lambda edge: float(np.trace(edge.covariance)))
-    while True:
-        for edge in waiting:
-            if (edge.start in known) != (edge.end in known):
-                step = compose(compose(mount, edge.pose), inverse(mount))
-                if edge.start in known:
-                    poses[edge.end] = compose(poses[edge.start], step)
-                else:
-                    poses[edge.start] = compose(poses[edge.end], inverse(step))
-                known |= {edge.start, edge.end}
-                break
+    poses, known = robot.copy(), np.zeros(len(robot), dtype=bool)
+    order = sorted(edges, key=lambda edge: float(np.trace(edge.covariance)))
+    at: list[list[int]] = [[] for _ in robot]
+    for rank, edge in enumerate(order):
+        at[edge.start].append(rank)
+        at[edge.end].append(rank)
+    waiting: list[int] = []
+    for stop in starts:
+        known[stop] = True
+        for rank in at[stop]:
+            heappush(waiting, rank)
+    while waiting:
+        edge = order[heappop(waiting)]
+        if known[edge.start] == known[edge.end]:
+            continue
+        step = compose(compose(mount, edge.pose), inverse(mount))
+        new = edge.end if known[edge.start] else edge.start
+        if new == edge.end:
+            poses[new] = compose(poses[edge.start], step)
         else:
-            return poses
+            poses[new] = compose(poses[edge.end], inverse(step))
+        known[new] = True
+        for rank in at[new]:
+            heappush(waiting, rank)
+    return poses
 
 
 def _inside(

@@ -14,6 +14,7 @@ from laser_gt.placing.graph import Edge
 from laser_gt.scans.evidence import Prepared
 from validation.campaign.folder import load_campaign
 from validation.poses.angles import wrap
+from validation.poses.factored import Factored
 from validation.solving import solve_validation
 from validation.systems import installed_systems
 
@@ -45,18 +46,17 @@ def solved(folder, engines=("scanmatch",), **choices):
 def of_motions(robot, covariances, laser, laser_covariances):
     """Motions as a graph: each from a stop of its own at the origin to another.
 
-    Gives poses, joint covariance and edges as `laser_gt.placing.mounts.mount_of` takes them.
+    Gives poses, their covariance and edges as `laser_gt.placing.mounts.mount_of` takes them.
     """
     n = len(robot)
-    poses, joint = np.zeros((n, 2, 3)), np.zeros((n, 2, 3, n, 2, 3))
+    poses, own = np.zeros((n, 2, 3)), np.zeros((n, 2, 3, 3))
     poses[:, 1] = robot
-    joint[range(n), 0, :, range(n), 0, :] = np.eye(3) * 1e-12
-    joint[range(n), 1, :, range(n), 1, :] = covariances
+    own[:, 0], own[:, 1] = np.eye(3) * 1e-12, covariances
     edges = [
         Edge(2 * i, 2 * i + 1, pose, covariance)
         for i, (pose, covariance) in enumerate(zip(laser, laser_covariances, strict=True))
     ]
-    return poses.reshape(-1, 3), joint.reshape(6 * n, 6 * n), edges
+    return poses.reshape(-1, 3), Factored.alone(own.reshape(-1, 3, 3)), edges
 
 
 def write_campaign(folder, seed=1, stops=6, **laser):

@@ -91,7 +91,7 @@ def apart(validation: PoseTable, gt: PoseTable) -> Apart:
         rest = Factored.of(known).without(by, of, used, len(ids))
         return Apart(
             rest.given_to(ours),
-            Factored.of(theirs).less(by, of, known.select(follows.ids)).given_to(theirs),
+            _less(theirs, by, of, known.select(follows.ids)),
             constructed,
             share,
             depends=True,
@@ -119,9 +119,14 @@ def own_part(validation: PoseTable, gt: PoseTable) -> PoseTable:
     if not (known.has_covariance.all() and gt.has_covariance.all()):
         return gt
     if _in_few_numbers(gt):
-        return Factored.of(gt).less(follows.by, follows.of, known).given_to(gt)
+        return _less(gt, follows.by, follows.of, known)
     own = joint_of(gt) - follows.gain @ joint_of(known) @ follows.gain.T
     return _with_joint(gt, own, _floor(gt))
+
+
+def _less(table: PoseTable, by: Array, of: Array, known: PoseTable) -> PoseTable:
+    """A table without what ``by`` gives of the errors of another by ``of``."""
+    return Factored.of(table).less(by, of, Factored.of(known)).given_to(table)
 
 
 def _applies(follows: Follows | None, validation: PoseTable, k: int) -> bool:
@@ -162,7 +167,7 @@ def _with_joint(table: PoseTable, joint: Array, floor: Array) -> PoseTable:
             blocks[row] += added
             at = slice(row * k, row * k + k)
             joint[at, at] += added
-    return replace(table, covariances=blocks, joint=joint, factor=None, signs=None)
+    return replace(table, covariances=blocks, joint=joint, factor=None, signs=None, net=None)
 
 
 def _scaled(matrix: Array) -> Array:
@@ -265,7 +270,7 @@ def placed_by(
         return replace(table, follows=follows)
     if _in_few_numbers(table):
         own = Factored.of(table).without(by, of, rows, n)
-        return replace(own.more(by, of, known).given_to(table), follows=follows)
+        return replace(own.more(by, of, Factored.of(known)).given_to(table), follows=follows)
     left = np.eye(n * k)
     left[:, rows] -= follows.gain
     whole = left @ joint_of(table) @ left.T

@@ -15,6 +15,7 @@ from validation.errors import FaultyResultError, GtvalError, InputError, Problem
 from validation.poses.angles import Array, wrap
 from validation.poses.covariances import all_sound, bad_place, covariance_fault
 from validation.poses.follows import Follows
+from validation.poses.nets import Net
 from validation.shown import Shown
 from validation.text_files.csv_tables import Column, read_csv
 from validation.text_files.csv_text import harmless
@@ -88,6 +89,9 @@ class PoseTable(Shown):
     signs : (r,) array, optional
         1 or -1 for each column of the factor, all 1 by default: what a column of -1 gives is taken
         away, as where poses err less together than each of them.
+    net : Net, optional
+        What the poses err as parts of a net of measurements, beside the factor; also instead of
+        ``joint``.
     provenance : mapping
         Facts of the whole table for results/run.json.
     follows : Follows, optional
@@ -109,6 +113,7 @@ class PoseTable(Shown):
     joint: Array | None = None
     factor: Array | None = None
     signs: Array | None = None
+    net: Net | None = None
     provenance: Mapping[str, object] = field(default_factory=dict)
     follows: Follows | None = None
 
@@ -161,9 +166,11 @@ class PoseTable(Shown):
             raise FaultyResultError(
                 f"{who}: joint covariance {self.joint.shape}, not {(size, size)}"
             )
+        if self.joint is not None and (self.factor is not None or self.net is not None):
+            raise FaultyResultError(f"{who}: give the joint covariance or its factor, not both")
+        if self.net is not None and self.net.by.shape[0] != size:
+            raise FaultyResultError(f"{who}: a net of {self.net.by.shape[0]} numbers, not {size}")
         if self.factor is not None:
-            if self.joint is not None:
-                raise FaultyResultError(f"{who}: give the joint covariance or its factor, not both")
             if self.factor.ndim != 2 or len(self.factor) != size:
                 raise FaultyResultError(f"{who}: factor {self.factor.shape}, not {size} rows")
             signs = np.ones(self.factor.shape[1]) if self.signs is None else self.signs
@@ -183,16 +190,20 @@ class PoseTable(Shown):
     @property
     def is_correlated(self) -> bool:
         """Whether it states how its poses are correlated."""
-        return self.joint is not None or self.factor is not None
+        return not (self.joint is None and self.factor is None and self.net is None)
 
     @property
     def joint_covariance(self) -> Array | None:
         """(n k, n k) covariance of all poses together; None where no correlation is known."""
-        if self.factor is None:
+        if self.factor is None and self.net is None:
             return self.joint
         n, k = self.poses.shape
-        signs = 1.0 if self.signs is None else self.signs
-        whole = ((self.factor * signs) @ self.factor.T).reshape(n, k, n, k)
+        rows, signs = self.shared_part()
+        flat = rows.reshape(n * k, len(signs))
+        whole = (flat * signs) @ flat.T
+        if self.net is not None:
+            whole = whole + self.net.matrix()
+        whole = whole.reshape(n, k, n, k)
         whole[np.arange(n), :, np.arange(n)] = self.covariances
         return whole.reshape(n * k, n * k)
 
@@ -204,9 +215,10 @@ class PoseTable(Shown):
         return rows, np.ones(rows.shape[2]) if self.signs is None else self.signs
 
     def own_covariances(self) -> Array:
-        """(n, k, k) what each pose has beside what the factor says it shares."""
+        """(n, k, k) what each pose has beside what factor and net say it shares."""
         rows, signs = self.shared_part()
-        return np.asarray(self.covariances - (rows * signs) @ np.swapaxes(rows, 1, 2))
+        own = self.covariances - (rows * signs) @ np.swapaxes(rows, 1, 2)
+        return np.asarray(own if self.net is None else own - self.net.blocks)
 
     def select(self, ids: Iterable[str]) -> Self:
         """The rows of the named stops, in that order."""
@@ -228,6 +240,7 @@ class PoseTable(Shown):
             sources=tuple(self.sources[row] for row in rows),
             joint=None if self.joint is None else self.joint[np.ix_(flat, flat)],
             factor=None if self.factor is None else self.factor[flat],
+            net=None if self.net is None else self.net.rows(flat, self.net.blocks[rows]),
             follows=None if self.follows is None else self.follows.rows(flat),
         )
 
@@ -245,6 +258,7 @@ class PoseTable(Shown):
             components=tuple(components),
             joint=None if self.joint is None else self.joint[np.ix_(flat, flat)],
             factor=None if self.factor is None else self.factor[flat],
+            net=None if self.net is None else self.net.rows(flat, self.net.blocks[:, at][:, :, at]),
             follows=None if self.follows is None else self.follows.rows(flat),
         )
 

@@ -133,6 +133,10 @@ class Comparison(Shown):
             shared, signs = table.shared_part()  # the covariances have its own part already
             together = np.square(shared.sum(0)) - np.square(shared).sum(0)
             total += (together * signs).sum(1)
+            if table.net is not None:
+                ones = np.broadcast_to(np.eye(k), (n, k, k))
+                apart = table.net.times(ones) - table.net.blocks
+                total += np.einsum("nkk->k", apart)
         return np.asarray(np.sqrt(total) / n)
 
     def __len__(self) -> int:
@@ -280,9 +284,7 @@ def _square(errors: Array, validation: PoseTable, gt: PoseTable) -> tuple[float,
 def _joint_nees(errors: Array, validation: PoseTable, gt: PoseTable) -> float:
     """Of all errors (n, k) together; where the tables have factors, without the whole matrix."""
     tables = (validation, gt)
-    if not any(table.factor is not None for table in tables) or any(
-        table.joint is not None for table in tables
-    ):
+    if any(table.joint is not None for table in tables):
         return float(nees(errors.ravel(), joint_of(validation) + joint_of(gt)))
     white = whitened(errors[..., None], _together(validation, gt))
     return float(np.square(white).sum())

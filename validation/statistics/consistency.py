@@ -126,24 +126,23 @@ def square_of_factored(
     (float, int) or None
         None where what a pose has alone leaves a direction that is zero by construction.
     """
-    own, factor, signs = covariance
-    variances = np.diagonal(own, axis1=1, axis2=2) + (np.square(factor) * signs).sum(2)
+    variances = np.diagonal(covariance.blocks, axis1=1, axis2=2)
     if not (variances > 0).all():
         return None
     size = np.sqrt(variances)
-    scaled = own / size[:, :, None] / size[:, None, :]
+    net = 0.0 if covariance.net is None else covariance.net.blocks
+    scaled = (covariance.own + net) / size[:, :, None] / size[:, None, :]
     if np.linalg.eigvalsh(scaled).min(initial=np.inf) <= LEAST_SHARE:
         return None
     columns = errors[..., None]
     if slopes is not None:
         columns = np.concatenate([columns, slopes], axis=2)
-    white = whitened(columns, covariance, LEAST_SHARE)
-    spanned = min(errors.size, len(signs))
-    return _square_beside(white[:, 0], white[:, 1:], len(white) - spanned)
+    white, left_out = _whitened(columns, covariance, LEAST_SHARE)
+    return _square_beside(white[:, 0], white[:, 1:], errors.size - left_out)
 
 
-def whitened(values: Array, covariance: Factored, least: float = 0.0) -> Array:
-    """Values (n, k, p) in directions of unit variance, of poses that share errors by a factor.
+def whitened(values: Array, covariance: Factored) -> Array:
+    """Values (n, k, p) in directions of unit variance, of poses that share errors in few numbers.
 
     Parameters
     ----------
@@ -151,42 +150,65 @@ def whitened(values: Array, covariance: Factored, least: float = 0.0) -> Array:
         In p columns.
     covariance : Factored
         Of errors.
-    least : float
-        Directions that have no more than this share of the variance that poses have alone are left
-        out: they are zero by construction.
 
     Returns
     -------
     (m, p) array
-        Of the same squares and products as the values by the inverse of the covariance; m is the
-        numbers of all poses and the columns of the factor, but for directions that are left out.
+        Of the same squares and products as the values by the inverse of the covariance.
 
     Raises
     ------
     ValueError
         If what a pose has alone, or the whole, is not positive definite.
+    """
+    return _whitened(values, covariance, 0.0)[0]
+
+
+def _whitened(values: Array, covariance: Factored, least: float) -> tuple[Array, int]:
+    """The same, and how many directions are left out.
+
+    These have no more than the share ``least`` of the variance that poses have without the factor:
+    they are zero by construction.
 
     Notes
     -----
-    With L L^T = B of the blocks, L^-1 F = Q R and the signs S, the covariance is
-    L (1 + Q R S R^T Q^T) L^T: it is 1 beside the few directions Q, and in them that of a small
-    matrix.
+    With L L^T = B of what poses have without the factor, L^-1 F = Q R and the signs S, the
+    covariance is L (1 + Q R S R^T Q^T) L^T: it is 1 beside the few directions Q, and in them that
+    of a small matrix.
     """
-    n, k, columns = values.shape
+    columns = values.shape[2]
+    both = np.concatenate([values, covariance.factor], axis=2)
     try:
-        root = np.linalg.cholesky(covariance.own)
+        if covariance.net is None:
+            root = np.linalg.cholesky(covariance.own)
+            white = np.linalg.solve(root, both).reshape(values[..., 0].size, -1)
+            inside, R = np.linalg.qr(white[:, columns:])
+            within = inside.T @ white[:, :columns]
+            beside = white[:, :columns] - inside @ within
+        else:
+            products = np.einsum("nkp,nkq->pq", both, covariance.weighed(both), optimize=True)
+            R, within, beside = _by_products(products, columns)
     except np.linalg.LinAlgError:
         raise ValueError("a covariance is not positive definite") from None
-    both = np.concatenate([values, covariance.factor], axis=2)
-    white = np.linalg.solve(root, both).reshape(n * k, -1)
-    inside, R = np.linalg.qr(white[:, columns:])
     sizes, ways = np.linalg.eigh(np.eye(len(R)) + (R * covariance.signs) @ R.T)
     if least == 0.0 and sizes.min(initial=1.0) <= 0:
         raise ValueError("a covariance is not positive definite")
     kept = sizes > least
-    within = inside.T @ white[:, :columns]
     told = (ways[:, kept].T @ within) / np.sqrt(sizes[kept])[:, None]
-    return np.concatenate([told, white[:, :columns] - inside @ within])
+    return np.concatenate([told, beside]), int((~kept).sum())
+
+
+def _by_products(products: Array, columns: int) -> tuple[Array, Array, Array]:
+    """R, Q^T V and what is left of V, by the products of whitened V and F: as good as these."""
+    inside = products[columns:, columns:]
+    size = np.sqrt(np.maximum(np.diagonal(inside), 1e-300))
+    values, vectors = np.linalg.eigh(inside / size[:, None] / size)
+    kept = values > 1e-12 * max(float(values.max(initial=0.0)), 1e-300)
+    root = np.sqrt(values[kept])[:, None]
+    R = root * vectors[:, kept].T * size
+    within = vectors[:, kept].T @ (products[columns:, :columns] / size[:, None]) / root
+    left, ways = np.linalg.eigh(products[:columns, :columns] - within.T @ within)
+    return R, within, np.sqrt(np.maximum(left, 0.0))[:, None] * ways.T
 
 
 def _square_beside(left: Array, slopes: Array | None, freedom: int) -> tuple[float, int]:

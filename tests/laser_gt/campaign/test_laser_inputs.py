@@ -163,7 +163,7 @@ def test_surveyed_poses_without_covariance_are_named_with_what_is_assumed(campai
     surveyed = as_surveyed(table)
     assert surveyed.assumed == ("2", "3")
     expected = np.concatenate([np.full(3, 1e-3), ASSUMED_SIGMAS, ASSUMED_SIGMAS])
-    assert np.allclose(surveyed.joint, np.diag(expected**2))
+    assert np.allclose(surveyed.covariance.matrix(), np.diag(expected**2))
     solved = replace(load_campaign(campaign), solved={"survey": SystemResult(tables=[table])})
     outcome = solve_campaign(solved, engines=("scanmatch",))
     (finding,) = [one for one in laser_findings(outcome) if one.code == "assumed_sigmas"]

@@ -6,9 +6,11 @@ from scipy import stats
 from laser_gt.placing.graph import Edge, Graph, predicted, solve_graph
 from laser_gt.placing.mounts import linear_hand_eye, mount_of
 from laser_gt.placing.placement import place
+from laser_gt.placing.switches import held
 from laser_gt.scans.planar import between, compose, inverse
 from validation.errors import GtvalError
 from validation.poses.angles import wrap
+from validation.poses.factored import Factored
 from validation.poses.follows import Follows
 from validation.poses.pose_table import PoseTable
 from validation.statistics.comparison import compare
@@ -47,12 +49,12 @@ def test_mount_and_its_covariance_are_right_over_many_surveys():
             _edges(rng, poses),
             range(len(poses)),
             surveyed,
-            np.kron(np.eye(len(poses)), sigma),
+            Factored.alone(np.tile(sigma, (len(poses), 1, 1))),
             None,
         )
         found = solve_graph(graph)
         error = found.mount - MOUNT
-        nees.append(error @ np.linalg.solve(found.covariance[-3:, -3:], error))
+        nees.append(error @ np.linalg.solve(found.spread.mount, error))
     # 60 chi-squared values with 3 degrees of freedom
     assert 3 - 0.95 < np.mean(nees) < 3 + 0.95
 
@@ -63,7 +65,7 @@ def test_one_wrong_edge_does_not_move_the_poses():
     edges = _edges(rng, poses)
     wrong = edges[7]
     edges[7] = Edge(wrong.start, wrong.end, wrong.pose + 0.3, wrong.covariance)
-    graph = Graph(poses, MOUNT, edges, [0], poses[:1], np.eye(3) * 1e-12, np.eye(3) * 1e-12)
+    graph = Graph(poses, MOUNT, edges, [0], poses[:1], held(1), np.eye(3) * 1e-12)
     found = solve_graph(graph)
     assert found.weights.argmin() == 7
     assert np.abs(found.poses - poses)[:, :2].max() < 0.01
@@ -109,7 +111,7 @@ def _solved(seed, mount_error, anchors=26, common=0.0):
         _edges(rng, poses),
         [0],
         np.zeros((1, 3)),
-        np.eye(3) * 1e-12,
+        held(1),
         np.diag(MOUNT_SIGMAS**2),
     )
     surveyed = poses + rng.normal(0, SURVEY_SIGMAS, poses.shape)
@@ -118,7 +120,9 @@ def _solved(seed, mount_error, anchors=26, common=0.0):
     surveyed += rng.normal() * shared.reshape(-1, 3)
     covariance += np.outer(shared, shared)
     known = covariance[: 3 * anchors, : 3 * anchors]
-    found = place(solve_graph(graph), list(range(anchors)), surveyed[:anchors], known)
+    found = place(
+        solve_graph(graph), list(range(anchors)), surveyed[:anchors], Factored.of_matrix(known, 3)
+    )
     return poses, surveyed, found, covariance
 
 
@@ -147,7 +151,7 @@ def test_a_mount_that_the_stops_leave_open_is_not_determined():
     rng = np.random.default_rng(6)
     poses = _tour(rng, 2) * [1, 1, 0.1]
     edges = [edge for edge in _edges(rng, poses) for _ in range(2)]
-    loose = np.kron(np.eye(2), np.diag([0.05, 0.05, 0.05]) ** 2)
+    loose = Factored.alone(np.tile(0.05**2 * np.eye(3), (2, 1, 1)))
     with pytest.raises(GtvalError, match="not determined by these stops"):
         mount_of(poses, loose, edges, MOUNT)
 

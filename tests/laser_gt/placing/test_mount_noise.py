@@ -14,6 +14,7 @@ from laser_gt.placing.mounts import MountCheck, mount_of
 from laser_gt.placing.pairs import PairSettings, candidate_pairs
 from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.planar import between, compose, inverse_covariance_of, wrapped
+from validation.poses.factored import Factored
 
 MOUNT = np.array([0.178, 0.1915, np.pi / 2])
 SCAN = np.array([1e-3, 1e-3, 4e-4])
@@ -46,7 +47,7 @@ def _found(rng, poses, edges, sigma):
     """The mount by poses that are surveyed to a sigma, metres and radians."""
     covariance = np.diag([sigma, sigma, sigma]) ** 2
     surveyed = wrapped(poses + rng.normal(0, sigma, poses.shape))
-    return mount_of(surveyed, np.kron(np.eye(STOPS), covariance), edges, MOUNT)
+    return mount_of(surveyed, Factored.alone(np.tile(covariance, (STOPS, 1, 1))), edges, MOUNT)
 
 
 def _squared(rng, poses, edges, sigma):

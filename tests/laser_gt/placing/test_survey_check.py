@@ -6,10 +6,16 @@ from scipy.stats import chi2
 
 from laser_gt.placing.survey_check import Shape, doubt_sizes, doubt_text, survey_doubt, with_mount
 from laser_gt.scans.planar import compose, inverse
+from validation.poses.factored import Factored
 
 SURVEY, SCANS, MOUNT = (0.004, 0.004, 0.003), (0.002, 0.002, 0.0005), (0.001, 0.001, 0.001)
 
 STATED = np.array([0.2, 0.1, 0.3])
+
+
+def alone(sigmas, stops):
+    """Covariance of stops that are independent of each other."""
+    return Factored.alone(np.tile(np.diag(sigmas) ** 2, (stops, 1, 1)))
 
 
 def doubt_of(rng, stops, fault):
@@ -26,9 +32,9 @@ def doubt_of(rng, stops, fault):
     laser = compose(true, STATED + mount)
     seen = compose(laser, inverse(STATED)) + rng.standard_normal(true.shape) * SCANS
     seen = compose(np.array([3.0, 1.0, 0.7]), seen)
-    shape = Shape(seen, np.diag(np.tile(SCANS, stops) ** 2), STATED, np.diag(MOUNT) ** 2)
+    shape = Shape(seen, alone(SCANS, stops), STATED, np.diag(MOUNT) ** 2)
     names = [str(row) for row in range(stops)]
-    doubt = survey_doubt(names, shape, surveyed, np.diag(np.tile(SURVEY, stops) ** 2))
+    doubt = survey_doubt(names, shape, surveyed, alone(SURVEY, stops))
     return doubt, -mount if fault == "mount" else np.array([0.06, -0.06, 0.0])
 
 
@@ -75,8 +81,8 @@ def test_a_mount_that_is_far_off_is_told_with_its_size_and_the_slip():
     true = np.column_stack([rng.uniform(0, 8, (6, 2)), rng.uniform(-3, 3, 6)])
     right = STATED * [1, 1, -1]  # the angle has the wrong sign: 0.6 rad
     seen = compose(compose(true, right), inverse(STATED)) + rng.standard_normal((6, 3)) * SCANS
-    shape = Shape(seen, np.diag(np.tile(SCANS, 6) ** 2), STATED, np.diag(MOUNT) ** 2)
-    doubt = survey_doubt(list("abcdef"), shape, true, np.diag(np.tile(SURVEY, 6) ** 2))
+    shape = Shape(seen, alone(SCANS, 6), STATED, np.diag(MOUNT) ** 2)
+    doubt = survey_doubt(list("abcdef"), shape, true, alone(SURVEY, 6))
     assert doubt.kind == "mount"
     # stated less found, as everywhere
     assert (np.abs(doubt.size - (STATED - right)) < 4 * doubt.sigmas).all()

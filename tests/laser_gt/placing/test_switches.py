@@ -13,6 +13,7 @@ from laser_gt.placing.engines import Matching
 from laser_gt.placing.solution import solve
 from laser_gt.placing.switches import WRONG_SHARE, decided
 from laser_gt.scans.planar import between
+from validation.poses.factored import Factored
 
 SIGMAS = (0.15, 0.1)
 FLAWLESS = {
@@ -88,7 +89,9 @@ def test_what_is_imprecise_is_used_as_it_is():
 def _solved(poses, matches, surveyed="a"):
     stops = tuple(NAMES[: len(poses)])
     rows = [NAMES.index(stop) for stop in surveyed]
-    known = Surveyed(tuple(surveyed), poses[rows], np.eye(3 * len(rows)) * 1e-6)
+    known = Surveyed(
+        tuple(surveyed), poses[rows], Factored.alone(np.tile(1e-6 * np.eye(3), (len(rows), 1, 1)))
+    )
     matching = Matching("scanmatch", _decided(poses, matches), [])
     return solve(stops, np.zeros(3), np.full(3, 1e-6), poses, matching, known, SIGMAS)
 

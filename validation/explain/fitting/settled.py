@@ -289,7 +289,9 @@ def _square_of(
     if shared.whole is None:
         rows, signs = shared.factor, shared.signs
         own = covariances - (rows * signs) @ np.swapaxes(rows, 1, 2)
-        found = square_of_factored(errors, Factored(own, rows, signs), slopes)
+        if shared.net is not None:
+            own = own - shared.net.blocks
+        found = square_of_factored(errors, Factored(own, rows, signs, shared.net), slopes)
         if found is not None:
             return found
     whole = shared.matrix()
