@@ -112,6 +112,21 @@ def make_scans(scans: int, folder: Path) -> None:
     kept(folder, drive_inputs_of(laser_drive(0, minutes=minutes)))
 
 
+def make_hall(stops: int, folder: Path) -> None:
+    """Stops with matches of their scans, as they are judged one by one."""
+    sys.path.insert(0, str(ROOT / "tests" / "laser_gt" / "placing"))
+    from laser_halls import hall
+
+    kept(folder, hall(stops))
+
+
+def place_stops(folder: Path) -> Callable[[], object]:
+    """Poses by these matches, the check of the mount and the survey, tables, the comparison."""
+    sys.path.insert(0, str(ROOT / "tests" / "laser_gt" / "placing"))
+    hall = loaded(folder)
+    return hall.compared  # type: ignore[attr-defined,no-any-return]
+
+
 SCANS_A_MINUTE = 300
 
 
@@ -221,6 +236,7 @@ WORKS = {
     "survey": Work("stops", (26, 100, 500, 2000), make_room, command("survey", "{}")),
     "run": Work("stops", (26, 100, 500, 2000), make_room, command("run", "{}")),
     "vision": Work("frames", (100, 1000, 5000, 20_000), make_frames, solve_frames),
+    "laser at stops": Work("stops", (26, 100, 500, 2000), make_hall, place_stops),
     "laser": Work("scans", (300, 1000, 3000), make_scans, solve_scans),
     "rtk": Work("minutes", (10, 30, 60, 120), make_minutes, command("rtk", "solve", "{}")),
     "compare": Work("stops", POSES, two_tables, compare_tables),

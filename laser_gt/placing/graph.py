@@ -182,7 +182,7 @@ class GraphSpread:
         back = sparse.bsr_array((np.linalg.inv(by_pose), rows[:-1], rows), shape=(3 * n, 3 * n))
         net, turned = self._for_known_mount, np.swapaxes(by_pose, 1, 2)
         information = (back.T @ net.information @ back).tocsc()
-        moved = Net(information, net.by, by_pose @ net.blocks @ turned)
+        moved = Net((information + information.T) / 2, net.by, by_pose @ net.blocks @ turned)
         return Factored(by_pose @ self.noise @ turned, np.zeros((n, 3, 0)), np.zeros(0), moved)
 
 

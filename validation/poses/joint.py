@@ -179,7 +179,7 @@ def with_stored_joint(table: PoseTable, path: Path) -> PoseTable:
     if net in few:
         table = replace(table, net=_stored_net(net, table, path))
     if few:
-        _check_own(table, few[0], path)
+        _check_own(table, few, path)
     return table
 
 
@@ -206,18 +206,18 @@ def _check_whole(table: PoseTable, matrix: Array, beside: Path, path: Path) -> N
         raise _contradicting(beside, path)
 
 
-def _check_own(table: PoseTable, beside: Path, path: Path) -> None:
+def _check_own(table: PoseTable, few: list[Path], path: Path) -> None:
     """The same of few numbers: what a pose shares is a part of its covariance."""
     scale = np.sqrt(np.diagonal(table.covariances, axis1=1, axis2=2))[:, :, None]
     rest = table.own_covariances() / scale / np.swapaxes(scale, 1, 2)
     if not (np.isfinite(rest).all() and (np.linalg.eigvalsh(rest) > -1e-6).all()):
-        raise _contradicting(beside, path)
+        raise _contradicting(few[-1], path, *few[:-1])
 
 
-def _contradicting(beside: Path, path: Path) -> InputError:
-    return InputError(
-        [Problem(beside, f"it contradicts the covariances of {path.name}; run again")]
-    )
+def _contradicting(beside: Path, path: Path, *others: Path) -> InputError:
+    given = "".join(f", beside {other.name}" for other in others)
+    said = f"it contradicts the covariances of {path.name}{given}; run again"
+    return InputError([Problem(beside, said)])
 
 
 def _names(table: PoseTable) -> list[str]:
