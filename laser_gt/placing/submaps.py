@@ -79,18 +79,22 @@ def matched_as_submaps(
 
 def _submap(sweeps: Sequence[Prepared], part: Part, stop: int) -> tuple[Prepared, Array, int]:
     """A stop's sweep with those of its neighbours, the covariance of the worst, and how many."""
-    steps = []
-    for other in np.flatnonzero(part.parts == part.parts[stop]).tolist():
+    poses = part.solution.poses
+    others = np.flatnonzero(part.parts == part.parts[stop])
+    others = others[others != stop]
+    far = np.hypot(*(poses[others, :2] - poses[stop, :2]).T)
+    chosen: list[tuple[int, Array, Array]] = []
+    for other in others[np.argsort(far, kind="stable")].tolist():
         pose, covariance = part.step(stop, other)
         sigmas = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
-        if other != stop and (sigmas < [KNOWN, KNOWN, KNOWN / 2]).all():
-            steps.append((float(np.hypot(*pose[:2])), other, pose, covariance))
-    steps.sort(key=lambda step: step[:2])
-    chosen = steps[:NEIGHBOURS]
+        if (sigmas < [KNOWN, KNOWN, KNOWN / 2]).all():
+            chosen.append((other, pose, covariance))
+        if len(chosen) == NEIGHBOURS:
+            break
     if not chosen:
         return sweeps[stop], np.zeros((3, 3)), 1
     views = list(sweeps[stop].sweep.views)
-    for _, other, pose, _ in chosen:
+    for other, pose, _ in chosen:
         views += [View(one.scan, compose(pose, one.mount)) for one in sweeps[other].sweep.views]
     worst = max((covariance for *_, covariance in chosen), key=lambda one: float(np.trace(one)))
     return Prepared(Sweep(tuple(views), sweeps[stop].name)), worst, len(chosen) + 1
