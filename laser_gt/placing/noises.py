@@ -11,6 +11,7 @@ from laser_gt.scans.evidence import Prepared
 from laser_gt.scans.noise import RangeNoise, Residuals, noise_from, type_limits
 from laser_gt.scans.planar import between
 from laser_gt.scans.scan import Sweep
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 
 MOST = 30
@@ -18,6 +19,7 @@ MOST = 30
 correlations of 0.015 show."""
 
 
+@kept_result()
 def scanner_noise(
     sweeps: Sequence[Prepared], poses: Array, settings: MatchSettings | None = None
 ) -> dict[str, RangeNoise]:

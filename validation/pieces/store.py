@@ -206,15 +206,26 @@ def code_of(*packages: str) -> bytes:
     *packages : str
         Importable names: 'laser_gt.matching'.
     """
-    digest = hashlib.sha256()
-    for name in (*LIBRARIES, "gtval"):
-        digest.update(f"{name} {version(name)}\n".encode())
+    digest = hashlib.sha256(libraries())
     for package in (*_SHARED, *packages):
-        spec = find_spec(package)
-        if spec is None or spec.origin is None:
-            raise ModuleNotFoundError(package)
-        origin = Path(spec.origin)
-        files = sorted(origin.parent.rglob("*.py")) if spec.submodule_search_locations else [origin]
-        for file in files:
-            digest.update(file.name.encode() + b"\0" + file.read_bytes())
+        digest.update(_code_in(package))
+    return digest.digest()
+
+
+@cache
+def libraries() -> bytes:
+    """The versions of what results depend on."""
+    return "".join(f"{name} {version(name)}\n" for name in (*LIBRARIES, "gtval")).encode()
+
+
+@cache
+def _code_in(package: str) -> bytes:
+    """Digest of the code of a package or module."""
+    spec = find_spec(package)
+    if spec is None or spec.origin is None:
+        raise ModuleNotFoundError(package)
+    origin, digest = Path(spec.origin), hashlib.sha256()
+    files = sorted(origin.parent.rglob("*.py")) if spec.submodule_search_locations else [origin]
+    for file in files:
+        digest.update(file.name.encode() + b"\0" + file.read_bytes())
     return digest.digest()

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from validation.errors import GtvalError
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 from vision_gt.least_squares.adjustment import Adjustment, Knowledge, adjust, robust_m0
 from vision_gt.least_squares.setups import CAMERA_UNKNOWNS, Setup, as_views
@@ -116,6 +117,7 @@ def lens_words(found: Calibration) -> str:
     return said
 
 
+@kept_result()
 def calibrate(name: str, size: tuple[int, int], views: Sequence[BoardView]) -> Calibration:
     """A camera's intrinsic parameters.
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from validation.errors import GtvalError
+from validation.pieces.results import kept_result
 from validation.poses.angles import Array
 from vision_gt.images.markers import MarkerView
 from vision_gt.least_squares.adjustment import Knowledge, adjust
@@ -109,6 +110,7 @@ class LayoutFit:
     left_out: tuple[str, ...]
 
 
+@kept_result()
 def fit_layout(
     frames: Sequence[Frame],
     camera: Camera,
