@@ -6,7 +6,7 @@ from itertools import combinations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
+from scipy import special
 
 from laser_gt.placing.graph import GraphSolution
 from laser_gt.placing.mounts import mount_hint
@@ -147,7 +147,7 @@ def contradiction(shape: Shape, surveyed: Array, covariance: Factored) -> tuple[
     if freedom <= 0:
         return 0.0, 0, False
     squares = _fit(shape, surveyed, covariance).squares
-    return squares, freedom, bool(chi2.sf(squares, freedom) < RARE)
+    return squares, freedom, bool(special.chdtrc(freedom, squares) < RARE)
 
 
 def survey_doubt(
@@ -165,7 +165,7 @@ def survey_doubt(
     tried = sorted(_causes(shape, surveyed, covariance), key=lambda one: one.criterion)
     alike = [one for one in tried if one.criterion < tried[0].criterion + CLEAR]
     best = tried[0]
-    explained = bool(best.freedom > 0 and chi2.sf(best.left, best.freedom) > RARE)
+    explained = bool(best.freedom > 0 and special.chdtrc(best.freedom, best.left) > RARE)
     named = tuple((one.kind, tuple(names[row] for row in one.stops)) for one in alike)
     nothing = np.full(3, np.nan)
     if len(alike) > 1:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from rtk_gt.offsets.robust import autocorrelation_time
 from rtk_gt.receivers.fix_checks import check_fixes
@@ -107,7 +107,7 @@ def standing_noise(record: Fixes) -> StandingNoise:
     variances = np.square(left).sum(0) / np.maximum(n - worth[[0, 0, 1]], 1.0)
     ratio = float(variances[2] / variances[:2].mean())
     tail = (1 - CONFIDENCE) / 2
-    ends = stats.f.ppf([1 - tail, tail], free[1], 2 * free[0])
+    ends = special.fdtri(free[1], 2 * free[0], [1 - tail, tail])
     low, high = np.sqrt(ratio / ends).tolist()
     return StandingNoise(
         record.receiver, n, float(np.ptp(fixed.times)), np.sqrt(variances), float(np.sqrt(ratio)),

@@ -34,6 +34,15 @@ def test_pytest_starts_without_numpy_for_our_fixtures():
     assert not HEAVY & set(loaded)
 
 
+def test_no_run_loads_the_distributions_of_scipy():
+    """They take half a second, and `scipy.special` has what is asked of them."""
+    names = [f"{name}.system" for name in ("survey", "vision_gt", "laser_gt", "rtk_gt")]
+    names += ["vision_gt.campaign.solve", "laser_gt.campaign.solve", "rtk_gt.campaign.solve"]
+    code = f"import sys, validation.whole_run, {', '.join(names)}"
+    done = python(f"{code}; print('scipy.stats' in sys.modules)")
+    assert done == "False\n"
+
+
 def test_importing_takes_a_fraction_of_starting_python():
     clock = "import time; start = time.process_time(); import gtval; "
     clock += "print(start, time.process_time() - start)"

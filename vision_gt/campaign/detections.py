@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy.stats import binomtest
+from scipy import special
 
 from validation.results import Figure, Table, Text
 from validation.text_files.csv_text import csv_text
@@ -59,9 +59,17 @@ class Rate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % interval of the share (Wilson), as if images were drawn at random."""
-        found = binomtest(self.recognised, self.images).proportion_ci(0.95, method="wilson")
-        return float(found.low), float(found.high)
+        """95 % interval of the share, as if images were drawn at random.
+
+        Notes
+        -----
+        Wilson (1927), "Probable inference, the law of succession, and statistical inference".
+        """
+        p, n, z = self.share, self.images, float(special.ndtri(0.975))
+        middle = (p + z**2 / (2 * n)) / (1 + z**2 / n)
+        half = z / (1 + z**2 / n) * float(np.sqrt(p * (1 - p) / n + (z / (2 * n)) ** 2))
+        low = middle - half if self.recognised else 0.0
+        return low, middle + half if self.recognised < n else 1.0
 
 
 def rates(seen: SeenMarkers, by: By) -> dict[str, Rate]:

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from scipy.stats import chi2
+from scipy import special
 
 from validation.results import Finding, Severity, Size
 from vision_gt.campaign.outcome import StopPose, VisionOutcome
@@ -184,7 +184,7 @@ def apart_from(pose: RobotPose, chosen: RobotPose) -> tuple[float, float]:
     """Metres of a camera's pose from its stop's, and the chance that it fits and is so far off."""
     off = change_between(pose.T_gtv_robot, chosen.T_gtv_robot)
     spread = pose.covariance + chosen.covariance
-    apart = float(chi2.sf(off @ np.linalg.solve(spread, off), 6))
+    apart = float(special.chdtrc(6, off @ np.linalg.solve(spread, off)))
     return float(np.linalg.norm(off[:2])), min(pose.p_value, apart)
 
 

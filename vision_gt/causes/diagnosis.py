@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import chi2
+from scipy import special
 
 from validation.errors import GtvalError
 from validation.pieces.results import kept_result
@@ -157,9 +157,9 @@ class Diagnosis:
         """
         at = self.ranking.best.what.solution
         evidence = at.evidence
-        fits = chi2.sf(at.misfits, np.maximum(at.counts, 1)) >= corners
+        fits = special.chdtrc(np.maximum(at.counts, 1), at.misfits) >= corners
         bad = {g.moment for g, fit in zip(evidence.groups, fits, strict=True) if not fit}
-        stands = chi2.sf(at.body_misfits[evidence.stop_bodies()], 3) >= floor
+        stands = special.chdtrc(3, at.body_misfits[evidence.stop_bodies()]) >= floor
         standing = {stop for stop, fit in zip(evidence.stops, stands, strict=True) if fit}
         return set(evidence.stops) - bad, standing
 

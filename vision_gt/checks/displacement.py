@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 from scipy.spatial.transform import RigidTransform
-from scipy.stats import norm
 
 from validation.poses.angles import Array
 from vision_gt.checks.known_places import LEVEL, thing_covariance
@@ -49,7 +49,7 @@ class Displacement:
     @property
     def p_value(self) -> float:
         """How likely so large a difference is by chance."""
-        return float(2 * norm.sf(abs(self.off) / self.off_sigma))
+        return float(2 * special.ndtr(-abs(self.off) / self.off_sigma))
 
     @property
     def agrees(self) -> bool:

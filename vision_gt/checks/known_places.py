@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy import special
 from scipy.spatial.transform import RigidTransform
-from scipy.stats import chi2
 
 from validation.poses.angles import Array, wrap
 from vision_gt.images.markers import MarkerView
@@ -87,7 +87,7 @@ class PlaceReading:
     def p_value(self) -> float:
         """How likely so large a difference is by chance."""
         statistic = self.difference @ np.linalg.solve(self.covariance, self.difference)
-        return float(chi2.sf(statistic, len(COMPONENTS)))
+        return float(special.chdtrc(len(COMPONENTS), statistic))
 
     @property
     def agrees(self) -> bool:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
+from scipy import special
 
 from validation.poses.angles import Array, wrap
 from validation.trajectories.clock.judging import BELIEF, LEAST_SHARE, WIDEST, excluded
@@ -29,11 +29,11 @@ ROUGH = (0.1, 0.1)
 """Metres and radians within which two poses are of one time, before the noise is known."""
 BLOCK = 2.0
 """Seconds of errors that count as one: a path through noisy poses has errors as long as that."""
-MEDIAN_OF_3 = float(stats.chi2.ppf(0.5, 3))
+MEDIAN_OF_3 = float(special.chdtri(3, 0.5))
 """Median of the sum of three squares, in variances."""
-CUT = float(stats.chi2.ppf(0.997, 3))
+CUT = float(special.chdtri(3, 0.003))
 """Squared distance beyond which a pose loses weight: 0.3 % of good ones."""
-MOVED = float(stats.chi2.ppf(0.999, 3))
+MOVED = float(special.chdtri(3, 0.001))
 """Gain by a free frame from which on a camera is not where the network has it."""
 DRIFT = 1e-4
 """Standard deviation of a clock's rate against another's: ten times that of a usual quartz."""
@@ -74,7 +74,7 @@ class PairDelay:
     @property
     def quantile(self) -> float:
         """Half of a 95 % interval in standard deviations."""
-        return float(stats.t.ppf(0.975, self.freedom))
+        return float(special.stdtrit(self.freedom, 0.975))
 
     @property
     def half(self) -> float:

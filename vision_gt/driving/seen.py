@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
+from scipy import special
 
 from validation.poses.angles import Array
 from validation.trajectories.clock.continuous import ContinuousPath, continuous_path
@@ -12,7 +12,7 @@ from validation.trajectories.clock.result import Place
 from validation.trajectories.clock.stamps import FrameLine, frame_line
 from vision_gt.driving.stream import Stream
 
-MEDIAN_OF_2 = float(stats.chi2.ppf(0.5, 2))
+MEDIAN_OF_2 = float(special.chdtri(2, 0.5))
 """Median of the sum of two squares, in variances."""
 
 

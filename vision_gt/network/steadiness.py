@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy import special
 from scipy.spatial.transform import RigidTransform
-from scipy.stats import chi2
 
 from validation.pieces.results import kept_result
 from validation.poses.angles import Array
@@ -150,7 +150,7 @@ def board_move(
     change = change_between(T_after, T_before)
     covariance = first + second + np.diag(np.repeat(np.square(replaced), 3))
     statistic = float(change @ np.linalg.solve(covariance, change))
-    return BoardMove(change, float(chi2.sf(statistic, 6)))
+    return BoardMove(change, float(special.chdtrc(6, statistic)))
 
 
 def _board_pose(view: BoardView, camera: Camera) -> tuple[RigidTransform, Array] | None:
@@ -191,7 +191,7 @@ def image_move(before: Image, after: Image) -> ImageMove | None:
     from_middle = places - middle
     unknown, covariance = _rigid_shift(from_middle, shifts)
     statistic = float(unknown @ np.linalg.solve(covariance, unknown))
-    return ImageMove(unknown[:2], float(unknown[2]), float(chi2.sf(statistic, 3)))
+    return ImageMove(unknown[:2], float(unknown[2]), float(special.chdtrc(3, statistic)))
 
 
 def _tile_shifts(before: Image, after: Image) -> tuple[Array, Array]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
+from scipy import special
 
 from validation.poses.angles import Array
 from validation.trajectories.clock.continuous import ContinuousPath
@@ -124,7 +124,7 @@ def judged(
     for line in (dense.line, sparse.line):
         if line is not None:
             both += line.covariance
-    quantile = float(stats.t.ppf((1 + nothing.confidence) / 2, freedom))
+    quantile = float(special.stdtrit(freedom, (1 + nothing.confidence) / 2))
     half = quantile * np.sqrt(np.diag(both))
     sign = -1.0 if swapped else 1.0
     delay, drift = sign * state.parameters[DELAY], sign * state.parameters[DRIFT]
