@@ -5,11 +5,8 @@ when it is called.
 """
 
 import os
-import signal
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from threading import current_thread, main_thread
+from collections.abc import Iterable
 from typing import Any
 
 import click
@@ -19,6 +16,7 @@ from validation.commands.output import BAD_INPUT, INTERRUPTED, UNEXPECTED
 from validation.errors import GtvalError, InputError
 from validation.plugins import EntryPoint, entry_points
 from validation.report.characters import never_fail
+from validation.stopping import ended_as_interrupted
 
 WANTS_JSON = "gtval.json"
 """Key of the click context's meta: whether an error, too, is to be told as JSON."""
@@ -82,7 +80,7 @@ class DiscoveredGroup(click.Group):
             sys.exit(UNEXPECTED)
         try:
             try:
-                with _ended_as_interrupted():
+                with ended_as_interrupted():
                     return super().main(*arguments, **settings)
             finally:
                 sys.stdout.flush()
@@ -125,22 +123,6 @@ class DiscoveredGroup(click.Group):
             click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
             _tell(ctx, said)
             ctx.exit(UNEXPECTED)
-
-
-@contextmanager
-def _ended_as_interrupted() -> Iterator[None]:
-    """Let SIGTERM, which schedulers and containers send, end a command as Ctrl-C does.
-
-    So temporary folders go, and what is being written is whole or not there.
-    """
-    if current_thread() is not main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _stdout_fails() -> bool:

@@ -38,6 +38,7 @@ from validation.poses.pose_files import pose_files
 from validation.poses.pose_table import PoseTable
 from validation.published.systems import published_systems
 from validation.results import VALIDATION_SYSTEM, Finding, Section, SystemResult, Table
+from validation.stopping import go_on_after
 from validation.systems import (
     Progress,
     System,
@@ -168,7 +169,13 @@ def unexpected(part: str, error: BaseException) -> SystemResult:
         A system, an analysis or a part of the report, as people call it: 'laser', 'explain'.
     error : BaseException
         What was raised; being handled.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If the command is to end.
     """
+    go_on_after(error)
     name = f"{TRACEBACKS}/{re.sub('[^A-Za-z0-9_-]+', '_', part)}.txt"
     text = (
         f"'{part}' failed unexpectedly and gives no result ({type(error).__name__}: {error}). "
