@@ -35,6 +35,10 @@ CUT = float(special.chdtri(3, 0.003))
 """Squared distance beyond which a pose loses weight: 0.3 % of good ones."""
 MOVED = float(special.chdtri(3, 0.001))
 """Gain by a free frame from which on a camera is not where the network has it."""
+LEAST_NOISE = np.array([1e-5, 1e-5, 1e-5])
+"""Metres and radians that a pose is uncertain by at least, as in the clocks against odometry."""
+ANY_DELAY = 1e3
+"""Seconds: a delay of which nothing is known."""
 DRIFT = 1e-4
 """Standard deviation of a clock's rate against another's: ten times that of a usual quartz."""
 FREE = 10.0
@@ -238,7 +242,7 @@ class _Fit:
         off += np.einsum("nij,j->ni", changes[:, :, 2:], self.unknowns[2:])
         between = one.between(times)[:, :, None] ** 2 * np.eye(3) / self.scale
         own = two.own[rows] + one.own[beside] + between
-        inverse = np.linalg.inv(own)
+        inverse = np.linalg.inv(own + np.diag(LEAST_NOISE**2))
         return off, changes, np.asarray(inverse)
 
     def expected(self, inverse: Array) -> float:
@@ -278,8 +282,10 @@ class _Fit:
         gradient = np.einsum("npi,ni->p", turned, off) + self.prior * self.unknowns
         step = -np.linalg.solve(information, gradient)
         step *= min(1.0, GRID / max(abs(float(step[0])), 1e-12))
-        sigma = float(np.sqrt(np.linalg.inv(information)[0, 0]))
-        return replace(self, unknowns=self.unknowns + step), abs(float(step[0])) / sigma
+        # Of a way that tells nothing of it, what is known of the delay is a rounding error.
+        known = float(np.linalg.inv(information)[0, 0])
+        moved = abs(float(step[0])) / np.sqrt(known) if known > 0 else np.inf
+        return replace(self, unknowns=self.unknowns + step), moved
 
 
 def _nearest(times: Array, at: Array) -> npt.NDArray[np.intp]:
@@ -298,7 +304,7 @@ def _fitted(first: Seen, second: Seen, delay: float) -> _Fit | None:
         return None
     rows = inside[:: -(-len(inside) // MOST_ROWS)]
     shared = second.common.shape[2]
-    prior = np.concatenate([[0.0, DRIFT**-2], np.full(3, 1e12), np.ones(shared)])
+    prior = np.concatenate([[ANY_DELAY**-2, DRIFT**-2], np.full(3, 1e12), np.ones(shared)])
     unknowns = np.zeros(5 + shared)
     unknowns[0] = delay
     # The drift counts from where the robot moves: there the delay is told, and not the drift.
@@ -321,7 +327,7 @@ def _settled(fit: _Fit) -> _Fit | None:
         squares = np.einsum("ni,nij,nj->n", off, inverse, off)
         scale = max(float(np.median(squares)) / MEDIAN_OF_3 / fit.expected(inverse), 1e-3)
         fit, moved = replace(fit, scale=scale).stepped()
-        if not fit.first.path.supported(fit.times(fit.delay)).all():
+        if not np.isfinite(moved) or not fit.first.path.supported(fit.times(fit.delay)).all():
             return None
         if number > 2 and moved < 1e-2:
             break

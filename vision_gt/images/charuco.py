@@ -1,6 +1,6 @@
 """ChArUco boards in images, and what boards that are not the stated ones are."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -53,6 +53,10 @@ def charuco_corners(image: Image, board: Board) -> CharucoCorners | None:
     markers = Markers.of(outlines, numbers).of_board(board)
     agrees = _agreeing(board, markers)
     if not agrees.sum() >= max(MOST_AGREE * len(agrees), 1):
+        return None
+    # Of the other layout with an odd number of columns all but one in a row agree, a square aside.
+    other = replace(board, legacy=not board.legacy)
+    if not agrees.all() and agreement(other, markers) > agrees.sum():
         return None
     named = np.zeros(0, dtype=np.intp) if found is None else np.ravel(found).astype(np.intp)
     own = np.array(corners if len(named) else [], dtype=float).reshape(-1, 2)

@@ -27,6 +27,11 @@ wrong."""
 _BY_TURNS = 0.7
 """Share of a found board's squares that are dark and light by turns: half of them by chance, three
 quarters where there are markers in the light ones."""
+_BESIDE, _MEET, _LEFT = 0.1, 0.3, 0.25
+"""Sides of a square from a corner; how far from the middle of dark and light the grey level of
+corners may be; and how much of the difference of squares is left beside them. On a chessboard
+corners are in the middle whatever the blur; where overexposure parts dark squares, they still show
+beside corners but for squares of less than some 8 px. Between circles both are light."""
 _STRETCHED, _UNSURE, _UNEVEN = 1.5, 6.0, 0.05
 """A side of a square over the next one's, sigmas of a corner that it is longer by, and the share of
 such sides from which on corners were passed over. In 26 photographs of boards at up to 45 degrees
@@ -132,7 +137,8 @@ def is_another(
         return False
     first, other = level[seen & even].mean(), level[seen & ~even].mean()
     lighter = level > (first + other) / 2
-    if (lighter == even)[seen].mean() < _BY_TURNS and (lighter != even)[seen].mean() < _BY_TURNS:
+    by_turns = max((lighter == even)[seen].mean(), (lighter != even)[seen].mean()) >= _BY_TURNS
+    if not by_turns or _apart(image, H, inside, (first, other)):
         return True
     along, down = np.arange(-1, nx), np.arange(-1, ny)
     sides = [np.column_stack([along, np.full(nx + 1, y)]) for y in (-2, ny)]
@@ -144,6 +150,27 @@ def is_another(
         if seen.sum() >= _LEAST_SIDE and right[seen].mean() >= _ALTERNATE:
             return True
     return False
+
+
+def _apart(image: Image, H: Any, squares: Ints, levels: tuple[float, float]) -> bool:
+    """Whether dark fields (n, 2) do not meet at their corners, as circles in turned rows do not.
+
+    Parameters
+    ----------
+    image, H, squares
+        As for `_levels`.
+    levels : (float, float)
+        Of the even and the odd squares.
+    """
+    first, other = levels
+    at, seen = _levels(image, H, squares - 0.5)
+    beside, _ = _levels(image, H, squares - 0.5 + _BESIDE)
+    even = squares.sum(1) % 2 == 0
+    if not (seen & even).any() or not (seen & ~even).any():
+        return False
+    share = abs((at[seen].mean() - other) / (first - other) - 0.5)
+    left = (beside[seen & even].mean() - beside[seen & ~even].mean()) / (first - other)
+    return bool(share > _MEET and left < _LEFT)
 
 
 def _passed_over(board: Board, numbers: Ints, pixels: Array, sigmas: Array | None) -> bool:
@@ -186,7 +213,7 @@ def dark_rim(image: Image, board: Board, numbers: Ints, pixels: Array) -> bool:
     return bool(seen.any() and dark[seen].mean() >= _ALTERNATE)
 
 
-def _levels(image: Image, H: Any, squares: Ints) -> tuple[Array, npt.NDArray[np.bool_]]:
+def _levels(image: Image, H: Any, squares: npt.NDArray[Any]) -> tuple[Array, npt.NDArray[np.bool_]]:
     """Grey levels (n,) in the middles of squares (n, 2), and whether these are in the image."""
     ahead = np.column_stack([squares + 0.5, np.ones(len(squares))]) @ np.asarray(H).T
     column, row = np.rint(ahead[:, :2] / ahead[:, 2:]).astype(int).T

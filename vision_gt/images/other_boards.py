@@ -70,6 +70,13 @@ them: cells of markers and gaps between circles are not."""
 _ROUND = 0.82
 """Of a blob, 4 pi area over the square of its rim: a square has 0.785, an ellipse of 2 to 1
 0.84."""
+_NEAR_CORNER, _FAINT = 0.8, 0.25
+"""Share of the way from a square's middle to its corner at which a chessboard still alternates by
+more than this share: squares of 8 px under a blur of 0.7 px by half. Circles that do not touch
+leave nothing there; nor do smaller squares under more blur, so circles are looked for."""
+_ASIDE, _NEXT = 0.5, 2.0
+"""Of the way to the nearest marker, the smaller part over the larger: 0 in a grid, 1 across a
+corner of a ChArUco board. And its length in sides: gaps of grids are a fifth to a half of one."""
 _FEW_CORNERS = 15
 """Fewer are no chessboard: cells of a marker are dark and light by turns, too."""
 _QUICK = cv2.CALIB_CB_FAST_CHECK | cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
@@ -124,7 +131,7 @@ def what_instead(image: Image, board: Board, beside: Sequence[Board] = ()) -> Ot
         Others that may be there as well; a part of one of them is nothing else.
     """
     size = partial(_other_size, beside=beside)
-    marked = (other_board, size) if board.family is not None else (_markers_instead,)
+    marked = (other_board, _marker_grid, size) if board.family is not None else (_markers_instead,)
     tries = (*marked, _plain, circles)
     return next((found for look in tries if (found := look(image, board)) is not None), None)
 
@@ -134,11 +141,49 @@ def _markers_instead(image: Image, board: Board) -> OtherBoard | None:
     return _other_family(image, _markers(image, None)[1], board)
 
 
+def _marker_grid(image: Image, board: Board) -> OtherBoard | None:
+    """A grid of markers of the stated family, without a chessboard around them."""
+    for shown in (image, np.asarray(255 - image, dtype=np.uint8)):
+        markers, _ = _markers(shown, board.family)
+        if board.family and len(markers.numbers) >= _LEAST_MARKERS and _lined_up(markers.outlines):
+            return OtherBoard(_grid_name(board.family.name, board), None, _outline(markers))
+    return None
+
+
+def _grid_name(family: str, board: Board) -> str:
+    return f"a grid of markers of {family}, not a {_kind(board)}"
+
+
+def _kind(board: Board) -> str:
+    return "ChArUco board" if board.family else "chessboard"
+
+
+def _lined_up(outlines: Array) -> bool:
+    """Whether markers (n, 4, 2) stand side by side, as those of a ChArUco board do not.
+
+    In a ChArUco board the nearest is the one across a corner, and the next of the same row two
+    squares away, which is more than two sides of a marker.
+    """
+    middles = outlines.mean(1)
+    square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]], dtype=np.float32)
+    nearest = []
+    for number, outline in enumerate(outlines):
+        flat = cv2.getPerspectiveTransform(outline.astype(np.float32), square)
+        others = np.delete(middles, number, axis=0)
+        away = cv2.perspectiveTransform(others[None], flat)[0]
+        nearest.append(away[np.argmin(np.linalg.norm(away, axis=1))])
+    size = np.sort(np.abs(nearest), axis=1)
+    aside = float(np.median(size[:, 0] / np.maximum(size[:, 1], 1e-9)))
+    return aside < _ASIDE and float(np.median(size[:, 1])) < _NEXT
+
+
 def _plain(image: Image, board: Board) -> OtherBoard | None:
     """A plain chessboard of another size, or one of which a part is seen."""
     grid = _chessboard(image, board)
     if grid is None or grid[..., 0].size < _FEW_CORNERS or not _alternates(image, grid):
         return None
+    if _faint(image, grid) and (round_ones := circles(image, board)) is not None:
+        return round_ones
     down, across = sorted((grid.shape[0] + 1, grid.shape[1] + 1))
     stated = f"{board.columns} x {board.rows}"
     if board.family is not None:
@@ -163,16 +208,31 @@ def _chessboard(image: Image, board: Board) -> Array | None:
 
 def _alternates(image: Image, grid: Array) -> bool:
     """Whether the squares between corners (r, c, 2) are dark and light by turns."""
-    middles = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4
-    column, row = np.rint(middles).astype(int).reshape(-1, 2).T
-    grey = image[row.clip(0, image.shape[0] - 1), column.clip(0, image.shape[1] - 1)].astype(float)
-    y, x = np.mgrid[: middles.shape[0], : middles.shape[1]]
-    even = ((x + y) % 2 == 0).ravel()
+    grey, even = _by_turns(image, grid, 0.0)
     middle = (grey[even].mean() + grey[~even].mean()) / 2
     darker = grey < middle
     right = (darker == even) if grey[even].mean() < grey[~even].mean() else (darker != even)
     apart = abs(float(grey[even].mean() - grey[~even].mean()))
     return bool(right.mean() >= _ALTERNATE and apart > _CONTRAST)
+
+
+def _by_turns(image: Image, grid: Array, out: float) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Grey levels of all squares, a share of the way from the middle to a corner; every other."""
+    middles = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4
+    places = (1 - out) * middles + out * grid[:-1, :-1]
+    column, row = np.rint(places).astype(int).reshape(-1, 2).T
+    grey = image[row.clip(0, image.shape[0] - 1), column.clip(0, image.shape[1] - 1)].astype(float)
+    y, x = np.mgrid[: middles.shape[0], : middles.shape[1]]
+    return grey, ((x + y) % 2 == 0).ravel()
+
+
+def _faint(image: Image, grid: Array) -> bool:
+    """Whether what alternates does not reach the corners (r, c, 2): circles between them do not."""
+    apart = [
+        float(grey[even].mean() - grey[~even].mean())
+        for grey, even in (_by_turns(image, grid, out) for out in (0.0, _NEAR_CORNER))
+    ]
+    return apart[1] / apart[0] < _FAINT
 
 
 def _other_size(image: Image, board: Board, beside: Sequence[Board] = ()) -> OtherBoard | None:
@@ -236,8 +296,7 @@ def circles(image: Image, board: Board) -> OtherBoard | None:
                 seen, places = cv2.findCirclesGrid(shown, (across, down), flags=flag)
                 if seen:
                     outline = np.asarray(places, dtype=float).reshape(-1, 2)
-                    what = "ChArUco board" if board.family else "chessboard"
-                    said = f"{name} grid of {across} x {down} circles, not a {what}"
+                    said = f"{name} grid of {across} x {down} circles, not a {_kind(board)}"
                     return OtherBoard(said, None, hull(outline))
     return None
 
@@ -351,10 +410,13 @@ def _other_family(image: Image, quads: Array, board: Board) -> OtherBoard | None
     if len(set(most.numbers.tolist())) < least:
         return None
     outline = _outline(Markers(quads[most.rows], most.numbers))
+    grid = _lined_up(quads[most.rows])
+    named = _smallest(name, _highest(most.numbers, board.columns * board.rows // 2))
+    if grid:
+        return OtherBoard(_grid_name(named, board), None, outline)
     if board.family is None:
-        return OtherBoard(f"a ChArUco board of {name.upper()}", None, outline)
-    highest = _highest(most.numbers, board.marker_count)
-    named, stated = _smallest(name, highest), board.family.name
+        return OtherBoard(f"a ChArUco board of {named}", None, outline)
+    stated = board.family.name
     if named.partition("_")[0] == stated.upper().partition("_")[0] and "X" in named:
         return None
     return OtherBoard(f"{named}{_WHERE}{stated} was stated", None, outline)

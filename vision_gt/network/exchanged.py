@@ -37,6 +37,9 @@ _LENSES = (
 _APART = (
     "the snapshots of cameras {0} and {1} are numbered apart: those of camera {0} are {2} too {3}"
 )
+_SIZES = 1.03 ** np.arange(-25, 26)
+"""Of boards over what is stated: from half to twice. Steps that a network of metres bears."""
+_FINE = 1 + 0.005 * np.arange(-3, 4)
 _LEAST_CORNERS = 12
 """Of a board whose misfit says something about the lens."""
 
@@ -207,8 +210,40 @@ def why_not_linked(
     ]
     count, said = max(tried, key=lambda one: one[0], default=(0, ""))
     if count < as_is + _LEAST_MORE:
-        return _lenses_that_fit(views, cameras) or _worst_lens(views, cameras)
+        lens = _lenses_that_fit(views, cameras) or _worst_lens(views, cameras)
+        if lens:
+            return lens
+        count, said = _other_size(views, cameras, T_bar_patterns)
+    if count < as_is + _LEAST_MORE:
+        return ""
     return f"{said}: {count} snapshots agree then, {as_is} as it is"
+
+
+def _other_size(
+    views: Sequence[BoardView], cameras: Sequence[Camera], T_bar_patterns: RigidTransform
+) -> tuple[int, str]:
+    """How many snapshots agree with boards of the size at which most do, and a sentence.
+
+    Boards of s times the stated size put everything s times as far away: the same as a bar that is
+    1/s times as long. Snapshots do not tell the one from the other.
+    """
+
+    def at(size: float) -> tuple[int, float]:
+        """Snapshots that agree, and minus their scatter."""
+        patterns = RigidTransform.from_components(
+            T_bar_patterns.translation / size, T_bar_patterns.rotation
+        )
+        links = [k for k in pair_links(bar_poses(views, cameras, patterns)) if len(k.snapshots) > 1]
+        return sum(len(k.snapshots) for k in links), -sum(float(k.spread[0]) for k in links) * size
+
+    coarse = max(_SIZES, key=at)
+    size = max(coarse * _FINE, key=at)
+    squares, bar = (f"{100 * abs(one - 1):.0f} %" for one in (size, 1 / size))
+    words, other = ("smaller", "longer") if size < 1 else ("larger", "shorter")
+    return at(size)[0], (
+        f"the squares of the bar's boards are some {squares} {words} than stated, or the bar is "
+        f"some {bar} {other} (measure both)"
+    )
 
 
 def _lenses_exchanged(cameras: Sequence[Camera]) -> Iterator[tuple[str, str, list[Camera]]]:

@@ -37,6 +37,7 @@ _OTHER_LENSES = {
 }
 _TELLS_LENS = re.compile(r"model|lens|flags|distortion_type|projection")
 """Of the keys whose value may name a lens."""
+_COLMAP = re.compile(r"(?m)^\d+ [A-Z_]{6,} \d+ \d+( [-+.\de]+){3,}\s*$")
 _FOUR = (
     "four numbers may be Brown's k1, k2, p1, p2 or the fisheye lens's k1 to k4, and the file does "
     "not say which. If they are Brown's add 0.0 as the fifth, k3"
@@ -49,13 +50,15 @@ _KEYS = (
 """Names of the camera matrix and of the lens in files of OpenCV's samples and users."""
 
 
-def read_cameras(path: Path) -> list[Camera]:
+def read_cameras(path: Path, name: str | None = None) -> list[Camera]:
     """The cameras of a file; its contents tell the format.
 
     Parameters
     ----------
     path : Path
         .yaml, .yml or .xml of OpenCV, .yaml of ROS or Kalibr, or a Calib_Results.mat.
+    name : str, optional
+        The only one wanted of a chain of Kalibr: others may have lenses that are not read.
 
     Raises
     ------
@@ -70,15 +73,17 @@ def read_cameras(path: Path) -> list[Camera]:
     if path.suffix.lower() == ".mat":
         return [_read_bouguet(path, data)]
     text = data.decode("utf-8-sig", errors="replace")
+    if _COLMAP.search(text):
+        raise _bad(path, "a list of cameras of COLMAP, which is not read")
     root = _parsed(path, text)
     if any(re.fullmatch(r"cam\d+", str(key)) and isinstance(root[key], dict) for key in root):
-        return _read_kalibr(path, root)
+        return _read_kalibr(path, root, name)
     if "intrinsics" in root and "resolution" in root:
         return [_kalibr_camera(path, "", root)]
     if isinstance(root.get("projection_parameters"), dict):
         return [_read_camodocal(path, root)]
     if isinstance(root.get("distortion_model"), str):
-        return [_read_ros(path, root)]
+        return [_read_ros(path, _as_filed(path, root))]
     return [_read_opencv(path, root)]
 
 
@@ -90,7 +95,7 @@ def camera_of(path: Path, name: str | None = None) -> Camera:
     GtvalError
         If there are several or none, with their names.
     """
-    found = read_cameras(path)
+    found = read_cameras(path, name)
     chosen = [one for one in found if name is None or one.name == name]
     if len(chosen) != 1:
         names = ", ".join(one.name for one in found)
@@ -123,7 +128,9 @@ def _parsed(path: Path, text: str) -> dict[str, Any]:
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         found = _plain(storage.root())
     except (cv2.error, SystemError) as error:
-        said = str(error).splitlines()[0]
+        # A storage that was not opened has no message of its own.
+        said = str(error).splitlines()[0] if isinstance(error, cv2.error) else ""
+        said = said if said and "<class" not in said else "not what OpenCV writes"
         raise _bad(path, f"not a camera file: {said}") from None
     if not isinstance(found, dict):
         raise _bad(path, "not a camera file: nothing is named in it")
@@ -296,11 +303,23 @@ def _read_ros(path: Path, root: Mapping[str, Any]) -> Camera:
     return _read_opencv(path, root)
 
 
-def _read_kalibr(path: Path, root: Mapping[str, Any]) -> list[Camera]:
+def _as_filed(path: Path, root: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A message of ROS (CameraInfo) with the names that camera files have; these as they are."""
+    for key in ("binning_x", "binning_y"):
+        if root.get(key) not in (None, 0.0, 1.0):
+            said = "the images are binned, and the camera matrix is that of the whole sensor"
+            raise _bad(path, said, key, f"{root[key]:g}" if isinstance(root[key], float) else "")
+    names = {"image_width": "width", "image_height": "height", "K": "k", "D": "d"}
+    more = {name: root[key] for name, key in names.items() if name not in root and key in root}
+    return {**root, **more}
+
+
+def _read_kalibr(path: Path, root: Mapping[str, Any], name: str | None = None) -> list[Camera]:
     named = sorted(
         (key for key in root if re.fullmatch(r"cam\d+", key)), key=lambda key: int(key[3:])
     )
-    return [_kalibr_camera(path, field, root[field]) for field in named]
+    wanted = [field for field in named if name == field] or named
+    return [_kalibr_camera(path, field, root[field]) for field in wanted]
 
 
 def _kalibr_camera(path: Path, field: str, node: Any) -> Camera:

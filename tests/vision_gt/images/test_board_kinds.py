@@ -68,6 +68,18 @@ def test_inverted_boards_and_those_of_the_older_layout_are_read(shown, said):
     assert look_for_boards(image, [shown]).instead == ""
 
 
+@pytest.mark.parametrize("legacy", [False, True])
+@pytest.mark.parametrize("columns", [5, 7])
+def test_a_layout_that_is_the_stated_one_a_square_aside_is_told_from_it(columns, legacy):
+    # With an odd number of columns and an even one of rows all markers but those of one column
+    # lie in the other layout as they do in the stated one, a square to the side.
+    stated = Board(columns, 6, 0.05, STATED.family, legacy=legacy)
+    image, true = photograph(replace(stated, legacy=not legacy))
+    look = look_for_boards(image, [stated])
+    assert look.instead == ("the newer layout" if legacy else "legacy layout")
+    assert missed(look.found[0], true).max() < 0.2
+
+
 @pytest.mark.parametrize(
     ("shown", "mirrored", "said"),
     [
@@ -122,6 +134,38 @@ def test_circles_are_named():
     look = look_for_boards(image, [Board(10, 7, 0.05)])
     assert "circles" in look.instead
     assert look.rejected[0].kind == "board"
+
+
+@pytest.mark.parametrize("stated", [STATED, Board(9, 8, 0.05)])
+def test_circles_in_turned_rows_are_no_chessboard(stated):
+    image = np.full((480, 640), 210, dtype=np.uint8)
+    for y in range(9):
+        for x in range(4):
+            cv2.circle(image, (150 + 80 * x + 40 * (y % 2), 70 + 40 * y), 17, 40, -1, cv2.LINE_AA)
+    look = look_for_boards(cv2.GaussianBlur(image, (0, 0), 0.8), [stated])
+    assert look.found == (None,)
+    assert look.instead.startswith("an asymmetric grid of 4 x 9 circles")
+
+
+def marker_grid(family, *, squares):
+    """Markers side by side, 90 pixels apart, with black squares between their corners or not."""
+    image = np.full((480, 640), 210, dtype=np.uint8)
+    for number in range(20):
+        x, y = 90 + 90 * (number % 5), 70 + 90 * (number // 5)
+        drawn = cv2.aruco.generateImageMarker(Family(family).dictionary, number, 64)
+        image[y : y + 64, x : x + 64] = np.where(drawn > 0, 210, 40)
+        if squares:
+            image[y - 26 : y, x - 26 : x] = image[y + 64 : y + 90, x + 64 : x + 90] = 40
+    return cv2.GaussianBlur(image, (0, 0), 0.8)
+
+
+@pytest.mark.parametrize(("family", "squares"), [("4X4_50", False), ("APRILTAG_36h11", True)])
+@pytest.mark.parametrize("stated", [STATED, Board(9, 6, 0.05)])
+def test_a_grid_of_markers_is_no_charuco_board(family, squares, stated):
+    look = look_for_boards(marker_grid(family, squares=squares), [stated])
+    assert look.found == (None,)
+    kind = "ChArUco board" if stated.family else "chessboard"
+    assert look.instead == f"a grid of markers of {family.upper()}, not a {kind}"
 
 
 def test_whatever_goes_wrong_in_an_image_is_its_note(monkeypatch, tmp_path):

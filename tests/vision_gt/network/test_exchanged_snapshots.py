@@ -133,6 +133,16 @@ def test_a_network_that_is_not_linked_says_whose_lens_is_wrong(lenses, said):
                 solved(row, views, cameras)
 
 
+@pytest.mark.parametrize(("share", "said"), [(0.8, "20 % smaller"), (1.25, "25 % larger")])
+def test_a_bar_with_boards_of_another_size_is_said(share, said):
+    row = row_of(34, CHARUCO, 12)
+    stated = replace(CHARUCO, square=CHARUCO.square / share)
+    views = [replace(view, board=stated) for view in row.snapshots]
+    patterns = Bar(row.nominal_bar, np.zeros(6)).patterns
+    found = why_not_linked(views, row.cameras, patterns)
+    assert found.startswith(f"the squares of the bar's boards are some {said} than stated")
+
+
 def test_numbers_that_run_apart_are_said():
     """Camera 1 took a frame too many: its files have the numbers of the moment after."""
     row = row_of(33, CHARUCO, 12)

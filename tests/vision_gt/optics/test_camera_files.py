@@ -6,7 +6,7 @@ from vision_scenes import LENS, SIZE
 
 from validation.errors import GtvalError, InputError
 from vision_gt.optics.camera import Camera
-from vision_gt.optics.camera_files import read_cameras
+from vision_gt.optics.camera_files import camera_of, read_cameras
 from vision_gt.optics.lenses import fisheye_parameters, rational_parameters
 from vision_gt.optics.written_cameras import write_camera
 
@@ -63,9 +63,44 @@ def test_kalibr_chain_with_two_cameras(tmp_path):
     assert [camera.name for camera in read_cameras(path)] == ["cam0", "cam1"]
 
 
+def test_a_camera_of_a_chain_is_read_whatever_lens_another_has(tmp_path):
+    path = tmp_path / "camchain.yaml"
+    path.write_text(
+        "cam0:\n  camera_model: ds\n  distortion_model: none\n  distortion_coeffs: []\n"
+        "  intrinsics: [-0.2, 0.6, 500.0, 501.0, 320.0, 240.0]\n  resolution: [640, 480]\n"
+        "cam1:\n  camera_model: pinhole\n  distortion_model: radtan\n"
+        "  distortion_coeffs: [-0.3, 0.1, 0.0, 0.0]\n"
+        "  intrinsics: [460.0, 459.0, 365.0, 249.0]\n  resolution: [752, 480]\n"
+    )
+    assert camera_of(path, "cam1").size == (752, 480)
+    for name in ("cam0", None):
+        with pytest.raises(InputError, match="double-sphere"):
+            camera_of(path, name)
+
+
+@pytest.mark.parametrize("names", ["K D R P", "k d r p"])
+def test_a_message_of_ros_is_read_and_refused_where_images_are_binned(tmp_path, names):
+    K, D, R, P = names.split()
+    text = (
+        "header:\n  frame_id: head\nheight: 480\nwidth: 640\ndistortion_model: plumb_bob\n"
+        f"{D}: [-0.1, 0.01, 0.001, 0.002, 0.0]\n{K}: [500, 0, 320, 0, 501, 240, 0, 0, 1]\n"
+        f"{R}: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n{P}: [500, 0, 320, 0, 0, 501, 240, 0, 0, 0, 1, 0]\n"
+    )
+    path = tmp_path / "camera_info.yaml"
+    path.write_text(text + "binning_x: 0\nbinning_y: 0\n")
+    (found,) = read_cameras(path)
+    assert found.size == (640, 480)
+    np.testing.assert_allclose(found.parameters, [500, 501, 320, 240, -0.1, 0.01, 0.001, 0.002, 0])
+    path.write_text(text + "binning_x: 2\nbinning_y: 2\n")
+    with pytest.raises(InputError, match="binned"):
+        read_cameras(path)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
+        ("1 OPENCV 1280 960 1000.0 1000.0 640 480 -0.2 0.08 5e-4 -3e-4\n", "COLMAP"),
+        ("<?xml version='1.0'?>\n<calibration>\n<f>1000</f>\n</calibration>\n", "OpenCV writes"),
         ("image_width: 640\n", "lacks this"),
         ("this is: [not", "not a camera file"),
         ("", "not a camera file"),

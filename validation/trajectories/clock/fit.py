@@ -37,6 +37,11 @@ an odometer that is wrong by as much in a half turn as on a way of a metre and a
 heading of one whose wheels slip when it turns. The more likely of the two is taken."""
 IDLE = 0.05
 """What a second counts for, without motion."""
+LEAST_VARIANCES = np.array([1e-10, 1e-10, 1e-10, 1e-10, 1e-10])
+"""Of positions (m^2), headings (rad^2), of the frame's wandering in place and turn per unit, and
+of stamps (s^2): 10 um, 10 urad and 10 us. A motion capture has ten times that; only made poses are
+better. Beside links of 1e-4 units (`Fit.activity`) the equations are then conditioned to 1e14,
+which numbers of 16 digits bear; poses without noise would have 1e20."""
 SETTLED = 0.1
 """Change of -2 log likelihood in one step; verdicts ask for rises of 9 and more."""
 
@@ -378,7 +383,7 @@ class Fit:
         first = np.log([variances.position, variances.heading, variances.walk, variances.turn_walk])
         if with_jitter:
             first = np.append(first, np.log(max(variances.jitter, 1e-6)))
-        low = np.array([-32.0, -32.0, -27.0, -27.0, -23.0])[: len(first)]
+        low = np.log(LEAST_VARIANCES)[: len(first)]
         high = np.array([2.0, 2.0, 2.0, 2.0, 0.0])[: len(first)]
 
         def cost(point: Array) -> float:

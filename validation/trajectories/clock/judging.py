@@ -53,6 +53,8 @@ part of the wandering frame."""
 BELIEF = 10.0
 """Blocks that the model counts as, against the spread that the record shows. With 20 blocks a
 ratio of variances that is truly 1 has a standard deviation of 0.32, shrunk to 0.2 by this."""
+LEAST_SAID = 1e-12
+"""Information that a block has at least, 1/s^2 or in variances: as good as none."""
 PARTS = 4
 """Parts of a record that have a delay each."""
 
@@ -118,6 +120,9 @@ def judged(
     solved, _ = fit.solve(state, values, variances, weights, PRIOR, one.activity)
     covariance = np.asarray(np.linalg.inv(solved.information), dtype=float)
     own = covariance[DELAY, DELAY]
+    if not (np.diag(covariance) > 0).all():
+        # Of a way that tells nothing of it, what is known of the delay is a rounding error.
+        return replace(nothing, reason=f"{motion_in_words(fit, state)}: the delay is open")
     ratio, freedom, parts = _spread(one, variances, covariance)
     inflated = covariance * np.maximum(ratio, 1.0)
     both = inflated[DELAY : DRIFT + 1, DELAY : DRIFT + 1].copy()
@@ -283,7 +288,8 @@ def _spread(
     information, gradient = fit.blocks(one.state, variances, one.activity, first)
     scores = gradient @ covariance[:, DELAY : DRIFT + 1]
     h = covariance[:, DELAY : DRIFT + 1]
-    expected = np.einsum("pi,bpq,qi->bi", h, information, h)
+    # A block that tells nothing has a rounding error of either sign.
+    expected = np.maximum(np.einsum("pi,bpq,qi->bi", h, information, h), LEAST_SAID)
     counts = expected.sum(0) ** 2 / (expected**2).sum(0)
     ratio = (scores**2).sum(0) / expected.sum(0)
     ratio *= counts / np.maximum(counts - 1, 1.0)
@@ -304,7 +310,7 @@ def _parts(
 ) -> list[Part]:
     """Delay of parts with about the same information; the mount is that of the whole."""
     fit, par = one.fit, one.state.parameters
-    own = information[:, DELAY, DELAY]
+    own = np.maximum(information[:, DELAY, DELAY], LEAST_SAID)
     total = np.cumsum(own)
     group = np.minimum(((total - own / 2) / total[-1] * PARTS).astype(int), PARTS - 1)
     ends = [*first[1:], len(fit.rows.starts)]
@@ -312,6 +318,8 @@ def _parts(
     for place in np.unique(group):
         which = np.flatnonzero(group == place)
         a = own[which].sum()
+        if a < WIDEST**-2:
+            continue
         rows = fit.rows.times[fit.rows.starts]
         start, stop = rows[first[which[0]]], rows[min(ends[which[-1]], len(rows)) - 1]
         middle = (start + stop) / 2
