@@ -1,7 +1,6 @@
 """Paths of the vehicle and of its sensors as the tables that all systems share."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,6 +12,7 @@ from rtk_gt.path.orientation import rotation_rates
 from rtk_gt.path.vehicle_path import VehiclePath
 from rtk_gt.receivers.fixes import Bools
 from rtk_gt.settings import Sensor
+from validation.poses.angles import Array
 from validation.poses.pose_table import ROWS, SPATIAL, PoseTable
 from validation.poses.trajectory import Clock, Trajectory
 
@@ -25,22 +25,30 @@ def vehicle_table(
     Poses that leap against their neighbours, or from which a jump was taken out, say so in their
     source.
     """
-    n = len(path)
-    leaps = np.zeros(n, dtype=bool) if leaps is None else leaps
-    corrected = np.zeros(n, dtype=bool) if corrected is None else corrected
-    said = zip(leaps, corrected, strict=True)
+    none = np.zeros(len(path), dtype=bool)
     return PoseTable(
         system="rtk",
-        ids=tuple(f"{time:.3f}" for time in path.times),
+        ids=_names(path.times),
         poses=path.poses,
         covariances=path.covariances,
         components=SPATIAL,
-        sources=tuple(
-            f"RTK fixed{', jump taken out' if jump else ''}{', leaps' if leap else ''}"
-            for leap, jump in said
+        sources=_sources(
+            none if leaps is None else leaps, none if corrected is None else corrected
         ),
         factor=path.shared_factor,
         provenance={"frame": str(path.frame), "published_as": "times are seconds UTC since 1970"},
+    )
+
+
+def _names(times: Array) -> tuple[str, ...]:
+    return tuple(f"{time:.3f}" for time in times.tolist())
+
+
+def _sources(leaps: Bools, corrected: Bools) -> tuple[str, ...]:
+    said = zip(leaps.tolist(), corrected.tolist(), strict=True)
+    return tuple(
+        f"RTK fixed{', jump taken out' if jump else ''}{', leaps' if leap else ''}"
+        for leap, jump in said
     )
 
 
@@ -70,19 +78,19 @@ def vehicle_trajectory(path: VehiclePath, max_gap: float) -> Trajectory:
 
 def sensor_pieces(outcome: RtkOutcome, sensor: Sensor) -> Iterator[PoseTable]:
     """The path of a sensor, some poses after the other: an hour at 20 Hz is 25 MB."""
-    path = outcome.path
-    said = np.column_stack([outcome.leaps, outcome.corrected])
     own = np.array(sensor.pose), np.diag(np.square(sensor.sigmas))
-    for start in range(0, len(path), ROWS):
-        rows = np.arange(start, min(start + ROWS, len(path)))
-        vehicle = vehicle_table(path.select(rows), *said[rows].T)
-        poses, covariances = compose(vehicle.poses, vehicle.covariances, *own)
-        yield replace(
-            vehicle,
+    corrected = outcome.corrected
+    for start in range(0, len(outcome.path), ROWS):
+        rows = np.arange(start, min(start + ROWS, len(outcome.path)))
+        path = outcome.path.select(rows)
+        poses, covariances = compose(path.poses, path.covariances, *own)
+        yield PoseTable(
             system=f"rtk_{sensor.name}",
+            ids=_names(path.times),
             poses=poses,
             covariances=covariances,
-            factor=None,
+            components=SPATIAL,
+            sources=_sources(outcome.leaps[rows], corrected[rows]),
         )
 
 
