@@ -182,12 +182,14 @@ def reception(records: Sequence[Fixes]) -> Figure:
     above, below = figure.subplots(2, 1, sharex=True)
     for number, record in enumerate(records):
         style = {"color": COLOURS[number % 6], "linewidth": 1.2, "linestyle": _DASHES[number % 3]}
-        known = record.satellites >= 0
-        elapsed = record.times - start
+        known = np.flatnonzero(record.satellites >= 0)
+        known = known[rows_shown(record.satellites[known].astype(float))]
         above.step(
-            elapsed[known], record.satellites[known], where="post", label=record.receiver, **style
-        )
-        below.step(elapsed, record.hdop, where="post", **style)
+            record.times[known] - start, record.satellites[known], where="post",
+            label=record.receiver, **style,
+        )  # fmt: skip
+        shown = rows_shown(record.hdop)
+        below.step(record.times[shown] - start, record.hdop[shown], where="post", **style)
     above.set_ylabel("satellites")
     above.yaxis.set_major_locator(MaxNLocator(integer=True))
     below.set_ylabel("HDOP")
