@@ -232,10 +232,8 @@ def _bent(drive: WholeDrive, found: _Candidate) -> list[_Candidate]:
     Upwards a distance hardly changes at first, and by the same up and down: from a few centimetres
     nothing leads to the decimetres of a false fix.
     """
-    options = []
-    for size in (found.size, *(np.array([0.0, 0.0, up]) for up in UPWARDS)):
-        options.append(_settled(drive, replace(found, size=size)))
-    return options
+    sizes = found.size, *(np.array([0.0, 0.0, up]) for up in UPWARDS)
+    return [_settled(drive, replace(found, size=size)) for size in sizes]
 
 
 def _settled(drive: WholeDrive, one: _Candidate) -> _Candidate:
