@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from rtk_gt.lasting.causes import SMALLEST_OF_ALL, causes_of
+from rtk_gt.lasting.causes import SMALLEST_OF_ALL, UNSURE, causes_of
 from rtk_gt.lasting.edges import Motion
 from rtk_gt.lasting.jumps import Jump, SeenSizes, find_jumps, seen_sizes
 from rtk_gt.lasting.jumps_back import LONGEST_FALSE, missing_jumps, passed
@@ -153,7 +153,9 @@ def _alone(steps: Steps, fast: tuple[int, ...], found: list[_Timed]) -> list[_Ti
     kept = []
     for one in _jumps(steps, rows, fast, np.zeros(len(rows), dtype=bool)):
         at = int(np.searchsorted(together, one.after - 1e-6))
-        gap = np.diff(together[max(at - 1, 0) : at + 1]).sum() if 0 < at < len(together) else np.inf
+        # Beside a pause of all, too, their motion tells less.
+        beside = np.diff(together[max(at - 1 - UNSURE, 0) : at + 1 + UNSURE])
+        gap = beside.max() if 0 < at < len(together) else np.inf
         near = any(other.before - usual < one.after < other.after + usual for other in found)
         if gap > FASTER * usual and not (np.isfinite(gap) and near):
             everyone = tuple(range(len(steps.receivers)))

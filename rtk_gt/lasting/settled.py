@@ -10,6 +10,7 @@ from scipy.linalg import block_diag
 from rtk_gt.lasting.causes import GAIN, SMALLEST
 from rtk_gt.lasting.errors import changed, lasting_errors
 from rtk_gt.lasting.first_offsets import first_offsets
+from rtk_gt.lasting.jumps import CLEAR_OVER_MOTION
 from rtk_gt.lasting.jumps_back import contradicts, span_by_the_drive
 from rtk_gt.lasting.lacking_fixes import found_again
 from rtk_gt.lasting.lasting_error import (
@@ -275,7 +276,7 @@ def _those_that_stay(
             found = [of or one for of, one in zip(of_all, found, strict=True)]
             errors = [of or one for of, one in zip(of_all, errors, strict=True)]
             continue
-        kept = [not one.stays or (one.length >= SMALLEST and _clear(one)) for one in errors]
+        kept = [not one.stays or _shown(one) for one in errors]
         if all(kept):
             return list(found), errors, jumps
         errors = [one for one, stays in zip(errors, kept, strict=True) if stays]
@@ -287,14 +288,18 @@ def _as_one_of_all(
     found: LastingError, settled: LastingError, everyone: tuple[int, ...]
 ) -> LastingError | None:
     """A jump of some receivers as one of all, if the distances do not show what the motion did."""
-    if not settled.stays or everyone not in found.alike or not contradicts(found, settled):
+    # If all did, the drive shows nothing of some: what is left of theirs is that of the motion.
+    clear = found.gain > CLEAR_OVER_MOTION and not _shown(settled)
+    open_to_all = settled.stays and everyone in found.alike
+    if not open_to_all or not (clear or contradicts(found, settled)):
         return None
     return replace(found, receivers=everyone, alike=())
 
 
-def _clear(error: LastingError) -> bool:
+def _shown(error: LastingError) -> bool:
     """Whether the whole drive says as much of a jump as the time around it must."""
-    return float(error.size @ np.linalg.solve(error.covariance, error.size)) > GAIN
+    squares = float(error.size @ np.linalg.solve(error.covariance, error.size))
+    return error.length >= SMALLEST and squares > GAIN
 
 
 def _settled_sizes(
