@@ -400,7 +400,7 @@ def _episodes(steps: Steps, found: list[_Timed]) -> list[LastingError]:
             LastingError(
                 jump.receivers, one.after, float(end), jump.size, jump.covariance, jump.gain,
                 epochs_with(steps, jump.receivers, one.after, end), one.after - one.before,
-                jump.alike,
+                jump.alike, told_by_motion=jump.by_motion,
             )
         )  # fmt: skip
     return errors

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from rtk_gt.lasting.causes import UNSURE
+from rtk_gt.lasting.causes import GAIN, GAIN_OF_MOTION, SMALLEST, SMALLEST_IN_MOTION, UNSURE
 from rtk_gt.lasting.jumps_back import LONGEST_FALSE, contradicts, mismatch
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.receivers.fixes import RTK_FIXED, Bools
@@ -49,6 +49,8 @@ class LastingError:
         Seconds since 1970 between which it may have begun, where no motion tells it to the fix.
     around : (3,) and (3, 3) array, optional
         Size and covariance by the motion about it alone, where the whole drive told it first.
+    told_by_motion : bool
+        Whether only the motion told it, no distance.
     """
 
     receivers: tuple[int, ...]
@@ -62,6 +64,7 @@ class LastingError:
     alike: tuple[tuple[int, ...], ...] = ()
     window: tuple[float, float] = (np.inf, -np.inf)
     around: tuple[Array, Array] | None = None
+    told_by_motion: bool = False
 
     @property
     def stays(self) -> bool:
@@ -83,6 +86,14 @@ class LastingError:
 def beyond_a_base(error: LastingError) -> bool:
     """Whether a jump is clearly larger than a restart of a base station makes."""
     return error.length - 3 * error.length_sigma > LARGEST_RESTART
+
+
+def shown(error: LastingError) -> bool:
+    """Whether the whole drive says as much of a jump as the time around it must."""
+    moved = error.told_by_motion
+    squares = float(error.size @ np.linalg.solve(error.covariance, error.size))
+    least = SMALLEST_IN_MOTION if moved else SMALLEST
+    return error.length >= least and squares > (GAIN_OF_MOTION if moved else GAIN)
 
 
 def by_motion(error: LastingError) -> LastingError:

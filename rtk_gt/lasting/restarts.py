@@ -248,7 +248,7 @@ def _settled(drive: WholeDrive, one: _Candidate) -> _Candidate:
             weight[pairs:, pairs:] = 0.0
         sums = DriveSums.of(drive.own, error, seen, weight)
         if last < len(drive.rods):
-            first, last, _ = _moved(sums, (first, last, 0.0))
+            first, last, _ = _moved(sums, (first, last, 0.0), drive.every)
         sizes, spreads, gains = sums.fit(np.array([first]), np.array([last]))
         one = replace(
             one, first=first, last=last, size=sizes[0], spread=spreads[0],
@@ -271,17 +271,20 @@ def _best(sums: DriveSums, every: float) -> tuple[int, int, float]:
             passing = max(passing, _greatest_of(sums, first, first + count), key=lambda one: one[2])
         length *= _LONGER
     if passing[2] > 0:
-        passing = _moved(sums, passing)
+        passing = _moved(sums, passing, every)
     return passing if passing[2] > best[2] + PASSING else best
 
 
-def _moved(sums: DriveSums, passing: tuple[int, int, float]) -> tuple[int, int, float]:
+def _moved(
+    sums: DriveSums, passing: tuple[int, int, float], every: float
+) -> tuple[int, int, float]:
     """The same with the best beginning and end about it."""
-    n = len(sums.right) - 1
+    n, most = len(sums.right) - 1, round(LONGEST_FALSE / every)
     for _ in range(3):
         first, last, _ = passing
         reach = max((last - first) // 4, 1)
-        begins = np.arange(max(first - reach, FEWEST), min(first + reach + 1, last - FEWEST + 1))
+        earliest = max(first - reach, FEWEST, last - most)
+        begins = np.arange(earliest, min(first + reach + 1, last - FEWEST + 1))
         if len(begins):
             passing = max(
                 passing,
@@ -289,7 +292,8 @@ def _moved(sums: DriveSums, passing: tuple[int, int, float]) -> tuple[int, int, 
                 key=lambda one: one[2],
             )
         first = passing[0]
-        ends = np.arange(max(last - reach, first + FEWEST), min(last + reach, n - FEWEST) + 1)
+        latest = min(last + reach, n - FEWEST, first + most)
+        ends = np.arange(max(last - reach, first + FEWEST), latest + 1)
         if len(ends):
             passing = max(
                 passing, _greatest_of(sums, np.full(len(ends), first), ends), key=lambda one: one[2]

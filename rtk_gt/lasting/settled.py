@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from scipy.linalg import block_diag
 
-from rtk_gt.lasting.causes import GAIN, SMALLEST
+from rtk_gt.lasting.causes import GAIN
 from rtk_gt.lasting.errors import changed, lasting_errors
 from rtk_gt.lasting.first_offsets import first_offsets
 from rtk_gt.lasting.jumps import CLEAR_OVER_MOTION
@@ -27,6 +27,7 @@ from rtk_gt.lasting.lasting_error import (
     of_the_others,
     or_others,
     same_span,
+    shown,
     starting_rows,
     who_has,
     without_errors,
@@ -276,7 +277,7 @@ def _those_that_stay(
             found = [of or one for of, one in zip(of_all, found, strict=True)]
             errors = [of or one for of, one in zip(of_all, errors, strict=True)]
             continue
-        kept = [not one.stays or _shown(one) for one in errors]
+        kept = [not one.stays or shown(one) for one in errors]
         if all(kept):
             return list(found), errors, jumps
         errors = [one for one, stays in zip(errors, kept, strict=True) if stays]
@@ -289,17 +290,11 @@ def _as_one_of_all(
 ) -> LastingError | None:
     """A jump of some receivers as one of all, if the distances do not show what the motion did."""
     # If all did, the drive shows nothing of some: what is left of theirs is that of the motion.
-    clear = found.gain > CLEAR_OVER_MOTION and not _shown(settled)
+    clear = found.gain > CLEAR_OVER_MOTION and not shown(settled)
     open_to_all = settled.stays and everyone in found.alike
     if not open_to_all or not (clear or contradicts(found, settled)):
         return None
     return replace(found, receivers=everyone, alike=())
-
-
-def _shown(error: LastingError) -> bool:
-    """Whether the whole drive says as much of a jump as the time around it must."""
-    squares = float(error.size @ np.linalg.solve(error.covariance, error.size))
-    return error.length >= SMALLEST and squares > GAIN
 
 
 def _settled_sizes(
