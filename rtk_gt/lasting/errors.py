@@ -396,6 +396,8 @@ def _episodes(steps: Steps, found: list[_Timed]) -> list[LastingError]:
             _, n, jump = best
             used.add(n)
             end = found[n].after
+            if end <= one.after:
+                continue  # there and back between two fixes of the receiver: it has no such fix
         errors.append(
             LastingError(
                 jump.receivers, one.after, float(end), jump.size, jump.covariance, jump.gain,
