@@ -150,6 +150,7 @@ def _alone(steps: Steps, fast: tuple[int, ...], found: list[_Timed]) -> list[_Ti
         return []
     usual = float(np.median(np.diff(together)))
     rows = np.flatnonzero(_fixed_often(steps, fast))
+    unequal = not (steps.kinds[rows][:, fast] == RTK_FIXED).all()
     kept = []
     for one in _jumps(steps, rows, fast, np.zeros(len(rows), dtype=bool)):
         at = int(np.searchsorted(together, one.after - 1e-6))
@@ -159,7 +160,10 @@ def _alone(steps: Steps, fast: tuple[int, ...], found: list[_Timed]) -> list[_Ti
         near = any(other.before - usual < one.after < other.after + usual for other in found)
         if gap > FASTER * usual and not (np.isfinite(gap) and near):
             everyone = tuple(range(len(steps.receivers)))
-            who = everyone if len(one.jump.receivers) == len(fast) else one.jump.receivers
+            of_all = len(one.jump.receivers) == len(fast)
+            if unequal and not of_all:
+                continue  # the look at all tells it better
+            who = everyone if of_all else one.jump.receivers
             kept.append(replace(one, jump=replace(one.jump, receivers=who)))
     return kept
 

@@ -17,6 +17,9 @@ EITHER = 0.25
 """Variance of which of two equally likely causes it was: of a number that is 0 or 1."""
 NOT_USED = -1
 """Kind of a fix that is left out."""
+DENIED, DIFFERS = 0.3, 0.001
+"""Share of a jump that the whole drive takes off where it denies it, and metres by which sizes may
+differ at least."""
 LARGEST_RESTART = 10.0
 """Metres by which the coordinates of a base station change at most where it restarts: a judgement;
 those of a single point position, the worst that bases take, are off by some metres."""
@@ -96,6 +99,18 @@ def shown(error: LastingError) -> bool:
     return error.length >= least and squares > (GAIN_OF_MOTION if moved else GAIN)
 
 
+def denied(found: LastingError, settled: LastingError) -> bool:
+    """Whether the whole drive leaves much less of a jump than the seconds about it said.
+
+    The settled size is that of both: what it differs by varies by the difference of the
+    covariances. Slow errors wander meanwhile; a third of the jump is more than that.
+    """
+    off = found.size - settled.size
+    values, axes = np.linalg.eigh(found.covariance - settled.covariance)
+    squares = np.square(axes.T @ off) / np.maximum(values, DIFFERS**2)
+    return bool(np.linalg.norm(off) > DENIED * found.length and squares.sum() > GAIN_OF_MOTION)
+
+
 def by_motion(error: LastingError) -> LastingError:
     """The same with what the whole drive does not say: what is told once must not count twice."""
     if error.around is None or not error.stays:
@@ -160,6 +175,16 @@ def ends_with(one: LastingError, whole: LastingError) -> bool:
     """
     begin, end = left_out(whole)
     return not one.stays and one.receivers == whole.receivers and begin <= one.end <= end
+
+
+def begins_with(one: LastingError, whole: LastingError) -> bool:
+    """Whether an error that ends begins with another one of the same receivers, which stays.
+
+    Its end is then another's: the whole drive, which would show it, does not.
+    """
+    margin = (UNSURE + 0.5) * max(one.spacing, whole.spacing)
+    together = abs(one.start - whole.start) < margin
+    return not one.stays and one.receivers == whole.receivers and together
 
 
 def at_one_time(one: LastingError, other: LastingError) -> bool:

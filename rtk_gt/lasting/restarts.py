@@ -191,8 +191,10 @@ def _sure(one: "_Option", n: int, every: float) -> bool:
 
     Or nothing else makes as much.
     """
-    if len(one.edges) > 1 and one.edges[1].after - one.edges[0].after < SHORTEST:
-        return False  # the motion shows no two ends
+    if len(one.edges) > 1:
+        lasts = one.edges[1].after - one.edges[0].after
+        if not SHORTEST <= lasts <= _LONGER * LONGEST_FALSE:
+            return False  # the motion shows no two ends of a false fix
     wander = one.of.tau > SLOW
     told = _told(one.of, n)
     if told > 0 and one.of.gain > (CLEAR if wander else CLEAR_IN_WHITE):

@@ -18,8 +18,10 @@ from rtk_gt.lasting.lasting_error import (
     JumpErrors,
     LastingError,
     at_one_time,
+    begins_with,
     beyond_a_base,
     by_motion,
+    denied,
     difference,
     ended,
     ends_with,
@@ -178,7 +180,7 @@ def _told_apart(
     If it shows the same receivers, it leaves fewer others in doubt.
     """
     here = [one for one in found if one.stays and at_one_time(one, whole)]
-    here += [one for one in found if ends_with(one, whole)]
+    here += [one for one in found if ends_with(one, whole) or begins_with(one, whole)]
     of_all = [one for one in here if len(one.receivers) == receivers]
     for one in of_all:
         others = of_the_others(one, whole, receivers)
@@ -277,7 +279,10 @@ def _those_that_stay(
             found = [of or one for of, one in zip(of_all, found, strict=True)]
             errors = [of or one for of, one in zip(of_all, errors, strict=True)]
             continue
-        kept = [not one.stays or shown(one) for one in errors]
+        kept = [
+            not one.stays or (shown(one) and not denied(rough, one))
+            for rough, one in zip(found, errors, strict=True)
+        ]
         if all(kept):
             return list(found), errors, jumps
         errors = [one for one, stays in zip(errors, kept, strict=True) if stays]
@@ -401,8 +406,8 @@ def refined(
     if model is not None:
         scored = np.swapaxes(by_jump - own @ by_offsets, 1, 2) @ weight
         spread = drive.score_spread(used.times[good], scored, model, offsets.eta)
-        least = 1e-9 * np.trace(spread) / len(spread) * np.eye(len(spread))
-        trusted = np.linalg.solve(spread + least, information)
+        # Of a jump of all the distances tell nothing.
+        trusted = np.linalg.pinv(spread, rcond=1e-9, hermitian=True) @ information
         information, right = information @ trusted, trusted.T @ right
     covariance = np.linalg.inv(information + known)
     sizes = (covariance @ (right + known @ off)).reshape(-1, 3)
