@@ -19,7 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -146,6 +146,16 @@ def make_minutes(minutes: int, folder: Path) -> None:
     write_drive(folder, simulate_drive(1, DriveSettings(loops=max(loops, 1))))
 
 
+def make_often(minutes: int, folder: Path) -> None:
+    """All receivers at 20 Hz, with three sensors."""
+    from data_samples.drives.drive import DriveSettings, loop_length, simulate_drive
+    from data_samples.drives.files import write_drive
+
+    usual = DriveSettings(every=(0.05, 0.05))
+    loops = round(60 * minutes * usual.speed / loop_length(usual))
+    write_drive(folder, simulate_drive(1, replace(usual, loops=max(loops, 1))))
+
+
 def two_tables(poses: int, folder: Path) -> None:
     """Stops all over a hall, and a system whose frame and mount are off."""
     import gtval
@@ -239,6 +249,7 @@ WORKS = {
     "laser at stops": Work("stops", (26, 100, 500, 2000), make_hall, place_stops),
     "laser": Work("scans", (300, 1000, 3000), make_scans, solve_scans),
     "rtk": Work("minutes", (10, 30, 60, 120), make_minutes, command("rtk", "solve", "{}")),
+    "run at 20 Hz": Work("minutes", (10, 30, 60), make_often, command("run", "{}")),
     "compare": Work("stops", POSES, two_tables, compare_tables),
     "explain": Work("stops", POSES, two_tables, explain_tables),
     "compare in time": Work(

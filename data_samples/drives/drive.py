@@ -50,7 +50,7 @@ class DriveSettings:
     radians. ``shadow`` seconds beside tall buildings in each loop the
     receivers lose their fix; ``false_fixes`` is the share of fixes that are off by
     ``false_size`` metres, ``missing`` the share that never arrives. ``receivers`` are three to
-    five.
+    five; ``every`` are the seconds between fixes of the rear one and of the others.
     """
 
     loops: int = 2
@@ -65,6 +65,7 @@ class DriveSettings:
     route: Literal["road", "eight"] = "road"
     missing: float = 0.0
     receivers: int = 3
+    every: tuple[float, float] = (1.0, 0.2)
 
 
 @dataclass(frozen=True)
@@ -228,10 +229,10 @@ def _record(
     receiver: tuple[str, Array, Array],
     duration: float,
 ) -> Fixes:
-    """What one receiver writes: 1 Hz at the rear, 5 Hz in front."""
+    """What one receiver writes."""
     campus, frame, wander = place
     name, antenna, offset = receiver
-    every = 1.0 if row == 0 else 0.2
+    every = settings.every[0 if row == 0 else 1]
     elapsed: Array = np.arange(0.0, round(duration / every)) * every
     T = vehicle_transforms(campus, settings, wander, elapsed)
     n = len(elapsed)

@@ -13,7 +13,7 @@ from rtk_gt.path.interpolation import segments
 from rtk_gt.path.vehicle_path import VehiclePath
 from rtk_gt.receivers.fixes import FIX_NAMES, RTK_FIXED, RTK_FLOAT, Fixes
 from validation.figures.errors import COLOURS, GREY
-from validation.figures.thinning import rows_shown
+from validation.figures.thinning import PLACES, rows_shown
 from validation.poses.angles import Array
 
 if TYPE_CHECKING:
@@ -104,20 +104,20 @@ def pose_over_time(path: VehiclePath, max_gap: float) -> Figure:
     panels = figure.subplots(4, 1, sharex=True)
     values = path.poses[:, 2:].copy()
     values[:, 1:] = np.degrees(np.unwrap(values[:, 1:], axis=0))
-    elapsed = path.times - path.times[0]
-    stretches = [rows[rows_shown(values[rows])] for rows in segments(path.times, max_gap)]
-    sigmas = [
-        np.sqrt(np.diagonal(path.select(rows).covariances, axis1=1, axis2=2))[:, 2:]
-        * [1, *3 * [np.degrees(1.0)]]
-        for rows in stretches
-    ]
+    parts = segments(path.times, max_gap)
+    # Places of the figure go to the stretches by their length, and one line is drawn of all.
+    places = [max(round(PLACES * len(rows) / len(path)), 1) for rows in parts]
+    shown = [one[rows_shown(values[one], most)] for one, most in zip(parts, places, strict=True)]
+    rows, broken = np.concatenate(shown), np.cumsum([len(one) for one in shown])[:-1]
+    sigmas = np.sqrt(np.diagonal(path.select(rows).covariances, axis1=1, axis2=2))[:, 2:]
+    sigmas *= [1, *3 * [np.degrees(1.0)]]
+    elapsed = np.insert(path.times[rows] - path.times[0], broken, np.nan)
     for column, (axes, label) in enumerate(zip(panels, labels, strict=True)):
-        for rows, sigma in zip(stretches, sigmas, strict=True):
-            value, band = values[rows, column], 1.96 * sigma[:, column]
-            axes.fill_between(
-                elapsed[rows], value - band, value + band, color=COLOURS[5], alpha=0.5
-            )
-            axes.plot(elapsed[rows], value, ".-", color=COLOURS[0], ms=3, linewidth=0.8)
+        value, band = (
+            np.insert(some[:, column], broken, np.nan) for some in (values[rows], 1.96 * sigmas)
+        )
+        axes.fill_between(elapsed, value - band, value + band, color=COLOURS[5], alpha=0.5)
+        axes.plot(elapsed, value, ".-", color=COLOURS[0], ms=3, linewidth=0.8)
         axes.set_ylabel(label)
         axes.grid(visible=True, linewidth=0.3)
     panels[-1].set_xlabel("time from the first pose [s]")
@@ -182,12 +182,14 @@ def reception(records: Sequence[Fixes]) -> Figure:
     above, below = figure.subplots(2, 1, sharex=True)
     for number, record in enumerate(records):
         style = {"color": COLOURS[number % 6], "linewidth": 1.2, "linestyle": _DASHES[number % 3]}
-        known = record.satellites >= 0
-        elapsed = record.times - start
+        known = np.flatnonzero(record.satellites >= 0)
+        known = known[rows_shown(record.satellites[known].astype(float))]
         above.step(
-            elapsed[known], record.satellites[known], where="post", label=record.receiver, **style
-        )
-        below.step(elapsed, record.hdop, where="post", **style)
+            record.times[known] - start, record.satellites[known], where="post",
+            label=record.receiver, **style,
+        )  # fmt: skip
+        shown = rows_shown(record.hdop)
+        below.step(record.times[shown] - start, record.hdop[shown], where="post", **style)
     above.set_ylabel("satellites")
     above.yaxis.set_major_locator(MaxNLocator(integer=True))
     below.set_ylabel("HDOP")

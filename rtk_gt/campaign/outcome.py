@@ -14,7 +14,6 @@ from rtk_gt.offsets.slow_errors import ErrorModel
 from rtk_gt.path.antennas import Antennas
 from rtk_gt.path.clocks import Clocks
 from rtk_gt.path.common_errors import CommonErrors
-from rtk_gt.path.composition import Composed
 from rtk_gt.path.consistency import Consistency
 from rtk_gt.path.coverage import Coverage
 from rtk_gt.path.interpolation import HoldOut
@@ -23,7 +22,7 @@ from rtk_gt.path.vehicle_path import VehiclePath
 from rtk_gt.receivers.fixes import Bools, Fixes
 from rtk_gt.receivers.quality import AreaQuality
 from rtk_gt.receivers.steps import Steps
-from rtk_gt.settings import RtkSettings
+from rtk_gt.settings import RtkSettings, Sensor
 from validation.campaign.folder import Campaign
 from validation.poses.angles import Array
 
@@ -79,8 +78,8 @@ class RtkOutcome:
         What of the drive has ground truth.
     hold_out : HoldOut, optional
         Which interpolation does best; None where the path is too short to tell.
-    sensors : dict of str to Composed
-        Paths of the sensors of campaign.toml.
+    sensors : dict of str to Sensor
+        The sensors of campaign.toml; their paths are made when they are needed.
     areas : dict of str to tuple of AreaQuality
         Of each receiver how its fixes are in each named area.
     """
@@ -108,7 +107,7 @@ class RtkOutcome:
     motion: MotionCheck | None
     coverage: Coverage
     hold_out: HoldOut | None
-    sensors: dict[str, Composed]
+    sensors: dict[str, Sensor]
     areas: dict[str, tuple[AreaQuality, ...]]
 
     @property

@@ -1,6 +1,6 @@
 """Paths of the vehicle and of its sensors as the tables that all systems share."""
 
-from dataclasses import replace
+from collections.abc import Iterator
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,7 +12,8 @@ from rtk_gt.path.orientation import rotation_rates
 from rtk_gt.path.vehicle_path import VehiclePath
 from rtk_gt.receivers.fixes import Bools
 from rtk_gt.settings import Sensor
-from validation.poses.pose_table import SPATIAL, PoseTable
+from validation.poses.angles import Array
+from validation.poses.pose_table import ROWS, SPATIAL, PoseTable
 from validation.poses.trajectory import Clock, Trajectory
 
 
@@ -24,22 +25,30 @@ def vehicle_table(
     Poses that leap against their neighbours, or from which a jump was taken out, say so in their
     source.
     """
-    n = len(path)
-    leaps = np.zeros(n, dtype=bool) if leaps is None else leaps
-    corrected = np.zeros(n, dtype=bool) if corrected is None else corrected
-    said = zip(leaps, corrected, strict=True)
+    none = np.zeros(len(path), dtype=bool)
     return PoseTable(
         system="rtk",
-        ids=tuple(f"{time:.3f}" for time in path.times),
+        ids=_names(path.times),
         poses=path.poses,
         covariances=path.covariances,
         components=SPATIAL,
-        sources=tuple(
-            f"RTK fixed{', jump taken out' if jump else ''}{', leaps' if leap else ''}"
-            for leap, jump in said
+        sources=_sources(
+            none if leaps is None else leaps, none if corrected is None else corrected
         ),
         factor=path.shared_factor,
         provenance={"frame": str(path.frame), "published_as": "times are seconds UTC since 1970"},
+    )
+
+
+def _names(times: Array) -> tuple[str, ...]:
+    return tuple(f"{time:.3f}" for time in times.tolist())
+
+
+def _sources(leaps: Bools, corrected: Bools) -> tuple[str, ...]:
+    said = zip(leaps.tolist(), corrected.tolist(), strict=True)
+    return tuple(
+        f"RTK fixed{', jump taken out' if jump else ''}{', leaps' if leap else ''}"
+        for leap, jump in said
     )
 
 
@@ -67,21 +76,22 @@ def vehicle_trajectory(path: VehiclePath, max_gap: float) -> Trajectory:
     )
 
 
-def sensor_tables(outcome: RtkOutcome) -> dict[str, PoseTable]:
-    """The path of each sensor of campaign.toml, by its name."""
-    if not outcome.sensors:
-        return {}
-    vehicle = vehicle_table(outcome.path, outcome.leaps, outcome.corrected)
-    return {
-        name: replace(
-            vehicle,
-            system=f"rtk_{name}",
-            poses=composed.poses,
-            covariances=composed.covariances,
-            factor=None,
+def sensor_pieces(outcome: RtkOutcome, sensor: Sensor) -> Iterator[PoseTable]:
+    """The path of a sensor, some poses after the other: an hour at 20 Hz is 25 MB."""
+    own = np.array(sensor.pose), np.diag(np.square(sensor.sigmas))
+    corrected = outcome.corrected
+    for start in range(0, len(outcome.path), ROWS):
+        rows = np.arange(start, min(start + ROWS, len(outcome.path)))
+        path = outcome.path.select(rows)
+        poses, covariances = compose(path.poses, path.covariances, *own)
+        yield PoseTable(
+            system=f"rtk_{sensor.name}",
+            ids=_names(path.times),
+            poses=poses,
+            covariances=covariances,
+            components=SPATIAL,
+            sources=_sources(outcome.leaps[rows], corrected[rows]),
         )
-        for name, composed in outcome.sensors.items()
-    }
 
 
 def table_at(

@@ -1,18 +1,20 @@
 """Files of the RTK system under results/."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
+from itertools import islice
 
 import numpy as np
 
 from rtk_gt.campaign.lasting_findings import JUMP_COLUMNS, jump_rows
 from rtk_gt.campaign.outcome import RtkOutcome
-from rtk_gt.campaign.pose_tables import sensor_tables
+from rtk_gt.campaign.pose_tables import sensor_pieces
 from rtk_gt.offsets.estimate import distance_names
 from rtk_gt.receivers.fixes import Fixes
+from rtk_gt.settings import Sensor
 from validation.poses.angles import Array
-from validation.poses.pose_table import to_csv
-from validation.poses.tum_text import to_tum
+from validation.poses.pose_table import SPATIAL, PoseTable, csv_lines
+from validation.poses.tum_text import tum_lines
 from validation.text_files.csv_text import csv_text
 from validation.text_files.writing import Content, text_of
 
@@ -32,10 +34,29 @@ def rtk_files(outcome: RtkOutcome) -> dict[str, Content]:
     }
     if outcome.lasting:
         files["rtk_jumps.csv"] = csv_text(JUMP_COLUMNS, jump_rows(outcome))
-    for name, table in sensor_tables(outcome).items():
-        files[f"sensor_path_{name}.csv"] = to_csv(table)
-        files[f"sensor_path_{name}.tum"] = to_tum(table)
+    numbers = len(outcome.path) * len(SPATIAL)
+    for name, sensor in outcome.sensors.items():
+        for ending, lines in (("csv", _csv_lines), ("tum", _tum_lines)):
+            some = partial(_sensor_lines, outcome, sensor, lines)
+            files[f"sensor_path_{name}.{ending}"] = text_of(some, numbers)
     return files
+
+
+def _sensor_lines(
+    outcome: RtkOutcome, sensor: Sensor, lines: Callable[[PoseTable, bool], Iterable[str]]
+) -> Iterator[str]:
+    """Lines of the path of a sensor."""
+    for number, piece in enumerate(sensor_pieces(outcome, sensor)):
+        yield from lines(piece, number == 0)
+
+
+def _csv_lines(piece: PoseTable, first: bool) -> Iterable[str]:
+    """Those of a piece of a table, of which the first has the header."""
+    return islice(csv_lines(piece), 0 if first else 1, None)
+
+
+def _tum_lines(piece: PoseTable, _first: bool) -> Iterable[str]:
+    return tum_lines(piece)()
 
 
 def _offsets(outcome: RtkOutcome) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtk_gt.campaign.outcome import RtkOutcome
+from rtk_gt.campaign.pose_tables import sensor_pieces
 from rtk_gt.offsets.estimate import distance_names
 from rtk_gt.offsets.noise import GpsNoise
 from rtk_gt.path.coverage import Coverage
@@ -309,24 +310,29 @@ def _path_blocks(outcome: RtkOutcome) -> list[Table | Figure | Text]:
     return blocks
 
 
+def _variances(covariances: Array) -> Array:
+    """(..., 6) of covariances (..., 6, 6), which are then not held any more."""
+    return np.diagonal(covariances, axis1=-2, axis2=-1).copy()
+
+
 def uncertainty_table(outcome: RtkOutcome) -> Table:
     """Typical standard deviations of a pose, with their parts."""
     path = outcome.path
 
-    def typical(covariances: object) -> list[float]:
-        diagonal = np.diagonal(np.asarray(covariances), axis1=-2, axis2=-1)
-        sigmas = np.sqrt(np.median(np.atleast_2d(diagonal), axis=0))
+    def typical(variances: Array) -> list[float]:
+        sigmas = np.sqrt(np.median(np.atleast_2d(variances), axis=0))
         return [*(1000 * sigmas[:3]), *np.degrees(sigmas[3:])]
 
     rows: list[Cells] = [
-        ["noise, at the origin (W*)", *typical(outcome.reference)],
-        ["noise, on the path", *typical(path.noise_covariances)],
-        ["errors that last", *typical(path.lasting_covariances)],
-        ["offsets and distances", *typical(path.systematic_covariances)],
-        ["together", *typical(path.covariances)],
+        ["noise, at the origin (W*)", *typical(_variances(outcome.reference))],
+        ["noise, on the path", *typical(_variances(path.noise_covariances))],
+        ["errors that last", *typical(_variances(path.lasting_covariances))],
+        ["offsets and distances", *typical(_variances(path.systematic_covariances))],
+        ["together", *typical(_variances(path.covariances))],
     ]
-    for name, composed in outcome.sensors.items():
-        rows.append([f"sensor {name}", *typical(composed.covariances)])
+    for name, sensor in outcome.sensors.items():
+        pieces = [_variances(one.covariances) for one in sensor_pieces(outcome, sensor)]
+        rows.append([f"sensor {name}", *typical(np.concatenate(pieces))])
     return Table(
         "Standard deviations of a pose (medians)",
         ["part", "x [mm]", "y [mm]", "z [mm]", "yaw [deg]", "pitch [deg]", "roll [deg]"],

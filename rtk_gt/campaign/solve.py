@@ -24,7 +24,6 @@ from rtk_gt.path.antennas import Places
 from rtk_gt.path.choice import Choice, check_attitude, check_order, choose
 from rtk_gt.path.clocks import Clocks, right_clocks
 from rtk_gt.path.common_errors import common_errors
-from rtk_gt.path.composition import compose
 from rtk_gt.path.consistency import consistency
 from rtk_gt.path.covariance import reference_covariance
 from rtk_gt.path.coverage import coverage
@@ -128,15 +127,7 @@ def solve_campaign(campaign: Campaign, progress: Progress = no_progress) -> RtkO
         motion=motion_check(path, settings.max_gap),
         coverage=coverage(records, steps, path.times, settings.max_gap),
         hold_out=_hold_out(path, settings.max_gap),
-        sensors={
-            sensor.name: compose(
-                path.poses,
-                path.covariances,
-                np.array(sensor.pose),
-                np.diag(np.square(sensor.sigmas)),
-            )
-            for sensor in settings.sensors
-        },
+        sensors={sensor.name: sensor for sensor in settings.sensors},
         areas=_areas(settings, records, steps.frame, offsets.offsets.within(steps.frame)),
     )
 

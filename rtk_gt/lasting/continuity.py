@@ -13,6 +13,7 @@ acceleration wanders (a Wiener process, Bar-Shalom, Li and Kirubarajan 2001, sec
 much as explains the positions of some epochs before and after best.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +41,8 @@ _MOST_UNUSUAL = 0.2
 """Share of the windows that are left out for that at most."""
 _ROUNDS = 3
 """What is usual settles in two."""
+_AT_ONCE = 2048
+"""Windows that are copied at a time: those of an hour are 14 MB."""
 _TINY = 1e-5
 """Metres of white noise that is added."""
 EPOCHS = 12
@@ -163,15 +166,15 @@ def _guessed(ways: Array, even: Bools, reach: int) -> tuple[Bools, Array]:
     values = np.zeros((n, d))
     if len(rows) < WORTH * wide * d:
         return np.zeros(n, dtype=bool), values
-    windows = np.lib.stride_tricks.sliding_window_view(ways, wide, axis=0)
-    windows = np.moveaxis(windows, 2, 1).reshape(len(windows), -1)[rows - reach]
+    windows = np.moveaxis(np.lib.stride_tricks.sliding_window_view(ways, wide, axis=0), 2, 1)
     own = slice(reach * d, (reach + 1) * d)
     usual = np.ones(len(rows), dtype=bool)
     for _ in range(_ROUNDS):
-        windows = windows - windows[usual].mean(0)
-        square = windows[usual].T @ windows[usual] / usual.sum()
+        mean, square = _moments(windows, rows[usual] - reach)
         inverse = np.linalg.inv(square + _TINY**2 * np.eye(len(square)))
-        scores, told = windows @ inverse[:, own], inverse[own, own]
+        scores, told = np.empty((len(rows), d)), inverse[own, own]
+        for some, there in _in_parts(windows, rows - reach):
+            scores[some] = (there - mean) @ inverse[:, own]
         spread = np.linalg.inv(told)
         values[rows] = scores @ spread
         squares = np.zeros(n)
@@ -181,6 +184,25 @@ def _guessed(ways: Array, even: Bools, reach: int) -> tuple[Bools, Array]:
             break
         usual = ~far[rows]
     return inside, values
+
+
+def _moments(windows: Array, rows: Ints) -> tuple[Array, Array]:
+    """Mean (k,) and covariance (k, k) of some windows (m, w, d), k = w d."""
+    total, square = 0.0, 0.0
+    start = windows[rows[len(rows) // 2]].reshape(-1)
+    for _, there in _in_parts(windows, rows):
+        total = total + (there - start).sum(0)
+        square = square + (there - start).T @ (there - start)
+    mean = np.asarray(total) / len(rows)
+    return start + mean, np.asarray(square) / len(rows) - np.outer(mean, mean)
+
+
+def _in_parts(windows: Array, rows: Ints) -> Iterator[tuple[slice, Array]]:
+    """Some windows (m, w, d) as rows (p, w d), a few thousand at a time, and which these are."""
+    for first in range(0, len(rows), _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        there = windows[rows[some]]
+        yield some, there.reshape(len(there), -1)
 
 
 def _of_rare(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from rtk_gt.lasting.causes import SMALLEST_OF_ALL, causes_of
+from rtk_gt.lasting.causes import SMALLEST_OF_ALL, UNSURE, causes_of
 from rtk_gt.lasting.edges import Motion
 from rtk_gt.lasting.jumps import Jump, SeenSizes, find_jumps, seen_sizes
 from rtk_gt.lasting.jumps_back import LONGEST_FALSE, missing_jumps, passed
@@ -124,13 +124,16 @@ def _single(offsets: Offsets) -> Bools:
 
 
 def _while_one_lacks(steps: Steps) -> list[tuple[int, ...]]:
-    """All receivers but one that is not fixed for a while in which the others are."""
+    """All receivers but one that is not fixed for a while in which the others are.
+
+    Of these those that write most often.
+    """
     fixed = steps.kinds == RTK_FIXED
     everyone = range(fixed.shape[1])
     found = []
     for k in everyone if len(everyone) > 2 else ():
         others = tuple(j for j in everyone if j != k)
-        alone = fixed[:, others].all(1) & ~fixed[:, k]
+        alone = _fixed_often(steps, others) & ~fixed[:, k]
         runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[0], alone, [0]]))))[::2]
         if len(runs) and runs.max() > 2 * EDGE:
             found.append(others)
@@ -146,15 +149,21 @@ def _alone(steps: Steps, fast: tuple[int, ...], found: list[_Timed]) -> list[_Ti
     if len(together) < 2:
         return []
     usual = float(np.median(np.diff(together)))
-    rows = np.flatnonzero((steps.kinds[:, fast] == RTK_FIXED).all(1))
+    rows = np.flatnonzero(_fixed_often(steps, fast))
+    unequal = not (steps.kinds[rows][:, fast] == RTK_FIXED).all()
     kept = []
     for one in _jumps(steps, rows, fast, np.zeros(len(rows), dtype=bool)):
         at = int(np.searchsorted(together, one.after - 1e-6))
-        gap = np.diff(together[max(at - 1, 0) : at + 1]).sum() if 0 < at < len(together) else np.inf
+        # Beside a pause of all, too, their motion tells less.
+        beside = np.diff(together[max(at - 1 - UNSURE, 0) : at + 1 + UNSURE])
+        gap = beside.max() if 0 < at < len(together) else np.inf
         near = any(other.before - usual < one.after < other.after + usual for other in found)
         if gap > FASTER * usual and not (np.isfinite(gap) and near):
             everyone = tuple(range(len(steps.receivers)))
-            who = everyone if len(one.jump.receivers) == len(fast) else one.jump.receivers
+            of_all = len(one.jump.receivers) == len(fast)
+            if unequal and not of_all:
+                continue  # the look at all tells it better
+            who = everyone if of_all else one.jump.receivers
             kept.append(replace(one, jump=replace(one.jump, receivers=who)))
     return kept
 
@@ -237,7 +246,7 @@ def changed(steps: Steps, offsets: Offsets) -> LastingError | None:
     everyone = tuple(range(len(steps.receivers)))
     about = [_motion(whole, looked, everyone, bad[looked])]
     for others in _while_one_lacks(whole):
-        shared = np.flatnonzero((whole.kinds[:, others] == RTK_FIXED).all(1))
+        shared = np.flatnonzero(_fixed_often(whole, others))
         about.append(_motion(whole, shared, others, np.zeros(len(shared), dtype=bool)))
     found = find_change(steps.times[rows], placed.positions[rows], offsets, about)
     if found is None:
@@ -327,11 +336,12 @@ def _thinned(steps: Steps, rows: Ints, columns: tuple[int, ...], bad: Bools) -> 
 def _headings(times: Array, positions: Array) -> Array:
     """(n,) headings of the longest baseline, of (n, r, 3) positions, that no jump turns.
 
-    Of receivers that have one at every epoch. A jump of one of its ends turns it between two
-    epochs, which the median of the turns about that interval leaves out; over a hundred epochs the
-    headings follow the baseline again.
+    Of receivers that have one at every epoch, if these are two. A jump of one of its ends turns it
+    between two epochs, which the median of the turns about that interval leaves out; over a hundred
+    epochs the headings follow the baseline again.
     """
-    seen = baseline_headings(times, positions[:, often(positions)])
+    every = often(positions)
+    seen = baseline_headings(times, positions[:, every] if len(every) > 1 else positions)
     if seen is None:
         return np.zeros(len(times))
     turns = median_filter(np.diff(seen), 5, mode="nearest")
@@ -360,6 +370,13 @@ def _often(steps: Steps) -> tuple[int, ...] | None:
     return some if 2 <= len(some) < len(fixes) else None
 
 
+def _fixed_often(steps: Steps, columns: tuple[int, ...]) -> Bools:
+    """(t,) True where those of some receivers that write most often are fixed."""
+    fixed = steps.kinds[:, list(columns)] == RTK_FIXED
+    fixes = fixed.sum(0)
+    return np.asarray(fixed[:, fixes >= OFTEN * fixes.max()].all(1))
+
+
 def _episodes(steps: Steps, found: list[_Timed]) -> list[LastingError]:
     """Jumps with the jumps back that end them."""
     count = len(steps.receivers)
@@ -383,11 +400,13 @@ def _episodes(steps: Steps, found: list[_Timed]) -> list[LastingError]:
             _, n, jump = best
             used.add(n)
             end = found[n].after
+            if end <= one.after:
+                continue  # there and back between two fixes of the receiver: it has no such fix
         errors.append(
             LastingError(
                 jump.receivers, one.after, float(end), jump.size, jump.covariance, jump.gain,
                 epochs_with(steps, jump.receivers, one.after, end), one.after - one.before,
-                jump.alike,
+                jump.alike, told_by_motion=jump.by_motion,
             )
         )  # fmt: skip
     return errors

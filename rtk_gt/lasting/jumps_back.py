@@ -281,16 +281,16 @@ def span_by_the_drive(
 
     stays = float(gains(np.array([at]), np.array([n]), 1.0)[0])
     best, span = max(stays, 0.0) + GAIN_BACK, None
+    begins = gains(firsts, np.full(len(firsts), at), -1.0) if len(firsts) else np.zeros(1)
     if len(lasts):
         ends = gains(np.full(len(lasts), at), lasts, 1.0)
+        others = max(ends.max(), begins.max()) - ALIKE
         again = found_again[np.isin(np.searchsorted(times, found_again - 1e-6), lasts)]
         at_pauses = ends[np.searchsorted(times, again - 1e-6) - lasts[0]]
-        if len(again) and at_pauses.max() > max(stays + GAIN_BACK_ABOUT, ends.max() - ALIKE):
+        if len(again) and at_pauses.max() > max(stays + GAIN_BACK_ABOUT, others):
             return error.start, float(again[at_pauses.argmax()])
         if ends.max() > best:
             best, span = ends.max(), (error.start, float(times[lasts[ends.argmax()]]))
-    if len(firsts):
-        begins = gains(firsts, np.full(len(firsts), at), -1.0)
-        if begins.max() > best:
-            span = float(times[firsts[begins.argmax()]]), error.start
+    if len(firsts) and begins.max() > best:
+        span = float(times[firsts[begins.argmax()]]), error.start
     return span

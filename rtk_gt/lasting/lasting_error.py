@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from rtk_gt.lasting.causes import UNSURE
+from rtk_gt.lasting.causes import GAIN, GAIN_OF_MOTION, SMALLEST, SMALLEST_IN_MOTION, UNSURE
 from rtk_gt.lasting.jumps_back import LONGEST_FALSE, contradicts, mismatch
 from rtk_gt.offsets.estimate import Offsets
 from rtk_gt.receivers.fixes import RTK_FIXED, Bools
@@ -17,6 +17,9 @@ EITHER = 0.25
 """Variance of which of two equally likely causes it was: of a number that is 0 or 1."""
 NOT_USED = -1
 """Kind of a fix that is left out."""
+DENIED, DIFFERS = 0.3, 0.001
+"""Share of a jump that the whole drive takes off where it denies it, and metres by which sizes may
+differ at least."""
 LARGEST_RESTART = 10.0
 """Metres by which the coordinates of a base station change at most where it restarts: a judgement;
 those of a single point position, the worst that bases take, are off by some metres."""
@@ -49,6 +52,8 @@ class LastingError:
         Seconds since 1970 between which it may have begun, where no motion tells it to the fix.
     around : (3,) and (3, 3) array, optional
         Size and covariance by the motion about it alone, where the whole drive told it first.
+    told_by_motion : bool
+        Whether only the motion told it, no distance.
     """
 
     receivers: tuple[int, ...]
@@ -62,6 +67,7 @@ class LastingError:
     alike: tuple[tuple[int, ...], ...] = ()
     window: tuple[float, float] = (np.inf, -np.inf)
     around: tuple[Array, Array] | None = None
+    told_by_motion: bool = False
 
     @property
     def stays(self) -> bool:
@@ -83,6 +89,26 @@ class LastingError:
 def beyond_a_base(error: LastingError) -> bool:
     """Whether a jump is clearly larger than a restart of a base station makes."""
     return error.length - 3 * error.length_sigma > LARGEST_RESTART
+
+
+def shown(error: LastingError) -> bool:
+    """Whether the whole drive says as much of a jump as the time around it must."""
+    moved = error.told_by_motion
+    squares = float(error.size @ np.linalg.solve(error.covariance, error.size))
+    least = SMALLEST_IN_MOTION if moved else SMALLEST
+    return error.length >= least and squares > (GAIN_OF_MOTION if moved else GAIN)
+
+
+def denied(found: LastingError, settled: LastingError) -> bool:
+    """Whether the whole drive leaves much less of a jump than the seconds about it said.
+
+    The settled size is that of both: what it differs by varies by the difference of the
+    covariances. Slow errors wander meanwhile; a third of the jump is more than that.
+    """
+    off = found.size - settled.size
+    values, axes = np.linalg.eigh(found.covariance - settled.covariance)
+    squares = np.square(axes.T @ off) / np.maximum(values, DIFFERS**2)
+    return bool(np.linalg.norm(off) > DENIED * found.length and squares.sum() > GAIN_OF_MOTION)
 
 
 def by_motion(error: LastingError) -> LastingError:
@@ -149,6 +175,16 @@ def ends_with(one: LastingError, whole: LastingError) -> bool:
     """
     begin, end = left_out(whole)
     return not one.stays and one.receivers == whole.receivers and begin <= one.end <= end
+
+
+def begins_with(one: LastingError, whole: LastingError) -> bool:
+    """Whether an error that ends begins with another one of the same receivers, which stays.
+
+    Its end is then another's: the whole drive, which would show it, does not.
+    """
+    margin = (UNSURE + 0.5) * max(one.spacing, whole.spacing)
+    together = abs(one.start - whole.start) < margin
+    return not one.stays and one.receivers == whole.receivers and together
 
 
 def at_one_time(one: LastingError, other: LastingError) -> bool:

@@ -19,6 +19,7 @@ from rtk_gt.lasting.jumps_back import LONGEST_FALSE
 from rtk_gt.lasting.lasting_error import LastingError
 from rtk_gt.lasting.whole_drive import WholeDrive
 from rtk_gt.offsets.estimate import Offsets
+from rtk_gt.offsets.noise import pair_incidence
 from rtk_gt.receivers.fixes import Ints
 from validation.pieces.results import kept_result
 from validation.poses.angles import Array
@@ -56,12 +57,10 @@ RAMP = 5.0
 errors that wander by multipath take longer."""
 UPWARDS = (0.15, -0.15)
 """Metres upwards from which a vertical error is looked for, beside level ones."""
-BENT = 0.015
-"""Share of an error that goes again by which its size is unsure besides: of fifteen false fixes of
-15 cm upwards under white noise those of minutes were 2 to 5 mm off level, where noise makes less
-than one."""
 _ROUNDS = 8
 """Sizes settle to a millimetre in three; a metre upwards in six."""
+_REBASED = 3
+"""Offsets that an error bends by a decimetre settle to a millimetre in two."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +159,31 @@ def find_change(
         one.cause for one in options
         if one.cause != best.cause and best.total - one.total < ALIKE
     )  # fmt: skip
+    if best.of.last < n:
+        best = _with_its_offsets(times, positions, offsets, best, alone)
     return best.error(tuple(alike)) if np.linalg.norm(best.size) > SMALLEST else None
+
+
+def _with_its_offsets(
+    times: Array, positions: Array, offsets: Offsets, best: "_Option", views: Sequence[View]
+) -> "_Option":
+    """An error that goes again with the offsets that the drive has beside it.
+
+    Without it taken out they are those that it bends: a decimetre up for half a minute makes
+    heights a decimetre wrong, and these centimetres of its level part.
+    """
+    found, sign = best.of, pair_incidence(positions.shape[1])
+    pairs = len(sign)
+    for _ in range(_REBASED):
+        change = found.sums.change(found.first, found.last, found.size)
+        moved = np.zeros(positions.shape[1:])
+        moved[1:] = change[: moved[1:].size].reshape(-1, 3)
+        distances = change[moved[1:].size :][:pairs]
+        positions = positions - moved
+        offsets = replace(offsets, distances=offsets.distances - distances)
+        found = _settled(WholeDrive.of(times, positions, offsets), found)
+    placed = [one for one in _placed(times, views, found) if one.cause == best.cause]
+    return placed[0]
 
 
 def _sure(one: "_Option", n: int, every: float) -> bool:
@@ -168,6 +191,10 @@ def _sure(one: "_Option", n: int, every: float) -> bool:
 
     Or nothing else makes as much.
     """
+    if len(one.edges) > 1:
+        lasts = one.edges[1].after - one.edges[0].after
+        if not SHORTEST <= lasts <= _LONGER * LONGEST_FALSE:
+            return False  # the motion shows no two ends of a false fix
     wander = one.of.tau > SLOW
     told = _told(one.of, n)
     if told > 0 and one.of.gain > (CLEAR if wander else CLEAR_IN_WHITE):
@@ -209,27 +236,29 @@ def _bent(drive: WholeDrive, found: _Candidate) -> list[_Candidate]:
     Upwards a distance hardly changes at first, and by the same up and down: from a few centimetres
     nothing leads to the decimetres of a false fix.
     """
-    options = []
-    for size in (found.size, *(np.array([0.0, 0.0, up]) for up in UPWARDS)):
-        one = replace(found, size=size)
-        for _ in range(_ROUNDS):
-            error = drive.error(one.who, one.size)
-            first, last = one.first, one.last
-            seen = drive.as_seen(first, last)
-            weight = one.weight.copy()
-            if np.linalg.norm(one.size) > LARGE:  # slopes are seen with an antenna out of place
-                pairs = drive.rods.shape[1]
-                weight[pairs:, pairs:] = 0.0
-            sums = DriveSums.of(drive.own, error, seen, weight)
-            if last < len(drive.rods):
-                first, last, _ = _moved(sums, (first, last, 0.0))
-            sizes, spreads, gains = sums.fit(np.array([first]), np.array([last]))
-            one = replace(
-                one, first=first, last=last, size=sizes[0], spread=spreads[0],
-                gain=float(gains[0]), sums=sums,
-            )  # fmt: skip
-        options.append(one)
-    return options
+    sizes = found.size, *(np.array([0.0, 0.0, up]) for up in UPWARDS)
+    return [_settled(drive, replace(found, size=size)) for size in sizes]
+
+
+def _settled(drive: WholeDrive, one: _Candidate) -> _Candidate:
+    """The same with a size, and edges, that linearising about it does not change any more."""
+    for _ in range(_ROUNDS):
+        error = drive.error(one.who, one.size)
+        first, last = one.first, one.last
+        seen = drive.as_seen(first, last)
+        weight = one.weight.copy()
+        if np.linalg.norm(one.size) > LARGE:  # slopes are seen with an antenna out of place
+            pairs = drive.rods.shape[1]
+            weight[pairs:, pairs:] = 0.0
+        sums = DriveSums.of(drive.own, error, seen, weight)
+        if last < len(drive.rods):
+            first, last, _ = _moved(sums, (first, last, 0.0), drive.every)
+        sizes, spreads, gains = sums.fit(np.array([first]), np.array([last]))
+        one = replace(
+            one, first=first, last=last, size=sizes[0], spread=spreads[0],
+            gain=float(gains[0]), sums=sums,
+        )  # fmt: skip
+    return one
 
 
 def _best(sums: DriveSums, every: float) -> tuple[int, int, float]:
@@ -246,17 +275,20 @@ def _best(sums: DriveSums, every: float) -> tuple[int, int, float]:
             passing = max(passing, _greatest_of(sums, first, first + count), key=lambda one: one[2])
         length *= _LONGER
     if passing[2] > 0:
-        passing = _moved(sums, passing)
+        passing = _moved(sums, passing, every)
     return passing if passing[2] > best[2] + PASSING else best
 
 
-def _moved(sums: DriveSums, passing: tuple[int, int, float]) -> tuple[int, int, float]:
+def _moved(
+    sums: DriveSums, passing: tuple[int, int, float], every: float
+) -> tuple[int, int, float]:
     """The same with the best beginning and end about it."""
-    n = len(sums.right) - 1
+    n, most = len(sums.right) - 1, round(LONGEST_FALSE / every)
     for _ in range(3):
         first, last, _ = passing
         reach = max((last - first) // 4, 1)
-        begins = np.arange(max(first - reach, FEWEST), min(first + reach + 1, last - FEWEST + 1))
+        earliest = max(first - reach, FEWEST, last - most)
+        begins = np.arange(earliest, min(first + reach + 1, last - FEWEST + 1))
         if len(begins):
             passing = max(
                 passing,
@@ -264,7 +296,8 @@ def _moved(sums: DriveSums, passing: tuple[int, int, float]) -> tuple[int, int, 
                 key=lambda one: one[2],
             )
         first = passing[0]
-        ends = np.arange(max(last - reach, first + FEWEST), min(last + reach, n - FEWEST) + 1)
+        latest = min(last + reach, n - FEWEST, first + most)
+        ends = np.arange(max(last - reach, first + FEWEST), latest + 1)
         if len(ends):
             passing = max(
                 passing, _greatest_of(sums, np.full(len(ends), first), ends), key=lambda one: one[2]
@@ -300,11 +333,8 @@ class _Option:
         """What is told of it."""
         first, end = self.edges[0], self.edges[1].after if len(self.edges) > 1 else np.inf
         spread = np.asarray(np.linalg.inv(first.information + np.eye(3) * USUAL**-2), float)
-        spread_of_size = self.covariance
-        if len(self.edges) > 1:
-            spread_of_size = spread_of_size + (BENT * np.linalg.norm(self.size)) ** 2 * np.eye(3)
         return LastingError(
-            self.cause, first.after, end, self.size, spread_of_size, self.of.gain, 0,
+            self.cause, first.after, end, self.size, self.covariance, self.of.gain, 0,
             first.after - first.before, alike, first.window,
             (spread @ first.right, spread),
         )  # fmt: skip

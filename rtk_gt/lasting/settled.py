@@ -7,9 +7,10 @@ from functools import partial
 import numpy as np
 from scipy.linalg import block_diag
 
-from rtk_gt.lasting.causes import GAIN, SMALLEST
+from rtk_gt.lasting.causes import GAIN
 from rtk_gt.lasting.errors import changed, lasting_errors
 from rtk_gt.lasting.first_offsets import first_offsets
+from rtk_gt.lasting.jumps import CLEAR_OVER_MOTION
 from rtk_gt.lasting.jumps_back import contradicts, span_by_the_drive
 from rtk_gt.lasting.lacking_fixes import found_again
 from rtk_gt.lasting.lasting_error import (
@@ -17,8 +18,10 @@ from rtk_gt.lasting.lasting_error import (
     JumpErrors,
     LastingError,
     at_one_time,
+    begins_with,
     beyond_a_base,
     by_motion,
+    denied,
     difference,
     ended,
     ends_with,
@@ -26,6 +29,7 @@ from rtk_gt.lasting.lasting_error import (
     of_the_others,
     or_others,
     same_span,
+    shown,
     starting_rows,
     who_has,
     without_errors,
@@ -176,7 +180,7 @@ def _told_apart(
     If it shows the same receivers, it leaves fewer others in doubt.
     """
     here = [one for one in found if one.stays and at_one_time(one, whole)]
-    here += [one for one in found if ends_with(one, whole)]
+    here += [one for one in found if ends_with(one, whole) or begins_with(one, whole)]
     of_all = [one for one in here if len(one.receivers) == receivers]
     for one in of_all:
         others = of_the_others(one, whole, receivers)
@@ -275,7 +279,10 @@ def _those_that_stay(
             found = [of or one for of, one in zip(of_all, found, strict=True)]
             errors = [of or one for of, one in zip(of_all, errors, strict=True)]
             continue
-        kept = [not one.stays or (one.length >= SMALLEST and _clear(one)) for one in errors]
+        kept = [
+            not one.stays or (shown(one) and not denied(rough, one))
+            for rough, one in zip(found, errors, strict=True)
+        ]
         if all(kept):
             return list(found), errors, jumps
         errors = [one for one, stays in zip(errors, kept, strict=True) if stays]
@@ -287,14 +294,12 @@ def _as_one_of_all(
     found: LastingError, settled: LastingError, everyone: tuple[int, ...]
 ) -> LastingError | None:
     """A jump of some receivers as one of all, if the distances do not show what the motion did."""
-    if not settled.stays or everyone not in found.alike or not contradicts(found, settled):
+    # If all did, the drive shows nothing of some: what is left of theirs is that of the motion.
+    clear = found.gain > CLEAR_OVER_MOTION and not shown(settled)
+    open_to_all = settled.stays and everyone in found.alike
+    if not open_to_all or not (clear or contradicts(found, settled)):
         return None
     return replace(found, receivers=everyone, alike=())
-
-
-def _clear(error: LastingError) -> bool:
-    """Whether the whole drive says as much of a jump as the time around it must."""
-    return float(error.size @ np.linalg.solve(error.covariance, error.size)) > GAIN
 
 
 def _settled_sizes(
@@ -401,8 +406,8 @@ def refined(
     if model is not None:
         scored = np.swapaxes(by_jump - own @ by_offsets, 1, 2) @ weight
         spread = drive.score_spread(used.times[good], scored, model, offsets.eta)
-        least = 1e-9 * np.trace(spread) / len(spread) * np.eye(len(spread))
-        trusted = np.linalg.solve(spread + least, information)
+        # Of a jump of all the distances tell nothing.
+        trusted = np.linalg.pinv(spread, rcond=1e-9, hermitian=True) @ information
         information, right = information @ trusted, trusted.T @ right
     covariance = np.linalg.inv(information + known)
     sizes = (covariance @ (right + known @ off)).reshape(-1, 3)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rtk_gt.path.orientation import matrix_of, pose_of, rotation_rates, skew, transform_of
+from rtk_gt.path.orientation import angles_of, matrix_of, rotation_rates, skew
 from validation.poses.angles import Array, wrap
 
 
@@ -36,21 +36,26 @@ def composition_jacobians(vehicle: Array, sensor: Array) -> tuple[Array, Array]:
     the vehicle by R times its own. The matrices of `rotation_rates` lead from angles to rotation
     vectors and back.
     """
-    vehicle, sensor = np.broadcast_arrays(vehicle, sensor)
-    composed = pose_of(transform_of(vehicle) * transform_of(sensor))
+    return _with_jacobians(np.asarray(vehicle, float), np.asarray(sensor, float))[1:]
+
+
+def _with_jacobians(vehicle: Array, sensor: Array) -> tuple[Array, Array, Array]:
+    """Poses of the sensor, and their derivatives."""
     R = matrix_of(vehicle[..., 3:])
     arm = np.einsum("...ij,...j->...i", R, sensor[..., :3])
+    angles = angles_of(R @ matrix_of(sensor[..., 3:]))
+    composed = np.concatenate([vehicle[..., :3] + arm, angles], axis=-1)
     vehicle_rates = rotation_rates(vehicle[..., 3:])
     sensor_rates = rotation_rates(sensor[..., 3:])
-    composed_rates = rotation_rates(composed[..., 3:])
-    by_vehicle = np.zeros((*vehicle.shape, 6))
-    by_sensor = np.zeros((*vehicle.shape, 6))
+    composed_rates = rotation_rates(angles)
+    by_vehicle = np.zeros((*composed.shape, 6))
+    by_sensor = np.zeros((*composed.shape, 6))
     by_vehicle[..., :3, :3] = np.eye(3)
     by_vehicle[..., :3, 3:] = -skew(arm) @ vehicle_rates
     by_sensor[..., :3, :3] = R
     by_vehicle[..., 3:, 3:] = _solved(composed_rates, vehicle_rates)
     by_sensor[..., 3:, 3:] = _solved(composed_rates, R @ sensor_rates)
-    return by_vehicle, by_sensor
+    return composed, by_vehicle, by_sensor
 
 
 def _solved(rates: Array, right: Array) -> Array:
@@ -80,11 +85,9 @@ def compose(
     -----
     Blanco 2009, Eq. 26 and 32, with the rotations composed as rotations.
     """
-    by_vehicle, by_sensor = composition_jacobians(vehicle, sensor)
+    poses, by_vehicle, by_sensor = _with_jacobians(vehicle, sensor)
     covariance = _through(by_vehicle, vehicle_covariance) + _through(by_sensor, sensor_covariance)
-    return Composed(
-        pose_of(transform_of(vehicle) * transform_of(_like(sensor, vehicle))), covariance
-    )
+    return Composed(poses, covariance)
 
 
 def _like(sensor: Array, vehicle: Array) -> Array:

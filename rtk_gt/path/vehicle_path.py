@@ -40,10 +40,11 @@ class VehiclePath(Shown):
         From the receivers' noise that is new at each pose.
     lasting_covariances : (n, 6, 6) array
         From errors that neighbours in time share: slow ones of the receivers, and of all together.
-    systematic_jacobians : (n, 6, k) array
-        How an error of offsets and distances moves each pose.
+    systematic_factors : (n, 6, k) array
+        F: F F^T is what the errors of offsets and distances, the same for the whole drive, do to
+        each pose.
     systematic_covariance : (k, k) array
-        Covariance of offsets and distances, the same for the whole drive.
+        Covariance of offsets and distances.
     frame : LocalFrame
         The local frame.
     """
@@ -52,7 +53,7 @@ class VehiclePath(Shown):
     poses: Array
     noise_covariances: Array
     lasting_covariances: Array
-    systematic_jacobians: Array
+    systematic_factors: Array
     systematic_covariance: Array
     frame: LocalFrame
 
@@ -62,8 +63,7 @@ class VehiclePath(Shown):
     @property
     def systematic_covariances(self) -> Array:
         """(n, 6, 6) part of each pose's covariance that all poses share."""
-        C = self.systematic_covariance
-        return piecewise(lambda J: J @ C @ np.swapaxes(J, -1, -2), self.systematic_jacobians)
+        return piecewise(lambda F: F @ np.swapaxes(F, -1, -2), self.systematic_factors)
 
     @property
     def covariances(self) -> Array:
@@ -76,9 +76,7 @@ class VehiclePath(Shown):
     @property
     def shared_factor(self) -> Array:
         """(6 n, k) F: F F^T is what the errors of offsets and distances do to all poses."""
-        values, vectors = np.linalg.eigh(self.systematic_covariance)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
-        return np.asarray((self.systematic_jacobians @ root).reshape(6 * len(self), -1))
+        return self.systematic_factors.reshape(6 * len(self), -1)
 
     def select(self, rows: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> "VehiclePath":
         """The chosen poses."""
@@ -88,7 +86,7 @@ class VehiclePath(Shown):
             poses=self.poses[rows],
             noise_covariances=self.noise_covariances[rows],
             lasting_covariances=self.lasting_covariances[rows],
-            systematic_jacobians=self.systematic_jacobians[rows],
+            systematic_factors=self.systematic_factors[rows],
         )
 
 
@@ -157,12 +155,14 @@ def vehicle_path(
         by_jump = jump_jacobian(antennas.positions, rotation, used.times, jumps)
         systematic = np.concatenate([systematic, systematic @ jumps.by_offsets - by_jump], axis=-1)
         covariance = block_diag(covariance, jumps.covariance)
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
     return VehiclePath(
         times=used.times,
         poses=np.concatenate([translation, angles], axis=1),
         noise_covariances=own,
         lasting_covariances=lasting,
-        systematic_jacobians=systematic,
+        systematic_factors=piecewise(lambda J: J @ root, systematic),
         systematic_covariance=covariance,
         frame=steps.frame,
     )

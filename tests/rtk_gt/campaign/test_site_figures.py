@@ -1,5 +1,7 @@
 """The site: areas, an aerial image under the paths, odometry over the positions, and pictures."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -7,6 +9,8 @@ from click.testing import CliRunner
 
 from data_samples.drives.drive import DriveSettings, simulate_drive
 from data_samples.drives.files import write_drive
+from rtk_gt.campaign.figures import pose_over_time
+from rtk_gt.campaign.result_files import rtk_files
 from rtk_gt.campaign.sections import areas_table, rtk_sections
 from rtk_gt.campaign.site_figures import aerial_image, residual_histograms
 from rtk_gt.campaign.solve import solve_campaign
@@ -16,7 +20,9 @@ from rtk_gt.sensors.figures import cloud_picture
 from validation.campaign.folder import load_campaign
 from validation.cli import main
 from validation.errors import InputError
+from validation.report.svg import drawn_svg
 from validation.results import Figure
+from validation.text_files.writing import pieces_of
 
 
 @pytest.fixture(scope="module")
@@ -146,3 +152,28 @@ def test_the_corners_of_an_aerial_image_must_be_in_order(tmp_path):
     done = CliRunner().invoke(main, ["rtk", "coverage", str(tmp_path)])
     assert done.exit_code == 2
     assert "farther north and farther west" in done.output
+
+
+def test_an_hour_in_fifty_parts_is_a_figure_of_a_page(solved):
+    """A road beside tall buildings breaks the path: each part is no figure by itself."""
+    rng, n = np.random.default_rng(1), 72_000
+    path = solved.path.select(np.arange(n) % len(solved.path))
+    times = np.arange(n) * 0.05 + 12.0 * (np.arange(n) // (n // 50))
+    poses = path.poses + rng.normal(0, 0.005, path.poses.shape)
+    path = replace(path, times=times, poses=poses)
+    figure = Figure("poses", "c", "a", lambda: pose_over_time(path, 2.0))
+    # Four panels of a line and a band each: as images some 20 kB apiece.
+    assert len(drawn_svg(figure)) < 300_000
+
+
+def test_the_path_of_a_sensor_in_pieces_is_the_whole_one(solved, monkeypatch):
+    def texts():
+        files = rtk_files(solved)
+        names = [name for name in files if name.startswith("sensor_path_")]
+        return {name: b"".join(pieces_of(files[name])) for name in names}
+
+    whole = texts()
+    assert len(whole) == 6
+    monkeypatch.setattr("rtk_gt.campaign.pose_tables.ROWS", 40)
+    assert len(solved.path) > 80
+    assert texts() == whole
