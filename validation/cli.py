@@ -150,8 +150,8 @@ def _tell_json(ctx: click.Context, message: str, problems: Iterable[object] = ()
 
 
 STATUSES = """Exit status of every command: 0 done; 1 a part failed unexpectedly, or
-the output cannot be written; 2 bad input or
-usage; 3 with --strict, a finding is an error; 130 interrupted."""
+what is printed cannot be written; 2 bad input or
+usage, or a file cannot be written; 3 with --strict, a finding is an error; 130 interrupted."""
 
 
 @click.command(

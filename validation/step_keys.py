@@ -14,14 +14,16 @@ from validation.text_files.json_text import json_text
 
 AFTERWARDS = ("explain", "time")
 """Tables of what is done with the poses once they are there."""
+ABOUT = ("description", "place", "date", "facts", "claims", "published")
+"""Of campaign.toml, what no system reads: it is told, or compared, when poses are there."""
 
 
 def keys_of_steps(run: RunResult) -> dict[str, str]:
     """A hash for each system that was solved, and under '' that of the whole run.
 
-    That of a system is of the files that it reads, of campaign.toml but for the tables of other
-    packages, of its code, and of the survey where it starts from that. What it makes of them is
-    then the same. Systems of plug-ins have that of the whole run.
+    That of a system is of the files that it reads, of campaign.toml but for `ABOUT` and the tables
+    of other packages, of its code, and of the survey where it starts from that. What it makes of
+    them is then the same. Systems of plug-ins have that of the whole run.
     """
     installed = {one.name: one for one in installed_systems()}
     campaign = run.campaign
@@ -41,7 +43,8 @@ def keys_of_steps(run: RunResult) -> dict[str, str]:
             for name, table in campaign.extra.items()
             if tables.get(name, own) == own and name not in AFTERWARDS
         }
-        told: list[object] = [solved.name, settings, extra, dict(solved.choices)]
+        shared = {name: one for name, one in settings.items() if name not in ABOUT}
+        told: list[object] = [solved.name, shared, extra, dict(solved.choices)]
         told.append(_hashes(campaign, system, run.inputs))
         if starts_from_survey(system):  # which was solved before
             told.append(found.get(VALIDATION_SYSTEM, found[""]))

@@ -27,7 +27,7 @@ class VisionSystem:
         return has_images(campaign.folder, settings) or told_without_images(settings)
 
     def inputs(self, campaign: "Campaign") -> "list[Path]":
-        """The folder of the images, what was decided about them, camera files, printed tables."""
+        """Images, what was decided about them, camera files, printed tables, odometry."""
         settings = campaign.section("vision", VisionSettings)
         plan = settings.plan
         files = [*settings.camera_files.values(), *settings.printed.files, plan.file]
@@ -36,8 +36,8 @@ class VisionSystem:
             files.append(plan.stops)
         if has_images(campaign.folder, settings) or not told_without_images(settings):
             files.append(settings.images)
-        if (campaign.folder / settings.decisions).exists():
-            files.append(settings.decisions)
+        told = [settings.decisions, settings.drive.odometry]
+        files += [file for file in told if file and (campaign.folder / file).exists()]
         return [campaign.folder / file for file in files if file]
 
     def solve(

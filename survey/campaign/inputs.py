@@ -80,8 +80,7 @@ def input_files(campaign: Campaign) -> list[Path]:
     """The files that the survey reads, campaign.toml apart, whether they are there or not."""
     settings = campaign.section("survey", SurveySettings)
     plan = campaign.section("plan", PlanSettings)
-    names: tuple[str | Path, ...] = (
-        readings_path(campaign, settings),
+    names = (
         settings.initial_guesses,
         settings.hand_points,
         settings.published_world_points,
@@ -94,7 +93,8 @@ def input_files(campaign: Campaign) -> list[Path]:
         plan.world_points,
         plan.poses,
     )
-    return [campaign.folder / name for name in dict.fromkeys(names)]
+    paths = (campaign.folder / name for name in dict.fromkeys(names))
+    return [readings_path(campaign, settings), *paths]
 
 
 def load_evidence(campaign: Campaign, settings: SurveySettings) -> Evidence:

@@ -116,7 +116,7 @@ def _done_once(key: str, kept: _Kept, package: str, work: Callable[[], Result]) 
             found: Result = from_json(told["is"])
             pieces.count(taken=1)
             return found
-    except (ValueError, LookupError, TypeError, AttributeError, ImportError):
+    except (ValueError, LookupError, TypeError, AttributeError, ImportError, RecursionError):
         pass  # it is done again
     result = work()
     try:

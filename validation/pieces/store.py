@@ -15,9 +15,10 @@ from typing import Any
 
 FOLDER = "kept"
 """Below the campaign; may be deleted at any time."""
-_BEGIN = b'{"key":"'
+_BEGIN, _SUM, _TOLD = b'{"key":"', b'","sum":"', b'","told":'
+_END = b"}\n"
 _DIGITS = 64
-"""Of a key in base 16."""
+"""Of a key, and of the sum of a line, in base 16."""
 LIBRARIES = ("numpy", "scipy", "opencv-contrib-python-headless", "filterpy", "kiss-icp")
 """Others than gtval that results depend on to the last digit."""
 _SHARED = ("validation.poses.angles", "validation.statistics.robust")
@@ -75,7 +76,8 @@ class KeptPieces:
     """What earlier runs made of pieces of work, and what this one adds.
 
     Each piece is one line of JSON, written as soon as it is done: a run that is killed goes on
-    where it was, and two runs at once add to the same file. Only where the lines are is in memory.
+    where it was, and two runs at once add to the same file. A line that is not as it was written
+    does not count. Only where the lines are is in memory.
     Where nothing can be written all is done again by the next run.
 
     Parameters
@@ -94,7 +96,7 @@ class KeptPieces:
         with suppress(OSError), path.open("rb") as stream:
             start = 0
             for line in stream:
-                if line.startswith(_BEGIN) and line.endswith(b"}\n"):
+                if line.startswith(_BEGIN) and line.endswith(_END):
                     key = line[len(_BEGIN) : len(_BEGIN) + _DIGITS].decode("ascii", "replace")
                     self._place[key] = start
                 start += len(line)
@@ -107,12 +109,16 @@ class KeptPieces:
         return key in self._place or key in self._unwritten
 
     def get(self, key: str) -> dict[str, Any] | None:
-        """What was made of a piece; None where that is not known, or cannot be read."""
+        """What was made of a piece; None where that is not known, or not as it was written."""
         try:
-            told: dict[str, Any] = json.loads(self._line(key))
-            return told if told["key"] == key else None
-        except (OSError, ValueError, KeyError, TypeError):
+            line = self._line(key)
+            told = line[len(_head(key, "")) + _DIGITS : -len(_END)]
+            if line != _line_of(key, told):
+                return None
+            found: dict[str, Any] = json.loads(told)
+        except (OSError, ValueError, KeyError):
             return None
+        return found
 
     def _line(self, key: str) -> bytes:
         if key in self._unwritten:
@@ -123,7 +129,7 @@ class KeptPieces:
 
     def add(self, key: str, told: Mapping[str, Any]) -> None:
         """Keep what was made of a piece, of values that JSON has."""
-        line = json.dumps({"key": key, **told}, separators=(",", ":")).encode() + b"\n"
+        line = _line_of(key, json.dumps(dict(told), separators=(",", ":")).encode())
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with self.path.open("ab", buffering=0) as stream:  # one write, so that no two mix
@@ -165,6 +171,15 @@ class KeptPieces:
             one = counts.of(self.kind)
             one.taken, one.done = one.taken + taken, one.done + done
             one.lost += lost
+
+
+def _head(key: str, checked: str) -> bytes:
+    return _BEGIN + key.encode() + _SUM + checked.encode() + _TOLD
+
+
+def _line_of(key: str, told: bytes) -> bytes:
+    """The line of a piece, with a sum that tells whether it is as it was written."""
+    return _head(key, key_of(key.encode(), told)) + told + _END
 
 
 _folder: ContextVar[Path | None] = ContextVar("folder", default=None)

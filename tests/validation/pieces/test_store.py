@@ -85,6 +85,18 @@ def test_a_piece_that_cannot_be_read_is_done_again(tmp_path, told):
     assert done_once(square, [4], key, KeptPieces(path, "squares"), Squares()) == [16]
 
 
+def test_a_piece_of_which_one_letter_is_another_is_done_again(tmp_path):
+    path = tmp_path / "squares.jsonl"
+    done_once(square, [12], key, KeptPieces(path, "squares"), Squares())
+    whole = path.read_text()
+    for damaged in (whole.replace("144", "145"), whole.replace("square", "sqware")):
+        path.write_text(damaged)
+        kept = KeptPieces(path, "squares")
+        assert key(12) in kept
+        assert kept.get(key(12)) is None
+        assert done_once(square, [12], key, kept, Squares()) == [144]
+
+
 def add_many(path, numbers):
     kept = KeptPieces(path, "squares")
     for number in numbers:
