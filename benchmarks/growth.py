@@ -224,6 +224,7 @@ def write_report(folder: Path) -> Callable[[], object]:
     from validation.run import run_campaign
 
     done = run_campaign(load_campaign(folder))
+    shutil.rmtree(folder / "kept", ignore_errors=True)  # figures of the run that imported
     return lambda: report_files(done)
 
 

@@ -101,11 +101,11 @@ class InputError(GtvalError):
     Parameters
     ----------
     problems : iterable of Problem
-        At least one.
+        At least one; what comes twice is told once.
     """
 
     def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems = tuple(problems)
+        self.problems = tuple(dict.fromkeys(problems))
         shown = _in_words(self.problems)
         more = len(shown) - MAX_SHOWN_PROBLEMS
         if more > 0:
