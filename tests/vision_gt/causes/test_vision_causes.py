@@ -126,6 +126,17 @@ def test_exchanged_images_of_two_stops_are_named(good):
     assert (cause.effect.kind, cause.effect.pair) == ("images_exchanged", (a, b))
 
 
+def test_a_camera_with_rough_corners_is_told_though_the_detector_states_them(good):
+    # Six times the scatter of rendered corners of 0.027 px.
+    rough = spoilt.rougher(good, "1", 0.15, np.random.default_rng(8))
+    diagnosis = diagnose(rough)
+    assert diagnosis.cause is None
+    assert all(one.factor < 1.5 for one in diagnosis.noise)
+    found = noise_finding(diagnosis)
+    assert (found.severity, found.subject, found.code) == ("note", "camera 1", "corner_noise")
+    assert "of the other cameras" in found.text
+
+
 @pytest.mark.parametrize("quarters", [0, 1, 2, 3])
 @pytest.mark.parametrize("corner", [(0, 0), (8, 4)])
 def test_a_reference_read_from_another_corner_is_told_by_the_survey(quarters, corner):
