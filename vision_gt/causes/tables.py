@@ -52,5 +52,5 @@ def noise_table(noise: tuple[Noise, ...]) -> Table:
         ],
         "Every board and every marker is fitted by itself, so that nothing but noise and the lens "
         "shows. It should be near 1 or below; from 1.5 on it is a finding. In pixels it should be "
-        "alike for cameras of one kind; three times that of the others is a finding.",
+        "alike for cameras of one kind; 1.5 times that of the others is a finding.",
     )
