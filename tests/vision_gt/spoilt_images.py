@@ -77,6 +77,28 @@ def camera_turned(seen: Seen, name: str, since: str, turn) -> Seen:
     return replace(seen, stops=stops)
 
 
+def rougher(seen: Seen, name: str, sigma: float, rng: np.random.Generator) -> Seen:
+    """Corners of a camera whose images have more noise, as the detector states it."""
+
+    def marker(view):
+        more = sigma * rng.standard_normal(view.corners.shape)
+        covariances = view.covariances + sigma**2 * np.eye(2)
+        return replace(view, corners=view.corners + more, covariances=covariances)
+
+    def board(view):
+        pixels = view.pixels + sigma * rng.standard_normal(view.pixels.shape)
+        return replace(view, pixels=pixels, sigmas=np.hypot(view.sigmas, sigma))
+
+    stops = {
+        stop: [
+            replace(s, views=tuple(map(marker, s.views))) if s.camera == name else s for s in listed
+        ]
+        for stop, listed in seen.stops.items()
+    }
+    boards = tuple(board(v) if v.camera == name else v for v in seen.boards)
+    return replace(seen, stops=stops, boards=boards)
+
+
 def marker_shifted(seen: Seen, number: int, since: str, change) -> Seen:
     """A marker that moved on the robot before a stop."""
     order = list(seen.stops)

@@ -40,6 +40,7 @@ from vision_gt.stages.inputs import (
     known_reference,
     made_board,
 )
+from vision_gt.stages.lacks import Lack
 from vision_gt.stages.lenses import Begun, begin, examples, left_out
 from vision_gt.stages.places import bar_of, dima_of, layout_of, network_of, of_layout
 
@@ -92,6 +93,7 @@ def finish(begun: Begun) -> VisionOutcome:
     stops = stops_of(given, detections, solution.network, layout.layout)
     progress("looking for causes of what does not fit", 0.93)
     seen = seen_of(given, begun, solution, (frames, walker, detections), layout, stops)
+    diagnosis = _diagnosis(seen, lacks)
     validation = validation_table(campaign)
     return VisionOutcome(
         given.settings,
@@ -107,7 +109,7 @@ def finish(begun: Begun) -> VisionOutcome:
         examples(begun),
         campaign_checks(campaign, given.settings, solution.network, validation, workers),
         (*given.rejections, *left_out(begun, solution)),
-        _diagnosis(seen),
+        diagnosis,
         _reference_turn(given, stops, validation),
         boards,
         tuple(lacks),
@@ -122,13 +124,18 @@ def _with_cameras(given: VisionInputs, names: Sequence[str]) -> VisionInputs:
     return replace(given, settings=settings)
 
 
-def _diagnosis(seen: Seen) -> Diagnosis | None:
-    """What is wrong; None where no boards or no stops were adjusted together."""
+def _diagnosis(seen: Seen, lacks: list[Lack]) -> Diagnosis | None:
+    """What is wrong; None, and said, where not everything can be adjusted together."""
     if not seen.boards or not seen.stops:
         return None
     try:
         return diagnose(seen)
     except (NotDeterminedError, np.linalg.LinAlgError):
+        text = (
+            "Causes were not looked for: all images together do not determine where everything is. "
+            "Look at what is said of the calibration and of the network."
+        )
+        lacks.append(Lack("causes", text, costs_poses=False))
         return None
 
 

@@ -314,6 +314,7 @@ def _knowledge(
         known.free[slots.start : slots.start + 6] = True
         if camera.name in calibrated:
             known.free[slots] = True
+            known.free[slots.start + 6 : slots.stop] = camera.estimated
         else:
             known.add_camera(i, camera.covariance)
     known.add_camera(len(seen.cameras), seen.walker.covariance)

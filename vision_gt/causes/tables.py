@@ -1,5 +1,7 @@
 """What was tried against what did not fit, and how noisy corners are, as tables."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from validation.results import Table
@@ -31,9 +33,11 @@ def noise_table(noise: tuple[Noise, ...]) -> Table:
     names = list(dict.fromkeys(one.camera for one in noise))
     found = {(one.kind, one.camera): one for one in noise}
 
-    def of(kind: str) -> list[float | None]:
+    def of(kind: str, value: Callable[[Noise], float]) -> list[float | None]:
         own = [found.get((kind, name)) for name in names]
-        return [None if one is None else one.factor for one in own]
+        return [None if one is None else value(one) for one in own]
+
+    over, pixels = (lambda one: one.factor), (lambda one: one.scatter)
 
     corners = [int(np.sum([o.corners for o in noise if o.camera == name])) for name in names]
     return Table.of_columns(
@@ -41,9 +45,12 @@ def noise_table(noise: tuple[Noise, ...]) -> Table:
         [
             ("camera", "", names),
             ("corners", "", corners),
-            ("of boards", ".2f", of("boards")),
-            ("of markers", ".2f", of("markers")),
+            ("of boards", ".2f", of("boards", over)),
+            ("of markers", ".2f", of("markers", over)),
+            ("boards, px", ".3f", of("boards", pixels)),
+            ("markers, px", ".3f", of("markers", pixels)),
         ],
         "Every board and every marker is fitted by itself, so that nothing but noise and the lens "
-        "shows. It should be near 1 or below; from 1.5 on it is a finding.",
+        "shows. It should be near 1 or below; from 1.5 on it is a finding. In pixels it should be "
+        "alike for cameras of one kind; 1.5 times that of the others is a finding.",
     )

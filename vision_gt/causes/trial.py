@@ -135,6 +135,8 @@ class Noise:
         It was told by.
     freedom : float
         Degrees of freedom that their poses leave: a marker's four corners have two.
+    stated : float
+        Median standard deviation of a coordinate as the detector states it, pixels.
     """
 
     kind: str
@@ -142,11 +144,17 @@ class Noise:
     factor: float
     corners: int
     freedom: float
+    stated: float
 
     @property
     def sigma(self) -> float:
         """Standard deviation of the factor: a median deviation's, 1.17 / sqrt(n) of it."""
         return 1.17 * self.factor / float(np.sqrt(self.freedom))
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation of a coordinate as the corners show it, pixels."""
+        return self.factor * self.stated
 
 
 def with_own_noise(evidence: Evidence) -> tuple[Evidence, tuple[Noise, ...]]:
@@ -163,12 +171,14 @@ def with_own_noise(evidence: Evidence) -> tuple[Evidence, tuple[Noise, ...]]:
     lengths or places adds to the noise; the lens is taken as it is.
     """
     residuals, weights = _own_residuals(evidence)
+    stated = np.sqrt(np.trace(evidence.views.covariance, axis1=1, axis2=2) / 2)
     told = []
     for kind, name, own in _by_camera(evidence):
         if own.sum() >= _LEAST_CORNERS:
             found = float(sigma_from_median(residuals[own].ravel()))
             found *= float(np.sqrt(2 * own.sum() / weights[own].sum()))
-            told.append(Noise(kind, name, found, int(own.sum()), float(weights[own].sum())))
+            usual, freedom = float(np.median(stated[own])), float(weights[own].sum())
+            told.append(Noise(kind, name, found, int(own.sum()), freedom, usual))
     return with_noise(evidence, told), tuple(told)
 
 

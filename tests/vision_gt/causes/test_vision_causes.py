@@ -8,10 +8,13 @@ import spoilt_images as spoilt
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision_gt.campaign.findings import vision_findings
+from vision_gt.campaign.solve import _diagnosis
 from vision_gt.causes.diagnosis import diagnose
-from vision_gt.causes.evidence import BAR, REFERENCE_BOARD
+from vision_gt.causes.evidence import BAR, REFERENCE_BOARD, evidence_of
 from vision_gt.causes.reference import reference_turn
 from vision_gt.causes.telling import cause_finding, noise_finding
+from vision_gt.least_squares.setups import camera_slots
+from vision_gt.optics.lenses import fisheye_parameters
 from vision_gt.optics.transforms import planar_pose, planar_transform
 from vision_gt.patterns.boards import Board
 
@@ -124,6 +127,34 @@ def test_exchanged_images_of_two_stops_are_named(good):
     cause = diagnose(spoilt.stops_exchanged(good, "1", a, b)).cause
     assert cause is not None
     assert (cause.effect.kind, cause.effect.pair) == ("images_exchanged", (a, b))
+
+
+def test_a_camera_with_rough_corners_is_told_though_the_detector_states_them(good):
+    # Six times the scatter of rendered corners of 0.027 px.
+    rough = spoilt.rougher(good, "1", 0.15, np.random.default_rng(8))
+    diagnosis = diagnose(rough)
+    assert diagnosis.cause is None
+    assert all(one.factor < 1.5 for one in diagnosis.noise)
+    found = noise_finding(diagnosis)
+    assert (found.severity, found.subject, found.code) == ("note", "camera 1", "corner_noise")
+    assert "of the other cameras" in found.text
+
+
+def test_what_a_fisheye_lens_has_not_is_not_sought(good):
+    wide = fisheye_parameters(good.cameras[0].parameters[:4], np.zeros(4))
+    cameras = (replace(good.cameras[0], parameters=wide), *good.cameras[1:])
+    free = evidence_of(replace(good, cameras=cameras)).knowledge.free
+    assert free[camera_slots(0)].tolist() == [True] * 14 + [False]
+    assert free[camera_slots(1)].all()
+
+
+def test_that_no_cause_was_looked_for_is_said(good):
+    # Without the bar nothing ties one of the cameras to the rest.
+    lacks = []
+    alone = replace(good, boards=tuple(v for v in good.boards if spoilt.of_kind(v) != BAR))
+    stops = {s: [o for o in found if o.camera == "1"] for s, found in alone.stops.items()}
+    assert _diagnosis(replace(alone, stops=stops), lacks) is None
+    assert [one.part for one in lacks] == ["causes"]
 
 
 @pytest.mark.parametrize("quarters", [0, 1, 2, 3])
