@@ -78,9 +78,7 @@ class Factored(NamedTuple):
 
     def select(self, rows: Indices) -> "Factored":
         """Of the poses in the given rows."""
-        net, k = self.net, self.own.shape[1]
-        if net is not None:
-            net = net.rows((rows[:, None] * k + np.arange(k)).ravel(), net.blocks[rows])
+        net = None if self.net is None else self.net.select(rows)
         return Factored(self.own[rows], self.factor[rows], self.signs, net)
 
     def turned(self, by: Array) -> "Factored":
@@ -173,7 +171,7 @@ class Factored(NamedTuple):
             self.own[:n],
             np.concatenate([factor, more.reshape(n, k, -1)], axis=2),
             np.concatenate([self.signs, signs]),
-            None if self.net is None else self.net.rows(np.arange(n * k), self.net.blocks[:n]),
+            None if self.net is None else self.net.select(np.arange(n)),
         )
 
     def more(self, by: Array, of: Array, known: "Factored", sign: float = 1.0) -> "Factored":

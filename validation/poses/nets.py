@@ -78,9 +78,17 @@ class Net:
         moved = inner.solve(np.asarray(self.by.T @ first, dtype=float))
         return np.asarray(first - known @ (self.by @ moved)).reshape(values.shape)
 
-    def rows(self, flat: Indices, blocks: Array) -> "Net":
-        """Of some of the poses' numbers, with the blocks that these have."""
-        return Net(self.information, self.by[flat], blocks)
+    def select(self, rows: Indices) -> "Net":
+        """Of the poses in the given rows."""
+        k = self.blocks.shape[1]
+        flat = (rows[:, None] * k + np.arange(k)).ravel()
+        return Net(self.information, self.by[flat], self.blocks[rows])
+
+    def only(self, numbers: Indices) -> "Net":
+        """Of some of the numbers of each pose."""
+        n, k = self.blocks.shape[:2]
+        flat = (np.arange(n)[:, None] * k + numbers).ravel()
+        return Net(self.information, self.by[flat], self.blocks[:, numbers][:, :, numbers])
 
     def turned(self, by: Array) -> "Net":
         """Of poses that follow these, each by its own (k, k) of ``by`` (n, k, k)."""

@@ -240,7 +240,7 @@ class PoseTable(Shown):
             sources=tuple(self.sources[row] for row in rows),
             joint=None if self.joint is None else self.joint[np.ix_(flat, flat)],
             factor=None if self.factor is None else self.factor[flat],
-            net=None if self.net is None else self.net.rows(flat, self.net.blocks[rows]),
+            net=None if self.net is None else self.net.select(np.array(rows, dtype=np.intp)),
             follows=None if self.follows is None else self.follows.rows(flat),
         )
 
@@ -258,7 +258,7 @@ class PoseTable(Shown):
             components=tuple(components),
             joint=None if self.joint is None else self.joint[np.ix_(flat, flat)],
             factor=None if self.factor is None else self.factor[flat],
-            net=None if self.net is None else self.net.rows(flat, self.net.blocks[:, at][:, :, at]),
+            net=None if self.net is None else self.net.only(np.array(at, dtype=np.intp)),
             follows=None if self.follows is None else self.follows.rows(flat),
         )
 

@@ -36,20 +36,13 @@ class SharedErrors:
     def select(self, rows: npt.NDArray[np.intp]) -> "SharedErrors":
         """Of the poses in the given rows."""
         whole = None if self.whole is None else self.whole[rows][:, :, rows]
-        net = self.net
-        if net is not None:
-            k = self.factor.shape[1]
-            net = net.rows((rows[:, None] * k + np.arange(k)).ravel(), net.blocks[rows])
+        net = None if self.net is None else self.net.select(rows)
         return SharedErrors(self.factor[rows], self.signs, whole, net)
 
     def only(self, numbers: npt.NDArray[np.intp]) -> "SharedErrors":
         """Of some of the numbers of each pose."""
         whole = None if self.whole is None else self.whole[:, numbers][..., numbers]
-        net = self.net
-        if net is not None:
-            n, k = self.factor.shape[:2]
-            flat = (np.arange(n)[:, None] * k + numbers).ravel()
-            net = net.rows(flat, net.blocks[:, numbers][:, :, numbers])
+        net = None if self.net is None else self.net.only(numbers)
         return SharedErrors(self.factor[:, numbers], self.signs, whole, net)
 
     def matrix(self) -> Array:
