@@ -15,13 +15,15 @@ from laser_gt.placing.mounts import check_mount
 from laser_gt.placing.solution import LaserSolution, solve
 from laser_gt.placing.survey_check import shape_of, survey_doubt
 from laser_gt.placing.switches import decided
-from laser_gt.scans.planar import between, compose
+from laser_gt.scans.planar import between, compose, inverse_covariance_of
 from validation.poses.pose_table import PoseTable
 from validation.statistics.comparison import Comparison, compare
 
 MOUNT, MOUNT_SIGMAS = np.array([0.178, 0.1915, 1.57]), np.array([0.005, 0.005, 0.01])
 NOISE = np.array([0.003, 0.003, 0.0015])
 """Of a match, metres and radians."""
+ALONE = 0.3
+"""Share of its variance that a match has alone; half of the rest is of either of its scans."""
 OWN, SHARED = np.array([0.002, 0.002, 0.001]), np.array([0.0008, 0.0008, 0.0003])
 """Of a surveyed pose alone, and what it has of each error that all share."""
 GUESS = (0.15, 0.1)
@@ -80,27 +82,35 @@ def hall(stops: int, seed: int = 1, share: float = 1.0, columns: int = 20) -> Ha
     places = 2.0 * np.column_stack([along, row]) + rng.uniform(-0.4, 0.4, (stops, 2))
     true = np.column_stack([places, rng.uniform(-np.pi, np.pi, stops)])
     laser = compose(true, np.broadcast_to(MOUNT, true.shape))
+    scans = NOISE * np.sqrt((1 - ALONE) / 2)
+    seen = compose(laser, rng.normal(0, 1, laser.shape) * scans)
     _, near = cKDTree(places).query(places, min(7, stops))
     pairs = sorted({tuple(sorted((i, int(j)))) for i in range(stops) for j in near[i, 1:]})
     guess = laser + np.cumsum(rng.normal(0, 1, (stops, 3)) * [0.02, 0.02, 0.005], axis=0)
     return Hall(
         true,
         _surveyed(rng, true, max(2, round(share * stops)), columns),
-        [_match(rng, laser, *pair) for pair in pairs],
+        [_match(rng, laser, seen, *pair) for pair in pairs],
         guess,
     )
 
 
-def _match(rng: np.random.Generator, laser: np.ndarray, start: int, end: int) -> Match:
-    seen, kind = between(laser[start], laser[end]), rng.uniform()
-    numbers, off = dict(FLAWLESS), rng.normal(0, 1, 3) * NOISE
+def _match(
+    rng: np.random.Generator, laser: np.ndarray, seen: np.ndarray, start: int, end: int
+) -> Match:
+    """A match of two scans, of which each has noise as a pose of the laser, in all its matches."""
+    guess, kind = between(laser[start], laser[end]), rng.uniform()
+    numbers, off = dict(FLAWLESS), rng.normal(0, 1, 3) * NOISE * np.sqrt(ALONE)
     if kind < 0.05:
         numbers["explained"] = 0.2  # imprecise
     elif kind < 0.10:
         numbers["violating"] = 0.1  # may be wrong
         if kind > 0.08:
             off = rng.normal(0, 0.5, 3) * [1, 1, 0.3]
-    one = Match(str(start), str(end), seen, seen + off, np.diag(NOISE**2), **numbers)
+    half = np.diag(NOISE**2) / 2
+    spread = half + inverse_covariance_of(between(laser[end], laser[start]), half)
+    pose = between(seen[start], seen[end]) + off
+    one = Match(str(start), str(end), guess, pose, spread, **numbers)
     return with_verdict(one, JudgementSettings())
 
 
