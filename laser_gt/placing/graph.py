@@ -151,18 +151,20 @@ class GraphSpread:
         return np.asarray((found + found.T) / 2)
 
     @cached_property
+    def _of_mount(self) -> Array:
+        """(3n + 3, 3) covariance of the poses and the mount with the mount."""
+        return self._columns(3 * len(self.noise) + np.arange(3))
+
+    @property
     def mount(self) -> Array:
         """(3, 3) covariance of the mount."""
-        last = 3 * len(self.noise) + np.arange(3)
-        found = self._columns(last)[last]
+        found = self._of_mount[-3:]
         return np.asarray((found + found.T) / 2)
 
-    @cached_property
+    @property
     def by_mount(self) -> Array:
         """(3n, 3) how the poses follow an error of the mount."""
-        last = 3 * len(self.noise) + np.arange(3)
-        found = self._columns(last)[: 3 * len(self.noise)]
-        return np.asarray(np.linalg.solve(self.mount, found.T).T)
+        return np.asarray(np.linalg.solve(self.mount, self._of_mount[:-3].T).T)
 
     @cached_property
     def _for_known_mount(self) -> Net:

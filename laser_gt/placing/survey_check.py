@@ -218,20 +218,20 @@ def _likeliest_stops(fitted: "_Fitted", covariance: Factored) -> list[int]:
 def _likeliest_pairs(fitted: "_Fitted", surveyed: Array) -> list[tuple[int, int]]:
     """The pairs of stops that may be exchanged, in their order.
 
-    With the slope of the squares, 2 v, an exchange moves the residuals at one of the two stops by
-    the difference of their surveyed poses, and by its opposite at the other.
+    An exchange moves the residual at one of two stops by the difference of their surveyed places,
+    and that at the other by its opposite: those for which that leaves least, of the stops that are
+    farthest off.
     """
     count = len(surveyed)
     if count * (count - 1) // 2 <= LIKELIEST * (LIKELIEST - 1) // 2:
         return list(combinations(range(count), 2))
-    far = np.argsort(-np.square(fitted.off[:, :2]).sum(1), kind="stable")[: 4 * LIKELIEST]
-    pairs = list(combinations(sorted(far.tolist()), 2))
-    first, second = np.array(pairs, dtype=np.intp).T
-    moved = wrapped(surveyed[second] - surveyed[first])
-    after = wrapped(fitted.off[first] + moved), wrapped(fitted.off[second] - moved)
-    left = sum(np.square(one[:, :2]).sum(1) for one in after)
     before = np.square(fitted.off[:, :2]).sum(1)
-    gain = before[first] + before[second] - left
+    far = np.sort(np.argsort(-before, kind="stable")[: 4 * LIKELIEST])
+    pairs = list(combinations(far.tolist(), 2))
+    first, second = np.array(pairs, dtype=np.intp).T
+    moved = surveyed[second, :2] - surveyed[first, :2]
+    after = fitted.off[first, :2] + moved, fitted.off[second, :2] - moved
+    gain = before[first] + before[second] - sum(np.square(one).sum(1) for one in after)
     best = np.argsort(-gain, kind="stable")[:LIKELIEST]
     return sorted(pairs[row] for row in best.tolist())
 
