@@ -140,6 +140,16 @@ def _by_the_drive(
         one = changed(rest, offsets)
         if one is None or one.stays:
             break
+        clearer = [other for other in found if other.gain > one.gain and _beside(other, one)]
+        if clearer:
+            # An end of it is theirs.
+            passing += clearer
+            found = [other for other in found if other not in clearer]
+            rest = without_errors(steps, [*of_all, *passing])
+            if int(rest.complete.sum()) < FEWEST_STEPS:
+                break
+            offsets = first_offsets(rest, quick)
+            continue
         part = [_part_of(other, one, len(steps.receivers)) for other in found]
         # Up and down change the distances alike: what the motion at both ends shows is the size.
         shown = [
@@ -208,6 +218,9 @@ def _with_ends(
             continue
         offsets = first_offsets(rest, quick)
         if not offsets.known:
+            # The error itself hides them.
+            offsets = first_offsets(without_errors(steps, ended), quick)
+        if not offsets.known:
             continue
         placed = rest.corrected(offsets.offsets).select(rest.complete)
         again = found_again(steps, one.receivers[0])
@@ -217,6 +230,13 @@ def _with_ends(
             epochs = epochs_with(steps, one.receivers, *span)
             ended[k] = replace(one, start=span[0], end=span[1], size=size, epochs=epochs)
     return ended
+
+
+def _beside(one: LastingError, whole: LastingError) -> bool:
+    """Whether an error that goes again begins where another one ends, or ends where it begins."""
+    margin = 2 * max(one.spacing, whole.spacing)
+    at_end, at_start = abs(one.start - whole.end) < margin, abs(one.end - whole.start) < margin
+    return not one.stays and (at_end or at_start)
 
 
 def _part_of(one: LastingError, whole: LastingError, receivers: int) -> bool:
