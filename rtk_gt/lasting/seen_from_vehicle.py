@@ -151,7 +151,9 @@ def _most(arms: Array, epochs: Ints, least: float) -> Array:
     for apart in np.unique(epochs) if np.isfinite(least) else ():
         moves = _level_and_up(arms[apart:] - arms[:-apart])
         moves = moves[~np.isnan(moves[:, 0])]
-        if len(moves):
-            usual = np.quantile(moves, 1 - SELDOM, axis=0) * [1.0, MORE]
+        # A jump, and one back, are in as many.
+        beyond = max(int(np.ceil(SELDOM * len(moves))), 2 * int(apart))
+        if beyond < len(moves):
+            usual = np.sort(moves, axis=0)[-1 - beyond] * [1.0, MORE]
             found[epochs == apart] = np.maximum(usual, least)
     return found
