@@ -112,7 +112,8 @@ def _unlike(seen: Contrasts, along: Array, designs: Array, sizes: Array, rows: I
     )
     if motion <= 3:
         return np.ones(len(left))
-    return np.maximum(np.square(left).sum(1) / special.chdtri(motion - 3, USUALLY_LEFT), 1.0)
+    usual = special.chdtri(motion - 3, USUALLY_LEFT)
+    return np.asarray(np.maximum(np.square(left).sum(1) / usual, 1.0))
 
 
 def fit_of(

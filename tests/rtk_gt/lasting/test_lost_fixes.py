@@ -173,11 +173,11 @@ def moved_up(steps, at, height, for_epochs):
 def test_over_a_lost_fix_an_antenna_leans_as_elsewhere_or_jumps(elsewhere, share):
     made = made_drive(12, WHITE, seconds=300.0, bases=False)
     at = 20 * np.random.default_rng(3).choice(70, elsewhere, replace=False) + 60
-    rough = moved_up(moved_up(made.steps, at, 0.08, 5), [41], 0.08, 2000)
+    rough = moved_up(moved_up(made.steps, at, 0.2, 5), [41], 0.2, 2000)
     told = with_lost_fixes(without(rough, 40, 1)).positions[40, 1, 2]
     true = made.steps.positions[40, 1, 2]
-    # Noise of three fixes of 5 mm up, and a lean of a millimetre.
-    assert told - true == pytest.approx(0.08 * share, abs=0.02)
+    # Noise of three fixes of 5 mm up, and what the vehicle leans meanwhile.
+    assert told - true == pytest.approx(0.2 * share, abs=0.05)
 
 
 @pytest.mark.parametrize("seed", [2116, pytest.param(2008, marks=pytest.mark.full)])
